@@ -1,0 +1,1 @@
+"""Models x' = F(x, u), each one file of plain scalar functions."""
