@@ -1,0 +1,30 @@
+"""Costs q(x): plain functions over tuples of scalars, like the systems (see quadsim.systems).
+
+A cost is `terms(x, x_next, u, aim, crashed, p)`: its weighted terms, then whether this sample has reached
+its aim and has crashed, as one flat tuple. `aim` is the row of numbers of the next target; when a sample reaches it, the
+rollout moves that sample to the next row. `crashed` is latched by the rollout, 0.0 or 1.0.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Cost:
+    """A cost with its numbers. J = (1/T) sum_t q_t, q = sum of the terms."""
+
+    name: str
+    term_names: tuple[str, ...]
+    terms: Callable  # -> (*n_terms, reached, crashed)
+    params: tuple[float, ...]
+    aims: np.ndarray  # (targets, n_aim) every target from the first on
+    to_go: int | None = None  # column of aims that counts distance still to fly, if any
+
+    def aims_from(self, target: int, dtype: type = np.float32) -> np.ndarray:
+        """Rows from the current target on, the distance to go counted from it (small numbers for float32)."""
+        rows = np.array(self.aims[min(target, len(self.aims) - 1) :], dtype=dtype)
+        if self.to_go is not None:
+            rows[:, self.to_go] -= rows[0, self.to_go]
+        return rows

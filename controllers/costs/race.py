@@ -1,0 +1,127 @@
+"""The racing cost: eq. (8) of Vlahov et al. 2024, and the distance still to fly.
+
+    q = a_0 Progress + a_1 Heading + a_2 Height + a_3 Speed + a_4 Stabilize + a_5 Crash + a_6 Waypoint + a_7 Path
+
+Unlike the paper's implementation, the target advances inside the rollout: a sample that flies through
+a gate is drawn to the next one from there on. A gate counts when the segment x -> x_next crosses its
+plane inside the opening, less the vehicle's radius and a margin; the frame around it, the ground and
+the bounds crash the sample for the rest of its rollout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import maximum, minimum, sqrt, where
+
+from controllers.costs import Cost
+from quadsim.course import Course, Gate
+
+TERMS = ("progress", "heading", "height", "speed", "stabilize", "crash", "waypoint", "path")
+TO_GO = 13  # column of the aim rows
+RUN_OUT = 100.0  # [m] a last target this far behind the last gate: fly on through it
+
+
+@dataclass(frozen=True)
+class RaceWeights:
+    """Weights a_0..a_7 of the terms, and the numbers they refer to."""
+
+    progress: float = 1.0  # per metre still to fly
+    heading: float = 0.0  # 1 - cos of the angle between velocity and bearing to the gate, per unit
+    height: float = 0.0  # per m^2 off the height of the leg
+    speed: float = 0.0  # per (m/s)^2 off desired_speed, horizontal
+    stabilize: float = 0.0  # 1 - cos of the tilt
+    crash: float = 1000.0  # per step after a crash
+    waypoint: float = 0.0  # reward per step within waypoint_radius of the gate's centre
+    path: float = 0.0  # per m^2 off the straight leg
+    desired_speed: float = 9.0  # [m/s]
+    waypoint_radius: float = 0.5  # [m]
+    margin: float = 0.25  # inside the opening, outside the frame, above the ground [m]
+
+
+def terms(x, x_next, u, aim, crashed, p):
+    """The weighted terms of eq. (8) for one step of one sample, with reached and crashed."""
+    gx, gy, gz, nx, ny, nz, lx, ly, lz, free_y, free_z, frame_y, frame_z, to_go, approach, ex, ey, ez, leg = aim
+    a_0, a_1, a_2, a_3, a_4, a_5, a_6, a_7, v_des, near, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
+    px, py, pz, vx, vy = x_next[0], x_next[1], x_next[2], x_next[3], x_next[4]
+    qx, qy = x_next[7], x_next[8]
+
+    # position in the gate's frame, before and after: s along the passage, y left, z up
+    dx, dy, dz = px - gx, py - gy, pz - gz
+    bx, by, bz = x[0] - gx, x[1] - gy, x[2] - gz
+    ux, uy, uz = ny * lz - nz * ly, nz * lx - nx * lz, nx * ly - ny * lx
+    s0, s1 = bx * nx + by * ny + bz * nz, dx * nx + dy * ny + dz * nz
+    y0, y1 = bx * lx + by * ly + bz * lz, dx * lx + dy * ly + dz * lz
+    z0, z1 = bx * ux + by * uy + bz * uz, dx * ux + dy * uy + dz * uz
+    forward = (s0 < 0.0) & (s1 >= 0.0)
+    backward = (s0 >= 0.0) & (s1 < 0.0)
+    share = s1 / where(forward | backward, s1 - s0, 1.0)  # of the step that lies behind the plane
+    y = abs(y1 + (y0 - y1) * share)
+    z = abs(z1 + (z0 - z1) * share)
+    framed = (y < frame_y) & (z < frame_z)
+    reached = forward & (y < free_y) & (z < free_z)
+    clipped = forward & framed & ((y >= free_y) | (z >= free_z))
+    sunk = (pz < floor) & (pz < x[2])  # a start on the ground is no crash, coming down is
+    strayed = (px < x_lo) | (px > x_hi) | (py < y_lo) | (py > y_hi) | (pz > z_hi)
+    crashed = where(clipped | (backward & framed) | sunk | strayed, 1.0, crashed)
+
+    d = sqrt(dx * dx + dy * dy + dz * dz + 1e-6)
+    # behind the plane without having passed, the way leads round to a point in front of the gate
+    rx, ry, rz = dx + approach * nx, dy + approach * ny, dz + approach * nz
+    round_trip = sqrt(rx * rx + ry * ry + rz * rz + 1e-6) + approach
+    remaining = where(reached, 0.0, where(s1 > 0.0, round_trip, d)) + to_go
+
+    v_xy = sqrt(vx * vx + vy * vy + 1e-6)
+    d_xy = sqrt(dx * dx + dy * dy + 1e-6)
+    astray = where(d > 0.5, 1.0 + (vx * dx + vy * dy) / (v_xy * d_xy), 0.0)
+    # the nearest point of the straight leg: -leg .. 0 along its direction e
+    along = minimum(maximum(dx * ex + dy * ey + dz * ez, -leg), 0.0)
+    ox, oy, oz = dx - along * ex, dy - along * ey, dz - along * ez
+    off_speed = v_xy - v_des
+    return (
+        a_0 * remaining,
+        a_1 * astray,
+        a_2 * oz * oz,
+        a_3 * off_speed * off_speed,
+        a_4 * 2.0 * (qx * qx + qy * qy),
+        a_5 * crashed,
+        -a_6 * where(d < near, 1.0, 0.0),
+        a_7 * (ox * ox + oy * oy + oz * oz),
+        reached,
+        crashed,
+    )
+
+
+def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) -> Cost:
+    """The cost of a course for a vehicle of this radius [m]."""
+    w = weights
+    (x_lo, x_hi), (y_lo, y_hi), (z_lo, z_hi) = course.bounds
+    inset = radius + w.margin
+    floor = max(radius + min(w.margin, 0.1), z_lo)
+    box = (floor, x_lo + inset, x_hi - inset, y_lo + inset, y_hi - inset, z_hi - inset)
+    params = (w.progress, w.heading, w.height, w.speed, w.stabilize, w.crash, w.waypoint, w.path)
+    params += (w.desired_speed, w.waypoint_radius, *box)
+    return Cost("race", TERMS, terms, params, aims(course, radius, w.margin, laps), TO_GO)
+
+
+def aims(course: Course, radius: float, margin: float, laps: int) -> np.ndarray:
+    """One row a gate of every lap, and a last one far behind the finish.  (laps * gates + 1, 19)"""
+    gates = course.gates * laps
+    run_out = np.add(gates[-1].position, RUN_OUT * gates[-1].rotation[:, 0])
+    centres = np.array([course.start.position, *(g.position for g in gates), run_out])
+    legs = np.diff(centres, axis=0)
+    lengths = np.maximum(np.linalg.norm(legs, axis=1), 1e-6)
+    to_go = np.append(np.cumsum(lengths[:0:-1])[::-1], 0.0)
+    rows = np.array([_aim(g, radius, margin) for g in (*gates, gates[-1])])
+    rows[-1, :3] = run_out
+    approach = [max(g.opening) for g in (*gates, gates[-1])]
+    return np.column_stack([rows, to_go, approach, legs / lengths[:, None], lengths])
+
+
+def _aim(gate: Gate, radius: float, margin: float) -> np.ndarray:
+    """Centre, passage, left axis, half the free opening, half the outside of the frame.  (13,)"""
+    half = np.array(gate.opening) / 2
+    room = np.maximum(half - radius, 0.01)
+    free = np.maximum(room - margin, 0.4 * room)  # a narrow gate cannot afford the whole margin
+    return np.concatenate([gate.position, *gate.rotation.T[:2], free, half + gate.frame_width + radius + margin])

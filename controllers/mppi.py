@@ -1,0 +1,143 @@
+"""Model predictive path integral control: Algorithm 1 of Vlahov et al. 2024.
+
+    for i in 1..I:
+        z^m   <- the sampler                          m = 1..M
+        v^m   <- clip(U + z^m)                        sampled controls
+        J^m   <- (1/T) sum_t q(x_{t+1})               rollout through the model
+        w^m   <- exp(-(J^m - min J) / lambda) / eta
+        U     <- U + alpha sum_m w^m (v^m - U)
+
+The temperature acts on the horizon's mean cost, as in the authors' public library.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.costs import Cost
+from controllers.rollout.lanes import LANES, Rollout
+from controllers.rollout.reduce import weighted_mean
+from controllers.samplers import Sampler
+from quadsim.systems import System
+
+SAVITZKY_GOLAY = np.array([-3, 12, 17, 12, -3]) / 35  # 5 points, order 2
+TEMPERATURE_STEP = 1.1  # factor per iteration when steering to an effective sample size
+TEMPERATURE_RANGE = (1e-4, 1e4)
+
+
+@dataclass(frozen=True)
+class MPPIConfig:
+    """The budget and the update. Symbols of the paper: M, T, I, dt, lambda, alpha."""
+
+    samples: int = 4096  # M
+    horizon: int = 150  # T [steps]
+    iterations: int = 2  # I
+    dt: float = 0.01  # control period [s]
+    temperature: float = 0.3  # lambda, in units of the mean cost
+    step_size: float = 1.0  # alpha
+    rest_fraction: float = 0.01  # of the samples that perturb the rest control instead of the plan
+    freeze_first: bool = False  # every sample keeps the plan's first control
+    smooth: bool = False  # Savitzky-Golay filter over the plan after each update
+    ess: float | None = None  # steer the temperature to this effective sample size
+
+
+@dataclass(frozen=True, slots=True)
+class PlanStats:
+    """How healthy the last update was."""
+
+    cost: float  # J of the nominal plan (sample 0) in the last iteration
+    ess: float  # 1 / sum w^2, 1..M
+    temperature: float
+
+
+class MPPI:
+    """Receding-horizon controller. Keeps the plan U (T, n_u) between calls."""
+
+    def __init__(self, system: System, cost: Cost, sampler: Sampler, config: MPPIConfig):
+        self.system, self.cost, self.sampler, self.config = system, cost, sampler, config
+        self.rollout = Rollout(system, cost)
+        self.low, self.high, self.rest = (np.asarray(a, float) for a in (system.low, system.high, system.rest))
+        self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
+        self.executed = np.tile(self.rest, (2, 1))  # the last two controls, left padding of the filter
+        self.temperature = config.temperature
+        self._costs = np.empty((-(-config.samples // LANES), LANES), np.float32)  # J, padded to whole blocks
+        self._calls = 0
+
+    def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
+        """The control to apply at state x (n_x,) on the way to row `target` of the aims.  -> (n_u,)
+
+        `elapsed` control periods have passed since the last call: the plan is shifted by them.
+        """
+        if self._calls:
+            self.shift(elapsed)
+        for _ in range(self.config.iterations):
+            stats = self.improve(x, target)
+        u = self.plan[0].copy()
+        self.executed = np.vstack([self.executed[1:], u])
+        return u, stats
+
+    def shift(self, steps: int) -> None:
+        """Warm start: drop the controls of the past, append rest controls."""
+        tail = np.tile(self.rest, (min(steps, len(self.plan)), 1))
+        self.plan = np.vstack([self.plan[steps:], tail])
+
+    def improve(self, x: np.ndarray, target: int) -> PlanStats:
+        """One iteration of Algorithm 1 on the plan."""
+        z = self.perturbations()
+        self.rollout(x, self.plan, z, target, self._costs)
+        J = self._costs.ravel()[: self.config.samples].astype(np.float64)
+        w = weights(J, self.temperature)
+        mean = weighted_mean(z, self.plan, self.low, self.high, self._padded(w))
+        self.plan = np.clip(self.plan + self.config.step_size * mean, self.low, self.high)
+        if self.config.smooth:
+            self.plan = np.clip(savitzky_golay(self.plan, self.executed), self.low, self.high)
+        stats = PlanStats(float(J[0]), float(1 / np.sum(w * w)), self.temperature)
+        self.temperature = steer(self.temperature, stats.ess, self.config.ess)
+        return stats
+
+    def perturbations(self) -> np.ndarray:
+        """z of every sample: sample 0 is the plan itself, the last ones perturb the rest control."""
+        self._calls += 1
+        z = self.sampler.sample(self._calls)
+        T, M = self.config.horizon, self.config.samples
+        for m in range(M - int(self.config.rest_fraction * M), M):
+            self.sample_of(z, m)[:] += (self.rest - self.plan).T
+        if self.config.freeze_first:
+            z[:, :, ::T] = 0
+        self.sample_of(z, 0)[:] = 0
+        return z
+
+    def sample_of(self, z: np.ndarray, m: int) -> np.ndarray:
+        """The perturbation of sample m, a view.  (n_u, T)"""
+        T = self.config.horizon
+        b, halves = m // LANES, z.shape[2] // T
+        t0 = (b % halves) * T
+        return z[b // halves, :, t0 : t0 + T, m % LANES]
+
+    def _padded(self, w: np.ndarray) -> np.ndarray:
+        """Weights in blocks of lanes; the lanes beyond M weigh nothing.  (M,) -> (blocks, LANES)"""
+        blocks = np.zeros(self._costs.size)
+        blocks[: len(w)] = w
+        return blocks.reshape(-1, LANES)
+
+
+def weights(J: np.ndarray, temperature: float) -> np.ndarray:
+    """w^m = exp(-(J^m - rho) / lambda) / eta, rho = min J.  (M,) -> (M,)"""
+    w = np.exp(-(J - J.min()) / temperature)
+    return w / w.sum()
+
+
+def steer(temperature: float, ess: float, target: float | None) -> float:
+    """The next temperature: a fixed factor up or down towards the wanted effective sample size."""
+    if target is None:
+        return temperature
+    low, high = TEMPERATURE_RANGE
+    return min(max(temperature * TEMPERATURE_STEP ** (1 if ess < target else -1), low), high)
+
+
+def savitzky_golay(plan: np.ndarray, executed: np.ndarray) -> np.ndarray:
+    """The plan filtered over time; the executed controls pad its left, its last row its right.  (T, n_u)"""
+    padded = np.vstack([executed, plan, plan[-1:], plan[-1:]])
+    return sum(c * padded[i : i + len(plan)] for i, c in enumerate(SAVITZKY_GOLAY))

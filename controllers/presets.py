@@ -1,0 +1,48 @@
+"""Presets: a planner's numbers by name and sampler. `paper` cites its sentences; `race` is tuned here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from controllers.costs.race import RaceWeights
+from controllers.mppi import MPPIConfig
+from controllers.samplers import SamplerConfig
+
+
+@dataclass(frozen=True)
+class Planner:
+    """Everything that MPPI is given besides the course and the model."""
+
+    vehicle: str  # flown unless another is asked for
+    sampling: SamplerConfig
+    mppi: MPPIConfig
+    cost: RaceWeights
+
+
+# Section IV-B: "I = 2 iterations, M = 4096 samples, lambda = 0.3, dt = 0.01 s, and T = 150";
+# Gaussian "standard deviations of [0.3, 0.3, 0.3, 3.5] for the angular rates and thrust";
+# colored "[0.2, 0.2, 0.2, 0.5] and exponents gamma of [0.01, 0.01, 0.01, 0.5]";
+# "a desired velocity of 9 m/s". The weights are not published; these are ours.
+_PAPER = Planner(
+    vehicle="paper",
+    sampling=SamplerConfig(sigma=(0.3, 0.3, 0.3, 3.5)),
+    mppi=MPPIConfig(samples=4096, horizon=150, iterations=2, dt=0.01, temperature=0.3),
+    cost=RaceWeights(progress=10, heading=50, height=25, speed=5, stabilize=25, crash=5000, desired_speed=9.0),
+)
+_RACE = Planner(
+    vehicle="swift",
+    sampling=SamplerConfig(sigma=(1.5, 1.5, 1.5, 3.0), gamma=(2.0, 2.0, 2.0, 2.0)),
+    mppi=MPPIConfig(samples=4096, horizon=150, iterations=2, dt=0.01, temperature=1.0, ess=50),
+    cost=RaceWeights(progress=1.0, crash=1000.0, margin=0.25),
+)
+
+PRESETS: dict[str, dict[str, Planner]] = {
+    "paper": {
+        "gaussian": _PAPER,
+        "colored": replace(_PAPER, sampling=SamplerConfig((0.2, 0.2, 0.2, 0.5), (0.01, 0.01, 0.01, 0.5))),
+    },
+    "race": {
+        "gaussian": replace(_RACE, sampling=SamplerConfig(sigma=(3.0, 3.0, 3.0, 6.0))),
+        "colored": _RACE,
+    },
+}

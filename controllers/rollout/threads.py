@@ -1,0 +1,24 @@
+"""How many threads the compiled loops and the transforms use. Results do not depend on it."""
+
+from __future__ import annotations
+
+import os
+
+import numba
+
+
+def threads() -> int:
+    return numba.get_num_threads()
+
+
+def use_threads(n: int | None) -> int:
+    """Use n threads, or every core this process may run on for None. Returns the number in use.
+
+    Raises ValueError when n is not in 1..cores.
+    """
+    most = min(len(os.sched_getaffinity(0)), numba.config.NUMBA_NUM_THREADS)
+    n = most if n is None else n
+    if not 1 <= n <= most:
+        raise ValueError(f"threads: expected 1 to {most} on this machine, got {n}")
+    numba.set_num_threads(n)
+    return n

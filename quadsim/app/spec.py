@@ -1,0 +1,52 @@
+"""What to fly, resolved: names become course, vehicle and planner; the same record builds the flight and is stored."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from controllers.costs.race import race_cost
+from controllers.mppi import MPPI
+from controllers.presets import PRESETS, Planner
+from controllers.samplers import SAMPLERS
+from quadsim.course import Course
+from quadsim.plant import BulletPlant
+from quadsim.referee import Referee
+from quadsim.systems.quadrotor import Belief, quadrotor
+from quadsim.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One flight, whole. Same spec, same machine: the same Run to the last bit."""
+
+    course: Course
+    vehicle: Vehicle
+    sampler: str
+    preset: str
+    planner: Planner
+    belief: Belief
+    seed: int
+    laps: int
+    timeout: float  # [s]
+    penalties: bool
+    plant_dt: float  # [s]
+    host: dict = field(default_factory=dict)  # what must not change a flight: threads, folders
+
+    def record(self) -> dict:
+        """The JSON that a run keeps."""
+        spec = asdict(self)
+        spec.update(course=self.course.name, course_text=self.course.text)
+        return spec
+
+
+def build(spec: Spec) -> tuple[BulletPlant, MPPI, Referee]:
+    """The world, the controller and the judge of one flight. The caller closes the plant."""
+    key = np.random.SeedSequence(spec.seed).spawn(2)[0].generate_state(2, np.uint32)
+    mppi = spec.planner.mppi
+    cost = race_cost(spec.course, spec.vehicle.radius, spec.planner.cost, spec.laps)
+    sampler = SAMPLERS[spec.sampler](spec.planner.sampling, mppi.samples, mppi.horizon, key)
+    controller = MPPI(quadrotor(spec.belief, mppi.dt), cost, sampler, mppi)
+    referee = Referee(spec.course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties)
+    return BulletPlant(spec.course, spec.vehicle, spec.plant_dt), controller, referee
