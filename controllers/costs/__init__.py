@@ -1,8 +1,8 @@
 """Costs q(x): plain functions over tuples of scalars, like the systems (see quadsim.systems).
 
-A cost is `terms(x, x_next, u, aim, crashed, p)`: its weighted terms, then whether this sample has reached
-its aim and has crashed, as one flat tuple. `aim` is the row of numbers of the next target; when a sample reaches it, the
-rollout moves that sample to the next row. `crashed` is latched by the rollout, 0.0 or 1.0.
+A cost is `terms(x, x_next, u, aim, crashed, p)`: one flat tuple of its weighted terms, then whether
+this sample has reached its aim and has crashed. `aim` is the row of numbers of the next target; when
+a sample reaches it, the rollout moves that sample to the next row. `crashed`, 0.0 or 1.0, is latched.
 """
 
 from collections.abc import Callable

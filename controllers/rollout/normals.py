@@ -84,14 +84,14 @@ def fill_normals(out, scale, key, call):
             r0, r1, r2, r3 = 4 * g, min(4 * g + 1, rows - 1), min(4 * g + 2, rows - 1), min(4 * g + 3, rows - 1)
             o0, o1, o2, o3 = out[b, r0], out[b, r1], out[b, r2], out[b, r3]
             s0, s1, s2, s3 = scale[r0], scale[r1], scale[r2], scale[r3]
-            for l in range(lanes):
-                a0, a1, a2, a3 = philox(U4(b * lanes + l), U4(g), U4(call), U4(0), key[0], key[1])
+            for i in range(lanes):
+                a0, a1, a2, a3 = philox(U4(b * lanes + i), U4(g), U4(call), U4(0), key[0], key[1])
                 n0, n1 = box_muller(a0, a1)
                 n2, n3 = box_muller(a2, a3)
-                o3[l] = n3 * s3  # where the last group is short, its rows coincide: the first written wins last
-                o2[l] = n2 * s2
-                o1[l] = n1 * s1
-                o0[l] = n0 * s0
+                o3[i] = n3 * s3  # where the last group is short, its rows coincide: the first written wins last
+                o2[i] = n2 * s2
+                o1[i] = n1 * s1
+                o0[i] = n0 * s0
 
 
 @njit(cache=True)

@@ -24,8 +24,8 @@ def _block_sums(noise, U, low, high, weights, sums):
                 u = U[t, c]
                 row = E[t0 + t]
                 s = row[0] * 0
-                for l in range(row.shape[0]):
-                    s += w[l] * (min(max(u + row[l], lo), hi) - u)
+                for i in range(row.shape[0]):
+                    s += w[i] * (min(max(u + row[i], lo), hi) - u)
                 sums[b, c, t] = s
 
 
