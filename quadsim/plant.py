@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from math import cos, sin
 from typing import Protocol
 
-Vec3 = tuple[float, float, float]
+import numpy as np
+
+from quadsim.actuators import Actuators, Vector, to_body
+from quadsim.course import Course, Start
+from quadsim.vehicle import GRAVITY, Vehicle
 
 # The quadrotor's state everywhere: p [m], v [m/s] (world), q wxyz (world from body), body rates [rad/s],
 # and the mass-normalised thrust the rotors deliver now [m/s^2].
 STATE = ("px", "py", "pz", "vx", "vy", "vz", "qw", "qx", "qy", "qz", "wx", "wy", "wz", "a")
 CONTROL = ("wx_cmd", "wy_cmd", "wz_cmd", "a_cmd")
+
+FRAME_DEPTH = 0.1  # of a gate's bars along its passage [m]
+CLEARANCE = 1e-3  # between the ground and a vehicle that starts on it [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,8 +27,9 @@ class PlantState:
     """What one physics step left behind."""
 
     t: float  # [s]
-    x: tuple[float, ...]  # STATE
+    x: Vector  # STATE
     contacts: tuple[str, ...]  # what the vehicle touches: "ground", "gate 3"
+
 
 class Plant(Protocol):
     """A world with its own clock of fixed physics steps. One per flight; close() frees it."""
@@ -29,8 +39,89 @@ class Plant(Protocol):
     @property
     def state(self) -> PlantState: ...
 
-    def step(self, u: tuple[float, ...]) -> PlantState:
+    def step(self, u: Vector) -> PlantState:
         """Advance one physics step under the command u = (body rates [rad/s], thrust [m/s^2])."""
         ...
 
     def close(self) -> None: ...
+
+
+def start_state(start: Start, radius: float) -> Vector:
+    """At rest, level, hover thrust; lifted clear of the ground where the start stands on it.  (14,)"""
+    x, y, z = start.position
+    half = 0.5 * start.yaw
+    p = (x, y, max(z, radius + CLEARANCE))
+    return (*p, 0.0, 0.0, 0.0, cos(half), 0.0, 0.0, sin(half), 0.0, 0.0, 0.0, GRAVITY)
+
+
+class BulletPlant:
+    """A rigid body in PyBullet behind the vehicle's actuators. Deterministic: each plant has a fresh client."""
+
+    def __init__(self, course: Course, vehicle: Vehicle, dt: float = 1 / 400, start: Start | None = None):
+        """start: where to stand instead of on the course's own start."""
+        from quadsim.world import World  # here, so that models and referees do not load pybullet
+
+        self.dt = dt
+        self._actuators = Actuators(vehicle, dt)
+        self._world = World(course, vehicle, dt, FRAME_DEPTH)
+        x = start_state(start or course.start, vehicle.radius)
+        self._world.place(x[0:3], x[6:10])
+        self._steps = 0
+        self._state = self._read()
+
+    @property
+    def state(self) -> PlantState:
+        return self._state
+
+    def step(self, u: Vector) -> PlantState:
+        x = self._state.x
+        self._world.apply(*self._actuators.wrench(u, x[10:13], to_body(x[6:10], x[3:6])))
+        self._world.step()
+        self._steps += 1
+        self._state = self._read()
+        return self._state
+
+    def _read(self) -> PlantState:
+        p, v, q, omega = self._world.read()
+        x = (*p, *v, *q, *omega, self._actuators.thrust)
+        return PlantState(self._steps * self.dt, x, self._world.contacts())
+
+    def close(self) -> None:
+        self._world.close()
+
+
+class ModelPlant:
+    """A system's own step as the world, with an optional disturbance. Touches nothing."""
+
+    def __init__(
+        self,
+        step: Callable[[Vector, Vector, Vector, float], Vector],
+        params: Vector,
+        x0: Vector,
+        dt: float,
+        disturb: Callable[[Vector], Vector] | None = None,
+    ):
+        """disturb: what the world does to the state after each step, e.g. `diffusion`."""
+        self.dt = dt
+        self._step, self._params, self._disturb = step, params, disturb
+        self._steps = 0
+        self._state = PlantState(0.0, x0, ())
+
+    @property
+    def state(self) -> PlantState:
+        return self._state
+
+    def step(self, u: Vector) -> PlantState:
+        x = self._step(self._state.x, u, self._params, self.dt)
+        self._steps += 1
+        self._state = PlantState(self._steps * self.dt, self._disturb(x) if self._disturb else x, ())
+        return self._state
+
+    def close(self) -> None:
+        pass
+
+
+def diffusion(std: Vector, dt: float, rng: np.random.Generator) -> Callable[[Vector], Vector]:
+    """Brownian disturbance: x_i += std_i sqrt(dt) N(0, 1) each step, so std_i is reached after 1 s for any dt."""
+    scale = np.asarray(std) * np.sqrt(dt)
+    return lambda x: tuple((x + scale * rng.standard_normal(len(scale))).tolist())

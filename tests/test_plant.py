@@ -1,0 +1,198 @@
+"""What the plants promise: physics with actuators on, determinism, and models as worlds."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from math import exp, pi
+
+import numpy as np
+import pytest
+
+from quadsim.course import Course, Gate, Start, course_names, load_course
+from quadsim.plant import CLEARANCE, STATE, BulletPlant, ModelPlant, diffusion
+from quadsim.systems.quadrotor import Belief, quadrotor
+from quadsim.vehicle import GRAVITY, load_vehicle, vehicle_names
+
+DT = 1 / 400
+HOVER = (0.0, 0.0, 0.0, GRAVITY)
+FALL = (0.0, 0.0, 0.0, 0.0)
+PAPER = replace(load_vehicle("paper"), inertia=(0.0025, 0.0021, 0.0043), rate_tau=(0.25, 0.2, 0.3))
+SWIFT = load_vehicle("swift")
+GATE = Gate((50.0, 0.0, 200.0), 0.0, 0.0, 0.0, (2.4, 2.4), 0.3)
+SKY = Course("sky", "test", (GATE,), Start((1.0, 2.0, 200.0), 0.0), ((-99, 99),) * 3, False, 1, (), "")
+
+
+def column(state, *names):
+    return np.array([state.x[STATE.index(name)] for name in names])
+
+
+def fly(plant, seconds, u):
+    """Hold one command; the last state."""
+    for _ in range(round(seconds / plant.dt)):
+        plant.step(u)
+    return plant.state
+
+
+def weave(t):
+    """A lively, smooth command within the limits."""
+    return 2.0 * np.sin(7 * t), 1.5 * np.cos(5 * t), np.sin(3 * t), GRAVITY + 4.0 * np.sin(9 * t)
+
+
+@pytest.fixture
+def launch():
+    plants = []
+
+    def make(vehicle=PAPER, **options):
+        plants.append(BulletPlant(SKY, vehicle, **options))
+        return plants[-1]
+
+    yield make
+    for plant in plants:
+        plant.close()
+
+
+def test_it_starts_at_rest_on_the_start_with_hover_thrust(launch):
+    state = launch(start=Start((3.0, -1.0, 7.0), pi / 2)).state
+    half = 0.5**0.5
+    np.testing.assert_allclose(state.x, (3, -1, 7, 0, 0, 0, half, 0, 0, half, 0, 0, 0, GRAVITY), atol=1e-12)
+    assert (state.t, state.contacts) == (0.0, ())
+
+
+def test_a_start_on_the_ground_stands_just_clear_of_it(launch):
+    plant = launch(start=Start((0.0, 0.0, 0.01), 0.0))
+    assert column(plant.state, "pz") == pytest.approx(PAPER.radius + CLEARANCE)
+    assert fly(plant, 0.2, HOVER).contacts == ()
+    assert fly(plant, 0.2, FALL).contacts == ("ground",)
+
+
+@pytest.mark.parametrize("course", course_names())
+def test_every_course_starts_clear_of_ground_and_gates(course):
+    plant = BulletPlant(load_course(course), PAPER)
+    assert fly(plant, 0.1, HOVER).contacts == ()
+    plant.close()
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_every_vehicle_hovers_still(launch, name):
+    plant = launch(load_vehicle(name))
+    before, after = plant.state, fly(plant, 3.0, HOVER)
+    np.testing.assert_allclose(after.x, before.x, atol=1e-9)
+    assert after.t == pytest.approx(3.0)
+
+
+def test_without_thrust_it_falls_half_g_t_squared(launch):
+    plant = launch()
+    state = fly(plant, 1.0, FALL)
+    assert column(state, "vz") == pytest.approx(-GRAVITY)
+    assert column(state, "pz") - 200.0 == pytest.approx(-GRAVITY / 2, abs=1.01 * GRAVITY * DT / 2)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_rate_step_is_63_percent_done_at_tau(launch, axis):
+    """All three axes turn at once: the feed-forward must cancel what the unequal inertias couple."""
+    command = (3.0, 4.0, -2.0)
+    state = fly(launch(), PAPER.rate_tau[axis], (*command, GRAVITY))
+    assert state.x[10 + axis] / command[axis] == pytest.approx(1 - exp(-1), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_every_vehicle_settles_on_its_commanded_rates_with_little_overshoot(launch, name):
+    """With motors, tau s (tau_m s + 1) + 1 has damping sqrt(tau / tau_m) / 2: above .5 for all, 16 % overshoot."""
+    plant = launch(load_vehicle(name))
+    command = (3.0, -3.0, 0.2)
+    rates = np.array([plant.step((*command, GRAVITY)).x[10:13] for _ in range(800)])
+    np.testing.assert_allclose(rates[-1], command, rtol=0.02)
+    assert (np.abs(rates).max(axis=0) < 1.16 * np.abs(command)).all()
+
+
+def test_a_fall_with_drag_ends_at_g_over_d(launch):
+    plant = launch(replace(PAPER, drag=(0.0, 0.0, 0.8)), start=Start((0.0, 0.0, 900.0), 0.0))
+    assert column(fly(plant, 25.0, FALL), "vz") == pytest.approx(-GRAVITY / 0.8, rel=1e-6)
+
+
+def test_pitching_forward_flies_where_the_nose_looks(launch):
+    plant = launch(start=Start((0.0, 0.0, 200.0), pi / 2))
+    vx, vy = column(fly(plant, 0.4, (0.0, 2.0, 0.0, GRAVITY)), "vx", "vy")
+    assert vy > 0.3
+    assert vx == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_flight_is_the_same_for_every_heading(launch):
+    """Drag along the nose only, so a plant that mixed up body and world would show it."""
+    vehicle = replace(PAPER, drag=(2.0, 0.0, 0.0))
+    north, east = (launch(vehicle, start=Start((0.0, 0.0, 200.0), yaw)) for yaw in (pi / 2, 0.0))
+    for k in range(400):
+        north.step(weave(k * DT))
+        east.step(weave(k * DT))
+    (nx, ny, nz), (ex, ey, ez) = (column(plant.state, "vx", "vy", "vz") for plant in (north, east))
+    assert (ny, -nx, nz) == pytest.approx((ex, ey, ez), abs=1e-9)
+
+
+def test_thrust_of_rotors_lags_and_thrust_without_rotors_does_not(launch):
+    u = (0.0, 0.0, 0.0, 20.0)
+    assert column(launch().step(u), "a") == 20.0
+    assert GRAVITY < column(launch(SWIFT).step(u), "a") < 11.0
+
+
+@pytest.mark.parametrize("vehicle", [PAPER, SWIFT])
+def test_the_same_commands_give_the_same_states_to_the_last_bit(launch, vehicle):
+    one, two = launch(vehicle), launch(vehicle)  # interleaved: clients must not see each other either
+    for k in range(800):
+        u = weave(k * DT)
+        assert one.step(u) == two.step(u)
+
+
+def gap(model_dt, plant_dt):
+    """Largest difference of each state between model and plant in a second of lively flight.  (14,)"""
+    belief = quadrotor(Belief.of(PAPER), model_dt)
+    plant = BulletPlant(SKY, PAPER, dt=plant_dt)
+    model = ModelPlant(belief.step, belief.params, plant.state.x, model_dt)
+    gaps = []
+    for k in range(round(1.0 / model_dt)):
+        u = weave(k * model_dt)
+        gaps.append(np.subtract(fly(plant, model_dt, u).x, model.step(u).x))
+    plant.close()
+    return np.abs(gaps).max(axis=0)
+
+
+def test_model_and_plant_agree_in_free_flight_and_converge_with_the_step():
+    coarse, fine = gap(1 / 200, 1 / 200), gap(1 / 800, 1 / 800)
+    assert coarse[:3].max() < 0.01  # the plant moves with the new velocity, the model with the mean one
+    assert coarse[3:].max() < 1e-4
+    assert fine[:3].max() == pytest.approx(coarse[:3].max() / 4, rel=0.1)
+
+
+def test_a_model_at_100_hz_predicts_a_plant_at_400_hz_to_5_mm_in_a_second():
+    worst = gap(1 / 100, 1 / 400)
+    assert worst[:3].max() < 0.005
+    assert worst[6:10].max() < 0.005
+
+
+def double_integrator(x, u, p, dt):
+    return (x[0] + x[1] * dt, x[1] + p[0] * u[0] * dt)
+
+
+def test_a_model_is_flown_by_its_own_step():
+    plant = ModelPlant(double_integrator, (2.0,), (1.0, 0.5), 0.1)
+    state = plant.step((3.0,))
+    assert state.x == pytest.approx((1.05, 1.1))
+    assert (plant.state.t, plant.state.contacts) == (0.1, ())
+    assert fly(plant, 0.9, (0.0,)).t == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("dt", [0.1, 0.02])
+def test_a_disturbance_diffuses_to_its_std_in_one_second_for_any_step(dt):
+    def end(seed, std):
+        disturb = diffusion((0.0, std), dt, np.random.default_rng(seed))
+        return fly(ModelPlant(lambda x, u, p, dt: x, (), (0.0, 0.0), dt, disturb), 1.0, ()).x
+
+    ends = np.array([end(seed, 0.7) for seed in range(400)])
+    assert ends[:, 1].std() == pytest.approx(0.7, rel=0.12)  # 400 samples: std within 3.5 %, so 3.4 sigma
+    assert (ends[:, 0] == 0.0).all()
+    assert end(0, 0.35)[1] == pytest.approx(ends[0, 1] / 2)  # negative control: half the std is seen
+
+
+def test_models_and_referees_do_not_load_the_physics_engine():
+    code = "import sys, quadsim.plant; print('pybullet' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert done.stdout == b"False\n"
