@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
-from math import hypot
+from math import dist, radians
+from pathlib import Path
 
 import numpy as np
+
+from quadsim.course_checks import corners, faults
+from quadsim.course_file import CourseFile, GateEntry
+from quadsim.data_files import locate, names, read_text
+from quadsim.strict_yaml import parse
+
+COURSES = Path(__file__).parent.parent / "courses"
+ROOM = 10.0  # of default bounds around start and gates [m]
+BASEMENT = 1.0  # of default bounds below the ground, which is judged by itself [m]
 
 Vec3 = tuple[float, float, float]
 
@@ -65,5 +76,50 @@ class Course:
     def lap_length(self) -> float:
         """Straight-line length through the gates once, from the start (open) or closed (loop) [m]."""
         p = [g.position for g in self.gates]
-        legs = list(zip(p, p[1:] + p[:1], strict=True)) if self.loop else list(zip([self.start.position, *p], p, strict=False))
-        return sum(hypot(*(b[i] - a[i] for i in range(3))) for a, b in legs)
+        before = [p[-1] if self.loop else self.start.position, *p[:-1]]
+        return sum(dist(a, b) for a, b in zip(before, p, strict=True))
+
+
+def course_names() -> tuple[str, ...]:
+    """The courses that come with the project."""
+    return names(COURSES)
+
+
+def load_course(name_or_path: str | Path) -> Course:
+    """A course by name ("split_s_swift") or path ("mine.yaml"). Raises FileError."""
+    path = locate(name_or_path, COURSES, "course")
+    return parse_course(read_text(path), str(path))
+
+
+def parse_course(text: str, file: str) -> Course:
+    """A course from its text; `file` is shown in errors and names a course without a name. Raises FileError."""
+    document = parse(text, file)
+    entry = document.fill(CourseFile)
+    gates = tuple(_gate(g, entry) for g in entry.gates)
+    start = Start(entry.start.position, radians(entry.start.yaw_deg))
+    course = Course(
+        name=entry.name or re.sub(r"[^A-Za-z0-9_-]", "_", Path(file).stem)[:64],
+        source=entry.source,
+        gates=gates,
+        start=start,
+        bounds=entry.bounds or _room_to_fly(gates, start),
+        loop=entry.loop,
+        laps=entry.laps,
+        published=tuple(Published(p.who, p.time) for p in entry.published),
+        text=text,
+    )
+    for path, problem in faults(course):
+        raise document.error(path, problem)
+    return course
+
+
+def _gate(entry: GateEntry, course: CourseFile) -> Gate:
+    angles = (radians(a) for a in (entry.yaw_deg, entry.pitch_deg, entry.roll_deg))
+    frame_width = entry.frame_width or course.frame_width
+    return Gate(entry.position, *angles, opening=entry.opening or course.opening, frame_width=frame_width)
+
+
+def _room_to_fly(gates: tuple[Gate, ...], start: Start) -> tuple[tuple[float, float], ...]:
+    points = np.vstack([[start.position], *(corners(g, border=g.frame_width) for g in gates)])  # (1 + 4 gates, 3)
+    (x0, y0, _), (x1, y1, z1) = (points.min(axis=0) - ROOM).tolist(), (points.max(axis=0) + ROOM).tolist()
+    return (x0, x1), (y0, y1), (-BASEMENT, z1)

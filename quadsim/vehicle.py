@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
+from pathlib import Path
 
+from quadsim.data_files import locate, names, read_text
+from quadsim.strict_yaml import parse
+from quadsim.vehicle_file import RotorsEntry, VehicleFile, faults
+
+VEHICLES = Path(__file__).parent / "vehicles"
 Vec3 = tuple[float, float, float]
 GRAVITY = 9.81  # [m/s^2]
 
 
 @dataclass(frozen=True)
 class Rotors:
-    """Four rotors: front-right, back-left, front-left, back-right would be positions[0..3]; see `spin`."""
+    """Four rotors: front-right, back-left, front-left, back-right; see `spin`."""
 
     positions: tuple[tuple[float, float], ...]  # (4, 2) body x, y [m]
     spin: tuple[int, ...]  # (4,) sign of the reaction torque about body z
@@ -36,3 +43,57 @@ class Vehicle:
     drag: Vec3  # linear, body frame [1/s]
     latency: float  # command to actuator [s]
     rotors: Rotors | None  # None: thrust acts at once and without per-rotor limits
+
+
+def vehicle_names() -> tuple[str, ...]:
+    """The vehicles that come with the project."""
+    return names(VEHICLES)
+
+
+def load_vehicle(name_or_path: str | Path) -> Vehicle:
+    """A vehicle by name ("swift") or path ("mine.yaml"). Raises FileError."""
+    path = locate(name_or_path, VEHICLES, "vehicle")
+    return parse_vehicle(read_text(path), str(path))
+
+
+def parse_vehicle(text: str, file: str) -> Vehicle:
+    """A vehicle from its text; `file` is shown in errors and gives it its name. Raises FileError."""
+    document = parse(text, file)
+    entry = document.fill(VehicleFile)
+    for path, problem in faults(entry, GRAVITY):
+        raise document.error(path, problem)
+    return Vehicle(
+        name=Path(file).stem,
+        source=entry.source,
+        mass=entry.mass,
+        inertia=entry.inertia,
+        radius=entry.radius,
+        rate_tau=entry.rate_tau,
+        rate_max=entry.omega_max,
+        thrust_max=_thrust_max(entry),
+        drag=entry.drag,
+        latency=entry.latency,
+        rotors=_rotors(entry.rotors) if entry.rotors else None,
+    )
+
+
+def _thrust_max(entry: VehicleFile) -> float:
+    """Given, or of four rotors at full speed, 4 T(omega_max) / mass [m/s^2]."""
+    if entry.rotors is None:
+        return entry.thrust_max or 0.0  # never 0: faults() has seen it
+    return 4 * entry.rotors.thrust(entry.rotors.motor_omega_max) / entry.mass
+
+
+def _rotors(entry: RotorsEntry) -> Rotors:
+    """Flightmare's turning sense: the front-right and back-left rotors turn the body to the left (+)."""
+    side = (entry.arm_l or 0.0) / sqrt(2)
+    x, y = entry.rotor_x or side, entry.rotor_y or side
+    return Rotors(
+        positions=((x, -y), (-x, y), (x, y), (-x, -y)),
+        spin=(1, 1, -1, -1),
+        thrust_map=entry.thrust_map,
+        omega_min=entry.motor_omega_min,
+        omega_max=entry.motor_omega_max,
+        tau=entry.motor_tau,
+        kappa=entry.kappa,
+    )

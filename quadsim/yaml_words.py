@@ -1,0 +1,94 @@
+"""The words of an error in a file: what a msgspec type asks for, what a YAML node holds, which name is near."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from difflib import get_close_matches
+from typing import Any
+
+import yaml
+from msgspec import inspect
+
+TEXT, NULL = "tag:yaml.org,2002:str", "tag:yaml.org,2002:null"
+TRAPS = (
+    (re.compile(r"[-+]?0\d+"), "YAML reads it as octal: drop the leading zero"),
+    (re.compile(r"[-+]?\d+(:\d+)+(\.\d*)?"), "YAML reads it in base 60"),
+    (re.compile(r"(?i)[-+]?\.(inf|nan)"), "not finite"),
+    (re.compile(r"(?i)yes|no|on|off|true|false"), "YAML reads it as true or false"),
+)
+
+
+def expected(kind: Any, unit: str = "", count: str = "") -> str:
+    """What `kind` (of msgspec.inspect) asks for, with its unit: "3 numbers [m]"; `count` of them where given."""
+    noun, rest = "mapping", ""
+    match kind:
+        case inspect.Metadata():
+            return expected(kind.type, unit_of(kind, unit), count)
+        case inspect.UnionType():
+            return expected(unless_null(kind), unit, count)
+        case inspect.TupleType():
+            inner = expected(kind.item_types[0], unit, str(len(kind.item_types)))
+            return f"{count} lists of {inner}" if count else inner
+        case inspect.VarTupleType():
+            return expected(kind.item_type, unit, f"{kind.min_length or 0} or more")
+        case inspect.BoolType():
+            return "true or false"
+        case inspect.LiteralType():
+            return " or ".join(map(repr, kind.values))
+        case inspect.StrType():
+            rest = f" like {kind.pattern}" if kind.pattern else ""
+            return f"{count} texts{rest}" if count else f"text{rest}"
+        case inspect.FloatType() | inspect.IntType():
+            noun = "number" if isinstance(kind, inspect.FloatType) else "whole number"
+            rest = f" [{unit}]" if unit else ""
+        case inspect.StructType() | inspect.DataclassType():
+            required = ", ".join(f.encode_name for f in kind.fields if f.required)
+            rest = f" with {required}" if required else ""
+    return f"{count} {noun}s{rest}" if count else f"a {noun}{rest}"
+
+
+def limits(kind: Any) -> str:
+    """The range of a number: "> 0 and <= 100"."""
+    signs = ((">=", kind.ge), (">", kind.gt), ("<=", kind.le), ("<", kind.lt))
+    return " and ".join(f"{sign} {bound:g}" for sign, bound in signs if bound is not None)
+
+
+def found(node: yaml.Node, kind: Any = None) -> str:
+    """What stands there, and the trap of YAML 1.1 that it fell into."""
+    if not isinstance(node, yaml.ScalarNode):
+        return f"a list of {len(node.value)}" if isinstance(node, yaml.SequenceNode) else "a mapping"
+    if is_null(node):
+        return "nothing"
+    if node.style:
+        return f"the quoted text {shown(node.value)}"
+    traps = [why for pattern, why in TRAPS if pattern.fullmatch(node.value)]
+    if isinstance(kind, inspect.StrType) and node.tag != TEXT:
+        traps = [*(traps or [f"YAML reads it as {node.tag.rpartition(':')[2]}"]), "put it in quotes"]
+    return shown(node.value) + (f" ({'; '.join(traps)})" if traps else "")
+
+
+def shown(text: str) -> str:
+    """The text in quotes, on one line, control characters escaped, cut to a readable length."""
+    return repr(text if len(text) <= 60 else text[:57] + "...")
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`did you mean 'yaw_deg'?`, or all that is known where nothing is near."""
+    names = list(known)
+    near = get_close_matches(word, names, n=1, cutoff=0.5)
+    return f"did you mean {near[0]!r}?" if near else f"known are {', '.join(names)}"
+
+
+def unit_of(kind: inspect.Metadata, outer: str) -> str:
+    return (kind.extra or {}).get("unit", outer)
+
+
+def unless_null(kind: inspect.UnionType) -> Any:
+    """X of `X | None`, the only union that these files know."""
+    (inner,) = (k for k in kind.types if not isinstance(k, inspect.NoneType))
+    return inner
+
+
+def is_null(node: yaml.Node) -> bool:
+    return isinstance(node, yaml.ScalarNode) and not node.style and node.tag == NULL

@@ -1,0 +1,207 @@
+"""Every course that comes with the project is sound; a course that is not says where."""
+
+from itertools import pairwise, product
+from math import radians
+
+import numpy as np
+import pytest
+
+from quadsim.course import COURSES, Course, Gate, Published, course_names, load_course, parse_course
+from quadsim.course_checks import corners, frame_distance
+from quadsim.strict_yaml import FileError
+from quadsim.vehicle import load_vehicle, vehicle_names
+
+GOOD = """\
+loop: true
+laps: 3
+opening: [1.6, 1.6]
+start: {position: [-5, 0, 2], yaw_deg: 0}
+gates:
+  - {position: [0, 0, 2], yaw_deg: 0}
+  - position: [8, 4, 3]
+    yaw_deg: 90
+    pitch_deg: 10
+    opening: [2, 1]
+"""
+ROOMY = "bounds: [[-20, 20], [-20, 20], [0, 9]]\n"
+BAD = [
+    (
+        "yaw_deg: 90",
+        "yaw_deg: north",
+        "8:14: gates[1].yaw_deg: expected a number [deg], got 'north'",
+    ),
+    ("yaw_deg: 90", "yaw: 90", "8:5: gates[1].yaw: unknown key, did you mean 'yaw_deg'?"),
+    ("[8, 4, 3]", "[8, 4]", "7:15: gates[1].position: expected 3 numbers [m], got 2"),
+    (
+        "[8, 4, 3]",
+        "[8, 4, .nan]",
+        "7:22: gates[1].position[2]: expected a number [m], got '.nan' (not finite)",
+    ),
+    ("[8, 4, 3]", "[8, 1e5, 3]", "7:19: gates[1].position[1]: expected a number [m] >= -10000 and <= 10000, got 1e5"),
+    ("[2, 1]", "[2, 0]", "10:18: gates[1].opening[1]: expected a number [m] > 0 and <= 100, got 0"),
+    ("[2, 1]", "[-2, 1]", "10:15: gates[1].opening[0]: expected a number [m] > 0 and <= 100, got -2"),
+    ("opening: [1.6, 1.6]\n", "", "1:1: opening: missing, expected 2 numbers [m]"),
+    ("loop: true", "frame_width: 0", "1:14: frame_width: expected a number [m] > 0 and <= 100, got 0"),
+    (
+        GOOD[GOOD.index("gates") :],
+        "gates: []\n",
+        "5:8: gates: expected 1 or more mappings with position, yaw_deg, got 0",
+    ),
+    ("laps: 3", "laps: 0", "2:7: laps: expected a whole number >= 1 and <= 1000, got 0"),
+    ("laps: 3", "laps: 1001", "2:7: laps: expected a whole number >= 1 and <= 1000, got 1001"),
+    ("loop: true", "loop: false", "2:7: laps: expected 1 on an open course (or loop: true), got 3"),
+    ("loop: true", "name: ../x", "1:7: name: expected text like ^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$, got '../x'"),
+    (
+        "loop: true\n",
+        "loop: true\n" + ROOMY.replace("[0, 9]", "[9, 0]"),
+        "2:32: bounds[2]: expected z_min < z_max [m], got [9, 0]",
+    ),
+    (
+        "loop: true\n",
+        "loop: true\n" + ROOMY.replace("20]", "4]"),
+        "8:15: gates[1].position: outside the bounds, expected x within [-20, 4] [m], got 7.00",
+    ),
+    (
+        "loop: true\n",
+        "loop: true\n" + ROOMY.replace("[-20", "[-4"),
+        "5:19: start.position: outside the bounds, expected x within [-4, 20] [m], got -5.00",
+    ),
+    (
+        "[8, 4, 3]",
+        "[8, 4, 0.25]",
+        "7:15: gates[1].position: expected an opening above the ground, its lowest corner is at z = -0.24 m",
+    ),
+    ("[-5, 0, 2]", "[-5, 0, -2]", "4:19: start.position: expected z >= 0, on or above the ground [m], got -2"),
+    ("[-5, 0, 2]", "[0.1, 0.9, 2]", "4:19: start.position: expected 0.3 m of room, got 0.10 m to the frame of gate 1"),
+    (
+        "[8, 4, 3]\n    yaw_deg: 90\n    pitch_deg: 10",
+        "[0, 0, 2]\n    yaw_deg: 1",
+        "7:15: gates[1].position: the same place and direction as gate 1 (gates count from 1): remove one",
+    ),
+]
+
+
+@pytest.fixture(params=course_names())
+def course(request) -> Course:
+    return load_course(request.param)
+
+
+@pytest.mark.parametrize(("old", "new", "message"), BAD)
+def test_each_fault_of_a_course_has_its_one_line(old, new, message):
+    assert old in GOOD
+    with pytest.raises(FileError) as error:
+        parse_course(GOOD.replace(old, new, 1), "mine.yaml")
+    assert str(error.value) == f"mine.yaml:{message}"
+
+
+def test_no_damage_to_a_file_escapes_as_anything_but_one_line():
+    rng = np.random.default_rng(0)
+    pieces = [*"[]{}:,-#&*!|>'\"%\t\n .e9\0\x07\x85\ufeff", "? ", "---\n", "&a ", "*a", "~", ".nan", "1e400", "\\e"]
+    messages = []
+    for _ in range(300):
+        at, cut = rng.integers(len(GOOD)), rng.integers(3)
+        try:
+            parse_course(GOOD[:at] + rng.choice(pieces) + GOOD[at + cut :], "mine.yaml")
+        except FileError as error:
+            messages.append(str(error))
+    assert len(messages) > 100
+    assert all(message.isprintable() for message in messages)
+
+
+def test_a_course_keeps_what_its_file_says():
+    course = parse_course(GOOD + "published:\n  - {who: somebody, time: 12.5}\n", "folder/my oval.yaml")
+    assert (course.name, course.loop, course.laps, course.text[:10]) == ("my_oval", True, 3, GOOD[:10])
+    assert course.gates[0] == Gate((0.0, 0.0, 2.0), 0.0, 0.0, 0.0, (1.6, 1.6), 0.275)
+    assert course.gates[1] == Gate((8.0, 4.0, 3.0), radians(90), radians(10), 0.0, (2.0, 1.0), 0.275)
+    assert course.published == (Published("somebody", 12.5),)
+    assert course.lap_length == pytest.approx(18.0)
+
+
+def test_default_bounds_leave_room_around_start_and_gates():
+    (x0, x1), (y0, y1), (z0, z1) = parse_course(GOOD, "mine.yaml").bounds
+    assert (x0, y0, z0) == pytest.approx((-15.0, -11.075, -1.0))
+    assert x1 == pytest.approx(8 + 1.275 + 10)
+    assert y1 > 14 and z1 > 13.5  # noqa: PT018
+
+
+def test_opposite_and_stacked_gates_share_a_place():
+    twice = GOOD.replace("[8, 4, 3]", "[0, 0, 2]").replace("yaw_deg: 90\n    pitch_deg: 10", "yaw_deg: 180")
+    assert len(parse_course(twice, "mine.yaml").gates) == 2
+    stacked = GOOD.replace("[8, 4, 3]", "[0, 0, 3.9]").replace("yaw_deg: 90\n    pitch_deg: 10", "yaw_deg: 0")
+    assert len(parse_course(stacked, "mine.yaml").gates) == 2
+
+
+def test_a_frame_may_dip_into_the_ground_while_its_opening_does_not():
+    text = GOOD.replace("[0, 0, 2], yaw_deg: 0", "[0, 0, 0.8], yaw_deg: 7, roll_deg: 90")
+    low = parse_course(text, "mine.yaml").gates[0]
+    assert corners(low)[:, 2].min() == pytest.approx(0.0)
+    assert corners(low, border=low.frame_width)[:, 2].min() < 0.0
+
+
+def test_distance_to_a_frame_is_that_to_the_nearest_of_its_points():
+    gate = Gate((1.0, 2.0, 3.0), 0.7, -0.3, 0.2, (2.0, 1.0), 0.4)
+    y, z = np.meshgrid(np.linspace(-1.4, 1.4, 281), np.linspace(-0.9, 0.9, 181))
+    bars = (np.abs(y) >= 1.0 - 1e-9) | (np.abs(z) >= 0.5 - 1e-9)
+    cloud = np.stack([0 * y[bars], y[bars], z[bars]], axis=1) @ gate.rotation.T + gate.position  # (n, 3)
+    for point in product((0.2, 1.1, 3.0), (0.5, 2.0, 4.0), (2.2, 3.0, 4.5)):
+        nearest = np.linalg.norm(cloud - point, axis=1).min()
+        assert frame_distance(gate, point) == pytest.approx(nearest, abs=0.01)
+
+
+def test_a_misspelt_name_gets_the_nearest_course():
+    with pytest.raises(FileError) as error:
+        load_course("split_swift")
+    assert str(error.value) == "no course 'split_swift': did you mean 'split_s_swift'? (race courses lists them)"
+
+
+def test_a_path_loads_a_course_from_anywhere(tmp_path):
+    (tmp_path / "mine.yaml").write_text(GOOD)
+    assert load_course(tmp_path / "mine.yaml") == parse_course(GOOD, "mine.yaml")
+
+
+def test_the_folder_holds_the_courses_that_are_named_elsewhere():
+    assert {"alphapilot", "figure8", "lsy_level2", "paper_flat", "split_s_song", "split_s_swift"} <= set(course_names())
+
+
+def test_every_course_loads_says_its_source_and_keeps_its_text(course):
+    assert course.source
+    assert course.text == (COURSES / f"{course.name}.yaml").read_text()
+    assert parse_course(course.text, f"{course.name}.yaml") == course
+
+
+def test_every_vehicle_fits_through_every_gate(course):
+    widest = max(load_vehicle(name).radius for name in vehicle_names())
+    assert min(min(g.opening) for g in course.gates) > 2 * widest
+
+
+def test_no_frame_stands_in_another_gates_opening(course):
+    for one, other in product(course.gates, repeat=2):
+        assert one is other or frame_distance(other, one.position) > min(one.opening) / 2
+
+
+def test_no_gate_is_first_met_from_behind(course):
+    """The straight way from the gate before has at most a hair against the passage: the second of a split-S has 0."""
+    for (before, here), gate in zip(pairwise(_way(course)), course.gates, strict=True):
+        leg = np.subtract(here, before)
+        assert leg @ gate.rotation[:, 0] > -0.05 * np.linalg.norm(leg)
+
+
+def test_paper_flat_is_what_it_says():
+    course = load_course("paper_flat")
+    assert not course.loop
+    assert 65.0 <= course.lap_length <= 80.0
+    assert {g.position[2] for g in course.gates} | {course.start.position[2]} == {2.0}
+    assert {g.opening for g in course.gates} == {(2.4, 2.4)}
+    turns = np.diff([np.arctan2(*np.subtract(b, a)[1::-1]) for a, b in pairwise(_way(course))])
+    assert np.abs(turns).max() < radians(70)
+
+
+def test_the_middle_of_figure8_is_crossed_on_two_levels():
+    course = load_course("figure8")
+    low, high = (g for g in course.gates if g.position[:2] == (0.0, 0.0))
+    gap = corners(high, high.frame_width)[:, 2].min() - corners(low, low.frame_width)[:, 2].max()
+    assert gap > 2 * max(load_vehicle(name).radius for name in vehicle_names())
+
+
+def _way(course: Course):
+    return [course.start.position, *(g.position for g in course.gates)]

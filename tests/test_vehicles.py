@@ -1,0 +1,186 @@
+"""Every vehicle that comes with the project can fly; a file that describes none says where and why."""
+
+import numpy as np
+import pytest
+
+from quadsim.course_checks import START_ROOM
+from quadsim.plant import FRAME_DEPTH
+from quadsim.strict_yaml import FileError
+from quadsim.vehicle import GRAVITY, Vehicle, load_vehicle, parse_vehicle, vehicle_names
+
+BARE = """\
+mass: 1
+inertia: [0.01, 0.01, 0.02]
+radius: 0.15
+rate_tau: [0.25, 0.25, 0.25]
+omega_max: [6, 6, 6]
+"""
+SIMPLE = BARE + "thrust_max: 36\n"
+ROTORS = (
+    BARE
+    + """\
+rotors:
+  arm_l: 0.1414213562373095
+  motor_omega_min: 100
+  motor_omega_max: 2000
+  motor_tau: 0.03
+  thrust_map: [2e-6, 0, 0]
+  kappa: 0.02
+"""
+)
+BAD = [
+    (SIMPLE, "mass: 1", "mass: 0", "1:7: mass: expected a number [kg] > 0 and <= 100, got 0"),
+    (SIMPLE, "0.02]", "-0.02]", "2:23: inertia[2]: expected a number [kg m^2] > 0 and <= 10, got -0.02"),
+    (SIMPLE, "rate_tau: [0.25", "rate_tau: [-1", "4:12: rate_tau[0]: expected a number [s] >= 0 and <= 2, got -1"),
+    (SIMPLE, "mass: 1", "weight: 1", "1:1: weight: unknown key, known are"),
+    (SIMPLE, "radius: 0.15\n", "", "1:1: radius: missing, expected a number [m]"),
+    (SIMPLE, "mass: 1", "mass: 1\nlatency: 0.6", "2:10: latency: expected a number [s] >= 0 and <= 0.5, got 0.6"),
+    (
+        SIMPLE,
+        "thrust_max: 36",
+        "thrust_max: 9.8",
+        "6:13: thrust_max: cannot hover: expected more than 9.81 [m/s^2], got 9.8",
+    ),
+    (SIMPLE, "thrust_max: 36\n", "", "1:1: thrust_max: missing, expected a number [m/s^2], or rotors"),
+    (
+        SIMPLE,
+        "0.02]",
+        "0.021]",
+        "2:10: inertia: expected each moment at most the sum of the other two [kg m^2], got [0.01, 0.01, 0.021]",
+    ),
+    (
+        ROTORS,
+        "mass: 1",
+        "thrust_max: 36\nmass: 1",
+        "1:13: thrust_max: not with rotors, whose thrust_map and motor_omega_max say it: remove one",
+    ),
+    (
+        ROTORS,
+        "mass: 1",
+        "mass: 4",
+        "7:3: rotors: cannot hover: expected more than the weight of 39.24 N, got 32.00 N at full speed",
+    ),
+    (
+        ROTORS,
+        "motor_omega_min: 100",
+        "motor_omega_min: 1200",
+        "7:3: rotors: cannot descend: expected less than the weight of 9.81 N, got 11.52 N at idle",
+    ),
+    (
+        ROTORS,
+        "motor_omega_max: 2000",
+        "motor_omega_max: 90",
+        "9:20: rotors.motor_omega_max: expected more than motor_omega_min = 100 [rad/s], got 90",
+    ),
+    (
+        ROTORS,
+        "  arm_l: 0.1414213562373095\n",
+        "  rotor_x: 0.1\n",
+        "7:3: rotors: expected either arm_l [m] or both rotor_x and rotor_y [m]",
+    ),
+    (
+        ROTORS,
+        "  arm_l",
+        "  rotor_x: 0.1\n  arm_l",
+        "7:3: rotors: expected either arm_l [m] or both rotor_x and rotor_y [m]",
+    ),
+    (
+        ROTORS,
+        "[2e-6, 0, 0]",
+        "[2e-6, -0.1, 0]",
+        "11:15: rotors.thrust_map: expected thrust that rises, ever faster, with the speed, got [2e-06, -0.1, 0]",
+    ),
+    (ROTORS, "[2e-6, 0, 0]", "[2e-6, 0]", "11:15: rotors.thrust_map: expected 3 numbers [N s^2, N s, N], got 2"),
+    (
+        ROTORS,
+        "motor_tau: 0.03",
+        "motor_tau: -1",
+        "10:14: rotors.motor_tau: expected a number [s] >= 0 and <= 2, got -1",
+    ),
+    (ROTORS, "kappa: 0.02", "kappa: 0", "12:10: rotors.kappa: expected a number [m] > 0 and <= 1, got 0"),
+]
+
+
+@pytest.fixture(params=vehicle_names())
+def vehicle(request) -> Vehicle:
+    return load_vehicle(request.param)
+
+
+@pytest.mark.parametrize(("text", "old", "new", "message"), BAD)
+def test_each_fault_of_a_vehicle_has_its_one_line(text, old, new, message):
+    assert old in text
+    with pytest.raises(FileError) as error:
+        parse_vehicle(text.replace(old, new, 1), "mine.yaml")
+    assert str(error.value).startswith(f"mine.yaml:{message}")
+
+
+def test_a_vehicle_without_rotors_keeps_what_its_file_says():
+    vehicle = parse_vehicle(SIMPLE, "folder/mine.yaml")
+    assert (vehicle.name, vehicle.mass, vehicle.inertia, vehicle.radius) == ("mine", 1.0, (0.01, 0.01, 0.02), 0.15)
+    assert (vehicle.rate_tau, vehicle.rate_max, vehicle.thrust_max) == ((0.25,) * 3, (6.0,) * 3, 36.0)
+    assert (vehicle.drag, vehicle.latency, vehicle.rotors) == ((0.0,) * 3, 0.0, None)
+
+
+def test_thrust_max_of_rotors_is_four_times_the_map_at_full_speed_over_mass():
+    assert parse_vehicle(ROTORS.replace("mass: 1", "mass: 2"), "mine.yaml").thrust_max == pytest.approx(4 * 8.0 / 2)
+
+
+def test_arm_l_is_the_diagonal_of_a_square():
+    square = parse_vehicle(ROTORS, "mine.yaml").rotors
+    oblong = parse_vehicle(
+        ROTORS.replace("arm_l: 0.1414213562373095", "rotor_x: 0.1\n  rotor_y: 0.1"), "mine.yaml"
+    ).rotors
+    assert square is not None
+    assert oblong is not None
+    np.testing.assert_allclose(square.positions, oblong.positions)
+
+
+def test_a_misspelt_name_gets_the_nearest_vehicle():
+    with pytest.raises(FileError) as error:
+        load_vehicle("kingfischer")
+    assert str(error.value) == "no vehicle 'kingfischer': did you mean 'kingfisher'? (race vehicles lists them)"
+
+
+def test_the_folder_holds_the_vehicles_that_are_named_elsewhere():
+    assert {"cpc", "flightmare", "kingfisher", "paper", "swift"} <= set(vehicle_names())
+
+
+def test_every_vehicle_hovers_with_thrust_to_spare(vehicle):
+    assert vehicle.source
+    assert vehicle.thrust_max > 1.5 * GRAVITY
+
+
+def test_every_vehicle_stands_free_at_every_start(vehicle):
+    assert vehicle.radius + FRAME_DEPTH / 2 <= START_ROOM
+
+
+def test_every_vehicles_inertia_is_that_of_a_body(vehicle):
+    small, middle, large = sorted(vehicle.inertia)
+    assert 0.0 < large <= small + middle
+
+
+def test_rotors_balance_in_hover_and_turn_every_way(vehicle):
+    """Equal thrusts give no torque; the map from thrusts to (collective, torque) is invertible."""
+    if vehicle.rotors is None:
+        assert vehicle.name == "paper"
+        return
+    x, y = np.transpose(vehicle.rotors.positions)
+    mixer = np.array([np.ones(4), y, -x, vehicle.rotors.kappa * np.array(vehicle.rotors.spin)])  # (4, 4)
+    np.testing.assert_allclose(mixer @ np.ones(4), [4, 0, 0, 0], atol=1e-12)
+    assert np.linalg.matrix_rank(mixer) == 4
+
+
+@pytest.mark.parametrize(
+    ("name", "newton_per_rotor", "ratio"),
+    [("flightmare", 11.22, 6.27), ("kingfisher", 8.5, 4.62), ("swift", 8.75, 4.1), ("cpc", 6.88, 3.3)],
+)
+def test_full_thrust_is_the_published_one(name, newton_per_rotor, ratio):
+    vehicle = load_vehicle(name)
+    assert vehicle.thrust_max * vehicle.mass / 4 == pytest.approx(newton_per_rotor, abs=0.005)
+    assert vehicle.thrust_max / GRAVITY == pytest.approx(ratio, abs=0.005)
+
+
+def test_flightmares_inertia_is_its_formula():
+    vehicle = load_vehicle("flightmare")
+    formula = vehicle.mass / 12 * 0.17**2 * np.array([4.5, 4.5, 7])
+    np.testing.assert_allclose(vehicle.inertia, formula, rtol=1e-5)
