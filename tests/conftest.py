@@ -1,0 +1,29 @@
+"""Fixtures that several test files share."""
+
+import os
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope="session")
+def key():
+    """A key of the counter-based generator."""
+    return np.array([20240501, 7], np.uint32)
+
+
+@pytest.fixture
+def on_threads():
+    """on_threads(n, f): what f() returns on n threads. The number in use before comes back."""
+    from controllers.rollout.threads import threads, use_threads  # loads numba: only for tests that ask
+
+    before = threads()
+
+    def run(n, f):
+        if n > len(os.sched_getaffinity(0)):
+            pytest.skip(f"needs {n} cores")
+        use_threads(n)
+        return f()
+
+    yield run
+    use_threads(before)
