@@ -13,13 +13,16 @@ The temperature acts on the horizon's mean cost, as in the authors' public libra
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
 from controllers.costs import Cost
 from controllers.rollout.lanes import LANES, Rollout
 from controllers.rollout.reduce import weighted_mean
 from controllers.samplers import Sampler
+from quadsim.strict_yaml import unit
 from quadsim.systems import System
 
 SAVITZKY_GOLAY = np.array([-3, 12, 17, 12, -3]) / 35  # 5 points, order 2
@@ -31,16 +34,16 @@ TEMPERATURE_RANGE = (1e-4, 1e4)
 class MPPIConfig:
     """The budget and the update. Symbols of the paper: M, T, I, dt, lambda, alpha."""
 
-    samples: int = 4096  # M
-    horizon: int = 150  # T [steps]
-    iterations: int = 2  # I
-    dt: float = 0.01  # control period [s]
-    temperature: float = 0.3  # lambda, in units of the mean cost
-    step_size: float = 1.0  # alpha
-    rest_fraction: float = 0.01  # of the samples that perturb the rest control instead of the plan
+    samples: Annotated[int, Meta(ge=2, le=2**20)] = 4096  # M, controls sampled per iteration
+    horizon: Annotated[int, unit("steps", ge=2, le=10_000)] = 150  # T [steps]
+    iterations: Annotated[int, Meta(ge=1, le=100)] = 2  # I
+    dt: Annotated[float, unit("s", gt=0, le=0.5)] = 0.01  # control period [s]
+    temperature: Annotated[float, Meta(gt=0, le=1e6)] = 0.3  # lambda, in units of the mean cost
+    step_size: Annotated[float, Meta(gt=0, le=1)] = 1.0  # alpha, share of the update that is taken
+    rest_fraction: Annotated[float, Meta(ge=0, le=1)] = 0.01  # of the samples: perturb the rest control, not the plan
     freeze_first: bool = False  # every sample keeps the plan's first control
     smooth: bool = False  # Savitzky-Golay filter over the plan after each update
-    ess: float | None = None  # steer the temperature to this effective sample size
+    ess: Annotated[float, Meta(ge=1)] | None = None  # steer the temperature to this effective sample size
 
 
 @dataclass(frozen=True, slots=True)

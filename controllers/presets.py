@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from controllers.costs.race import RaceWeights
 from controllers.mppi import MPPIConfig
 from controllers.samplers import SamplerConfig
+
+STEPS_MAX = 10**8  # samples x horizon of one iteration: 1.6 GB of perturbations
 
 
 @dataclass(frozen=True)
@@ -46,3 +49,12 @@ PRESETS: dict[str, dict[str, Planner]] = {
         "colored": _RACE,
     },
 }
+
+
+def faults(planner: Planner) -> Iterator[tuple[str, str]]:
+    """What no single number shows, as (key, problem)."""
+    mppi = planner.mppi
+    if mppi.ess is not None and mppi.ess >= mppi.samples:
+        yield "mppi.ess", f"expected less than samples = {mppi.samples}, got {mppi.ess:g}"
+    if mppi.samples * mppi.horizon > STEPS_MAX:
+        yield "mppi.samples", f"expected samples x horizon <= {STEPS_MAX:g}, got {mppi.samples} x {mppi.horizon}"

@@ -11,33 +11,38 @@ the bounds crash the sample for the rest of its rollout.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 from numpy import maximum, minimum, sqrt, where
 
 from controllers.costs import Cost
 from quadsim.course import Course, Gate
+from quadsim.strict_yaml import unit
 
 TERMS = ("progress", "heading", "height", "speed", "stabilize", "crash", "waypoint", "path")
 TO_GO = 13  # column of the aim rows
 RUN_OUT = 100.0  # [m] a last target this far behind the last gate: fly on through it
+
+Weight = Annotated[float, Meta(ge=0, le=1e6)]
 
 
 @dataclass(frozen=True)
 class RaceWeights:
     """Weights a_0..a_7 of the terms, and the numbers they refer to."""
 
-    progress: float = 1.0  # per metre still to fly
-    heading: float = 0.0  # 1 - cos of the angle between velocity and bearing to the gate, per unit
-    height: float = 0.0  # per m^2 off the height of the leg
-    speed: float = 0.0  # per (m/s)^2 off desired_speed, horizontal
-    stabilize: float = 0.0  # 1 - cos of the tilt
-    crash: float = 1000.0  # per step after a crash
-    waypoint: float = 0.0  # reward per step within waypoint_radius of the gate's centre
-    path: float = 0.0  # per m^2 off the straight leg
-    desired_speed: float = 9.0  # [m/s]
-    waypoint_radius: float = 0.5  # [m]
-    margin: float = 0.25  # inside the opening, outside the frame, above the ground [m]
+    progress: Weight = 1.0  # per metre still to fly
+    heading: Weight = 0.0  # 1 - cos of the angle between velocity and bearing to the gate, per unit
+    height: Weight = 0.0  # per m^2 off the height of the leg
+    speed: Weight = 0.0  # per (m/s)^2 off desired_speed, horizontal
+    stabilize: Weight = 0.0  # 1 - cos of the tilt
+    crash: Weight = 1000.0  # per step after a crash
+    waypoint: Weight = 0.0  # reward per step within waypoint_radius of the gate's centre
+    path: Weight = 0.0  # per m^2 off the straight leg
+    desired_speed: Annotated[float, unit("m/s", ge=0, le=100)] = 9.0  # horizontal, of the speed term [m/s]
+    waypoint_radius: Annotated[float, unit("m", gt=0, le=100)] = 0.5  # around a gate's centre [m]
+    margin: Annotated[float, unit("m", ge=0, le=10)] = 0.25  # inside the opening, around the frame, above ground [m]
 
 
 def terms(x, x_next, u, aim, crashed, p):

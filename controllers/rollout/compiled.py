@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import inspect
 import os
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -38,3 +40,9 @@ def load_module(name: str, source: str) -> ModuleType:
     sys.modules[name] = module  # numba's cache unpickles compiled code by module name
     spec.loader.exec_module(module)
     return module
+
+
+def is_cached(function: Callable) -> bool:
+    """Whether numba finds compiled code of this function's file on the disk, so that its first call is quick."""
+    source = Path(inspect.getfile(inspect.unwrap(function)))
+    return any((source.parent / "__pycache__").glob(f"{source.stem}.{function.__name__}-*.nbi"))

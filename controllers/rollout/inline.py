@@ -42,9 +42,8 @@ def lane_source(function: Callable, done: dict[str, str] | None = None) -> dict[
     done = {} if done is None else done
     tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
     assert isinstance(tree, ast.FunctionDef)
-    for name in dict.fromkeys(n.id for n in ast.walk(tree) if isinstance(n, ast.Name)):
-        value = function.__globals__.get(name)
-        if name in WORDS or name in done or value is None:
+    for name, value in inspect.getclosurevars(function).globals.items():
+        if name in WORDS or name in done:
             continue
         if isinstance(value, int | float):
             done[name] = f"{name} = F({value!r})"

@@ -16,7 +16,7 @@ from functools import cache
 import numpy as np
 
 from controllers.costs import Cost
-from controllers.rollout.compiled import load_module
+from controllers.rollout.compiled import is_cached, load_module
 from controllers.rollout.inline import lane_source
 from quadsim.systems import System
 
@@ -103,10 +103,19 @@ class Rollout:
         x0 (n_x,), U (T, n_u), noise (series, n_u, halves * T, LANES): a series holds `halves` samples.
         """
         s, d = self.system, self.dtype
-        rollout = compiled_rollout(s.step, self.cost.terms, self._sizes, d)
+        rollout = self._function
         low, high, p_system, p_cost = (np.asarray(a, d) for a in (s.low, s.high, s.params, self.cost.params))
         aims = self.cost.aims_from(target, d)
         rollout(np.asarray(x0, d), U.astype(d), noise, J, low, high, d(s.dt), aims, p_system, p_cost)
+
+    @property
+    def is_cached(self) -> bool:
+        """Whether the loop was compiled on this machine before; else the first call takes some 10 s."""
+        return is_cached(self._function)
+
+    @property
+    def _function(self) -> Callable:
+        return compiled_rollout(self.system.step, self.cost.terms, self._sizes, self.dtype)
 
     @property
     def _sizes(self) -> tuple[int, ...]:

@@ -8,12 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Annotated, Literal, Protocol
 
 import numpy as np
+from msgspec import Meta
 
 from controllers.samplers.colored import Colored
 from controllers.samplers.gaussian import Gaussian
+from quadsim.strict_yaml import unit
+
+Sigma = Annotated[float, Meta(gt=0, le=1000)]
+Gamma = Annotated[float, Meta(ge=0, le=10)]
+Sigmas = Annotated[tuple[Sigma, Sigma, Sigma, Sigma], unit("rad/s, rad/s, rad/s, m/s^2")]
 
 
 class Sampler(Protocol):
@@ -28,9 +34,9 @@ class Sampler(Protocol):
 class SamplerConfig:
     """One standard deviation and one colour exponent per control channel."""
 
-    sigma: tuple[float, ...] = (0.3, 0.3, 0.3, 3.5)  # units of the control channels
-    gamma: tuple[float, ...] = (0.01, 0.01, 0.01, 0.5)  # PSD ~ 1/f^gamma; colored only
-    law: str = "exact"  # exact | paper | library; colored only
+    sigma: Sigmas = (0.3, 0.3, 0.3, 3.5)  # standard deviation of body rates [rad/s] and thrust [m/s^2]
+    gamma: tuple[Gamma, Gamma, Gamma, Gamma] = (0.01, 0.01, 0.01, 0.5)  # PSD ~ 1/f^gamma; colored only
+    law: Literal["exact", "paper", "library"] = "exact"  # of the colored noise; colored only
 
 
 def _gaussian(config: SamplerConfig, samples: int, horizon: int, key: np.ndarray) -> Sampler:

@@ -8,7 +8,7 @@ import numpy as np
 
 from controllers.costs.race import race_cost
 from controllers.mppi import MPPI
-from controllers.presets import PRESETS, Planner
+from controllers.presets import Planner
 from controllers.samplers import SAMPLERS
 from quadsim.course import Course
 from quadsim.plant import BulletPlant

@@ -14,8 +14,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp
+from typing import Annotated
 
 from quadsim.plant import CONTROL, STATE
+from quadsim.strict_yaml import unit
 from quadsim.systems import System
 from quadsim.vehicle import GRAVITY, Vehicle
 
@@ -61,16 +63,20 @@ def step(x, u, p, dt):
     )
 
 
+Lag = Annotated[float, unit("s", ge=0, le=10)]
+Rate = Annotated[float, unit("rad/s", gt=0, le=100)]
+
+
 @dataclass(frozen=True)
 class Belief:
     """The numbers MPPI plans with. Plant and belief may differ; a run stores both."""
 
-    rate_tau: tuple[float, float, float]  # [s]
-    thrust_tau: float  # [s]; 0: thrust follows its command at once
-    drag: float  # linear, isotropic [1/s]
-    rate_max: tuple[float, float, float]  # [rad/s]
-    thrust_max: float  # mass-normalised [m/s^2]
-    thrust_min: float = 0.0
+    rate_tau: tuple[Lag, Lag, Lag]  # lag of the body rates about x, y, z [s]
+    thrust_tau: Lag  # lag of the thrust [s]; 0: it follows its command at once
+    drag: Annotated[float, unit("1/s", ge=0, le=20)]  # linear, isotropic [1/s]
+    rate_max: tuple[Rate, Rate, Rate]  # limit of the body-rate commands [rad/s]
+    thrust_max: Annotated[float, unit("m/s^2", gt=GRAVITY, le=1000)]  # mass-normalised limit [m/s^2]
+    thrust_min: Annotated[float, unit("m/s^2", ge=0, lt=GRAVITY)] = 0.0
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> Belief:

@@ -1,0 +1,96 @@
+"""`race fly`: one flight, from the flags to the report."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+from msgspec import Meta
+from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes
+
+from controllers.rollout.threads import use_threads
+from quadsim.app.console import complain
+from quadsim.app.flags import UsageError
+from quadsim.app.flight_flags import FlightFlags
+from quadsim.app.progress import Progress
+from quadsim.app.report import present
+from quadsim.app.spec import Spec, build
+from quadsim.archive import RunFolder
+from quadsim.flight import fly
+from quadsim.run import Frame, Run, RunError
+
+EXIT = {"finished": 0, "crashed": 1, "timeout": 1, "interrupted": 130}
+
+
+@dataclass(frozen=True)
+class Fly:
+    """Fly a course: laps, splits, crashes, chatter, plan time. `race fly` alone flies the main job.
+
+    race fly split_s_swift --sampler gaussian --seed 3
+    race fly mine.yaml --preset race --vehicle kingfisher --laps 2 --samples 2048 --model.drag 0
+    """
+
+    flight: OmitArgPrefixes[FlightFlags] = field(default_factory=FlightFlags)
+    threads: Annotated[int, Meta(ge=1)] | None = None  # else every core; results do not depend on it
+    runs_dir: Path = Path("runs")  # where the run is kept
+    json: FlagCreatePairsOff[bool] = False  # one JSON object instead of tables
+
+    @classmethod
+    def defaults(cls, argv: Sequence[str]) -> Fly:
+        return cls(flight=FlightFlags.defaults(argv))
+
+    def run(self) -> int:
+        try:
+            spec = self.flight.spec(host={"threads": use_threads(self.threads)})
+            plant, controller, referee = build(spec)
+        except ValueError as error:
+            raise UsageError(str(error)) from None
+        with closing(plant), RunFolder.open(self.runs_dir, spec.record()) as folder:
+            if not controller.rollout.is_cached:
+                complain("compiling the rollout for this machine, once: about 10 s")
+            frames = self._collect(fly(plant, controller, referee, spec.planner.mppi.dt), spec)
+            run = Run.from_frames(spec.record(), frames)
+            with uninterrupted():
+                failure = save(folder, run)
+        present(run, None if failure else folder.path, self.json)
+        if failure:
+            raise failure
+        if run.outcome == "interrupted":
+            complain(f"race fly: interrupted at {frames[-1].t:.2f} s, the flight so far is kept")
+        return EXIT[run.outcome]
+
+    def _collect(self, flight: Iterable[Frame], spec: Spec) -> list[Frame]:
+        """Every frame until the flight ends or Ctrl-C comes; KeyboardInterrupt where nothing has flown yet."""
+        frames: list[Frame] = []
+        with Progress(len(spec.course.gates), spec.laps, quiet=self.json) as line, suppress(KeyboardInterrupt):
+            for frame in flight:
+                frames.append(frame)
+                line.show(frame)
+        if not frames:
+            raise KeyboardInterrupt
+        return frames
+
+
+def save(folder: RunFolder, run: Run) -> RunError | None:
+    """The error is handed back: the report of a flight comes first, also when it cannot be kept."""
+    try:
+        folder.save(run)
+    except RunError as error:
+        return error
+    return None
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Ctrl-C and SIGTERM do nothing: a second one must not cost the run that the first one ended."""
+    signals = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(s, signal.SIG_IGN) for s in signals]
+    try:
+        yield
+    finally:
+        for s, handler in zip(signals, before, strict=True):
+            signal.signal(s, handler)
