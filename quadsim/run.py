@@ -1,0 +1,180 @@
+"""Run: what a flight leaves behind. Frames go in, one Run comes out; every number of a report is read off it.
+
+The spec is a JSON dict. Read here and in the archive: `course` and `sampler` (names), `course_text`, `seed`,
+`vehicle` (asdict(Vehicle)); `host` holds what must not change a flight (threads, folders). The rest is free.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from hashlib import sha256
+from itertools import pairwise
+
+import numpy as np
+
+from quadsim.plant import CONTROL, STATE
+
+PENALTY = 3.0  # [s] a hit in the timed mode, as AirSim Drone Racing Lab scores
+
+_STATE_UNITS = ("m",) * 3 + ("m/s",) * 3 + ("1",) * 4 + ("rad/s",) * 3 + ("m/s^2",) + ("rad/s^2",) * 3
+_CONTROL_UNITS = ("rad/s",) * 3 + ("m/s^2",)
+COLUMNS = {  # telemetry column -> unit
+    "t": "s",
+    **dict(zip(STATE, _STATE_UNITS, strict=True)),
+    **dict(zip(CONTROL, _CONTROL_UNITS, strict=True)),
+    **dict.fromkeys(("passed", "lap", "ess", "temperature", "cost"), "1"),
+    "plan_ms": "ms",
+}
+COUNTS = ("passed", "lap")  # integer columns
+WALL_CLOCK = ("plan_ms",)  # columns that differ from flight to flight and are no part of the digest
+
+
+class RunError(Exception):
+    """A run that cannot be saved or read. One line: the path, what is wrong, what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something the referee saw, at the instant inside a physics step at which it happened."""
+
+    t: float  # [s]
+    kind: str  # pass, hit, miss, wrong_way, ground, bounds, timeout, unseen_contact
+    gate: int  # 1-based; 0: no gate
+    lap: int  # 1-based
+    offset: tuple[float, float]  # from the gate's centre: left, up in the gate frame [m]
+    speed: float  # [m/s]
+    position: tuple[float, float, float]  # ENU [m]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One control step: the state at t, and the control held from t on."""
+
+    t: float  # [s]
+    x: tuple[float, ...]  # STATE at t
+    u: tuple[float, ...]  # CONTROL over the following control period
+    passed: int  # gates since the start
+    lap: int  # 1-based
+    gate: int  # 1-based number of the next gate
+    ess: float  # effective sample size of the last iteration
+    temperature: float
+    cost: float  # of the nominal
+    plan_ms: float  # wall clock [ms]
+    elapsed: float  # wall clock since the flight began [s]
+    events: tuple[Event, ...] = ()  # of the physics steps that led to t
+    outcome: str | None = None  # None: still flying; finished, crashed, timeout
+    best: np.ndarray | None = None  # the planner's best sampled paths [m]  (8, points, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A flight as it is remembered. Laps, splits and penalties are read off the events, so they cannot disagree."""
+
+    spec: dict  # resolved configuration, JSON
+    telemetry: dict[str, np.ndarray]  # COLUMNS, each  (frames,)
+    events: tuple[Event, ...]
+    outcome: str  # finished, crashed, timeout, interrupted
+    wall: dict  # wall clock: plan_ms {p50, p95}, real_time_factor
+    best: np.ndarray | None = None  # nan where a frame had none  (frames, 8, points, 3)
+
+    @classmethod
+    def from_frames(cls, spec: dict, frames: Iterable[Frame]) -> Run:
+        """Collect a flight. A last frame without an outcome means that somebody stopped asking: interrupted."""
+        frames = list(frames)
+        return cls(
+            spec=json.loads(canonical(spec)),  # tuples become lists now, so that loading gives back the same
+            telemetry=_telemetry(frames),
+            events=tuple(e for f in frames for e in f.events),
+            outcome=(frames[-1].outcome if frames else None) or "interrupted",
+            wall=_wall(frames),
+            best=_stack([f.best for f in frames]),
+        )
+
+    @cached_property
+    def laps(self) -> list[float]:
+        """Completed laps, penalties included [s]."""
+        return [t + p for t, p in zip(flown_laps(self.events, self._completed), self.penalties, strict=True)]
+
+    @cached_property
+    def penalties(self) -> list[float]:
+        """The part of each completed lap that was added for hits [s]."""
+        return lap_penalties(self.events, self._completed)
+
+    @cached_property
+    def gates(self) -> list[dict]:
+        """The gates passed, in order."""
+        keys = ("gate", "lap", "t", "offset", "speed")
+        return [{k: getattr(e, k) for k in keys} for e in self.events if e.kind == "pass"]
+
+    @property
+    def _completed(self) -> int:
+        laps = self.telemetry["lap"]
+        return int(laps[-1]) - 1 + (self.outcome == "finished") if len(laps) else 0
+
+    def digest(self) -> str:
+        """sha256 [hex] of all that a seed determines: no wall clock, no spec["host"], not the picture in `best`."""
+        events = [asdict(e) for e in self.events]
+        text = canonical({"spec": hostless(self.spec), "events": events, "laps": self.laps, "outcome": self.outcome})
+        columns = [self.telemetry[name].astype("<f8").tobytes() for name in COLUMNS if name not in WALL_CLOCK]
+        return sha256(b"".join([text, *columns])).hexdigest()
+
+
+def flown_laps(events: Iterable[Event], completed: int) -> list[float]:
+    """A lap ends at its last pass; the first begins at t = 0, so that laps sum to the race [s]."""
+    ends = {e.lap: e.t for e in events if e.kind == "pass"}
+    ends = [0.0, *(ends[lap] for lap in range(1, completed + 1))]
+    return [b - a for a, b in pairwise(ends)]
+
+
+def lap_penalties(events: Iterable[Event], completed: int) -> list[float]:
+    """PENALTY for every hit of a completed lap [s]. Only in the timed mode is a lap with a hit ever completed."""
+    hits = [e.lap for e in events if e.kind == "hit"]
+    return [PENALTY * hits.count(lap) for lap in range(1, completed + 1)]
+
+
+def sector_times(events: Iterable[Event]) -> list[list[float]]:
+    """Flown seconds from gate to gate, one list a lap; they sum to the lap without its penalties."""
+    laps: dict[int, list[float]] = {}
+    last = 0.0
+    for e in events:
+        if e.kind == "pass":
+            laps.setdefault(e.lap, []).append(e.t - last)
+            last = e.t
+    return list(laps.values())
+
+
+def hostless(spec: dict) -> dict:
+    """The part of a spec that decides a flight."""
+    return {k: v for k, v in spec.items() if k != "host"}
+
+
+def canonical(value: object) -> bytes:
+    """One JSON text for one value; raises ValueError on nan and TypeError on what JSON cannot hold."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
+
+
+def _telemetry(frames: list[Frame]) -> dict[str, np.ndarray]:
+    rows = [(f.t, *f.x, *f.u, f.passed, f.lap, f.ess, f.temperature, f.cost, f.plan_ms) for f in frames]
+    table = np.array(rows, dtype=float).reshape(len(frames), len(COLUMNS))  # (frames, columns)
+    return {name: table[:, i].astype(int if name in COUNTS else float) for i, name in enumerate(COLUMNS)}
+
+
+def _wall(frames: list[Frame]) -> dict:
+    """The real-time factor is simulated over wall-clock seconds."""
+    if not frames:
+        return {"plan_ms": {"p50": 0.0, "p95": 0.0}, "real_time_factor": 0.0}
+    p50, p95 = (float(v) for v in np.percentile([f.plan_ms for f in frames], [50, 95]))
+    last = frames[-1]
+    factor = last.t / last.elapsed if last.elapsed > 0.0 else 0.0
+    return {"plan_ms": {"p50": p50, "p95": p95}, "real_time_factor": factor}
+
+
+def _stack(paths: list[np.ndarray | None]) -> np.ndarray | None:
+    shape = next((p.shape for p in paths if p is not None), None)
+    if shape is None:
+        return None
+    none = np.full(shape, np.nan, np.float32)
+    return np.stack([none if p is None else p.astype(np.float32) for p in paths])

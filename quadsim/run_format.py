@@ -1,0 +1,113 @@
+"""The bytes of a run folder's three files. Reading believes nothing: names, types, lengths and checksums are held."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from math import isfinite
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+
+from quadsim.metrics import chatter
+from quadsim.run import COLUMNS, COUNTS, Event, Run, RunError
+
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Record:
+    """What is read back of run.json; the rest follows from it or is there for people."""
+
+    spec: dict[str, Any]
+    outcome: Literal["finished", "crashed", "timeout", "interrupted"]
+    events: tuple[Event, ...]
+    plan_ms: dict[str, float]
+    real_time_factor: float
+    digest: str
+
+
+@dataclass(frozen=True)
+class Header:
+    schema_version: int
+
+
+def write_json(run: Run, provenance: dict) -> bytes:
+    record = {
+        "schema_version": SCHEMA_VERSION,
+        "outcome": run.outcome,
+        "laps": run.laps,
+        "penalties": run.penalties,
+        "gates": run.gates,
+        "events": [asdict(e) for e in run.events],
+        "chatter": _finite(chatter(run)),
+        **run.wall,
+        "spec": run.spec,
+        "course_sha256": sha256(run.spec["course_text"].encode()).hexdigest(),
+        "units": COLUMNS,
+        **provenance,
+        "digest": run.digest(),
+    }
+    return json.dumps(record, indent=1, allow_nan=False).encode()
+
+
+def read_json(data: bytes, path: object) -> Record:
+    try:
+        version = msgspec.json.decode(data, type=Header).schema_version
+        if version != SCHEMA_VERSION:
+            advice = "it comes from a newer quadsim, update this one" if version > SCHEMA_VERSION else "it is damaged"
+            raise RunError(f"{path}: expected schema_version {SCHEMA_VERSION}, got {version}; {advice}")
+        return msgspec.json.decode(data, type=Record)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise RunError(f"{path}: damaged: {error}") from error
+
+
+def write_npz(run: Run) -> bytes:
+    buffer = io.BytesIO()
+    best = {} if run.best is None else {"best": run.best}
+    np.savez_compressed(buffer, **run.telemetry, **best)  # pyright: ignore[reportArgumentType]
+    return buffer.getvalue()
+
+
+def read_npz(data: bytes, path: object) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
+    """Telemetry by column, and the planner's best paths where the run has them."""
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+            columns = {name: arrays[name] for name in arrays.files}
+    except Exception as error:  # a damaged zip fails in a dozen ways
+        raise RunError(f"{path}: damaged: {error}") from error
+    best = columns.pop("best", None)
+    _check(columns, best, path)
+    return {name: columns[name] for name in COLUMNS}, best
+
+
+def write_csv(events: Iterable[Event]) -> bytes:
+    text = io.StringIO(newline="")
+    out = csv.writer(text)
+    out.writerow(["t", "kind", "gate", "lap", "left", "up", "speed", "x", "y", "z"])
+    out.writerows((e.t, e.kind, e.gate, e.lap, *e.offset, e.speed, *e.position) for e in events)
+    return text.getvalue().encode()
+
+
+def _check(columns: dict[str, np.ndarray], best: np.ndarray | None, path: object) -> None:
+    if wrong := sorted(columns.keys() ^ COLUMNS.keys()):
+        raise RunError(f"{path}: expected the columns of quadsim.run.COLUMNS, missing or unknown: {', '.join(wrong)}")
+    frames = columns["t"].shape
+    for name, column in columns.items():
+        wanted = np.dtype(np.int64 if name in COUNTS else np.float64)
+        if column.dtype != wanted or column.ndim != 1 or column.shape != frames:
+            raise RunError(f"{path}: {name}: expected {wanted} {frames}, got {column.dtype} {column.shape}")
+    if best is not None and (best.ndim != 4 or best.shape[::3] != (*frames, 3) or best.dtype != np.float32):
+        raise RunError(f"{path}: best: expected float32 {(*frames, 8, 'points', 3)}, got {best.dtype} {best.shape}")
+
+
+def _finite(value: object) -> object:
+    """JSON has no nan: a chatter of a plant that blew up becomes null."""
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    return None if isinstance(value, float) and not isfinite(value) else value

@@ -1,0 +1,190 @@
+"""A run folder: nothing lost, nothing half, nothing that only looks finished."""
+
+import csv
+import errno
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from run_cases import SPEC, same, two_laps
+
+from quadsim.archive import RunFolder, list_runs, load_run
+from quadsim.run import COLUMNS, Run, RunError
+
+
+def save(root, run):
+    with RunFolder.open(root, run.spec) as folder:
+        return folder.save(run)
+
+
+@pytest.mark.parametrize("best", [None, np.random.default_rng(0).normal(size=(8, 5, 3))])
+def test_round_trip_is_exact(tmp_path, best):
+    run = two_laps(best=best)
+    assert same(load_run(save(tmp_path, run)), run)
+
+
+def test_interrupted_run_without_a_frame_survives_the_round_trip(tmp_path):
+    run = Run.from_frames(SPEC, [])
+    assert same(load_run(save(tmp_path, run)), run)
+
+
+def test_plant_that_blew_up_is_saved_with_its_nan(tmp_path):
+    run = two_laps()
+    run.telemetry["a"][-1] = np.nan
+    path = save(tmp_path, run)
+    assert same(load_run(path), run)
+    assert json.loads((path / "run.json").read_text())["chatter"]["delivered"]["thrust_tv"] is None
+
+
+def test_run_json_says_what_flew_and_where(tmp_path):
+    run = two_laps()
+    record = json.loads((save(tmp_path, run) / "run.json").read_text())
+    assert record["schema_version"] == 1
+    assert record["spec"] == run.spec
+    assert record["laps"] == run.laps
+    assert record["units"] == COLUMNS
+    assert record["digest"] == run.digest()
+    assert record["chatter"]["commanded"]["thrust_tv"] > 0.0
+    assert record["versions"].keys() == {"python", "quadsim", "numpy", "scipy", "pybullet", "numba"}
+    assert record["argv"] == sys.argv
+    assert {"git", "cpu", "course_sha256", "plan_ms", "real_time_factor", "gates", "events"} <= record.keys()
+
+
+def test_events_csv_has_a_row_an_event(tmp_path):
+    rows = list(csv.DictReader((save(tmp_path, two_laps()) / "events.csv").open()))
+    assert [r["kind"] for r in rows] == [e.kind for e in two_laps().events]
+    assert float(rows[0]["t"]) == 0.095
+
+
+def test_folder_is_named_after_time_course_sampler_seed_and_spec(tmp_path):
+    name = r"\d{8}T\d{6}Z_test-course_colored_s3_[0-9a-f]{8}"
+    path = save(tmp_path, two_laps())
+    assert re.fullmatch(name, path.name)
+    other = save(tmp_path, two_laps(SPEC | {"host": {"threads": 9}}))
+    assert other.name[17:].startswith(path.name[17:])
+    assert save(tmp_path, two_laps(SPEC | {"lam": 1})).name[-8:] != path.name[-8:]
+
+
+def test_two_runs_of_one_second_do_not_clash(tmp_path, monkeypatch):
+    monkeypatch.setattr("quadsim.archive.time.strftime", lambda *_: "20260102T030405Z")
+    with RunFolder.open(tmp_path, SPEC) as first, RunFolder.open(tmp_path, SPEC) as second:
+        paths = [first.save(two_laps()), second.save(two_laps()), save(tmp_path, two_laps())]
+    assert len(set(paths)) == 3
+    assert list_runs(tmp_path) == sorted(paths)
+
+
+def test_exception_in_flight_leaves_nothing(tmp_path):
+    with suppress(ZeroDivisionError), RunFolder.open(tmp_path, SPEC) as folder:
+        assert list(tmp_path.iterdir()) == [folder.part]
+        raise ZeroDivisionError
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_kill_in_flight_leaves_only_a_part_that_is_no_run(tmp_path):
+    flight = f"""
+import os, signal
+from quadsim.archive import RunFolder
+with RunFolder.open({str(tmp_path)!r}, {SPEC!r}):
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    assert subprocess.run([sys.executable, "-c", flight]).returncode == -signal.SIGKILL
+    (part,) = tmp_path.iterdir()
+    assert part.name.endswith(".part")
+    (part / "run.json").write_text("{}")  # had it come a moment later
+    assert list_runs(tmp_path) == []
+    with pytest.raises(RunError, match=r"\.part"):
+        load_run(part)
+
+
+@pytest.mark.parametrize("root", ["file", "file/runs", "dangling"])
+def test_root_that_cannot_be_written_is_one_line_before_the_flight(tmp_path, root):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "dangling").symlink_to(tmp_path / "file" / "nowhere")
+    with pytest.raises(RunError, match=f"^{tmp_path / root}: cannot make a folder for runs here: [^\n]+$"):
+        RunFolder.open(tmp_path / root, SPEC)
+
+
+def test_full_disk_is_one_line_and_nothing_looks_finished(tmp_path, monkeypatch):
+    def full(_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with RunFolder.open(tmp_path, SPEC) as folder, monkeypatch.context() as patch:
+        patch.setattr("quadsim.archive.os.fsync", full)
+        with pytest.raises(RunError, match=r"telemetry\.npz: cannot write: No space left on device$"):
+            folder.save(two_laps())
+    assert list(tmp_path.iterdir()) == []
+
+
+# Reading believes nothing
+
+
+def edit(path, **changes):
+    record = json.loads((path / "run.json").read_text())
+    (path / "run.json").write_text(json.dumps(record | changes))
+
+
+def edit_npz(path, **changes):
+    columns = dict(np.load(path / "telemetry.npz")) | changes
+    np.savez(path / "telemetry.npz", **{k: v for k, v in columns.items() if v is not None})
+
+
+DAMAGE = {
+    "newer": (lambda p: edit(p, schema_version=2), "expected schema_version 1, got 2; it comes from a newer quadsim"),
+    "no version": (lambda p: edit(p, schema_version=None), "damaged: Expected `int`"),
+    "outcome": (lambda p: edit(p, outcome="won"), "damaged: Invalid enum value 'won'"),
+    "edited lap": (lambda p: edit(p, events=[]), "do not give the stored digest"),
+    "event": (
+        lambda p: edit(p, events=[{"t": "soon"}]),
+        r"damaged: Expected `float`, got `str` - at `\$.events\[0\].t`",
+    ),
+    "cut json": (lambda p: (p / "run.json").write_text('{"schema_version": 1, "spec"'), "damaged: "),
+    "binary json": (lambda p: (p / "run.json").write_bytes(b"\xff\x00"), "damaged: "),
+    "no json": (lambda p: (p / "run.json").unlink(), "cannot read: No such file"),
+    "no npz": (lambda p: (p / "telemetry.npz").unlink(), "cannot read: No such file"),
+    "empty npz": (lambda p: (p / "telemetry.npz").write_bytes(b""), "damaged: "),
+    "column": (lambda p: edit_npz(p, vz=None), "missing or unknown: vz"),
+    "length": (lambda p: edit_npz(p, vz=np.zeros(3)), r"vz: expected float64 \(61,\), got float64 \(3,\)"),
+    "pickle": (lambda p: edit_npz(p, vz=np.array([{}])), "damaged: Object arrays cannot be loaded"),
+    "best": (lambda p: edit_npz(p, best=np.zeros((61, 8, 3))), "best: expected float32"),
+    "bit": (lambda p: edit_npz(p, vz=np.full(61, 1e-300)), "do not give the stored digest"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_damaged_folder_is_one_line_that_names_it(tmp_path, damage):
+    path = save(tmp_path, two_laps())
+    harm, message = DAMAGE[damage]
+    harm(path)
+    with pytest.raises(RunError, match=message) as error:
+        load_run(path)
+    assert str(error.value).startswith(str(path))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["run.json", "telemetry.npz"])
+def test_random_damage_never_gets_past_the_reader_unseen(tmp_path, name):
+    run = two_laps()
+    path = save(tmp_path, run)
+    whole, rng = (path / name).read_bytes(), np.random.default_rng(0)
+    for _ in range(150):
+        data = bytearray(whole)
+        data[rng.integers(len(data))] ^= 1 << rng.integers(8)
+        (path / name).write_bytes(data[: rng.integers(len(data)) if rng.random() < 0.3 else None])
+        try:
+            loaded = load_run(path)
+        except RunError:
+            continue
+        assert loaded.digest() == run.digest()
+
+
+def test_missing_run_is_one_line():
+    with pytest.raises(RunError, match=r"^nowhere: expected a run folder, found nothing$"):
+        load_run(Path("nowhere"))
+    assert list_runs("nowhere") == []

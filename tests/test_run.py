@@ -1,0 +1,94 @@
+"""What a run is: its columns, its laps, its identity."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from run_cases import SPEC, event, frame, two_laps
+
+from quadsim.plant import CONTROL, STATE
+from quadsim.run import COLUMNS, PENALTY, Run, sector_times
+
+
+def test_telemetry_has_a_unit_for_every_column_and_one_length():
+    run = two_laps()
+    assert list(run.telemetry) == list(COLUMNS)
+    assert {*STATE, *CONTROL} < COLUMNS.keys()
+    assert {c.shape for c in run.telemetry.values()} == {(61,)}
+    assert run.telemetry["a"][7] == frame(7).x[STATE.index("a")]
+    assert run.telemetry["a_cmd"][7] == frame(7).u[CONTROL.index("a_cmd")]
+
+
+def test_laps_begin_at_zero_end_at_the_last_gate_and_carry_their_own_penalties():
+    run = two_laps()
+    assert run.penalties == [0.0, PENALTY]
+    assert run.laps == pytest.approx([0.3, 0.29 + PENALTY])
+    assert sector_times(run.events) == [pytest.approx([0.095, 0.105, 0.1]), pytest.approx([0.1, 0.1, 0.09])]
+    assert run.gates[0] == {"gate": 1, "lap": 1, "t": 0.095, "offset": (0.1, -0.2), "speed": 12.3}
+    assert len(run.gates) == 6
+
+
+def test_flight_that_nobody_ended_is_interrupted_and_keeps_its_full_laps():
+    run = two_laps(outcome=None)
+    assert run.outcome == "interrupted"
+    assert run.laps == pytest.approx([0.3])
+
+
+def test_crash_in_the_first_lap_has_no_laps():
+    run = Run.from_frames(SPEC, [frame(0), frame(1, events=(event(0.005, "hit"),), outcome="crashed")])
+    assert (run.outcome, run.laps, run.penalties, run.gates) == ("crashed", [], [], [])
+
+
+def test_flight_interrupted_before_its_first_frame_is_still_a_run():
+    run = Run.from_frames(SPEC, [])
+    assert (run.outcome, run.laps, len(run.telemetry["t"])) == ("interrupted", [], 0)
+    assert len(run.digest()) == 64
+
+
+def test_wall_clock_is_percentiles_and_simulated_over_real_seconds():
+    frames = [frame(k, plan_ms=float(k)) for k in range(101)]
+    assert Run.from_frames(SPEC, frames).wall == {"plan_ms": {"p50": 50.0, "p95": 95.0}, "real_time_factor": 0.5}
+
+
+def test_best_paths_are_kept_where_a_frame_has_them():
+    paths = np.arange(8 * 5 * 3, dtype=float).reshape(8, 5, 3)
+    run = Run.from_frames(SPEC, [frame(0), frame(1, best=paths)])
+    assert run.best.shape == (2, 8, 5, 3)
+    assert np.isnan(run.best[0]).all()
+    assert np.array_equal(run.best[1], paths)
+    assert two_laps().best is None
+
+
+def test_digest_ignores_the_wall_clock_the_host_and_the_best_paths():
+    elsewhere = SPEC | {"host": {"threads": 16}}
+    other = two_laps(elsewhere, plan_ms=99.0, best=np.zeros((8, 5, 3)))
+    assert other.wall != two_laps().wall
+    assert other.digest() == two_laps().digest()
+
+
+def nudge(run, column):
+    bits = run.telemetry[column].copy()
+    bits[30] = np.nextafter(bits[30], np.inf) if bits.dtype == float else bits[30] + 1
+    return replace(run, telemetry=run.telemetry | {column: bits})
+
+
+@pytest.mark.parametrize("column", [c for c in COLUMNS if c != "plan_ms"])
+def test_digest_sees_the_last_bit_of_every_column(column):
+    assert nudge(two_laps(), column).digest() != two_laps().digest()
+
+
+def test_digest_sees_events_spec_and_outcome():
+    run = two_laps()
+    others = [
+        replace(run, events=(replace(run.events[0], speed=12.300000000000002), *run.events[1:])),
+        replace(run, outcome="timeout"),
+        two_laps(SPEC | {"seed": 4}),
+    ]
+    assert len({run.digest(), *(other.digest() for other in others)}) == 4
+
+
+def test_spec_that_json_cannot_hold_is_refused():
+    with pytest.raises(TypeError):
+        Run.from_frames({"course": object()}, [])
+    with pytest.raises(ValueError, match="JSON"):
+        Run.from_frames({"sigma": float("nan")}, [])
