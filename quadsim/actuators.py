@@ -146,6 +146,7 @@ class Actuators:
         self._underway = deque([HOVER] * round(vehicle.latency / dt))
         self.motors = Motors(vehicle, vehicle.rotors, dt) if vehicle.rotors else None
         self.thrust = GRAVITY  # delivered, mass-normalised, along body z [m/s^2]
+        self.angular_acceleration: Vector = (0.0, 0.0, 0.0)  # delivered, body frame [rad/s^2]
 
     def wrench(self, command: Vector, omega_body: Vector, v_body: Vector) -> tuple[Vector, Vector]:
         """(force [N], torque [N m]) in the body frame for the step that starts now.
@@ -160,5 +161,9 @@ class Actuators:
         if self.motors:
             force, torque = self.motors.drive(force, torque)
         self.thrust = force / vehicle.mass
+        gyroscopic = rate_torque(omega_body, omega_body, self._gain, vehicle.inertia)
+        self.angular_acceleration = tuple(
+            (t - g) / j for t, g, j in zip(torque, gyroscopic, vehicle.inertia, strict=True)
+        )
         fx, fy, fz = (-vehicle.mass * d * v for d, v in zip(vehicle.drag, v_body, strict=True))
         return (fx, fy, fz + force), torque

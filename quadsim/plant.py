@@ -14,8 +14,8 @@ from quadsim.course import Course, Start
 from quadsim.vehicle import GRAVITY, Vehicle
 
 # The quadrotor's state everywhere: p [m], v [m/s] (world), q wxyz (world from body), body rates [rad/s],
-# and the mass-normalised thrust the rotors deliver now [m/s^2].
-STATE = ("px", "py", "pz", "vx", "vy", "vz", "qw", "qx", "qy", "qz", "wx", "wy", "wz", "a")
+# and what the rotors deliver now: mass-normalised thrust [m/s^2], angular acceleration (body) [rad/s^2].
+STATE = ("px", "py", "pz", "vx", "vy", "vz", "qw", "qx", "qy", "qz", "wx", "wy", "wz", "a", "bx", "by", "bz")
 CONTROL = ("wx_cmd", "wy_cmd", "wz_cmd", "a_cmd")
 
 FRAME_DEPTH = 0.1  # of a gate's bars along its passage [m]
@@ -47,11 +47,11 @@ class Plant(Protocol):
 
 
 def start_state(start: Start, radius: float) -> Vector:
-    """At rest, level, hover thrust; lifted clear of the ground where the start stands on it.  (14,)"""
+    """At rest, level, hover thrust; lifted clear of the ground where the start stands on it.  (17,)"""
     x, y, z = start.position
     half = 0.5 * start.yaw
     p = (x, y, max(z, radius + CLEARANCE))
-    return (*p, 0.0, 0.0, 0.0, cos(half), 0.0, 0.0, sin(half), 0.0, 0.0, 0.0, GRAVITY)
+    return (*p, 0.0, 0.0, 0.0, cos(half), 0.0, 0.0, sin(half), 0.0, 0.0, 0.0, GRAVITY, 0.0, 0.0, 0.0)
 
 
 class BulletPlant:
@@ -83,7 +83,7 @@ class BulletPlant:
 
     def _read(self) -> PlantState:
         p, v, q, omega = self._world.read()
-        x = (*p, *v, *q, *omega, self._actuators.thrust)
+        x = (*p, *v, *q, *omega, self._actuators.thrust, *self._actuators.angular_acceleration)
         return PlantState(self._steps * self.dt, x, self._world.contacts())
 
     def close(self) -> None:

@@ -54,7 +54,7 @@ def launch():
 def test_it_starts_at_rest_on_the_start_with_hover_thrust(launch):
     state = launch(start=Start((3.0, -1.0, 7.0), pi / 2)).state
     half = 0.5**0.5
-    np.testing.assert_allclose(state.x, (3, -1, 7, 0, 0, 0, half, 0, 0, half, 0, 0, 0, GRAVITY), atol=1e-12)
+    np.testing.assert_allclose(state.x, (3, -1, 7, 0, 0, 0, half, 0, 0, half, 0, 0, 0, GRAVITY, 0, 0, 0), atol=1e-12)
     assert (state.t, state.contacts) == (0.0, ())
 
 
@@ -143,7 +143,7 @@ def test_the_same_commands_give_the_same_states_to_the_last_bit(launch, vehicle)
 
 
 def gap(model_dt, plant_dt):
-    """Largest difference of each state between model and plant in a second of lively flight.  (14,)"""
+    """Largest difference of each state between model and plant in a second of lively flight.  (17,)"""
     belief = quadrotor(Belief.of(PAPER), model_dt)
     plant = BulletPlant(SKY, PAPER, dt=plant_dt)
     model = ModelPlant(belief.step, belief.params, plant.state.x, model_dt)
@@ -157,9 +157,11 @@ def gap(model_dt, plant_dt):
 
 def test_model_and_plant_agree_in_free_flight_and_converge_with_the_step():
     coarse, fine = gap(1 / 200, 1 / 200), gap(1 / 800, 1 / 800)
-    assert coarse[:3].max() < 0.01  # the plant moves with the new velocity, the model with the mean one
-    assert coarse[3:].max() < 1e-4
-    assert fine[:3].max() == pytest.approx(coarse[:3].max() / 4, rel=0.1)
+    assert coarse[10:].max() < 1e-6  # rates, thrust and angular acceleration are the same formula
+    # PyBullet moves and turns with the new velocity, the model with the mean one: first order in the step
+    assert coarse[:3].max() < 0.01
+    assert coarse[3:10].max() < 0.002
+    assert fine[:10].max() == pytest.approx(coarse[:10].max() / 4, rel=0.1)
 
 
 def test_a_model_at_100_hz_predicts_a_plant_at_400_hz_to_5_mm_in_a_second():

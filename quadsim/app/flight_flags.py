@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from msgspec import Meta
-from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
+from tyro.conf import DisallowNone, FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
+from tyro.extras import literal_type_from_choices
 
 from controllers.costs.race import RaceWeights
 from controllers.mppi import MPPIConfig
-from controllers.presets import Planner, faults
+from controllers.presets import PRESETS, Planner, faults
 from controllers.samplers import SAMPLERS, SamplerConfig
 from quadsim.app.flags import UsageError, check, flag
 from quadsim.app.preset_file import load_planner
@@ -20,41 +21,52 @@ from quadsim.app.spec import Spec
 from quadsim.course import Course, load_course
 from quadsim.flight import whole_multiple
 from quadsim.strict_yaml import unit
-from quadsim.systems.quadrotor import Belief, Lag, Rate
+from quadsim.systems.quadrotor import Belief, Drag, Lag, Rate, Thrust
 from quadsim.vehicle import Vehicle, load_vehicle
 from quadsim.yaml_words import did_you_mean
 
-Axes = Annotated[tuple[Lag, Lag, Lag] | None, arg(metavar="X Y Z")]
+
+def otherwise(what: str) -> object:
+    """What holds where a flag is left out, for its help."""
+    return arg(help_behavior_hint=f"(default: {what})")
+
+
+if TYPE_CHECKING:
+    SamplerName = str
+else:
+    SamplerName = literal_type_from_choices(SAMPLERS)  # so that shells complete it
+Limit = Annotated[float, unit("s", gt=0, le=1e5)]
+THE_VEHICLES = otherwise("the vehicle's")
 
 
 @dataclass(frozen=True)
 class ModelFlags:
-    """What the planner believes of the vehicle. Left out: what the vehicle is."""
+    """What the planner believes of the vehicle; left out: what the vehicle is."""
 
-    rate_tau: tuple[Lag, Lag, Lag] | None = None  # lag of the body rates about x, y, z [s]
-    thrust_tau: Lag | None = None  # lag of the thrust [s]
-    drag: Annotated[float, unit("1/s", ge=0, le=20)] | None = None  # linear, isotropic [1/s]
-    rate_max: tuple[Rate, Rate, Rate] | None = None  # limit of the body-rate commands [rad/s]
-    thrust_max: Annotated[float, unit("m/s^2", ge=0, le=1000)] | None = None  # mass-normalised limit [m/s^2]
+    rate_tau: Annotated[tuple[Lag, Lag, Lag] | None, THE_VEHICLES] = None  # lag of the body rates about x, y, z [s]
+    motor_tau: Annotated[Lag | None, THE_VEHICLES] = None  # lag of the rotors, for thrust and torque [s]
+    drag: Annotated[Drag | None, THE_VEHICLES] = None  # linear, isotropic [1/s]
+    rate_max: Annotated[tuple[Rate, Rate, Rate] | None, THE_VEHICLES] = None  # limit of the rate commands [rad/s]
+    thrust_max: Annotated[Thrust | None, THE_VEHICLES] = None  # mass-normalised limit [m/s^2]
 
 
 @dataclass(frozen=True)
 class FlightFlags:
     """One flight, as the command line says it."""
 
-    course: Positional[str] = "split_s_swift"  # a name of `race courses`, or a FILE.yaml
-    sampler: Annotated[str, arg(metavar="{colored,gaussian}")] = "colored"  # what the perturbations are
-    preset: Annotated[str, arg(metavar="{paper,race,FILE.yaml}")] = "race"  # every planner number not given here
-    vehicle: str | None = None  # a name of `race vehicles`, or a FILE.yaml; else the preset's
-    laps: Annotated[int, Meta(ge=1, le=1000)] | None = None  # else the course's
+    course: Annotated[str, Positional, arg(metavar="COURSE")] = "split_s_swift"  # see `race courses`, or a FILE.yaml
+    sampler: Annotated[SamplerName, arg(metavar="|".join(SAMPLERS))] = "colored"  # of the perturbations
+    preset: Annotated[str, arg(metavar="|".join((*PRESETS, "FILE.yaml")))] = "race"  # of every number not given here
+    vehicle: Annotated[str, arg(metavar="NAME|FILE.yaml")] = "swift"  # see `race vehicles`
+    laps: Annotated[Annotated[int, Meta(ge=1, le=1000)] | None, DisallowNone, otherwise("the course's")] = None
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0  # of everything random
-    timeout: Annotated[float, unit("s", gt=0, le=1e5)] | None = None  # else 10 s and .5 s a metre of the laps [s]
+    timeout: Annotated[Limit | None, DisallowNone, otherwise("10 s and 1 s for every 2 m")] = None  # of the flight [s]
     penalties: FlagCreatePairsOff[bool] = False  # a hit costs 3 s instead of ending the flight
-    plant_dt: Annotated[float, unit("s", gt=0, le=0.02)] = 0.0025  # the world's step [s]
+    plant_dt: Annotated[float, unit("s", gt=0, le=0.02)] = 0.0025  # step of the simulated world [s]
     sampling: OmitArgPrefixes[SamplerConfig] = field(default_factory=SamplerConfig)
     mppi: OmitArgPrefixes[MPPIConfig] = field(default_factory=MPPIConfig)
     cost: OmitArgPrefixes[RaceWeights] = field(default_factory=RaceWeights)
-    model: ModelFlags = field(default_factory=ModelFlags)
+    model: DisallowNone[ModelFlags] = field(default_factory=ModelFlags)
 
     @classmethod
     def defaults(cls, argv: Sequence[str]) -> FlightFlags:
@@ -68,8 +80,8 @@ class FlightFlags:
     def spec(self, host: dict) -> Spec:
         """Names resolved, numbers checked. Raises UsageError, FileError."""
         check(self)
-        course, vehicle = load_course(self.course), load_vehicle(self.vehicle or "swift")
-        planner = Planner(self.vehicle or "swift", self.sampling, self.mppi, self.cost)
+        course, vehicle = load_course(self.course), load_vehicle(self.vehicle)
+        planner = Planner(self.vehicle, self.sampling, self.mppi, self.cost)
         for path, problem in faults(planner):
             raise UsageError(f"{flag(path)}: {problem}")
         try:

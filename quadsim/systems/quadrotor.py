@@ -1,13 +1,13 @@
-"""The quadrotor that MPPI believes in: rigid attitude, first-order body rates and thrust, linear drag.
+"""The quadrotor that MPPI believes in: first-order body rates behind rotors that lag, linear drag.
 
     p' = v
     v' = R(q) e_z a - g e_z - d v
     q' = q x (0, omega) / 2
-    omega' = (omega_cmd - omega) / tau_omega
-    a' = (a_cmd - a) / tau_a
+    omega' = beta                   beta' = ((omega_cmd - omega) / tau_omega - beta) / tau_m
+                                    a' = (a_cmd - a) / tau_m
 
-The 13 states of Vlahov et al. 2024, section IV-B, and a 14th, the mass-normalised thrust the rotors
-deliver now. With tau_a = 0 (the paper's model) it equals the command at once.
+The 13 states of Vlahov et al. 2024, section IV-B, and four more, what the rotors deliver now: thrust a
+and angular acceleration beta. With tau_m = 0, the paper's model, both follow their commands at once.
 """
 
 from __future__ import annotations
@@ -23,48 +23,59 @@ from quadsim.vehicle import GRAVITY, Vehicle
 
 
 def step(x, u, p, dt):
-    """x, u: plant.STATE and plant.CONTROL. p: gains of rates (3) and thrust in one dt, drag [1/s]."""
-    px, py, pz, vx, vy, vz, qw, qx, qy, qz, wx, wy, wz, a = x
+    """x, u: plant.STATE and plant.CONTROL. p: rate gains (3) [1/s], the rotors' gain in one dt, drag [1/s]."""
+    px, py, pz, vx, vy, vz, qw, qx, qy, qz, wx, wy, wz, a, bx, by, bz = x
     wx_cmd, wy_cmd, wz_cmd, a_cmd = u
-    k_x, k_y, k_z, k_a, drag = p
-    half = 0.5 * dt
-    a2 = a + (a_cmd - a) * k_a
-    wx2 = wx + (wx_cmd - wx) * k_x
-    wy2 = wy + (wy_cmd - wy) * k_y
-    wz2 = wz + (wz_cmd - wz) * k_z
-    # q' = q x (0, omega) / 2; one Newton step on 1/|q| renormalises to O(dt^4)
-    qw2 = qw - half * (qx * wx2 + qy * wy2 + qz * wz2)
-    qx2 = qx + half * (qw * wx2 + qy * wz2 - qz * wy2)
-    qy2 = qy + half * (qw * wy2 - qx * wz2 + qz * wx2)
-    qz2 = qz + half * (qw * wz2 + qx * wy2 - qy * wx2)
-    unit = 1.5 - 0.5 * (qw2 * qw2 + qx2 * qx2 + qy2 * qy2 + qz2 * qz2)
-    # thrust acts along the body's z axis, R(q) e_z
-    ax = 2.0 * (qx * qz + qw * qy) * a2 - drag * vx
-    ay = 2.0 * (qy * qz - qw * qx) * a2 - drag * vy
-    az = (1.0 - 2.0 * (qx * qx + qy * qy)) * a2 - drag * vz - GRAVITY
-    vx2 = vx + ax * dt
-    vy2 = vy + ay * dt
-    vz2 = vz + az * dt
+    k_x, k_y, k_z, k_m, drag = p
+    half, eighth = 0.5 * dt, 0.125 * dt
+    # what the rotors deliver moves towards what is asked for
+    a2 = a + (a_cmd - a) * k_m
+    bx2 = bx + ((wx_cmd - wx) * k_x - bx) * k_m
+    by2 = by + ((wy_cmd - wy) * k_y - by) * k_m
+    bz2 = bz + ((wz_cmd - wz) * k_z - bz) * k_m
+    wx2 = wx + bx2 * dt
+    wy2 = wy + by2 * dt
+    wz2 = wz + bz2 * dt
+    # half a step of q' = q x (0, omega) / 2 under the mean rates
+    mx, my, mz = eighth * (wx + wx2), eighth * (wy + wy2), eighth * (wz + wz2)
+    dw = -(qx * mx + qy * my + qz * mz)
+    dx = qw * mx + qy * mz - qz * my
+    dy = qw * my - qx * mz + qz * mx
+    dz = qw * mz + qx * my - qy * mx
+    hw, hx, hy, hz = qw + dw, qx + dx, qy + dy, qz + dz
+    # thrust acts along the body's z axis in mid-step, R(q) e_z
+    ax = 2.0 * (hx * hz + hw * hy) * a2 - drag * vx
+    ay = 2.0 * (hy * hz - hw * hx) * a2 - drag * vy
+    az = (1.0 - 2.0 * (hx * hx + hy * hy)) * a2 - drag * vz - GRAVITY
+    vx2, vy2, vz2 = vx + ax * dt, vy + ay * dt, vz + az * dt
+    qw2, qx2, qy2, qz2 = hw + dw, hx + dx, hy + dy, hz + dz
+    # one Newton step on 1 / |q| renormalises
+    n = 1.5 - 0.5 * (qw2 * qw2 + qx2 * qx2 + qy2 * qy2 + qz2 * qz2)
     return (
-        px + (vx + vx2) * half,  # the mean velocity: exact where the acceleration is constant
+        px + (vx + vx2) * half,
         py + (vy + vy2) * half,
         pz + (vz + vz2) * half,
         vx2,
         vy2,
         vz2,
-        qw2 * unit,
-        qx2 * unit,
-        qy2 * unit,
-        qz2 * unit,
+        qw2 * n,
+        qx2 * n,
+        qy2 * n,
+        qz2 * n,
         wx2,
         wy2,
         wz2,
         a2,
+        bx2,
+        by2,
+        bz2,
     )
 
 
 Lag = Annotated[float, unit("s", ge=0, le=10)]
 Rate = Annotated[float, unit("rad/s", gt=0, le=100)]
+Drag = Annotated[float, unit("1/s", ge=0, le=20)]
+Thrust = Annotated[float, unit("m/s^2", gt=GRAVITY, le=1000)]  # hovers
 
 
 @dataclass(frozen=True)
@@ -72,10 +83,10 @@ class Belief:
     """The numbers MPPI plans with. Plant and belief may differ; a run stores both."""
 
     rate_tau: tuple[Lag, Lag, Lag]  # lag of the body rates about x, y, z [s]
-    thrust_tau: Lag  # lag of the thrust [s]; 0: it follows its command at once
-    drag: Annotated[float, unit("1/s", ge=0, le=20)]  # linear, isotropic [1/s]
+    motor_tau: Lag  # lag of the rotors, for thrust and torque [s]; 0: they follow at once
+    drag: Drag  # linear, isotropic [1/s]
     rate_max: tuple[Rate, Rate, Rate]  # limit of the body-rate commands [rad/s]
-    thrust_max: Annotated[float, unit("m/s^2", gt=GRAVITY, le=1000)]  # mass-normalised limit [m/s^2]
+    thrust_max: Thrust  # mass-normalised limit [m/s^2]
     thrust_min: Annotated[float, unit("m/s^2", ge=0, lt=GRAVITY)] = 0.0
 
     @classmethod
@@ -84,7 +95,7 @@ class Belief:
         rotors = vehicle.rotors
         return cls(
             rate_tau=vehicle.rate_tau,
-            thrust_tau=rotors.tau if rotors else 0.0,
+            motor_tau=rotors.tau if rotors else 0.0,
             drag=sum(vehicle.drag) / 3,
             rate_max=vehicle.rate_max,
             thrust_max=vehicle.thrust_max,
@@ -103,7 +114,7 @@ def quadrotor(belief: Belief, dt: float) -> System:
         states=STATE,
         controls=CONTROL,
         step=step,
-        params=(*(gain(tau, dt) for tau in (*belief.rate_tau, belief.thrust_tau)), belief.drag),
+        params=(*(gain(tau, dt) / dt for tau in belief.rate_tau), gain(belief.motor_tau, dt), belief.drag),
         dt=dt,
         low=(*(-r for r in belief.rate_max), belief.thrust_min),
         high=(*belief.rate_max, belief.thrust_max),
