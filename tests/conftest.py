@@ -2,6 +2,8 @@
 
 import os
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or BLAS threads spin against the compiled loops'
+
 import numpy as np
 import pytest
 
