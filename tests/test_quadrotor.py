@@ -1,0 +1,145 @@
+"""The model that MPPI believes in: closed-form flights, its equations integrated finely by another hand, beliefs."""
+
+from dataclasses import replace
+from math import exp, pi
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from quadsim.plant import STATE
+from quadsim.systems.quadrotor import Belief, quadrotor
+from quadsim.vehicle import GRAVITY, Rotors, Vehicle
+
+SIMPLE = Belief(rate_tau=(0.25, 0.2, 0.3), motor_tau=0.0, drag=0.0, rate_max=(6.0, 6.0, 6.0), thrust_max=36.0)
+FULL = replace(SIMPLE, motor_tau=0.04, drag=0.4)  # with rotors that lag and drag
+HOVER = (0.0, 0.0, 0.0, GRAVITY)
+SAME = {"rtol": 0, "atol": 1e-9}
+
+
+def state(**values):
+    """At rest, level and hovering but for the values given by name."""
+    return tuple({"qw": 1.0, "a": GRAVITY, **values}.get(name, 0.0) for name in STATE)
+
+
+def fly(belief, u, seconds, x=None, dt=0.01):
+    """Hold one control; every state by name.  -> name: (steps + 1,)"""
+    system, path = quadrotor(belief, dt), [x or state()]
+    for _ in range(round(seconds / dt)):
+        path.append(system.step(path[-1], u, system.params, dt))
+    return dict(zip(STATE, np.array(path).T, strict=True))
+
+
+def derivative(x, u, belief):
+    """The docstring's equations in matrices.  (17,) -> (17,)"""
+    v, q, omega, a, beta = x[3:6], x[6:10], x[10:13], x[13], x[14:17]
+    torque = (np.array(u[:3]) - omega) / belief.rate_tau
+    if belief.motor_tau:
+        a_dot, beta_dot = (u[3] - a) / belief.motor_tau, (torque - beta) / belief.motor_tau
+    else:
+        a, beta, a_dot, beta_dot = u[3], torque, 0.0, np.zeros(3)
+    force = Rotation.from_quat(q, scalar_first=True).apply([0.0, 0.0, a])
+    spin = 0.5 * np.array([-q[1:] @ omega, *(q[0] * omega + np.cross(q[1:], omega))])
+    return np.concatenate([v, force - (0, 0, GRAVITY) - belief.drag * v, spin, beta, [a_dot], beta_dot])
+
+
+def error(belief, dt, seconds=0.6):
+    """Of the model's first ten states (p, v, q) after a brisk turn, against a fine integration."""
+    x, u = state(vx=8.0, vy=-2.0, wx=1.0, a=12.0), (3.0, -2.0, 1.5, 15.0)
+    fine = solve_ivp(lambda _, y: derivative(y, u, belief), (0.0, seconds), x, rtol=1e-10, atol=1e-10).y[:10, -1]
+    return np.linalg.norm([fly(belief, u, seconds, x, dt)[name][-1] for name in STATE[:10]] - fine)
+
+
+@pytest.mark.parametrize("belief", [SIMPLE, FULL])
+def test_hover_holds_every_state(belief):
+    flown = fly(belief, HOVER, 10.0)
+    assert {name: np.ptp(path) for name, path in flown.items()} == dict.fromkeys(STATE, 0.0)
+
+
+def test_free_fall_is_half_g_t_squared():
+    flown = fly(SIMPLE, (0.0, 0.0, 0.0, 0.0), 2.0)
+    t = 0.01 * np.arange(201)
+    np.testing.assert_allclose(flown["pz"], -0.5 * GRAVITY * t**2, **SAME)
+
+
+def test_rate_step_is_63_percent_done_at_tau():
+    flown = fly(SIMPLE, (1.0, 1.0, 1.0, GRAVITY), 0.3)
+    for axis, tau in zip(("wx", "wy", "wz"), SIMPLE.rate_tau, strict=True):
+        assert flown[axis][round(tau / 0.01)] == pytest.approx(1 - exp(-1))
+
+
+def test_thrust_step_is_63_percent_done_at_the_motors_lag():
+    flown = fly(FULL, (0.0, 0.0, 0.0, 2 * GRAVITY), 0.04)
+    assert flown["a"][-1] / GRAVITY - 1 == pytest.approx(1 - exp(-1))
+
+
+def test_fall_with_drag_ends_at_g_over_d():
+    assert fly(FULL, (0.0, 0.0, 0.0, 0.0), 20 / FULL.drag)["vz"][-1] == pytest.approx(-GRAVITY / FULL.drag)
+
+
+@pytest.mark.parametrize(
+    ("rates", "ahead", "left"), [((0.0, 1.0, 0.0), 1, 0), ((-1.0, 0.0, 0.0), 0, 1), ((0.0, 0.0, 1.0), 0, 0)]
+)
+def test_pitching_down_goes_ahead_and_rolling_left_goes_left(rates, ahead, left):
+    flown = fly(SIMPLE, (*rates, GRAVITY), 0.5)
+    assert np.sign(np.round([flown["vx"][-1], flown["vy"][-1]], 9)).tolist() == [ahead, left]
+
+
+def test_one_turn_at_a_constant_rate_comes_back():
+    """One turn a second about the axis between body x and z; half of it after half a second."""
+    rate = 2 * pi / np.sqrt(2)
+    flown = fly(SIMPLE, (rate, 0.0, rate, GRAVITY), 1.0, state(wx=rate, wz=rate))
+    assert abs(flown["qw"][-1]) == pytest.approx(1.0, abs=1e-5)
+    assert flown["qw"][50] == pytest.approx(0.0, abs=1e-2)
+
+
+def test_quaternion_stays_of_unit_length_in_a_tumble():
+    rates = (6.0, -6.0, 6.0)
+    flown = fly(SIMPLE, (*rates, 20.0), 10.0, state(wx=6.0, wy=-6.0, wz=6.0))
+    length = sum(flown[name] ** 2 for name in ("qw", "qx", "qy", "qz"))
+    assert abs(length - 1).max() < 1e-4
+
+
+def test_without_motor_lag_it_is_the_13_state_model_of_the_paper():
+    """What the rotors delivered before is forgotten; rates and thrust follow at once."""
+    u = (3.0, -2.0, 1.0, 15.0)
+    plain, disturbed = (fly(SIMPLE, u, 0.3, state(vx=5.0, **rotors)) for rotors in ({}, {"a": 30.0, "bx": 50.0}))
+    for name in STATE[:13]:
+        np.testing.assert_array_equal(plain[name], disturbed[name])
+    assert set(plain["a"][1:]) == {15.0}
+
+
+@pytest.mark.parametrize(("belief", "order"), [(SIMPLE, 2), (FULL, 1)])
+def test_error_falls_with_the_step(belief, order):
+    """Of second order where the forces depend on attitude alone, else of first: lag and drag are taken at one end."""
+    errors = [error(belief, dt) for dt in (0.02, 0.01, 0.005)]
+    observed = np.log2(np.divide(errors[:-1], errors[1:]))
+    np.testing.assert_allclose(observed, order, atol=0.2)
+    assert errors[1] < (0.001 if order == 2 else 0.05)  # m, m/s and parts of q together, after 0.6 s
+
+
+def test_numpy_rows_fly_as_floats_do():
+    system = quadrotor(FULL, 0.01)
+    x, u = np.random.default_rng(0).normal(size=(17, 50)), np.random.default_rng(1).normal(size=(4, 50))
+    rows = np.array(system.step(tuple(x), tuple(u), system.params, 0.01))
+    floats = [
+        system.step(tuple(a.tolist()), tuple(b.tolist()), system.params, 0.01) for a, b in zip(x.T, u.T, strict=True)
+    ]
+    np.testing.assert_allclose(rows, np.array(floats).T, rtol=1e-14, atol=1e-14)
+
+
+def test_belief_of_a_vehicle_knows_all_but_the_axes_of_its_drag():
+    rotors = Rotors(
+        ((0.1, -0.1), (-0.1, 0.1), (0.1, 0.1), (-0.1, -0.1)), (1, 1, -1, -1), (1e-6, 0, 0), 0, 3e3, 0.033, 0.01
+    )
+    plain = Vehicle("v", "", 1.0, (1e-3,) * 3, 0.1, (0.1, 0.2, 0.3), (6.0, 7.0, 3.0), 30.0, (0.3, 0.6, 0.9), 0.01, None)
+    belief = Belief((0.1, 0.2, 0.3), 0.0, pytest.approx(0.6), (6.0, 7.0, 3.0), 30.0)
+    assert Belief.of(plain) == belief
+    assert Belief.of(replace(plain, rotors=rotors)) == replace(belief, motor_tau=0.033)
+
+
+def test_limits_are_the_beliefs_and_rest_hovers():
+    system = quadrotor(FULL, 0.01)
+    assert (system.low, system.high) == ((-6.0, -6.0, -6.0, 0.0), (6.0, 6.0, 6.0, 36.0))
+    assert system.rest == HOVER
