@@ -13,6 +13,7 @@ The temperature acts on the horizon's mean cost, as in the authors' public libra
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 from typing import Annotated
 
 import numpy as np
@@ -34,7 +35,7 @@ TEMPERATURE_RANGE = (1e-4, 1e4)
 class MPPIConfig:
     """The budget and the update. Symbols of the paper: M, T, I, dt, lambda, alpha."""
 
-    samples: Annotated[int, Meta(ge=2, le=2**20)] = 4096  # M, controls sampled per iteration
+    samples: Annotated[int, Meta(ge=2, le=10**6)] = 4096  # M, controls sampled per iteration
     horizon: Annotated[int, unit("steps", ge=2, le=10_000)] = 150  # T [steps]
     iterations: Annotated[int, Meta(ge=1, le=100)] = 2  # I
     dt: Annotated[float, unit("s", gt=0, le=0.5)] = 0.01  # control period [s]
@@ -72,17 +73,18 @@ class MPPI:
         """The control to apply at state x (n_x,) on the way to row `target` of the aims.  -> (n_u,)
 
         `elapsed` control periods have passed since the last call: the plan is shifted by them.
+        Raises ValueError for a state that is no state, e.g. of a plant that has diverged.
         """
+        check_state(x, self.system.states)
         if self._calls:
             self.shift(elapsed)
         for _ in range(self.config.iterations):
             stats = self.improve(x, target)
-        u = self.plan[0].copy()
-        self.executed = np.vstack([self.executed[1:], u])
-        return u, stats
+        return self.plan[0].copy(), stats
 
     def shift(self, steps: int) -> None:
         """Warm start: drop the controls of the past, append rest controls."""
+        self.executed = np.vstack([self.executed, self.plan[:steps]])[-2:]
         tail = np.tile(self.rest, (min(steps, len(self.plan)), 1))
         self.plan = np.vstack([self.plan[steps:], tail])
 
@@ -126,8 +128,22 @@ class MPPI:
         return blocks.reshape(-1, LANES)
 
 
+def check_state(x: np.ndarray, names: tuple[str, ...]) -> None:
+    """Raises ValueError unless x holds one finite number for each name."""
+    bad = [f"{name} = {value:g}" for name, value in zip(names, x, strict=False) if not isfinite(value)]
+    if bad or len(x) != len(names):
+        found = ", ".join(bad) or f"{len(x)} numbers"
+        raise ValueError(f"MPPI: state: expected {len(names)} finite numbers, got {found}; has the plant diverged?")
+
+
 def weights(J: np.ndarray, temperature: float) -> np.ndarray:
-    """w^m = exp(-(J^m - rho) / lambda) / eta, rho = min J.  (M,) -> (M,)"""
+    """w^m = exp(-(J^m - rho) / lambda) / eta, rho = min J; a rollout that overflowed weighs nothing.  (M,) -> (M,)
+
+    Raises FloatingPointError when every rollout overflowed.
+    """
+    J = np.where(np.isnan(J), np.inf, J)
+    if not isfinite(J.min()):
+        raise FloatingPointError(f"MPPI: cost: expected a finite J, got none in {len(J)} rollouts; lower the weights")
     w = np.exp(-(J - J.min()) / temperature)
     return w / w.sum()
 

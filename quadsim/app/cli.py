@@ -2,32 +2,100 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
-from importlib import import_module
+from importlib import import_module, metadata
+from typing import Any
 
-COMMANDS = {  # name -> module:class, what it does
-    "fly": ("quadsim.app.fly:Fly", "fly a course and report laps, splits, crashes, chatter, plan time"),
+COMMANDS = {  # name -> where its flags and its run() are, what it does
+    "fly": ("quadsim.app.fly:Fly", "fly a course: laps, splits, crashes, chatter, plan time"),
+    "show": ("quadsim.app.show:Show", "the report of a stored run"),
+    "plot": ("quadsim.app.plot:Plot", "a stored run as a picture: path, height, controls, spectrum"),
+    "courses": ("quadsim.app.listing:Courses", "the courses that come with the project"),
+    "vehicles": ("quadsim.app.listing:Vehicles", "the vehicles that come with the project"),
+    "check": ("quadsim.app.check:Check", "check course, vehicle and preset files"),
 }
+HELP = """usage: race COMMAND [FLAGS]
+
+Quadrotor racing in PyBullet, flown by MPPI with Gaussian or colored sampling.
+
+{commands}
+
+race COMMAND --help lists a command's flags; --json makes any of them print JSON. For example:
+  race fly                                  three laps of the Split-S course with the race preset
+  race fly paper_flat --preset paper --sampler gaussian --seed 3
+  race plot last                            the last run as PNG and SVG
+
+race --version, race --tyro-print-completion bash|zsh|tcsh|fish (source its output for completion)
+Exit codes: 0 finished, 1 the flight did not finish, 2 usage or a bad file, 130 interrupted.
+"""
+PIPE_CLOSED = 128 + signal.SIGPIPE  # what a shell reports for a program that the signal has ended
 
 
 def main() -> None:
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # like Ctrl-C
     sys.exit(race(sys.argv[1:]))
 
 
 def race(argv: list[str]) -> int:
+    """The exit code. Whatever a user can cause is one line on stderr."""
+    name, rest = (argv[0], argv[1:]) if argv else ("--help", [])
+    try:
+        if name in COMMANDS:
+            return _run(name, rest)
+        return _about(name, argv)
+    except BrokenPipeError:  # `race courses | head -1`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
+    except KeyboardInterrupt:
+        return _complain(f"race {name}: interrupted, nothing to keep", 130)
+
+
+def _run(name: str, argv: list[str]) -> int:
     from quadsim.app.flags import UsageError, read
     from quadsim.run import RunError
     from quadsim.strict_yaml import FileError
 
-    name, rest = argv[0], argv[1:]
-    prog = f"race {name}"
-    module, _, cls = COMMANDS[name][0].partition(":")
-    command = getattr(import_module(module), cls)
     try:
-        default = command.defaults(rest) if hasattr(command, "defaults") else None
-        return read(command, prog, rest, default).run()
+        flags = _flags(name)
+        default = flags.defaults(argv) if hasattr(flags, "defaults") else None
+        return read(flags, f"race {name}", argv, default).run()
     except (UsageError, FileError, RunError) as error:
-        print(f"{prog}: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
+        return _complain(f"race {name}: {error}", 2)
+
+
+def _flags(name: str) -> Any:
+    module, _, attribute = COMMANDS[name][0].partition(":")
+    return getattr(import_module(module), attribute)
+
+
+def _about(name: str, argv: list[str]) -> int:
+    if name in ("-h", "--help"):
+        commands = "\n".join(f"  {name:<10}{what}" for name, (_, what) in COMMANDS.items())
+        print(HELP.format(commands=commands), end="", flush=True)
+        return 0
+    if name == "--version":
+        print(f"race {metadata.version('quadsim')}", flush=True)
+        return 0
+    if name.replace("_", "-") in ("--tyro-print-completion", "--tyro-write-completion"):
+        return _completion(argv)
+    from quadsim.yaml_words import did_you_mean
+
+    return _complain(f"race: no command {name!r}: {did_you_mean(name, COMMANDS)} (race --help)", 2)
+
+
+def _completion(argv: list[str]) -> int:
+    """tyro's script for the shell, from the flags of all commands."""
+    from tyro.extras import subcommand_cli_from_dict
+
+    shells = ("bash", "zsh", "tcsh", "fish")
+    if len(argv) < 2 or argv[1] not in shells:
+        return _complain(f"race: {argv[0]}: expected one of {', '.join(shells)}", 2)
+    subcommand_cli_from_dict({name: _flags(name) for name in COMMANDS}, prog="race", args=argv)
+    return 0
+
+
+def _complain(line: str, code: int) -> int:
+    print(line, file=sys.stderr, flush=True)
+    return code

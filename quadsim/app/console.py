@@ -13,9 +13,14 @@ def emit(*parts: RenderableType) -> None:
     console = Console(file=sys.stdout, highlight=False)
     with console.capture() as captured:
         for part in parts:
-            console.print(part)
-    sys.stdout.write(captured.get())
+            console.print(part, soft_wrap=isinstance(part, str))
+    sys.stdout.write("".join(line.rstrip() + "\n" for line in captured.get().splitlines()))
     sys.stdout.flush()
+
+
+def width() -> int:
+    """Columns of the terminal; 80 where stdout is none, unless COLUMNS says otherwise."""
+    return Console(file=sys.stdout).width
 
 
 def emit_json(value: object) -> None:

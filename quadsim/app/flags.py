@@ -7,7 +7,7 @@ tyro as texts, so that one place says what was expected: `--sigma: expected 4 nu
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import redirect_stderr
 from dataclasses import asdict
 from functools import reduce
@@ -25,7 +25,6 @@ from quadsim.yaml_words import expected
 
 Flags = TypeVar("Flags")
 FLAT = ("flight.", "sampling.", "mppi.", "cost.")  # groups whose flags carry no prefix
-RULE = re.compile(r"^[─-]{3,}$")  # tyro draws one below its first sentence
 
 
 class UsageError(ValueError):
@@ -42,7 +41,7 @@ def read(flags: type[Flags], prog: str, argv: Sequence[str], default: Flags | No
     except SystemExit as end:
         if not end.code:
             raise
-        raise UsageError(f"{_sentence(said.getvalue())} (see {prog} --help)") from None
+        raise UsageError(_complaint(said.getvalue(), flags, prog)) from None
 
 
 def check(config: Any, group: str = "") -> None:
@@ -51,14 +50,15 @@ def check(config: Any, group: str = "") -> None:
     group: "model." for a dataclass whose flags start with `--model.`
     """
     text = yaml.safe_dump(asdict(config), default_flow_style=True, width=float("inf"))
-    kind = inspect.type_info(type(config))
     try:
-        value(parse(text, "flags").root, kind)
+        value(parse(text, "flags").root, inspect.type_info(type(config)))
     except Misfit as misfit:
         path, _, item = misfit.path.partition("[")
         problem = misfit.problem
-        if item:  # of several numbers: show them all, each with its unit
-            problem = f"expected {_expected(kind, path)}, got {_shown(config, path)}"
+        if item:  # one of several numbers
+            numbers = reduce(getattr, path.split("."), config)
+            asked = problem.rpartition(", got ")[0].replace("a number", f"{len(numbers)} numbers")
+            problem = f"{asked}, got " + " ".join(x if isinstance(x, str) else f"{x:g}" for x in numbers)
         raise UsageError(f"{flag(group + path)}: {problem}") from None
 
 
@@ -67,6 +67,11 @@ def flag(path: str) -> str:
     for group in FLAT:
         path = path.removeprefix(group)
     return "--" + path.replace("_", "-")
+
+
+def otherwise(what: str) -> object:
+    """What holds where a flag is left out, for its help."""
+    return tyro.conf.arg(help_behavior_hint=f"(default: {what})")
 
 
 def _registry() -> ConstructorRegistry:
@@ -89,22 +94,33 @@ def _registry() -> ConstructorRegistry:
     return registry
 
 
-def _sentence(box: str) -> str:
-    """What tyro says in a box, on one line: the first sentence and the flag that may have been meant."""
-    lines = [line.strip("│╭╮╰╯─ ") for line in box.splitlines()]
-    rules = [i for i, line in enumerate(box.splitlines()) if RULE.match(line.strip("│ "))] or [len(lines)]
-    first = " ".join(line for line in lines[1 : rules[0]] if line)
-    meant = next((m for line in lines[rules[0] :] if (m := re.match(r"--[\w.-]+", line))), None)
-    hint = f", did you mean {meant[0]}?" if meant and first.startswith("Unrecognized") else ""
-    return (first[:1].lower() + first[1:]).rstrip(".") + hint
+def _complaint(box: str, flags: type, prog: str) -> str:
+    """What tyro says in a box of several lines, as one line in our words where it is about a known flag."""
+    first, rest = _sentences(box)
+    kinds = dict(_kinds(inspect.type_info(flags)))
+    about = next((name for name in re.findall(r"--[\w.-]+", first) if name in kinds), None)
+    if about and not first.startswith("Unrecognized"):
+        choice = re.search(r"invalid choice ('.*') for", first)
+        came = choice[1] if choice else "too few values"
+        return f"{about}: expected {expected(kinds[about])}, got {came} (see {prog} --help)"
+    meant = re.search(r"--[\w.-]+", rest)
+    hint = f", did you mean {meant[0]}?" if meant else ""
+    said = first[:1].lower() + first[1:].rstrip(".").replace(", ", " ")
+    return f"{said}{hint} (see {prog} --help)"
 
 
-def _expected(kind: Any, path: str) -> str:
-    for name in path.split("."):
-        kind = next(f.type for f in kind.fields if f.name == name)
-    return expected(kind)
+def _sentences(box: str) -> tuple[str, str]:
+    """Text of a box before and after its first rule."""
+    lines = [line.strip("│╭╮╰╯ ") for line in box.splitlines()][1:]
+    rule = next((i for i, line in enumerate(lines) if line.startswith("───")), len(lines))
+    return " ".join(lines[:rule]).strip(), "\n".join(line for line in lines[rule:] if line.startswith("--"))
 
 
-def _shown(config: Any, path: str) -> str:
-    numbers = reduce(getattr, path.split("."), config)
-    return " ".join(x if isinstance(x, str) else f"{x:g}" for x in numbers)
+def _kinds(kind: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Every flag of a dataclass and its groups, with what it expects."""
+    for field in kind.fields:
+        inner = f"{path}.{field.name}".lstrip(".")
+        if isinstance(field.type, inspect.DataclassType):
+            yield from _kinds(field.type, inner)
+        else:
+            yield flag(inner), field.type

@@ -14,8 +14,9 @@ from tyro.extras import literal_type_from_choices
 from controllers.costs.race import RaceWeights
 from controllers.mppi import MPPIConfig
 from controllers.presets import PRESETS, Planner, faults
+from controllers.rollout.threads import use_threads
 from controllers.samplers import SAMPLERS, SamplerConfig
-from quadsim.app.flags import UsageError, check, flag
+from quadsim.app.flags import UsageError, check, flag, otherwise
 from quadsim.app.preset_file import load_planner
 from quadsim.app.spec import Spec
 from quadsim.course import Course, load_course
@@ -25,16 +26,12 @@ from quadsim.systems.quadrotor import Belief, Drag, Lag, Rate, Thrust
 from quadsim.vehicle import Vehicle, load_vehicle
 from quadsim.yaml_words import did_you_mean
 
-
-def otherwise(what: str) -> object:
-    """What holds where a flag is left out, for its help."""
-    return arg(help_behavior_hint=f"(default: {what})")
-
-
 if TYPE_CHECKING:
     SamplerName = str
 else:
     SamplerName = literal_type_from_choices(SAMPLERS)  # so that shells complete it
+Laps = Annotated[int, Meta(ge=1, le=1000)]
+Count = Annotated[int, Meta(ge=1)]
 Limit = Annotated[float, unit("s", gt=0, le=1e5)]
 THE_VEHICLES = otherwise("the vehicle's")
 
@@ -58,9 +55,10 @@ class FlightFlags:
     sampler: Annotated[SamplerName, arg(metavar="|".join(SAMPLERS))] = "colored"  # of the perturbations
     preset: Annotated[str, arg(metavar="|".join((*PRESETS, "FILE.yaml")))] = "race"  # of every number not given here
     vehicle: Annotated[str, arg(metavar="NAME|FILE.yaml")] = "swift"  # see `race vehicles`
-    laps: Annotated[Annotated[int, Meta(ge=1, le=1000)] | None, DisallowNone, otherwise("the course's")] = None
-    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0  # of everything random
+    laps: Annotated[Laps | None, DisallowNone, otherwise("the course's")] = None  # from the standing start
+    seed: Annotated[int, Meta(ge=0, le=10**9)] = 0  # of everything random
     timeout: Annotated[Limit | None, DisallowNone, otherwise("10 s and 1 s for every 2 m")] = None  # of the flight [s]
+    threads: Annotated[Count | None, DisallowNone, otherwise("every core")] = None  # results do not depend on it
     penalties: FlagCreatePairsOff[bool] = False  # a hit costs 3 s instead of ending the flight
     plant_dt: Annotated[float, unit("s", gt=0, le=0.02)] = 0.0025  # step of the simulated world [s]
     sampling: OmitArgPrefixes[SamplerConfig] = field(default_factory=SamplerConfig)
@@ -77,7 +75,7 @@ class FlightFlags:
         p = load_planner(preset, sampler)
         return cls(sampler=sampler, preset=preset, vehicle=p.vehicle, sampling=p.sampling, mppi=p.mppi, cost=p.cost)
 
-    def spec(self, host: dict) -> Spec:
+    def spec(self) -> Spec:
         """Names resolved, numbers checked. Raises UsageError, FileError."""
         check(self)
         course, vehicle = load_course(self.course), load_vehicle(self.vehicle)
@@ -86,7 +84,8 @@ class FlightFlags:
             raise UsageError(f"{flag(path)}: {problem}")
         try:
             whole_multiple(self.mppi.dt, self.plant_dt)
-        except ValueError as error:
+            threads = use_threads(self.threads)
+        except ValueError as error:  # "dt: expected ..."
             raise UsageError(f"--{error}") from None
         laps = self.laps or course.laps
         return Spec(
@@ -101,7 +100,7 @@ class FlightFlags:
             timeout=self.timeout or default_timeout(course, laps),
             penalties=self.penalties,
             plant_dt=self.plant_dt,
-            host=host,
+            host={"threads": threads},
         )
 
     def _belief(self, vehicle: Vehicle) -> Belief:

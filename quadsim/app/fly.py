@@ -6,13 +6,10 @@ import signal
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Annotated
 
-from msgspec import Meta
-from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes
+from tyro.conf import FlagCreatePairsOff, arg
 
-from controllers.rollout.threads import use_threads
 from quadsim.app.console import complain
 from quadsim.app.flags import UsageError
 from quadsim.app.flight_flags import FlightFlags
@@ -31,12 +28,12 @@ class Fly:
     """Fly a course: laps, splits, crashes, chatter, plan time. `race fly` alone flies the main job.
 
     race fly split_s_swift --sampler gaussian --seed 3
+
     race fly mine.yaml --preset race --vehicle kingfisher --laps 2 --samples 2048 --model.drag 0
     """
 
-    flight: OmitArgPrefixes[FlightFlags] = field(default_factory=FlightFlags)
-    threads: Annotated[int, Meta(ge=1)] | None = None  # else every core; results do not depend on it
-    runs_dir: Path = Path("runs")  # where the run is kept
+    flight: Annotated[FlightFlags, arg(name="")] = field(default_factory=FlightFlags)
+    runs_dir: str = "runs"  # where the run is kept
     json: FlagCreatePairsOff[bool] = False  # one JSON object instead of tables
 
     @classmethod
@@ -44,10 +41,10 @@ class Fly:
         return cls(flight=FlightFlags.defaults(argv))
 
     def run(self) -> int:
+        spec = self.flight.spec()
         try:
-            spec = self.flight.spec(host={"threads": use_threads(self.threads)})
             plant, controller, referee = build(spec)
-        except ValueError as error:
+        except ValueError as error:  # laps on an open course, a gate too small for the vehicle
             raise UsageError(str(error)) from None
         with closing(plant), RunFolder.open(self.runs_dir, spec.record()) as folder:
             if not controller.rollout.is_cached:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
+from quadsim.app.beliefs import differences
 from quadsim.metrics import chatter, splits
 from quadsim.run import Run
 
@@ -25,6 +26,7 @@ def summary(run: Run, folder: Path | None) -> dict:
         "gates": run.gates,
         "events": [asdict(e) for e in run.events],
         "chatter": chatter(run),
+        "model_differs": differences(spec),
         **run.wall,
         "digest": run.digest(),
         "run_dir": None if folder is None else str(folder),

@@ -1,0 +1,91 @@
+"""The path from above and from the side, coloured by speed, with gates, crossings and incidents."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import SubFigure
+from matplotlib.patheffects import withStroke
+
+from quadsim.course import Course, Gate
+from quadsim.course_checks import corners
+from quadsim.run import Run
+
+MARKS = {  # event -> marker, colour, what it is called
+    "hit": ("X", "#d62728", "hit"),
+    "ground": ("X", "#8c564b", "ground"),
+    "bounds": ("X", "#e377c2", "out of bounds"),
+    "miss": ("v", "#ff7f0e", "miss"),
+    "wrong_way": ("<", "#9467bd", "wrong way"),
+    "pass": (".", "#202020", "passed"),
+}
+NUMBER = {"ha": "center", "va": "center", "weight": "bold", "zorder": 6}
+NUMBER["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]
+
+
+def draw_views(figure: SubFigure, run: Run, course: Course) -> None:
+    """Above, x and y; below, the longer of both and z. Equal scales."""
+    points = np.stack([run.telemetry[k] for k in ("px", "py", "pz")], axis=1)  # (frames, 3)
+    side = int(np.argmax(np.ptp(_extent(points, course)[:, :2], axis=0)))
+    spans = np.ptp(_extent(points, course), axis=0) + 2.0
+    top, below = figure.subplots(2, 1, height_ratios=(max(spans[1], 6.0), max(spans[2], 4.0) + 1.0))
+    for axes, plane, name in ((top, (0, 1), "from above"), (below, (side, 2), "from the side")):
+        lines = _draw_path(axes, run, points[:, plane])
+        _draw_gates(axes, course, plane)
+        _draw_events(axes, run, plane)
+        axes.set(title=name, xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
+        axes.set_aspect("equal", adjustable="datalim")
+    below.axhline(0.0, color="#8c564b", linewidth=1.0)
+    top.legend(loc="best")
+    figure.colorbar(lines, ax=[top, below], label="speed [m/s]", aspect=50, pad=0.01)
+
+
+def _extent(points: np.ndarray, course: Course) -> np.ndarray:
+    return np.vstack([points, [course.start.position], *(corners(g, g.frame_width) for g in course.gates)])
+
+
+def _draw_path(axes: Axes, run: Run, points: np.ndarray) -> LineCollection:
+    """points: (frames, 2). Every lap the same colours, fast is bright."""
+    x = run.telemetry
+    speed = np.sqrt(x["vx"] ** 2 + x["vy"] ** 2 + x["vz"] ** 2)
+    segments = np.stack([points[:-1], points[1:]], axis=1)  # (frames - 1, 2, 2)
+    lines = LineCollection(list(segments), cmap="plasma", linewidths=1.8, capstyle="round")
+    lines.set_array(speed[:-1])
+    lines.set_clim(0.0, max(float(speed.max(initial=0.0)), 1.0))
+    axes.add_collection(lines)
+    axes.plot(*points[:1].T, marker="o", color="white", markeredgecolor="black", markersize=6, label="start")
+    return lines
+
+
+def _draw_gates(axes: Axes, course: Course, plane: tuple[int, int]) -> None:
+    """Frame, opening, an arrow through it and its number, where the passage comes from."""
+    for number, gate in enumerate(course.gates, start=1):
+        for border, colour, width in ((gate.frame_width, "#9a9a9a", 4.0), (0.0, "#2b7bba", 2.2)):
+            ring = corners(gate, border)[[0, 1, 3, 2, 0]][:, plane]
+            axes.plot(*ring.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=3)
+        centre, along = np.array(gate.position)[list(plane)], gate.rotation[list(plane), 0]
+        tip = centre + 1.1 * along
+        axes.annotate("", tip, centre, arrowprops={"arrowstyle": "->", "color": "#2b7bba", "lw": 1.2}, zorder=3)
+        axes.text(*_label(gate, plane), str(number), **NUMBER)
+
+
+def _label(gate: Gate, plane: tuple[int, int]) -> np.ndarray:
+    """Outside the frame, on the side the gate is entered from. From the side: above a gate that is seen face on."""
+    passage, left, _ = gate.rotation.T
+    width, height = (size / 2 + gate.frame_width for size in gate.opening)
+    if plane == (0, 1):
+        return (gate.position + left * (width + 0.5) - 0.5 * passage)[:2]
+    face_on = 1.0 - abs(passage[plane[0]])
+    up = np.array([0.0, 0.0, height + 0.4])
+    return (gate.position - 0.7 * passage + face_on * up)[list(plane)]
+
+
+def _draw_events(axes: Axes, run: Run, plane: tuple[int, int]) -> None:
+    for kind, (marker, colour, name) in MARKS.items():
+        at = np.array([e.position for e in run.events if e.kind == kind])
+        if len(at):
+            size = 7 if kind == "pass" else 11
+            axes.plot(
+                *at[:, plane].T, marker, color=colour, markersize=size, markeredgecolor="white", label=name, zorder=5
+            )

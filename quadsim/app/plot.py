@@ -1,0 +1,51 @@
+"""`race plot`: a stored run as a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import DisallowNone, FlagCreatePairsOff, Positional, arg
+
+from quadsim.app.console import emit, emit_json
+from quadsim.app.flags import otherwise
+from quadsim.app.stored import find_run
+from quadsim.archive import load_run
+from quadsim.run import RunError
+
+FORMATS = ("png", "svg")
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A stored run as PNG and SVG: path from above and from the side, controls, thrust spectrum.
+
+    race plot last --out pictures
+    """
+
+    run_: Annotated[str, Positional, arg(name="run", metavar="RUN")] = "last"  # a folder, part of a name, or last
+    out: Annotated[str | None, DisallowNone, otherwise("the run's folder")] = None  # folder for the pictures
+    runs_dir: str = "runs"  # where runs are kept
+    json: FlagCreatePairsOff[bool] = False  # the names of the pictures as one JSON list
+
+    def run(self) -> int:
+        folder = find_run(self.run_, self.runs_dir)
+        run = load_run(folder)
+        from quadsim.app.figure import draw  # here, so that --help does not load matplotlib
+
+        figure = draw(run)
+        out = Path(self.out or folder)
+        stem = "plot" if self.out is None else folder.name
+        paths = [out / f"{stem}.{kind}" for kind in FORMATS]
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            for path in paths:
+                figure.savefig(path)
+        except OSError as error:
+            raise RunError(f"{out}: cannot write the pictures: {error.strerror or error}") from error
+        if self.json:
+            emit_json([str(path) for path in paths])
+        else:
+            emit(*map(str, paths))
+        return 0
