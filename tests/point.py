@@ -1,0 +1,65 @@
+"""A point that is pushed about a plane, and Algorithm 1 written naively for it, for the tests of MPPI."""
+
+from dataclasses import replace
+
+import numpy as np
+from oracle import from_lanes
+
+from controllers.costs import Cost
+from controllers.mppi import MPPI, MPPIConfig
+from controllers.samplers import SAMPLERS, SamplerConfig
+from quadsim.systems import System
+
+T = 20
+START = np.array([1.0, -0.5, 0.2, 0.0])
+REST = np.array([0.0, 0.5])
+SAMPLING = SamplerConfig(sigma=(0.8, 0.5), gamma=(1.0, 0.5))
+PLAIN = MPPIConfig(samples=200, horizon=T, iterations=1, dt=0.1, temperature=0.1, rest_fraction=0.1)
+
+
+def step(x, u, p, dt):
+    px, py, vx, vy = x
+    ax, ay = u
+    return px + vx * dt, py + vy * dt, vx + (ax - p[0] * vx) * dt, vy + (ay - p[0] * vy) * dt
+
+
+def terms(x, x_next, u, aim, crashed, p):
+    ex, ey = x_next[0] - aim[0], x_next[1] - aim[1]
+    return p[0] * (ex * ex + ey * ey), p[1] * u[0] * u[0], ex > 1e6, crashed
+
+
+POINT = System(
+    "point", ("px", "py", "vx", "vy"), ("ax", "ay"), step, (0.1,), 0.1, (-1.5, -1.0), (1.5, 2.0), tuple(REST)
+)
+GOAL = Cost("goal", ("distance", "effort"), terms, (1.0, 0.05), np.zeros((1, 2)))
+
+
+def make(key=(1, 2), sampler="gaussian", sampling=SAMPLING, system=POINT, **changes):
+    config = replace(PLAIN, **changes)
+    noise = SAMPLERS[sampler](sampling, config.samples, config.horizon, np.array(key, np.uint32))
+    mppi = MPPI(system, GOAL, noise, config)
+    mppi.plan = REST + 0.3 * np.sin(np.arange(2 * config.horizon)).reshape(-1, 2)  # any plan but rest
+    return mppi
+
+
+def naive_cost(v):
+    x, total = tuple(START), 0.0
+    for u in v:
+        x_next = step(x, u, POINT.params, POINT.dt)
+        total += sum(terms(x, x_next, u, (0.0, 0.0), 0.0, GOAL.params)[:2])
+        x = x_next
+    return total / len(v)
+
+
+def naive(U, z, temperature, step_size):
+    """Algorithm 1.  U (T, n_u), z (M, n_u, T)"""
+    V = np.clip(U + z.swapaxes(1, 2), POINT.low, POINT.high)
+    J = np.array([naive_cost(v) for v in V])
+    w = np.exp(-(J - J.min()) / temperature)
+    w /= w.sum()
+    return U + step_size * np.tensordot(w, V - U, 1), 1 / np.sum(w**2)
+
+
+def drawn(mppi, call=1):
+    """The samples of a call as the sampler made them."""
+    return from_lanes(mppi.sampler.sample(call).copy(), mppi.config.samples, mppi.config.horizon)

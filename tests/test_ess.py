@@ -1,0 +1,44 @@
+"""The weights of MPPI, their effective sample size, and the temperature that is steered towards one."""
+
+import numpy as np
+import pytest
+from point import START, make
+
+from controllers.mppi import steer, weights
+
+
+def test_effective_sample_size_counts_equal_samples():
+    def ess(J, temperature=1.0):
+        return 1 / np.sum(weights(np.array(J), temperature) ** 2)
+
+    assert ess([2.0] * 50) == pytest.approx(50)
+    assert ess([0.0, 0.0, 1e3, 1e3]) == pytest.approx(2)
+    assert ess(np.arange(100.0), 1e-3) == pytest.approx(1)
+
+
+def test_weights_survive_huge_costs_and_overflowed_rollouts():
+    np.testing.assert_array_equal(weights(np.array([1e30, 3e38, np.inf, np.nan]), 0.3), [1.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(weights(np.array([1e6, 1e6 + 0.3]), 0.3), np.array([1, np.exp(-1)]) / (1 + np.exp(-1)))
+    with pytest.raises(FloatingPointError, match="got none in 2 rollouts"):
+        weights(np.array([np.inf, np.nan]), 0.3)
+
+
+@pytest.mark.parametrize("start", [1e-3, 1e3])
+def test_steering_reaches_its_effective_sample_size_and_stays(start):
+    """On costs of a known law: J chi-square, M = 1000, target 50."""
+    rng, temperature, seen = np.random.default_rng(0), start, []
+    for _ in range(300):
+        w = weights(rng.chisquare(6, 1000), temperature)
+        seen.append(1 / np.sum(w * w))
+        temperature = steer(temperature, seen[-1], 50)
+    settled = np.array(seen[-100:])
+    assert np.median(settled) == pytest.approx(50, rel=0.1)
+    assert 50 / 3 < settled.min() < settled.max() < 50 * 3  # the costs are drawn anew each time
+    assert steer(0.3, 1.0, None) == 0.3
+
+
+def test_plan_with_steering_has_its_effective_sample_size():
+    mppi = make(samples=512, ess=40.0, temperature=1e-3)
+    sizes = [mppi.improve(START, 0).ess for _ in range(200)]
+    assert sizes[0] < 10
+    assert np.median(sizes[-50:]) == pytest.approx(40, rel=0.25)

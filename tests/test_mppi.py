@@ -1,0 +1,149 @@
+"""Algorithm 1 against a naive version, and every option by its claim."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from oracle import from_lanes
+from point import POINT, REST, START, T, drawn, make, naive, naive_cost
+from scipy.signal import savgol_coeffs
+
+from controllers.mppi import SAVITZKY_GOLAY, savitzky_golay
+from controllers.samplers import SAMPLERS, SamplerConfig
+
+
+@pytest.mark.parametrize("sampler", SAMPLERS)
+@pytest.mark.parametrize("samples", [2, 63, 64, 65, 200])
+@pytest.mark.parametrize("step_size", [1.0, 0.4])
+def test_plan_is_that_of_a_naive_version_given_the_same_noise(sampler, samples, step_size):
+    mppi = make(sampler=sampler, samples=samples, step_size=step_size)
+    z, rest = drawn(mppi), int(0.1 * samples)
+    z[0] = 0
+    z[samples - rest :] += (REST - mppi.plan).T
+    expected, ess = naive(mppi.plan, z, 0.1, step_size)
+    colder, _ = naive(mppi.plan, z, 0.09, step_size)
+    stats = mppi.improve(START, 0)
+    np.testing.assert_allclose(mppi.plan, expected, atol=1e-5)
+    assert stats.ess == pytest.approx(ess, rel=1e-3)
+    assert abs(mppi.plan - colder).max() > 3e-5
+
+
+def test_iterations_go_on_from_each_others_plans():
+    mppi, other = make(iterations=3), make()
+    u, _ = mppi.control(START)
+    for _ in range(3):
+        other.improve(START, 0)
+    np.testing.assert_array_equal(mppi.plan, other.plan)
+    np.testing.assert_array_equal(u, mppi.plan[0])
+
+
+def test_cost_of_the_nominal_plan_is_that_of_sample_zero():
+    mppi = make()
+    expected = naive_cost(mppi.plan)
+    assert mppi.improve(START, 0).cost == pytest.approx(expected, rel=1e-5)
+    assert not mppi.sample_of(mppi.perturbations(), 0).any()
+
+
+@pytest.mark.parametrize("horizon", [10, 40])
+def test_temperature_meets_the_mean_over_the_horizon(horizon):
+    """A constant cost c per step is J = c however long the horizon: here a point that stays 2 m off."""
+    still = replace(POINT, low=(0.0, 0.0), high=(0.0, 0.0))
+    mppi = make(horizon=horizon, system=still)
+    assert mppi.improve(np.array([2.0, 0.0, 0.0, 0.0]), 0).cost == pytest.approx(4.0)
+
+
+def test_last_samples_perturb_the_rest_control():
+    mppi = make()
+    raw, z = drawn(mppi), from_lanes(mppi.perturbations(), 200, T)
+    np.testing.assert_array_equal(z[1:180], raw[1:180])
+    np.testing.assert_allclose(mppi.plan + z[180:].swapaxes(1, 2), REST + raw[180:].swapaxes(1, 2), atol=1e-6)
+
+
+@pytest.mark.parametrize("sampler", SAMPLERS)
+def test_frozen_first_control_is_the_same_in_every_sample_and_stays(sampler):
+    mppi = make(sampler=sampler, freeze_first=True)
+    before = mppi.plan.copy()
+    mppi.improve(START, 0)
+    np.testing.assert_array_equal(mppi.plan[0], before[0])
+    assert (abs(mppi.plan - before)[1:] > 0).all()
+    assert not from_lanes(mppi.perturbations(), 200, T)[:, :, 0].any()
+
+
+def test_filter_is_savitzky_golay_of_five_points_and_order_two():
+    np.testing.assert_allclose(SAVITZKY_GOLAY, savgol_coeffs(5, 2))
+    t = np.arange(-2.0, 30.0)
+    parabola = np.column_stack([t**2 - 3 * t, 2 - t])
+    np.testing.assert_allclose(savitzky_golay(parabola[2:], parabola[:2])[:-2], parabola[2:-2], atol=1e-9)
+    constant = np.full((6, 1), 3.0)
+    np.testing.assert_allclose(savitzky_golay(constant, constant[:2]), constant)
+
+
+def test_smooth_filters_the_plan_after_the_update():
+    mppi, plain = make(smooth=True), make()
+    mppi.improve(START, 0)
+    plain.improve(START, 0)
+    np.testing.assert_allclose(mppi.plan, savitzky_golay(plain.plan, np.tile(REST, (2, 1))))
+
+
+@pytest.mark.parametrize("steps", [1, 3, T, T + 5])
+def test_shift_drops_the_past_and_appends_rest(steps):
+    mppi = make()
+    before = mppi.plan.copy()
+    mppi.shift(steps)
+    np.testing.assert_array_equal(mppi.plan[: T - steps or None][: max(T - steps, 0)], before[steps:])
+    np.testing.assert_array_equal(mppi.plan[max(T - steps, 0) :], np.tile(REST, (min(steps, T), 1)))
+
+
+def test_executed_controls_are_those_of_the_periods_that_passed():
+    mppi = make()
+    mppi.control(START)
+    first = mppi.plan.copy()
+    mppi.control(START, elapsed=3)
+    np.testing.assert_array_equal(mppi.executed, first[1:3])
+
+
+def test_first_call_does_not_shift():
+    mppi, other = make(), make()
+    mppi.control(START, elapsed=5)
+    other.improve(START, 0)
+    np.testing.assert_array_equal(mppi.plan, other.plan)
+
+
+def test_plan_stays_within_the_limits():
+    mppi = make(sampling=SamplerConfig((50.0, 50.0), (0.0, 0.0)), temperature=1e-3, smooth=True)
+    for _ in range(5):
+        mppi.improve(START, 0)
+        assert np.all((mppi.plan >= POINT.low) & (mppi.plan <= POINT.high))
+    assert np.any(mppi.plan == POINT.high)
+
+
+def test_iterations_lower_the_cost_of_the_plan():
+    mppi = make(temperature=0.02)
+    costs = [mppi.improve(START, 0).cost for _ in range(30)]
+    assert costs[-1] < 0.4 * costs[0]
+
+
+@pytest.mark.parametrize("sampler", SAMPLERS)
+def test_plan_is_a_function_of_the_seed_for_any_number_of_threads(sampler, on_threads):
+    def plan(key=(1, 2)):
+        mppi = make(key, sampler, iterations=2, samples=333)
+        for _ in range(3):
+            mppi.control(START)
+        return mppi.plan
+
+    one = on_threads(1, plan)
+    np.testing.assert_array_equal(on_threads(2, plan), one)
+    np.testing.assert_array_equal(plan(), one)
+    assert (abs(plan((1, 3)) - one) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("x", "found"),
+    [
+        ((0.0, np.nan, 0.0, np.inf), "got py = nan, vy = inf;"),
+        ((0.0, 1.0), "expected 4 finite numbers, got 2 numbers;"),
+    ],
+)
+def test_state_that_is_no_state_is_refused_by_name(x, found):
+    with pytest.raises(ValueError, match=found):
+        make().control(np.array(x))
