@@ -117,10 +117,14 @@ def aims(course: Course, radius: float, margin: float, laps: int) -> np.ndarray:
     centres = np.array([course.start.position, *(g.position for g in gates), run_out])
     legs = np.diff(centres, axis=0)
     lengths = np.maximum(np.linalg.norm(legs, axis=1), 1e-6)
-    to_go = np.append(np.cumsum(lengths[:0:-1])[::-1], 0.0)
     rows = np.array([_aim(g, radius, margin) for g in (*gates, gates[-1])])
     rows[-1, :3] = run_out
-    approach = [max(g.opening) for g in (*gates, gates[-1])]
+    approach = np.array([max(g.opening) for g in (*gates, gates[-1])])
+    # the way from gate to gate as terms() measures it, round a gate that faces away: passing a gate is no jump
+    faces_away = (legs * rows[:, 3:6]).sum(axis=1) < 0
+    ways_round = np.linalg.norm(approach[:, None] * rows[:, 3:6] - legs, axis=1) + approach
+    ways = np.where(faces_away, ways_round, lengths)
+    to_go = np.append(np.cumsum(ways[:0:-1])[::-1], 0.0)
     return np.column_stack([rows, to_go, approach, legs / lengths[:, None], lengths])
 
 

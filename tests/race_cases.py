@@ -1,0 +1,62 @@
+"""Courses, states and flights that the tests of the racing cost share."""
+
+from dataclasses import replace
+from itertools import pairwise
+from math import radians
+
+import numpy as np
+
+from controllers.costs.race import TERMS, RaceWeights
+from quadsim.course import Course, Gate, Start
+from quadsim.plant import STATE
+
+RADIUS, WIDTH, DT = 0.1, 0.3, 0.01
+FAR = ((-1e3, 1e3), (-1e3, 1e3), (0.0, 1e3))
+ALL = RaceWeights(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, desired_speed=9.0, margin=0.0)
+ONLY = {name: replace(RaceWeights(progress=0.0, crash=0.0), **{name: 1.0}) for name in TERMS}
+
+
+def gate(x, y=0.0, z=20.0, yaw=0.0, pitch=0.0, roll=0.0, opening=(2.0, 1.6)):
+    return Gate((x, y, z), radians(yaw), radians(pitch), radians(roll), opening, WIDTH)
+
+
+def course(*gates, start=(0.0, 0.0, 20.0), loop=False, bounds=FAR):
+    return Course("test", "", gates, Start(start, 0.0), bounds, loop, 1, (), "")
+
+
+ROW = course(gate(5.0), gate(10.0), gate(15.0))  # three gates on a line
+
+
+def state(p, v=(0.0, 0.0, 0.0), q=(1.0, 0.0, 0.0, 0.0)):
+    return (*map(float, p), *v, *q, *(0.0,) * (len(STATE) - 10))
+
+
+def term(name, cost, p, v=(0.0, 0.0, 0.0), q=(1.0, 0.0, 0.0, 0.0), row=0):
+    """One weighted term for a state that stays where it is."""
+    x = state(p, v, q)
+    return float(cost.terms(x, x, (0.0,) * 4, tuple(cost.aims[row]), 0.0, cost.params)[TERMS.index(name)])
+
+
+def fly(cost, points):
+    """Along a polyline, a step a segment, with the rollout's bookkeeping.  -> (steps, terms), rows, crashed"""
+    row, crashed, q, rows, crashes = 0, 0.0, [], [], []
+    for a, b in pairwise(points):
+        v = tuple(((np.array(b) - a) / DT).tolist())
+        *terms, reached, crashed = cost.terms(
+            state(a, v), state(b, v), (0.0,) * 4, tuple(cost.aims[row]), crashed, cost.params
+        )
+        row = min(row + int(reached), len(cost.aims) - 1)
+        q, rows, crashes = [*q, [float(t) for t in terms]], [*rows, row], [*crashes, float(crashed)]
+    return np.array(q), rows, crashes
+
+
+def straight(a, b, speed=10.0):
+    a, b = np.array(a, float), np.array(b, float)
+    n = max(1, round(float(np.linalg.norm(b - a)) / (speed * DT)))
+    return [tuple(p) for p in (a + np.outer(np.arange(n + 1) / n, b - a)).tolist()]
+
+
+def through(g, y, z, back=False):
+    """One step of .4 m across a gate's plane, y and z off its centre."""
+    ends = [np.array(g.position) + g.rotation @ (s, y, z) for s in (-0.15, 0.25)]
+    return ends[::-1] if back else ends
