@@ -22,13 +22,14 @@ Quadrotor racing in PyBullet, flown by MPPI with Gaussian or colored sampling.
 
 {commands}
 
-race COMMAND --help lists a command's flags; --json makes any of them print JSON. For example:
-  race fly                                  three laps of the Split-S course with the race preset
+A command's flags: race COMMAND --help. JSON: --json. Examples:
+  race fly                     the main job: the Split-S course, three laps
   race fly paper_flat --preset paper --sampler gaussian --seed 3
-  race plot last                            the last run as PNG and SVG
+  race plot last               the last run as PNG and SVG
 
-race --version, race --tyro-print-completion bash|zsh|tcsh|fish (source its output for completion)
-Exit codes: 0 finished, 1 the flight did not finish, 2 usage or a bad file, 130 interrupted.
+Version: race --version. Completion: source the output of
+race --tyro-print-completion bash (or zsh, tcsh, fish).
+Exit code: 0 finished, 1 not finished, 2 usage or bad file, 130 interrupted.
 """
 PIPE_CLOSED = 128 + signal.SIGPIPE  # what a shell reports for a program that the signal has ended
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from math import isfinite
 
 from rich.console import Console, RenderableType
 
@@ -24,8 +25,17 @@ def width() -> int:
 
 
 def emit_json(value: object) -> None:
-    sys.stdout.write(json.dumps(value, indent=1, allow_nan=False) + "\n")
+    sys.stdout.write(json.dumps(_without_nan(value), indent=1, allow_nan=False) + "\n")
     sys.stdout.flush()
+
+
+def _without_nan(value: object) -> object:
+    """JSON has no nan and no infinity: null."""
+    if isinstance(value, dict):
+        return {k: _without_nan(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(v) for v in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def complain(line: str) -> None:

@@ -26,6 +26,8 @@ from quadsim.yaml_words import expected
 Flags = TypeVar("Flags")
 FLAT = ("flight.", "sampling.", "mppi.", "cost.")  # groups whose flags carry no prefix
 
+ANSI, RULE = re.compile(r"\x1b\[[0-9;]*m"), re.compile(r"[─-]{3,}")
+
 
 class UsageError(ValueError):
     """A command line that cannot be used. One line: the flag, what was expected with its unit, what came."""
@@ -98,22 +100,27 @@ def _complaint(box: str, flags: type, prog: str) -> str:
     """What tyro says in a box of several lines, as one line in our words where it is about a known flag."""
     first, rest = _sentences(box)
     kinds = dict(_kinds(inspect.type_info(flags)))
-    about = next((name for name in re.findall(r"--[\w.-]+", first) if name in kinds), None)
+    about = next((name for name in re.findall(r"--[a-z][\w.-]*", first) if name in kinds), None)
     if about and not first.startswith("Unrecognized"):
         choice = re.search(r"invalid choice ('.*') for", first)
         came = choice[1] if choice else "too few values"
         return f"{about}: expected {expected(kinds[about])}, got {came} (see {prog} --help)"
-    meant = re.search(r"--[\w.-]+", rest)
+    meant = re.search(r"--[a-z][\w.-]*", rest)
     hint = f", did you mean {meant[0]}?" if meant else ""
     said = first[:1].lower() + first[1:].rstrip(".").replace(", ", " ")
     return f"{said}{hint} (see {prog} --help)"
 
 
 def _sentences(box: str) -> tuple[str, str]:
-    """Text of a box before and after its first rule."""
-    lines = [line.strip("│╭╮╰╯ ") for line in box.splitlines()][1:]
-    rule = next((i for i, line in enumerate(lines) if line.startswith("───")), len(lines))
-    return " ".join(lines[:rule]).strip(), "\n".join(line for line in lines[rule:] if line.startswith("--"))
+    """Text of tyro's box before its first rule, and the flags named after it.
+
+    A box in plain ASCII has a rule below its title as well.
+    """
+    lines = [ANSI.sub("", line).strip("│╭╮╰╯ ") for line in box.splitlines()][1:]
+    if lines and RULE.fullmatch(lines[0]):
+        lines = lines[1:]
+    end = next((i for i, line in enumerate(lines) if RULE.fullmatch(line)), len(lines))
+    return " ".join(lines[:end]).strip(), "\n".join(line for line in lines[end:] if line.startswith("--"))
 
 
 def _kinds(kind: Any, path: str = "") -> Iterator[tuple[str, Any]]:

@@ -12,9 +12,12 @@ from quadsim.run import Run
 LEFT, SPLIT = 20, 7  # columns of the terminal for lap, time and top speed, and for one gate
 
 
-def lap_tables(run: Run, gates: int, width: int) -> Iterator[Table]:
+def lap_tables(run: Run, gates: int, width: int) -> Iterator[Table | str]:
     """One table for every run of gates that fits side by side. Times [s], speeds [m/s]; the best of each in green."""
     rows = splits(run)
+    if not rows:
+        yield "no gate passed"
+        return
     fit = max(1, (width - LEFT) // SPLIT)
     for first in range(0, gates, fit):
         yield _table(run, rows, range(first, min(first + fit, gates)))

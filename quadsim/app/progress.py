@@ -47,10 +47,10 @@ class Progress:
         line.add_row(
             f"lap [b]{f.lap}[/]/{self._laps}",
             f"gate [b]{f.gate}[/]/{self._gates}",
-            ProgressBar(total=self._gates * self._laps, completed=f.passed, width=18),
-            f"{f.t:6.2f} s",
-            f"{hypot(*f.x[3:6]):5.1f} m/s",
-            f"ESS {f.ess:5.0f}",
-            f"{factor:4.2f} x real time",
+            ProgressBar(total=self._gates * self._laps, completed=f.passed, width=10),
+            f"{f.t:5.1f} s",
+            f"{hypot(*f.x[3:6]):4.1f} m/s",
+            f"ESS {f.ess:4.0f}",
+            f"{factor:.2f} x real time",
         )
         return line

@@ -1,0 +1,232 @@
+"""The `race` command: what a user can do wrong is one line and exit code 2; what flies leaves a run behind."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from quadsim.app.cli import COMMANDS, race
+from quadsim.archive import list_runs, load_run
+
+TINY = ("--samples", "128", "--horizon", "20", "--iterations", "1", "--laps", "1", "--timeout", "0.2")
+COURSE = """opening: [1.5, 1.5]
+start: {position: [0, 0, 2], yaw_deg: 0}
+gates:
+  - {position: [4, 0, 2], yaw_deg: 0}
+"""
+
+
+@pytest.fixture
+def cwd(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text(COURSE)
+    return tmp_path
+
+
+def outcome(argv, capsys):
+    """Exit code, stdout, stderr."""
+    code = race(argv.split())
+    said = capsys.readouterr()
+    return code, said.out, said.err
+
+
+SIGMAS = "4 numbers [rad/s, rad/s, rad/s, m/s^2]"
+WRONG = {  # command line -> what the one line must say
+    "cours": "no command 'cours': did you mean 'courses'?",
+    "fly split_s_swfit": "no course 'split_s_swfit': did you mean 'split_s_swift'?",
+    "fly --vehicle swft": "no vehicle 'swft': did you mean 'swift'?",
+    "fly --sampler colred": "--sampler: no sampler 'colred': did you mean 'colored'?",
+    "fly --preset rac": "no preset 'rac': did you mean 'race'?",
+    "fly --preset none.yaml": "none.yaml: no such file",
+    "fly none.yaml": "none.yaml: no such file",
+    "fly --sampels 3": "unrecognized options: --sampels 3, did you mean --samples?",
+    "fly --rate-tau 1": "did you mean --model.rate-tau?",
+    "fly --sigma -0.3 1 1 1": f"--sigma: expected {SIGMAS} > 0 and <= 1000, got -0.3 1 1 1",
+    "fly --sigma 1 1": f"--sigma: expected {SIGMAS}, got too few",
+    "fly --sigma 1 1 x 1": f"--sigma: expected {SIGMAS}, got 1 1 x 1",
+    "fly --horizon 1": "--horizon: expected a whole number [steps] >= 2",
+    "fly --samples 1": "--samples: expected a whole number >= 2",
+    "fly --samples 1e3": "--samples: expected a whole number, got '1e3'",
+    "fly --samples 1000000 --horizon 10000": "--samples: expected samples x horizon <= 1e+08",
+    "fly --temperature 0": "--temperature: expected a number > 0",
+    "fly --ess nan": "--ess: expected a number, got 'nan'",
+    "fly --ess 5000": "--ess: expected less than samples = 4096",
+    "fly --dt 0.0033": "--dt: expected a whole multiple of the plant's step 0.0025 [s], got 0.0033",
+    "fly --dt": "--dt: expected a number [s], got too few values",
+    "fly --law exat": "--law: expected 'exact' or 'library' or 'paper', got 'exat'",
+    "fly --laps 0": "--laps: expected a whole number >= 1",
+    "fly --laps None": "--laps: expected a whole number, got 'None'",
+    "fly mine.yaml --laps 2": "mine: expected 1 lap, as the course is open, got 2",
+    "fly --timeout inf": "--timeout: expected a number [s], got 'inf'",
+    "fly --seed -1": "--seed: expected a whole number >= 0",
+    "fly --threads 1000": "--threads: expected 1 to ",
+    "fly --threads x": "--threads: expected a whole number, got 'x'",
+    "fly --model.thrust-max 5": "--model.thrust-max: expected a number [m/s^2] > 9.81",
+    "fly --model.rate-tau 1 1": "--model.rate-tau: expected 3 numbers [s], got too few",
+    "fly --runs-dir mine.yaml": "mine.yaml: cannot make a folder for runs here",
+    "show": "no runs in 'runs'",
+    "show nowhere/x": "nowhere/x: expected a run folder, found nothing",
+    "plot last": "no runs in 'runs'",
+    "check": "expected one FILE or more, got none",
+    "check swif": "swif: no such file, course or vehicle: did you mean 'swift'?",
+    "--tyro-print-completion basic": "expected one of bash, zsh, tcsh, fish",
+}
+
+
+@pytest.mark.parametrize("argv", WRONG)
+def test_every_mistake_is_one_line_and_exit_code_2(argv, cwd, capsys):
+    code, out, err = outcome(argv, capsys)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert WRONG[argv] in err
+    assert not (cwd / "runs").exists()
+
+
+def test_a_file_in_the_place_of_runs_is_seen_before_the_flight(cwd, capsys):
+    (cwd / "runs").write_text("")
+    code, out, err = outcome(" ".join(("fly", "mine.yaml", *TINY)), capsys)
+    assert (code, out) == (2, "")
+    assert err.startswith("race fly: runs: cannot make a folder for runs here")
+
+
+def test_check_says_ok_or_where_it_is_wrong(cwd, capsys):
+    (cwd / "bad.yaml").write_text(COURSE.replace("yaw_deg: 0}\n", "yaw_deg: north}\n"))
+    code, out, err = outcome("check mine.yaml bad.yaml swift", capsys)
+    assert code == 2
+    assert "mine.yaml: ok, course: 1 gates" in out
+    assert "swift.yaml: ok, vehicle" in out
+    assert err.startswith("bad.yaml:2:39: start.yaw_deg: expected a number [deg], got 'north'\n")
+
+
+def test_a_preset_file_is_as_strict_as_a_flag(cwd, capsys):
+    (cwd / "p.yaml").write_text("base: race\nmppi: {samples: 1}\n")
+    code, _, err = outcome("fly --preset p.yaml", capsys)
+    assert (code, err) == (2, "race fly: p.yaml:2:17: mppi.samples: expected a whole number >= 2 and <= 1e+06, got 1\n")
+
+
+def test_an_unknown_course_flies_from_its_yaml_and_the_run_shows_the_same(cwd, capsys):
+    code, out, err = outcome("fly mine.yaml --json --seed 4 --samples 256 --horizon 50 --timeout 3", capsys)
+    flown = json.loads(out)
+    assert (flown["course"], flown["seed"], flown["preset"]) == ("mine", 4, "race")
+    assert code == {"finished": 0, "crashed": 1, "timeout": 1}[flown["outcome"]]
+    assert {"laps", "gates", "events", "chatter", "plan_ms", "real_time_factor", "run_dir"} <= flown.keys()
+    assert "real time" not in err, "no live line where stderr is no terminal"
+    assert json.loads(outcome("show last --json", capsys)[1]) == flown
+    assert outcome("show s4", capsys)[0] == 0
+
+
+def test_a_full_disk_costs_the_run_but_not_its_report(cwd, capsys, monkeypatch):
+    def full(fd):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("quadsim.archive.os.fsync", full)
+    code, out, err = outcome(" ".join(("fly", "mine.yaml", *TINY)), capsys)
+    assert code == 2
+    assert "not stored" in out
+    assert err.splitlines()[-1].endswith("No space left on device")
+    monkeypatch.undo()
+    assert outcome(f"show --runs-dir {cwd}/runs", capsys)[0] == 2, "nothing that looks finished"
+
+
+def test_plot_writes_a_png_and_an_svg(cwd, capsys):
+    race(["fly", "mine.yaml", *TINY])
+    capsys.readouterr()
+    code, out, _ = outcome("plot last --out pictures", capsys)
+    png, svg = (Path(name).read_bytes() for name in out.split())
+    assert code == 0
+    assert png.startswith(b"\x89PNG")
+    assert svg.rstrip().endswith(b"</svg>")
+
+
+@pytest.mark.parametrize("argv", ["courses", "vehicles", "courses --json", "vehicles --json", "--version", "--help"])
+def test_listings_answer_on_stdout(argv, capsys):
+    code, out, err = outcome(argv, capsys)
+    assert (code, err) == (0, "")
+    assert all(len(line) <= 80 and line == line.rstrip() for line in out.splitlines() if "--json" not in argv)
+    if "--json" in argv:
+        assert {entry["name"] for entry in json.loads(out)} >= {"split_s_swift"} or "swift" in out
+
+
+def test_completion_knows_every_command_and_the_flags_of_fly(capsys):
+    with pytest.raises(SystemExit):
+        race(["--tyro-print-completion", "bash"])
+    script = capsys.readouterr().out
+    assert all(name in script for name in (*COMMANDS, "--model.rate-tau", "--sigma"))
+
+
+@pytest.mark.parametrize("argv", [["--help"], ["courses"], ["check", "split_s_swift"]])
+def test_quick_commands_load_nothing_slow(argv):
+    code = f"from quadsim.app.cli import race; race({argv}); import sys; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert not {"numba", "pybullet", "matplotlib", "scipy", "scipy.signal", "viser"} & set(loaded)
+    assert "quadsim.app.cli" in loaded
+
+
+def test_a_reader_who_leaves_early_sees_no_traceback():
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-c", "from quadsim.app.cli import main; main()", "courses"]
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+HOVER = (
+    "fly paper_flat --preset paper --samples 256 --horizon 50 --iterations 1 --timeout 10000 "
+    "--progress 0 --heading 0 --desired-speed 0 --speed 100"
+)
+
+
+@pytest.fixture
+def flying(tmp_path):
+    """A flight that goes on for ever, in a terminal of its own, once its live line has been seen."""
+    terminal, stderr = pty.openpty()
+    command = [sys.executable, "-c", "from quadsim.app.cli import main; main()", *HOVER.split()]
+    flight = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=stderr, text=True)
+    os.close(stderr)
+    seen = b""
+    while seen.count(b"real time") < 3:
+        seen += os.read(terminal, 4096)
+    yield flight, terminal
+    flight.kill()
+    os.close(terminal)
+
+
+def rest_of(terminal):
+    """What is still written to the terminal until its last writer has left."""
+    text = b""
+    with suppress(OSError):  # how Linux says that nobody is left
+        while more := os.read(terminal, 4096):
+            text += more
+    return text.decode()
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_flight_is_reported_and_kept(flying, tmp_path, sent):
+    flight, terminal = flying
+    flight.send_signal(sent)
+    said = rest_of(terminal)
+    out = flight.stdout.read()
+    assert flight.wait() == 130
+    assert "interrupted" in out
+    assert "Traceback" not in said
+    assert "race fly: interrupted at " in said.rstrip().splitlines()[-1]
+    (folder,) = list_runs(tmp_path / "runs")
+    run = load_run(folder)
+    assert run.outcome == "interrupted"
+    assert run.telemetry["t"][-1] > 0.0
+
+
+def test_a_killed_flight_leaves_nothing_that_looks_finished(flying, tmp_path, capsys):
+    flight, _ = flying
+    flight.kill()
+    flight.wait()
+    assert list_runs(tmp_path / "runs") == []
+    code, _, err = outcome(f"show --runs-dir {tmp_path}/runs", capsys)
+    assert code == 2
+    assert "no runs in" in err
