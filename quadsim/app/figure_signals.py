@@ -11,6 +11,7 @@ from quadsim.metrics import motor_corner, motor_tau, thrust_psd
 from quadsim.run import Run
 
 COMMANDED, DELIVERED = "#f28e2b", "#1f4e79"
+WIDTH = {COMMANDED: 1.5, DELIVERED: 1.0}  # so that both are seen where they agree
 FEWEST = 16  # frames that a spectrum is worth
 
 
@@ -39,7 +40,7 @@ def draw_spectrum(axes: Axes, run: Run) -> None:
         return
     for column, colour, name in (("a_cmd", COMMANDED, "commanded"), ("a", DELIVERED, "delivered")):
         f, psd = thrust_psd(x["t"], x[column])
-        axes.loglog(f[1:], psd[1:], color=colour, linewidth=1.4, label=name)
+        axes.loglog(f[1:], psd[1:], color=colour, linewidth=WIDTH[colour], label=name)
     corner = motor_corner(tau)
     axes.axvline(corner, color="#606060", linestyle="--", linewidth=1.0, label=f"motors' corner, {corner:.1f} Hz")
     axes.grid(which="minor", color="#f2f2f2", linewidth=0.4)
@@ -48,8 +49,8 @@ def draw_spectrum(axes: Axes, run: Run) -> None:
 
 def _pair(axes: Axes, run: Run, commanded: str, delivered: str) -> None:
     x = run.telemetry
-    axes.step(x["t"], x[commanded], where="post", color=COMMANDED, linewidth=0.8, label="commanded")
-    axes.plot(x["t"], x[delivered], color=DELIVERED, linewidth=1.2, label="delivered")
+    axes.step(x["t"], x[commanded], where="post", color=COMMANDED, linewidth=WIDTH[COMMANDED], label="commanded")
+    axes.plot(x["t"], x[delivered], color=DELIVERED, linewidth=WIDTH[DELIVERED], label="delivered")
     for end in np.cumsum(run.laps):
         axes.axvline(end, color="#b0b0b0", linewidth=0.8)
     axes.margins(x=0.01)

@@ -25,24 +25,23 @@ NUMBER["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]
 
 
 def draw_views(figure: SubFigure, run: Run, course: Course) -> None:
-    """Above, x and y; below, the longer of both and z. Equal scales."""
+    """Above, x and y to scale; below, the longer of both and the height."""
     points = np.stack([run.telemetry[k] for k in ("px", "py", "pz")], axis=1)  # (frames, 3)
-    side = int(np.argmax(np.ptp(_extent(points, course)[:, :2], axis=0)))
-    spans = np.ptp(_extent(points, course), axis=0) + 2.0
-    top, below = figure.subplots(2, 1, height_ratios=(max(spans[1], 6.0), max(spans[2], 4.0) + 1.0))
-    for axes, plane, name in ((top, (0, 1), "from above"), (below, (side, 2), "from the side")):
+    extent = np.vstack([points, [course.start.position], *(corners(g, g.frame_width) for g in course.gates)])
+    side = int(np.argmax(np.ptp(extent[:, :2], axis=0)))
+    scale = max(float(np.ptp(extent[:, side])) / 20.0, 0.3)  # of arrows and labels [m]
+    top, below = figure.subplots(2, 1, height_ratios=(2.7, 1.0))
+    for axes, plane, name in ((top, (0, 1), "from above"), (below, (side, 2), "from the side, height stretched")):
         lines = _draw_path(axes, run, points[:, plane])
-        _draw_gates(axes, course, plane)
+        _draw_gates(axes, course, plane, scale)
         _draw_events(axes, run, plane)
         axes.set(title=name, xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
-        axes.set_aspect("equal", adjustable="datalim")
-    below.axhline(0.0, color="#8c564b", linewidth=1.0)
+        axes.margins(0.07)
+    top.set_aspect("equal", adjustable="datalim")
     top.legend(loc="best")
+    below.axhline(0.0, color="#8c564b", linewidth=1.0)
+    below.set_ylim(-0.3, float(extent[:, 2].max()) + 0.8)
     figure.colorbar(lines, ax=[top, below], label="speed [m/s]", aspect=50, pad=0.01)
-
-
-def _extent(points: np.ndarray, course: Course) -> np.ndarray:
-    return np.vstack([points, [course.start.position], *(corners(g, g.frame_width) for g in course.gates)])
 
 
 def _draw_path(axes: Axes, run: Run, points: np.ndarray) -> LineCollection:
@@ -58,27 +57,26 @@ def _draw_path(axes: Axes, run: Run, points: np.ndarray) -> LineCollection:
     return lines
 
 
-def _draw_gates(axes: Axes, course: Course, plane: tuple[int, int]) -> None:
-    """Frame, opening, an arrow through it and its number, where the passage comes from."""
+def _draw_gates(axes: Axes, course: Course, plane: tuple[int, int], scale: float) -> None:
+    """Frame, opening, an arrow along the passage, and the gate's number."""
     for number, gate in enumerate(course.gates, start=1):
         for border, colour, width in ((gate.frame_width, "#9a9a9a", 4.0), (0.0, "#2b7bba", 2.2)):
             ring = corners(gate, border)[[0, 1, 3, 2, 0]][:, plane]
             axes.plot(*ring.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=3)
         centre, along = np.array(gate.position)[list(plane)], gate.rotation[list(plane), 0]
-        tip = centre + 1.1 * along
-        axes.annotate("", tip, centre, arrowprops={"arrowstyle": "->", "color": "#2b7bba", "lw": 1.2}, zorder=3)
-        axes.text(*_label(gate, plane), str(number), **NUMBER)
+        arrow = {"arrowstyle": "->", "color": "#2b7bba", "lw": 1.3}
+        axes.annotate("", centre + 1.2 * scale * along, centre, arrowprops=arrow, zorder=3)
+        axes.text(*_label(gate, plane, scale), str(number), **NUMBER)
 
 
-def _label(gate: Gate, plane: tuple[int, int]) -> np.ndarray:
-    """Outside the frame, on the side the gate is entered from. From the side: above a gate that is seen face on."""
+def _label(gate: Gate, plane: tuple[int, int], scale: float) -> np.ndarray:
+    """Outside the frame, on the side the gate is entered from; from the side, above it unless it is seen edge on."""
     passage, left, _ = gate.rotation.T
     width, height = (size / 2 + gate.frame_width for size in gate.opening)
     if plane == (0, 1):
-        return (gate.position + left * (width + 0.5) - 0.5 * passage)[:2]
-    face_on = 1.0 - abs(passage[plane[0]])
-    up = np.array([0.0, 0.0, height + 0.4])
-    return (gate.position - 0.7 * passage + face_on * up)[list(plane)]
+        return (gate.position + left * (width + 0.5 * scale) - 0.5 * scale * passage)[:2]
+    beside, above = -0.7 * scale * passage, np.array([0.0, 0.0, height + 0.3])
+    return (gate.position + (beside if abs(passage[plane[0]]) > 0.9 else above))[list(plane)]
 
 
 def _draw_events(axes: Axes, run: Run, plane: tuple[int, int]) -> None:

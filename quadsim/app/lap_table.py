@@ -3,24 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
+from rich.markup import escape
 from rich.table import Table
 
 from quadsim.metrics import splits
 from quadsim.run import Run
 
-LEFT, SPLIT = 20, 7  # columns of the terminal for lap, time and top speed, and for one gate
+LEFT, PENALTY = 23, 9  # columns of the terminal for lap, time, top speed and the word "gate"; for penalties
 
 
 def lap_tables(run: Run, gates: int, width: int) -> Iterator[Table | str]:
-    """One table for every run of gates that fits side by side. Times [s], speeds [m/s]; the best of each in green."""
+    """One table for every range of gates that fits side by side; the best of each column in green."""
     rows = splits(run)
     if not rows:
         yield "no gate passed"
         return
-    fit = max(1, (width - LEFT) // SPLIT)
+    cell = max(len(f"{t:.3f}") for row in rows for t in row) + 2
+    left = LEFT + (PENALTY if any(run.penalties) else 0)
+    parts = -(-gates // max(1, (width - left) // cell))
+    fit = -(-gates // parts)
     for first in range(0, gates, fit):
-        yield _table(run, rows, range(first, min(first + fit, gates)))
+        columns = {"lap": [str(i + 1) for i in range(len(rows))]}
+        if first == 0:
+            columns |= _whole_laps(run, len(rows))
+        for gate in range(first, min(first + fit, gates)):
+            name = f"gate {gate + 1}\n[s]" if gate == first else str(gate + 1)
+            columns[name] = _times([row[gate] if gate < len(row) else None for row in rows])
+        yield _side_by_side(columns)
 
 
 def top_speeds(run: Run, laps: int) -> list[float]:
@@ -30,33 +41,31 @@ def top_speeds(run: Run, laps: int) -> list[float]:
     return [float(speed[x["lap"] == lap].max(initial=0.0)) for lap in range(1, laps + 1)]
 
 
-def _table(run: Run, rows: list[list[float]], gates: range) -> Table:
-    table = plain_table()
-    names = ["lap", "time", "top"] if gates.start == 0 else ["lap", "", ""]
-    for name in names:
-        table.add_column(name, justify="right", min_width=5)
-    for gate in gates:
-        table.add_column(f"gate {gate + 1}" if gate == gates.start else str(gate + 1), justify="right")
-    best = [min((row[g] for row in rows if g < len(row)), default=0.0) for g in gates]
-    tops = top_speeds(run, len(rows))
-    for i, row in enumerate(rows):
-        time = _lap_time(run, i) if gates.start == 0 else ""
-        top = f"{tops[i]:.1f}" if gates.start == 0 else ""
-        sectors = [_time(row[g], b, len(rows) > 1) if g < len(row) else "" for g, b in zip(gates, best, strict=True)]
-        table.add_row(str(i + 1), time, top, *sectors)
-    return table
-
-
-def plain_table(**kwargs: object) -> Table:
+def plain_table(**kwargs: Any) -> Table:
     """No lines, a quiet head."""
-    return Table(box=None, header_style="dim", padding=(0, 2, 0, 0), **kwargs)  # type: ignore[arg-type]
+    return Table(box=None, header_style="dim", padding=(0, 2, 0, 0), **kwargs)
 
 
-def _lap_time(run: Run, lap: int) -> str:
-    if lap >= len(run.laps):
-        return "[dim]-[/]"
-    return _time(run.laps[lap], min(run.laps), len(run.laps) > 1)
+def _whole_laps(run: Run, laps: int) -> dict[str, list[str]]:
+    """Time and top speed of each lap, and the penalties in it where there are any."""
+    open_ = [None] * (laps - len(run.laps))
+    columns = {"time\n[s]": _times([*run.laps, *open_])}
+    if any(run.penalties):
+        columns["penalty\n[s]"] = [f"{t:.0f}" if t else "" for t in (*run.penalties, *open_)]
+    return columns | {"top\n[m/s]": [f"{v:.1f}" for v in top_speeds(run, laps)]}
 
 
-def _time(t: float, best: float, mark: bool) -> str:
-    return f"[green]{t:.3f}[/]" if mark and t == best else f"{t:.3f}"
+def _times(times: list[float | None]) -> list[str]:
+    """The shortest in green if there are several; a dash for what was not completed."""
+    known = [t for t in times if t is not None]
+    best = min(known) if len(known) > 1 else None
+    return ["[dim]-[/]" if t is None else f"[green]{t:.3f}[/]" if t == best else f"{t:.3f}" for t in times]
+
+
+def _side_by_side(columns: dict[str, list[str]]) -> Table:
+    table = plain_table()
+    for name in columns:
+        table.add_column(escape(name), justify="right", no_wrap=True)
+    for cells in zip(*columns.values(), strict=True):
+        table.add_row(*cells)
+    return table
