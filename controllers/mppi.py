@@ -66,7 +66,7 @@ class MPPI:
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
         self.executed = np.tile(self.rest, (2, 1))  # the last two controls, left padding of the filter
         self.temperature = config.temperature
-        self._costs = np.empty((-(-config.samples // LANES), LANES), np.float32)  # J, padded to whole blocks
+        self.samples = config.samples  # M, at most what the buffers of the sampler hold
         self._calls = 0
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
@@ -76,7 +76,7 @@ class MPPI:
         Raises ValueError for a state that is no state, e.g. of a plant that has diverged.
         """
         check_state(x, self.system.states)
-        if self._calls:
+        if self._calls and elapsed:
             self.shift(elapsed)
         for _ in range(self.config.iterations):
             stats = self.improve(x, target)
@@ -91,10 +91,11 @@ class MPPI:
     def improve(self, x: np.ndarray, target: int) -> PlanStats:
         """One iteration of Algorithm 1 on the plan."""
         z = self.perturbations()
-        self.rollout(x, self.plan, z, target, self._costs)
-        J = self._costs.ravel()[: self.config.samples].astype(np.float64)
+        costs = np.empty((-(-self.samples // LANES), LANES), z.dtype)  # J, padded to whole blocks
+        self.rollout(x, self.plan, z, target, costs)
+        J = costs.ravel()[: self.samples].astype(np.float64)
         w = weights(J, self.temperature)
-        mean = weighted_mean(z, self.plan, self.low, self.high, self._padded(w))
+        mean = weighted_mean(z, self.plan, self.low, self.high, padded(w))
         self.plan = np.clip(self.plan + self.config.step_size * mean, self.low, self.high)
         if self.config.smooth:
             self.plan = np.clip(savitzky_golay(self.plan, self.executed), self.low, self.high)
@@ -105,27 +106,29 @@ class MPPI:
     def perturbations(self) -> np.ndarray:
         """z of every sample: sample 0 is the plan itself, the last ones perturb the rest control."""
         self._calls += 1
-        z = self.sampler.sample(self._calls)
-        T, M = self.config.horizon, self.config.samples
-        for m in range(M - int(self.config.rest_fraction * M), M):
-            self.sample_of(z, m)[:] += (self.rest - self.plan).T
+        z = self.sampler.sample(self._calls, self.samples)
+        T, M = self.config.horizon, self.samples
+        first = M - int(self.config.rest_fraction * M)
+        for b in range(first // LANES, -(-M // LANES)):
+            block_of(z, b, T)[:, :, max(first - b * LANES, 0) :] += (self.rest - self.plan).T[:, :, None]
         if self.config.freeze_first:
             z[:, :, ::T] = 0
-        self.sample_of(z, 0)[:] = 0
+        block_of(z, 0, T)[:, :, 0] = 0
         return z
 
-    def sample_of(self, z: np.ndarray, m: int) -> np.ndarray:
-        """The perturbation of sample m, a view.  (n_u, T)"""
-        T = self.config.horizon
-        b, halves = m // LANES, z.shape[2] // T
-        t0 = (b % halves) * T
-        return z[b // halves, :, t0 : t0 + T, m % LANES]
 
-    def _padded(self, w: np.ndarray) -> np.ndarray:
-        """Weights in blocks of lanes; the lanes beyond M weigh nothing.  (M,) -> (blocks, LANES)"""
-        blocks = np.zeros(self._costs.size)
-        blocks[: len(w)] = w
-        return blocks.reshape(-1, LANES)
+def block_of(z: np.ndarray, b: int, horizon: int) -> np.ndarray:
+    """The perturbations of block b, a view.  (series, n_u, halves * T, LANES) -> (n_u, T, LANES)"""
+    halves = z.shape[2] // horizon
+    t0 = (b % halves) * horizon
+    return z[b // halves, :, t0 : t0 + horizon]
+
+
+def padded(w: np.ndarray) -> np.ndarray:
+    """Weights in whole blocks of lanes; the lanes beyond M weigh nothing.  (M,) -> (blocks, LANES)"""
+    blocks = np.zeros(-(-len(w) // LANES) * LANES)
+    blocks[: len(w)] = w
+    return blocks.reshape(-1, LANES)
 
 
 def check_state(x: np.ndarray, names: tuple[str, ...]) -> None:

@@ -7,7 +7,7 @@ while it asks, a test takes them all, and pausing is not asking for the next one
 from __future__ import annotations
 
 from collections.abc import Iterator
-from time import perf_counter
+from time import perf_counter, sleep
 from typing import Protocol
 
 import numpy as np
@@ -29,27 +29,81 @@ class PlanStats(Protocol):
 
 
 class Controller(Protocol):
-    """Chooses u at state x on the way to gate number `target` (gates passed since the start)."""
+    """Chooses u at state x on the way to gate number `target` (gates passed since the start).
+
+    `elapsed` control periods have passed since it was last asked, 0 the first time.
+    """
+
+    @property
+    def rest(self) -> np.ndarray:
+        """The control that holds still, for the time before there is a plan.  (n_u,)"""
+        ...
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]: ...
 
 
-def fly(plant: Plant, controller: Controller, referee: Referee, period: float) -> Iterator[Frame]:
+class Clock(Protocol):
+    """What time does while a plan is made; t counts from the start of the flight [s]."""
+
+    def now(self, t: float) -> float:
+        """The time at which whatever began at t is done."""
+        ...
+
+    def wait(self, t: float) -> None:
+        """Return when it is t."""
+        ...
+
+
+class SimulatedClock:
+    """The world stands still while the controller thinks: every flight is reproducible to the last bit."""
+
+    def now(self, t: float) -> float:
+        return t
+
+    def wait(self, t: float) -> None:
+        pass
+
+
+class WallClock:
+    """The world does not wait: a plan acts when it is ready, and simulated seconds are real ones."""
+
+    def __init__(self) -> None:
+        self._began: float | None = None
+
+    def now(self, t: float) -> float:
+        if self._began is None:  # the first plan is made before the start signal; compiling is not racing
+            self._began = perf_counter() - t
+        return perf_counter() - self._began
+
+    def wait(self, t: float) -> None:
+        sleep(max(t - self.now(t), 0.0))
+
+
+CLOCKS = {"simulated": SimulatedClock, "wall": WallClock}
+
+
+def fly(
+    plant: Plant, controller: Controller, referee: Referee, period: float, clock: Clock | None = None
+) -> Iterator[Frame]:
     """Fly until the referee ends it. The last frame carries the outcome and the control that led there.
 
     period: control period [s], a whole multiple of the plant's step; raises ValueError otherwise.
+    A plan made from the state at t acts when it is ready, until then the control before it does; the next
+    plan begins one period after t, or when this one is ready. By default that is at once.
     """
-    substeps = whole_multiple(period, plant.dt)
+    clock = clock or SimulatedClock()
+    whole_multiple(period, plant.dt)
     began = perf_counter()
-    u, stats, plan_ms = (0.0,) * 4, None, 0.0
+    u = held = tuple(controller.rest.tolist())
+    stats, plan_ms, elapsed = None, 0.0, 0
     events: list[Event] = []
     while True:
         state = plant.state
         if referee.outcome is None:
             before = perf_counter()
-            control, stats = controller.control(np.array(state.x), referee.passed)
+            control, stats = controller.control(np.array(state.x), referee.passed, elapsed)
             plan_ms = 1e3 * (perf_counter() - before)
-            u = tuple(control.tolist())
+            held, u = u, tuple(control.tolist())
         assert stats is not None
         yield Frame(
             t=state.t,
@@ -68,22 +122,26 @@ def fly(plant: Plant, controller: Controller, referee: Referee, period: float) -
         )
         if referee.outcome is not None:
             return
-        events = hold(plant, referee, u, substeps)
+        ready = clock.now(state.t)
+        events = hold(plant, referee, held, ready)
+        following = max(state.t + period, plant.state.t)
+        clock.wait(following)
+        events += hold(plant, referee, u, following)
+        elapsed = max(round((following - state.t) / period), 1)
 
 
-def hold(plant: Plant, referee: Referee, u: tuple[float, ...], substeps: int) -> list[Event]:
-    """Apply u for one control period, every physics step judged."""
+def hold(plant: Plant, referee: Referee, u: tuple[float, ...], until: float) -> list[Event]:
+    """Apply u until the given time, to the nearest physics step; every step is judged."""
     events: list[Event] = []
-    for _ in range(substeps):
+    while plant.state.t < until - plant.dt / 2 and referee.outcome is None:
         before = plant.state
         after = plant.step(u)
         events += referee.observe(before.t, before.x[:3], after.t, after.x[:3], after.contacts)
-        if referee.outcome is not None:
-            break
     return events
 
 
 def whole_multiple(period: float, dt: float) -> int:
+    """How many physics steps of dt make a control period. Raises ValueError unless it is a whole number."""
     substeps = round(period / dt)
     if substeps < 1 or abs(substeps * dt - period) > 1e-9:
         raise ValueError(f"dt: expected a whole multiple of the plant's step {dt:g} [s], got {period:g}")

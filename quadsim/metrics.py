@@ -121,6 +121,13 @@ def max_speed(run: Run) -> float:
     return float(_speed(run.telemetry).max(initial=0.0))
 
 
+def missed_deadlines(run: Run) -> int:
+    """Control periods that came late because a plan was not ready; none under the simulated clock."""
+    period = run.spec["planner"]["mppi"]["dt"]
+    gaps = np.diff(run.telemetry["t"])
+    return int(np.sum(gaps > period + 0.5 * run.spec["plant_dt"]))
+
+
 def lap_table(run: Run) -> list[dict]:
     """One row a completed lap: lap, time and penalty in it [s], splits [s], max_speed [m/s]."""
     x, sectors = run.telemetry, splits(run)

@@ -25,8 +25,11 @@ Sigmas = Annotated[tuple[Sigma, Sigma, Sigma, Sigma], unit("rad/s, rad/s, rad/s,
 class Sampler(Protocol):
     """Perturbations for M samples of T steps, a function of (key, call) alone."""
 
-    def sample(self, call: int) -> np.ndarray:
-        """eps (series, n_u, halves * T, LANES); the buffer may be used again by the next call."""
+    def sample(self, call: int, samples: int | None = None) -> np.ndarray:
+        """eps (series, n_u, halves * T, LANES) of the first `samples`, or of all.
+
+        The buffer is used again by the next call.
+        """
         ...
 
 

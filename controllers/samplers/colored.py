@@ -53,18 +53,19 @@ class Colored:
     ):
         self._n = horizon if law == "paper" else 2 * horizon  # length of the transform
         self._steps = self._n if law == "exact" else horizon  # of it that are used
-        blocks = -(-samples // LANES)
-        series = -(-blocks // 2) if law == "exact" else blocks
+        self._held = 2 * LANES if law == "exact" else LANES  # samples in one series of lanes
+        series = -(-samples // self._held)
         scale = [s * spectrum(self._n, g, law) for s, g in zip(sigma, gamma, strict=True)]
         self._scale = np.repeat(np.float32(scale).ravel(), 2)  # real and imaginary part alike
         self._bins = np.empty((series, len(sigma), self._n // 2 + 1, LANES), np.complex64)
-        self._law, self._horizon, self._key = law, horizon, key
+        self._law, self._samples, self._horizon, self._key = law, samples, horizon, key
 
-    def sample(self, call: int) -> np.ndarray:
+    def sample(self, call: int, samples: int | None = None) -> np.ndarray:
+        bins = self._bins[: -(-(samples or self._samples) // self._held)]
         # a row of LANES complex bins is two rows of LANES equally scaled normals
-        fill_normals(self._bins.view(np.float32).reshape(len(self._bins), -1, LANES), self._scale, self._key, call)
+        fill_normals(bins.view(np.float32).reshape(len(bins), -1, LANES), self._scale, self._key, call)
         # irfft ignores the imaginary parts of the DC and Nyquist bins, as a real signal must
-        z = irfft(self._bins, n=self._n, axis=2, workers=threads())
+        z = irfft(bins, n=self._n, axis=2, workers=threads())
         if self._law == "library":
             z = z[:, :, : self._horizon]
             z = z - z[:, :, 1:2] * np.float32(OFFSET_DECAY) ** np.arange(self._horizon, dtype=np.float32)[:, None]

@@ -14,8 +14,9 @@ class Gaussian:
     def __init__(self, sigma: tuple[float, ...], samples: int, horizon: int, key: np.ndarray):
         self._noise = np.empty((-(-samples // LANES), len(sigma), horizon, LANES), np.float32)
         self._scale = np.repeat(np.float32(sigma), horizon)  # (n_u * T,)
-        self._key = key
+        self._samples, self._key = samples, key
 
-    def sample(self, call: int) -> np.ndarray:
-        fill_normals(self._noise.reshape(len(self._noise), -1, LANES), self._scale, self._key, call)
-        return self._noise
+    def sample(self, call: int, samples: int | None = None) -> np.ndarray:
+        noise = self._noise[: -(-(samples or self._samples) // LANES)]
+        fill_normals(noise.reshape(len(noise), -1, LANES), self._scale, self._key, call)
+        return noise

@@ -36,6 +36,10 @@ PIPE_CLOSED = 128 + signal.SIGPIPE  # what a shell reports for a program that th
 
 def main() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # like Ctrl-C
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name) or open(os.devnull, "w")  # noqa: SIM115 (`>&-` closes it; it lives to the end)
+        stream.reconfigure(errors="replace")  # an ASCII terminal gets question marks
+        setattr(sys, name, stream)
     sys.exit(race(sys.argv[1:]))
 
 
@@ -47,8 +51,11 @@ def race(argv: list[str]) -> int:
             return _run(name, rest)
         return _about(name, argv)
     except BrokenPipeError:  # `race courses | head -1`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_stdout()
         return PIPE_CLOSED
+    except OSError as error:  # `race courses > /dev/full`
+        _drop_stdout()
+        return _complain(f"race {name}: {error}", 2)
     except KeyboardInterrupt:
         return _complain(f"race {name}: interrupted, nothing to keep", 130)
 
@@ -95,6 +102,11 @@ def _completion(argv: list[str]) -> int:
         return _complain(f"race: {argv[0]}: expected one of {', '.join(shells)}", 2)
     subcommand_cli_from_dict({name: _flags(name) for name in COMMANDS}, prog="race", args=argv)
     return 0
+
+
+def _drop_stdout() -> None:
+    """What is still buffered goes nowhere, or Python would try again at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _complain(line: str, code: int) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta
 from tyro.conf import DisallowNone, FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
@@ -33,6 +33,7 @@ else:
 Laps = Annotated[int, Meta(ge=1, le=1000)]
 Count = Annotated[int, Meta(ge=1)]
 Limit = Annotated[float, unit("s", gt=0, le=1e5)]
+Millis = Annotated[float, unit("ms", gt=0, le=1e4)]
 THE_VEHICLES = otherwise("the vehicle's")
 
 
@@ -61,6 +62,8 @@ class FlightFlags:
     threads: Annotated[Count | None, DisallowNone, otherwise("every core")] = None  # results do not depend on it
     penalties: FlagCreatePairsOff[bool] = False  # a hit costs 3 s instead of ending the flight
     plant_dt: Annotated[float, unit("s", gt=0, le=0.02)] = 0.0025  # step of the simulated world [s]
+    clock: Literal["simulated", "wall"] = "simulated"  # wall: the world does not wait for the planner
+    deadline_ms: Annotated[Millis | None, DisallowNone, otherwise("none")] = None  # shrink the samples to hold it [ms]
     sampling: OmitArgPrefixes[SamplerConfig] = field(default_factory=SamplerConfig)
     mppi: OmitArgPrefixes[MPPIConfig] = field(default_factory=MPPIConfig)
     cost: OmitArgPrefixes[RaceWeights] = field(default_factory=RaceWeights)
@@ -100,6 +103,8 @@ class FlightFlags:
             timeout=self.timeout or default_timeout(course, laps),
             penalties=self.penalties,
             plant_dt=self.plant_dt,
+            clock=self.clock,
+            deadline_ms=self.deadline_ms,
             host={"threads": threads},
         )
 

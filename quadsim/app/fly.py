@@ -15,9 +15,8 @@ from quadsim.app.flags import UsageError
 from quadsim.app.flight_flags import FlightFlags
 from quadsim.app.progress import Progress
 from quadsim.app.report import present
-from quadsim.app.spec import Spec, build
+from quadsim.app.spec import Spec, build, launch
 from quadsim.archive import RunFolder
-from quadsim.flight import fly
 from quadsim.run import Frame, Run, RunError
 
 EXIT = {"finished": 0, "crashed": 1, "timeout": 1, "interrupted": 130}
@@ -49,7 +48,7 @@ class Fly:
         with closing(plant), RunFolder.open(self.runs_dir, spec.record()) as folder:
             if not controller.rollout.is_cached:
                 complain("compiling the rollout for this machine, once: about 10 s")
-            frames = self._collect(fly(plant, controller, referee, spec.planner.mppi.dt), spec)
+            frames = self._collect(launch(spec, plant, controller, referee), spec)
             run = Run.from_frames(spec.record(), frames)
             with uninterrupted():
                 failure = save(folder, run)

@@ -16,7 +16,7 @@ from quadsim.app.console import emit, emit_json, width
 from quadsim.app.lap_table import lap_tables, plain_table
 from quadsim.app.summary import summary
 from quadsim.course import Course, parse_course
-from quadsim.metrics import chatter
+from quadsim.metrics import chatter, missed_deadlines
 from quadsim.run import Run
 
 COLOUR = {"finished": "green", "crashed": "red", "timeout": "yellow", "interrupted": "yellow"}
@@ -92,9 +92,11 @@ def _chatter(run: Run) -> Table:
 def _planning(run: Run) -> str:
     ms, ess = run.wall["plan_ms"], run.telemetry["ess"]
     median = float(np.median(ess)) if len(ess) else 0.0
+    wall = run.spec["clock"] == "wall"
+    missed = f", {missed_deadlines(run)} of {len(ess)} deadlines missed" if wall else ""
     return (
         f"[dim]planning[/]  {ms['p50']:.1f} ms p50, {ms['p95']:.1f} ms p95, "
-        f"{run.wall['real_time_factor']:.2f} x real time, median ESS {median:.0f}"
+        f"{run.wall['real_time_factor']:.2f} x real time, median ESS {median:.0f}{missed}"
     )
 
 

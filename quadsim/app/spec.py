@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
 from controllers.costs.race import race_cost
+from controllers.deadline import Deadline
 from controllers.mppi import MPPI
 from controllers.presets import Planner
 from controllers.samplers import SAMPLERS
 from quadsim.course import Course
+from quadsim.flight import CLOCKS, fly
 from quadsim.plant import BulletPlant
 from quadsim.referee import Referee
+from quadsim.run import Frame
 from quadsim.systems.quadrotor import Belief, quadrotor
 from quadsim.vehicle import Vehicle
 
@@ -32,6 +36,8 @@ class Spec:
     timeout: float  # [s]
     penalties: bool
     plant_dt: float  # [s]
+    clock: str = "simulated"  # see quadsim.flight.CLOCKS
+    deadline_ms: float | None = None  # shrink the samples so that a plan takes no longer
     host: dict = field(default_factory=dict)  # what must not change a flight: threads, folders
 
     def record(self) -> dict:
@@ -39,6 +45,12 @@ class Spec:
         spec = asdict(self)
         spec.update(course=self.course.name, course_text=self.course.text)
         return spec
+
+
+def launch(spec: Spec, plant: BulletPlant, controller: MPPI, referee: Referee) -> Iterator[Frame]:
+    """The frames of a flight that `build` made ready."""
+    pilot = Deadline(controller, spec.deadline_ms) if spec.deadline_ms else controller
+    return fly(plant, pilot, referee, spec.planner.mppi.dt, CLOCKS[spec.clock]())
 
 
 def build(spec: Spec) -> tuple[BulletPlant, MPPI, Referee]:

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from quadsim.app.beliefs import differences
-from quadsim.metrics import chatter, splits
+from quadsim.metrics import chatter, missed_deadlines, splits
 from quadsim.run import Run
 
 
@@ -27,6 +27,8 @@ def summary(run: Run, folder: Path | None) -> dict:
         "events": [asdict(e) for e in run.events],
         "chatter": chatter(run),
         "model_differs": differences(spec),
+        "clock": spec["clock"],
+        "missed_deadlines": missed_deadlines(run),
         **run.wall,
         "digest": run.digest(),
         "run_dir": None if folder is None else str(folder),

@@ -1,0 +1,42 @@
+"""A budget that holds a deadline: fewer samples when planning was too slow, more when there is room."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+
+from controllers.mppi import MPPI, PlanStats
+from controllers.rollout.lanes import LANES
+
+ROOM = 0.8  # of the deadline; below it the samples may grow again
+SHRINK, GROW = 0.8, 1.05
+
+
+class Deadline:
+    """An MPPI whose samples follow the clock, between one block of lanes and what its configuration asks for."""
+
+    def __init__(self, mppi: MPPI, deadline_ms: float):
+        self.mppi, self.deadline_ms = mppi, deadline_ms
+        self._warm = False  # the first plan may have to compile
+
+    @property
+    def rest(self) -> np.ndarray:
+        return self.mppi.rest
+
+    def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
+        began = perf_counter()
+        answer = self.mppi.control(x, target, elapsed)
+        if self._warm:
+            self.mppi.samples = self.next_samples(1e3 * (perf_counter() - began))
+        self._warm = True
+        return answer
+
+    def next_samples(self, plan_ms: float) -> int:
+        """Whole blocks of lanes, so that a smaller budget is never slower than a larger one."""
+        now, most = self.mppi.samples, self.mppi.config.samples
+        if plan_ms > self.deadline_ms:
+            return max(int(now * SHRINK) // LANES * LANES, min(LANES, most))
+        if plan_ms < ROOM * self.deadline_ms:
+            return min(-(-int(now * GROW + 1) // LANES) * LANES, most)
+        return now
