@@ -176,6 +176,14 @@ def test_a_reader_who_leaves_early_sees_no_traceback():
     assert (done.returncode, done.stderr) == (141, "")
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+def test_a_full_disk_behind_stdout_is_one_line():
+    command = [sys.executable, "-c", "from quadsim.app.cli import main; main()", "courses", "--json"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, "race courses: stdout: No space left on device\n")
+
+
 HOVER = (
     "fly paper_flat --preset paper --samples 256 --horizon 50 --iterations 1 --timeout 10000 "
     "--progress 0 --heading 0 --desired-speed 0 --speed 100"

@@ -55,7 +55,7 @@ def race(argv: list[str]) -> int:
         return PIPE_CLOSED
     except OSError as error:  # `race courses > /dev/full`
         _drop_stdout()
-        return _complain(f"race {name}: {error}", 2)
+        return _complain(f"race {name}: {error.filename or 'stdout'}: {error.strerror}", 2)
     except KeyboardInterrupt:
         return _complain(f"race {name}: interrupted, nothing to keep", 130)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
@@ -10,7 +12,7 @@ from quadsim.app.figure_views import draw_views
 from quadsim.course import parse_course
 from quadsim.run import Run
 
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 10,
     "axes.titlelocation": "left",
@@ -29,10 +31,10 @@ STYLE = {
 def draw(run: Run) -> Figure:
     with rc_context(STYLE):
         figure = Figure(figsize=(15, 9.5), dpi=130, layout="constrained")
-        left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1))
+        left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1), squeeze=False)[0]
         course = parse_course(run.spec["course_text"], run.spec["course"])
         draw_views(left, run, course)
-        over_time, over_frequency = right.subfigures(2, 1, height_ratios=(3.9, 1.8))
+        over_time, over_frequency = right.subfigures(2, 1, height_ratios=(3.9, 1.8), squeeze=False)[:, 0]
         thrust, *rates = over_time.subplots(4, 1, height_ratios=(1.5, 0.8, 0.8, 0.8), sharex=True)
         draw_thrust(thrust, run)
         draw_rates(rates, run)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -20,7 +22,7 @@ MARKS = {  # event -> marker, colour, what it is called
     "wrong_way": ("<", "#9467bd", "wrong way"),
     "pass": (".", "#202020", "passed"),
 }
-NUMBER = {"ha": "center", "va": "center", "weight": "bold", "zorder": 6}
+NUMBER: dict[str, Any] = {"ha": "center", "va": "center", "weight": "bold", "zorder": 6}
 NUMBER["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]
 
 
@@ -63,10 +65,11 @@ def _draw_gates(axes: Axes, course: Course, plane: tuple[int, int], scale: float
         for border, colour, width in ((gate.frame_width, "#9a9a9a", 4.0), (0.0, "#2b7bba", 2.2)):
             ring = corners(gate, border)[[0, 1, 3, 2, 0]][:, plane]
             axes.plot(*ring.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=3)
-        centre, along = np.array(gate.position)[list(plane)], gate.rotation[list(plane), 0]
+        (x, y), (dx, dy) = (np.array(v)[list(plane)] for v in (gate.position, 1.2 * scale * gate.rotation[:, 0]))
         arrow = {"arrowstyle": "->", "color": "#2b7bba", "lw": 1.3}
-        axes.annotate("", centre + 1.2 * scale * along, centre, arrowprops=arrow, zorder=3)
-        axes.text(*_label(gate, plane, scale), str(number), **NUMBER)
+        axes.annotate("", (x + dx, y + dy), (x, y), arrowprops=arrow, zorder=3)
+        left, up = _label(gate, plane, scale)
+        axes.text(left, up, str(number), **NUMBER)
 
 
 def _label(gate: Gate, plane: tuple[int, int], scale: float) -> np.ndarray:

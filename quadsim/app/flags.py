@@ -36,7 +36,7 @@ class UsageError(ValueError):
 def read(flags: type[Flags], prog: str, argv: Sequence[str], default: Flags | None = None) -> Flags:
     """argv as an instance of the dataclass. Raises UsageError; `--help` exits after printing."""
     said = StringIO()
-    kwargs = {} if default is None else {"default": default}
+    kwargs: dict[str, Any] = {} if default is None else {"default": default}
     try:
         with redirect_stderr(said):
             return tyro.cli(flags, prog=prog, args=argv, registry=_registry(), **kwargs)
