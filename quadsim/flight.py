@@ -136,7 +136,7 @@ def hold(plant: Plant, referee: Referee, u: tuple[float, ...], until: float) -> 
     while plant.state.t < until - plant.dt / 2 and referee.outcome is None:
         before = plant.state
         after = plant.step(u)
-        events += referee.observe(before.t, before.x[:3], after.t, after.x[:3], after.contacts)
+        events += referee.observe(before.t, before.position, after.t, after.position, after.contacts)
     return events
 
 

@@ -30,6 +30,12 @@ class PlantState:
     x: Vector  # STATE
     contacts: tuple[str, ...]  # what the vehicle touches: "ground", "gate 3"
 
+    @property
+    def position(self) -> tuple[float, float, float]:
+        """Of a state that begins with one [m]."""
+        x, y, z = self.x[:3]
+        return x, y, z
+
 
 class Plant(Protocol):
     """A world with its own clock of fixed physics steps. One per flight; close() frees it."""
