@@ -68,6 +68,11 @@ class MPPI:
         self.temperature = config.temperature
         self.samples = config.samples  # M, at most what the buffers of the sampler hold
         self._calls = 0
+        self.last: tuple | None = None  # x, U, z, J, target of the last iteration, until the next; see controllers.fan
+
+    def take_over(self, other: MPPI) -> None:
+        """Go on with another planner's plan: new numbers act from the next plan on. Same system, same horizon."""
+        self.plan, self.executed, self._calls = other.plan, other.executed, other._calls
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
         """The control to apply at state x (n_x,) on the way to row `target` of the aims.  -> (n_u,)
@@ -94,6 +99,7 @@ class MPPI:
         costs = np.empty((-(-self.samples // LANES), LANES), z.dtype)  # J, padded to whole blocks
         self.rollout(x, self.plan, z, target, costs)
         J = costs.ravel()[: self.samples].astype(np.float64)
+        self.last = x, self.plan, z, J, target
         w = weights(J, self.temperature)
         mean = weighted_mean(z, self.plan, self.low, self.high, padded(w))
         self.plan = np.clip(self.plan + self.config.step_size * mean, self.low, self.high)
@@ -106,6 +112,7 @@ class MPPI:
     def perturbations(self) -> np.ndarray:
         """z of every sample: sample 0 is the plan itself, the last ones perturb the rest control."""
         self._calls += 1
+        self.last = None  # the sampler may use its buffers again
         z = self.sampler.sample(self._calls, self.samples)
         T, M = self.config.horizon, self.samples
         first = M - int(self.config.rest_fraction * M)

@@ -6,7 +6,7 @@ while it asks, a test takes them all, and pausing is not asking for the next one
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from time import perf_counter, sleep
 from typing import Protocol
 
@@ -82,20 +82,29 @@ class WallClock:
 CLOCKS = {"simulated": SimulatedClock, "wall": WallClock}
 
 
+PICTURE_EVERY = 10  # control periods from one picture of the planner to the next
+
+
 def fly(
-    plant: Plant, controller: Controller, referee: Referee, period: float, clock: Clock | None = None
+    plant: Plant,
+    controller: Controller,
+    referee: Referee,
+    period: float,
+    clock: Clock | None = None,
+    picture: Callable[[], np.ndarray | None] | None = None,
 ) -> Iterator[Frame]:
     """Fly until the referee ends it. The last frame carries the outcome and the control that led there.
 
     period: control period [s], a whole multiple of the plant's step; raises ValueError otherwise.
     A plan made from the state at t acts when it is ready, until then the control before it does; the next
     plan begins one period after t, or when this one is ready. By default that is at once.
+    picture: asked now and then for the paths the planner thought best, to be kept with the run.
     """
     clock = clock or SimulatedClock()
     whole_multiple(period, plant.dt)
     began = perf_counter()
     u = held = tuple(controller.rest.tolist())
-    stats, plan_ms, elapsed = None, 0.0, 0
+    stats, plan_ms, elapsed, asked = None, 0.0, 0, 0
     events: list[Event] = []
     while True:
         state = plant.state
@@ -105,6 +114,8 @@ def fly(
             plan_ms = 1e3 * (perf_counter() - before)
             held, u = u, tuple(control.tolist())
         assert stats is not None
+        best = picture() if picture and referee.outcome is None and asked % PICTURE_EVERY == 0 else None
+        asked += 1
         yield Frame(
             t=state.t,
             x=state.x,
@@ -119,6 +130,7 @@ def fly(
             elapsed=perf_counter() - began,
             events=tuple(events),
             outcome=referee.outcome,
+            best=best,
         )
         if referee.outcome is not None:
             return

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
+from functools import partial
 
 import numpy as np
 
 from controllers.costs.race import race_cost
 from controllers.deadline import Deadline
+from controllers.fan import best_paths
 from controllers.mppi import MPPI
 from controllers.presets import Planner
 from controllers.samplers import SAMPLERS
@@ -50,7 +52,8 @@ class Spec:
 def launch(spec: Spec, plant: BulletPlant, controller: MPPI, referee: Referee) -> Iterator[Frame]:
     """The frames of a flight that `build` made ready."""
     pilot = Deadline(controller, spec.deadline_ms) if spec.deadline_ms else controller
-    return fly(plant, pilot, referee, spec.planner.mppi.dt, CLOCKS[spec.clock]())
+    picture = partial(best_paths, controller)
+    return fly(plant, pilot, referee, spec.planner.mppi.dt, CLOCKS[spec.clock](), picture)
 
 
 def build(spec: Spec) -> tuple[BulletPlant, MPPI, Referee]:

@@ -1,0 +1,153 @@
+"""The text of a generated module: a system's step and a cost's terms, inlined into two loops over lanes of samples.
+
+`rollout` flies every block of samples and keeps their costs; `paths` flies one block and keeps where it went.
+No gather and no data-dependent branch stands in the lane loop: when some sample reaches its target,
+a flag is set and a rare second loop moves those lanes to their next row of aims.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from textwrap import indent
+
+import numpy as np
+
+from controllers.rollout.inline import lane_source
+
+HEADER = """
+import math
+import numpy as np
+from numba import njit, prange
+
+F = np.{dtype}
+L = {lanes}
+inline = njit(fastmath=True, error_model="numpy", inline="always")
+
+@inline
+def select(c, a, b):
+    return a if c else b
+
+@inline
+def lower(a, b):
+    return a if a < b else b
+
+@inline
+def higher(a, b):
+    return a if a > b else b
+"""
+
+START = """
+X = np.empty(({n_x}, L), F)
+A = np.empty(({n_aim}, L), F)
+crashed = np.zeros(L, F)
+hit = np.zeros(L, np.int32)
+row = np.zeros(L, np.int32)
+for k in range({n_x}):
+    X[k, :] = x0[k]
+for k in range({n_aim}):
+    A[k, :] = aims[0, k]
+"""
+
+STEP = """
+x = ({x},)
+u = ({u},)
+x_next = step(x, u, ({P}), dt)
+q = terms(x, x_next, u, ({a},), crashed[l], ({Q}))
+crashed[l] = q[{n_terms} + 1]
+{store}
+h = np.int32(1) if q[{n_terms}] else np.int32(0)
+hit[l] = h
+hits += h
+"""
+
+NEXT_AIMS = """
+if hits > 0:
+    for l in range(L):
+        if hit[l] > 0 and row[l] < last:
+            row[l] += 1
+            for k in range({n_aim}):
+                A[k, l] = aims[row[l], k]
+"""
+
+ROLLOUT = """
+@njit(fastmath=True, error_model="numpy", parallel=True, cache=True)
+def rollout(x0, U, noise, J, low, high, dt, aims, p_system, p_cost):
+    T = U.shape[0]
+    halves = noise.shape[2] // T
+    last = aims.shape[0] - 1
+    {P} = {p_system}
+    {Q} = {p_cost}
+    for b in prange(J.shape[0]):
+{start_8}
+        cost = np.zeros(L, F)
+        E = noise[b // halves]
+        t0 = (b % halves) * T
+        for t in range(T):
+            hits = np.int32(0)
+            for l in range(L):
+{step_16}
+                cost[l] += {q}
+{next_aims_12}
+        for l in range(L):
+            J[b, l] = cost[l] / F(T)
+"""
+
+PATHS = """
+@njit(fastmath=True, error_model="numpy", cache=True)
+def paths(x0, U, E, path, means, low, high, dt, aims, p_system, p_cost):
+    T = U.shape[0]
+    t0 = 0
+    last = aims.shape[0] - 1
+    {P} = {p_system}
+    {Q} = {p_cost}
+{start_4}
+    means[:, :] = F(0)
+    for t in range(T):
+        hits = np.int32(0)
+        for l in range(L):
+{step_12}
+            {keep_path}
+            {add_terms}
+{next_aims_8}
+    for k in range({n_terms}):
+        for l in range(L):
+            means[k, l] /= F(T)
+"""
+
+
+def module_source(step: Callable, terms: Callable, sizes: tuple[int, ...], dtype: type, lanes: int) -> str:
+    """sizes: numbers of states, controls, aims, terms, parameters of the system and of the cost."""
+    source = HEADER.format(dtype=np.dtype(dtype).name, lanes=lanes)
+    for name, function in {"step": step, "terms": terms}.items():
+        source += "\n" + "\n\n".join(lane_source(function).values()) + "\n"
+        if function.__name__ != name:
+            source += f"\n{name} = {function.__name__}\n"
+    words = _words(*sizes)
+    for name, text in {"start": START, "step": STEP, "next_aims": NEXT_AIMS}.items():
+        body = text.strip("\n").format(**words)
+        words |= {f"{name}_{depth}": indent(body, " " * depth) for depth in (4, 8, 12, 16)}
+    return source + ROLLOUT.format(**words) + PATHS.format(**words)
+
+
+def _words(n_x: int, n_u: int, n_aim: int, n_terms: int, n_p: int, n_q: int) -> dict[str, object]:
+    """What depends on the sizes."""
+
+    def row(text: str, n: int, between: str = ", ") -> str:
+        return between.join(text.format(k=k) for k in range(n))
+
+    return {
+        "n_x": n_x,
+        "n_aim": n_aim,
+        "n_terms": n_terms,
+        "P": row("p{k}", n_p) + ",",
+        "Q": row("q{k}", n_q) + ",",
+        "p_system": row("p_system[{k}]", n_p) + ",",
+        "p_cost": row("p_cost[{k}]", n_q) + ",",
+        "x": row("X[{k}, l]", n_x),
+        "u": row("lower(higher(U[t, {k}] + E[{k}, t0 + t, l], low[{k}]), high[{k}])", n_u),
+        "a": row("A[{k}, l]", n_aim),
+        "q": row("q[{k}]", n_terms, " + "),
+        "store": row("X[{k}, l] = x_next[{k}]", n_x, "; "),
+        "keep_path": row("path[t, {k}, l] = x_next[{k}]", min(n_x, 3), "; "),
+        "add_terms": row("means[{k}, l] += q[{k}]", n_terms, "; "),
+    }
