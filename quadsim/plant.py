@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import cos, sin
 from typing import Protocol
@@ -63,13 +63,23 @@ def start_state(start: Start, radius: float) -> Vector:
 class BulletPlant:
     """A rigid body in PyBullet behind the vehicle's actuators. Deterministic: each plant has a fresh client."""
 
-    def __init__(self, course: Course, vehicle: Vehicle, dt: float = 1 / 400, start: Start | None = None):
-        """start: where to stand instead of on the course's own start."""
+    def __init__(
+        self,
+        course: Course,
+        vehicle: Vehicle,
+        dt: float = 1 / 400,
+        start: Start | None = None,
+        body: Vehicle | None = None,
+        gusts: Iterator[Vector] | None = None,
+    ):
+        """start: where to stand instead of on the course's own start. body: whose mass and inertia the actuators, who
+        know only the vehicle, really move. gusts: acceleration of each physics step, world frame [m/s^2]."""
         from quadsim.world import World  # here, so that models and referees do not load pybullet
 
         self.dt = dt
         self._actuators = Actuators(vehicle, dt)
-        self._world = World(course, vehicle, dt, FRAME_DEPTH)
+        self._world = World(course, body or vehicle, dt, FRAME_DEPTH)
+        self._mass, self._gusts = (body or vehicle).mass, gusts
         x = start_state(start or course.start, vehicle.radius)
         self._world.place(x[0:3], x[6:10])
         self._steps = 0
@@ -81,7 +91,11 @@ class BulletPlant:
 
     def step(self, u: Vector) -> PlantState:
         x = self._state.x
-        self._world.apply(*self._actuators.wrench(u, x[10:13], to_body(x[6:10], x[3:6])))
+        force, torque = self._actuators.wrench(u, x[10:13], to_body(x[6:10], x[3:6]))
+        if self._gusts:
+            gust = to_body(x[6:10], next(self._gusts))
+            force = tuple(f + self._mass * a for f, a in zip(force, gust, strict=True))
+        self._world.apply(force, torque)
         self._world.step()
         self._steps += 1
         self._state = self._read()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 from pathlib import Path
 
@@ -75,6 +75,21 @@ def parse_vehicle(text: str, file: str) -> Vehicle:
         latency=entry.latency,
         rotors=_rotors(entry.rotors) if entry.rotors else None,
     )
+
+
+def scale_thrust(vehicle: Vehicle, factor: float) -> Vehicle:
+    """Stronger or weaker propellers: thrust map and limit times the factor, mass and rotor speeds as they were."""
+    rotors = vehicle.rotors
+    if rotors:
+        c2, c1, c0 = rotors.thrust_map
+        rotors = replace(rotors, thrust_map=(c2 * factor, c1 * factor, c0 * factor))
+    return replace(vehicle, thrust_max=vehicle.thrust_max * factor, rotors=rotors)
+
+
+def with_thrust_to_weight(vehicle: Vehicle, ratio: float) -> Vehicle:
+    """The vehicle with full thrust of `ratio` times its weight, and a name that says so."""
+    scaled = scale_thrust(vehicle, ratio * GRAVITY / vehicle.thrust_max)
+    return replace(scaled, name=f"{vehicle.name}-twr{ratio:g}")
 
 
 def _thrust_max(entry: VehicleFile) -> float:

@@ -23,7 +23,7 @@ from quadsim.course import Course, load_course
 from quadsim.flight import whole_multiple
 from quadsim.strict_yaml import unit
 from quadsim.systems.quadrotor import Belief, Drag, Lag, Rate, Thrust
-from quadsim.vehicle import Vehicle, load_vehicle
+from quadsim.vehicle import Vehicle, load_vehicle, with_thrust_to_weight
 from quadsim.yaml_words import did_you_mean
 
 if TYPE_CHECKING:
@@ -33,6 +33,8 @@ else:
 Laps = Annotated[int, Meta(ge=1, le=1000)]
 Count = Annotated[int, Meta(ge=1)]
 Limit = Annotated[float, unit("s", gt=0, le=1e5)]
+Ratio = Annotated[float, Meta(gt=1, le=20)]
+Size = Annotated[float, Meta(ge=0, le=3)]
 Millis = Annotated[float, unit("ms", gt=0, le=1e4)]
 THE_VEHICLES = otherwise("the vehicle's")
 
@@ -56,8 +58,10 @@ class FlightFlags:
     sampler: Annotated[SamplerName, arg(metavar="|".join(SAMPLERS))] = "colored"  # of the perturbations
     preset: Annotated[str, arg(metavar="|".join((*PRESETS, "FILE.yaml")))] = "race"  # of every number not given here
     vehicle: Annotated[str, arg(metavar="NAME|FILE.yaml")] = "swift"  # see `race vehicles`
+    thrust_to_weight: Annotated[Ratio | None, DisallowNone, THE_VEHICLES] = None  # stronger or weaker propellers
     laps: Annotated[Laps | None, DisallowNone, otherwise("the course's")] = None  # from the standing start
     seed: Annotated[int, Meta(ge=0, le=10**9)] = 0  # of everything random
+    randomize: Size = 0.0  # size of the seed's start offset, vehicle tolerances and gusts: 1 is a careful day outdoors
     timeout: Annotated[Limit | None, DisallowNone, otherwise("10 s and 1 s for every 2 m")] = None  # of the flight [s]
     threads: Annotated[Count | None, DisallowNone, otherwise("every core")] = None  # results do not depend on it
     penalties: FlagCreatePairsOff[bool] = False  # a hit costs 3 s instead of ending the flight
@@ -82,6 +86,8 @@ class FlightFlags:
         """Names resolved, numbers checked. Raises UsageError, FileError."""
         check(self)
         course, vehicle = load_course(self.course), load_vehicle(self.vehicle)
+        if self.thrust_to_weight:
+            vehicle = with_thrust_to_weight(vehicle, self.thrust_to_weight)
         planner = Planner(self.vehicle, self.sampling, self.mppi, self.cost)
         for path, problem in faults(planner):
             raise UsageError(f"{flag(path)}: {problem}")
@@ -103,6 +109,7 @@ class FlightFlags:
             timeout=self.timeout or default_timeout(course, laps),
             penalties=self.penalties,
             plant_dt=self.plant_dt,
+            randomize=self.randomize,
             clock=self.clock,
             deadline_ms=self.deadline_ms,
             host={"threads": threads},

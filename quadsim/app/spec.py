@@ -17,6 +17,7 @@ from controllers.samplers import SAMPLERS
 from quadsim.course import Course
 from quadsim.flight import CLOCKS, fly
 from quadsim.plant import BulletPlant
+from quadsim.randomise import draw, gusts
 from quadsim.referee import Referee
 from quadsim.run import Frame
 from quadsim.systems.quadrotor import Belief, quadrotor
@@ -38,6 +39,7 @@ class Spec:
     timeout: float  # [s]
     penalties: bool
     plant_dt: float  # [s]
+    randomize: float = 0.0  # size of the day's variation, see quadsim.randomise
     clock: str = "simulated"  # see quadsim.flight.CLOCKS
     deadline_ms: float | None = None  # shrink the samples so that a plan takes no longer
     host: dict = field(default_factory=dict)  # what must not change a flight: threads, folders
@@ -45,7 +47,8 @@ class Spec:
     def record(self) -> dict:
         """The JSON that a run keeps."""
         spec = asdict(self)
-        spec.update(course=self.course.name, course_text=self.course.text)
+        variation = asdict(draw(streams(self.seed)[1], self.randomize))
+        spec.update(course=self.course.name, course_text=self.course.text, variation=variation)
         return spec
 
 
@@ -58,10 +61,31 @@ def launch(spec: Spec, plant: BulletPlant, controller: MPPI, referee: Referee) -
 
 def build(spec: Spec) -> tuple[BulletPlant, MPPI, Referee]:
     """The world, the controller and the judge of one flight. The caller closes the plant."""
-    key = np.random.SeedSequence(spec.seed).spawn(2)[0].generate_state(2, np.uint32)
+    planner, day, wind = streams(spec.seed)
+    key = planner.generate_state(2, np.uint32)
     mppi = spec.planner.mppi
     cost = race_cost(spec.course, spec.vehicle.radius, spec.planner.cost, spec.laps)
     sampler = SAMPLERS[spec.sampler](spec.planner.sampling, mppi.samples, mppi.horizon, key)
     controller = MPPI(quadrotor(spec.belief, mppi.dt), cost, sampler, mppi)
     referee = Referee(spec.course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties)
-    return BulletPlant(spec.course, spec.vehicle, spec.plant_dt), controller, referee
+    return _plant(spec, day, wind), controller, referee
+
+
+def streams(seed: int) -> tuple[np.random.SeedSequence, ...]:
+    """The planner's random stream, the day's and the wind's: independent, so that every planner meets the same day."""
+    planner, plant = np.random.SeedSequence(seed).spawn(2)
+    return planner, *plant.spawn(2)
+
+
+def _plant(spec: Spec, day: np.random.SeedSequence, wind: np.random.SeedSequence) -> BulletPlant:
+    if spec.randomize == 0:
+        return BulletPlant(spec.course, spec.vehicle, spec.plant_dt)
+    today = draw(day, spec.randomize)
+    return BulletPlant(
+        spec.course,
+        today.vehicle(spec.vehicle),
+        spec.plant_dt,
+        start=today.start(spec.course.start),
+        body=today.body(spec.vehicle),
+        gusts=gusts(wind, today.gust, spec.plant_dt),
+    )
