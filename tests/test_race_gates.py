@@ -55,6 +55,19 @@ def test_a_millimetre_decides(angles, side, axis, margin):
     assert outcomes == [(1, 0.0), (0, 1.0), (0, 1.0), (0, 0.0)]
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_gate_is_judged_where_its_plane_is_crossed_within_a_step(axis):
+    """Slanted steps that cross the plane three quarters of their way: one inside and on outside, one the other way."""
+    cost, half = race_cost(ROW, RADIUS, ALL, 1), ROW.gates[0].opening[axis] / 2
+    rows = []
+    for side, end in ((1, half + 0.05), (-1, -half - 0.05), (1, half - 0.2), (-1, 0.2 - half)):
+        inwards = abs(end) < half
+        start = end + side * (0.8 if inwards else -0.8)  # at the plane: .2 from the end
+        a, b = (np.add(ROW.gates[0].position, (x, *np.roll((o, 0.0), axis))) for x, o in ((-0.3, start), (0.1, end)))
+        rows.append(fly(cost, [a, b])[1][0])
+    assert rows == [1, 1, 0, 0]
+
+
 def test_narrow_gate_keeps_two_fifths_of_its_room():
     g = gate(5.0, opening=(0.6, 0.6))  # .2 m of room: no place for a margin of .25
     cost = race_cost(course(g), RADIUS, RaceWeights(margin=0.25), 1)
@@ -92,7 +105,8 @@ def test_beyond_a_missed_gate_the_way_leads_back_round_it():
     assert left(5.1, 3.0) > left(4.9, 3.0) + 1.0  # missing costs
     assert left(6.0, 3.0) < left(7.0, 3.0)  # flying on costs more
     assert left(5.1, 3.0) < left(6.0, 3.0)  # turning back less
-    assert left(6.0, 0.2) > left(4.0, 0.2) + 2.0  # nothing is gained by being right behind the gate
+    front = left(3.0, 0.0)  # as far in front of the gate as its larger opening, 2 m
+    assert left(6.0, 4.0) == pytest.approx(np.hypot(3.0, 4.0) + front, abs=0.01)
     assert np.all(np.diff([left(4.0, y) for y in (3.0, 2.0, 1.0, 0.0)]) < 0)
 
 
