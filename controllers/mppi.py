@@ -92,32 +92,47 @@ class MPPI:
         self.executed = np.vstack([self.executed, self.plan[:steps]])[-2:]
         tail = np.tile(self.rest, (min(steps, len(self.plan)), 1))
         self.plan = np.vstack([self.plan[steps:], tail])
+        if self.sampler.momentum:
+            self.sampler.momentum.shift(steps)
 
     def improve(self, x: np.ndarray, target: int) -> PlanStats:
         """One iteration of Algorithm 1 on the plan."""
         z = self.perturbations()
         costs = np.empty((-(-self.samples // LANES), LANES), z.dtype)  # J, padded to whole blocks
-        self.rollout(x, self.plan, z, target, costs)
+        centre, _ = self.centres()
+        self.rollout(x, centre, z, target, costs)
         J = costs.ravel()[: self.samples].astype(np.float64)
-        self.last = x, self.plan, z, J, target
+        self.last = x, centre, z, J, target
         w = weights(J, self.temperature)
-        mean = weighted_mean(z, self.plan, self.low, self.high, padded(w))
-        self.plan = np.clip(self.plan + self.config.step_size * mean, self.low, self.high)
+        mean = weighted_mean(z, centre, self.low, self.high, padded(w))
+        plan = np.clip(centre + self.config.step_size * mean, self.low, self.high)
+        if self.sampler.momentum:
+            self.sampler.momentum.change = plan - self.plan
+        self.plan = plan
         if self.config.smooth:
             self.plan = np.clip(savitzky_golay(self.plan, self.executed), self.low, self.high)
         stats = PlanStats(float(J[0]), float(1 / np.sum(w * w)), self.temperature)
         self.temperature = steer(self.temperature, stats.ess, self.config.ess)
         return stats
 
+    def centres(self) -> tuple[np.ndarray, np.ndarray]:
+        """What samples perturb, and what the last ones do, the share `rest_fraction`.  (T, n_u) each
+
+        The plan and the rest control; of a plan with momentum, where that leads and the plan without it.
+        """
+        momentum = self.sampler.momentum
+        return (self.plan + momentum.change, self.plan) if momentum else (self.plan, self.rest)
+
     def perturbations(self) -> np.ndarray:
-        """z of every sample: sample 0 is the plan itself, the last ones perturb the rest control."""
+        """z of every sample, around the centre: sample 0 is the centre itself."""
         self._calls += 1
         self.last = None  # the sampler may use its buffers again
         z = self.sampler.sample(self._calls, self.samples)
         T, M = self.config.horizon, self.samples
         first = M - int(self.config.rest_fraction * M)
+        centre, other = self.centres()
         for b in range(first // LANES, -(-M // LANES)):
-            block_of(z, b, T)[:, :, max(first - b * LANES, 0) :] += (self.rest - self.plan).T[:, :, None]
+            block_of(z, b, T)[:, :, max(first - b * LANES, 0) :] += (other - centre).T[:, :, None]
         if self.config.freeze_first:
             z[:, :, ::T] = 0
         block_of(z, 0, T)[:, :, 0] = 0

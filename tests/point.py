@@ -36,7 +36,7 @@ GOAL = Cost("goal", ("distance", "effort"), terms, (1.0, 0.05), np.zeros((1, 2))
 
 def make(key=(1, 2), sampler="gaussian", sampling=SAMPLING, system=POINT, **changes):
     config = replace(PLAIN, **changes)
-    noise = SAMPLERS[sampler](sampling, config.samples, config.horizon, np.array(key, np.uint32))
+    noise = SAMPLERS[sampler](sampling, config.samples, config.horizon, np.array(key, np.uint32), config.dt)
     mppi = MPPI(system, GOAL, noise, config)
     mppi.plan = REST + 0.3 * np.sin(np.arange(2 * config.horizon)).reshape(-1, 2)  # any plan but rest
     return mppi

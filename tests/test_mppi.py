@@ -19,13 +19,14 @@ def test_plan_is_that_of_a_naive_version_given_the_same_noise(sampler, samples, 
     mppi = make(sampler=sampler, samples=samples, step_size=step_size)
     z, rest = drawn(mppi), int(0.1 * samples)
     z[0] = 0
-    z[samples - rest :] += (REST - mppi.plan).T
+    if "smooth" not in sampler:  # whose last samples perturb the plan without its momentum, here none yet
+        z[samples - rest :] += (REST - mppi.plan).T
     expected, ess = naive(mppi.plan, z, 0.1, step_size)
     colder, _ = naive(mppi.plan, z, 0.09, step_size)
     stats = mppi.improve(START, 0)
     np.testing.assert_allclose(mppi.plan, expected, atol=1e-5)
     assert stats.ess == pytest.approx(ess, rel=1e-3)
-    assert abs(mppi.plan - colder).max() > 3e-5
+    assert abs(mppi.plan - colder).max() > 3e-5 or ess < 1.001  # one of two samples may have all the weight
 
 
 def test_iterations_go_on_from_each_others_plans():

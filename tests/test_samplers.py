@@ -15,7 +15,7 @@ every_sampler = pytest.mark.parametrize("case", CASES, ids="-".join)
 
 def make(case, key, samples=4096, horizon=20, sigma=(0.4, 0.8), gamma=(2.0, 0.5)):
     name, law = case
-    return SAMPLERS[name](SamplerConfig(sigma, gamma, law), samples, horizon, key)
+    return SAMPLERS[name](SamplerConfig(sigma, gamma, law), samples, horizon, key, 0.1)
 
 
 def draw(case, key, call=1, samples=4096, horizon=20, **options):

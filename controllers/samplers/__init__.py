@@ -7,7 +7,7 @@ series may hold several samples of T steps one after the other.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal, Protocol
 
 import numpy as np
@@ -15,6 +15,8 @@ from msgspec import Meta
 
 from controllers.samplers.colored import Colored
 from controllers.samplers.gaussian import Gaussian
+from controllers.samplers.log_normal import LogNormal
+from controllers.samplers.smooth import Momentum
 from quadsim.strict_yaml import unit
 
 Sigma = Annotated[float, Meta(gt=0, le=1000)]
@@ -22,15 +24,23 @@ Gamma = Annotated[float, Meta(ge=0, le=10)]
 Sigmas = Annotated[tuple[Sigma, Sigma, Sigma, Sigma], unit("rad/s, rad/s, rad/s, m/s^2")]
 
 
-class Sampler(Protocol):
+class Sample(Protocol):
     """Perturbations for M samples of T steps, a function of (key, call) alone."""
 
-    def sample(self, call: int, samples: int | None = None) -> np.ndarray:
+    def __call__(self, call: int, samples: int | None = None) -> np.ndarray:
         """eps (series, n_u, halves * T, LANES) of the first `samples`, or of all.
 
         The buffer is used again by the next call.
         """
         ...
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """What MPPI draws from: perturbations of its plan, or of its plan and the momentum that this has."""
+
+    sample: Sample
+    momentum: Momentum | None = None
 
 
 @dataclass(frozen=True)
@@ -40,17 +50,36 @@ class SamplerConfig:
     sigma: Sigmas = (0.3, 0.3, 0.3, 3.5)  # standard deviation of body rates [rad/s] and thrust [m/s^2]
     gamma: tuple[Gamma, Gamma, Gamma, Gamma] = (0.01, 0.01, 0.01, 0.5)  # PSD ~ 1/f^gamma; colored only
     law: Literal["exact", "paper", "library"] = "exact"  # of the colored noise; colored only
+    shift: Literal["corrected", "published"] = "corrected"  # of the momentum with time; smooth and smooth_star only
 
 
-def _gaussian(config: SamplerConfig, samples: int, horizon: int, key: np.ndarray) -> Sampler:
-    return Gaussian(config.sigma, samples, horizon, key)
+def _gaussian(config: SamplerConfig, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
+    return Sampler(Gaussian(config.sigma, samples, horizon, key).sample)
 
 
-def _colored(config: SamplerConfig, samples: int, horizon: int, key: np.ndarray) -> Sampler:
-    return Colored(config.sigma, config.gamma, config.law, samples, horizon, key)
+def _colored(config: SamplerConfig, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
+    return Sampler(Colored(config.sigma, config.gamma, config.law, samples, horizon, key).sample)
 
 
-SAMPLERS: dict[str, Callable[[SamplerConfig, int, int, np.ndarray], Sampler]] = {
+def _log_normal(config: SamplerConfig, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
+    return Sampler(LogNormal(config.sigma, samples, horizon, key).sample)
+
+
+def _smooth(config: SamplerConfig, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
+    slow = replace(config, sigma=tuple(s * dt for s in config.sigma))
+    return _smooth_star(slow, samples, horizon, key, dt)
+
+
+def _smooth_star(config: SamplerConfig, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
+    noise = Gaussian(config.sigma, samples, horizon, key)
+    return Sampler(noise.sample, Momentum(horizon, len(config.sigma), config.shift))
+
+
+# name -> sampler of (config, samples, horizon, key, control period [s])
+SAMPLERS: dict[str, Callable[[SamplerConfig, int, int, np.ndarray, float], Sampler]] = {
     "gaussian": _gaussian,
     "colored": _colored,
+    "log_normal": _log_normal,
+    "smooth": _smooth,
+    "smooth_star": _smooth_star,
 }

@@ -62,13 +62,17 @@ def launch(spec: Spec, plant: BulletPlant, controller: MPPI, referee: Referee) -
 def build(spec: Spec) -> tuple[BulletPlant, MPPI, Referee]:
     """The world, the controller and the judge of one flight. The caller closes the plant."""
     planner, day, wind = streams(spec.seed)
-    key = planner.generate_state(2, np.uint32)
+    referee = Referee(spec.course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties)
+    return _plant(spec, day, wind), controller_of(spec, planner), referee
+
+
+def controller_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
+    """The planner alone, drawing from this stream."""
     mppi = spec.planner.mppi
     cost = race_cost(spec.course, spec.vehicle.radius, spec.planner.cost, spec.laps)
-    sampler = SAMPLERS[spec.sampler](spec.planner.sampling, mppi.samples, mppi.horizon, key)
-    controller = MPPI(quadrotor(spec.belief, mppi.dt), cost, sampler, mppi)
-    referee = Referee(spec.course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties)
-    return _plant(spec, day, wind), controller, referee
+    key = stream.generate_state(2, np.uint32)
+    sampler = SAMPLERS[spec.sampler](spec.planner.sampling, mppi.samples, mppi.horizon, key, mppi.dt)
+    return MPPI(quadrotor(spec.belief, mppi.dt), cost, sampler, mppi)
 
 
 def streams(seed: int) -> tuple[np.random.SeedSequence, ...]:
