@@ -14,6 +14,7 @@ COMMANDS = {  # name -> where its flags and its run() are, what it does
     "plot": ("quadsim.app.plot:Plot", "a stored run as a picture: path, height, controls, spectrum"),
     "courses": ("quadsim.app.listing:Courses", "the courses that come with the project"),
     "vehicles": ("quadsim.app.listing:Vehicles", "the vehicles that come with the project"),
+    "bench": ("quadsim.app.bench.bench:Bench", "time control steps on this machine, beside its limits and its peers"),
     "check": ("quadsim.app.check:Check", "check course, vehicle and preset files"),
 }
 HELP = """usage: race COMMAND [FLAGS]
