@@ -1,0 +1,80 @@
+"""Intervals cover, tests keep their level, power is what it says: published values and seeded simulations."""
+
+import numpy as np
+import pytest
+
+from quadsim.statistics import (
+    detectable,
+    false_alarm,
+    fisher,
+    mcnemar,
+    mean_interval,
+    proportion_difference,
+    t_power,
+    upper_bound,
+)
+
+
+def test_t_interval_of_student_s_sleep_data():
+    extra = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0], [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]
+    result = mean_interval([b - a for a, b in zip(*extra, strict=True)])
+    assert (result.mean, result.low, result.high) == pytest.approx((1.58, 0.7001, 2.4599), abs=1e-4)
+
+
+def test_t_interval_covers_95_percent_where_the_normal_one_does_not():
+    x = np.random.default_rng(0).standard_normal((4000, 5))
+    intervals = [mean_interval(row) for row in x]
+    covered = np.mean([i.low < 0 < i.high for i in intervals])
+    normal = np.mean([abs(i.mean) < 1.96 * i.sd / 5**0.5 for i in intervals])
+    assert covered == pytest.approx(0.95, abs=0.011), "3 standard errors of 4000 trials"
+    assert normal < 0.92, "the negative control undercovers"
+
+
+@pytest.mark.parametrize(("values", "n"), [([], 0), ([3.0], 1)])
+def test_too_few_values_give_no_interval(values, n):
+    result = mean_interval(values)
+    assert result.n == n
+    assert np.isnan(result.low)
+    assert np.isnan(upper_bound(values))
+
+
+def test_power_is_the_share_of_simulated_experiments_that_see_the_effect():
+    n, sd, effect = 10, 1.0, 1.0
+    x = np.random.default_rng(1).normal(effect, sd, (4000, n))
+    seen = np.mean([not (i.low < 0 < i.high) for i in map(mean_interval, x)])
+    assert t_power(effect, sd, n) == pytest.approx(seen, abs=0.02)
+    assert t_power(0.0, sd, n) == pytest.approx(0.05), "nothing to see: the level"
+
+
+@pytest.mark.parametrize("n", [3, 10, 100])
+def test_detectable_effect_is_seen_with_the_power_asked_for(n):
+    assert t_power(detectable(0.3, n), 0.3, n) == pytest.approx(0.8, abs=1e-3)
+
+
+def test_upper_bound_misses_an_effect_as_rarely_as_it_says_and_cries_wolf_as_often():
+    n, sd, effect = 12, 0.02, 0.03
+    rng = np.random.default_rng(2)
+    passes = np.mean([upper_bound(x) < effect for x in rng.normal(effect, sd, (4000, n))])
+    assert passes == pytest.approx(0.05, abs=0.011)
+    alarms = np.mean([upper_bound(x) >= effect for x in rng.normal(0.0, sd, (4000, n))])
+    assert alarms == pytest.approx(false_alarm(sd, n, effect, 0.95), abs=0.01)
+
+
+def test_fisher_s_tea_and_the_paper_s_success_rates():
+    assert fisher(3, 4, 1, 4) == pytest.approx(0.4857, abs=1e-4)
+    assert fisher(9, 37, 9, 21) == pytest.approx(0.24, abs=0.005), "24 % and 43 % are not told apart"
+    assert fisher(24, 100, 43, 100) < 0.01, "with a hundred each they would be"
+
+
+def test_mcnemar_counts_only_pairs_that_differ():
+    assert mcnemar(0, 0) == 1.0
+    assert mcnemar(0, 6) == pytest.approx(2 / 64)
+    assert mcnemar(5, 5) == 1.0
+    assert mcnemar(3, 9) == mcnemar(9, 3)
+
+
+@pytest.mark.parametrize(
+    ("counts", "low", "high"), [((48, 80, 56, 70), 0.0524, 0.3339), ((0, 10, 0, 10), -0.2775, 0.2775)]
+)
+def test_difference_of_proportions_has_newcombe_s_published_interval(counts, low, high):
+    assert proportion_difference(*counts) == pytest.approx((low, high), abs=1e-4)
