@@ -137,7 +137,8 @@ def test_leaving_the_bounds_or_coming_down_is_a_crash_and_starting_on_the_ground
     crashed = {
         "stands": [(0, 0, 0.11), (0, 0, 0.11)],
         "climbs": [(0, 0, 0.11), (0, 0, 0.15)],
-        "lands": [(0, 0, 0.25), (0, 0, 0.15)],
+        "lands": [(0, 0, 0.25), (0, 0, 0.199)],
+        "flies low": [(0, 0, 0.25), (0, 0, 0.201)],  # at most .1 m is kept from the ground
         "inside": [(0, 0, 2), (0, edge - 1e-3, 2)],
         "left": [(0, 0, 2), (0, edge + 1e-3, 2)],
         "right": [(0, 0, 2), (0, -edge - 1e-3, 2)],
@@ -145,7 +146,7 @@ def test_leaving_the_bounds_or_coming_down_is_a_crash_and_starting_on_the_ground
         "above": [(0, 0, 2), (0, 0, 7.8)],
     }
     outcomes = {name: fly(cost, points)[2][0] for name, points in crashed.items()}
-    assert outcomes == {**dict.fromkeys(crashed, 1.0), "stands": 0.0, "climbs": 0.0, "inside": 0.0}
+    assert outcomes == {**dict.fromkeys(crashed, 1.0), "stands": 0.0, "climbs": 0.0, "flies low": 0.0, "inside": 0.0}
 
 
 def test_without_a_margin_the_cost_passes_and_crashes_as_the_referee_judges():
