@@ -73,6 +73,8 @@ class MPPI:
     def take_over(self, other: MPPI) -> None:
         """Go on with another planner's plan: new numbers act from the next plan on. Same system, same horizon."""
         self.plan, self.executed, self._calls = other.plan, other.executed, other._calls
+        if self.sampler.momentum and other.sampler.momentum:
+            self.sampler.momentum.change = other.sampler.momentum.change
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
         """The control to apply at state x (n_x,) on the way to row `target` of the aims.  -> (n_u,)

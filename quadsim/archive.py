@@ -24,14 +24,17 @@ PART = ".part"
 class RunFolder:
     """`with RunFolder.open(root, spec) as folder: ... folder.save(run)`. Leaving without a save drops what is empty."""
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, flown_by: dict | None = None):
         self.path = path  # once finished
         self.part = path.with_name(path.name + PART)
-        self._provenance = provenance()  # of the code that is about to fly
+        self._provenance = flown_by or provenance()  # of the code that is about to fly
 
     @classmethod
-    def open(cls, root: str | Path, spec: dict) -> RunFolder:
-        """Claim a folder before the flight: a root that cannot be written is one RunError before anything has flown."""
+    def open(cls, root: str | Path, spec: dict, flown_by: dict | None = None) -> RunFolder:
+        """Claim a folder before the flight: a root that cannot be written is one RunError before anything has flown.
+
+        flown_by: provenance of a flight that another process flew.
+        """
         name = run_name(spec)
         with _one_line(root, "cannot make a folder for runs here"):
             Path(root).mkdir(parents=True, exist_ok=True)
@@ -39,7 +42,7 @@ class RunFolder:
             path = Path(root) / (name if attempt == 1 else f"{name}-{attempt}")
             if _claim(path):
                 break
-        return cls(path)
+        return cls(path, flown_by)
 
     def __enter__(self) -> RunFolder:
         return self

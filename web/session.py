@@ -1,0 +1,71 @@
+"""Session: a race on a thread of its own. Commands go in, snapshots come out.
+
+It knows no browser. Whoever watches reads `snapshot` when it pleases: the flight never waits for a page.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from quadsim.archive import list_runs
+from quadsim.run import RunError
+from web.choices import Hangar
+from web.race import REST, Race, Snapshot
+
+
+class Session:
+    """`session.tell(Race.start, choices)` from any thread; `session.snapshot` is the race as it is now."""
+
+    def __init__(self, hangar: Hangar, root: str):
+        self.snapshot = Snapshot()
+        self._root = root
+        self._race = Race(hangar, root)
+        self._commands: queue.SimpleQueue[Callable[[], Any]] = queue.SimpleQueue()
+        self._closing = False
+        self._worker = threading.Thread(target=self._run, name="race", daemon=True)
+        self._worker.start()
+
+    def tell(self, command: Callable[..., Any], *args: Any) -> None:
+        """Have a method of Race done, in the order told. What it cannot do becomes a notice."""
+        self._commands.put(partial(command, self._race, *args))
+
+    def watch(self, on: bool) -> None:
+        """Whether the planner's samples are to be looked at: .3 ms now and then."""
+        self._race.watched = on
+
+    def runs(self) -> list[Path]:
+        """Stored runs, the latest first."""
+        return list_runs(self._root)[::-1]
+
+    def close(self) -> None:
+        """End every flight, keep what is worth it, end the thread."""
+        self.tell(Race.end_flights)
+        self._commands.put(self._end)
+        self._worker.join()
+
+    def _run(self) -> None:
+        wait = REST
+        while not self._closing:
+            wait = self._do(self._next(wait)) or 0.0
+            self.snapshot = self._race.snapshot()
+
+    def _next(self, wait: float) -> Callable[[], Any]:
+        try:
+            return self._commands.get(timeout=wait) if wait > 0 else self._commands.get_nowait()
+        except queue.Empty:
+            return self._race.turn
+
+    def _do(self, command: Callable[[], Any]) -> float | None:
+        try:
+            return command()
+        except (ValueError, RunError) as error:
+            self._race.notices.add("error", "Cannot do that", str(error))
+            return None
+
+    def _end(self) -> None:
+        self._closing = True
