@@ -7,6 +7,7 @@ from time import perf_counter
 import numpy as np
 from numba import njit, prange
 
+
 @njit(parallel=True, cache=True)
 def _triad(a, b, c):
     for i in prange(a.size):

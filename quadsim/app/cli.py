@@ -15,6 +15,7 @@ COMMANDS = {  # name -> where its flags and its run() are, what it does
     "courses": ("quadsim.app.listing:Courses", "the courses that come with the project"),
     "vehicles": ("quadsim.app.listing:Vehicles", "the vehicles that come with the project"),
     "bench": ("quadsim.app.bench.bench:Bench", "time control steps on this machine, beside its limits and its peers"),
+    "compare": ("quadsim.app.campaign.compare:Compare", "arms against each other: many flights, paired by seed, kept"),
     "check": ("quadsim.app.check:Check", "check course, vehicle and preset files"),
 }
 HELP = """usage: race COMMAND [FLAGS]
@@ -68,6 +69,8 @@ def _run(name: str, argv: list[str]) -> int:
 
     try:
         flags = _flags(name)
+        if hasattr(flags, "from_argv"):  # it hands flags of `fly` on
+            return flags.from_argv(argv).run()
         default = flags.defaults(argv) if hasattr(flags, "defaults") else None
         return read(flags, f"race {name}", argv, default).run()
     except (UsageError, FileError, RunError) as error:

@@ -99,7 +99,7 @@ def _registry() -> ConstructorRegistry:
 def _complaint(box: str, flags: type, prog: str) -> str:
     """What tyro says in a box of several lines, as one line in our words where it is about a known flag."""
     first, rest = _sentences(box)
-    kinds = dict(_kinds(inspect.type_info(flags)))
+    kinds = dict(flag_kinds(flags))
     about = next((name for name in re.findall(r"--[a-z][\w.-]*", first) if name in kinds), None)
     if about and not first.startswith("Unrecognized"):
         choice = re.search(r"invalid choice ('.*') for", first)
@@ -123,8 +123,12 @@ def _sentences(box: str) -> tuple[str, str]:
     return " ".join(lines[:end]).strip(), "\n".join(line for line in lines[end:] if line.startswith("--"))
 
 
-def _kinds(kind: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+def flag_kinds(flags: type) -> Iterator[tuple[str, Any]]:
     """Every flag of a dataclass and its groups, with what it expects."""
+    return _kinds(inspect.type_info(flags))
+
+
+def _kinds(kind: Any, path: str = "") -> Iterator[tuple[str, Any]]:
     for field in kind.fields:
         inner = f"{path}.{field.name}".lstrip(".")
         if isinstance(field.type, inspect.DataclassType):
