@@ -1,0 +1,55 @@
+"""`race compare`: arms against each other on courses, paired by seed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+from msgspec import Meta
+from tyro.conf import FlagCreatePairsOff, Positional, Suppress, arg
+
+from quadsim.app.campaign.arms import parse_arms, split
+from quadsim.app.campaign.conduct import CAMPAIGN, Campaign, Conduct, Jobs, Scheduler
+from quadsim.app.flags import UsageError, check, read
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Fly arms against each other and say which is faster, safer, smoother, and by how much.
+
+    Attempt i of every arm flies seed --seed + i: the same start, gusts and vehicle under --randomize.
+    Every flag of `race fly` holds for all arms. What has been flown before is not flown again.
+
+    race compare paper_flat --preset paper --arms gaussian,colored --attempts 100 --randomize 1
+
+    race compare split_s_swift --arms colored,soft=race+ess=200,wild=gaussian+sigma=3:3:.6:6
+    """
+
+    courses: Annotated[tuple[str, ...], Positional, arg(metavar="COURSE")] = ()  # see `race courses`, or FILE.yaml
+    arms: Annotated[str, arg(metavar="ARM,ARM")] = "gaussian,colored"  # samplers, or NAME=preset+flag=value+...
+    attempts: Annotated[int, Meta(ge=1, le=100_000)] = 10  # of each arm on each course
+    jobs: Jobs = None  # attempts at once
+    scheduler: Scheduler = None  # of a Dask cluster
+    campaign: Campaign = CAMPAIGN  # where attempts are kept
+    this_commit: FlagCreatePairsOff[bool] = False  # count only attempts that this commit has flown
+    json: FlagCreatePairsOff[bool] = False  # one JSON object instead of tables
+    flight: Suppress[tuple[str, ...]] = ()
+
+    @classmethod
+    def from_argv(cls, argv: Sequence[str]) -> Compare:
+        own, flight = split(argv)
+        flags = read(cls, "race compare", own)
+        check(flags)
+        if not flags.courses:
+            raise UsageError("expected one COURSE or more, got none (race courses lists them)")
+        return replace(flags, flight=tuple(flight))
+
+    def run(self) -> int:
+        arms = parse_arms(self.arms, self.courses, self.flight, "race compare")
+        conduct = Conduct(Path(self.campaign), self.jobs, self.scheduler, self.this_commit)
+        rows = conduct(arms, self.attempts)
+        for arm, landed in zip(arms, rows, strict=True):
+            print(arm.name, [(r.seed, r.outcome, r.result["laps"]) for r in landed])
+        return 0 if all(len(landed) == self.attempts for landed in rows) else 1

@@ -1,0 +1,132 @@
+"""Where attempts fly: processes of this machine, or the workers of a Dask cluster. Both are concurrent.futures."""
+
+from __future__ import annotations
+
+import multiprocessing as mp
+import os
+import signal
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED as ONE
+from threading import Thread
+from typing import Any, Protocol
+
+from quadsim.app.campaign.attempt import Flown, fly_attempt
+from quadsim.app.flags import UsageError
+from quadsim.app.spec import Spec
+
+
+class Pool(Protocol):
+    """Flies attempts; `with pool:` ends its workers, at once."""
+
+    window: int  # attempts worth having under way
+    lost: tuple[type[BaseException], ...]  # what a future raises whose worker has died
+
+    def submit(self, spec: Spec) -> Future[Flown]: ...
+    def __enter__(self) -> Pool: ...
+    def __exit__(self, *_: object) -> None: ...
+
+
+class Processes:
+    """Worker processes of this machine, one compiled-loop thread each."""
+
+    lost = (BrokenExecutor,)
+
+    def __init__(self, jobs: int | None = None):
+        self.window = jobs or len(os.sched_getaffinity(0))
+        self._executor = self._start()
+
+    def _start(self) -> Executor:
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or the workers' BLAS threads spin against each other
+        spawn = mp.get_context("spawn")  # a fork would inherit the locks of threads that it does not have
+        return ProcessPoolExecutor(self.window, mp_context=spawn, initializer=_settle)
+
+    def submit(self, spec: Spec) -> Future[Flown]:
+        try:
+            return self._executor.submit(fly_attempt, spec)
+        except BrokenExecutor:  # one worker lost, all are gone
+            self._executor = self._start()
+            return self._executor.submit(fly_attempt, spec)
+
+    def __enter__(self) -> Processes:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown(wait=False, cancel_futures=True)
+        for worker in mp.active_children():
+            worker.terminate()  # one in mid-flight has nothing to lose
+            worker.join()
+
+
+def _settle() -> None:
+    """Ctrl-C is the parent's to answer; a worker whose parent is gone, by SIGKILL too, goes as well."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    Thread(target=_follow, daemon=True).start()
+
+
+def _follow() -> None:
+    parent = mp.parent_process()
+    if parent:
+        parent.join()
+        os._exit(1)
+
+
+class Cluster:
+    """Workers of a Dask scheduler; Dask itself flies an attempt again whose worker is lost."""
+
+    def __init__(self, address: str):
+        try:
+            from distributed import Client, KilledWorker
+        except ImportError:
+            raise UsageError("--scheduler: needs the extra 'cluster': pip install 'quadsim[cluster]'") from None
+        try:
+            self._client = Client(address, timeout=10, set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise UsageError(f"--scheduler: no Dask scheduler at {address!r}: {error}") from None
+        self.lost = (KilledWorker,)
+        self.window = 10**6  # the scheduler queues them, for workers that come later too
+        self._executor: Any = self._client.get_executor(pure=False)
+
+    def submit(self, spec: Spec) -> Future[Flown]:
+        return self._executor.submit(fly_attempt, spec)
+
+    def __enter__(self) -> Cluster:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown(wait=False)
+        self._client.close()
+
+
+def open_pool(jobs: int | None, scheduler: str | None) -> Pool:
+    """Raises UsageError where there is no scheduler."""
+    return Cluster(scheduler) if scheduler else Processes(jobs)
+
+
+def fly_all(pool: Pool, specs: Iterable[Spec]) -> Iterator[tuple[Spec, Flown | None]]:
+    """Every attempt, as they finish. One whose worker is lost is flown again, once and alone; None if lost again.
+
+    What an attempt itself raises comes out here.
+    """
+    todo = deque((spec, False) for spec in specs)
+    under_way: dict[Future[Flown], tuple[Spec, bool]] = {}
+    while todo or under_way:
+        while todo and _room(pool, under_way, suspect=todo[0][1]):
+            spec, suspect = todo.popleft()
+            under_way[pool.submit(spec)] = spec, suspect
+        for future in wait(under_way, return_when=ONE).done:
+            spec, suspect = under_way.pop(future)
+            if not isinstance(future.exception(), pool.lost):
+                yield spec, future.result()
+            elif suspect:
+                yield spec, None
+            else:
+                todo.append((spec, True))
+
+
+def _room(pool: Pool, under_way: dict, suspect: bool) -> bool:
+    """A suspect flies alone, or it would take the innocent down with it twice."""
+    alone = suspect or any(s for _, s in under_way.values())
+    return len(under_way) < (1 if alone else pool.window)
