@@ -6,14 +6,14 @@ while it asks, a test takes them all, and pausing is not asking for the next one
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from time import perf_counter, sleep
 from typing import Protocol
 
 import numpy as np
 
+from quadsim.course import Vec3
 from quadsim.plant import Plant
-from quadsim.referee import Referee
 from quadsim.run import Event, Frame
 
 
@@ -40,6 +40,20 @@ class Controller(Protocol):
         ...
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]: ...
+
+
+class Judge(Protocol):
+    """Watches every physics step until it has an outcome; see quadsim.referee.Referee."""
+
+    @property
+    def outcome(self) -> str | None: ...
+    @property
+    def passed(self) -> int: ...
+    @property
+    def lap(self) -> int: ...
+    @property
+    def next_gate(self) -> int: ...
+    def observe(self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()) -> list[Event]: ...
 
 
 class Clock(Protocol):
@@ -88,7 +102,7 @@ PICTURE_EVERY = 10  # control periods from one picture of the planner to the nex
 def fly(
     plant: Plant,
     controller: Controller,
-    referee: Referee,
+    referee: Judge,
     period: float,
     clock: Clock | None = None,
     picture: Callable[[], np.ndarray | None] | None = None,
@@ -142,7 +156,7 @@ def fly(
         elapsed = max(round((following - state.t) / period), 1)
 
 
-def hold(plant: Plant, referee: Referee, u: tuple[float, ...], until: float) -> list[Event]:
+def hold(plant: Plant, referee: Judge, u: tuple[float, ...], until: float) -> list[Event]:
     """Apply u until the given time, to the nearest physics step; every step is judged."""
     events: list[Event] = []
     while plant.state.t < until - plant.dt / 2 and referee.outcome is None:
