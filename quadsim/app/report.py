@@ -56,7 +56,7 @@ def report(run: Run, folder: Path | None, columns: int) -> Iterator[RenderableTy
 
 def _head(run: Run) -> Iterator[str]:
     spec, laps = run.spec, f"{len(run.laps)} of {run.spec['laps']} laps"
-    end = float(run.telemetry["t"][-1]) if len(run.telemetry["t"]) else 0.0
+    end = run.events[-1].t if run.outcome != "interrupted" else float(run.telemetry["t"][-1])
     sampler, preset, vehicle = (escape(name) for name in (spec["sampler"], spec["preset"], spec["vehicle"]["name"]))
     yield f"[bold]{spec['course']}[/]  [bold {COLOUR[run.outcome]}]{run.outcome}[/]  {laps}, {end:.3f} s"
     yield f"{sampler} sampling, preset {preset}, vehicle {vehicle}, seed {spec['seed']}"
