@@ -2,17 +2,13 @@
 
 import json
 import os
-import pty
-import signal
 import subprocess
 import sys
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from quadsim.app.cli import COMMANDS, race
-from quadsim.archive import list_runs, load_run
 
 TINY = ("--samples", "128", "--horizon", "20", "--iterations", "1", "--laps", "1", "--timeout", "0.2")
 COURSE = """opening: [1.5, 1.5]
@@ -182,59 +178,3 @@ def test_a_full_disk_behind_stdout_is_one_line():
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert (done.returncode, done.stderr) == (2, "race courses: stdout: No space left on device\n")
-
-
-HOVER = (
-    "fly paper_flat --preset paper --samples 256 --horizon 50 --iterations 1 --timeout 10000 "
-    "--progress 0 --heading 0 --desired-speed 0 --speed 100"
-)
-
-
-@pytest.fixture
-def flying(tmp_path):
-    """A flight that goes on for ever, in a terminal of its own, once its live line has been seen."""
-    terminal, stderr = pty.openpty()
-    command = [sys.executable, "-c", "from quadsim.app.cli import main; main()", *HOVER.split()]
-    flight = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=stderr, text=True)
-    os.close(stderr)
-    seen = b""
-    while seen.count(b"real time") < 3:
-        seen += os.read(terminal, 4096)
-    yield flight, terminal
-    flight.kill()
-    os.close(terminal)
-
-
-def rest_of(terminal):
-    """What is still written to the terminal until its last writer has left."""
-    text = b""
-    with suppress(OSError):  # how Linux says that nobody is left
-        while more := os.read(terminal, 4096):
-            text += more
-    return text.decode()
-
-
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_flight_is_reported_and_kept(flying, tmp_path, sent):
-    flight, terminal = flying
-    flight.send_signal(sent)
-    said = rest_of(terminal)
-    out = flight.stdout.read()
-    assert flight.wait() == 130
-    assert "interrupted" in out
-    assert "Traceback" not in said
-    assert "race fly: interrupted at " in said.rstrip().splitlines()[-1]
-    (folder,) = list_runs(tmp_path / "runs")
-    run = load_run(folder)
-    assert run.outcome == "interrupted"
-    assert run.telemetry["t"][-1] > 0.0
-
-
-def test_a_killed_flight_leaves_nothing_that_looks_finished(flying, tmp_path, capsys):
-    flight, _ = flying
-    flight.kill()
-    flight.wait()
-    assert list_runs(tmp_path / "runs") == []
-    code, _, err = outcome(f"show --runs-dir {tmp_path}/runs", capsys)
-    assert code == 2
-    assert "no runs in" in err
