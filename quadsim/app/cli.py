@@ -16,6 +16,7 @@ COMMANDS = {  # name -> where its flags and its run() are, what it does
     "vehicles": ("quadsim.app.listing:Vehicles", "the vehicles that come with the project"),
     "bench": ("quadsim.app.bench.bench:Bench", "time control steps on this machine, beside its limits and its peers"),
     "compare": ("quadsim.app.campaign.compare:Compare", "arms against each other: many flights, paired by seed, kept"),
+    "results": ("quadsim.app.campaign.results:Results", "what campaigns have stored: list, filter, compare"),
     "check": ("quadsim.app.check:Check", "check course, vehicle and preset files"),
     "paper": ("quadsim.app.paper.command:Paper", "the paper's tables and figures, rerun"),
 }

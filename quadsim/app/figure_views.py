@@ -35,7 +35,7 @@ def draw_views(figure: SubFigure, run: Run, course: Course) -> None:
     top, below = figure.subplots(2, 1, height_ratios=(2.7, 1.0))
     for axes, plane, name in ((top, (0, 1), "from above"), (below, (side, 2), "from the side, height stretched")):
         lines = _draw_path(axes, run, points[:, plane])
-        _draw_gates(axes, course, plane, scale)
+        draw_gates(axes, course, plane, scale)
         _draw_events(axes, run, plane)
         axes.set(title=name, xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
         axes.margins(0.07)
@@ -59,8 +59,8 @@ def _draw_path(axes: Axes, run: Run, points: np.ndarray) -> LineCollection:
     return lines
 
 
-def _draw_gates(axes: Axes, course: Course, plane: tuple[int, int], scale: float) -> None:
-    """Frame, opening, an arrow along the passage, and the gate's number."""
+def draw_gates(axes: Axes, course: Course, plane: tuple[int, int], scale: float) -> None:
+    """Frame, opening, an arrow along the passage, and the gate's number. scale: of arrows and labels [m]."""
     for number, gate in enumerate(course.gates, start=1):
         for border, colour, width in ((gate.frame_width, "#9a9a9a", 4.0), (0.0, "#2b7bba", 2.2)):
             ring = corners(gate, border)[[0, 1, 3, 2, 0]][:, plane]

@@ -8,11 +8,14 @@ from pathlib import Path
 from typing import Annotated
 
 from msgspec import Meta
-from tyro.conf import FlagCreatePairsOff, Positional, Suppress, arg
+from tyro.conf import DisallowNone, FlagCreatePairsOff, Positional, Suppress, arg
 
 from quadsim.app.campaign.arms import parse_arms, split
 from quadsim.app.campaign.conduct import CAMPAIGN, Campaign, Conduct, Jobs, Scheduler
-from quadsim.app.flags import UsageError, check, read
+from quadsim.app.campaign.report import present, sections
+from quadsim.app.flags import UsageError, check, otherwise, read
+
+INTERRUPTED = 130  # exit code
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,7 @@ class Compare:
     scheduler: Scheduler = None  # of a Dask cluster
     campaign: Campaign = CAMPAIGN  # where attempts are kept
     this_commit: FlagCreatePairsOff[bool] = False  # count only attempts that this commit has flown
+    out: Annotated[str | None, DisallowNone, otherwise("beside the campaign")] = None  # folder of Markdown and figures
     json: FlagCreatePairsOff[bool] = False  # one JSON object instead of tables
     flight: Suppress[tuple[str, ...]] = ()
 
@@ -48,8 +52,11 @@ class Compare:
 
     def run(self) -> int:
         arms = parse_arms(self.arms, self.courses, self.flight, "race compare")
-        conduct = Conduct(Path(self.campaign), self.jobs, self.scheduler, self.this_commit)
-        rows = conduct(arms, self.attempts)
-        for arm, landed in zip(arms, rows, strict=True):
-            print(arm.name, [(r.seed, r.outcome, r.result["laps"]) for r in landed])
+        campaign = Path(self.campaign)
+        try:
+            rows = Conduct(campaign, self.jobs, self.scheduler, self.this_commit)(arms, self.attempts)
+        except KeyboardInterrupt:
+            return INTERRUPTED
+        folder = Path(self.out) if self.out else campaign.with_suffix(".report")
+        present(sections(arms, rows, campaign), campaign, folder, self.json)
         return 0 if all(len(landed) == self.attempts for landed in rows) else 1

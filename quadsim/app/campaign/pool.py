@@ -7,8 +7,8 @@ import os
 import signal
 from collections import deque
 from collections.abc import Iterable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures import FIRST_COMPLETED as ONE
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from threading import Thread
 from typing import Any, Protocol
 

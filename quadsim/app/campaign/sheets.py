@@ -1,0 +1,129 @@
+"""A comparison as sheets of text, printed as tables or written as Markdown from the same cells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+from rich.markup import escape
+from rich.table import Table
+
+from quadsim.app.campaign.numbers import ArmNumbers, PairNumbers
+from quadsim.app.lap_table import plain_table
+from quadsim.statistics import Mean
+
+SHOWN = 9  # hex digits of a commit
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """First column to the left, the others to the right."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def sheets(arms: Sequence[ArmNumbers], pairs: Sequence[PairNumbers]) -> Iterator[Sheet]:
+    """Of one course."""
+    yield _laps(arms)
+    yield _chatter(arms)
+    if pairs:
+        yield pair_sheet(pairs)
+
+
+def as_table(sheet: Sheet) -> Table:
+    table = plain_table()
+    for i, name in enumerate(sheet.head):
+        table.add_column(escape(name), justify="right" if i else "left", no_wrap=0 < i < len(sheet.head) - 1)
+    for row in sheet.rows:
+        table.add_row(*map(escape, row))
+    return table
+
+
+def as_markdown(sheet: Sheet) -> str:
+    lines = [sheet.head, ("---", *["---:"] * (len(sheet.head) - 1)), *sheet.rows]
+    return "\n".join("| " + " | ".join(cell.replace("\n", " ") for cell in line) + " |" for line in lines)
+
+
+def notes(arms: Sequence[ArmNumbers], pairs: Sequence[PairNumbers], limit: float) -> Iterator[str]:
+    """What must not be overlooked."""
+    if any(a.finished < a.attempts for a in arms):
+        yield f"Laps: of attempts that finished. Penalised: the others count as the time limit, {limit:.1f} s a lap."
+    for p in pairs:
+        if isfinite(p.detectable):
+            yield (
+                f"{p.b} - {p.a}: {p.lap_difference.n} pairs with a standard deviation of {p.lap_difference.sd:.3f} s "
+                f"show a difference of {p.detectable:.3f} s four times out of five."
+            )
+    commits = sorted({c for a in arms for c in a.commits})
+    if len(commits) > 1:
+        each = "; ".join(f"{a.name}: {', '.join(map(short, a.commits))}" for a in arms)
+        yield f"MIXED COMMITS: {each}. --this-commit counts only the present one's flights."
+    if any(c.endswith("-dirty") for c in commits):
+        yield "Flown from files that differ from their commit (-dirty): not reproducible."
+
+
+def short(commit: str) -> str:
+    digits, dirty, _ = commit.partition("-dirty")
+    return digits[: None if " " in digits else SHOWN] + dirty
+
+
+def _laps(arms: Sequence[ArmNumbers]) -> Sheet:
+    head = ("arm", "finished", "95 % CI", "lap [s]", "sd", "best", "race", "flying", "penalised")
+    rows = [
+        (
+            a.name,
+            f"{a.finished}/{a.attempts}",
+            _percent(a.success_ci),
+            *map(_seconds, (a.lap_mean, a.lap_sd, a.lap_min, a.race_median, a.flying_median, a.penalised_mean)),
+        )
+        for a in arms
+    ]
+    return Sheet(head, tuple(rows))
+
+
+def _chatter(arms: Sequence[ArmNumbers]) -> Sheet:
+    head = ("arm", "thrust [m/s^2/s]", "delivered", "plan [ms]", "ended at")
+    rows = [
+        (
+            a.name,
+            f"{a.thrust_tv:.1f}",
+            f"{a.thrust_tv_delivered:.1f}",
+            f"{a.plan_ms:.1f}",
+            ", ".join(f"{n} {where}" for where, n in a.crashes.items()) or "-",
+        )
+        for a in arms
+    ]
+    return Sheet(head, tuple(rows))
+
+
+def pair_sheet(pairs: Sequence[PairNumbers]) -> Sheet:
+    head = ("pair", "lap difference [s]", "pairs", "only one", "p", "thrust variation")
+    rows = [
+        (
+            f"{p.b} - {p.a}",
+            _interval(p.lap_difference, "+.3f"),
+            str(p.lap_difference.n),
+            f"{p.only_b} : {p.only_a}" if p.seeds else "-",
+            f"{p.success_p:.3g}",
+            f"x {_interval(p.thrust_tv_ratio, '.2f')}",
+        )
+        for p in pairs
+    ]
+    return Sheet(head, tuple(rows))
+
+
+def _seconds(t: float) -> str:
+    return f"{t:.3f}" if isfinite(t) else "-"
+
+
+def _percent(interval: tuple[float, float]) -> str:
+    return "{:.0f}-{:.0f} %".format(*(100 * p for p in interval))
+
+
+def _interval(m: Mean, form: str) -> str:
+    if not isfinite(m.mean):
+        return "-"
+    known = isfinite(m.low)
+    return f"{m.mean:{form}} [{m.low:{form}}, {m.high:{form}}]" if known else f"{m.mean:{form}}"
