@@ -1,0 +1,51 @@
+"""How the planner does, as HTML: effective sample size, temperature, the terms of the plan's cost; chatter figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from quadsim.metrics import high_frequency_fraction, motor_corner, motor_residual, motor_tau, total_variation
+from quadsim.palette import HIT, NEXT
+from web.html import DIM, MONO, bar, box, heading, named, table, text
+from web.lane import Lane
+from web.standing import Standing
+
+
+def planner(s: Standing) -> str:
+    x, mppi = s.lane.x, s.lane.spec["planner"]["mppi"]
+    ess, target = float(x["ess"][s.i]), mppi["ess"]
+    aim = f"aims at {target:g}" if target else "temperature fixed"
+    meter = bar(ess / max(mppi["samples"] * 0.1, 1.0), NEXT if ess > 5 else HIT, 8)
+    words = (
+        f"<b>{ess:.0f}</b> effective of {mppi['samples']} samples, {aim}; "
+        f"temperature <b>{x['temperature'][s.i]:.3g}</b>, planned in <b>{x['plan_ms'][s.i]:.1f}</b> ms"
+    )
+    return box(heading("effective sample size"), meter, _line(words), heading("cost of the plan"), _terms(s))
+
+
+def _terms(s: Standing) -> str:
+    fan = s.lane.fan
+    if fan is None:
+        return _line(f"J = {s.lane.x['cost'][s.i]:.3f}; its terms are shown while a flight is live")
+    terms = {name: value for name, value in fan.terms.items() if value}
+    most = max((abs(v) for v in terms.values()), default=1.0)
+    rows = [[text(name), f"{v:+.3f}", bar(abs(v) / most, "#6f86d6" if v > 0 else NEXT)] for name, v in terms.items()]
+    return table(["term", "mean", ""], rows) + _line(f"J = {sum(fan.terms.values()):.3f}, the sum; less is better")
+
+
+def chatter(lanes: Sequence[Lane]) -> str:
+    """Figures of the whole run so far, beside the spectrum."""
+    rows = []
+    for lane in lanes:
+        if len(lane.t) > 16:
+            t, u, a, tau = lane.t, lane.x["a_cmd"], lane.x["a"], motor_tau(lane.spec["vehicle"])
+            share = 100 * high_frequency_fraction(t, u, motor_corner(tau))
+            figures = (total_variation(t, u), total_variation(t, a), share, motor_residual(t, u, tau))
+            rows.append([named(lane.name, lane.sampler), *(f"{v:.1f}" for v in figures)])
+    head = ["run", "TV asked", "TV done", "above corner %", "beyond motor"]
+    note = "total variation of the thrust [m/s²/s] asked for and delivered; its power above the motors' corner; RMS no motor follows [m/s²]"
+    return box(table(head, rows), f'<div style="color:{DIM};font-size:11px">{note}</div>') if rows else box("")
+
+
+def _line(words: str) -> str:
+    return f'<div style="{MONO};font-size:12px;margin-top:3px">{words}</div>'

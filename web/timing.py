@@ -1,0 +1,91 @@
+"""Head-up display, timing tower, map and events, as HTML."""
+
+from __future__ import annotations
+
+from math import hypot, isfinite
+
+from quadsim.palette import FASTER, HIT, style
+from web.html import DIM, MONO, bar, box, coloured, named, table, text
+from web.lane import Lane
+from web.race import Snapshot
+from web.standing import HITS, Standing, order
+
+WIDTH, HEIGHT = 330, 190  # of the map [px]
+EVENTS = 60  # newest that are listed
+
+
+def hud(s: Snapshot, all_: list[Standing]) -> str:
+    """Of the first lane: lap, its time, next gate, speed, gap; what the race is doing."""
+    if not all_:
+        return box(f'<div style="text-align:center;color:{DIM}">Choose a race and press START</div>')
+    me, x = all_[0], all_[0].lane.x
+    speed = hypot(*(x[k][me.i] for k in ("vx", "vy", "vz")))
+    gaps = [o.gap - me.gap for o in all_[1:] if isfinite(o.gap)]
+    gate = f"G{me.gate}/{me.lane.legs.gates}" if me.gate else "FINISH"
+    cells = [f"LAP {me.lap}/{me.lane.spec['laps']}", f"{me.lap_time:.2f} s", gate, f"{speed:.1f} m/s"]
+    if gaps:
+        lead = -min(gaps)
+        cells.append(coloured(f"{lead:+.2f}", FASTER if lead < 0 else HIT))
+    return box(_big(cells), _state(s, me))
+
+
+def _big(cells: list[str]) -> str:
+    spans = "".join(f"<span>{c}</span>" for c in cells)
+    look = f"display:flex;justify-content:space-between;gap:14px;font-size:19px;font-weight:650;{MONO}"
+    return f'<div style="{look}">{spans}</div>'
+
+
+def _state(s: Snapshot, me: Standing) -> str:
+    doing = "flying" if s.flying else "replay"
+    if not s.playing:
+        doing = "paused" if s.flying or not me.over else (me.lane.outcome or "paused")
+    words = [doing, f"t {s.t:.2f} s", f"{s.factor:.2f} x real time" if s.playing else f"of {s.end:.2f} s"]
+    if me.lane.changes:
+        words.append(coloured("interactive, not comparable", HIT))
+    return f'<div style="color:{DIM};font-size:11px;text-align:center;margin-top:2px">{" · ".join(words)}</div>'
+
+
+def tower(all_: list[Standing]) -> str:
+    head = ["", "run", "lap", "now", "gap", "best", "chatter", "hits"]
+    rows = []
+    for place, s in enumerate(order(all_), 1):
+        gap = "leader" if s.gap == 0.0 and place == 1 else (f"{s.gap:+.2f}" if isfinite(s.gap) else "-")
+        hits = coloured(str(s.hits), HIT) if s.hits else "0"
+        best = f"{s.best:.3f}" if s.best else "-"
+        lap = f"{s.lap}/{s.lane.spec['laps']}"
+        row = [str(place), named(s.lane.name, s.lane.sampler), lap, f"{s.lap_time:.2f}", gap, best, f"{s.chatter:.2f}"]
+        rows.append([*row, hits])
+        rows.append([""] * len(head))
+    parts = table(head, rows, left=2).split("<tr>")
+    for k, s in enumerate(order(all_)):  # under each row, over its whole width, how far it is
+        parts[3 + 2 * k] = (
+            f'<td colspan="{len(head)}" style="padding:0 5px 5px">{bar(s.progress, style(s.lane.sampler).colour)}</td></tr>'
+        )
+    note = f'<div style="color:{DIM};font-size:11px">gap [s] at the same place · chatter: commanded thrust beyond the motors, RMS [m/s²]</div>'
+    return box("<tr>".join(parts), note)
+
+
+def hit_gates(all_: list[Standing]) -> set[int]:
+    """1-based numbers of the gates hit so far."""
+    return {e.gate for s in all_ for e in s.lane.events if e.kind == "hit" and e.t <= s.lane.t[s.i] + 1e-9}
+
+
+def events(lanes: tuple[Lane, ...], t: float) -> str:
+    """What happened, newest first; what is still to come in a replay is dim."""
+    found = [(e.t, lane, _event(e), e.kind in HITS) for lane in lanes for e in lane.events]
+    found += [(c["t"], lane, _change(c), False) for lane in lanes for c in lane.changes]
+    rows = []
+    for when, lane, words, bad in sorted(found, key=lambda row: -row[0])[:EVENTS]:
+        words = coloured(words, HIT) if bad else words
+        words = words if when <= t + 1e-6 else f'<span style="opacity:.45">{words}</span>'
+        rows.append([f"{when:.3f}", named(lane.name, lane.sampler), words])
+    return box(table(["t [s]", "run", "event"], rows, left=3)) if rows else box("nothing yet")
+
+
+def _event(e) -> str:
+    gate = f" gate {e.gate}" if e.gate else ""
+    return f"{text(e.kind).replace('_', ' ')}{gate} · lap {e.lap} · {e.speed:.1f} m/s"
+
+
+def _change(c: dict) -> str:
+    return f"{text(c['name']).replace('_', ' ')} {c['from']:g} → {c['to']:g}"
