@@ -27,7 +27,7 @@ def fly_rows(system: System, cost: Cost, x0, U, z, target: int = 0, clearance=No
     clearance(x, x_next, aim, params) -> (M,): how far this step's decisions are from turning out otherwise.
     """
     M, T = len(z), len(U)
-    aims = cost.aims_from(target, np.float64)
+    aims = cost.aims_from(target, np.asarray(x0), np.float64)
     x = tuple(np.full(M, value, float) for value in x0)
     row, crashed, total, clear = np.zeros(M, int), np.zeros(M), np.zeros(M), np.full(M, np.inf)
     for t in range(T):

@@ -22,9 +22,14 @@ class Cost:
     aims: np.ndarray  # (targets, n_aim) every target from the first on
     to_go: int | None = None  # column of aims that counts distance still to fly, if any
 
-    def aims_from(self, target: int, dtype: type = np.float32) -> np.ndarray:
+    holds: Callable | None = None  # (x, row, params) -> whether x, past this target, must still mind it
+
+    def aims_from(self, target: int, x: np.ndarray, dtype: type = np.float32) -> np.ndarray:
         """Rows from the current target on, the distance to go counted from it (small numbers for float32)."""
-        rows = np.array(self.aims[min(target, len(self.aims) - 1) :], dtype=dtype)
+        target = min(target, len(self.aims) - 1)
+        if self.holds and target > 0 and self.holds(x, self.aims[target - 1], self.params):
+            target -= 1
+        rows = np.array(self.aims[target:], dtype=dtype)
         if self.to_go is not None:
             rows[:, self.to_go] -= rows[0, self.to_go]
         return rows

@@ -1,11 +1,13 @@
 """The racing cost: eq. (8) of Vlahov et al. 2024, and the distance still to fly.
 
     q = a_0 Progress + a_1 Heading + a_2 Height + a_3 Speed + a_4 Stabilize + a_5 Crash + a_6 Waypoint + a_7 Path
+      + a_8 Clearance
 
 Unlike the paper's implementation, the target advances inside the rollout: a sample that flies through
 a gate is drawn to the next one from there on. A gate counts when the segment x -> x_next crosses its
-plane inside the opening, less the vehicle's radius and a margin; the frame around it, the ground and
-the bounds crash the sample for the rest of its rollout.
+exit plane inside the opening, less the vehicle's radius and a margin; the frame, all of its depth, the
+ground and the bounds crash the sample for the rest of its rollout. The exit plane stands where the
+vehicle is clear of the frame behind it.
 """
 
 from __future__ import annotations
@@ -19,10 +21,12 @@ from numpy import maximum, minimum, sqrt, where
 
 from controllers.costs import Cost
 from quadsim.course import Course, Gate
+from quadsim.plant import FRAME_DEPTH
 from quadsim.strict_yaml import unit
 
-TERMS = ("progress", "heading", "height", "speed", "stabilize", "crash", "waypoint", "path")
+TERMS = ("progress", "heading", "height", "speed", "stabilize", "crash", "waypoint", "path", "clearance")
 TO_GO = 13  # column of the aim rows
+SKIN = 0.02  # [m] of air beyond the frame's depth
 RUN_OUT = 100.0  # [m] a last target this far behind the last gate: fly on through it
 
 Weight = Annotated[float, Meta(ge=0, le=1e6)]
@@ -30,7 +34,7 @@ Weight = Annotated[float, Meta(ge=0, le=1e6)]
 
 @dataclass(frozen=True)
 class RaceWeights:
-    """Weights a_0..a_7 of the terms, and the numbers they refer to."""
+    """Weights a_0..a_8 of the terms, and the numbers they refer to."""
 
     progress: Weight = 1.0  # per metre still to fly
     heading: Weight = 0.0  # 1 - cos of the angle between velocity and bearing to the gate, per unit
@@ -40,19 +44,20 @@ class RaceWeights:
     crash: Weight = 1000.0  # per step after a crash
     waypoint: Weight = 0.0  # reward per step within waypoint_radius of the gate's centre
     path: Weight = 0.0  # per m^2 off the straight leg
+    clearance: Weight = 200.0  # per metre short of the margin, per step within a gate's depth
     desired_speed: Annotated[float, unit("m/s", ge=0, le=100)] = 9.0  # horizontal, of the speed term [m/s]
     waypoint_radius: Annotated[float, unit("m", gt=0, le=100)] = 0.5  # around a gate's centre [m]
-    margin: Annotated[float, unit("m", ge=0, le=10)] = 0.25  # inside the opening, around the frame, above ground [m]
+    margin: Annotated[float, unit("m", ge=0, le=10)] = 0.25  # wanted between vehicle and frame, within a gate [m]
 
 
 def terms(x, x_next, u, aim, crashed, p):
     """The weighted terms of eq. (8) for one step of one sample, with reached and crashed."""
     gx, gy, gz, nx, ny, nz, lx, ly, lz, free_y, free_z, frame_y, frame_z, to_go, approach, ex, ey, ez, leg = aim
-    a_0, a_1, a_2, a_3, a_4, a_5, a_6, a_7, v_des, near, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
+    a_0, a_1, a_2, a_3, a_4, a_5, a_6, a_7, a_8, v_des, near, margin, depth, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
     px, py, pz, vx, vy = x_next[0], x_next[1], x_next[2], x_next[3], x_next[4]
     qx, qy = x_next[7], x_next[8]
 
-    # position in the gate's frame, before and after: s along the passage, y left, z up
+    # position relative to the gate's exit, before and after: s along the passage, y left, z up
     dx, dy, dz = px - gx, py - gy, pz - gz
     bx, by, bz = x[0] - gx, x[1] - gy, x[2] - gz
     ux, uy, uz = ny * lz - nz * ly, nz * lx - nx * lz, nx * ly - ny * lx
@@ -66,10 +71,14 @@ def terms(x, x_next, u, aim, crashed, p):
     z = abs(z1 + (z0 - z1) * share)
     framed = (y < frame_y) & (z < frame_z)
     reached = forward & (y < free_y) & (z < free_z)
-    clipped = forward & framed & ((y >= free_y) | (z >= free_z))
+    # the frame has depth: beside the opening anywhere in it is a crash, near its bars costs
+    short = maximum(abs(y1) - free_y, abs(z1) - free_z)
+    within = (s1 > -depth) & (s1 < 0.0) & (abs(y1) < frame_y) & (abs(z1) < frame_z)
+    clipped = (within & (short >= 0.0)) | (forward & framed & ((y >= free_y) | (z >= free_z)))
+    tight = where(within, maximum(short + margin, 0.0), 0.0)
     sunk = (pz < floor) & (pz < x[2])  # a start on the ground is no crash, coming down is
     strayed = (px < x_lo) | (px > x_hi) | (py < y_lo) | (py > y_hi) | (pz > z_hi)
-    crashed = where(clipped | (backward & framed) | sunk | strayed, 1.0, crashed)
+    crashed = where(clipped | (framed & backward) | sunk | strayed, 1.0, crashed)
 
     d = sqrt(dx * dx + dy * dy + dz * dz + 1e-6)
     # behind the plane without having passed, the way leads round to a point in front of the gate
@@ -93,6 +102,7 @@ def terms(x, x_next, u, aim, crashed, p):
         a_5 * crashed,
         -a_6 * where(d < near, 1.0, 0.0),
         a_7 * (ox * ox + oy * oy + oz * oz),
+        a_8 * tight,
         reached,
         crashed,
     )
@@ -102,23 +112,35 @@ def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) ->
     """The cost of a course for a vehicle of this radius [m]."""
     w = weights
     (x_lo, x_hi), (y_lo, y_hi), (z_lo, z_hi) = course.bounds
-    inset = radius + w.margin
-    floor = max(radius + min(w.margin, 0.1), z_lo)
-    box = (floor, x_lo + inset, x_hi - inset, y_lo + inset, y_hi - inset, z_hi - inset)
-    params = (w.progress, w.heading, w.height, w.speed, w.stabilize, w.crash, w.waypoint, w.path)
-    params += (w.desired_speed, w.waypoint_radius, *box)
-    return Cost("race", TERMS, terms, params, aims(course, radius, w.margin, laps), TO_GO)
+    gap = radius + SKIN
+    box = (max(gap + min(w.margin, 0.1), z_lo), x_lo + gap, x_hi - gap, y_lo + gap, y_hi - gap, z_hi - gap)
+    params = (w.progress, w.heading, w.height, w.speed, w.stabilize, w.crash, w.waypoint, w.path, w.clearance)
+    params += (w.desired_speed, w.waypoint_radius, w.margin, 2.0 * clear_of_frame(radius), *box)
+    return Cost("race", TERMS, terms, params, aims(course, radius, laps), TO_GO, is_inside)
 
 
-def aims(course: Course, radius: float, margin: float, laps: int) -> np.ndarray:
-    """One row a gate of every lap, and a last one far behind the finish.  (laps * gates + 1, 19)"""
+def clear_of_frame(radius: float) -> float:
+    """From the gate's plane to where the vehicle touches the frame no more [m]."""
+    return FRAME_DEPTH / 2 + radius + SKIN
+
+
+def is_inside(x: np.ndarray, row: np.ndarray, params: tuple[float, ...]) -> bool:
+    """Whether x is past the gate's plane but not yet clear of its frame."""
+    depth = params[len(TERMS) + 3]
+    s = (x[:3] - row[:3]) @ row[3:6]
+    return bool(-depth / 2 <= s < 0.0)
+
+
+def aims(course: Course, radius: float, laps: int) -> np.ndarray:
+    """One row a gate of every lap, at its exit, and a last one far behind the finish.  (laps * gates + 1, 19)"""
     gates = course.gates * laps
     run_out = np.add(gates[-1].position, RUN_OUT * gates[-1].rotation[:, 0])
-    centres = np.array([course.start.position, *(g.position for g in gates), run_out])
+    exits = [g.position + clear_of_frame(radius) * g.rotation[:, 0] for g in gates]
+    centres = np.array([course.start.position, *exits, run_out])
     legs = np.diff(centres, axis=0)
     lengths = np.maximum(np.linalg.norm(legs, axis=1), 1e-6)
-    rows = np.array([_aim(g, radius, margin) for g in (*gates, gates[-1])])
-    rows[-1, :3] = run_out
+    rows = np.array([_aim(g, radius + SKIN) for g in (*gates, gates[-1])])
+    rows[:, :3] = centres[1:]
     approach = np.array([max(g.opening) for g in (*gates, gates[-1])])
     # the way from gate to gate as terms() measures it, round a gate that faces away: passing a gate is no jump
     faces_away = (legs * rows[:, 3:6]).sum(axis=1) < 0
@@ -128,9 +150,7 @@ def aims(course: Course, radius: float, margin: float, laps: int) -> np.ndarray:
     return np.column_stack([rows, to_go, approach, legs / lengths[:, None], lengths])
 
 
-def _aim(gate: Gate, radius: float, margin: float) -> np.ndarray:
+def _aim(gate: Gate, gap: float) -> np.ndarray:
     """Centre, passage, left axis, half the free opening, half the outside of the frame.  (13,)"""
     half = np.array(gate.opening) / 2
-    room = np.maximum(half - radius, 0.01)
-    free = np.maximum(room - margin, 0.4 * room)  # a narrow gate cannot afford the whole margin
-    return np.concatenate([gate.position, *gate.rotation.T[:2], free, half + gate.frame_width + radius + margin])
+    return np.concatenate([gate.position, *gate.rotation.T[:2], half - gap, half + gate.frame_width + gap])

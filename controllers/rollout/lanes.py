@@ -36,7 +36,7 @@ class Rollout:
         x0 (n_x,), U (T, n_u), noise (series, n_u, halves * T, LANES): a series holds `halves` samples.
         """
         d = self.dtype
-        self._module.rollout(np.asarray(x0, d), U.astype(d), noise, J, *self._numbers(target))
+        self._module.rollout(np.asarray(x0, d), U.astype(d), noise, J, *self._numbers(x0, target))
 
     def paths(self, x0: np.ndarray, v: np.ndarray, target: int) -> tuple[np.ndarray, np.ndarray]:
         """Where at most LANES sampled controls lead, and the horizon mean of each term of their cost.
@@ -49,7 +49,7 @@ class Rollout:
         E[:, :, :samples] = v.transpose(1, 2, 0)
         path = np.empty((T, min(3, len(self.system.states)), LANES), d)
         means = np.empty((len(self.cost.term_names), LANES), d)
-        self._module.paths(np.asarray(x0, d), np.zeros((T, n_u), d), E, path, means, *self._numbers(target))
+        self._module.paths(np.asarray(x0, d), np.zeros((T, n_u), d), E, path, means, *self._numbers(x0, target))
         return path[:, :, :samples].transpose(2, 0, 1), means[:, :samples].T
 
     @property
@@ -57,11 +57,11 @@ class Rollout:
         """Whether the loop was compiled on this machine before; else the first call takes some 10 s."""
         return is_cached(self._module.rollout)
 
-    def _numbers(self, target: int) -> tuple[object, ...]:
+    def _numbers(self, x0: np.ndarray, target: int) -> tuple[object, ...]:
         """Limits, time step, aims and parameters, of the lanes' precision."""
         s, d = self.system, self.dtype
         low, high, p_system, p_cost = (np.asarray(a, d) for a in (s.low, s.high, s.params, self.cost.params))
-        return low, high, d(s.dt), self.cost.aims_from(target, d), p_system, p_cost
+        return low, high, d(s.dt), self.cost.aims_from(target, x0, d), p_system, p_cost
 
     @property
     def _module(self) -> ModuleType:

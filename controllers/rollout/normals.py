@@ -12,10 +12,12 @@ import numpy as np
 from llvmlite import ir
 from numba import extending, njit, prange, types
 
+from controllers.rollout.flags import FAST
+
 F = np.float32
 U4 = np.uint32
 U8 = np.uint64
-inline = njit(fastmath=True, error_model="numpy", inline="always")
+inline = njit(fastmath=FAST, error_model="numpy", inline="always")
 
 
 @extending.intrinsic
@@ -72,7 +74,7 @@ def box_muller(a, b):
     return r * s, r * c
 
 
-@njit(fastmath=True, error_model="numpy", parallel=True, cache=True)
+@njit(fastmath=FAST, error_model="numpy", parallel=True, cache=True)
 def fill_normals(out, scale, key, call):
     """out[b, r, l] = scale[r] N(0, 1), independent over everything.  out (blocks, rows, LANES), key (2,) uint32.
 

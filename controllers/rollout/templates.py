@@ -12,6 +12,7 @@ from textwrap import indent
 
 import numpy as np
 
+from controllers.rollout.flags import FAST
 from controllers.rollout.inline import lane_source
 
 HEADER = """
@@ -20,8 +21,9 @@ import numpy as np
 from numba import njit, prange
 
 F = np.{dtype}
+FAST = set({fast})
 L = {lanes}
-inline = njit(fastmath=True, error_model="numpy", inline="always")
+inline = njit(fastmath=FAST, error_model="numpy", inline="always")
 
 @inline
 def select(c, a, b):
@@ -70,7 +72,7 @@ if hits > 0:
 """
 
 ROLLOUT = """
-@njit(fastmath=True, error_model="numpy", parallel=True, cache=True)
+@njit(fastmath=FAST, error_model="numpy", parallel=True, cache=True)
 def rollout(x0, U, noise, J, low, high, dt, aims, p_system, p_cost):
     T = U.shape[0]
     halves = noise.shape[2] // T
@@ -93,7 +95,7 @@ def rollout(x0, U, noise, J, low, high, dt, aims, p_system, p_cost):
 """
 
 PATHS = """
-@njit(fastmath=True, error_model="numpy", cache=True)
+@njit(fastmath=FAST, error_model="numpy", cache=True)
 def paths(x0, U, E, path, means, low, high, dt, aims, p_system, p_cost):
     T = U.shape[0]
     t0 = 0
@@ -117,7 +119,7 @@ def paths(x0, U, E, path, means, low, high, dt, aims, p_system, p_cost):
 
 def module_source(step: Callable, terms: Callable, sizes: tuple[int, ...], dtype: type, lanes: int) -> str:
     """sizes: numbers of states, controls, aims, terms, parameters of the system and of the cost."""
-    source = HEADER.format(dtype=np.dtype(dtype).name, lanes=lanes)
+    source = HEADER.format(dtype=np.dtype(dtype).name, lanes=lanes, fast=sorted(FAST))
     for name, function in {"step": step, "terms": terms}.items():
         source += "\n" + "\n\n".join(lane_source(function).values()) + "\n"
         if function.__name__ != name:
