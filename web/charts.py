@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import viser
@@ -15,6 +16,7 @@ from web.progress import gap
 from web.standing import Standing
 
 WINDOW, POINTS = 6.0, 240  # seconds and points of the signals
+RECENT = 1000  # frames that surely reach over the window
 PLACES = 300
 FREQUENCIES = np.geomspace(0.4, 50.0, 120)  # [Hz]
 FEWEST = 32  # frames that a spectrum is worth
@@ -53,17 +55,10 @@ class Signals:
 
 
 def _over(t: np.ndarray, s: Standing, curve: Curve) -> np.ndarray:
-    """A curve of a lane at these times; nan, a gap, before its start and after now. For lanes shown at another
-    place than their own time, the time of the first lane."""
-    rows = slice(max(s.i - 1000, 0), s.i + 1)
-    shift = 0.0
-    return np.interp(t, s.lane.t[rows] + shift, curve(_cut(s.lane, rows)), left=np.nan, right=np.nan)
-
-
-def _cut(lane: Lane, rows: slice) -> Lane:
-    from dataclasses import replace
-
-    return replace(lane, x={k: v[rows] for k, v in lane.x.items()})
+    """A curve of a lane at these times; nan, a gap, before its start and after where it stands."""
+    rows = slice(max(s.i - RECENT, 0), s.i + 1)
+    recent = replace(s.lane, x={name: column[rows] for name, column in s.lane.x.items()})
+    return np.interp(t, recent.t, curve(recent), left=np.nan, right=np.nan)
 
 
 class Spectrum:
@@ -73,7 +68,7 @@ class Spectrum:
         self._corner = motor_corner(motor_tau(lanes[0].spec["vehicle"]))
         f = np.sort(np.append(FREQUENCIES, [self._corner, self._corner]))
         lines = [(lane.name, lane, 1.8) for lane in lanes]
-        title = f"thrust commanded, PSD [(m/s²)²/Hz]; motors' corner {self._corner:.1f} Hz"
+        title = f"thrust commanded, PSD [10⁻³ (m/s²)²/Hz]; motors' corner {self._corner:.1f} Hz"
         self._chart = _chart(gui, title, "f [Hz]", f, lines, 250, log=True, extra=("motors' corner",))
         self._f = f
 
@@ -87,43 +82,47 @@ class Spectrum:
 
 
 def psd(lane: Lane, f: np.ndarray) -> np.ndarray:
-    """At these frequencies [Hz], between the bins of the estimate; nan beyond them."""
+    """[1e-3 (m/s^2)^2/Hz] at these frequencies [Hz], between the bins of the estimate; nan beyond them."""
     if len(lane.t) < FEWEST:
         return np.full(len(f), np.nan)
     bins, power = thrust_psd(lane.t, lane.x["a_cmd"])
-    curve = np.log(np.maximum(power[1:], 1e-9))
+    curve = np.log(np.maximum(1e3 * power[1:], 1e-3))
     return np.exp(np.interp(np.log(f), np.log(bins[1:]), curve, left=np.nan, right=np.nan))
 
 
 class Gaps:
-    """Seconds behind the first lane at the same place: over the race, and best lap against best lap."""
+    """Seconds behind at the same place: behind the first lane over the race, behind the best lap of all in this lap."""
 
     def __init__(self, gui: viser.GuiApi, lanes: Sequence[Lane]):
         legs = lanes[0].legs
         self._race = np.linspace(0.0, legs.length, PLACES)
         self._lap = np.linspace(0.0, float(np.diff(legs.lap_ends, prepend=0.0)[-1]), PLACES)
         lines = [(lane.name, lane, 1.8) for lane in lanes]
-        first = lanes[0].name
-        self._over_race = _chart(gui, f"gap to {first} [s]; above 0: behind", "place [m]", self._race, lines, 190)
-        self._over_lap = _chart(gui, "best lap against its best lap [s]", "place in the lap [m]", self._lap, lines, 190)
+        first = f"gap to {lanes[0].name} [s]; above 0: behind"
+        self._over_lap = _chart(gui, "this lap against the best lap of all [s]", "place [m]", self._lap, lines, 170)
+        self._over_race = _chart(gui, first, "place [m]", self._race, lines, 170)
 
     def update(self, all_: Sequence[Standing]) -> None:
         flights = [(s.lane.t[: s.i + 1], s.lane.progress[: s.i + 1]) for s in all_]
         self._over_race.data = (self._race, *(gap(self._race, f, flights[0]) for f in flights))
-        best = [best_lap(s.lane) for s in all_]
-        none = np.full(PLACES, np.nan)
-        rows = [gap(self._lap, b, best[0]) if b and best[0] else none for b in best]
-        self._over_lap.data = (self._lap, *rows)
+        best = best_lap([s.lane for s in all_])
+        if best is not None:
+            laps = [lap_of(s.lane, s.lap - 1, s.i) for s in all_]
+            self._over_lap.data = (self._lap, *(gap(self._lap, lap, best) for lap in laps))
 
 
-def best_lap(lane: Lane) -> tuple[np.ndarray, np.ndarray] | None:
+def best_lap(lanes: Sequence[Lane]) -> tuple[np.ndarray, np.ndarray] | None:
     """(t, progress) of the fastest lap, both from its beginning."""
-    if not lane.laps:
-        return None
-    k = int(np.argmin(lane.laps))
-    ends = [0.0, *lane.legs.lap_ends]
-    t0 = lap_starts(lane)[k]
-    rows = (lane.t >= t0 - 0.02) & (lane.t <= t0 + lane.laps[k] + 0.02)
+    fastest = min(((t, k, n) for n, lane in enumerate(lanes) for k, t in enumerate(lane.laps)), default=None)
+    return None if fastest is None else lap_of(lanes[fastest[2]], fastest[1])
+
+
+def lap_of(lane: Lane, k: int, until: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """(t, progress) of lap k, 0-based, both from its beginning; until: its last frame."""
+    starts, ends = lap_starts(lane), [0.0, *lane.legs.lap_ends]
+    t0, t1 = starts[k], starts[k + 1] if k + 1 < len(starts) else float(lane.t[-1])
+    rows = np.flatnonzero((lane.t >= t0 - 0.02) & (lane.t <= t1 + 0.02))
+    rows = rows if until is None else rows[rows <= until]
     return lane.t[rows] - t0, lane.progress[rows] - ends[k]
 
 

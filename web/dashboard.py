@@ -15,9 +15,11 @@ from web.drone import Drone, FanView
 from web.map import Map
 from web.panels import Menu, PlaybackPanel, RacePanel, SamplerPanel
 from web.race import Snapshot
+from web.recording import stored_fan
 from web.scene import CourseView
 from web.session import Session
 from web.standing import Standing, standings
+from web.take import ExportPanel
 from web.view import ViewPanel
 
 SCENE, TABLES, SLOW = 1 / 25, 1 / 8, 1.0  # periods of the scene, of tables and signals, of spectra and gaps [s]
@@ -50,6 +52,7 @@ class Dashboard:
         self.playback = PlaybackPanel(gui, session)
         self.camera = Camera(self._server)
         self.view = ViewPanel(self._server, session, self.camera)
+        ExportPanel(gui, session)
         gui.main_panel.dock_left()
         gui.main_panel.set_width(270)
         self._tables, self._plots = {}, {}
@@ -164,16 +167,3 @@ class Dashboard:
                     client.add_notification(
                         notice.title, notice.text, auto_close_seconds=6.0, color=colours[notice.kind]
                     )
-
-
-def stored_fan(s: Standing):
-    """The samples kept last before this frame, of a run that has some."""
-    import numpy as np
-
-    best = s.lane.best
-    if best is None:
-        return None
-    for i in range(s.i, max(s.i - 15, -1), -1):
-        if np.isfinite(best[i, 0, 0, 0]):
-            return best[i]
-    return None

@@ -33,6 +33,8 @@ class Drone:
         width = 0.035 if ghost else 0.06
         self._trail = scene.add_line_segments(f"/trail/{name}", none, dark, thickness=width)
         self._lane_colour = np.broadcast_to(np.uint8(colour), (TRAIL, 2, 3))
+        if ghost:
+            scene.add_label(f"{self.name}/name", lane.name, position=(0.0, 0.0, 0.5))
         if not lane.live:
             scene.add_line_segments(f"/path/{name}", whole_path(lane), tuple(c // 2 for c in colour), thickness=0.02)
 
@@ -52,10 +54,11 @@ class Drone:
 class FanView:
     """The samples, cheapest bright; sorted by cost, so their colours never change and are never sent again."""
 
-    SAMPLES, POINTS = 63, 25
+    POINTS = 25
 
-    def __init__(self, scene: viser.SceneApi):
-        n, p = self.SAMPLES, self.POINTS
+    def __init__(self, scene: viser.SceneApi, samples: int = 63):
+        self._n = samples
+        n, p = samples, self.POINTS
         shades = np.repeat(ramp(np.linspace(1.0, 0.05, n)) * 0.8, p - 1, axis=0).astype(np.uint8)
         colours = np.repeat(shades[:, None], 2, axis=1)  # (n * (p - 1), 2, 3)
         self._samples = scene.add_line_segments(
@@ -67,11 +70,14 @@ class FanView:
 
     def show(self, paths: np.ndarray | None, nominal: np.ndarray | None = None) -> None:
         """paths (samples, points, 3), None: nothing to see. Fewer samples than the fan has are repeated."""
-        self._samples.visible = paths is not None
-        self._plan.visible = nominal is not None
+        for node, seen in ((self._samples, paths is not None), (self._plan, nominal is not None)):
+            if node.visible != seen:
+                node.visible = seen
         if paths is not None:
-            rows = np.arange(self.SAMPLES) * len(paths) // self.SAMPLES
-            self._samples.points = np.concatenate([segments(p) for p in resampled(paths, self.POINTS)[rows]])
+            rows = np.arange(self._n) * len(paths) // self._n
+            points = np.concatenate([segments(p) for p in resampled(paths, self.POINTS)[rows]])
+            if not np.array_equal(points, self._samples.points):
+                self._samples.points = points
         if nominal is not None:
             self._plan.points = segments(nominal)
 

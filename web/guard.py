@@ -47,7 +47,7 @@ def new_token(host: str) -> str | None:
 def serve(host: str, port: int, token: str | None, label: str) -> viser.ViserServer:
     """A running server. Raises ValueError with one line for a host or port that cannot be used."""
     port = probe(host, port)
-    rich.reconfigure(stderr=True)  # viser prints a banner; stdout is for results
+    rich.reconfigure(stderr=True, quiet=True)  # viser prints banners through it; stdout is for results
     with _patching, _asking(check_of(host, port, token), origins_of(host, port)):
         server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
     if server.get_port() != port:

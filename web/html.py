@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 
 from quadsim.palette import style
@@ -14,31 +15,40 @@ def text(value: object) -> str:
     return escape(str(value), quote=True)
 
 
-def table(head: list[str], rows: list[list[str]], left: int = 1) -> str:
-    """Cells are HTML. The first `left` columns stand left, numbers right."""
-
-    def row(cells: list[str], tag: str, look: str) -> str:
-        sides = ("left" if i < left else "right" for i in range(len(cells)))
-        pad = "padding:2px 5px;white-space:nowrap"
-        return (
-            "<tr>"
-            + "".join(
-                f'<{tag} style="text-align:{s};{pad};{look}">{c}</{tag}>' for c, s in zip(cells, sides, strict=True)
-            )
-            + "</tr>"
-        )
-
-    top = row(head, "th", f"color:{DIM};font-weight:400;border-bottom:1px solid #3a3f48")
-    body = "".join(row(cells, "td", "") for cells in rows)
+def table(head: list[str], rows: Sequence[list[str] | str], left: int = 1) -> str:
+    """Cells are HTML. The first `left` columns stand left, numbers right; a row that is one text is as wide as all."""
+    top = _row(head, "th", f"color:{DIM};font-weight:400;border-bottom:1px solid #3a3f48", left)
+    body = ""
+    for row in rows:
+        wide = f'<tr><td colspan="{len(head)}" style="padding:0 5px 5px">{row}</td></tr>'
+        body += wide if isinstance(row, str) else _row(row, "td", "", left)
     return f'<table style="width:100%;border-collapse:collapse;font-size:12px;{MONO}">{top}{body}</table>'
+
+
+def _row(cells: list[str], tag: str, look: str, left: int) -> str:
+    out = ""
+    for i, cell in enumerate(cells):
+        side = "left" if i < left else "right"
+        out += f'<{tag} style="text-align:{side};padding:2px 5px;white-space:nowrap;{look}">{cell}</{tag}>'
+    return f"<tr>{out}</tr>"
+
+
+def svg(tag: str, content: str = "", **attributes: object) -> str:
+    """An SVG element. Underscores in names are hyphens, numbers get one decimal."""
+    said = {k.replace("_", "-"): f"{v:.1f}" if isinstance(v, float) else v for k, v in attributes.items()}
+    return f"<{tag} " + " ".join(f'{k}="{v}"' for k, v in said.items()) + f">{content}</{tag}>"
+
+
+def small(words: str) -> str:
+    return f'<div style="color:{DIM};font-size:11px">{words}</div>'
 
 
 def swatch(sampler: str) -> str:
     """The sampler's colour and line style as a short line."""
     s = style(sampler)
     dash = " ".join(map(str, s.dash))
-    line = f'<line x1="0" y1="5" x2="22" y2="5" stroke="{s.colour}" stroke-width="3" stroke-dasharray="{dash}"/>'
-    return f'<svg width="22" height="10" style="vertical-align:middle;margin-right:5px">{line}</svg>'
+    line = svg("line", x1=0, y1=5, x2=22, y2=5, stroke=s.colour, stroke_width=3, stroke_dasharray=dash)
+    return svg("svg", line, width=22, height=10, style="vertical-align:middle;margin-right:5px")
 
 
 def named(name: str, sampler: str) -> str:
@@ -56,7 +66,8 @@ def bar(share: float, colour: str, height: int = 5) -> str:
 
 
 def heading(what: str) -> str:
-    return f'<div style="color:{DIM};font-size:11px;letter-spacing:.06em;text-transform:uppercase;margin:10px 0 4px">{what}</div>'
+    look = f"color:{DIM};font-size:11px;letter-spacing:.06em;text-transform:uppercase;margin:10px 0 4px"
+    return f'<div style="{look}">{what}</div>'
 
 
 def box(*parts: str) -> str:

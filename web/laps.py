@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from quadsim.palette import BEST, FASTER, style
 from quadsim.run import sector_times
-from web.html import DIM, box, coloured, heading, named, table
+from web.html import DIM, box, coloured, heading, named, svg, swatch, table
 from web.lane import Lane
 
 W, ROW = 330, 30  # of the strips [px]
@@ -34,10 +34,9 @@ def _table(lanes: Sequence[Lane]) -> str:
     return table(["run", *map(str, range(1, most + 1)), "sum", ""], rows)
 
 
-def _time(t: float, best: float, own: float) -> str:
-    if t == best:
-        return coloured(f"{t:.3f}", BEST)
-    return coloured(f"{t:.3f}", FASTER) if t == own else f"{t:.3f}"
+def _time(t: float, best: float, own: float, decimals: int = 3) -> str:
+    words = f"{t:.{decimals}f}"
+    return coloured(words, BEST) if t == best else coloured(words, FASTER) if t == own else words
 
 
 def _strips(lanes: Sequence[Lane]) -> str:
@@ -48,47 +47,56 @@ def _strips(lanes: Sequence[Lane]) -> str:
     low, high = min(times), max(times)
     pad = max(0.08 * (high - low), 0.02)
     low, high = low - pad, high + pad
-    x = lambda t: 8 + (W - 16) * (t - low) / (high - low)  # noqa: E731
-    marks = "".join(_strip(lane, k, x) for k, lane in enumerate(lanes))
+
+    def x(t: float) -> float:
+        return 8 + (W - 16) * (t - low) / (high - low)
+
     height = ROW * len(lanes) + 16
-    ticks = "".join(
-        f'<text x="{x(t):.0f}" y="{height - 3}" fill="{DIM}" font-size="10" text-anchor="middle">{t:.2f}</text>'
-        for t in np.linspace(low + pad, high - pad, 3)
-    )
-    return f'<svg viewBox="0 0 {W} {height}" style="width:100%;margin-top:6px">{marks}{ticks}</svg>'
+    marks = [_strip(lane, ROW * (k + 0.5), x) for k, lane in enumerate(lanes)]
+    for t in np.linspace(low + pad, high - pad, 3):
+        marks.append(svg("text", f"{t:.2f}", x=x(t), y=height - 3, fill=DIM, font_size=10, text_anchor="middle"))
+    return svg("svg", "".join(marks), viewBox=f"0 0 {W} {height}", style="width:100%;margin-top:6px")
 
 
-def _strip(lane: Lane, k: int, x) -> str:
-    y, s = ROW * k + ROW / 2, style(lane.sampler)
-    out = f'<line x1="4" x2="{W - 4}" y1="{y}" y2="{y}" stroke="#2c3038"/>'
-    n = len(lane.laps)
+def _strip(lane: Lane, y: float, x: Callable[[float], float]) -> str:
+    colour, n = style(lane.sampler).colour, len(lane.laps)
+    out = svg("line", x1=4, x2=W - 4, y1=y, y2=y, stroke="#2c3038")
     if n >= 3:
         a, b = (x(v) for v in np.percentile(lane.laps, [25, 75]))
-        out += (
-            f'<rect x="{a:.1f}" y="{y - 8}" width="{max(b - a, 1):.1f}" height="16" fill="{s.colour}" opacity=".25"/>'
-        )
+        out += svg("rect", x=a, y=y - 8, width=max(b - a, 1.0), height=16, fill=colour, opacity=0.3)
     if n >= 2:
         mean = float(np.mean(lane.laps))
-        half = (T95[n - 2] if n - 2 < len(T95) else 1.96) * float(np.std(lane.laps, ddof=1)) / n**0.5
-        a, m, b = (min(max(x(v), 2), W - 2) for v in (mean - half, mean, mean + half))
-        out += f'<line x1="{a:.1f}" x2="{b:.1f}" y1="{y}" y2="{y}" stroke="{s.colour}" stroke-width="2"/>'
-        out += f'<line x1="{m:.1f}" x2="{m:.1f}" y1="{y - 9}" y2="{y + 9}" stroke="{s.colour}" stroke-width="2"/>'
-    return out + "".join(f'<circle cx="{x(t):.1f}" cy="{y}" r="4" fill="{s.colour}" stroke="#111"/>' for t in lane.laps)
+        a, m, b = (
+            min(max(x(v), 2.0), W - 2.0)
+            for v in (mean - half_interval(lane.laps), mean, mean + half_interval(lane.laps))
+        )
+        out += svg("line", x1=a, x2=b, y1=y, y2=y, stroke=colour, stroke_width=2)
+        out += svg("line", x1=m, x2=m, y1=y - 9, y2=y + 9, stroke=colour, stroke_width=2)
+    return out + "".join(svg("circle", cx=x(t), cy=y, r=4, fill=colour, stroke="#111") for t in lane.laps)
+
+
+def half_interval(times: Sequence[float]) -> float:
+    """Of the mean, by Student's t at 95 % [s]."""
+    n = len(times)
+    return (T95[n - 2] if n - 2 < len(T95) else 1.96) * float(np.std(times, ddof=1)) / n**0.5
 
 
 def splits(lanes: Sequence[Lane]) -> str:
     """Seconds from gate to gate; purple: the best of all runs and laps, green: this run's best."""
     gates = lanes[0].legs.gates
     sectors = [sector_times(lane.events) for lane in lanes]
-    column = lambda rows, g: [row[g] for row in rows if g < len(row)]  # noqa: E731
-    best = [min((t for rows in sectors for t in column(rows, g)), default=0.0) for g in range(gates)]
+    best = [min((t for rows in sectors for t in _column(rows, g)), default=0.0) for g in range(gates)]
     parts = []
     for first in range(0, gates, GATES):
         shown, rows = range(first, min(first + GATES, gates)), []
         for lane, laps_ in zip(lanes, sectors, strict=True):
-            own = [min(column(laps_, g), default=0.0) for g in range(gates)]
+            own = [min(_column(laps_, g), default=0.0) for g in range(gates)]
             for number, row in enumerate(laps_, 1):
-                cells = [_time(row[g], best[g], own[g]) if g < len(row) else "" for g in shown]
-                rows.append([named(lane.name, lane.sampler) if number == 1 else "", str(number), *cells])
-        parts.append(table(["run", "lap", *(f"G{g + 1}" for g in shown)], rows))
+                cells = [_time(row[g], best[g], own[g], 2) if g < len(row) else "" for g in shown]
+                rows.append([swatch(lane.sampler) if number == 1 else "", str(number), *cells])
+        parts.append(table(["", "lap", *(f"G{g + 1}" for g in shown)], rows))
     return "".join(parts)
+
+
+def _column(rows: list[list[float]], g: int) -> list[float]:
+    return [row[g] for row in rows if g < len(row)]

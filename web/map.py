@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from quadsim.course import Course
+from quadsim.course import Course, Gate
 from quadsim.palette import HIT, NEXT, style
+from web.html import svg
 from web.standing import Standing
 from web.timing import hit_gates
 
@@ -25,37 +26,30 @@ class Map:
         self._low, self._margin = low, (np.array([WIDTH, HEIGHT]) - span * self._scale) / 2
         order_ = [*points, points[1]] if course.loop else points
         way = " ".join(f"{a:.1f},{b:.1f}" for a, b in map(self._at, order_))
-        self._course = (
-            f'<polyline points="{way}" fill="none" stroke="#4a5160" stroke-width="1.2" stroke-dasharray="3 4"/>'
-        )
-        self._gates = [
-            self._gate(g.position, g.rotation[:2, 1], max(g.opening), k) for k, g in enumerate(course.gates, 1)
-        ]
+        self._course = svg("polyline", points=way, fill="none", stroke="#4a5160", stroke_dasharray="3 4")
+        self._gates = [self._gate(k, gate) for k, gate in enumerate(course.gates, 1)]
 
     def _at(self, p: np.ndarray) -> np.ndarray:
         p = np.array(p[1::-1] if self._turn else p[:2], float)
         x, y = (p - self._low) * self._scale + self._margin
         return np.array([x, y if self._turn else HEIGHT - y])
 
-    def _gate(self, position: tuple, left: np.ndarray, width: float, number: int) -> str:
-        half = left * max(width, 1.6) / 2
-        a, b = self._at(np.array(position[:2]) - half), self._at(np.array(position[:2]) + half)
-        beside = b + (b - a) / max(np.linalg.norm(b - a), 1e-6) * 8
-        line = (
-            f'<line x1="{a[0]:.1f}" y1="{a[1]:.1f}" x2="{b[0]:.1f}" y2="{b[1]:.1f}" stroke="STROKE" stroke-width="3"/>'
-        )
-        label = f'<text x="{beside[0]:.1f}" y="{beside[1] + 3:.1f}" fill="#aab2c0" font-size="10" text-anchor="middle">{number}</text>'
-        return line + label
+    def _gate(self, number: int, gate: Gate) -> tuple[dict, str]:
+        """Its line's ends, and its number beside it."""
+        half = gate.rotation[:2, 1] * max(*gate.opening, 1.6) / 2
+        a, b = self._at(np.array(gate.position[:2]) - half), self._at(np.array(gate.position[:2]) + half)
+        x, y = b + (b - a) / max(float(np.linalg.norm(b - a)), 1e-6) * 8
+        label = svg("text", str(number), x=x, y=y + 3, fill="#aab2c0", font_size=10, text_anchor="middle")
+        return dict(zip(("x1", "y1", "x2", "y2"), (*a, *b), strict=True)), label
 
     def draw(self, all_: list[Standing]) -> str:
-        following = all_[0].gate if all_ else 0
-        hit = hit_gates(all_)
-        gates = ""
-        for number, gate in enumerate(self._gates, 1):
-            gates += gate.replace("STROKE", NEXT if number == following else HIT if number in hit else "#e2e6ec")
-        dots = ""
-        for k, s in reversed(list(enumerate(all_))):
+        """The next gate of the first lane is green, gates that were hit are red."""
+        hit, parts = hit_gates(all_), [self._course]
+        for number, (ends, label) in enumerate(self._gates, 1):
+            following = bool(all_) and number == all_[0].gate
+            colour = NEXT if following else HIT if number in hit else "#e2e6ec"
+            parts += [svg("line", stroke=colour, stroke_width=3, **ends), label]
+        for s in reversed(all_):
             x, y = self._at(np.array([s.lane.x["px"][s.i], s.lane.x["py"][s.i]]))
-            fill = style(s.lane.sampler).colour
-            dots += f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{6 if k == 0 else 5}" fill="{fill}" stroke="#111" stroke-width="1.5"/>'
-        return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" style="width:100%;display:block">{self._course}{gates}{dots}</svg>'
+            parts.append(svg("circle", cx=x, cy=y, r=6, fill=style(s.lane.sampler).colour, stroke="#111"))
+        return svg("svg", "".join(parts), viewBox=f"0 0 {WIDTH} {HEIGHT}", style="width:100%;display:block")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -163,7 +163,7 @@ class PlaybackPanel:
         with gui.add_folder("Playback"):
             self.time = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0)
             self.buttons = gui.add_button_group("", ("<", "pause", ">", "event"))
-            self.again = gui.add_button("Restart", icon=viser.Icon.REPEAT)
+            self.again = gui.add_button("Restart", icon=viser.Icon.REPEAT, color="gray")
             self.speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
         does = {"<": (Race.step, -1), "pause": (Race.play,), ">": (Race.step, 1), "event": (Race.jump,)}
         self.buttons.on_click(lambda e: session.tell(*does[e.target.value]))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from quadsim.metrics import high_frequency_fraction, motor_corner, motor_residual, motor_tau, total_variation
 from quadsim.palette import HIT, NEXT
-from web.html import DIM, MONO, bar, box, heading, named, table, text
+from web.html import MONO, bar, box, heading, named, small, table, text
 from web.lane import Lane
 from web.standing import Standing
 
@@ -42,9 +42,12 @@ def chatter(lanes: Sequence[Lane]) -> str:
             share = 100 * high_frequency_fraction(t, u, motor_corner(tau))
             figures = (total_variation(t, u), total_variation(t, a), share, motor_residual(t, u, tau))
             rows.append([named(lane.name, lane.sampler), *(f"{v:.1f}" for v in figures)])
-    head = ["run", "TV asked", "TV done", "above corner %", "beyond motor"]
-    note = "total variation of the thrust [m/s²/s] asked for and delivered; its power above the motors' corner; RMS no motor follows [m/s²]"
-    return box(table(head, rows), f'<div style="color:{DIM};font-size:11px">{note}</div>') if rows else box("")
+    head = ["run", "TV", "delivered", "> corner", "residual"]
+    note = (
+        "total variation of the thrust, commanded and delivered [m/s²/s]; share of its power above the motors' "
+        "corner [%]; what no motor follows, RMS [m/s²]"
+    )
+    return box(table(head, rows), small(note)) if rows else box("")
 
 
 def _line(words: str) -> str:

@@ -12,10 +12,9 @@ class Legs:
 
     def __init__(self, course: Course, laps: int):
         centres = np.array([course.start.position, *(g.position for g in course.gates * laps)])  # (legs + 1, 3)
-        self._from = centres
-        self._legs = np.vstack([np.diff(centres, axis=0), np.zeros(3)])  # after the finish there is no leg
+        self._to = np.vstack([centres[1:], centres[-1]])  # the gate of each leg; after the finish the last
         self.gates = len(course.gates)
-        self.ends = np.append(0.0, np.cumsum(np.linalg.norm(self._legs[:-1], axis=1)))  # [m]  (legs + 1,)
+        self.ends = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1)))  # [m]  (legs + 1,)
 
     @property
     def length(self) -> float:
@@ -28,12 +27,12 @@ class Legs:
         return self.ends[self.gates :: self.gates]
 
     def progress(self, p: np.ndarray, passed: np.ndarray) -> np.ndarray:
-        """[m] at positions p (n, 3) after so many gates; never less than before.  (n,)"""
+        """[m] at positions p (n, 3) after so many gates: the end of the leg less the way to its gate. Never less than
+        before, as who turns back has not lost what lies behind.  (n,)"""
         k = np.minimum(np.asarray(passed, int), len(self.ends) - 1)
-        leg = self._legs[k]
-        share = np.einsum("nk,nk->n", p - self._from[k], leg) / np.maximum(np.einsum("nk,nk->n", leg, leg), 1e-9)
-        along = self.ends[k] + np.clip(share, 0.0, 1.0) * np.linalg.norm(leg, axis=1)
-        return np.maximum.accumulate(along)
+        end = self.ends[np.minimum(k + 1, len(self.ends) - 1)]
+        along = np.maximum(end - np.linalg.norm(p - self._to[k], axis=1), self.ends[k])
+        return np.maximum.accumulate(np.where(k == len(self.ends) - 1, self.ends[-1], along))
 
 
 def time_at(place: np.ndarray, t: np.ndarray, progress: np.ndarray) -> np.ndarray:

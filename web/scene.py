@@ -82,8 +82,8 @@ def _ground(scene: viser.SceneApi, course: Course) -> None:
         position=((x0 + x1) / 2, (y0 + y1) / 2, 0.0),
         cell_size=1.0,
         section_size=5.0,
-        cell_color=(38, 42, 48),
-        section_color=(64, 72, 84),
+        cell_color=(48, 53, 61),
+        section_color=(84, 94, 110),
     )
 
 
@@ -100,7 +100,7 @@ def overview(course: Course) -> tuple[np.ndarray, np.ndarray]:
     centre = (low + high) / 2
     distance = (np.linalg.norm(high - low) / 2 + 1.5) / np.tan(FOV / 2)
     wide_x = high[0] - low[0] >= high[1] - low[1]  # look along the shorter side
-    aside = np.array([0.18, -0.8, 0.57]) if wide_x else np.array([0.8, 0.18, 0.57])
+    aside = np.array([0.12, -0.76, 0.64]) if wide_x else np.array([0.76, 0.12, 0.64])
     return centre + distance * aside / np.linalg.norm(aside), centre
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import hypot, isfinite
 
 from quadsim.palette import FASTER, HIT, style
-from web.html import DIM, MONO, bar, box, coloured, named, table, text
+from web.html import DIM, MONO, bar, box, coloured, named, small, table, text
 from web.lane import Lane
 from web.race import Snapshot
 from web.standing import HITS, Standing, order
@@ -46,23 +46,21 @@ def _state(s: Snapshot, me: Standing) -> str:
 
 
 def tower(all_: list[Standing]) -> str:
+    """One row a run, the leader first; below each, over the whole width, how far it is."""
     head = ["", "run", "lap", "now", "gap", "best", "chatter", "hits"]
-    rows = []
+    rows: list[list[str] | str] = []
     for place, s in enumerate(order(all_), 1):
-        gap = "leader" if s.gap == 0.0 and place == 1 else (f"{s.gap:+.2f}" if isfinite(s.gap) else "-")
-        hits = coloured(str(s.hits), HIT) if s.hits else "0"
-        best = f"{s.best:.3f}" if s.best else "-"
-        lap = f"{s.lap}/{s.lane.spec['laps']}"
-        row = [str(place), named(s.lane.name, s.lane.sampler), lap, f"{s.lap_time:.2f}", gap, best, f"{s.chatter:.2f}"]
-        rows.append([*row, hits])
-        rows.append([""] * len(head))
-    parts = table(head, rows, left=2).split("<tr>")
-    for k, s in enumerate(order(all_)):  # under each row, over its whole width, how far it is
-        parts[3 + 2 * k] = (
-            f'<td colspan="{len(head)}" style="padding:0 5px 5px">{bar(s.progress, style(s.lane.sampler).colour)}</td></tr>'
-        )
-    note = f'<div style="color:{DIM};font-size:11px">gap [s] at the same place · chatter: commanded thrust beyond the motors, RMS [m/s²]</div>'
-    return box("<tr>".join(parts), note)
+        rows += [_row(place, s), bar(s.progress, style(s.lane.sampler).colour)]
+    note = "gap [s]: behind at the same place; chatter: commanded thrust that no motor follows, RMS [m/s²]"
+    return box(table(head, rows, left=2), small(note))
+
+
+def _row(place: int, s: Standing) -> list[str]:
+    gap = "leader" if place == 1 else f"{s.gap:+.2f}" if isfinite(s.gap) else "-"
+    best = f"{s.best:.3f}" if s.best else "-"
+    hits = coloured(str(s.hits), HIT) if s.hits else "0"
+    name, lap = named(s.lane.name, s.lane.sampler), f"{s.lap}/{s.lane.spec['laps']}"
+    return [str(place), name, lap, f"{s.lap_time:.2f}", gap, best, f"{s.chatter:.2f}", hits]
 
 
 def hit_gates(all_: list[Standing]) -> set[int]:

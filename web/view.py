@@ -1,35 +1,30 @@
-"""How it is shown, what is exported, and the keys for it."""
+"""How the race is shown, and the keys that control it."""
 
 from __future__ import annotations
 
 import viser
 
 from web.camera import CHASE, FREE, TOP, Camera
+from web.html import box, small, table
 from web.race import Race
 from web.session import Session
 
 TIME, PLACE = "by time", "by place"
 AUTO, SPEED, SAMPLER = "auto", "speed", "sampler"
-KEYS = (  # key, what it does, the command
-    ("space", "Pause or go on", (Race.play,)),
-    ("N", "One step", (Race.step, 1)),
-    ("R", "Restart", (Race.restart,)),
-    ("E", "Next event", (Race.jump,)),
-)
 
 
 class ViewPanel:
     def __init__(self, server: viser.ViserServer, session: Session, camera: Camera):
         gui = server.gui
-        with gui.add_folder("View"):
+        with gui.add_folder("View", expand_by_default=False):
             self.look = gui.add_dropdown("Camera", (FREE, CHASE, TOP), initial_value=FREE)
-            self.sync = gui.add_dropdown("Ghosts", (TIME, PLACE), initial_value=TIME)
+            self.sync = gui.add_dropdown("Ghosts", (TIME, PLACE), initial_value=TIME, hint="where others are shown")
             self.trail = gui.add_dropdown("Trails", (AUTO, SPEED, SAMPLER), initial_value=AUTO)
-            self.fan = gui.add_checkbox("Samples", True)
-            self.scale = gui.add_slider("Drone size", 1.0, 5.0, 0.5, 2.5)
+            self.fan = gui.add_checkbox("Samples", True, hint="the cheapest of the sampled paths; white: the plan")
+            self.scale = gui.add_slider("Drone size", 1.0, 5.0, 0.5, 2.5, hint="1: as it is; from the next start on")
         self.look.on_update(lambda _: camera.set(self.look.value))
-        self._camera = camera
-        self._keys(gui, session)
+        self._camera, self._session, self._gui = camera, session, gui
+        self._keys()
 
     @property
     def by_place(self) -> bool:
@@ -39,10 +34,24 @@ class ViewPanel:
         """Alone, a trail tells the speed; among others, whose it is."""
         return self.trail.value == SPEED or (self.trail.value == AUTO and lanes == 1)
 
-    def _keys(self, gui: viser.GuiApi, session: Session) -> None:
-        for key, what, command in KEYS:
-            gui.add_command(what, hotkey=key).on_trigger(lambda _, c=command: session.tell(*c))
-        gui.add_command("Camera: free, chase, top", hotkey="C").on_trigger(lambda _: self._turn())
+    def _keys(self) -> None:
+        tell = self._session.tell
+        self._rows: list[list[str] | str] = []
+        self._key("space", "pause, go on", lambda: tell(Race.play))
+        self._key("N", "one step", lambda: tell(Race.step, 1))
+        self._key("R", "restart", lambda: tell(Race.restart))
+        self._key("E", "next event", lambda: tell(Race.jump))
+        self._key("C", "camera: free, chase, top", self._turn)
+        self._key("H", "help: these keys", self._help)
+
+    def _key(self, key: viser._messages.HotkeyKey, what: str, do) -> None:
+        self._gui.add_command(what, hotkey=key).on_trigger(lambda _: do())
+        self._rows.append([key, what])
 
     def _turn(self) -> None:
         self.look.value = self._camera.next()
+
+    def _help(self) -> None:
+        with self._gui.add_modal("Keys"):
+            note = "Sliders act at the next plan; a flight changed so is marked interactive and is not comparable."
+            self._gui.add_html(box(table(["key", "does"], self._rows, left=2), small(note)))

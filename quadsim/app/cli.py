@@ -13,6 +13,7 @@ COMMANDS = {  # name -> where its flags and its run() are, what it does
     "show": ("quadsim.app.show:Show", "the report of a stored run"),
     "plot": ("quadsim.app.plot:Plot", "a stored run as a picture: path, height, controls, spectrum"),
     "web": ("quadsim.app.web:Web", "watch, tune, race ghosts and replay in a browser"),
+    "export": ("quadsim.app.export:Export", "a stored run as a page that plays offline, as CSV, as a zip"),
     "courses": ("quadsim.app.listing:Courses", "the courses that come with the project"),
     "vehicles": ("quadsim.app.listing:Vehicles", "the vehicles that come with the project"),
     "bench": ("quadsim.app.bench.bench:Bench", "time control steps on this machine, beside its limits and its peers"),

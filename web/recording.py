@@ -1,0 +1,78 @@
+"""A race as one HTML page that plays without a network: the scene, its laps beside it."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Sequence
+
+import numpy as np
+import viser
+
+from web.drone import Drone, FanView
+from web.guard import serve
+from web.html import text
+from web.lane import Lane
+from web.laps import laps
+from web.race import Snapshot
+from web.scene import FOV, CourseView, overview
+from web.standing import Standing, standings
+from web.timing import hit_gates
+
+RATE = 25  # pictures a second
+SCALE = 2.5  # drones are drawn so much larger than they are
+
+
+def record(lanes: Sequence[Lane]) -> str:
+    """The HTML. Recorded from a server of its own that nobody can enter."""
+    server = serve("127.0.0.1", 0, secrets.token_urlsafe(), "race")
+    try:
+        return _with_laps(_play(server, lanes), lanes)
+    finally:
+        server.stop()
+
+
+def _play(server: viser.ViserServer, lanes: Sequence[Lane]) -> str:
+    scene, course = server.scene, lanes[0].course
+    view = CourseView(scene, course)
+    drones = [Drone(scene, str(k), lane, k > 0, SCALE) for k, lane in enumerate(lanes)]
+    fan = FanView(scene, samples=8)
+    clock = scene.add_label("/clock", "", position=clock_place(lanes[0]))
+    camera = server.initial_camera
+    camera.position, camera.look_at = overview(course)
+    camera.fov = FOV
+    tape = server.get_scene_serializer()
+    end = max(float(lane.t[-1]) for lane in lanes)
+    for t in np.arange(0.0, end + 1.0 / RATE, 1.0 / RATE):
+        all_ = standings(Snapshot(t=float(t), end=end, lanes=tuple(lanes)), by_place=False)
+        for drone, s in zip(drones, all_, strict=True):
+            drone.show(s.lane, s.i, by_speed=len(lanes) == 1)
+        view.colour(all_[0].gate, hit_gates(all_))
+        fan.show(stored_fan(all_[0]))
+        clock.text = f"{t:.1f} s  lap {all_[0].lap}"
+        tape.insert_sleep(1.0 / RATE)
+    return tape.as_html(dark_mode=True)
+
+
+def clock_place(lane: Lane) -> np.ndarray:
+    """Above the middle of the course [m]."""
+    points = np.array([g.position for g in lane.course.gates])
+    return np.append((points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2, points[:, 2].max() + 3.0)
+
+
+def stored_fan(s: Standing) -> np.ndarray | None:
+    """The samples kept last before this frame, of a run that has some.  (8, points, 3)"""
+    best = s.lane.best
+    if best is None:
+        return None
+    return next((best[i] for i in range(s.i, max(s.i - 15, -1), -1) if np.isfinite(best[i, 0, 0, 0])), None)
+
+
+def _with_laps(page: str, lanes: Sequence[Lane]) -> str:
+    """The page with a title and a table of laps in its corner."""
+    course = lanes[0].course.name
+    title = f"{text(course)}: {text(', '.join(lane.name for lane in lanes))}"
+    look = "position:fixed;left:12px;top:12px;z-index:9;max-width:420px;color:#e6e9ee;background:#1a1c20e6"
+    body = f"<b style='padding:0 10px'>{title}</b>{laps(lanes)}"
+    corner = f"<div style='{look};border-radius:6px;padding-top:8px;font-family:sans-serif'>{body}</div>"
+    head, _, tail = page.rpartition("</body>")
+    return f"{head}{corner}</body>{tail}".replace("<title>Viser</title>", f"<title>{title}</title>", 1)

@@ -1,0 +1,66 @@
+"""The Export folder: what is on the page, as files in the person's downloads."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+
+import viser
+
+from quadsim.archive import load_run
+from web.exports import telemetry_csv, zipped
+from web.lane import Lane, named, stored_lane
+from web.recording import record
+from web.session import Session
+
+SHOT_TIMEOUT = 30.0  # [s] for a browser that draws in software
+
+
+class ExportPanel:
+    def __init__(self, gui: viser.GuiApi, session: Session):
+        self._session = session
+        does = {"page": self._page, "CSV": self._csv, "zip": self._zip, "PNG": self._png}
+        with gui.add_folder("Export", expand_by_default=False):
+            what = gui.add_button_group("", tuple(does), hint="page: animated, plays offline; PNG: the view")
+        what.on_click(lambda event: self._send(event, does[event.target.value]))
+
+    def _send(self, event: viser.GuiEvent, make: Callable[[viser.ClientHandle], tuple[str, bytes]]) -> None:
+        """To the client that asked; what cannot be made is said there."""
+        if event.client is None:
+            return
+        try:
+            name, data = make(event.client)
+        except (ValueError, RuntimeError, TimeoutError, OSError) as error:
+            event.client.add_notification("Cannot export", str(error), auto_close_seconds=6.0, color="red")
+            return
+        event.client.send_file_download(name, data)
+
+    def _kept(self) -> list[Lane]:
+        """The lanes of this race that are on the disk."""
+        lanes = [lane for lane in self._session.snapshot.lanes if lane.folder]
+        if not lanes:
+            raise ValueError("nothing is stored yet: a flight is kept when it ends")
+        return lanes
+
+    def _page(self, _: viser.ClientHandle) -> tuple[str, bytes]:
+        lanes = named([stored_lane(lane.folder) for lane in self._kept() if lane.folder])
+        return f"{lanes[0].folder.name}.html", record(lanes).encode()  # pyright: ignore[reportOptionalMemberAccess]
+
+    def _csv(self, _: viser.ClientHandle) -> tuple[str, bytes]:
+        folder = self._kept()[0].folder
+        assert folder is not None
+        return f"{folder.name}.csv", telemetry_csv(load_run(folder))
+
+    def _zip(self, _: viser.ClientHandle) -> tuple[str, bytes]:
+        folder = self._kept()[0].folder
+        assert folder is not None
+        return f"{folder.name}.zip", zipped(folder)
+
+    def _png(self, client: viser.ClientHandle) -> tuple[str, bytes]:
+        from PIL import Image
+
+        height, width = client.camera.image_height, client.camera.image_width
+        shot = client.get_render(height, width, transport_format="png", timeout=SHOT_TIMEOUT)
+        data = io.BytesIO()
+        Image.fromarray(shot).save(data, "PNG")
+        return "race.png", data.getvalue()
