@@ -139,8 +139,8 @@ def _chart(
     series = [uplot.Series(label=x_label)]
     for label, lane, width in lines:
         s = style(lane.sampler)
-        series.append(uplot.Series(label=label, stroke=s.colour, width=width, dash=list(s.dash)))
-    series += [uplot.Series(label=label, stroke=GREY, width=1.2, dash=[3, 3]) for label in extra]
+        series.append(uplot.Series(label=label, stroke=s.colour, width=width, dash=s.dash))
+    series += [uplot.Series(label=label, stroke=GREY, width=1.2, dash=(3, 3)) for label in extra]
     scale = uplot.Scale(time=False, distr=3) if log else uplot.Scale(time=False)
     axis = {"stroke": GREY, "grid": {"stroke": "#2c3038", "width": 1}, "ticks": {"stroke": "#2c3038"}, "size": 34}
     return gui.add_uplot(

@@ -32,11 +32,11 @@ class Drone:
         none, dark = np.zeros((TRAIL, 2, 3), np.float32), np.zeros((TRAIL, 2, 3), np.uint8)
         width = 0.035 if ghost else 0.06
         self._trail = scene.add_line_segments(f"/trail/{name}", none, dark, thickness=width)
-        self._lane_colour = np.broadcast_to(np.uint8(colour), (TRAIL, 2, 3))
+        self._lane_colour = np.broadcast_to(np.array(colour, np.uint8), (TRAIL, 2, 3))
         if ghost:
             scene.add_label(f"{self.name}/name", lane.name, position=(0.0, 0.0, 0.5))
         if not lane.live:
-            scene.add_line_segments(f"/path/{name}", whole_path(lane), tuple(c // 2 for c in colour), thickness=0.02)
+            scene.add_line_segments(f"/path/{name}", whole_path(lane), np.array(colour) // 2, thickness=0.02)
 
     def show(self, lane: Lane, i: int, by_speed: bool) -> None:
         """The drone at frame i, and where it was before."""

@@ -149,7 +149,7 @@ def _shut(server: viser.ViserServer) -> None:
     for kind in SHUT:
         handlers.pop(kind, None)
     server.request_share_url = lambda *_, **__: None  # type: ignore[method-assign]
-    update = handlers[messages.GuiUpdateMessage][0]
+    update: Any = handlers[messages.GuiUpdateMessage][0]
 
     async def checked(client_id: Any, message: Any) -> None:
         handle = server.gui._gui_input_handle_from_uuid.get(message.uuid)

@@ -66,10 +66,8 @@ def _strip(lane: Lane, y: float, x: Callable[[float], float]) -> str:
         out += svg("rect", x=a, y=y - 8, width=max(b - a, 1.0), height=16, fill=colour, opacity=0.3)
     if n >= 2:
         mean = float(np.mean(lane.laps))
-        a, m, b = (
-            min(max(x(v), 2.0), W - 2.0)
-            for v in (mean - half_interval(lane.laps), mean, mean + half_interval(lane.laps))
-        )
+        half = half_interval(lane.laps)
+        a, m, b = (min(max(x(v), 2.0), W - 2.0) for v in (mean - half, mean, mean + half))
         out += svg("line", x1=a, x2=b, y1=y, y2=y, stroke=colour, stroke_width=2)
         out += svg("line", x1=m, x2=m, y1=y - 9, y2=y + 9, stroke=colour, stroke_width=2)
     return out + "".join(svg("circle", cx=x(t), cy=y, r=4, fill=colour, stroke="#111") for t in lane.laps)

@@ -31,9 +31,10 @@ class Menu:
 class RacePanel:
     """What to fly or to replay, and START."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, hangar: Hangar, menu: Menu, first: Choices):
-        self._session, self._hangar = session, hangar
+    def __init__(self, gui: viser.GuiApi, session: Session, menu: Menu, first: Choices):
+        self._session = session
         self.numbers: Callable[[], Numbers | None] = lambda: None
+        nothing: tuple[str, ...] = (NONE,)
         with gui.add_folder("Race"):
             self.mode = gui.add_dropdown("Mode", (LIVE, GHOSTS, AGAINST, REPLAY), initial_value=LIVE)
             self.course = gui.add_dropdown("Course", menu.courses, initial_value=first.course)
@@ -43,8 +44,8 @@ class RacePanel:
             self.second = gui.add_dropdown("and", menu.samplers, initial_value="gaussian")
             self.seed = gui.add_number("Seed", first.seed, min=0, max=10**9, step=1)
             self.laps = gui.add_number("Laps", first.laps, min=0, max=100, step=1, hint="0: as many as the course says")
-            self.run = gui.add_dropdown("Run", (NONE,), initial_value=NONE)
-            self.other = gui.add_dropdown("and run", (NONE,), initial_value=NONE)
+            self.run: viser.GuiDropdownHandle[str] = gui.add_dropdown("Run", nothing, initial_value=nothing[0])
+            self.other: viser.GuiDropdownHandle[str] = gui.add_dropdown("and run", nothing, initial_value=nothing[0])
             self.start = gui.add_button("START", icon=viser.Icon.FLAG, color="orange")
         self.start.on_click(lambda _: self.go())
         self.mode.on_update(lambda _: self.arrange())
@@ -118,7 +119,7 @@ class SamplerPanel:
                 kind = int if isinstance(getattr(self._preset, name), int) else float
                 label, at = NAMES.get(name, name), self._within(name)
                 slider = gui.add_slider(label, kind(low), kind(high), kind(step), kind(at))
-                slider.on_update(lambda event: self._changed(event))
+                slider.on_update(self._changed)
                 self.sliders[name] = slider
         race.numbers = self._asked
         race.preset.on_update(lambda _: self.reset())

@@ -12,7 +12,7 @@ class Legs:
 
     def __init__(self, course: Course, laps: int):
         centres = np.array([course.start.position, *(g.position for g in course.gates * laps)])  # (legs + 1, 3)
-        self._to = np.vstack([centres[1:], centres[-1]])  # the gate of each leg; after the finish the last
+        self._from, self._to = centres, np.vstack([centres[1:], centres[-1]])  # after the finish: the last gate
         self.gates = len(course.gates)
         self.ends = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1)))  # [m]  (legs + 1,)
 
@@ -27,12 +27,13 @@ class Legs:
         return self.ends[self.gates :: self.gates]
 
     def progress(self, p: np.ndarray, passed: np.ndarray) -> np.ndarray:
-        """[m] at positions p (n, 3) after so many gates: the end of the leg less the way to its gate. Never less than
-        before, as who turns back has not lost what lies behind.  (n,)"""
+        """[m] at positions p (n, 3) after so many gates: the share d0 / (d0 + d1) of the leg, by the distances from
+        its two ends. It moves on from the gate at once, also where the way leads round. Never less than before.  (n,)
+        """
         k = np.minimum(np.asarray(passed, int), len(self.ends) - 1)
-        end = self.ends[np.minimum(k + 1, len(self.ends) - 1)]
-        along = np.maximum(end - np.linalg.norm(p - self._to[k], axis=1), self.ends[k])
-        return np.maximum.accumulate(np.where(k == len(self.ends) - 1, self.ends[-1], along))
+        d0, d1 = (np.linalg.norm(p - end[k], axis=1) for end in (self._from, self._to))
+        legs = np.append(np.diff(self.ends), 0.0)[k]
+        return np.maximum.accumulate(self.ends[k] + legs * d0 / np.maximum(d0 + d1, 1e-9))
 
 
 def time_at(place: np.ndarray, t: np.ndarray, progress: np.ndarray) -> np.ndarray:

@@ -15,7 +15,8 @@ from web.lane import Lane
 from web.laps import laps
 from web.race import Snapshot
 from web.scene import FOV, CourseView, overview
-from web.standing import Standing, standings
+from web.stage import stored_fan
+from web.standing import standings
 from web.timing import hit_gates
 
 RATE = 25  # pictures a second
@@ -57,14 +58,6 @@ def clock_place(lane: Lane) -> np.ndarray:
     """Above the middle of the course [m]."""
     points = np.array([g.position for g in lane.course.gates])
     return np.append((points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2, points[:, 2].max() + 3.0)
-
-
-def stored_fan(s: Standing) -> np.ndarray | None:
-    """The samples kept last before this frame, of a run that has some.  (8, points, 3)"""
-    best = s.lane.best
-    if best is None:
-        return None
-    return next((best[i] for i in range(s.i, max(s.i - 15, -1), -1) if np.isfinite(best[i, 0, 0, 0])), None)
 
 
 def _with_laps(page: str, lanes: Sequence[Lane]) -> str:

@@ -11,7 +11,7 @@ from quadsim.palette import HIT, NEXT, Style
 from web.mesh import BOX, BOX_FACES
 
 DEPTH = 0.12  # of a gate's bars along its passage [m]
-PLAIN = (206, 210, 216)
+PLAIN = np.array((206, 210, 216), np.uint8)
 NEXT_RGB, HIT_RGB = Style(NEXT, ()).rgb, Style(HIT, ()).rgb
 FOV = 0.9  # [rad]
 
@@ -23,7 +23,7 @@ class CourseView:
         self._gates = len(course.gates)
         poses = [_bars(gate) for gate in course.gates]
         positions, sizes, turns = (np.concatenate(part) for part in zip(*poses, strict=True))
-        self._colours = np.tile(np.uint8(PLAIN), (len(positions), 1))
+        self._colours = np.tile(PLAIN, (len(positions), 1))
         self._bars = scene.add_batched_meshes_simple(
             "/course/gates",
             BOX,
@@ -44,7 +44,7 @@ class CourseView:
 
     def colour(self, next_gate: int, hit: set[int]) -> None:
         """1-based numbers; 0: no gate is next."""
-        colours = np.tile(np.uint8(PLAIN), (self._gates, 1))
+        colours = np.tile(PLAIN, (self._gates, 1))
         for number in hit:
             colours[number - 1] = HIT_RGB
         if next_gate:

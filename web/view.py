@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import viser
 
 from web.camera import CHASE, FREE, TOP, Camera
@@ -44,12 +47,13 @@ class ViewPanel:
         self._key("C", "camera: free, chase, top", self._turn)
         self._key("H", "help: these keys", self._help)
 
-    def _key(self, key: viser._messages.HotkeyKey, what: str, do) -> None:
+    def _key(self, key: Any, what: str, do: Callable[[], None]) -> None:
         self._gui.add_command(what, hotkey=key).on_trigger(lambda _: do())
         self._rows.append([key, what])
 
     def _turn(self) -> None:
-        self.look.value = self._camera.next()
+        mode: Any = self._camera.next()
+        self.look.value = mode
 
     def _help(self) -> None:
         with self._gui.add_modal("Keys"):

@@ -62,7 +62,6 @@ class Web:
         if paths:
             page.race.replaying(paths)
             session.tell(Race.start, [], paths)
-        page.open()
         self._say(f"http://{self.host}:{server.get_port()}/" + (f"?token={token}" if token else ""))
         try:
             threading.Event().wait()

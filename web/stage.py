@@ -1,0 +1,70 @@
+"""Stage: everything on the page that is built for one race and thrown away with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import viser
+
+from web.charts import Gaps, Signals, Spectrum
+from web.drone import Drone, FanView
+from web.map import Map
+from web.race import Snapshot
+from web.scene import CourseView
+from web.standing import Standing
+from web.timing import hit_gates
+
+TABS = ("Signals", "Spectrum", "Gap")
+
+
+class Stage:
+    """plots: a tab for each of TABS, emptied first."""
+
+    def __init__(self, server: viser.ViserServer, s: Snapshot, plots: Mapping[str, viser.GuiTabHandle], scale: float):
+        server.scene.reset()
+        for tab in plots.values():
+            for handle in [h for h in tab._children.values() if isinstance(h, viser.GuiUplotHandle)]:
+                handle.remove()
+        course, gui = s.lanes[0].course, server.gui
+        self._course = CourseView(server.scene, course)
+        self._drones = [Drone(server.scene, str(k), lane, k > 0, scale) for k, lane in enumerate(s.lanes)]
+        self._fan = FanView(server.scene)
+        self.map = Map(course)
+        with plots["Signals"]:
+            self._signals = Signals(gui, s.lanes)
+        with plots["Spectrum"]:
+            self._spectrum = Spectrum(gui, s.lanes)
+        with plots["Gap"]:
+            self._gaps = Gaps(gui, s.lanes)
+
+    def move(self, all_: list[Standing], by_speed: bool, fan: bool) -> None:
+        for drone, standing in zip(self._drones, all_, strict=True):
+            drone.show(standing.lane, standing.i, by_speed)
+        self._course.colour(all_[0].gate, hit_gates(all_))
+        self._show_fan(all_[0], fan)
+
+    def draw_signals(self, all_: list[Standing]) -> None:
+        self._signals.update(all_)
+
+    def draw_sums(self, all_: list[Standing]) -> None:
+        """What takes longer to work out and changes slowly."""
+        self._spectrum.update(all_)
+        self._gaps.update(all_)
+
+    def _show_fan(self, s: Standing, on: bool) -> None:
+        live = s.lane.fan if s.lane.live and s.lane.outcome is None else None
+        if not on:
+            self._fan.show(None)
+        elif live is not None:
+            self._fan.show(live.paths, live.nominal)
+        else:
+            self._fan.show(stored_fan(s))
+
+
+def stored_fan(s: Standing) -> np.ndarray | None:
+    """The samples kept last before this frame, of a run that has some.  (8, points, 3)"""
+    best = s.lane.best
+    if best is None:
+        return None
+    return next((best[i] for i in range(s.i, max(s.i - 15, -1), -1) if np.isfinite(best[i, 0, 0, 0])), None)
