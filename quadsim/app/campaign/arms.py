@@ -70,13 +70,13 @@ def _argv(text: str) -> tuple[str, list[str]]:
 
 def _words(part: str) -> list[str]:
     key, has_value, values = part.partition("=")
+    if has_value and _counts().get(f"--{key}") == 0:
+        if values not in ("yes", "no"):
+            raise UsageError(f"--arms: {key}: expected yes or no, got {values!r}")
+        return [f"--{key}" if values == "yes" else f"--no-{key}"]
     if has_value:
         return [f"--{key}", *values.split(":")]
-    if part in SAMPLERS:
-        return ["--sampler", part]
-    if _counts().get(f"--{part}") == 0:
-        return [f"--{part}"]
-    return ["--preset", part]
+    return ["--sampler" if part in SAMPLERS else "--preset", part]
 
 
 def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:

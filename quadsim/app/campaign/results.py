@@ -131,7 +131,7 @@ def _sheet(groups: Sequence[Group], numbers: Sequence[ArmNumbers]) -> Sheet:
         )
         for g, n in zip(groups, numbers, strict=True)
     ]
-    return Sheet(head, tuple(rows))
+    return Sheet(head, tuple(rows), folds=(1, 2, 3))
 
 
 def _seeds(g: Group) -> str:

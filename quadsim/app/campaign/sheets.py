@@ -13,7 +13,7 @@ from quadsim.app.campaign.numbers import ArmNumbers, PairNumbers
 from quadsim.app.lap_table import plain_table
 from quadsim.statistics import Mean
 
-SHOWN = 9  # hex digits of a commit
+SHOWN = 7  # hex digits of a commit
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,7 @@ class Sheet:
 
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    folds: tuple[int, ...] = (0,)  # columns that may fold in a narrow terminal
 
 
 def sheets(arms: Sequence[ArmNumbers], pairs: Sequence[PairNumbers]) -> Iterator[Sheet]:
@@ -35,7 +36,7 @@ def sheets(arms: Sequence[ArmNumbers], pairs: Sequence[PairNumbers]) -> Iterator
 def as_table(sheet: Sheet) -> Table:
     table = plain_table()
     for i, name in enumerate(sheet.head):
-        table.add_column(escape(name), justify="right" if i else "left", no_wrap=0 < i < len(sheet.head) - 1)
+        table.add_column(escape(name), justify="right" if i else "left", no_wrap=i not in sheet.folds, overflow="fold")
     for row in sheet.rows:
         table.add_row(*map(escape, row))
     return table
@@ -61,12 +62,13 @@ def notes(arms: Sequence[ArmNumbers], pairs: Sequence[PairNumbers], limit: float
         each = "; ".join(f"{a.name}: {', '.join(map(short, a.commits))}" for a in arms)
         yield f"MIXED COMMITS: {each}. --this-commit counts only the present one's flights."
     if any(c.endswith("-dirty") for c in commits):
-        yield "Flown from files that differ from their commit (-dirty): not reproducible."
+        yield "Flown from files that differ from their commit (+): nobody else can repeat it."
 
 
 def short(commit: str) -> str:
+    """A commit's first digits, with a + where files differed from it; a version as it is."""
     digits, dirty, _ = commit.partition("-dirty")
-    return digits[: None if " " in digits else SHOWN] + dirty
+    return digits[: None if " " in digits else SHOWN] + ("+" if dirty else "")
 
 
 def _laps(arms: Sequence[ArmNumbers]) -> Sheet:
@@ -95,7 +97,7 @@ def _chatter(arms: Sequence[ArmNumbers]) -> Sheet:
         )
         for a in arms
     ]
-    return Sheet(head, tuple(rows))
+    return Sheet(head, tuple(rows), folds=(0, len(head) - 1))
 
 
 def pair_sheet(pairs: Sequence[PairNumbers]) -> Sheet:

@@ -1,0 +1,93 @@
+"""Nothing lost: whatever ends a campaign, the same command goes on; two may write at once."""
+
+import json
+import os
+import resource
+import signal
+
+import pytest
+
+from quadsim.app.campaign.store import Store
+from quadsim.app.cli import race
+from tests.campaign_cases import FLIGHT, end_after, seeds_flown, start
+
+ALL = [(sampler, seed) for sampler in ("colored", "gaussian") for seed in range(6)]
+
+
+def flown(campaign):
+    return [row[:2] for row in seeds_flown(campaign)]
+
+
+def finish(campaign, capsys):
+    """The same command again, and the folders it left untouched."""
+    before = seeds_flown(campaign)
+    assert race(["compare", *FLIGHT, "--attempts", "6", "--campaign", str(campaign), "--jobs", "1", "--json"]) == 0
+    assert flown(campaign) == ALL
+    assert set(before) <= set(seeds_flown(campaign)), "what was kept is not flown again"
+    return json.loads(capsys.readouterr().out)
+
+
+def test_sigkill_then_the_same_command_continues(tmp_path, capsys):
+    campaign = tmp_path / "c.sqlite"
+    process = start(campaign)
+    end_after(process, campaign, 3, signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
+    assert 3 <= len(flown(campaign)) < 12
+    said = finish(campaign, capsys)
+    assert [(a["name"], a["attempts"], a["finished"]) for a in said["arms"]] == [("gaussian", 6, 0), ("colored", 6, 0)]
+    assert said["campaign"] == str(campaign)
+    assert said["pairs"][0]["seeds"] == 6
+
+
+def test_ctrl_c_is_one_line_and_exit_130_and_leaves_no_process(tmp_path):
+    campaign = tmp_path / "c.sqlite"
+    process = start(campaign, "--jobs", "1")
+    end_after(process, campaign, 3, signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert out == ""
+    assert err.splitlines()[-1] == f"what has been flown is kept in {campaign}: the same command goes on there"
+    assert len(flown(campaign)) >= 3
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
+
+
+def test_a_full_disk_is_one_line_then_the_same_command_continues(tmp_path, capsys):
+    campaign = tmp_path / "c.sqlite"
+
+    def little_room():  # no file may grow beyond this, as on a full disk
+        resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+
+    process = start(campaign, "--jobs", "1", preexec_fn=little_room)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert "race compare: " in err.splitlines()[-1]
+    assert "Traceback" not in err
+    finish(campaign, capsys)
+
+
+def test_two_campaigns_write_at_once_and_each_attempt_is_there_once(tmp_path):
+    campaign = tmp_path / "c.sqlite"
+    both = [start(campaign, "--jobs", "1", "--seed", seed) for seed in ("0", "3")]
+    for process in both:
+        _, err = process.communicate(timeout=60)
+        assert process.returncode == 0, err
+    assert flown(campaign) == [(s, seed) for s in ("colored", "gaussian") for seed in range(9)]
+    with Store(campaign) as store:
+        assert all((tmp_path / row.folder / "run.json").exists() for row in store.rows())
+
+
+def test_results_lists_what_is_stored_and_compares_it_across_campaigns(tmp_path, capsys):
+    one, two = (str(tmp_path / f"{name}.sqlite") for name in ("one", "two"))
+    for campaign, seed in ((one, "0"), (two, "2")):
+        argv = ["compare", *FLIGHT, "--attempts", "3", "--seed", seed, "--campaign", campaign, "--jobs", "1", "--json"]
+        assert race(argv) == 0
+    capsys.readouterr()
+    assert race(["results", "--campaigns", one, two, "--json"]) == 0
+    arms = json.loads(capsys.readouterr().out)["arms"]
+    assert [(a["name"], a["attempts"], a["seeds"]) for a in arms] == [("gaussian", 5, "0-4"), ("colored", 5, "0-4")]
+    assert race(["results", *(a["id"] for a in arms), "--campaigns", one, two, "--json"]) == 0
+    (pair,) = json.loads(capsys.readouterr().out)["pairs"]
+    assert pair["seeds"] == 5
+    assert race(["results", "--campaigns", one, "--sampler", "smooth"]) == 0
+    assert "nothing stored that fits" in capsys.readouterr().out
