@@ -43,7 +43,7 @@ class Dashboard:
         gui, session = self._server.gui, self._session
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(230, 159, 0))
         self.race = RacePanel(gui, session, menu, first)
-        self._sampler = SamplerPanel(gui, session, hangar, self.race)
+        self.sampler = SamplerPanel(gui, session, hangar, self.race)
         self._playback = PlaybackPanel(gui, session)
         self._camera = Camera(self._server)
         self._view = ViewPanel(self._server, session, self._camera)
@@ -105,7 +105,7 @@ class Dashboard:
             self._set("Planner", planner.planner(all_[0]))
             self._stage.draw_signals(all_)
         self._playback.update(s)
-        self._sampler.enable(s)
+        self.sampler.enable(s)
 
     def _set(self, name: str, content: str) -> None:
         if self._tables[name].content != content:

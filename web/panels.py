@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import viser
 
@@ -44,8 +45,8 @@ class RacePanel:
             self.second = gui.add_dropdown("and", menu.samplers, initial_value="gaussian")
             self.seed = gui.add_number("Seed", first.seed, min=0, max=10**9, step=1)
             self.laps = gui.add_number("Laps", first.laps, min=0, max=100, step=1, hint="0: as many as the course says")
-            self.run: viser.GuiDropdownHandle[str] = gui.add_dropdown("Run", nothing, initial_value=nothing[0])
-            self.other: viser.GuiDropdownHandle[str] = gui.add_dropdown("and run", nothing, initial_value=nothing[0])
+            self.run = gui.add_dropdown("Run", nothing, initial_value=nothing[0])
+            self.other = gui.add_dropdown("and run", nothing, initial_value=nothing[0])
             self.start = gui.add_button("START", icon=viser.Icon.FLAG, color="orange")
         self.start.on_click(lambda _: self.go())
         self.mode.on_update(lambda _: self.arrange())
@@ -73,7 +74,8 @@ class RacePanel:
     def refresh(self) -> None:
         """Runs come and go. Names only; a run is read when it is chosen."""
         names = tuple(path.name for path in self._session.runs()[:200])
-        for control in (self.run, self.other):
+        controls: Any = (self.run, self.other)
+        for control in controls:
             options = (NONE, *names)
             if control.options != options:
                 kept = control.value

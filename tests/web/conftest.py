@@ -1,0 +1,40 @@
+"""A session over flights without physics, and pages on it."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from web_cases import COURSE, Gliders
+
+from web.choices import Choices
+from web.session import Session
+
+
+@pytest.fixture
+def hangar():
+    return Gliders()
+
+
+@pytest.fixture
+def session(hangar, tmp_path):
+    session = Session(hangar, str(tmp_path))
+    yield session
+    session.close()
+
+
+@pytest.fixture
+def page(session, hangar):
+    """A running page and its server."""
+    from web.dashboard import Dashboard
+    from web.guard import serve
+    from web.panels import Menu
+
+    server = serve("127.0.0.1", 0, None, "race")
+    menu = Menu((COURSE, "paper_flat"), ("swift",), ("race",), ("colored", "gaussian"))
+    dashboard = Dashboard(server, session, hangar, menu, Choices(course=COURSE, laps=2))
+    yield dashboard, server
+    dashboard.close()
+    server.stop()

@@ -1,0 +1,154 @@
+"""Claims about people at the page, spoken over the wire: what they send, how many they are, how they leave."""
+
+import asyncio
+import math
+
+import pytest
+from web_cases import until
+from wire import connect
+
+from web.race import Race
+
+
+async def settled(claim, seconds=5.0):
+    """Whether it comes true while the wire is served."""
+    for _ in range(int(seconds / 0.02)):
+        if claim():
+            return True
+        await asyncio.sleep(0.02)
+    return False
+
+
+def test_one_click_starts_a_flight(page, session):
+    dashboard, server = page
+
+    async def person():
+        async with connect(server.get_port()) as client:
+            assert await settled(lambda: len(server.get_clients()) == 1)
+            await client.click(dashboard.race.start)
+            assert await settled(lambda: session.snapshot.flying)
+
+    asyncio.run(person())
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e9, -5.0, "much", None, True, [1.0], {"a": 1}])
+def test_a_value_out_of_range_or_of_another_type_changes_nothing(page, value):
+    dashboard, server = page
+    slider = dashboard.sampler.sliders["temperature"]
+    before = slider.value
+
+    async def person():
+        async with connect(server.get_port()) as client:
+            await client.set(slider, value)
+            await client.set(slider, 2.5)  # what is sane still gets through
+            assert await settled(lambda: slider.value == 2.5)
+
+    seen = []
+    slider.on_update(lambda _: seen.append(slider.value))
+    asyncio.run(person())
+    assert before != 2.5
+    assert set(seen) == {2.5}
+
+
+@pytest.mark.parametrize("name", ["removed", "update_cb", "gui_api", "uuid", "nonsense"])
+def test_only_values_can_be_set(page, name):
+    dashboard, server = page
+    slider = dashboard.sampler.sliders["sigma"]
+    before = getattr(slider._impl, name, None)
+
+    async def person():
+        async with connect(server.get_port()) as client:
+            await client.set(slider, "x", name=name)
+            await client.set(slider, 1.5)
+            assert await settled(lambda: slider.value == 1.5)
+
+    asyncio.run(person())
+    assert getattr(slider._impl, name, None) == before
+
+
+def test_a_course_that_is_not_on_the_menu_is_not_chosen(page):
+    dashboard, server = page
+    course = dashboard.race.course
+
+    async def person():
+        async with connect(server.get_port()) as client:
+            await client.set(course, "/etc/passwd")
+            await client.set(course, "paper_flat")
+            assert await settled(lambda: course.value == "paper_flat")
+
+    seen = []
+    course.on_update(lambda _: seen.append(course.value))
+    asyncio.run(person())
+    assert seen == ["paper_flat"]
+
+
+def test_moving_gamma_in_flight_is_an_event(page, session):
+    dashboard, server = page
+
+    async def person():
+        async with connect(server.get_port()) as client:
+            await client.click(dashboard.race.start)
+            assert await settled(lambda: session.snapshot.lanes and session.snapshot.lanes[0].t[-1:] > 0.02)
+            await client.set(dashboard.sampler.sliders["gamma_rates"], 1.25)
+            assert await settled(lambda: session.snapshot.lanes[0].changes)
+
+    asyncio.run(person())
+    assert session.snapshot.lanes[0].changes[0]["to"] == 1.25
+
+
+def test_two_people_see_each_others_changes(page):
+    dashboard, server = page
+    slider = dashboard.sampler.sliders["sigma"]
+
+    async def people():
+        async with connect(server.get_port()) as one, connect(server.get_port()) as two:
+            assert await settled(lambda: len(server.get_clients()) == 2)
+            await one.set(slider, 1.5)
+            assert await settled(lambda: slider.value == 1.5)
+            await two.set(slider, 0.5)
+            assert await settled(lambda: slider.value == 0.5)
+
+    asyncio.run(people())
+
+
+def test_the_flight_goes_on_when_the_last_person_vanishes(page, session):
+    dashboard, server = page
+
+    async def person():
+        async with connect(server.get_port()) as client:
+            await client.click(dashboard.race.start)
+            assert await settled(lambda: session.snapshot.flying)
+            client._socket.transport.abort()  # no goodbye
+
+    asyncio.run(person())
+    assert until(lambda: not server.get_clients())
+    t = session.snapshot.t
+    assert until(lambda: session.snapshot.t > t + 0.05 or not session.snapshot.flying)
+
+
+def test_start_while_flying_begins_another_race(page, session, hangar):
+    dashboard, server = page
+
+    async def person():
+        async with connect(server.get_port()) as client:
+            for race in (1, 2, 3):
+                await client.click(dashboard.race.start)
+                assert await settled(lambda n=race: session.snapshot.race == n)
+
+    asyncio.run(person())
+    assert [flight.closed for flight in hangar.built[:2]] == [True, True]
+
+
+def test_nonsense_on_the_wire_leaves_the_page_alive(page, session):
+    _, server = page
+
+    async def person():
+        async with connect(server.get_port()) as client:
+            await client.send(type="GuiUpdateMessage", uuid="no such control", updates={"value": 1})
+            await client.send(type="ShareUrlRequest")
+        async with connect(server.get_port()):
+            assert await settled(lambda: len(server.get_clients()) == 1)
+
+    asyncio.run(person())
+    session.tell(Race.play)
+    assert until(lambda: session.snapshot.playing is not None)
