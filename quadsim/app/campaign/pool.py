@@ -9,8 +9,10 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED as ONE
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from socket import create_connection
 from threading import Thread
 from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 from quadsim.app.campaign.attempt import Flown, fly_attempt
 from quadsim.app.flags import UsageError
@@ -82,8 +84,9 @@ class Cluster:
         except ImportError:
             raise UsageError("--scheduler: needs the extra 'cluster': pip install 'quadsim[cluster]'") from None
         try:
+            _knock(address)
             self._client = Client(address, timeout=10, set_as_default=False)
-        except (OSError, TimeoutError, ValueError) as error:
+        except (OSError, ValueError) as error:
             raise UsageError(f"--scheduler: no Dask scheduler at {address!r}: {error}") from None
         self.lost = (KilledWorker,)
         self.window = 10**6  # the scheduler queues them, for workers that come later too
@@ -98,6 +101,14 @@ class Cluster:
     def __exit__(self, *_: object) -> None:
         self._executor.shutdown(wait=False)
         self._client.close()
+
+
+def _knock(address: str) -> None:
+    """OSError or ValueError at once where nobody listens: the client would try for its whole timeout."""
+    where = urlsplit(address)
+    if not where.hostname or not where.port:
+        raise ValueError("expected tcp://HOST:PORT")
+    create_connection((where.hostname, where.port), timeout=5).close()
 
 
 def open_pool(jobs: int | None, scheduler: str | None) -> Pool:
