@@ -16,7 +16,12 @@ from quadsim.app.paper.result import Result
 from quadsim.yaml_words import did_you_mean
 
 EXPERIMENTS = {  # name -> what it is
+    "noise": "samples of Gaussian and colored noise",
+    "exploration": "300 sampled trajectories of the off-road vehicle",
     "table2": "Table II: cost of the double integrator, six samplers, three sigmas",
+    "double_integrator": "the best runs of Table II at sigma 1.5",
+    "quadrotor": "Table I, quadrotor rows, on a course of ours",
+    "offroad": "Table I, off-road rows, with a simulated stand-in for the vehicle",
 }
 INTERRUPTED = 130
 

@@ -1,0 +1,126 @@
+"""Table I, quadrotor rows: the paper's settings on a course of ours; paths, fastest laps."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from quadsim.app.figure import STYLE
+from quadsim.app.flight_flags import FlightFlags
+from quadsim.app.paper.arms import ARMS, arm_numbers, arm_table
+from quadsim.app.paper.gather import gather
+from quadsim.app.paper.result import Result, write_csv, write_figure
+from quadsim.app.paper.store import run_key
+from quadsim.app.spec import Spec, build, launch
+from quadsim.course import load_course
+from quadsim.course_checks import corners
+from quadsim.metrics import chatter
+from quadsim.plant import CONTROL
+from quadsim.run import Run, hostless
+
+RUNS = 20
+LAPS_SHOWN = 9  # as in the paper
+COLUMNS = ("t", "px", "py", "vx", "vy", *CONTROL)
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One attempt."""
+
+    sampler: str
+    seed: int
+
+    @property
+    def spec(self) -> Spec:
+        flags = FlightFlags.defaults(("--preset", "paper", "--sampler", self.sampler))
+        return replace(flags, course="paper_flat", seed=self.seed, threads=1).spec()
+
+    @property
+    def key(self) -> str:
+        return run_key(hostless(self.spec.record()))
+
+
+def record(flight: Flight) -> dict:
+    """Outcome, time [s], thrust's total variation [m/s^2/s], and a row of COLUMNS for every control step."""
+    spec = flight.spec
+    plant, controller, referee = build(spec)
+    with closing(plant):
+        run = Run.from_frames(spec.record(), launch(spec, plant, controller, referee))
+    x = run.telemetry
+    rows = np.column_stack([x[name] for name in COLUMNS]).round(5).tolist()
+    noise = chatter(run)["commanded"]
+    end = run.laps[0] if run.laps else float(x["t"][-1])
+    return {
+        "outcome": run.outcome,
+        "time": end,
+        "thrust_tv": noise["thrust_tv"],
+        "high_frequency_fraction": noise["high_frequency_fraction"],
+        "ms": run.wall["plan_ms"]["p50"],
+        "rows": rows,
+    }
+
+
+def run(runs: int, folder: Path) -> Result:
+    flights = {name: [Flight(name, seed) for seed in range(runs)] for name in ARMS}
+    keys = {name: [f.key for f in arm] for name, arm in flights.items()}
+    jobs = {key: f for name, arm in flights.items() for key, f in zip(keys[name], arm, strict=True)}
+    made = gather(jobs, record, folder / "quadrotor.jsonl")
+    records = {name: [made[key] for key in arm] for name, arm in keys.items()}
+    rows = [arm_numbers("quadrotor", name, arm) | _chatter(arm) for name, arm in records.items()]
+    files = (write_csv(folder / "quadrotor.csv", rows), *_picture(records, folder))
+    return Result({"arms": rows}, (arm_table(rows),), files)
+
+
+def _chatter(records: list[dict]) -> dict:
+    keys = ("thrust_tv", "high_frequency_fraction")
+    return {key: float(np.mean([r[key] for r in records])) for key in keys}
+
+
+def _picture(records: dict[str, list[dict]], folder: Path) -> tuple[Path, ...]:
+    csvs = []
+    with rc_context(STYLE):
+        figure = Figure(figsize=(12, 8), dpi=110, layout="constrained")
+        for part, (name, arm) in zip(figure.subfigures(2, 1), records.items(), strict=True):
+            finished = [r for r in arm if r["outcome"] == "finished"][:LAPS_SHOWN]
+            left, right = part.subfigures(1, 2, width_ratios=(1.5, 1))
+            axes = left.subplots()
+            left.colorbar(_draw_laps(axes, finished), ax=axes, label="ground speed [m/s]", pad=0.01)
+            axes.set_title(f"{name}: first {len(finished)} laps that finished, of {len(arm)} attempts")
+            if finished:
+                fastest = min(finished, key=lambda r: r["time"])
+                _draw_controls(right.subplots(4, 1, sharex=True), fastest)
+                rows = [dict(zip(COLUMNS, row, strict=True)) for row in fastest["rows"]]
+                csvs.append(write_csv(folder / f"quadrotor_{name}_fastest.csv", rows))
+    return *write_figure(figure, folder, "quadrotor_laps"), *csvs
+
+
+def _draw_laps(axes: Axes, records: list[dict]) -> LineCollection:
+    rows = [np.array(r["rows"]) for r in records]
+    segments = [np.stack([x[:-1, 1:3], x[1:, 1:3]], axis=1) for x in rows]
+    speed = [np.hypot(x[:-1, 3], x[:-1, 4]) for x in rows]
+    lines = LineCollection(list(np.concatenate(segments)) if segments else [], cmap="plasma", linewidths=1.1)
+    lines.set_array(np.concatenate(speed) if speed else np.zeros(0))
+    lines.set_clim(0.0, 12.0)
+    axes.add_collection(lines)
+    for gate in load_course("paper_flat").gates:
+        axes.plot(*corners(gate, 0.0)[:2, :2].T, color="#d62728", linewidth=3.0)
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    axes.margins(0.03)
+    return lines
+
+
+def _draw_controls(rows: np.ndarray, record: dict) -> None:
+    x = dict(zip(COLUMNS, np.array(record["rows"]).T, strict=True))
+    names = ("roll [rad/s]", "pitch [rad/s]", "yaw [rad/s]", "thrust [m/s$^2$]")
+    for axes, column, name in zip(rows, CONTROL, names, strict=True):
+        axes.step(x["t"], x[column], where="post", linewidth=0.9)
+        axes.set_ylabel(name)
+    rows[0].set_title(f"controls of the fastest lap, {record['time']:.2f} s")
+    rows[-1].set_xlabel("t [s]")

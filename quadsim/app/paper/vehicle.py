@@ -1,0 +1,76 @@
+"""The off-road experiment: the paper's settings, a stand-in for its vehicle, a corridor of ours.
+
+Section IV-A: "I = 3 iterations, M = 6144 samples, lambda = 0.1, dt = 0.02 s, and T = 250"; "the control standard
+deviations were both set to 0.8, the combined throttle and brake exponent was 10, and the steering exponent was 4".
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from controllers.costs.corridor import CorridorWeights, corridor_cost
+from controllers.mppi import MPPI, MPPIConfig
+from controllers.samplers import SAMPLERS, SamplerConfig
+from quadsim.app.paper.store import run_key
+from quadsim.corridor import CorridorJudge, load_corridor
+from quadsim.flight import fly
+from quadsim.plant import ModelPlant, diffusion
+from quadsim.run import Frame
+from quadsim.systems.offroad import BELIEVED, DRIVEN, STATES, offroad
+
+CORRIDOR = "zigzag"
+HALF_WIDTH = 0.8  # of the vehicle [m]
+TIMEOUT = 40.0  # [s]
+PLANT_DT = 0.005  # [s]
+DISTURBANCE = {"hx": 0.01, "hy": 0.01, "v": 0.2, "r": 0.04}  # standard deviation after 1 s of it [1, m/s, rad/s]
+MPPI_CONFIG = MPPIConfig(samples=6144, horizon=250, iterations=3, dt=0.02, temperature=0.1, smooth=True)
+WEIGHTS = CorridorWeights()
+SAMPLING = SamplerConfig(sigma=(0.8, 0.8), gamma=(10.0, 4.0))
+COLUMNS = ("t", *STATES, "drive_cmd", "steer_cmd")
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One attempt."""
+
+    sampler: str
+    seed: int
+    weights: CorridorWeights = WEIGHTS
+    mppi: MPPIConfig = MPPI_CONFIG
+
+    @property
+    def key(self) -> str:
+        fixed = {"vehicle": [asdict(BELIEVED), asdict(DRIVEN)], "sampling": asdict(SAMPLING), "disturbed": DISTURBANCE}
+        corridor = load_corridor(CORRIDOR)
+        fixed |= {"points": corridor.points, "width": corridor.width, "timeout": TIMEOUT, "plant_dt": PLANT_DT}
+        return run_key(asdict(self) | fixed)
+
+
+def frames(drive: Drive) -> tuple[list[Frame], CorridorJudge]:
+    """From standing at the corridor's start until the judge ends it."""
+    c, corridor = drive.mppi, load_corridor(CORRIDOR)
+    key, world = np.random.SeedSequence(drive.seed).spawn(2)
+    sampler = SAMPLERS[drive.sampler](SAMPLING, c.samples, c.horizon, key.generate_state(2, np.uint32), c.dt)
+    cost = corridor_cost(corridor, HALF_WIDTH, drive.weights, c.dt)
+    controller = MPPI(offroad(BELIEVED, c.dt), cost, sampler, c)
+    judge = CorridorJudge(corridor, HALF_WIDTH, TIMEOUT)
+    return list(fly(plant(np.random.default_rng(world)), controller, judge, c.dt)), judge
+
+
+def plant(rng: np.random.Generator) -> ModelPlant:
+    """What is driven: finer than the model, with its own numbers, slip and disturbance."""
+    corridor = load_corridor(CORRIDOR)
+    x0 = (*corridor.points[0], *corridor.directions[0].tolist(), 0.0, 0.0, 0.0, 0.0)
+    system = offroad(DRIVEN, PLANT_DT)
+    std = tuple(DISTURBANCE.get(name, 0.0) for name in STATES)
+    return ModelPlant(system.step, system.params, x0, PLANT_DT, diffusion(std, PLANT_DT, rng))
+
+
+def record(drive: Drive) -> dict:
+    """Outcome, time [s], bends driven, and a row of COLUMNS for every control step."""
+    flown, judge = frames(drive)
+    rows = [[round(v, 5) for v in (f.t, *f.x, *f.u)] for f in flown]
+    ms = float(np.median([f.plan_ms for f in flown]))
+    return {"outcome": flown[-1].outcome, "time": flown[-1].t, "legs": judge.passed, "ms": ms, "rows": rows}
