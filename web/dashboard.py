@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import traceback
 from time import perf_counter
 from typing import Any
 
@@ -73,7 +74,11 @@ class Dashboard:
             watched = bool(self._server.get_clients())
             self._session.watch(watched and self._view.fan.value)
             if watched:
-                self._draw(self._session.snapshot)
+                try:
+                    self._draw(self._session.snapshot)
+                except Exception:  # one bad picture must not be the last
+                    traceback.print_exc()
+                    self._closing.wait(1.0)
 
     def _draw(self, s: Snapshot) -> None:
         now, all_ = perf_counter(), standings(s, self._view.by_place)

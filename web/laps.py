@@ -8,7 +8,7 @@ import numpy as np
 
 from quadsim.palette import BEST, FASTER, style
 from quadsim.run import sector_times
-from web.html import DIM, box, coloured, heading, named, svg, swatch, table
+from web.html import DIM, box, coloured, heading, named, svg, swatch, table, text
 from web.lane import Lane
 
 W, ROW = 330, 30  # of the strips [px]
@@ -30,7 +30,7 @@ def _table(lanes: Sequence[Lane]) -> str:
     for lane in lanes:
         own = min(lane.laps, default=0.0)
         cells = [_time(t, best, own) for t in lane.laps] + ["-"] * (most - len(lane.laps))
-        rows.append([named(lane.name, lane.sampler), *cells, f"{sum(lane.laps):.3f}", lane.outcome or "flying"])
+        rows.append([named(lane.name, lane.sampler), *cells, f"{sum(lane.laps):.3f}", text(lane.outcome or "flying")])
     return table(["run", *map(str, range(1, most + 1)), "sum", ""], rows)
 
 

@@ -81,8 +81,8 @@ class RacePanel:
                 kept = control.value
                 control.options = options
                 control.value = kept if kept in options else NONE
-        if self.run.value == NONE and names:
-            self.run.value = names[0]
+        if controls[0].value == NONE and names:
+            controls[0].value = names[0]
 
     def go(self) -> None:
         runs = self._chosen() if self.mode.value in (AGAINST, REPLAY) else []

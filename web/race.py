@@ -11,7 +11,8 @@ from pathlib import Path
 from time import perf_counter
 
 from web.choices import Choices, Hangar, Numbers
-from web.lane import Lane, LiveLane, named, stored_lane
+from web.lane import Lane, named, stored_lane
+from web.live import LiveLane
 from web.notices import Notice, Notices
 from web.pace import Pace
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import queue
 import threading
+import traceback
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -65,7 +66,11 @@ class Session:
             return command()
         except (ValueError, RunError) as error:
             self._race.notices.add("error", "Cannot do that", str(error))
-            return None
+        except Exception as error:  # a mistake of ours must not end the thread, and with it every flight to come
+            traceback.print_exc()
+            self._race.notices.add("error", "The race broke off", f"{type(error).__name__}: {error}")
+            self._race.play(False)
+        return REST
 
     def _end(self) -> None:
         self._closing = True

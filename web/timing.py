@@ -38,7 +38,7 @@ def _big(cells: list[str]) -> str:
 def _state(s: Snapshot, me: Standing) -> str:
     doing = "flying" if s.flying else "replay"
     if not s.playing:
-        doing = "paused" if s.flying or not me.over else (me.lane.outcome or "paused")
+        doing = "paused" if s.flying or not me.over else text(me.lane.outcome or "paused")
     words = [doing, f"t {s.t:.2f} s", f"{s.factor:.2f} x real time" if s.playing else f"of {s.end:.2f} s"]
     if me.lane.changes:
         words.append(coloured("interactive, not comparable", HIT))

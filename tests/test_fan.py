@@ -1,0 +1,92 @@
+"""Claims about what is shown of the planner."""
+
+import numpy as np
+import pytest
+
+from controllers.fan import best_paths, cheapest, fan
+from quadsim.app.flight_flags import FlightFlags
+from quadsim.app.spec import build, launch
+from quadsim.flight import PICTURE_EVERY, fly
+
+
+@pytest.fixture
+def flight():
+    """A flight of few samples over a few frames, closed afterwards."""
+    spec = FlightFlags(sampler="colored").defaults(["--sampler", "colored", "--preset", "paper"]).spec()
+    plant, mppi, referee = build(spec)
+    mppi.samples = 256
+    yield spec, plant, mppi, referee
+    plant.close()
+
+
+def flown(flight, frames=3):
+    spec, plant, mppi, referee = flight
+    stream = launch(spec, plant, mppi, referee)
+    return [next(stream) for _ in range(frames)], mppi
+
+
+def test_nothing_is_seen_before_the_first_plan(flight):
+    assert fan(flight[2]) is None
+
+
+def test_the_terms_of_the_plan_sum_to_what_the_rollout_says(flight):
+    _, mppi = flown(flight)
+    x, _, _, _, target = mppi.last
+    J = np.empty((1, 64), np.float32)
+    mppi.rollout(x, mppi.plan, np.zeros((1, 4, len(mppi.plan), 64), np.float32), target, J)
+    assert sum(fan(mppi).terms.values()) == pytest.approx(float(J[0, 0]), rel=1e-4)
+
+
+def test_samples_are_ranked_and_begin_where_the_vehicle_is(flight):
+    frames, mppi = flown(flight)
+    seen = fan(mppi)
+    assert (np.diff(seen.costs) >= 0).all()
+    assert seen.costs[0] == mppi.last[3].min()
+    assert np.allclose(seen.paths[:, 0], frames[-1].x[:3], atol=0.2)  # one step on
+    assert not np.allclose(seen.paths[:, -1], seen.paths[0, -1], atol=0.05)
+
+
+def test_a_cheapest_sample_flown_again_costs_what_it_cost(flight):
+    """The fan flies the sampled controls themselves."""
+    _, mppi = flown(flight)
+    x, U, z, J, target = mppi.last
+    m = int(np.argmin(J))
+    v = np.clip(U.T + block_of(z, m // 64, len(U))[:, :, m % 64], mppi.low[:, None], mppi.high[:, None])
+    _, terms = mppi.rollout.paths(x, v[None].astype(np.float32), target)
+    assert terms.sum() == pytest.approx(J[m], rel=1e-3)
+
+
+def test_looking_changes_nothing(flight):
+    _, mppi = flown(flight)
+    plan, temperature = mppi.plan.copy(), mppi.temperature
+    fan(mppi)
+    assert np.array_equal(plan, mppi.plan)
+    assert temperature == mppi.temperature
+
+
+def test_a_flight_with_pictures_is_the_flight_without(flight):
+    spec, plant, mppi, referee = flight
+    seen = flown(flight, 12)[0]
+    plant.close()
+    plant, mppi, referee = build(spec)
+    mppi.samples = 256
+    blind = fly(plant, mppi, referee, spec.planner.mppi.dt)
+    for a, b in zip(seen, (next(blind) for _ in range(12)), strict=True):
+        assert (a.x, a.u, a.cost) == (b.x, b.u, b.cost)
+
+
+def test_a_picture_is_kept_now_and_then(flight):
+    frames, _ = flown(flight, 2 * PICTURE_EVERY + 1)
+    kept = [k for k, frame in enumerate(frames) if frame.best is not None]
+    assert kept == [0, PICTURE_EVERY, 2 * PICTURE_EVERY]
+    assert frames[0].best.shape == (8, 16, 3)
+
+
+def test_best_paths_are_the_fans(flight):
+    _, mppi = flown(flight)
+    assert np.allclose(best_paths(mppi), fan(mppi, 8, 16).paths, atol=0.006)
+
+
+def test_the_cheapest_come_in_order():
+    J = np.random.default_rng(0).normal(size=500)
+    assert cheapest(J, 8).tolist() == np.argsort(J)[:8].tolist()

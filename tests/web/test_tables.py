@@ -1,0 +1,116 @@
+"""Claims about what the page writes: escaped, in order, best and faster, gaps at the same place."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from web_cases import COURSE, Glider, choices
+
+from quadsim.course import load_course
+from quadsim.palette import BEST, FASTER, STYLES
+from quadsim.run import Run
+from web import laps, planner, timing
+from web.lane import Lane, named, run_lane
+from web.map import Map
+from web.progress import Legs, gap, time_at
+from web.race import Snapshot
+from web.standing import order, standings
+
+
+def lane(sampler="colored", **more) -> Lane:
+    flight = Glider(choices(sampler, laps=3, **more))
+    return run_lane(Run.from_frames(flight.spec, list(flight.frames)), flight.course, None)
+
+
+@pytest.fixture(scope="module")
+def lanes():
+    return named([lane("colored"), lane("gaussian")])
+
+
+def at(lanes, t, by_place=False):
+    return standings(Snapshot(t=t, end=99.0, lanes=tuple(lanes)), by_place)
+
+
+def test_progress_grows_from_zero_to_the_length_of_the_race(lanes):
+    for one in lanes:
+        assert one.progress[0] == pytest.approx(0.0, abs=0.5)
+        assert one.progress[-1] == pytest.approx(one.legs.length)
+        assert (np.diff(one.progress) >= 0).all()
+
+
+def test_progress_at_a_gate_is_the_end_of_its_leg():
+    course = load_course(COURSE)
+    legs = Legs(course, 1)
+    spots = np.array([g.position for g in course.gates])
+    assert np.allclose(legs.progress(spots, np.arange(1, len(spots) + 1)), legs.ends[1:])
+
+
+def test_the_gap_of_two_steady_flights_grows_with_the_way(lanes):
+    """v t = s: behind by s (1/v2 - 1/v1)."""
+    place = np.linspace(1.0, lanes[0].legs.length - 1.0, 50)
+    found = gap(place, (lanes[1].t, lanes[1].progress), (lanes[0].t, lanes[0].progress))
+    assert np.allclose(found, place * (1 / 36.0 - 1 / 40.0), atol=0.03)
+    assert not np.allclose(found, 0.0, atol=0.03)
+
+
+def test_a_place_not_reached_has_no_time():
+    t, progress = np.array([0.0, 1.0, 2.0]), np.array([0.0, 5.0, 5.0])
+    assert time_at(np.array([2.5, 5.0]), t, progress).tolist() == [0.5, 1.0]
+    assert np.isnan(time_at(np.array([5.1]), t, progress)).all()
+
+
+def test_the_faster_flight_leads(lanes):
+    first, second = order(at(lanes, 1.0))
+    assert (first.lane.name, second.lane.name) == ("colored", "gaussian")
+    assert first.gap == 0.0
+    assert second.gap > 0.0
+
+
+def test_by_place_everyone_is_shown_at_the_first_ones_place(lanes):
+    me, other = at(lanes, 1.0, by_place=True)
+    assert other.lane.progress[other.i] == pytest.approx(me.lane.progress[me.i], abs=0.5)
+    assert other.lane.t[other.i] > me.lane.t[me.i]
+
+
+def test_names_of_runs_differ():
+    assert [x.name for x in named([lane(), lane("gaussian")])] == ["colored", "gaussian"]
+    assert [x.name for x in named([lane(), lane(seed=1)])] == ["colored s0", "colored s1"]
+    assert [x.name for x in named([lane(), lane()])] == ["colored #1", "colored #2"]
+
+
+def test_names_from_files_cannot_run_scripts(lanes):
+    evil = "<script>alert(1)</script>"
+    spec = {**lanes[0].spec, "sampler": evil}
+    event = replace(lanes[0].events[0], kind=evil)
+    bad = [replace(lanes[0], name=evil, spec=spec, events=(event,), outcome=evil), lanes[1]]
+    all_ = at(bad, 1.0)
+    pages = [timing.hud(Snapshot(lanes=tuple(bad)), all_), timing.tower(all_), timing.events(tuple(bad), 9.0)]
+    pages += [laps.laps(bad), planner.planner(all_[0]), planner.chatter(bad), Map(bad[0].course).draw(all_)]
+    assert all("<script" not in page for page in pages)
+    assert any("&lt;script" in page for page in pages)
+
+
+def test_the_best_split_is_purple_and_a_runs_own_best_green(lanes):
+    table = laps.splits(lanes)
+    assert BEST in table
+    assert FASTER in table
+    alone = laps.splits([lanes[0]])
+    assert alone.count(BEST) >= lanes[0].legs.gates
+    assert FASTER not in alone  # its own best is the best of all
+
+
+def test_the_interval_of_laps_is_students():
+    """scipy.stats.t.ppf(.975, 2) = 4.3027"""
+    times = [5.0, 5.1, 5.3]
+    assert laps.half_interval(times) == pytest.approx(4.30 * np.std(times, ddof=1) / np.sqrt(3))
+
+
+def test_samplers_differ_in_colour_and_in_line():
+    assert len({s.colour for s in STYLES.values()}) == len(STYLES)
+    assert len({s.dash for s in STYLES.values()}) == len(STYLES)
+
+
+def test_every_sampler_has_its_style():
+    from controllers.samplers import SAMPLERS
+
+    assert set(SAMPLERS) <= set(STYLES)
