@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from controllers.fan import best_paths, cheapest, fan
+from controllers.mppi import block_of
 from quadsim.app.flight_flags import FlightFlags
 from quadsim.app.spec import build, launch
 from quadsim.flight import PICTURE_EVERY, fly
