@@ -3,10 +3,13 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: race test lint clean
+.PHONY: race web test lint clean
 
 race: $(VENV)/.app
 	$(BIN)/race fly
+
+web: $(VENV)/.app
+	$(BIN)/race web
 
 test: $(VENV)/.dev
 	$(BIN)/pytest

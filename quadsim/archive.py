@@ -53,9 +53,9 @@ class RunFolder:
 
     def save(self, run: Run) -> Path:
         """Write all, then take `.part` off the name. A full disk is a RunError; what was written stays in `.part`."""
-        _write(self.part / "telemetry.npz", write_npz(run))
-        _write(self.part / "events.csv", write_csv(run.events))
-        _write(self.part / "run.json", write_json(run, self._provenance))
+        write_whole(self.part / "telemetry.npz", write_npz(run))
+        write_whole(self.part / "events.csv", write_csv(run.events))
+        write_whole(self.part / "run.json", write_json(run, self._provenance))
         with _one_line(self.path, "cannot finish the run folder"):
             _sync(self.part)
             self.part.rename(self.path)
@@ -117,8 +117,8 @@ def _read(path: Path) -> bytes:
         return path.read_bytes()
 
 
-def _write(path: Path, data: bytes) -> None:
-    """Whole or not at all, and on the disk itself."""
+def write_whole(path: Path, data: bytes) -> None:
+    """Whole or not at all, and on the disk itself. Raises RunError."""
     temporary = path.with_name(path.name + ".tmp")
     with _one_line(path, "cannot write"):
         try:

@@ -7,6 +7,7 @@ within a control's own range get through; the share tunnel and uploads are shut.
 
 from __future__ import annotations
 
+import errno
 import secrets
 import socket
 import threading
@@ -71,7 +72,8 @@ def probe(host: str, port: int) -> int:
             return probe.getsockname()[1]
     except (OSError, UnicodeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise ValueError(f"host, port: cannot listen on {host}:{port}: {reason.lower()}") from None
+        at = "port" if getattr(error, "errno", None) in (errno.EADDRINUSE, errno.EACCES) else "host"
+        raise ValueError(f"{at}: cannot listen on {host}:{port}: {reason.lower()}") from None
 
 
 def hosts_of(host: str, port: int) -> set[str] | None:

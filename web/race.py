@@ -57,7 +57,7 @@ class Race:
                 flight.close()
             raise ValueError("side by side: expected runs of one course, got several")
         self.end_flights()
-        self._stored, self._choices = tuple(stored), list(choices)
+        self._live, self._stored, self._choices = [], tuple(stored), list(choices)
         for c, flight in zip(choices, flights, strict=True):
             self._live.append(LiveLane(flight, self._root, c.sampler))
             self._numbers = c.numbers or self._hangar.numbers(c.preset, c.sampler)
@@ -129,11 +129,11 @@ class Race:
                 lane.tune(numbers, [{"name": k, "from": before[k], "to": v} for k, v in changed.items()])
 
     def end_flights(self) -> None:
-        """Keep what is worth it."""
+        """Keep what is worth it; what has been flown stays in view."""
         for lane in self._live:
             if lane.outcome is None:
                 lane.end()
-        self._live = []
+        self._playing = False
 
     def snapshot(self) -> Snapshot:
         return Snapshot(

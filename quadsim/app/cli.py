@@ -19,6 +19,7 @@ COMMANDS = {  # name -> where its flags and its run() are, what it does
     "bench": ("quadsim.app.bench.bench:Bench", "time control steps on this machine, beside its limits and its peers"),
     "compare": ("quadsim.app.campaign.compare:Compare", "arms against each other: many flights, paired by seed, kept"),
     "results": ("quadsim.app.campaign.results:Results", "what campaigns have stored: list, filter, compare"),
+    "tune": ("quadsim.app.campaign.tune:Tune", "search a planner's numbers for the fastest safe lap"),
     "check": ("quadsim.app.check:Check", "check course, vehicle and preset files"),
     "paper": ("quadsim.app.paper.command:Paper", "the paper's tables and figures, rerun"),
 }

@@ -6,6 +6,7 @@ from contextlib import asynccontextmanager
 import msgspec
 import viser
 import websockets
+import zstandard
 
 CAMERA = {
     "type": "ViewerCameraMessage",
@@ -57,3 +58,15 @@ def get(port, path="/", host=None, **headers):
     answer = connection.getresponse()
     answer.read()
     return answer.status, dict(answer.getheaders())
+
+
+async def button(client, wanted, most=200):
+    """uuid of the first button with this label, from what the server sends a newcomer."""
+    for _ in range(most):
+        frame = await client._socket.recv()
+        size = int.from_bytes(frame[8:16], "little")
+        inner = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size]))
+        for message in inner["messages"]:
+            if message["type"] == "GuiButtonMessage" and message["props"]["label"] == wanted:
+                return message["uuid"]
+    raise LookupError(wanted)
