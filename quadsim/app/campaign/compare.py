@@ -11,11 +11,9 @@ from msgspec import Meta
 from tyro.conf import DisallowNone, FlagCreatePairsOff, Positional, Suppress, arg
 
 from quadsim.app.campaign.arms import parse_arms, split
-from quadsim.app.campaign.conduct import CAMPAIGN, Campaign, Conduct, Jobs, Scheduler
+from quadsim.app.campaign.conduct import CAMPAIGN, INTERRUPTED, Campaign, Conduct, Jobs, Scheduler
 from quadsim.app.campaign.report import present, sections
 from quadsim.app.flags import UsageError, check, otherwise, read
-
-INTERRUPTED = 130  # exit code
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,8 @@ class Compare:
         arms = parse_arms(self.arms, self.courses, self.flight, "race compare")
         campaign = Path(self.campaign)
         try:
-            rows = Conduct(campaign, self.jobs, self.scheduler, self.this_commit)(arms, self.attempts)
+            with Conduct(campaign, self.jobs, self.scheduler, self.this_commit) as conduct:
+                rows = conduct(arms, self.attempts)
         except KeyboardInterrupt:
             return INTERRUPTED
         folder = Path(self.out) if self.out else campaign.with_suffix(".report")

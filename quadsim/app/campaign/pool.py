@@ -22,6 +22,11 @@ from quadsim.app.spec import Spec
 class Pool(Protocol):
     """Flies attempts; `with pool:` ends its workers, at once."""
 
+    @property
+    def size(self) -> int:
+        """Workers now."""
+        ...
+
     window: int  # attempts worth having under way
     lost: tuple[type[BaseException], ...]  # what a future raises whose worker has died
 
@@ -37,12 +42,17 @@ class Processes:
 
     def __init__(self, jobs: int | None = None):
         self.window = jobs or len(os.sched_getaffinity(0))
+        self._others = set(mp.active_children())
         self._executor = self._start()
 
     def _start(self) -> Executor:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or the workers' BLAS threads spin against each other
         spawn = mp.get_context("spawn")  # a fork would inherit the locks of threads that it does not have
         return ProcessPoolExecutor(self.window, mp_context=spawn, initializer=_settle)
+
+    @property
+    def size(self) -> int:
+        return self.window
 
     def submit(self, spec: Spec) -> Future[Flown]:
         try:
@@ -56,7 +66,7 @@ class Processes:
 
     def __exit__(self, *_: object) -> None:
         self._executor.shutdown(wait=False, cancel_futures=True)
-        for worker in mp.active_children():
+        for worker in set(mp.active_children()) - self._others:
             worker.terminate()  # one in mid-flight has nothing to lose
             worker.join()
 
@@ -91,6 +101,10 @@ class Cluster:
         self.lost = (KilledWorker,)
         self.window = 10**6  # the scheduler queues them, for workers that come later too
         self._executor: Any = self._client.get_executor(pure=False)
+
+    @property
+    def size(self) -> int:
+        return max(1, sum(self._client.ncores().values()))
 
     def submit(self, spec: Spec) -> Future[Flown]:
         return self._executor.submit(fly_attempt, spec)

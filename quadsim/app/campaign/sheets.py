@@ -18,11 +18,11 @@ SHOWN = 7  # hex digits of a commit
 
 @dataclass(frozen=True)
 class Sheet:
-    """First column to the left, the others to the right."""
+    """Texts to the left, numbers to the right."""
 
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    folds: tuple[int, ...] = (0,)  # columns that may fold in a narrow terminal
+    folds: tuple[int, ...] = (0,)  # columns of text, which may fold in a narrow terminal
 
 
 def sheets(arms: Sequence[ArmNumbers], pairs: Sequence[PairNumbers]) -> Iterator[Sheet]:
@@ -36,7 +36,8 @@ def sheets(arms: Sequence[ArmNumbers], pairs: Sequence[PairNumbers]) -> Iterator
 def as_table(sheet: Sheet) -> Table:
     table = plain_table()
     for i, name in enumerate(sheet.head):
-        table.add_column(escape(name), justify="right" if i else "left", no_wrap=i not in sheet.folds, overflow="fold")
+        fold = i in sheet.folds
+        table.add_column(escape(name), justify="left" if fold else "right", no_wrap=not fold, overflow="fold")
     for row in sheet.rows:
         table.add_row(*map(escape, row))
     return table

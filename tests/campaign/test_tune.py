@@ -1,0 +1,70 @@
+"""The search: what it writes is what flew, a kill loses nothing, nobody on the Pareto front is beaten."""
+
+import json
+
+import pytest
+
+pytest.importorskip("optuna", reason="extra 'tune'")
+
+from controllers.presets import PRESETS
+from quadsim.app.campaign.numbers import arm_numbers
+from quadsim.app.campaign.search import knobs, pareto, preset_text, turned
+from quadsim.app.campaign.study import objective, open_study
+from quadsim.app.cli import race
+from quadsim.app.preset_file import parse_planner
+from tests.campaign_cases import FLIGHT, row
+
+GROUPS = ("sigma", "gamma", "temperature", "cost", "margin", "horizon")
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("sampler", ["gaussian", "colored"])
+def test_preset_file_is_the_planner_that_flew_and_its_own_knobs_change_nothing(preset, sampler):
+    base = PRESETS[preset][sampler]
+    found = list(knobs(base, sampler, GROUPS))
+    assert turned(base, {k.name: k.base for k in found}) == base
+    planner = turned(base, {k.name: int(k.high) if k.step else (0.7 * k.low + 0.3 * k.high) for k in found})
+    assert planner != base
+    assert parse_planner(preset_text(planner, preset, "two\nlines"), "tuned.yaml", sampler) == planner
+
+
+def test_gaussian_noise_has_no_exponents_to_turn():
+    assert not list(knobs(PRESETS["race"]["gaussian"], "gaussian", ["gamma"]))
+
+
+def test_nobody_on_the_front_is_beaten_and_everyone_else_is():
+    points = [(5.0, -1.0, 30.0), (4.0, -0.9, 40.0), (5.1, -1.0, 30.0), (6.0, -1.0, 20.0), (4.0, -0.9, 40.0)]
+    assert pareto(points) == [0, 1, 3, 4], "equals do not beat each other"
+
+
+def test_below_the_floor_attempts_that_do_not_finish_count():
+    safe = arm_numbers("safe", [row(s, laps=(6.0,)) for s in range(4)], 20.0)
+    wild = arm_numbers("wild", [row(s, "finished" if s else "crashed", laps=(5.0,)) for s in range(4)], 20.0)
+    assert objective(safe, 1.0) < objective(wild, 1.0)
+    assert objective(wild, 0.75) < objective(safe, 0.75), "with a floor of three in four the fast one wins"
+
+
+def test_trials_that_a_kill_left_open_are_tried_again(tmp_path):
+    found = list(knobs(PRESETS["race"]["colored"], "colored", ["margin"]))
+    study = open_study(tmp_path / "s.journal", "s", found)
+    first, second = study.ask(2)
+    assert first.params == {"margin": 0.25}, "begins with the planner one starts from"
+    study.tell(first, arm_numbers("a", [row(0)], 20.0), 1.0)
+    again = open_study(tmp_path / "s.journal", "s", found)
+    assert again.done == 1
+    (retried,) = again.ask(1)
+    assert retried.params == second.params
+
+
+def test_tune_stopped_and_started_again_ends_where_it_would_have(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    argv = ["tune", *FLIGHT, "--attempts", "1", "--search", "sigma", "--jobs", "1", "--json"]
+    assert race([*argv, "--trials", "2"]) == 0
+    capsys.readouterr()
+    assert race([*argv, "--trials", "3"]) == 0
+    out, err = capsys.readouterr()
+    said = json.loads(out)
+    assert said["trials"] == 3
+    assert err.startswith("3/3 trial 2: 0/1"), "the first two are kept"
+    assert {f["attempts"] for f in said["finals"]} == {4}
+    assert race(["check", "tuned.yaml"]) == 0
