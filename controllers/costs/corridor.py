@@ -26,10 +26,10 @@ RUN_OUT = 100.0  # [m] a last leg behind the goal: drive on through it
 class CorridorWeights:
     """Weights a_0..a_3, and the numbers they refer to."""
 
-    to_go: float = 1.0  # per metre still to drive
-    lethal: float = 2500.0  # per metre travelled at a wall; grows evenly from none at the margin on
-    rollover: float = 50.0  # per metre travelled and (m/s^2)^2 of lateral acceleration above lateral_max
-    speed: float = 10.0  # per metre travelled and (m/s)^2 above speed_max
+    to_go: float = 0.2  # per metre still to drive
+    lethal: float = 500.0  # per metre travelled at a wall; grows evenly from none at the margin on
+    rollover: float = 10.0  # per metre travelled and (m/s^2)^2 of lateral acceleration above lateral_max
+    speed: float = 2.0  # per metre travelled and (m/s)^2 above speed_max
     lateral_max: float = 4.0  # [m/s^2]
     speed_max: float = 7.0  # [m/s]
     margin: float = 0.5  # of the vehicle's side to a wall [m]

@@ -16,7 +16,7 @@ def arm_numbers(system: str, sampler: str, records: list[dict]) -> dict:
     """Times [s] of the attempts that finished; null where none did."""
     times = [r["time"] for r in records if r["outcome"] == "finished"]
     low, high = wilson(len(times), len(records))
-    mean, sd, least, valid, attempts = TABLE1[system, sampler]
+    mean, sd, least, valid, attempts = TABLE1.get((system, sampler), (None,) * 5)
     return {
         "sampler": sampler,
         "attempts": len(records),
@@ -43,7 +43,7 @@ def arm_table(rows: list[dict]) -> Table:
         interval = f"{100 * r['success_low']:.0f} to {100 * r['success_high']:.0f} %"
         ours = (_seconds(r[key]) for key in ("mean", "sd", "min"))
         theirs = (_seconds(r[key]) for key in ("paper_mean", "paper_sd", "paper_min"))
-        valid = f"{r['paper_valid']}" + (f"/{r['paper_attempts']}" if r["paper_attempts"] else "")
+        valid = "/".join(str(r[key]) for key in ("paper_valid", "paper_attempts") if r[key] is not None)
         table.add_row(r["sampler"], f"{r['finished']}/{r['attempts']}", interval, *ours, *theirs, valid)
     return table
 

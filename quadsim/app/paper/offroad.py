@@ -17,12 +17,17 @@ from quadsim.app.paper.result import Result, write_csv, write_figure
 from quadsim.app.paper.vehicle import COLUMNS, CORRIDOR, Drive, record
 from quadsim.corridor import load_corridor
 
+DRIVES = {  # arm -> its attempts by seed; the last one asks whether it is the temperature that holds the Gaussian back
+    "gaussian": lambda seed: Drive("gaussian", seed),
+    "colored": lambda seed: Drive("colored", seed),
+    "gaussian_cold": lambda seed: Drive("gaussian", seed, temperature=0.02),
+}
 RUNS = 20
 SHOWN = 8.0  # seconds of controls, as in the paper
 
 
 def run(runs: int, folder: Path) -> Result:
-    drives = {name: [Drive(name, seed) for seed in range(runs)] for name in ARMS}
+    drives = {name: [drive(seed) for seed in range(runs)] for name, drive in DRIVES.items()}
     made = gather({d.key: d for arm in drives.values() for d in arm}, record, folder / "offroad.jsonl")
     records = {name: [made[d.key] for d in arm] for name, arm in drives.items()}
     rows = [arm_numbers("offroad", name, arm) | _bends(arm) for name, arm in records.items()]
@@ -41,15 +46,15 @@ def _bends(records: list[dict]) -> dict:
 
 def _pictures(records: dict[str, list[dict]], folder: Path) -> tuple[Path, ...]:
     with rc_context(STYLE):
-        paths = Figure(figsize=(11, 5.6), dpi=110, layout="constrained")
-        for axes, (name, arm) in zip(paths.subplots(1, 2, sharey=True), records.items(), strict=True):
+        paths = Figure(figsize=(13, 5), dpi=110, layout="constrained")
+        for axes, (name, arm) in zip(paths.subplots(1, len(records), sharey=True), records.items(), strict=True):
             lines = draw_paths(axes, arm)
             axes.set_title(f"{name}: {sum(r['outcome'] == 'finished' for r in arm)} of {len(arm)} reach the goal")
         paths.colorbar(lines, ax=paths.axes, label="t [s]", pad=0.01)
         controls = Figure(figsize=(9, 5), dpi=110, layout="constrained")
         rows = controls.subplots(2, 1, sharex=True)
-        for name, arm in records.items():
-            draw_controls(rows, name, arm[0])
+        for name in ARMS:
+            draw_controls(rows, name, records[name][0])
         rows[0].legend(loc="lower right", ncols=2)
     csvs = [_csv(folder, name, arm) for name, arm in records.items()]
     return *write_figure(paths, folder, "offroad_paths"), *write_figure(controls, folder, "offroad_controls"), *csvs

@@ -6,7 +6,7 @@ deviations were both set to 0.8, the combined throttle and brake exponent was 10
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -37,23 +37,23 @@ class Drive:
 
     sampler: str
     seed: int
-    weights: CorridorWeights = WEIGHTS
-    mppi: MPPIConfig = MPPI_CONFIG
+    temperature: float = MPPI_CONFIG.temperature
 
     @property
     def key(self) -> str:
         fixed = {"vehicle": [asdict(BELIEVED), asdict(DRIVEN)], "sampling": asdict(SAMPLING), "disturbed": DISTURBANCE}
         corridor = load_corridor(CORRIDOR)
+        fixed |= {"mppi": asdict(MPPI_CONFIG), "weights": asdict(WEIGHTS)}
         fixed |= {"points": corridor.points, "width": corridor.width, "timeout": TIMEOUT, "plant_dt": PLANT_DT}
         return run_key(asdict(self) | fixed)
 
 
 def frames(drive: Drive) -> tuple[list[Frame], CorridorJudge]:
     """From standing at the corridor's start until the judge ends it."""
-    c, corridor = drive.mppi, load_corridor(CORRIDOR)
+    c, corridor = replace(MPPI_CONFIG, temperature=drive.temperature), load_corridor(CORRIDOR)
     key, world = np.random.SeedSequence(drive.seed).spawn(2)
     sampler = SAMPLERS[drive.sampler](SAMPLING, c.samples, c.horizon, key.generate_state(2, np.uint32), c.dt)
-    cost = corridor_cost(corridor, HALF_WIDTH, drive.weights, c.dt)
+    cost = corridor_cost(corridor, HALF_WIDTH, WEIGHTS, c.dt)
     controller = MPPI(offroad(BELIEVED, c.dt), cost, sampler, c)
     judge = CorridorJudge(corridor, HALF_WIDTH, TIMEOUT)
     return list(fly(plant(np.random.default_rng(world)), controller, judge, c.dt)), judge
