@@ -1,0 +1,115 @@
+"""The corridor: what its file may say, its walls, its cost, its judge."""
+
+import numpy as np
+import pytest
+
+from controllers.costs.corridor import RUN_OUT, CorridorWeights, corridor_cost
+from quadsim.corridor import STUCK, Corridor, CorridorJudge, load_corridor
+from quadsim.course import course_names
+from quadsim.strict_yaml import FileError
+
+CORNER = Corridor("corner", 6.0, ((0.0, 0.0), (20.0, 0.0), (20.0, 20.0)))  # one bend, 90 degrees left
+COST = corridor_cost(CORNER, 0.8, CorridorWeights(margin=0.5), 0.02)
+
+
+def at(px, py, v=5.0, r=0.0):
+    return (px, py, 1.0, 0.0, v, r, 0.0, 0.0)
+
+
+def terms(x, leg=0):
+    aim = tuple(COST.aims[leg])
+    names = (*COST.term_names, "reached", "crashed")
+    return dict(zip(names, COST.terms(x, x, (0.0, 0.0), aim, 0.0, COST.params), strict=True))
+
+
+def judged(*places, judge=None, dt=0.1):
+    judge = judge or CorridorJudge(CORNER, 0.8, 60.0)
+    for i, (x, y) in enumerate(places):
+        judge.observe(i * dt, (0.0, 0.0, 0.0), (i + 1) * dt, (x, y, 0.0))
+    return judge
+
+
+def test_corridors_are_no_race_courses():
+    assert load_corridor("zigzag").width == 9.0
+    assert "zigzag" not in course_names()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("width: 0\npoints: [[0, 0], [9, 0]]\n", "1:8: width: expected a number [m] > 0"),
+        ("width: 4\npoints: [[0, 0]]\n", "points: expected "),
+        ("width: 4\npoints: [[0, 0], [9, 0], [9, 0]]\n", "expected points that differ"),
+        ("width: 8\npoints: [[0, 0], [9, 0], [9, 6], [0, 6]]\n", "expected a leg longer than its bends take"),
+        ("width: 4\npoints: [[0, 0], [9, 0], [1, 0.1]]\n", "expected a leg longer than its bends take"),
+        ("width: 4\ngates: []\n", "unknown key"),
+    ],
+)
+def test_mistake_in_a_file_is_one_line_that_names_the_place(tmp_path, text, said):
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    with pytest.raises(FileError, match="points|width|gates") as error:
+        load_corridor(path)
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_walls_run_beside_the_legs_and_meet_at_the_bend():
+    left, right = CORNER.walls()
+    np.testing.assert_allclose(left, [(0, 3), (17, 3), (17, 20)])
+    np.testing.assert_allclose(right, [(0, -3), (23, -3), (23, 20)])
+
+
+def test_the_way_left_falls_along_the_centre_line_and_a_leg_ends_where_the_walls_meet():
+    legs = [(x, 0.0, 0) for x in range(0, 20, 2)] + [(20.0, y, 1) for y in range(1, 20, 2)]
+    left = [terms(at(x, y), leg)["to_go"] for x, y, leg in legs]
+    assert np.all(np.diff(left) < 0)
+    assert left[0] - left[-1] == pytest.approx(CorridorWeights.to_go * 39.0, rel=1e-3)
+    assert not terms(at(16.9, 2.9))["reached"]
+    assert terms(at(17.1, 3.1))["reached"], "on the inside of the bend the leg ends earlier"
+    assert COST.aims[-2, 6] == RUN_OUT
+
+
+def test_crossing_into_the_next_leg_never_costs_more():
+    for s in np.linspace(-4, 4, 9):
+        x = at(20 + s, -s)  # on the line that halves the bend
+        assert terms(x, 1)["to_go"] <= terms(x, 0)["to_go"] + 1e-6
+
+
+def test_wall_costs_by_the_metre_travelled_from_the_margin_on():
+    inside, margin, wall, beyond = (terms(at(5.0, y))["lethal"] for y in (1.69, 1.95, 2.2, 3.2))
+    assert inside == 0.0 < margin < wall < beyond
+    assert wall == pytest.approx(CorridorWeights.lethal * 5.0 * 0.02)
+    assert beyond == pytest.approx(3 * wall)
+    assert terms(at(5.0, 2.2, v=10.0))["lethal"] == pytest.approx(2 * wall)
+    assert terms(at(5.0, 2.2, v=0.0))["lethal"] == 0.0, "standing still is safe"
+
+
+def test_rollover_and_speed_count_only_what_is_above_their_limits():
+    w = CorridorWeights()
+    calm = terms(at(5, 0, v=w.speed_max, r=w.lateral_max / w.speed_max))
+    assert calm["rollover"] == pytest.approx(0.0, abs=1e-12)
+    assert calm["speed"] == 0.0
+    wild = terms(at(5, 0, v=8.0, r=-0.75))  # 6 m/s^2
+    assert wild["rollover"] == pytest.approx(w.rollover * 8 * 0.02 * (6 - w.lateral_max) ** 2)
+    assert wild["speed"] == pytest.approx(w.speed * 8 * 0.02 * (8 - w.speed_max) ** 2)
+
+
+def test_judge_sees_the_goal_the_wall_and_each_bend():
+    along = [(x, 0.0) for x in range(2, 20, 2)]
+    up = [(20.0, y) for y in range(1, 20, 2)]
+    assert judged(*along).outcome is None
+    assert judged(*along, *up).passed == 1
+    assert judged(*along, *up, (20.0, 20.5)).outcome == "finished"
+    assert judged((5.0, 2.1)).outcome is None
+    assert judged((5.0, 2.3)).outcome == "crashed", "the vehicle's side is .8 m from its middle"
+    assert judged(*along, (20.0, 1.0), (17.7, 2.0)).outcome == "crashed", "the wall of the next leg"
+
+
+def test_judge_ends_a_drive_that_stands_or_lasts():
+    standing = [(2.0, 0.0)] * round(STUCK / 0.1 + 2)
+    assert judged(*standing[:-4]).outcome is None
+    assert judged(*standing).outcome == "stuck"
+    creeping = [(0.05 * i, 0.0) for i in range(100)]
+    assert judged(*creeping).outcome is None
+    assert judged(*creeping, judge=CorridorJudge(CORNER, 0.8, 9.0)).outcome == "timeout"

@@ -1,0 +1,61 @@
+"""The double integrator and its quadratic cost: explicit Euler as published, and the lanes against the oracle."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from oracle import fly_rows, to_lanes
+
+from controllers.costs.quadratic import quadratic_cost, terms
+from controllers.rollout.lanes import LANES, Rollout
+from quadsim.systems.double_integrator import UNLIMITED, double_integrator
+
+SYSTEM, COST = double_integrator(0.015), quadratic_cost((-4.0, -4.0))
+START = (-9.0, -9.0, 0.1, 0.1)
+M, T = 200, 65
+
+
+def controls(seed=0, spread=3.0):
+    rng = np.random.default_rng(seed)
+    return rng.normal(0, 1, (T, 2)), rng.normal(0, spread, (M, 2, T)).astype(np.float32)
+
+
+def fly_lanes(U, z, dtype=np.float32, system=SYSTEM):
+    J = np.empty((-(-M // LANES), LANES), dtype)
+    Rollout(system, COST, dtype)(np.array(START), U, to_lanes(z, dtype=dtype), 0, J)
+    return J.ravel()[:M]
+
+
+def test_constant_control_goes_as_the_sums_of_explicit_euler():
+    """n steps of u: v = v0 + n u dt, p = p0 + n v0 dt + n (n - 1) / 2 u dt^2, the position with the old velocity."""
+    x, n, dt = START, 40, SYSTEM.dt
+    for _ in range(n):
+        x = SYSTEM.step(x, (2.0, -1.0), SYSTEM.params, dt)
+    np.testing.assert_allclose(x[2:], (0.1 + n * 2 * dt, 0.1 - n * dt))
+    grid = -9 + n * 0.1 * dt + np.array([2, -1]) * n * (n - 1) / 2 * dt**2
+    np.testing.assert_allclose(x[:2], grid)
+    assert x[0] != pytest.approx(-9 + n * 0.1 * dt + 2 * n * (n + 1) / 2 * dt**2, rel=1e-4), "semi-implicit Euler"
+
+
+def test_cost_is_five_per_square_metre_and_a_half_per_square_metre_per_second():
+    x = (-3.0, -6.0, 2.0, -1.0)
+    distance, speed, reached, crashed = terms(x, x, (0.0, 0.0), (-4.0, -4.0), 0.0, COST.params)
+    assert (distance, speed, reached, crashed) == (5 * 5.0, 0.5 * 5.0, False, 0.0)
+
+
+@pytest.mark.parametrize(("dtype", "rtol"), [(np.float32, 2e-5), (np.float64, 1e-12)])
+def test_lanes_agree_with_the_oracle(dtype, rtol):
+    U, z = controls()
+    oracle, wrong = (fly_rows(s, COST, START, U, z).J for s in (SYSTEM, replace(SYSTEM, params=(1.05,))))
+    np.testing.assert_allclose(fly_lanes(U, z, dtype), oracle, rtol=rtol)
+    assert np.mean(abs(wrong / oracle - 1) > rtol) > 0.9
+
+
+def test_controls_have_no_limit():
+    """A log-normal tail of a million still counts, and weighs in as it should."""
+    U, z = controls()
+    z[5, 0, 10] = 1e6
+    oracle = fly_rows(SYSTEM, COST, START, U, z).J
+    np.testing.assert_allclose(fly_lanes(U, z), oracle, rtol=2e-5)
+    assert oracle[5] > 1e6 * np.median(oracle)
+    assert max(SYSTEM.high) == UNLIMITED < np.finfo(np.float32).max
