@@ -14,6 +14,10 @@ web: $(VENV)/.app
 test: $(VENV)/.dev
 	$(BIN)/pytest
 
+# Is the racer as fast, safe and smooth as stored? Flies some minutes; race regress FILE --regen stores anew.
+regression: $(VENV)/.dev
+	$(BIN)/race regress tests/lap_times/*.yaml
+
 lint: $(VENV)/.dev
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .
 	$(BIN)/pyright

@@ -33,7 +33,7 @@ class ExportPanel:
         except (ValueError, RuntimeError, TimeoutError, OSError) as error:
             event.client.add_notification("Cannot export", str(error), auto_close_seconds=6.0, color="red")
             return
-        event.client.send_file_download(name, data)
+        event.client.send_file_download(name, data, save_immediately=True)
 
     def _kept(self) -> list[Lane]:
         """The lanes of this race that are on the disk."""

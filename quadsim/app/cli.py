@@ -20,6 +20,7 @@ COMMANDS = {  # name -> where its flags and its run() are, what it does
     "compare": ("quadsim.app.campaign.compare:Compare", "arms against each other: many flights, paired by seed, kept"),
     "results": ("quadsim.app.campaign.results:Results", "what campaigns have stored: list, filter, compare"),
     "tune": ("quadsim.app.campaign.tune:Tune", "search a planner's numbers for the fastest safe lap"),
+    "regress": ("quadsim.app.campaign.regress:Regress", "has the racer got slower, less safe, less smooth?"),
     "check": ("quadsim.app.check:Check", "check course, vehicle and preset files"),
     "paper": ("quadsim.app.paper.command:Paper", "the paper's tables and figures, rerun"),
 }
