@@ -28,7 +28,9 @@ SHOWN = 8.0  # seconds of controls, as in the paper
 
 def run(runs: int, folder: Path) -> Result:
     drives = {name: [drive(seed) for seed in range(runs)] for name, drive in DRIVES.items()}
-    made = gather({d.key: d for arm in drives.values() for d in arm}, record, folder / "offroad.jsonl")
+    made = gather(
+        {d.key: d for seed in zip(*drives.values(), strict=True) for d in seed}, record, folder / "offroad.jsonl"
+    )
     records = {name: [made[d.key] for d in arm] for name, arm in drives.items()}
     rows = [arm_numbers("offroad", name, arm) | _bends(arm) for name, arm in records.items()]
     files = (write_csv(folder / "offroad.csv", rows), *_pictures(records, folder))

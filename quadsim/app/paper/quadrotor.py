@@ -70,7 +70,7 @@ def record(flight: Flight) -> dict:
 def run(runs: int, folder: Path) -> Result:
     flights = {name: [Flight(name, seed) for seed in range(runs)] for name in ARMS}
     keys = {name: [f.key for f in arm] for name, arm in flights.items()}
-    jobs = {key: f for name, arm in flights.items() for key, f in zip(keys[name], arm, strict=True)}
+    jobs = {keys[name][i]: flights[name][i] for i in range(runs) for name in ARMS}  # seed by seed, for both alike
     made = gather(jobs, record, folder / "quadrotor.jsonl")
     records = {name: [made[key] for key in arm] for name, arm in keys.items()}
     rows = [arm_numbers("quadrotor", name, arm) | _chatter(arm) for name, arm in records.items()]

@@ -1,0 +1,123 @@
+"""What the paper claims, on few runs: each sentence a test. The full tables: `race paper all`, docs/paper.md."""
+
+from contextlib import closing
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from quadsim.app.flight_flags import FlightFlags
+from quadsim.app.paper import vehicle
+from quadsim.app.paper.double_integrator import psd
+from quadsim.app.paper.exploration import spread
+from quadsim.app.paper.integrator import MPPI_CONFIG, frames, record
+from quadsim.app.paper.published import TABLE2
+from quadsim.app.paper.table2 import arm
+from quadsim.app.spec import build, launch
+from quadsim.metrics import chatter
+from quadsim.run import Run
+
+
+@cache
+def cost(name, sigma, seed=0):
+    return record((arm(name, sigma), seed))["cost"]
+
+
+@cache
+def track(name):
+    """Position and control of one axis at sigma 1.5."""
+    flown = frames(arm(name, 1.5), 0)
+    return np.array([f.x[0] for f in flown]), np.array([f.u[0] for f in flown])
+
+
+CELLS = [("gaussian", 0.5), ("gaussian", 3.0), ("colored_1", 1.5), ("colored_2", 0.5), ("smooth_star", 1.5)]
+
+
+@pytest.mark.parametrize(("name", "sigma"), [*CELLS, ("log_normal", 0.5)])
+def test_table2_is_reproduced(name, sigma):
+    """One run; the spread of a run is about 1 % at most in these cells."""
+    assert cost(name, sigma) == pytest.approx(TABLE2[name, sigma][0], rel=0.03)
+
+
+def test_table2_rests_on_the_librarys_law_and_slip():
+    """The published formula to the letter, and a momentum that moves with time, give other numbers."""
+    assert cost("colored_1_paper", 0.5) > 1.15 * TABLE2["colored_1", 0.5][0]
+    assert cost("smooth_star_corrected", 1.5) < 0.9 * TABLE2["smooth_star", 1.5][0]
+
+
+def test_colored_costs_less_than_gaussian_at_the_same_sigma():
+    assert cost("colored_1", 0.5) < 0.6 * cost("gaussian", 0.5)
+
+
+def test_log_mppi_needs_far_larger_controls_and_colored_reaches_the_goal_without():
+    """At sigma 1.5; whoever is within 1 m of the goal after 1.5 s has reached it."""
+    largest = {name: abs(track(name)[1]).max() for name in ("log_normal", "colored_1", "colored_2", "gaussian")}
+    assert largest["log_normal"] > 3 * max(largest["colored_1"], largest["colored_2"])
+    assert all(abs(track(name)[0][100] + 4.0) < 1.0 for name in ("log_normal", "colored_1", "colored_2"))
+    assert largest["gaussian"] < min(largest["colored_1"], largest["colored_2"])
+
+
+def test_gaussian_overshoots_and_colored_does_not():
+    assert track("gaussian")[0].max() > -3.9 > max(track("colored_1")[0].max(), track("colored_2")[0].max())
+
+
+def test_smooth_mppi_barely_reaches_the_goal_in_the_time():
+    assert track("smooth")[0][200] < -5.0
+    assert abs(track("smooth")[1]).max() < 2.0 < abs(track("gaussian")[1]).max()
+
+
+def test_smooth_star_oscillates_at_rest_more_than_colored():
+    resting = {name: track(name)[1][-67:].std() for name in ("smooth_star", "colored_1", "colored_2", "gaussian")}
+    assert resting["smooth_star"] > 5 * max(resting["colored_1"], resting["colored_2"], resting["gaussian"])
+
+
+def test_colored_has_less_power_above_20_hz_than_gaussian():
+    def high(name):
+        f, power = psd(track(name)[1][:133], MPPI_CONFIG.dt)
+        return power[f > 20.0].sum()
+
+    assert high("colored_2") < 0.5 * high("gaussian") < high("log_normal")
+    assert high("colored_1") < 0.5 * high("gaussian")
+
+
+def test_colored_explores_farther_at_the_same_sigma():
+    colored, gaussian = (spread(name, 0.4)[:, -1] for name in ("colored", "gaussian"))
+    assert colored[:, 0].var() > 10 * gaussian[:, 0].var()
+    assert abs(colored[:, 1]).max() > 3 * abs(gaussian[:, 1]).max()
+
+
+def test_raising_sigma_does_not_make_gaussian_reach_as_far():
+    colored, gaussian, raised = (
+        spread(*case)[:, -1] for case in (("colored", 0.4), ("gaussian", 0.4), ("gaussian", 2))
+    )
+    assert raised[:, 0].var() > 2 * gaussian[:, 0].var(), "it does reach farther"
+    assert colored[:, 0].var() > 3 * raised[:, 0].var()
+    assert abs(colored[:, 1]).max() > 2 * abs(raised[:, 1]).max()
+
+
+def test_colored_thrust_varies_less_than_gaussian():
+    """The quadrotor with the paper's settings, a quarter of the samples, 1.5 s from the start of paper_flat."""
+
+    def variation(sampler):
+        given = FlightFlags.defaults(("--preset", "paper", "--sampler", sampler))
+        mppi = replace(given.mppi, samples=1024)
+        spec = replace(given, course="paper_flat", mppi=mppi, timeout=1.5, threads=1).spec()
+        plant, controller, referee = build(spec)
+        with closing(plant):
+            run = Run.from_frames(spec.record(), launch(spec, plant, controller, referee))
+        return chatter(run)["commanded"]["thrust_tv"]
+
+    assert variation("colored") < 0.3 * variation("gaussian")
+
+
+def test_colored_turns_where_gaussian_cannot(monkeypatch):
+    """The off-road stand-in for 8 s, with a sixth of the samples and one iteration: colored is round the first bend."""
+    reduced = replace(vehicle.MPPI_CONFIG, samples=1024, iterations=1)
+    monkeypatch.setattr(vehicle, "MPPI_CONFIG", reduced)
+    monkeypatch.setattr(vehicle, "TIMEOUT", 8.0)
+    colored, gaussian = (vehicle.record(vehicle.Drive(name, 0)) for name in ("colored", "gaussian"))
+    assert colored["legs"] >= 1
+    assert colored["rows"][-1][2] > 8.0, "y, up the second leg [m]"
+    assert gaussian["rows"][-1][2] < 4.0
+    assert max(abs(row[7]) for row in gaussian["rows"]) < 0.5 < max(abs(row[7]) for row in colored["rows"])
