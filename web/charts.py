@@ -150,5 +150,6 @@ def _chart(
         scales={"x": scale, "y": uplot.Scale(distr=3) if log else uplot.Scale(auto=True)},
         axes=(uplot.Axis(**axis), uplot.Axis(**{**axis, "size": 46})),
         legend=uplot.Legend(show=False),
+        padding=(10, 18, 0, 0),
         height=height,
     )

@@ -59,10 +59,11 @@ def coloured(what: str, colour: str) -> str:
     return f'<span style="color:{colour};font-weight:600">{what}</span>'
 
 
-def bar(share: float, colour: str, height: int = 5) -> str:
+def bar(share: float, colour: str, height: int = 5, width: str = "100%") -> str:
     share = min(max(share, 0.0), 1.0)
     fill = f'<div style="width:{100 * share:.1f}%;height:100%;background:{colour}"></div>'
-    return f'<div style="height:{height}px;background:#2c3038;border-radius:2px;overflow:hidden">{fill}</div>'
+    look = f"height:{height}px;width:{width};background:#2c3038;border-radius:2px;overflow:hidden"
+    return f'<div style="{look}">{fill}</div>'
 
 
 def heading(what: str) -> str:

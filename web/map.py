@@ -22,7 +22,7 @@ class Map:
         self._turn = span[1] > span[0]  # the longer side lies flat
         if self._turn:
             low, span = low[::-1], span[::-1]
-        self._scale = min((WIDTH - 40) / span[0], (HEIGHT - 40) / span[1])
+        self._scale = min((WIDTH - 90) / span[0], (HEIGHT - 60) / span[1])
         self._low, self._margin = low, (np.array([WIDTH, HEIGHT]) - span * self._scale) / 2
         order_ = [*points, points[1]] if course.loop else points
         way = " ".join(f"{a:.1f},{b:.1f}" for a, b in map(self._at, order_))

@@ -29,7 +29,10 @@ def _terms(s: Standing) -> str:
         return _line(f"J = {s.lane.x['cost'][s.i]:.3f}; its terms are shown while a flight is live")
     terms = {name: value for name, value in fan.terms.items() if value}
     most = max((abs(v) for v in terms.values()), default=1.0)
-    rows = [[text(name), f"{v:+.3f}", bar(abs(v) / most, "#6f86d6" if v > 0 else NEXT)] for name, v in terms.items()]
+    rows = [
+        [text(name), f"{v:+.3f}", bar(abs(v) / most, "#6f86d6" if v > 0 else NEXT, width="180px")]
+        for name, v in terms.items()
+    ]
     return table(["term", "mean", ""], rows) + _line(f"J = {sum(fan.terms.values()):.3f}, the sum; less is better")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -14,6 +15,7 @@ from controllers.presets import PRESETS
 from controllers.samplers import SAMPLERS
 from quadsim.app.console import complain, emit, emit_json
 from quadsim.app.flags import UsageError, check
+from quadsim.app.fly import EXIT, uninterrupted
 from quadsim.app.stored import find_run
 from quadsim.course import course_names, load_course
 from quadsim.vehicle import vehicle_names
@@ -63,13 +65,13 @@ class Web:
             page.race.replaying(paths)
             session.tell(Race.start, [], paths)
         self._say(f"http://{self.host}:{server.get_port()}/" + (f"?token={token}" if token else ""))
-        try:
+        with suppress(KeyboardInterrupt):  # the way a server ends
             threading.Event().wait()
-        finally:
+        with uninterrupted():
             page.close()
             session.close()
             server.stop()
-        return 0
+        return EXIT["interrupted"]
 
     def _say(self, address: str) -> None:
         if self.json:
