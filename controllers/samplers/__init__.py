@@ -7,7 +7,7 @@ series may hold several samples of T steps one after the other.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Literal, Protocol
 
 import numpy as np
@@ -43,9 +43,32 @@ class Sampler:
     momentum: Momentum | None = None
 
 
+class Sampling(Protocol):
+    """The numbers of a sampler, one of sigma and gamma per control channel."""
+
+    @property
+    def sigma(self) -> tuple[float, ...]: ...
+    @property
+    def gamma(self) -> tuple[float, ...]: ...
+    @property
+    def law(self) -> str: ...
+    @property
+    def shift(self) -> str: ...
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Sampling for any system."""
+
+    sigma: tuple[float, ...]
+    gamma: tuple[float, ...]
+    law: str = "exact"
+    shift: str = "corrected"
+
+
 @dataclass(frozen=True)
 class SamplerConfig:
-    """One standard deviation and one colour exponent per control channel."""
+    """Sampling for the quadrotor, as files and flags say it: one sigma and one gamma per control channel."""
 
     sigma: Sigmas = (0.3, 0.3, 0.3, 3.5)  # standard deviation of body rates [rad/s] and thrust [m/s^2]
     gamma: tuple[Gamma, Gamma, Gamma, Gamma] = (0.01, 0.01, 0.01, 0.5)  # PSD ~ 1/f^gamma; colored only
@@ -53,30 +76,30 @@ class SamplerConfig:
     shift: Literal["corrected", "published"] = "corrected"  # of the momentum with time; smooth and smooth_star only
 
 
-def _gaussian(config: SamplerConfig, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
+def _gaussian(config: Sampling, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
     return Sampler(Gaussian(config.sigma, samples, horizon, key).sample)
 
 
-def _colored(config: SamplerConfig, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
+def _colored(config: Sampling, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
     return Sampler(Colored(config.sigma, config.gamma, config.law, samples, horizon, key).sample)
 
 
-def _log_normal(config: SamplerConfig, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
+def _log_normal(config: Sampling, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
     return Sampler(LogNormal(config.sigma, samples, horizon, key).sample)
 
 
-def _smooth(config: SamplerConfig, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
-    slow = replace(config, sigma=tuple(s * dt for s in config.sigma))
+def _smooth(config: Sampling, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
+    slow = Channels(tuple(s * dt for s in config.sigma), config.gamma, config.law, config.shift)
     return _smooth_star(slow, samples, horizon, key, dt)
 
 
-def _smooth_star(config: SamplerConfig, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
+def _smooth_star(config: Sampling, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
     noise = Gaussian(config.sigma, samples, horizon, key)
     return Sampler(noise.sample, Momentum(horizon, len(config.sigma), config.shift))
 
 
 # name -> sampler of (config, samples, horizon, key, control period [s])
-SAMPLERS: dict[str, Callable[[SamplerConfig, int, int, np.ndarray, float], Sampler]] = {
+SAMPLERS: dict[str, Callable[[Sampling, int, int, np.ndarray, float], Sampler]] = {
     "gaussian": _gaussian,
     "colored": _colored,
     "log_normal": _log_normal,

@@ -56,7 +56,7 @@ class Colored:
         self._held = 2 * LANES if law == "exact" else LANES  # samples in one series of lanes
         series = -(-samples // self._held)
         scale = [s * spectrum(self._n, g, law) for s, g in zip(sigma, gamma, strict=True)]
-        self._scale = np.repeat(np.float32(scale).ravel(), 2)  # real and imaginary part alike
+        self._scale = np.repeat(np.array(scale, np.float32).ravel(), 2)  # real and imaginary part alike
         self._bins = np.empty((series, len(sigma), self._n // 2 + 1, LANES), np.complex64)
         self._law, self._samples, self._horizon, self._key = law, samples, horizon, key
 
@@ -65,7 +65,7 @@ class Colored:
         # a row of LANES complex bins is two rows of LANES equally scaled normals
         fill_normals(bins.view(np.float32).reshape(len(bins), -1, LANES), self._scale, self._key, call)
         # irfft ignores the imaginary parts of the DC and Nyquist bins, as a real signal must
-        z = irfft(bins, n=self._n, axis=2, workers=threads())
+        z = np.asarray(irfft(bins, n=self._n, axis=2, workers=threads()))
         return self._settled(z) if self._law == "library" else z
 
     def _settled(self, z: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ class Gaussian:
 
     def __init__(self, sigma: tuple[float, ...], samples: int, horizon: int, key: np.ndarray):
         self._noise = np.empty((-(-samples // LANES), len(sigma), horizon, LANES), np.float32)
-        self._scale = np.repeat(np.float32(sigma), horizon)  # (n_u * T,)
+        self._scale = np.repeat(np.array(sigma, np.float32), horizon)  # (n_u * T,)
         self._samples, self._key = samples, key
 
     def sample(self, call: int, samples: int | None = None) -> np.ndarray:

@@ -23,7 +23,7 @@ class LogNormal:
         blocks = -(-samples // LANES)
         self._normals = np.empty((blocks, 2, len(sigma), horizon, LANES), np.float32)  # sigma xi, sigma eta
         self._noise = np.empty((blocks, len(sigma), horizon, LANES), np.float32)
-        self._scale = np.tile(np.repeat(np.float32(sigma), horizon), 2)  # (2 * n_u * T,)
+        self._scale = np.tile(np.repeat(np.array(sigma, np.float32), horizon), 2)  # (2 * n_u * T,)
         self._samples, self._key = samples, key
 
     def sample(self, call: int, samples: int | None = None) -> np.ndarray:

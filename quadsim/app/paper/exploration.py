@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from controllers.samplers import SamplerConfig
+from controllers.samplers import Channels
 from quadsim.app.figure import STYLE
 from quadsim.app.paper.result import Result, write_csv, write_figure
 from quadsim.app.paper.sampled import DT, draw, paths
@@ -24,7 +24,7 @@ RUNS = 1
 
 def spread(sampler: str, sigma: float) -> np.ndarray:
     """Paths of the samples.  (SAMPLES, steps + 1, 2) [m]"""
-    return paths(draw(sampler, SamplerConfig((sigma,) * 2, (4.0, 4.0)), SAMPLES))
+    return paths(draw(sampler, Channels((sigma,) * 2, (4.0, 4.0)), SAMPLES))
 
 
 def run(runs: int, folder: Path) -> Result:
@@ -47,7 +47,7 @@ def run(runs: int, folder: Path) -> Result:
 def _draw(cases: dict[str, np.ndarray], variance: dict[str, np.ndarray], t: np.ndarray) -> Figure:
     with rc_context(STYLE):
         figure = Figure(figsize=(13, 6.5), dpi=110, layout="constrained")
-        above, below = figure.subfigures(2, 1, height_ratios=(1.6, 1))
+        above, below = figure.subfigures(2, 1, height_ratios=(1.6, 1), squeeze=False)[:, 0]
         for axes, (name, places) in zip(above.subplots(1, 3, sharex=True, sharey=True), cases.items(), strict=True):
             axes.plot(*places.transpose(2, 1, 0), linewidth=0.4, alpha=0.6, color="#1f4e79")
             axes.set(title=name, xlabel="x [m]", aspect="equal")

@@ -13,7 +13,7 @@ import numpy as np
 
 from controllers.costs.quadratic import quadratic_cost
 from controllers.mppi import MPPI, MPPIConfig
-from controllers.samplers import SAMPLERS, SamplerConfig
+from controllers.samplers import SAMPLERS, Channels
 from quadsim.app.paper.store import run_key
 from quadsim.course import Vec3
 from quadsim.flight import fly
@@ -42,7 +42,7 @@ class Arm:
 
     name: str
     sampler: str
-    sampling: SamplerConfig
+    sampling: Channels
 
     def key(self, seed: int) -> str:
         settings = {"sampler": self.sampler, "sampling": asdict(self.sampling), "mppi": asdict(MPPI_CONFIG)}

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from controllers.samplers import SamplerConfig
+from controllers.samplers import Channels
 from quadsim.app.figure import STYLE
 from quadsim.app.paper.result import Result, write_csv, write_figure
 from quadsim.app.paper.sampled import DT, draw
@@ -20,9 +20,9 @@ RUNS = 1
 
 def run(runs: int, folder: Path) -> Result:
     """One run: nothing in it is repeated."""
-    one = SamplerConfig((1.0,), (0.0,))
+    one = Channels((1.0,), (0.0,))
     rows = {"Gaussian": draw("gaussian", one, SHOWN)[:, 0]}
-    rows |= {f"gamma = {g:g}": draw("colored", SamplerConfig((1.0,), (g,)), SHOWN, seed=1)[:, 0] for g in GAMMAS}
+    rows |= {f"gamma = {g:g}": draw("colored", Channels((1.0,), (g,)), SHOWN, seed=1)[:, 0] for g in GAMMAS}
     t = np.arange(next(iter(rows.values())).shape[1]) * DT
     with rc_context(STYLE):
         figure = Figure(figsize=(9, 8), dpi=110, layout="constrained")

@@ -87,7 +87,8 @@ def _picture(records: dict[str, list[dict]], folder: Path) -> tuple[Path, ...]:
     csvs = []
     with rc_context(STYLE):
         figure = Figure(figsize=(12, 8), dpi=110, layout="constrained")
-        for part, (name, arm) in zip(figure.subfigures(2, 1), records.items(), strict=True):
+        parts = figure.subfigures(len(records), 1, squeeze=False)[:, 0]
+        for part, (name, arm) in zip(parts, records.items(), strict=True):
             finished = [r for r in arm if r["outcome"] == "finished"][:LAPS_SHOWN]
             left, right = part.subfigures(1, 2, width_ratios=(1.5, 1))
             axes = left.subplots()

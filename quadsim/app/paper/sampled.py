@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from controllers.rollout.lanes import LANES
-from controllers.samplers import SAMPLERS, SamplerConfig
+from controllers.samplers import SAMPLERS, Channels
 from quadsim.systems.offroad import BELIEVED, offroad
 
 DT = 0.02  # [s]
@@ -13,7 +13,7 @@ HORIZON = 250  # steps
 SPEED = 5.0  # of the vehicle at the start [m/s]
 
 
-def draw(sampler: str, sampling: SamplerConfig, samples: int, horizon: int = HORIZON, seed: int = 0) -> np.ndarray:
+def draw(sampler: str, sampling: Channels, samples: int, horizon: int = HORIZON, seed: int = 0) -> np.ndarray:
     """Perturbations, one row a sample.  (samples, n_u, horizon)"""
     key = np.random.SeedSequence(seed).generate_state(2, np.uint32)
     z = SAMPLERS[sampler](sampling, samples, horizon, key, DT).sample(1)

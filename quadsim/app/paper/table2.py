@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from controllers.samplers import SamplerConfig
+from controllers.samplers import Channels
 from quadsim.app.lap_table import plain_table
 from quadsim.app.paper.gather import gather
 from quadsim.app.paper.integrator import Arm, record
@@ -51,7 +51,7 @@ class Cell:
 
 def arm(name: str, sigma: float) -> Arm:
     sampler, gamma, law, shift = CHOICES[name]
-    return Arm(name, sampler, SamplerConfig((sigma,) * 2, (gamma,) * 2, law, shift))
+    return Arm(name, sampler, Channels((sigma,) * 2, (gamma,) * 2, law, shift))
 
 
 def costs(names: tuple[str, ...], sigmas: tuple[float, ...], runs: int, folder: Path) -> dict[tuple[str, float], list]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from controllers.costs.corridor import CorridorWeights, corridor_cost
 from controllers.mppi import MPPI, MPPIConfig
-from controllers.samplers import SAMPLERS, SamplerConfig
+from controllers.samplers import SAMPLERS, Channels
 from quadsim.app.paper.store import run_key
 from quadsim.corridor import CorridorJudge, load_corridor
 from quadsim.flight import fly
@@ -27,7 +27,7 @@ PLANT_DT = 0.005  # [s]
 DISTURBANCE = {"hx": 0.01, "hy": 0.01, "v": 0.2, "r": 0.04}  # standard deviation after 1 s of it [1, m/s, rad/s]
 MPPI_CONFIG = MPPIConfig(samples=6144, horizon=250, iterations=3, dt=0.02, temperature=0.1, smooth=True)
 WEIGHTS = CorridorWeights()
-SAMPLING = SamplerConfig(sigma=(0.8, 0.8), gamma=(10.0, 4.0))
+SAMPLING = Channels(sigma=(0.8, 0.8), gamma=(10.0, 4.0))
 COLUMNS = ("t", *STATES, "drive_cmd", "steer_cmd")
 
 
