@@ -6,7 +6,8 @@ from oracle import from_lanes
 from point import POINT, REST, START, T, drawn, make, naive_cost
 
 from controllers.mppi import weights
-from controllers.samplers import SamplerConfig
+from controllers.presets import PRESETS
+from controllers.samplers import SAMPLERS, SamplerConfig
 from controllers.samplers.log_normal import LogNormal
 from controllers.samplers.smooth import SHIFTS, Momentum
 
@@ -123,3 +124,14 @@ def test_log_normal_is_white(key):
 
 def test_log_normal_of_an_absurd_sigma_is_finite(key):
     assert np.isfinite(log_normal(key, 100.0, 4096)).all()
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_every_preset_has_numbers_for_every_sampler(preset):
+    """Log-normal with the Gaussian's standard deviations; both smooth ones with the same perturbations."""
+    planners = PRESETS[preset]
+    assert set(planners) == set(SAMPLERS)
+    sigma, white = (np.array(planners[name].sampling.sigma) for name in ("log_normal", "gaussian"))
+    np.testing.assert_allclose(sigma * np.exp(sigma**2), white, rtol=0.02)
+    slow, star = (np.array(planners[name].sampling.sigma) for name in ("smooth", "smooth_star"))
+    np.testing.assert_allclose(slow * planners["smooth"].mppi.dt, star)

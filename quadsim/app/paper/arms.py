@@ -35,16 +35,20 @@ def arm_numbers(system: str, sampler: str, records: list[dict]) -> dict:
     }
 
 
-def arm_table(rows: list[dict]) -> Table:
+def arm_table(rows: list[dict], more: dict[str, str]) -> Table:
+    """more: title -> key of further columns."""
     table = plain_table()
-    for i, head in enumerate(("sampler", "success", "95 %", "mean", "sd", "least", "paper", "sd", "least", "valid")):
+    for i, head in enumerate(
+        ("sampler", "success", "95 %", "mean", "sd", "least", "paper", "sd", "least", "valid", *more)
+    ):
         table.add_column(head, justify="left" if i == 0 else "right")
     for r in rows:
         interval = f"{100 * r['success_low']:.0f} to {100 * r['success_high']:.0f} %"
         ours = (_seconds(r[key]) for key in ("mean", "sd", "min"))
         theirs = (_seconds(r[key]) for key in ("paper_mean", "paper_sd", "paper_min"))
         valid = "/".join(str(r[key]) for key in ("paper_valid", "paper_attempts") if r[key] is not None)
-        table.add_row(r["sampler"], f"{r['finished']}/{r['attempts']}", interval, *ours, *theirs, valid)
+        rest = (f"{r[key]:.3g}" for key in more.values())
+        table.add_row(r["sampler"], f"{r['finished']}/{r['attempts']}", interval, *ours, *theirs, valid, *rest)
     return table
 
 
