@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: race web test lint clean
+.PHONY: race web test regression lint clean
 
 race: $(VENV)/.app
 	$(BIN)/race fly

@@ -1,0 +1,124 @@
+"""Baseline: laps and chatter as they once were, in a file, and the verdict on those flown now.
+
+    flight: figure8 --laps 1 --randomize 1      # what `race fly` would fly, any flag
+    attempts: 20                                # seeds in a row
+    effects: {lap: 0.03, success: 0.2, thrust_tv: 0.25}   # what must not get worse by as much
+    stored: ...                                 # written by race regress --regen
+
+A number passes when its worsening is below its effect with 95 % confidence. So a racer that is worse by the effect
+fails with probability 95 %, however many attempts; their number decides how often an unchanged one fails.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import nan, sqrt
+from pathlib import Path
+from statistics import fmean, stdev
+from typing import Annotated
+
+import yaml
+from msgspec import Meta, Struct
+
+from quadsim.data_files import read_text
+from quadsim.statistics import false_alarm, proportion_difference, upper_bound
+from quadsim.strict_yaml import load, unit
+
+CONFIDENCE = 0.95
+Z = 1.644854  # of a one-sided 95 %
+Share = Annotated[float, Meta(gt=0, le=10)]
+
+
+class Effects(Struct, frozen=True):
+    """What must be caught."""
+
+    lap: Share = 0.03  # relative
+    success: Annotated[float, Meta(gt=0, le=1)] = 0.2  # points of the share that finishes
+    thrust_tv: Share = 0.25  # relative
+
+
+class Stored(Struct, frozen=True):
+    """One number an attempt, by seed."""
+
+    commit: str
+    cpu: str
+    laps: tuple[Annotated[float, unit("s", gt=0)] | None, ...]  # mean lap [s]; null: it did not finish
+    thrust_tv: tuple[Annotated[float, unit("m/s^2/s", ge=0)], ...]  # commanded
+
+
+class Baseline(Struct, frozen=True, kw_only=True):
+    """A baseline file."""
+
+    flight: str
+    attempts: Annotated[int, Meta(ge=4, le=10_000)] = 20
+    effects: Effects = Effects()
+    stored: Stored | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """On one number: relative worsening for lap and chatter, points for success; positive is worse."""
+
+    name: str  # lap, success, thrust_tv
+    stored: float
+    now: float
+    worse: float
+    bound: float  # below this with 95 % confidence; nan: too few to say
+    effect: float
+    unchanged_fails: float  # how often this many attempts of an unchanged racer on another machine would
+
+    @property
+    def ok(self) -> bool:
+        return self.bound < self.effect
+
+
+def load_baseline(path: Path) -> Baseline:
+    """Raises FileError."""
+    return load(read_text(path), str(path), Baseline)
+
+
+def baseline_text(baseline: Baseline, stored: Stored) -> str:
+    """The file with new numbers."""
+    b = baseline
+    said = {"flight": b.flight, "attempts": b.attempts, "effects": _plain(b.effects), "stored": _plain(stored)}
+    return yaml.safe_dump(said, default_flow_style=None, sort_keys=False, width=120)
+
+
+def judge(then: Stored, now: Stored, effects: Effects) -> list[Verdict]:
+    """Seed by seed, as far as both go."""
+    return [_success(then, now, effects.success), _lap(then, now, effects.lap), _chatter(then, now, effects.thrust_tv)]
+
+
+def _lap(then: Stored, now: Stored, effect: float) -> Verdict:
+    both = [(a, b) for a, b in zip(then.laps, now.laps, strict=False) if a is not None and b is not None]
+    return _relative("lap", both, effect)
+
+
+def _chatter(then: Stored, now: Stored, effect: float) -> Verdict:
+    return _relative("thrust_tv", list(zip(then.thrust_tv, now.thrust_tv, strict=False)), effect)
+
+
+def _relative(name: str, pairs: Sequence[tuple[float, float]], effect: float) -> Verdict:
+    """By the mean of then, so that one odd seed cannot carry the share."""
+    if len(pairs) < 2:
+        return Verdict(name, nan, nan, nan, nan, effect, 1.0)
+    a, b = zip(*pairs, strict=True)
+    differences = [(y - x) / fmean(a) for x, y in pairs]
+    sd = sqrt(2) * stdev(a) / fmean(a)  # of a difference, if the seeds shared nothing
+    alarm = false_alarm(sd, len(a), effect, CONFIDENCE)
+    bound = upper_bound(differences, CONFIDENCE)
+    return Verdict(name, fmean(a), fmean(b), fmean(differences), bound, effect, alarm)
+
+
+def _success(then: Stored, now: Stored, effect: float) -> Verdict:
+    """p_then - p_now; for so few flights that even all of them finishing says too little, it never passes."""
+    (k, n), (k0, n0) = ((sum(t is not None for t in s.laps), len(s.laps)) for s in (now, then))
+    bound = proportion_difference(k, n, k0, n0, Z)[1]
+    best = proportion_difference(k0, n0, k0, n0, Z)[1]
+    return Verdict("success", k0 / n0, k / n, k0 / n0 - k / n, bound, effect, float(best >= effect))
+
+
+def _plain(record: Struct) -> dict:
+    values = {name: getattr(record, name) for name in record.__struct_fields__}
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
