@@ -6,10 +6,13 @@ import numpy as np
 import viser
 
 from quadsim.course import Course
-from web.scene import FOV, above, overview
+from quadsim.course_checks import corners
+from web.scene import extent
 from web.standing import Standing
 
 FREE, CHASE, TOP = "free", "chase", "top"
+FOV = 0.9  # vertical [rad]
+FREE_SHARE, ASPECT = 0.97, 0.92  # of the picture that the course may fill; width over height between the panels
 BEHIND, OVER, SMOOTH = 3.6, 1.3, 0.12  # of the chasing camera: distance [m], height [m], share of the way a picture
 
 
@@ -70,3 +73,27 @@ class Camera:
             client.camera.fov = FOV
             client.camera.up_direction = (0.0, 0.0, 1.0)
             client.camera.position, client.camera.look_at = at, look
+
+
+def overview(course: Course) -> tuple[np.ndarray, np.ndarray]:
+    """Where to stand and what to look at so that the whole course is in view, seen along its shorter side [m]."""
+    (x0, x1), (y0, y1), _ = extent(course)
+    return _fit(course, np.array([0.12, -0.76, 0.64]) if x1 - x0 >= y1 - y0 else np.array([0.76, 0.12, 0.64]))
+
+
+def above(course: Course) -> tuple[np.ndarray, np.ndarray]:
+    """The same from straight above; a hair aside, as a camera cannot look along its own up direction."""
+    return _fit(course, np.array([0.0, -0.01, 1.0]))
+
+
+def _fit(course: Course, aside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As near as every gate and the start still fit into the picture."""
+    points = np.vstack([[course.start.position], *(corners(g, g.frame_width) for g in course.gates)])
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    back = aside / np.linalg.norm(aside)
+    right = np.cross([0.0, 0.0, 1.0], back) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], back))
+    up, p = np.cross(back, right), points - centre
+    half = np.tan(FOV / 2) * FREE_SHARE
+    # a point in the picture: |p . right| <= half ASPECT depth, |p . up| <= half depth, depth = distance - p . back
+    wide, high = abs(p @ right) / (half * ASPECT), abs(p @ up) / half
+    return centre + back * float((np.maximum(wide, high) + p @ back).max()), centre

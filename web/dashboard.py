@@ -85,7 +85,7 @@ class Dashboard:
         write, sums = now - self._wrote > TABLES, now - self._summed > SUMS
         with self._server.atomic():
             if s.race != self._race and all_ and len(all_) == len(s.lanes):
-                self._stage = Stage(self._server, s, self._plots, self._view.scale.value)
+                self._stage = Stage(self._server, s, self._plots, self._view.true_size.value)
                 self._race, sums = s.race, True
                 self._camera.frame(s.lanes[0].course)
             if self._stage and s.race == self._race:

@@ -8,19 +8,19 @@ from collections.abc import Sequence
 import numpy as np
 import viser
 
+from web.camera import FOV, overview
 from web.drone import Drone, FanView
 from web.guard import serve
 from web.html import text
 from web.lane import Lane
 from web.laps import laps
 from web.race import Snapshot
-from web.scene import FOV, CourseView, overview
+from web.scene import CourseView, visible_scale
 from web.stage import stored_fan
 from web.standing import standings
 from web.timing import hit_gates
 
 RATE = 25  # pictures a second
-SCALE = 2.5  # drones are drawn so much larger than they are
 
 
 def record(lanes: Sequence[Lane]) -> str:
@@ -35,7 +35,7 @@ def record(lanes: Sequence[Lane]) -> str:
 def _play(server: viser.ViserServer, lanes: Sequence[Lane]) -> str:
     scene, course = server.scene, lanes[0].course
     view = CourseView(scene, course)
-    drones = [Drone(scene, str(k), lane, k > 0, SCALE) for k, lane in enumerate(lanes)]
+    drones = [Drone(scene, str(k), lane, k > 0, visible_scale(course)) for k, lane in enumerate(lanes)]
     fan = FanView(scene, samples=8)
     clock = scene.add_label("/clock", "", position=clock_place(lanes[0]))
     camera = server.initial_camera

@@ -13,7 +13,6 @@ from web.mesh import BOX, BOX_FACES
 DEPTH = 0.12  # of a gate's bars along its passage [m]
 PLAIN = np.array((206, 210, 216), np.uint8)
 NEXT_RGB, HIT_RGB = Style(NEXT, ()).rgb, Style(HIT, ()).rgb
-FOV = 0.9  # [rad]
 
 
 class CourseView:
@@ -94,19 +93,7 @@ def extent(course: Course) -> tuple[tuple[float, float], ...]:
     return tuple(zip(low.tolist(), high.tolist(), strict=True))
 
 
-def overview(course: Course) -> tuple[np.ndarray, np.ndarray]:
-    """Where to stand and what to look at so that the whole course is in view [m]."""
+def visible_scale(course: Course) -> float:
+    """How much larger than it is a drone is drawn, to be seen where the whole course is in view."""
     low, high = np.array(extent(course)).T
-    centre = (low + high) / 2
-    distance = (np.linalg.norm(high - low) / 2 + 1.5) / np.tan(FOV / 2)
-    wide_x = high[0] - low[0] >= high[1] - low[1]  # look along the shorter side
-    aside = np.array([0.12, -0.76, 0.64]) if wide_x else np.array([0.76, 0.12, 0.64])
-    return centre + distance * aside / np.linalg.norm(aside), centre
-
-
-def above(course: Course) -> tuple[np.ndarray, np.ndarray]:
-    """The same from straight above; a hair aside, as a camera cannot look along its own up direction."""
-    low, high = np.array(extent(course)).T
-    centre = (low + high) / 2
-    distance = (max(high[0] - low[0], high[1] - low[1]) / 2 + 3.0) / np.tan(FOV / 2)
-    return centre + np.array([0.0, -0.01 * distance, distance + high[2]]), centre
+    return float(np.clip(np.linalg.norm(high - low) / 8.0, 2.0, 8.0))

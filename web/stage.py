@@ -11,23 +11,27 @@ from web.charts import Gaps, Signals, Spectrum
 from web.drone import Drone, FanView
 from web.map import Map
 from web.race import Snapshot
-from web.scene import CourseView
+from web.scene import CourseView, visible_scale
 from web.standing import Standing
 from web.timing import hit_gates
 
+Plots = Mapping[str, viser.GuiTabHandle]
 TABS = ("Signals", "Spectrum", "Gap")
 
 
 class Stage:
     """plots: a tab for each of TABS, emptied first."""
 
-    def __init__(self, server: viser.ViserServer, s: Snapshot, plots: Mapping[str, viser.GuiTabHandle], scale: float):
+    def __init__(
+        self, server: viser.ViserServer, s: Snapshot, plots: Mapping[str, viser.GuiTabHandle], true_size: bool
+    ):
         server.scene.reset()
         for tab in plots.values():
             for handle in [h for h in tab._children.values() if isinstance(h, viser.GuiUplotHandle)]:
                 handle.remove()
         course, gui = s.lanes[0].course, server.gui
         self._course = CourseView(server.scene, course)
+        scale = 1.0 if true_size else visible_scale(course)
         self._drones = [Drone(server.scene, str(k), lane, k > 0, scale) for k, lane in enumerate(s.lanes)]
         self._fan = FanView(server.scene)
         self.map = Map(course)

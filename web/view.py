@@ -24,7 +24,7 @@ class ViewPanel:
             self.sync = gui.add_dropdown("Ghosts", (TIME, PLACE), initial_value=TIME, hint="where others are shown")
             self.trail = gui.add_dropdown("Trails", (AUTO, SPEED, SAMPLER), initial_value=AUTO)
             self.fan = gui.add_checkbox("Samples", True, hint="the cheapest of the sampled paths; white: the plan")
-            self.scale = gui.add_slider("Drone size", 1.0, 5.0, 0.5, 2.5, hint="1: as it is; from the next start on")
+            self.true_size = gui.add_checkbox("True size", False, hint="of the drones, from the next start")
         self.look.on_update(lambda _: camera.set(self.look.value))
         self._camera, self._session, self._gui = camera, session, gui
         self._keys()
@@ -45,17 +45,22 @@ class ViewPanel:
         self._key("R", "restart", lambda: tell(Race.restart))
         self._key("E", "next event", lambda: tell(Race.jump))
         self._key("C", "camera: free, chase, top", self._turn)
-        self._key("H", "help: these keys", self._help)
+        self._key("H", "help: these keys", None)
 
-    def _key(self, key: Any, what: str, do: Callable[[], None]) -> None:
-        self._gui.add_command(what, hotkey=key).on_trigger(lambda _: do())
+    def _key(self, key: Any, what: str, do: Callable[[], None] | None) -> None:
+        """None: the list of keys, for whoever asks."""
+        command = self._gui.add_command(what, hotkey=key)
+        command.on_trigger(lambda event: do() if do else self._help(event.client))
         self._rows.append([key, what])
 
     def _turn(self) -> None:
         mode: Any = self._camera.next()
         self.look.value = mode
 
-    def _help(self) -> None:
-        with self._gui.add_modal("Keys"):
+    def _help(self, client: viser.ClientHandle | None) -> None:
+        if client is None:
+            return
+        with client.gui.add_modal("Keys") as modal:
             note = "Sliders act at the next plan; a flight changed so is marked interactive and is not comparable."
-            self._gui.add_html(box(table(["key", "does"], self._rows, left=2), small(note)))
+            client.gui.add_html(box(table(["key", "does"], self._rows, left=2), small(note)))
+            client.gui.add_button("Close").on_click(lambda _: modal.close())

@@ -1,0 +1,95 @@
+"""Claims about what stands where in the picture, and about the pace of the race."""
+
+import numpy as np
+import pytest
+
+from quadsim.course import course_names, load_course
+from quadsim.course_checks import corners
+from web.camera import ASPECT, FOV, above, overview
+from web.colours import ramp
+from web.drone import resampled, segments
+from web.mesh import quadrotor
+from web.pace import Pace
+from web.scene import _bars
+
+
+@pytest.mark.parametrize("name", course_names())
+@pytest.mark.parametrize("view", [overview, above])
+def test_the_camera_frames_any_course(name, view):
+    course = load_course(name)
+    eye, centre = view(course)
+    forward = (centre - eye) / np.linalg.norm(centre - eye)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    up = np.cross(right, forward)
+    p = np.vstack([corners(g, g.frame_width) for g in course.gates]) - eye
+    depth = p @ forward
+    high, wide = abs(p @ up) / depth, abs(p @ right) / depth / ASPECT
+    filled = max(high.max(), wide.max()) / np.tan(FOV / 2)
+    assert (depth > 0).all()
+    assert 0.8 < filled < 1.0  # all of it, and no smaller than need be
+
+
+def test_bars_leave_the_opening_free_and_touch_at_the_corners():
+    gate = load_course("split_s_swift").gates[0]
+    centres, sizes, _ = _bars(gate)
+    local = (centres - gate.position) @ gate.rotation  # gate frame
+    inner_z = (abs(local[:2, 2]) - sizes[:2, 2] / 2).tolist()
+    inner_y = (abs(local[2:, 1]) - sizes[2:, 1] / 2).tolist()
+    assert inner_z == pytest.approx([gate.opening[1] / 2] * 2)
+    assert inner_y == pytest.approx([gate.opening[0] / 2] * 2)
+
+
+def test_a_drone_is_as_wide_as_it_is_said_to_be():
+    vertices = np.vstack([v for v, _ in quadrotor(1.0).values()])
+    assert np.ptp(vertices[:, 0]) == pytest.approx(1 / np.sqrt(2) + 2 * 0.26, rel=0.02)
+    for v, f in quadrotor(1.0).values():
+        assert f.max() < len(v)
+
+
+def test_resampled_paths_keep_their_ends():
+    paths = np.random.default_rng(0).normal(size=(3, 16, 3))
+    more = resampled(paths, 25)
+    assert more.shape == (3, 25, 3)
+    assert np.allclose(more[:, [0, -1]], paths[:, [0, -1]])
+    assert segments(more[0]).shape == (24, 2, 3)
+
+
+def test_brighter_is_more():
+    light = ramp(np.linspace(0, 1, 20)).astype(float) @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(light) > 0).all()
+
+
+class Clock:
+    def __init__(self):
+        self.t = 0.0
+
+    def __call__(self):
+        return self.t
+
+
+def test_half_speed_takes_twice_as_long():
+    clock = Clock()
+    pace = Pace(clock)
+    pace.speed = 0.5
+    pace.anchor(0.0)
+    clock.t = 1.0
+    assert pace.now() == 0.5
+    assert pace.until(1.0) == 1.0
+
+
+def test_who_is_late_is_not_made_to_hurry():
+    clock = Clock()
+    pace = Pace(clock)
+    clock.t = 5.0  # a plan that took for ever
+    assert pace.until(0.01) < 0.0
+    assert pace.until(0.02) == pytest.approx(0.01)  # the next is due one period later, not at once
+
+
+def test_the_factor_is_race_seconds_a_second():
+    clock = Clock()
+    pace = Pace(clock)
+    for k in range(100):
+        clock.t = 0.02 * k
+        pace.mark(0.01 * k)
+    assert pace.factor == pytest.approx(0.5)
