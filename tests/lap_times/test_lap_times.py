@@ -18,10 +18,10 @@ from quadsim.app.cli import race
 
 HERE = Path(__file__).parent
 BASELINES = sorted(HERE.glob("*.yaml"))
-# Another processor rounds otherwise, and a flight amplifies that: on the same day the laps of two planners that draw
-# differently differ by .4 to .8 % (standard deviation), so 3 % is four of them or more.
-TOLERANCE = 0.03
-CHATTER = 0.5  # relative; the same spread of chatter is 5 to 10 %
+# Another processor rounds otherwise, and a flight amplifies that. A start temperature of 1.001 instead of 1 does the
+# same: on the same days laps move by .3, .3 and 1.3 % and chatter by 5 % (standard deviations). These are four and more.
+TOLERANCE = {"figure8": 0.03, "split_s_song": 0.03, "paper_flat": 0.06}
+CHATTER = 0.5
 PLANTED, SEEDS = HERE / "figure8_colored.yaml", 4
 WEAKER = "3.75"  # thrust-to-weight instead of 4.1: about 4 % slower
 
@@ -56,7 +56,7 @@ def test_three_courses_and_both_samplers_are_guarded():
 def test_lap_and_chatter_are_as_stored(path, flown):
     then, now = load_baseline(path).stored, flown[path.stem]
     assert now.laps[0] is not None, "did not finish"
-    assert now.laps[0] == pytest.approx(then.laps[0], rel=TOLERANCE)
+    assert now.laps[0] == pytest.approx(then.laps[0], rel=TOLERANCE[path.stem.rpartition("_")[0]])
     assert now.thrust_tv[0] == pytest.approx(then.thrust_tv[0], rel=CHATTER)
 
 

@@ -123,7 +123,7 @@ def _verdicts(baseline: Baseline, now: Stored) -> list[Verdict]:
 
 
 def _sheet(verdicts: Sequence[Verdict]) -> Sheet:
-    head = ("", "then", "now", "worse by", "at most (95 %)", "allowed", "unchanged fails")
+    head = ("", "then", "now", "worse by", "at most (95 %)", "allowed", "false alarms <")
     rows = [
         (
             v.name,
