@@ -12,8 +12,9 @@ import viser
 from web import laps, planner, timing
 from web.camera import Camera
 from web.choices import Choices, Hangar
-from web.panels import Menu, PlaybackPanel, RacePanel, SamplerPanel
+from web.panels import PlaybackPanel, SamplerPanel
 from web.race import Snapshot
+from web.race_panel import Menu, RacePanel
 from web.session import Session
 from web.stage import TABS, Stage
 from web.standing import Standing, standings

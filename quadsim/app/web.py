@@ -48,8 +48,8 @@ class Web:
         from web.choices import Choices
         from web.dashboard import Dashboard
         from web.guard import new_token, serve
-        from web.panels import Menu
         from web.race import Race
+        from web.race_panel import Menu
         from web.session import Session
 
         token = new_token(self.host)
@@ -58,7 +58,8 @@ class Web:
         except ValueError as error:  # "port: ..."
             raise UsageError(f"--{error}") from None
         courses = tuple(dict.fromkeys((*course_names(), self.course)))
-        menu = Menu(courses, vehicle_names(), tuple(PRESETS), tuple(SAMPLERS))
+        presets = {name: planners["colored"].vehicle for name, planners in PRESETS.items()}
+        menu = Menu(courses, vehicle_names(), presets, tuple(SAMPLERS))
         session = Session(Hangar(), self.runs_dir)
         page = Dashboard(server, session, Hangar(), menu, Choices(course=self.course))
         if paths:

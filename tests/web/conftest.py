@@ -30,10 +30,10 @@ def page(session, hangar):
     """A running page and its server."""
     from web.dashboard import Dashboard
     from web.guard import serve
-    from web.panels import Menu
+    from web.race_panel import Menu
 
     server = serve("127.0.0.1", 0, None, "race")
-    menu = Menu((COURSE, "paper_flat"), ("swift",), ("race",), ("colored", "gaussian"))
+    menu = Menu((COURSE, "paper_flat"), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
     dashboard = Dashboard(server, session, hangar, menu, Choices(course=COURSE, laps=2))
     yield dashboard, server
     dashboard.close()

@@ -25,12 +25,12 @@ from quadsim.app.hangar import Hangar
 from web.choices import Choices
 from web.dashboard import Dashboard
 from web.guard import serve
-from web.panels import Menu
 from web.race import Race
+from web.race_panel import Menu
 from web.session import Session
 
 CLIENTS = 4
-MENU = Menu(("split_s_swift",), ("swift",), ("race",), ("colored", "gaussian"))
+MENU = Menu(("split_s_swift",), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
 
 
 class Place:
@@ -69,7 +69,7 @@ class Place:
         self.server.stop()
 
 
-def slowdown(place: Place, pairs: int = 5) -> None:
+def slowdown(place: Place, pairs: int = 3) -> None:
     """Alternating, so that a machine that warms up slows both."""
     place.flight()
     ratios = []

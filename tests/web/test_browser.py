@@ -30,12 +30,12 @@ def session(root):
     from quadsim.app.hangar import Hangar
     from web.dashboard import Dashboard
     from web.guard import serve
-    from web.panels import Menu
+    from web.race_panel import Menu
     from web.session import Session
 
     server = serve("127.0.0.1", 0, None, "race")
     session = Session(Hangar(), str(root))
-    menu = Menu(("split_s_swift",), ("swift",), ("race",), ("colored", "gaussian"))
+    menu = Menu(("split_s_swift",), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
     dashboard = Dashboard(server, session, Hangar(), menu, Choices(laps=1))
     session.address = f"http://127.0.0.1:{server.get_port()}/?fixedDpr=0.4"
     yield session
