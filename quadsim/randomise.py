@@ -41,8 +41,8 @@ class Variation:
     gust: float = 0.0  # standard deviation per axis [m/s^2]
 
     def start(self, start: Start) -> Start:
-        position = tuple(a + b for a, b in zip(start.position, self.offset, strict=True))
-        return Start(position, start.yaw + self.turn)
+        (x, y, z), (dx, dy, dz) = start.position, self.offset
+        return Start((x + dx, y + dy, z + dz), start.yaw + self.turn)
 
     def vehicle(self, vehicle: Vehicle) -> Vehicle:
         """What stands between command and wrench: lags, drag and full thrust as they are today."""

@@ -59,7 +59,8 @@ def _head(run: Run) -> Iterator[str]:
     end = run.events[-1].t if run.outcome != "interrupted" else float(run.telemetry["t"][-1])
     sampler, preset, vehicle = (escape(name) for name in (spec["sampler"], spec["preset"], spec["vehicle"]["name"]))
     yield f"[bold]{spec['course']}[/]  [bold {COLOUR[run.outcome]}]{run.outcome}[/]  {laps}, {end:.3f} s"
-    yield f"{sampler} sampling, preset {preset}, vehicle {vehicle}, seed {spec['seed']}"
+    day = f", randomized {spec['randomize']:g}" if spec.get("randomize") else ""
+    yield f"{sampler} sampling, preset {preset}, vehicle {vehicle}, seed {spec['seed']}{day}"
 
 
 def _incidents(run: Run) -> RenderableType:

@@ -19,7 +19,7 @@ from quadsim.app.cli import race
 HERE = Path(__file__).parent
 BASELINES = sorted(HERE.glob("*.yaml"))
 # Another processor rounds otherwise, and a flight amplifies that. A start temperature of 1.001 instead of 1 does the
-# same: on the same days laps move by .3, .3 and 1.3 % and chatter by 5 % (standard deviations). These are four and more.
+# same: on the same days laps move by .3, .3 and 1.3 % and chatter by 5 % (standard deviations). These are four of them.
 TOLERANCE = {"figure8": 0.03, "split_s_song": 0.03, "paper_flat": 0.06}
 CHATTER = 0.5
 PLANTED, SEEDS = HERE / "figure8_colored.yaml", 4

@@ -28,8 +28,8 @@ def draw(sections: Sequence[Section]) -> Figure:
     with rc_context(STYLE):
         tallest = max(len(s.arms) for s in sections)
         figure = Figure(figsize=(17, (2.6 + 0.75 * tallest) * len(sections)), dpi=110, layout="constrained")
-        rows = np.atleast_1d(figure.subfigures(len(sections), 1, hspace=0.04))
-        for row, section in zip(rows, sections, strict=True):
+        rows = figure.subfigures(len(sections), 1, squeeze=False, hspace=0.04)
+        for row, section in zip(rows[:, 0], sections, strict=True):
             _draw_course(row, section)
     return figure
 

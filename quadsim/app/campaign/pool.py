@@ -38,7 +38,7 @@ class Pool(Protocol):
 class Processes:
     """Worker processes of this machine, one compiled-loop thread each."""
 
-    lost = (BrokenExecutor,)
+    lost: tuple[type[BaseException], ...] = (BrokenExecutor,)
 
     def __init__(self, jobs: int | None = None):
         self.window = jobs or len(os.sched_getaffinity(0))
@@ -95,10 +95,10 @@ class Cluster:
             raise UsageError("--scheduler: needs the extra 'cluster': pip install 'quadsim[cluster]'") from None
         try:
             _knock(address)
-            self._client = Client(address, timeout=10, set_as_default=False)
+            self._client: Any = Client(address, timeout=10, set_as_default=False)
         except (OSError, ValueError) as error:
             raise UsageError(f"--scheduler: no Dask scheduler at {address!r}: {error}") from None
-        self.lost = (KilledWorker,)
+        self.lost: tuple[type[BaseException], ...] = (KilledWorker,)
         self.window = 10**6  # the scheduler queues them, for workers that come later too
         self._executor: Any = self._client.get_executor(pure=False)
 

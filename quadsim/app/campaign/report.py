@@ -37,7 +37,7 @@ def sections(arms: Sequence[Arm], rows: Sequence[Sequence[Row]], campaign: Path)
     for course in dict.fromkeys(arm.spec.course.name for arm in arms):
         here = [(a, r) for a, r in zip(arms, rows, strict=True) if a.spec.course.name == course and r]
         if here:
-            found.append(_section(*zip(*here, strict=True), campaign.parent))
+            found.append(_section([a for a, _ in here], [r for _, r in here], campaign.parent))
     return found
 
 

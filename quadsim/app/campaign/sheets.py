@@ -52,12 +52,10 @@ def notes(arms: Sequence[ArmNumbers], pairs: Sequence[PairNumbers], limit: float
     """What must not be overlooked."""
     if any(a.finished < a.attempts for a in arms):
         yield f"Laps: of attempts that finished. Penalised: the others count as the time limit, {limit:.1f} s a lap."
-    for p in pairs:
-        if isfinite(p.detectable):
-            yield (
-                f"{p.b} - {p.a}: {p.lap_difference.n} pairs with a standard deviation of {p.lap_difference.sd:.3f} s "
-                f"show a difference of {p.detectable:.3f} s four times out of five."
-            )
+    known = [p for p in pairs if isfinite(p.detectable)]
+    if known:
+        each = ", ".join(f"{p.b} - {p.a} {p.detectable:.3f} s" for p in known)
+        yield f"Lap differences that so many pairs show with power 80 %: {each}."
     commits = sorted({c for a in arms for c in a.commits})
     if len(commits) > 1:
         each = "; ".join(f"{a.name}: {', '.join(map(short, a.commits))}" for a in arms)
@@ -73,7 +71,7 @@ def short(commit: str) -> str:
 
 
 def _laps(arms: Sequence[ArmNumbers]) -> Sheet:
-    head = ("arm", "finished", "95 % CI", "lap [s]", "sd", "best", "race", "flying", "penalised")
+    head = ("arm", "finished", "CI [%]", "lap [s]", "sd", "best", "race", "flying", "penalised")
     rows = [
         (
             a.name,
@@ -122,7 +120,7 @@ def _seconds(t: float) -> str:
 
 
 def _percent(interval: tuple[float, float]) -> str:
-    return "{:.0f}-{:.0f} %".format(*(100 * p for p in interval))
+    return "{:.0f}-{:.0f}".format(*(100 * p for p in interval))
 
 
 def _interval(m: Mean, form: str) -> str:
