@@ -38,18 +38,20 @@ def arm_numbers(system: str, sampler: str, records: list[dict]) -> dict:
 def arm_table(rows: list[dict], more: dict[str, str]) -> Table:
     """more: title -> key of further columns."""
     table = plain_table()
-    for i, head in enumerate(
-        ("sampler", "success", "95 %", "mean", "sd", "least", "paper", "sd", "least", "valid", *more)
-    ):
-        table.add_column(head, justify="left" if i == 0 else "right")
+    heads = ("sampler", "success", "95 % in %", "time [s]", "least", "paper [s]", "least", "valid", *more)
+    for i, head in enumerate(heads):
+        table.add_column(head, justify="left" if i == 0 else "right", no_wrap=True)
     for r in rows:
-        interval = f"{100 * r['success_low']:.0f} to {100 * r['success_high']:.0f} %"
-        ours = (_seconds(r[key]) for key in ("mean", "sd", "min"))
-        theirs = (_seconds(r[key]) for key in ("paper_mean", "paper_sd", "paper_min"))
+        success = f"{r['finished']}/{r['attempts']}", f"{100 * r['success_low']:.0f}-{100 * r['success_high']:.0f}"
+        ours = _spread(r["mean"], r["sd"]), _seconds(r["min"])
+        theirs = _spread(r["paper_mean"], r["paper_sd"]), _seconds(r["paper_min"])
         valid = "/".join(str(r[key]) for key in ("paper_valid", "paper_attempts") if r[key] is not None)
-        rest = (f"{r[key]:.3g}" for key in more.values())
-        table.add_row(r["sampler"], f"{r['finished']}/{r['attempts']}", interval, *ours, *theirs, valid, *rest)
+        table.add_row(r["sampler"], *success, *ours, *theirs, valid, *(f"{r[key]:.3g}" for key in more.values()))
     return table
+
+
+def _spread(mean: float | None, sd: float | None) -> str:
+    return _seconds(mean) + (f" +-{sd:.2f}" if sd is not None else "")
 
 
 def _seconds(value: float | None) -> str:

@@ -34,7 +34,7 @@ def run(runs: int, folder: Path) -> Result:
     records = {name: [made[d.key] for d in arm] for name, arm in drives.items()}
     rows = [arm_numbers("offroad", name, arm) | _bends(arm) for name, arm in records.items()]
     files = (write_csv(folder / "offroad.csv", rows), *_pictures(records, folder))
-    return Result({"arms": rows}, (arm_table(rows, {"bends": "mean_bends", "ms": "ms"}),), files)
+    return Result({"arms": rows}, (arm_table(rows, {"bends": "mean_bends"}),), files)
 
 
 def _bends(records: list[dict]) -> dict:

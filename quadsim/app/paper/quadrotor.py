@@ -20,7 +20,6 @@ from quadsim.app.paper.result import Result, write_csv, write_figure
 from quadsim.app.paper.store import run_key
 from quadsim.app.spec import Spec, build, launch
 from quadsim.course import load_course
-from quadsim.course_checks import corners
 from quadsim.metrics import chatter
 from quadsim.plant import CONTROL
 from quadsim.run import Run, hostless
@@ -75,7 +74,7 @@ def run(runs: int, folder: Path) -> Result:
     records = {name: [made[key] for key in arm] for name, arm in keys.items()}
     rows = [arm_numbers("quadrotor", name, arm) | _chatter(arm) for name, arm in records.items()]
     files = (write_csv(folder / "quadrotor.csv", rows), *_picture(records, folder))
-    return Result({"arms": rows}, (arm_table(rows, {"thrust TV": "thrust_tv", "ms": "ms"}),), files)
+    return Result({"arms": rows}, (arm_table(rows, {"thrust TV": "thrust_tv"}),), files)
 
 
 def _chatter(records: list[dict]) -> dict:
@@ -92,7 +91,7 @@ def _picture(records: dict[str, list[dict]], folder: Path) -> tuple[Path, ...]:
             finished = [r for r in arm if r["outcome"] == "finished"][:LAPS_SHOWN]
             left, right = part.subfigures(1, 2, width_ratios=(1.5, 1))
             axes = left.subplots()
-            left.colorbar(_draw_laps(axes, finished), ax=axes, label="ground speed [m/s]", pad=0.01)
+            left.colorbar(_draw_laps(axes, finished), ax=axes, label="ground speed [m/s]", pad=0.01, shrink=0.6)
             axes.set_title(f"{name}: first {len(finished)} laps that finished, of {len(arm)} attempts")
             if finished:
                 fastest = min(finished, key=lambda r: r["time"])
@@ -111,7 +110,8 @@ def _draw_laps(axes: Axes, records: list[dict]) -> LineCollection:
     lines.set_clim(0.0, 12.0)
     axes.add_collection(lines)
     for gate in load_course("paper_flat").gates:
-        axes.plot(*corners(gate, 0.0)[:2, :2].T, color="#d62728", linewidth=3.0)
+        half = gate.opening[0] / 2 * gate.rotation[:2, 1]
+        axes.plot(*np.array([gate.position[:2] - half, gate.position[:2] + half]).T, color="#d62728", linewidth=3.0)
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     axes.margins(0.03)
     return lines
