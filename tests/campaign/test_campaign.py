@@ -48,6 +48,10 @@ def test_sigkill_then_the_same_command_continues(tmp_path, capsys):
     assert [(a["name"], a["attempts"], a["finished"]) for a in said["arms"]] == [("gaussian", 6, 0), ("colored", 6, 0)]
     assert said["campaign"] == str(campaign)
     assert said["pairs"][0]["seeds"] == 6
+    report = {path.suffix: path for path in (tmp_path / "c.report").iterdir()}
+    assert set(report) == {".md", ".png", ".svg"}
+    assert "| gaussian | 0/6 |" in report[".md"].read_text()
+    assert report[".png"].read_bytes().startswith(b"\x89PNG")
 
 
 def test_ctrl_c_is_one_line_and_exit_130_and_leaves_no_process(tmp_path):
