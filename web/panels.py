@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from math import inf
+from time import perf_counter
 
 import viser
 
@@ -11,6 +13,7 @@ from web.race import Race, Snapshot
 from web.race_panel import RacePanel
 from web.session import Session
 
+HAND = 0.4  # [s] that the time slider stays where a hand has put it
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
 NAMES = {"sigma": "sigma x", "gamma_rates": "gamma rates", "gamma_thrust": "gamma thrust", "ess": "ESS aim"}
 
@@ -69,6 +72,7 @@ class PlaybackPanel:
 
     def __init__(self, gui: viser.GuiApi, session: Session):
         self._session, self._shown = session, 0.0
+        self._scrubbed_at = inf  # when somebody last moved the time [s]
         with gui.add_folder("Playback"):
             self.time = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0)
             self.buttons = gui.add_button_group("", ("<", "pause", ">", "event"))
@@ -84,6 +88,7 @@ class PlaybackPanel:
         if event.client_id is not None and self.time.value != self._shown:
             self._session.tell(Race.play, False)
             self._session.tell(Race.scrub, float(self.time.value))
+            self._scrubbed_at = perf_counter()
 
     def update(self, s: Snapshot) -> None:
         end = round(max(s.end, 1.0), 2)
@@ -91,7 +96,16 @@ class PlaybackPanel:
             self.time.max = end
         if self.time.disabled != s.flying:
             self.time.disabled = s.flying
-        at = min(round(s.t, 2), end)
+        self._show(min(round(s.t, 2), end))
+
+    def _show(self, at: float) -> None:
+        """The hand on the slider wins for a moment. Then everyone is told again, as an older time, on its way while
+        somebody let go, may have been the last to arrive there."""
+        since = perf_counter() - self._scrubbed_at
+        if 0.0 <= since < HAND:
+            return
+        if since >= HAND:
+            self._scrubbed_at = inf
+            self.time.value = self._shown = at + 0.01 if at < 0.01 else at - 0.01  # viser sends changes only
         if self.time.value != at:
-            self._shown = at
-            self.time.value = at
+            self.time.value = self._shown = at

@@ -141,6 +141,7 @@ def test_a_scrubbed_replay_shows_the_drone_where_the_telemetry_says(page, sessio
         fill(page, "Time [s]", t)
         i = int(np.argmin(abs(x["t"] - t)))
         there = np.array([x[k][i] for k in ("px", "py", "pz")])
+        assert waited(page, lambda at=t: float(field(page, "Time [s]").last.input_value()) == at)
         assert waited(page, lambda p=there: drone(page) is not None and np.allclose(drone(page), p, atol=1e-3))
     assert waited(page, lambda: page.locator("[role=slider][aria-disabled=true]").count() >= len(RANGES))
 
