@@ -19,6 +19,7 @@ class Flown:
     reached: np.ndarray  # (M,) targets reached
     crashed: np.ndarray  # (M,) 0.0 or 1.0
     clearance: np.ndarray  # (M,) least distance of a discrete decision to its other outcome, see `decision_distance`
+    terms: np.ndarray  # (M, n_terms) horizon mean of each term
 
 
 def fly_rows(system: System, cost: Cost, x0, U, z, target: int = 0, clearance=None) -> Flown:
@@ -29,7 +30,8 @@ def fly_rows(system: System, cost: Cost, x0, U, z, target: int = 0, clearance=No
     M, T = len(z), len(U)
     aims = cost.aims_from(target, np.asarray(x0), np.float64)
     x = tuple(np.full(M, value, float) for value in x0)
-    row, crashed, total, clear = np.zeros(M, int), np.zeros(M), np.zeros(M), np.full(M, np.inf)
+    row, crashed, clear = np.zeros(M, int), np.zeros(M), np.full(M, np.inf)
+    total = np.zeros((len(cost.term_names), M))
     for t in range(T):
         u = tuple(np.clip(U[t, k] + z[:, k, t], system.low[k], system.high[k]) for k in range(U.shape[1]))
         x_next = system.step(x, u, system.params, system.dt)
@@ -37,31 +39,40 @@ def fly_rows(system: System, cost: Cost, x0, U, z, target: int = 0, clearance=No
         *q, reached, crashed = cost.terms(x, x_next, u, aim, crashed, cost.params)
         if clearance is not None:
             clear = np.minimum(clear, clearance(x, x_next, aim, cost.params))
-        total += sum(q)
+        total += q
         row = np.minimum(row + reached, len(aims) - 1)
         x = x_next
-    return Flown(total / T, row, crashed, clear)
+    return Flown(total.sum(axis=0) / T, row, crashed, clear, total.T / T)
 
 
 def decision_distance(x, x_next, aim, params) -> np.ndarray:
     """Distance of a step to the surfaces where the racing cost jumps [m].  (M,)
 
-    Those are the gate's plane at the end of the step, the edges of opening and frame where the plane is
-    crossed, the bounds, and the ball around the gate's centre in which heading and waypoint switch.
+    Those are the gate's entry and exit planes at either end of the step, the edges of opening and frame where the
+    step crosses a plane or ends between them, the bounds, and the balls in which heading and waypoint switch.
     """
     g, n, left = (np.array(aim[i : i + 3]) for i in (0, 3, 6))
-    edges, box = np.array(aim[9:13]), params[10:]
+    near, depth, box = params[10], params[12], params[13:]
     before, after = np.array(x[:3]) - g, np.array(x_next[:3]) - g
     s0, s1 = (before * n).sum(axis=0), (after * n).sum(axis=0)
-    crosses = s0 * s1 <= 0.0
-    hit = after + (before - after) * np.where(crosses, s1 / np.where(crosses, s1 - s0 + 1e-300, 1.0), 0.0)
-    across = np.abs([(hit * left).sum(axis=0), (hit * np.cross(n, left, axis=0)).sum(axis=0)] * 2)
-    to_edges = np.where(crosses, np.abs(across - edges).min(axis=0), np.inf)
+    nearest = [abs(s) for s in (s0, s1, s0 + depth, s1 + depth)]
+    for plane in (0.0, -depth):
+        crosses = (s0 < plane) != (s1 < plane)
+        share = (s1 - plane) / np.where(crosses, s1 - s0, 1.0)
+        nearest.append(np.where(crosses, to_edges(after + (before - after) * share, n, left, aim), np.inf))
+    nearest.append(np.where((s1 > -depth) & (s1 < 0.0), to_edges(after, n, left, aim), np.inf))
     px, py, pz = x_next[:3]
-    to_box = np.abs([pz - box[0], px - box[1], px - box[2], py - box[3], py - box[4], pz - box[5]]).min(axis=0)
+    nearest += [abs(a - b) for a, b in zip((pz, px, px, py, py, pz), box, strict=True)]
     r = np.sqrt((after * after).sum(axis=0))
-    to_balls = np.abs([r - 0.5, r - params[9]]).min(axis=0)
-    return np.minimum.reduce([np.abs(s1), to_edges, to_box, to_balls])
+    return np.minimum.reduce([*nearest, abs(r - 0.5), abs(r - near)])
+
+
+def to_edges(p, n, left, aim) -> np.ndarray:
+    """Distance of points p (3, M), off a gate's exit, to the edges of its free opening and of its frame [m].  (M,)"""
+    free_y, free_z, bar = aim[9:12]
+    across, up = (p * left).sum(axis=0), (p * np.cross(n, left, axis=0)).sum(axis=0)
+    beside = np.maximum(abs(across) - free_y, abs(up) - free_z)
+    return np.minimum(abs(beside), abs(beside - bar))
 
 
 def to_lanes(z: np.ndarray, halves: int = 1, dtype: type = np.float32) -> np.ndarray:

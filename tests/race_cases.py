@@ -6,14 +6,17 @@ from math import radians
 
 import numpy as np
 
-from controllers.costs.race import TERMS, RaceWeights
+from controllers.costs.race import SKIN, TERMS, RaceWeights
 from quadsim.course import Course, Gate, Start
-from quadsim.plant import STATE
+from quadsim.plant import FRAME_DEPTH, STATE
 
 RADIUS, WIDTH, DT = 0.1, 0.3, 0.01
+GAP = RADIUS + SKIN  # kept from frames, walls and the ground
+EXIT = FRAME_DEPTH / 2 + GAP  # behind a gate's plane, and the entry in front of it
 FAR = ((-1e3, 1e3), (-1e3, 1e3), (0.0, 1e3))
-ALL = RaceWeights(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, desired_speed=9.0, margin=0.0)
-ONLY = {name: replace(RaceWeights(progress=0.0, crash=0.0), **{name: 1.0}) for name in TERMS}
+ALL = RaceWeights(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, desired_speed=9.0, margin=0.3)
+NOTHING = RaceWeights(progress=0.0, crash=0.0, clearance=0.0)
+ONLY = {name: replace(NOTHING, **{name: 1.0}) for name in TERMS}
 
 
 def gate(x, y=0.0, z=20.0, yaw=0.0, pitch=0.0, roll=0.0, opening=(2.0, 1.6)):
@@ -56,7 +59,12 @@ def straight(a, b, speed=10.0):
     return [tuple(p) for p in (a + np.outer(np.arange(n + 1) / n, b - a)).tolist()]
 
 
+def at(g, *offset):
+    """A point by its offset from a gate's centre: along the passage, left, up."""
+    return tuple((g.position + g.rotation @ offset).tolist())
+
+
 def through(g, y, z, back=False):
-    """One step of .4 m across a gate's plane, y and z off its centre."""
-    ends = [np.array(g.position) + g.rotation @ (s, y, z) for s in (-0.15, 0.25)]
+    """One step of .4 m across a gate, its plane, entry and exit, y and z off its centre."""
+    ends = [at(g, s, y, z) for s in (-0.2, 0.2)]
     return ends[::-1] if back else ends

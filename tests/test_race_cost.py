@@ -5,7 +5,7 @@ from math import cos, radians, sin
 
 import numpy as np
 import pytest
-from race_cases import ALL, ONLY, RADIUS, ROW, course, fly, gate, state, term
+from race_cases import ALL, EXIT, GAP, ONLY, RADIUS, ROW, course, fly, gate, state, term
 
 from controllers.costs.race import TERMS, race_cost
 
@@ -14,7 +14,7 @@ from controllers.costs.race import TERMS, race_cost
 def test_weight_scales_its_term_alone(name):
     base, double = (race_cost(ROW, RADIUS, w, 1) for w in (ALL, replace(ALL, **{name: 2 * getattr(ALL, name)})))
     tilted = (cos(0.2), sin(0.2), 0.0, 0.0)
-    at = {"waypoint": (4.8, 0.1, 20.1)}.get(name, (2.0, 0.7, 20.5))
+    at = {"waypoint": (4.8, 0.1, 20.1), "clearance": (5.0, 0.7, 20.1)}.get(name, (2.0, 0.7, 20.5))
     x, x_next = state(at, (3.0, 1.0, 0.5), tilted), state(np.add(at, 0.01), (3.0, 1.0, 0.5), tilted)
     plain, scaled = (
         np.array([float(t) for t in c.terms(x, x_next, (0.0,) * 4, tuple(c.aims[0]), 1.0, c.params)])
@@ -22,7 +22,8 @@ def test_weight_scales_its_term_alone(name):
     )
     k = TERMS.index(name)
     assert plain[k] != 0.0
-    np.testing.assert_allclose(scaled / np.where(plain, plain, 1.0), np.where(np.arange(10) == k, 2.0, plain != 0.0))
+    weighs = np.arange(len(TERMS) + 2) == k
+    np.testing.assert_allclose(scaled / np.where(plain, plain, 1.0), np.where(weighs, 2.0, plain != 0.0))
 
 
 def test_cost_does_not_depend_on_where_the_course_lies_or_points():
@@ -34,11 +35,15 @@ def test_cost_does_not_depend_on_where_the_course_lies_or_points():
 
     here = course(gate(5.0, 0.5, 21.0, 10, 5, 20), gate(9.0, -1.0, 19.5, -30, 0, 0))
     there = course(*map(moved, here.gates), start=tuple(R @ here.start.position + shift))
-    rng = np.random.default_rng(0)
-    points = np.cumsum([(0.0, 0.0, 20.0), *rng.normal((0.1, 0.0, 0.01), 0.05, (120, 3))], axis=0)
-    a, b = fly(race_cost(here, RADIUS, ALL, 1), points), fly(race_cost(there, RADIUS, ALL, 1), points @ R.T + shift)
-    np.testing.assert_allclose(a[0], b[0], atol=1e-9)
-    assert a[1:] == b[1:]
+    idle = np.ones(len(TERMS), bool)
+    for seed in (0, 6, 16):
+        steps = np.random.default_rng(seed).normal((0.1, 0.0, 0.01), 0.05, (120, 3))
+        points = np.cumsum([(0.0, 0.0, 20.0), *steps], axis=0)
+        a, b = fly(race_cost(here, RADIUS, ALL, 1), points), fly(race_cost(there, RADIUS, ALL, 1), points @ R.T + shift)
+        np.testing.assert_allclose(a[0], b[0], atol=1e-9)
+        assert a[1:] == b[1:]
+        idle &= ~a[0].any(axis=0)
+    assert [name for name, i in zip(TERMS, idle, strict=True) if i] == ["stabilize"]  # these flights are level
 
 
 def test_heading_is_least_towards_the_gate():
@@ -50,7 +55,7 @@ def test_heading_is_least_towards_the_gate():
 
 
 def test_height_is_least_on_the_leg_and_path_is_the_distance_from_it():
-    slope = race_cost(course(gate(3.0, 0.0, 24.0)), RADIUS, replace(ONLY["height"], path=1.0), 1)
+    slope = race_cost(course(gate(3.0 - EXIT, 0.0, 24.0)), RADIUS, replace(ONLY["height"], path=1.0), 1)
     on_leg, above, aside, before = (1.5, 0, 22), (1.5, 0, 22.5), (1.5, 0.5, 22), (-3, 0, 20)
     assert [term("path", slope, p) for p in (on_leg, aside, before)] == pytest.approx([0.0, 0.25, 9.0])
     assert [term("height", slope, p) for p in (on_leg, aside, before)] == pytest.approx([0.0, 0.0, 0.0])
@@ -75,4 +80,31 @@ def test_stabilize_is_one_minus_the_cosine_of_the_tilt():
 
 def test_waypoint_rewards_each_step_near_the_centre():
     cost = race_cost(ROW, RADIUS, ONLY["waypoint"], 1)
-    assert [term("waypoint", cost, (5 - d, 0, 20)) for d in (0.0, 0.49, 0.51)] == [-1.0, -1.0, 0.0]
+    assert [term("waypoint", cost, (5 + EXIT - d, 0, 20)) for d in (0.0, 0.49, 0.51)] == [-1.0, -1.0, 0.0]
+
+
+def test_clearance_is_what_is_short_of_the_margin_at_the_nearest_bar_within_a_gate_alone():
+    margin = 0.25
+    cost = race_cost(ROW, RADIUS, replace(ONLY["clearance"], margin=margin), 1)
+    free_y, free_z = 1.0 - GAP, 0.8 - GAP  # half the opening of 2 x 1.6 m
+    wanted = {
+        (0.0, free_y - margin, 0.0): 0.0,
+        (0.0, free_y - 0.1, 0.0): margin - 0.1,
+        (0.0, 0.0, 0.05 - free_z): margin - 0.05,
+        (0.0, free_y - 0.1, free_z - 0.2): margin - 0.1,  # the nearer bar's, no sum
+        (1e-3 - EXIT, free_y - 0.1, 0.0): margin - 0.1,
+        (EXIT - 1e-3, free_y - 0.1, 0.0): margin - 0.1,
+        (-EXIT - 1e-3, free_y - 0.1, 0.0): 0.0,
+        (EXIT + 1e-3, free_y - 0.1, 0.0): 0.0,
+        (0.0, 3.0, 0.0): 0.0,  # beside the frame
+    }
+    found = {offset: term("clearance", cost, np.add((5.0, 0.0, 20.0), offset)) for offset in wanted}
+    assert found == pytest.approx(wanted, abs=1e-9)
+
+
+def test_clearance_is_paid_at_every_step_within_a_gate():
+    cost = race_cost(ROW, RADIUS, replace(ONLY["clearance"], margin=0.25), 1)
+    flight = [(x, 1.0 - GAP - 0.1, 20.0) for x in np.arange(4.501, 5.5, 0.02).tolist()]
+    paid = fly(cost, flight)[0][:, TERMS.index("clearance")]
+    assert np.count_nonzero(paid) == 17  # 2 EXIT = .34 m, in steps of .02 m
+    assert paid.sum() == pytest.approx(17 * 0.15)

@@ -5,9 +5,9 @@
 
 Unlike the paper's implementation, the target advances inside the rollout: a sample that flies through
 a gate is drawn to the next one from there on. A gate counts when the segment x -> x_next crosses its
-exit plane inside the opening, less the vehicle's radius and a margin; the frame, all of its depth, the
-ground and the bounds crash the sample for the rest of its rollout. The exit plane stands where the
-vehicle is clear of the frame behind it.
+exit plane inside the free opening, which is the opening less the vehicle's radius and a skin; the frame,
+all of its depth, the ground and the bounds crash the sample for the rest of its rollout. The exit plane
+stands where the vehicle is clear of the frame behind it, the entry plane as far in front of the gate.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from quadsim.plant import FRAME_DEPTH
 from quadsim.strict_yaml import unit
 
 TERMS = ("progress", "heading", "height", "speed", "stabilize", "crash", "waypoint", "path", "clearance")
-TO_GO = 13  # column of the aim rows
-SKIN = 0.02  # [m] of air beyond the frame's depth
+TO_GO = 12  # column of the aim rows
+SKIN = 0.02  # [m] of air kept around the frame, or half of the room where a gate is that narrow
 RUN_OUT = 100.0  # [m] a last target this far behind the last gate: fly on through it
 
 Weight = Annotated[float, Meta(ge=0, le=1e6)]
@@ -42,17 +42,17 @@ class RaceWeights:
     speed: Weight = 0.0  # per (m/s)^2 off desired_speed, horizontal
     stabilize: Weight = 0.0  # 1 - cos of the tilt
     crash: Weight = 1000.0  # per step after a crash
-    waypoint: Weight = 0.0  # reward per step within waypoint_radius of the gate's centre
+    waypoint: Weight = 0.0  # reward per step within waypoint_radius of the gate's exit
     path: Weight = 0.0  # per m^2 off the straight leg
     clearance: Weight = 200.0  # per metre short of the margin, per step within a gate's depth
     desired_speed: Annotated[float, unit("m/s", ge=0, le=100)] = 9.0  # horizontal, of the speed term [m/s]
-    waypoint_radius: Annotated[float, unit("m", gt=0, le=100)] = 0.5  # around a gate's centre [m]
+    waypoint_radius: Annotated[float, unit("m", gt=0, le=100)] = 0.5  # around a gate's exit [m]
     margin: Annotated[float, unit("m", ge=0, le=10)] = 0.25  # wanted between vehicle and frame, within a gate [m]
 
 
 def terms(x, x_next, u, aim, crashed, p):
     """The weighted terms of eq. (8) for one step of one sample, with reached and crashed."""
-    gx, gy, gz, nx, ny, nz, lx, ly, lz, free_y, free_z, frame_y, frame_z, to_go, approach, ex, ey, ez, leg = aim
+    gx, gy, gz, nx, ny, nz, lx, ly, lz, free_y, free_z, bar, to_go, approach, ex, ey, ez, leg = aim
     a_0, a_1, a_2, a_3, a_4, a_5, a_6, a_7, a_8, v_des, near, margin, depth, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
     px, py, pz, vx, vy = x_next[0], x_next[1], x_next[2], x_next[3], x_next[4]
     qx, qy = x_next[7], x_next[8]
@@ -66,19 +66,22 @@ def terms(x, x_next, u, aim, crashed, p):
     z0, z1 = bx * ux + by * uy + bz * uz, dx * ux + dy * uy + dz * uz
     forward = (s0 < 0.0) & (s1 >= 0.0)
     backward = (s0 >= 0.0) & (s1 < 0.0)
-    share = s1 / where(forward | backward, s1 - s0, 1.0)  # of the step that lies behind the plane
-    y = abs(y1 + (y0 - y1) * share)
-    z = abs(z1 + (z0 - z1) * share)
-    framed = (y < frame_y) & (z < frame_z)
-    reached = forward & (y < free_y) & (z < free_z)
-    # the frame has depth: beside the opening anywhere in it is a crash, near its bars costs
-    short = maximum(abs(y1) - free_y, abs(z1) - free_z)
-    within = (s1 > -depth) & (s1 < 0.0) & (abs(y1) < frame_y) & (abs(z1) < frame_z)
-    clipped = (within & (short >= 0.0)) | (forward & framed & ((y >= free_y) | (z >= free_z)))
-    tight = where(within, maximum(short + margin, 0.0), 0.0)
+    # how far beside the free opening the step goes through the exit, the entry, and ends; nonsense, and masked, where
+    # it goes through neither. Free at all three is free between: the free shaft is convex.
+    through = (s0 <= -depth) != (s1 <= -depth)
+    per_s = 1.0 / where(forward | backward | through, s1 - s0, 1.0)
+    slant_y, slant_z = (y1 - y0) * per_s, (z1 - z0) * per_s
+    at_exit = maximum(abs(y1 - slant_y * s1) - free_y, abs(z1 - slant_z * s1) - free_z)
+    at_entry = maximum(abs(y1 - slant_y * (s1 + depth)) - free_y, abs(z1 - slant_z * (s1 + depth)) - free_z)
+    at_end = maximum(abs(y1) - free_y, abs(z1) - free_z)
+    within = (s1 > -depth) & (s1 < 0.0) & (at_end < bar)
+    reached = forward & (at_exit < 0.0)
+    clipped = (forward & (at_exit >= 0.0) & (at_exit < bar)) | (through & (at_entry >= 0.0) & (at_entry < bar))
+    clipped = clipped | (within & (at_end >= 0.0)) | (backward & (at_exit < bar))
+    tight = where(within, maximum(at_end + margin, 0.0), 0.0)
     sunk = (pz < floor) & (pz < x[2])  # a start on the ground is no crash, coming down is
     strayed = (px < x_lo) | (px > x_hi) | (py < y_lo) | (py > y_hi) | (pz > z_hi)
-    crashed = where(clipped | (framed & backward) | sunk | strayed, 1.0, crashed)
+    crashed = where(clipped | sunk | strayed, 1.0, crashed)
 
     d = sqrt(dx * dx + dy * dy + dz * dz + 1e-6)
     # behind the plane without having passed, the way leads round to a point in front of the gate
@@ -125,22 +128,25 @@ def clear_of_frame(radius: float) -> float:
 
 
 def is_inside(x: np.ndarray, row: np.ndarray, params: tuple[float, ...]) -> bool:
-    """Whether x is past the gate's plane but not yet clear of its frame."""
+    """Whether x is past the gate's plane, within its outline, but not yet clear of its frame."""
     depth = params[len(TERMS) + 3]
-    s = (x[:3] - row[:3]) @ row[3:6]
-    return bool(-depth / 2 <= s < 0.0)
+    d, passage, left = x[:3] - row[:3], row[3:6], row[6:9]
+    s, y, z = d @ passage, d @ left, d @ np.cross(passage, left)
+    free_y, free_z, bar = row[9:12]
+    return bool(-depth / 2 <= s < 0.0 and max(abs(y) - free_y, abs(z) - free_z) < bar)
 
 
 def aims(course: Course, radius: float, laps: int) -> np.ndarray:
-    """One row a gate of every lap, at its exit, and a last one far behind the finish.  (laps * gates + 1, 19)"""
+    """One row a gate of every lap, at its exit, and a last one far behind the finish.  (laps * gates + 1, 18)"""
     gates = course.gates * laps
     run_out = np.add(gates[-1].position, RUN_OUT * gates[-1].rotation[:, 0])
     exits = [g.position + clear_of_frame(radius) * g.rotation[:, 0] for g in gates]
     centres = np.array([course.start.position, *exits, run_out])
     legs = np.diff(centres, axis=0)
     lengths = np.maximum(np.linalg.norm(legs, axis=1), 1e-6)
-    rows = np.array([_aim(g, radius + SKIN) for g in (*gates, gates[-1])])
+    rows = np.array([_aim(g, radius) for g in (*gates, gates[-1])])
     rows[:, :3] = centres[1:]
+    rows[-1, 9:11] = RUN_OUT  # no frame stands there
     approach = np.array([max(g.opening) for g in (*gates, gates[-1])])
     # the way from gate to gate as terms() measures it, round a gate that faces away: passing a gate is no jump
     faces_away = (legs * rows[:, 3:6]).sum(axis=1) < 0
@@ -150,7 +156,9 @@ def aims(course: Course, radius: float, laps: int) -> np.ndarray:
     return np.column_stack([rows, to_go, approach, legs / lengths[:, None], lengths])
 
 
-def _aim(gate: Gate, gap: float) -> np.ndarray:
-    """Centre, passage, left axis, half the free opening, half the outside of the frame.  (13,)"""
+def _aim(gate: Gate, radius: float) -> np.ndarray:
+    """Centre, passage, left axis, half the free opening, thickness of the bars around it.  (12,)"""
     half = np.array(gate.opening) / 2
-    return np.concatenate([gate.position, *gate.rotation.T[:2], half - gap, half + gate.frame_width + gap])
+    skin = min(SKIN, (half.min() - radius) / 2)
+    bar = gate.frame_width + 2 * radius + SKIN + skin
+    return np.array([*gate.position, *gate.rotation.T[:2].ravel(), *(half - radius - skin), bar])

@@ -1,0 +1,54 @@
+"""Compiled on the spot or loaded from the cache: the same code, the same plan to the last bit."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+PLANS = """
+import sys
+import numpy as np
+from controllers.costs.race import RaceWeights, race_cost
+from controllers.mppi import MPPI, MPPIConfig
+from controllers.samplers import SAMPLERS, SamplerConfig
+from quadsim.course import load_course
+from quadsim.plant import start_state
+from quadsim.systems.quadrotor import Belief, quadrotor
+
+course, config = load_course("paper_flat"), MPPIConfig(samples=500, horizon=60, ess=20.0)
+system = quadrotor(Belief((0.1, 0.12, 0.2), 0.04, 0.3, (8.0, 8.0, 4.0), 36.0), config.dt)
+key = np.array([1, int(sys.argv[1])], np.uint32)
+sampler = SAMPLERS["colored"](SamplerConfig((1.5, 1.5, 0.3, 3.0)), config.samples, config.horizon, key, config.dt)
+mppi = MPPI(system, race_cost(course, 0.1, RaceWeights(), 1), sampler, config)
+x = start_state(course.start, 0.1)
+for _ in range(20):
+    u, _ = mppi.control(np.array(x))
+    x = tuple(float(value) for value in system.step(x, tuple(u.tolist()), system.params, config.dt))
+sys.stdout.buffer.write(mppi.plan.tobytes())
+"""
+
+
+@pytest.fixture
+def plan(tmp_path):
+    """plan(seed): bytes of the plan after some flight, by a process whose caches lie under tmp_path, empty at first."""
+    env = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+
+    def run(seed):
+        command = [sys.executable, "-c", PLANS, str(seed)]
+        return subprocess.run(command, env=env, check=True, stdout=subprocess.PIPE).stdout
+
+    return run
+
+
+def test_fresh_code_and_code_from_the_cache_plan_alike_to_the_last_bit(plan, tmp_path):
+    def compiled():
+        return {path.name: path.stat().st_mtime_ns for path in tmp_path.rglob("*.nbc")}
+
+    fresh, built = plan(1), compiled()
+    assert {name.split(".")[1].split("-")[0] for name in built} == {"rollout", "fill_normals", "_lane_sums"}
+    assert plan(1) == fresh
+    assert plan(2) != fresh
+    assert compiled() == built  # nothing was compiled again
+    assert np.ptp(np.frombuffer(fresh).reshape(60, 4), axis=0).min() > 0.1  # a plan, not the rest control
