@@ -66,32 +66,32 @@ def terms(x, x_next, u, aim, crashed, p):
     z0, z1 = bx * ux + by * uy + bz * uz, dx * ux + dy * uy + dz * uz
     forward = (s0 < 0.0) & (s1 >= 0.0)
     backward = (s0 >= 0.0) & (s1 < 0.0)
-    # how far beside the free opening the step goes through the exit, the entry, and ends; nonsense, and masked, where
-    # it goes through neither. Free at all three is free between: the free shaft is convex.
+    # how far beside the free opening the step goes through the exit and the entry, both times |s1 - s0| (no division),
+    # and where it ends. Free at all three is free between: the free shaft is convex.
     through = (s0 <= -depth) != (s1 <= -depth)
-    per_s = 1.0 / where(forward | backward | through, s1 - s0, 1.0)
-    slant_y, slant_z = (y1 - y0) * per_s, (z1 - z0) * per_s
-    at_exit = maximum(abs(y1 - slant_y * s1) - free_y, abs(z1 - slant_z * s1) - free_z)
-    at_entry = maximum(abs(y1 - slant_y * (s1 + depth)) - free_y, abs(z1 - slant_z * (s1 + depth)) - free_z)
+    span, e0, e1 = abs(s1 - s0), s0 + depth, s1 + depth
+    at_exit = maximum(abs(y0 * s1 - y1 * s0) - free_y * span, abs(z0 * s1 - z1 * s0) - free_z * span)
+    at_entry = maximum(abs(y0 * e1 - y1 * e0) - free_y * span, abs(z0 * e1 - z1 * e0) - free_z * span)
     at_end = maximum(abs(y1) - free_y, abs(z1) - free_z)
     within = (s1 > -depth) & (s1 < 0.0) & (at_end < bar)
     reached = forward & (at_exit < 0.0)
-    clipped = (forward & (at_exit >= 0.0) & (at_exit < bar)) | (through & (at_entry >= 0.0) & (at_entry < bar))
-    clipped = clipped | (within & (at_end >= 0.0)) | (backward & (at_exit < bar))
+    clipped = (forward & (at_exit >= 0.0) & (at_exit < bar * span)) | (backward & (at_exit < bar * span))
+    clipped = clipped | (through & (at_entry >= 0.0) & (at_entry < bar * span)) | (within & (at_end >= 0.0))
     tight = where(within, maximum(at_end + margin, 0.0), 0.0)
     sunk = (pz < floor) & (pz < x[2])  # a start on the ground is no crash, coming down is
     strayed = (px < x_lo) | (px > x_hi) | (py < y_lo) | (py > y_hi) | (pz > z_hi)
     crashed = where(clipped | sunk | strayed, 1.0, crashed)
 
-    d = sqrt(dx * dx + dy * dy + dz * dz + 1e-6)
-    # behind the plane without having passed, the way leads round to a point in front of the gate
+    # behind the exit without having passed, the way leads round to a point in front of the gate
     rx, ry, rz = dx + approach * nx, dy + approach * ny, dz + approach * nz
-    round_trip = sqrt(rx * rx + ry * ry + rz * rz + 1e-6) + approach
-    remaining = where(reached, 0.0, where(s1 > 0.0, round_trip, d)) + to_go
+    d2 = dx * dx + dy * dy + dz * dz
+    astern = s1 > 0.0
+    way = sqrt(where(astern, rx * rx + ry * ry + rz * rz, d2) + 1e-6) + where(astern, approach, 0.0)
+    remaining = where(reached, 0.0, way) + to_go
 
     v_xy = sqrt(vx * vx + vy * vy + 1e-6)
     d_xy = sqrt(dx * dx + dy * dy + 1e-6)
-    astray = where(d > 0.5, 1.0 + (vx * dx + vy * dy) / (v_xy * d_xy), 0.0)
+    astray = where(d2 > 0.25, 1.0 + (vx * dx + vy * dy) / (v_xy * d_xy), 0.0)
     # the nearest point of the straight leg: -leg .. 0 along its direction e
     along = minimum(maximum(dx * ex + dy * ey + dz * ez, -leg), 0.0)
     ox, oy, oz = dx - along * ex, dy - along * ey, dz - along * ez
@@ -103,7 +103,7 @@ def terms(x, x_next, u, aim, crashed, p):
         a_3 * off_speed * off_speed,
         a_4 * 2.0 * (qx * qx + qy * qy),
         a_5 * crashed,
-        -a_6 * where(d < near, 1.0, 0.0),
+        -a_6 * where(d2 < near * near, 1.0, 0.0),
         a_7 * (ox * ox + oy * oy + oz * oz),
         a_8 * tight,
         reached,
