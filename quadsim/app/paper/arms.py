@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from rich.markup import escape
 from rich.table import Table
 
 from quadsim.app.lap_table import plain_table
@@ -38,15 +39,15 @@ def arm_numbers(system: str, sampler: str, records: list[dict]) -> dict:
 def arm_table(rows: list[dict], more: dict[str, str]) -> Table:
     """more: title -> key of further columns."""
     table = plain_table()
-    heads = ("sampler", "success", "95 % in %", "time [s]", "least", "paper [s]", "least", "valid", *more)
+    heads = ("sampler", "success", "time [s]", "least", "paper [s]", "least", "valid", *more)
     for i, head in enumerate(heads):
-        table.add_column(head, justify="left" if i == 0 else "right", no_wrap=True)
+        table.add_column(escape(head), justify="left" if i == 0 else "right", no_wrap=True)
     for r in rows:
-        success = f"{r['finished']}/{r['attempts']}", f"{100 * r['success_low']:.0f}-{100 * r['success_high']:.0f}"
+        success = f"{r['finished']}/{r['attempts']}"
         ours = _spread(r["mean"], r["sd"]), _seconds(r["min"])
         theirs = _spread(r["paper_mean"], r["paper_sd"]), _seconds(r["paper_min"])
         valid = "/".join(str(r[key]) for key in ("paper_valid", "paper_attempts") if r[key] is not None)
-        table.add_row(r["sampler"], *success, *ours, *theirs, valid, *(f"{r[key]:.3g}" for key in more.values()))
+        table.add_row(r["sampler"], success, *ours, *theirs, valid, *(f"{r[key]:.3g}" for key in more.values()))
     return table
 
 

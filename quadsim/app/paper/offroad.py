@@ -32,18 +32,16 @@ def run(runs: int, folder: Path) -> Result:
         {d.key: d for seed in zip(*drives.values(), strict=True) for d in seed}, record, folder / "offroad.jsonl"
     )
     records = {name: [made[d.key] for d in arm] for name, arm in drives.items()}
-    rows = [arm_numbers("offroad", name, arm) | _bends(arm) for name, arm in records.items()]
+    rows = [arm_numbers("offroad", name, arm) | _ends(arm) for name, arm in records.items()]
     files = (write_csv(folder / "offroad.csv", rows), *_pictures(records, folder))
-    return Result({"arms": rows}, (arm_table(rows, {"bends": "mean_bends"}),), files)
+    return Result({"arms": rows}, (arm_table(rows, {"legs": "mean_legs"}),), files)
 
 
-def _bends(records: list[dict]) -> dict:
-    """How far attempts came, and how they ended."""
+def _ends(records: list[dict]) -> dict:
+    """How many legs were driven to their end line, and how attempts ended that did not finish."""
     outcomes = [r["outcome"] for r in records]
     ended = {outcome: outcomes.count(outcome) for outcome in ("crashed", "stuck", "timeout")}
-    return {
-        "mean_bends": float(np.mean([min(r["legs"], len(load_corridor(CORRIDOR).lengths) - 1) for r in records]))
-    } | ended
+    return {"mean_legs": float(np.mean([r["legs"] for r in records]))} | ended
 
 
 def _pictures(records: dict[str, list[dict]], folder: Path) -> tuple[Path, ...]:

@@ -74,7 +74,7 @@ def run(runs: int, folder: Path) -> Result:
     records = {name: [made[key] for key in arm] for name, arm in keys.items()}
     rows = [arm_numbers("quadrotor", name, arm) | _chatter(arm) for name, arm in records.items()]
     files = (write_csv(folder / "quadrotor.csv", rows), *_picture(records, folder))
-    return Result({"arms": rows}, (arm_table(rows, {"thrust TV": "thrust_tv"}),), files)
+    return Result({"arms": rows}, (arm_table(rows, {"TV": "thrust_tv"}),), files)
 
 
 def _chatter(records: list[dict]) -> dict:
