@@ -29,6 +29,7 @@ class Stage:
         for tab in plots.values():
             for handle in [h for h in tab._children.values() if isinstance(h, viser.GuiUplotHandle)]:
                 handle.remove()
+        server._run_garbage_collector(force=True)  # else what was removed is kept until somebody new connects
         course, gui = s.lanes[0].course, server.gui
         self._course = CourseView(server.scene, course)
         scale = 1.0 if true_size else visible_scale(course)
