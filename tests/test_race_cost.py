@@ -52,6 +52,8 @@ def test_heading_is_least_towards_the_gate():
     for degrees, expected in bearings.items():
         v = (8 * cos(radians(degrees)), 8 * sin(radians(degrees)), 3.0)
         assert term("heading", cost, (0, 0, 20), v) == pytest.approx(expected, abs=1e-6)
+    away = [term("heading", cost, (5 + EXIT - d, 0, 20), (-8.0, 0.0, 0.0)) for d in (0.51, 0.49)]
+    assert away == pytest.approx([2.0, 0.0], abs=1e-5)  # half a metre before the exit it counts no more
 
 
 def test_height_is_least_on_the_leg_and_path_is_the_distance_from_it():

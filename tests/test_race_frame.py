@@ -30,12 +30,15 @@ def test_a_millimetre_decides_and_the_margin_does_not(angles, side, axis, margin
     """Free opening: half - radius - skin. Frame: half + width + radius + skin."""
     g = gate(5.0, 1.0, 20.0, *angles)
     cost, half = race_cost(course(g), RADIUS, replace(ALL, margin=margin), 1), g.opening[axis] / 2
-    outcomes = []
+    forth, back = [], []
     for edge in (half - GAP, half + WIDTH + GAP):
         for offset in (edge - MM, edge + MM):
-            _, rows, crashed = fly(cost, through(g, *beside(axis, side * offset)))
-            outcomes.append((rows[0], crashed[0]))
-    assert outcomes == [(1, 0.0), (0, 1.0), (0, 1.0), (0, 0.0)]
+            y, z = beside(axis, side * offset)
+            for outcomes, points in ((forth, through(g, y, z)), (back, through(g, y, z, back=True))):
+                _, rows, crashed = fly(cost, points)
+                outcomes.append((rows[0], crashed[0]))
+    assert forth == [(1, 0.0), (0, 1.0), (0, 1.0), (0, 0.0)]
+    assert back == [(0, 1.0), (0, 1.0), (0, 1.0), (0, 0.0)]
 
 
 @pytest.mark.parametrize("angles", TURNED)
