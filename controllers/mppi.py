@@ -23,7 +23,7 @@ from controllers.costs import Cost
 from controllers.rollout.lanes import LANES, Rollout
 from controllers.rollout.reduce import weighted_mean
 from controllers.samplers import Sampler
-from quadsim.strict_yaml import unit
+from quadsim.files.strict_yaml import unit
 from quadsim.systems import System
 
 SAVITZKY_GOLAY = np.array([-3, 12, 17, 12, -3]) / 35  # 5 points, order 2
@@ -186,4 +186,5 @@ def steer(temperature: float, ess: float, target: float | None) -> float:
 def savitzky_golay(plan: np.ndarray, executed: np.ndarray) -> np.ndarray:
     """The plan filtered over time; the executed controls pad its left, its last row its right.  (T, n_u)"""
     padded = np.vstack([executed, plan, plan[-1:], plan[-1:]])
-    return sum(c * padded[i : i + len(plan)] for i, c in enumerate(SAVITZKY_GOLAY))
+    shifted = np.stack([padded[i : i + len(plan)] for i in range(len(SAVITZKY_GOLAY))])
+    return np.tensordot(SAVITZKY_GOLAY, shifted, axes=1)

@@ -16,9 +16,9 @@ from msgspec import Meta, Struct
 
 from quadsim.course import COURSES, Vec3
 from quadsim.course_file import Metre, Size
-from quadsim.data_files import locate, read_text
+from quadsim.files.data_files import locate, read_text
+from quadsim.files.strict_yaml import parse
 from quadsim.run import Event
-from quadsim.strict_yaml import parse
 
 CORRIDORS = COURSES / "corridors"
 STUCK = 5.0  # [s] within a metre: the operator steps in

@@ -12,8 +12,8 @@ import numpy as np
 
 from quadsim.course_checks import corners, faults
 from quadsim.course_file import CourseFile, GateEntry
-from quadsim.data_files import locate, names, read_text
-from quadsim.strict_yaml import parse
+from quadsim.files.data_files import locate, names, read_text
+from quadsim.files.strict_yaml import parse
 
 COURSES = Path(__file__).parent.parent / "courses"
 ROOM = 10.0  # of default bounds around start and gates [m]

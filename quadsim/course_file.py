@@ -6,7 +6,7 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from quadsim.strict_yaml import unit
+from quadsim.files.strict_yaml import unit
 
 Metre = Annotated[float, unit("m", ge=-1e4, le=1e4)]
 Size = Annotated[float, unit("m", gt=0, le=100)]

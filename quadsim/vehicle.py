@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from math import sqrt
 from pathlib import Path
 
-from quadsim.data_files import locate, names, read_text
-from quadsim.strict_yaml import parse
+from quadsim.files.data_files import locate, names, read_text
+from quadsim.files.strict_yaml import parse
 from quadsim.vehicle_file import RotorsEntry, VehicleFile, faults
 
 VEHICLES = Path(__file__).parent / "vehicles"

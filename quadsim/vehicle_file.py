@@ -7,7 +7,7 @@ from typing import Annotated
 
 from msgspec import Struct
 
-from quadsim.strict_yaml import unit
+from quadsim.files.strict_yaml import unit
 
 Length = Annotated[float, unit("m", gt=0, le=2)]
 Speed = Annotated[float, unit("rad/s", ge=0, le=20000)]

@@ -6,7 +6,7 @@ import pytest
 from controllers.costs.corridor import RUN_OUT, CorridorWeights, corridor_cost
 from quadsim.corridor import STUCK, Corridor, CorridorJudge, load_corridor
 from quadsim.course import course_names
-from quadsim.strict_yaml import FileError
+from quadsim.files.strict_yaml import FileError
 
 CORNER = Corridor("corner", 6.0, ((0.0, 0.0), (20.0, 0.0), (20.0, 20.0)))  # one bend, 90 degrees left
 COST = corridor_cost(CORNER, 0.8, CorridorWeights(margin=0.5), 0.02)
@@ -48,7 +48,7 @@ def test_corridors_are_no_race_courses():
 def test_mistake_in_a_file_is_one_line_that_names_the_place(tmp_path, text, said):
     path = tmp_path / "bad.yaml"
     path.write_text(text)
-    with pytest.raises(FileError, match="points|width|gates") as error:
+    with pytest.raises(FileError, match=r"points|width|gates") as error:
         load_corridor(path)
     assert said in str(error.value)
     assert "\n" not in str(error.value)

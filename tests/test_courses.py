@@ -8,7 +8,7 @@ import pytest
 
 from quadsim.course import COURSES, Course, Gate, Published, course_names, load_course, parse_course
 from quadsim.course_checks import corners, frame_distance
-from quadsim.strict_yaml import FileError
+from quadsim.files.strict_yaml import FileError
 from quadsim.vehicle import load_vehicle, vehicle_names
 
 GOOD = """\

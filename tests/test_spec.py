@@ -9,9 +9,9 @@ from controllers.presets import PRESETS
 from quadsim.app.flight_flags import FlightFlags, default_timeout
 from quadsim.app.preset_file import parse_planner
 from quadsim.app.spec import build
+from quadsim.files.strict_yaml import FileError
 from quadsim.flight import fly
 from quadsim.run import Run
-from quadsim.strict_yaml import FileError
 from quadsim.systems.quadrotor import Belief
 
 SMALL = {"samples": 256, "horizon": 40, "iterations": 1}

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 import pytest
 from msgspec import Meta, Struct
 
-from quadsim.data_files import SIZE_MAX, locate, read_text
-from quadsim.strict_yaml import FileError, load, parse, unit
+from quadsim.files.data_files import SIZE_MAX, locate, read_text
+from quadsim.files.strict_yaml import FileError, load, parse, unit
 
 Metre = Annotated[float, unit("m")]
 

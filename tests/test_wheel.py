@@ -32,7 +32,12 @@ def test_an_unpacked_wheel_finds_its_courses_and_vehicles(wheel, tmp_path):
     zipfile.ZipFile(wheel).extractall(tmp_path)
     ask = "import quadsim.course as c, quadsim.vehicle as v; print(c.__file__, c.course_names(), v.vehicle_names())"
     answer = subprocess.run(
-        [sys.executable, "-c", ask], cwd="/", env={"PYTHONPATH": str(tmp_path)}, check=True, capture_output=True, text=True
+        [sys.executable, "-c", ask],
+        cwd="/",
+        env={"PYTHONPATH": str(tmp_path)},
+        check=True,
+        capture_output=True,
+        text=True,
     ).stdout
     assert answer.startswith(str(tmp_path))
     assert "split_s_swift" in answer

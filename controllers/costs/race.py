@@ -21,8 +21,8 @@ from numpy import maximum, minimum, sqrt, where
 
 from controllers.costs import Cost
 from quadsim.course import Course, Gate
+from quadsim.files.strict_yaml import unit
 from quadsim.plant import FRAME_DEPTH
-from quadsim.strict_yaml import unit
 
 TERMS = ("progress", "heading", "height", "speed", "stabilize", "crash", "waypoint", "path", "clearance")
 TO_GO = 12  # column of the aim rows

@@ -47,9 +47,9 @@ def philox(c0, c1, c2, c3, k0, k1):
 @inline
 def log_unit(x):
     """ln x for float32 0 < x <= 1: exponent and mantissa in [1/sqrt 2, sqrt 2), then atanh's series."""
-    bits = _bits(x) - np.int32(0x3F3504F3)
+    bits = _bits(x) - np.int32(0x3F3504F3)  # pyright: ignore[reportCallIssue]
     exponent = F(bits >> np.int32(23))
-    m = _float((bits & np.int32(0x007FFFFF)) + np.int32(0x3F3504F3))
+    m = _float((bits & np.int32(0x007FFFFF)) + np.int32(0x3F3504F3))  # pyright: ignore[reportCallIssue]
     s = (m - F(1)) / (m + F(1))  # ln m = 2 (s + s^3/3 + s^5/5 + ...), |s| < .172
     s2 = s * s
     series = F(2) + s2 * (F(2 / 3) + s2 * (F(2 / 5) + s2 * (F(2 / 7) + s2 * F(2 / 9))))

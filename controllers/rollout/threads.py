@@ -16,7 +16,8 @@ def use_threads(n: int | None) -> int:
 
     Raises ValueError when n is not in 1..cores.
     """
-    most = min(len(os.sched_getaffinity(0)), numba.config.NUMBA_NUM_THREADS)
+    limit = numba.config.NUMBA_NUM_THREADS  # pyright: ignore[reportPrivateImportUsage, reportAttributeAccessIssue]
+    most = min(len(os.sched_getaffinity(0)), limit)
     n = most if n is None else n
     if not 1 <= n <= most:
         raise ValueError(f"threads: expected 1 to {most} on this machine, got {n}")

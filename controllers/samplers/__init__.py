@@ -17,7 +17,7 @@ from controllers.samplers.colored import Colored
 from controllers.samplers.gaussian import Gaussian
 from controllers.samplers.log_normal import LogNormal
 from controllers.samplers.smooth import Momentum
-from quadsim.strict_yaml import unit
+from quadsim.files.strict_yaml import unit
 
 Sigma = Annotated[float, Meta(gt=0, le=1000)]
 Gamma = Annotated[float, Meta(ge=0, le=10)]

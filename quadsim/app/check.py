@@ -13,10 +13,10 @@ from tyro.conf import FlagCreatePairsOff, Positional, arg
 from quadsim.app.console import complain, emit, emit_json
 from quadsim.app.flags import UsageError
 from quadsim.course import COURSES, course_names, parse_course
-from quadsim.data_files import locate, read_text
-from quadsim.strict_yaml import FileError, parse
+from quadsim.files.data_files import locate, read_text
+from quadsim.files.strict_yaml import FileError, parse
+from quadsim.files.yaml_words import did_you_mean
 from quadsim.vehicle import GRAVITY, VEHICLES, parse_vehicle, vehicle_names
-from quadsim.yaml_words import did_you_mean
 
 
 @dataclass(frozen=True)

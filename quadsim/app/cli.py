@@ -70,8 +70,8 @@ def race(argv: list[str]) -> int:
 
 def _run(name: str, argv: list[str]) -> int:
     from quadsim.app.flags import UsageError, read
+    from quadsim.files.strict_yaml import FileError
     from quadsim.run import RunError
-    from quadsim.strict_yaml import FileError
 
     try:
         flags = _flags(name)
@@ -98,7 +98,7 @@ def _about(name: str, argv: list[str]) -> int:
         return 0
     if name.replace("_", "-") in ("--tyro-print-completion", "--tyro-write-completion"):
         return _completion(argv)
-    from quadsim.yaml_words import did_you_mean
+    from quadsim.files.yaml_words import did_you_mean
 
     return _complain(f"race: no command {name!r}: {did_you_mean(name, COMMANDS)} (race --help)", 2)
 

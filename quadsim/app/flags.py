@@ -19,9 +19,9 @@ import yaml
 from msgspec import inspect
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
-from quadsim.strict_yaml import parse
-from quadsim.yaml_values import DECIMAL, WHOLE, Misfit, value
-from quadsim.yaml_words import expected
+from quadsim.files.strict_yaml import parse
+from quadsim.files.yaml_values import DECIMAL, WHOLE, Misfit, value
+from quadsim.files.yaml_words import expected
 
 Flags = TypeVar("Flags")
 FLAT = ("flight.", "sampling.", "mppi.", "cost.")  # groups whose flags carry no prefix

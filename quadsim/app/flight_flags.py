@@ -20,11 +20,11 @@ from quadsim.app.flags import UsageError, check, flag, otherwise
 from quadsim.app.preset_file import load_planner
 from quadsim.app.spec import Spec
 from quadsim.course import Course, load_course
+from quadsim.files.strict_yaml import unit
+from quadsim.files.yaml_words import did_you_mean
 from quadsim.flight import whole_multiple
-from quadsim.strict_yaml import unit
 from quadsim.systems.quadrotor import Belief, Drag, Lag, Rate, Thrust
 from quadsim.vehicle import Vehicle, load_vehicle, with_thrust_to_weight
-from quadsim.yaml_words import did_you_mean
 
 if TYPE_CHECKING:
     SamplerName = str

@@ -18,9 +18,9 @@ from controllers.costs.race import RaceWeights
 from controllers.mppi import MPPIConfig
 from controllers.presets import PRESETS, Planner, faults
 from controllers.samplers import SamplerConfig
-from quadsim.data_files import SUFFIXES, read_text
-from quadsim.strict_yaml import Document, FileError, parse
-from quadsim.yaml_words import did_you_mean
+from quadsim.files.data_files import SUFFIXES, read_text
+from quadsim.files.strict_yaml import Document, FileError, parse
+from quadsim.files.yaml_words import did_you_mean
 
 
 @dataclass(frozen=True)

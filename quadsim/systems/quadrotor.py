@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from math import exp
 from typing import Annotated
 
+from quadsim.files.strict_yaml import unit
 from quadsim.plant import CONTROL, STATE
-from quadsim.strict_yaml import unit
 from quadsim.systems import System
 from quadsim.vehicle import GRAVITY, Vehicle
 

@@ -18,8 +18,8 @@ from quadsim.app.campaign.attempt import arm_key
 from quadsim.app.flags import UsageError, flag_kinds, read
 from quadsim.app.flight_flags import FlightFlags
 from quadsim.app.spec import Spec
+from quadsim.files.yaml_words import unless_null
 from quadsim.referee import Referee
-from quadsim.yaml_words import unless_null
 
 
 @dataclass(frozen=True)

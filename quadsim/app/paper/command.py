@@ -13,7 +13,7 @@ from tyro.conf import DisallowNone, FlagCreatePairsOff, Positional, arg
 from quadsim.app.console import complain, emit, emit_json
 from quadsim.app.flags import UsageError, check, otherwise
 from quadsim.app.paper.result import Result
-from quadsim.yaml_words import did_you_mean
+from quadsim.files.yaml_words import did_you_mean
 
 EXPERIMENTS = {  # name -> what it is
     "noise": "samples of Gaussian and colored noise",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from quadsim.strict_yaml import FileError
-from quadsim.yaml_words import did_you_mean, shown
+from quadsim.files.strict_yaml import FileError
+from quadsim.files.yaml_words import did_you_mean, shown
 
 SUFFIXES = (".yaml", ".yml")
 SIZE_MAX = 1_000_000  # [bytes]; a course of a thousand gates has about 60 000

@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 from msgspec import inspect
 
-from quadsim.yaml_words import TEXT, did_you_mean, expected, found, is_null, limits, shown, unit_of, unless_null
+from quadsim.files.yaml_words import TEXT, did_you_mean, expected, found, is_null, limits, shown, unit_of, unless_null
 
 DECIMAL = re.compile(r"[-+]?((0|[1-9]\d*)(\.\d*)?|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 WHOLE = re.compile(r"[-+]?(0|[1-9]\d*)", re.ASCII)

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import msgspec
 import yaml
 
-from quadsim.yaml_values import Misfit, descend, value
+from quadsim.files.yaml_values import Misfit, descend, value
 
 Schema = TypeVar("Schema")
 DEPTH = 12  # of nesting; the deepest schema here has 5
