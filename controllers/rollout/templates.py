@@ -2,7 +2,8 @@
 
 `rollout` flies every block of samples and keeps their costs; `paths` flies one block and keeps where it went.
 No gather and no data-dependent branch stands in the lane loop: when some sample reaches its target,
-a flag is set and a rare second loop moves those lanes to their next row of aims.
+a flag is set and a rare second loop moves those lanes to their next row of aims. Everything in the lane loop
+is as wide as a float: one 64-bit integer among the lanes would halve the width of all vectors.
 """
 
 from __future__ import annotations
@@ -57,12 +58,13 @@ x_next = step(x, u, ({P}), dt)
 q = terms(x, x_next, u, ({a},), crashed[l], ({Q}))
 crashed[l] = q[{n_terms} + 1]
 {store}
-h = np.int32(1) if q[{n_terms}] else np.int32(0)
-hit[l] = h
-hits += h
+hit[l] = np.int32(1) if q[{n_terms}] else np.int32(0)
 """
 
 NEXT_AIMS = """
+hits = np.int32(0)
+for l in range(L):
+    hits |= hit[l]
 if hits > 0:
     for l in range(L):
         if hit[l] > 0 and row[l] < last:
@@ -85,7 +87,6 @@ def rollout(x0, U, noise, J, low, high, dt, aims, p_system, p_cost):
         E = noise[b // halves]
         t0 = (b % halves) * T
         for t in range(T):
-            hits = np.int32(0)
             for l in range(L):
 {step_16}
                 cost[l] += {q}
@@ -105,7 +106,6 @@ def paths(x0, U, E, path, means, low, high, dt, aims, p_system, p_cost):
 {start_4}
     means[:, :] = F(0)
     for t in range(T):
-        hits = np.int32(0)
         for l in range(L):
 {step_12}
             {keep_path}
