@@ -2,6 +2,8 @@
 
 import csv
 import json
+import os
+import signal
 
 import pytest
 
@@ -21,6 +23,11 @@ def square(job):
     with (folder / f"made_{number}").open("x"):
         pass
     return {"square": number * number}
+
+
+def die(job):
+    """A run whose worker is killed, as where memory runs out."""
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def jobs(folder, count):
@@ -46,6 +53,12 @@ def test_what_a_kill_left_half_written_is_dropped_and_the_rest_kept(tmp_path):
     assert path.read_bytes() == whole
     Store(path).add("c", {"x": 3.5})
     assert list(Store(path).records) == ["a", "b", "c"]
+
+
+def test_a_worker_that_dies_is_one_line_and_no_wait(tmp_path):
+    with pytest.raises(RunError, match="a worker process has died"):
+        gather(jobs(tmp_path, 1), die, tmp_path / "s.jsonl")
+    assert Store(tmp_path / "s.jsonl").records == {}
 
 
 def test_a_store_that_cannot_be_is_one_line(tmp_path):

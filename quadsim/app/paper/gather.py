@@ -6,57 +6,70 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from multiprocessing.pool import Pool
 from pathlib import Path
+from threading import Thread
 from typing import TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from quadsim.app.paper.store import Store
+from quadsim.run import RunError
 
 Job = TypeVar("Job")
 LINES = 10  # of progress where stderr is no terminal
 
 
 def gather(jobs: Mapping[str, Job], make: Callable[[Job], dict], path: Path) -> dict[str, dict]:
-    """The record of every job by its key: from the file, else made now by `make`, a module's function."""
+    """The record of every job by its key: from the file, else made now by `make`, a module's function.
+
+    Raises RunError where a worker process dies, and whatever `make` raises.
+    """
     store = Store(path)
     missing = {key: job for key, job in jobs.items() if key not in store.records}
     if missing:
         with _progress(path.stem, len(jobs), len(jobs) - len(missing)) as advance, _workers(len(missing)) as pool:
-            for key, record in pool.imap_unordered(_Made(make), missing.items()):
-                store.add(key, record)
+            under_way = {pool.submit(make, job): key for key, job in missing.items()}
+            for future in as_completed(under_way):
+                try:
+                    store.add(under_way[future], future.result())
+                except BrokenExecutor:
+                    raise RunError(f"{path}: a worker process has died; the same command goes on from here") from None
                 advance()
     return {key: store.records[key] for key in jobs}
 
 
-class _Made:
-    """(key, job) -> (key, record), in a worker."""
-
-    def __init__(self, make: Callable):
-        self.make = make
-
-    def __call__(self, item: tuple[str, Job]) -> tuple[str, dict]:
-        return item[0], self.make(item[1])
-
-
 @contextmanager
-def _workers(jobs: int) -> Iterator[Pool]:
+def _workers(jobs: int) -> Iterator[Executor]:
     """As many as there are cores; leaving ends them at once, what they have not finished is lost."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     spawn = multiprocessing.get_context("spawn")  # a fork would inherit the locks of threads that it does not have
-    with spawn.Pool(min(jobs, len(os.sched_getaffinity(0))), _settle) as pool:
+    pool = ProcessPoolExecutor(min(jobs, len(os.sched_getaffinity(0))), mp_context=spawn, initializer=_settle)
+    try:
         yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for worker in multiprocessing.active_children():
+            worker.terminate()
 
 
 def _settle() -> None:
+    """One thread each; Ctrl-C is the parent's to answer, and a worker whose parent is gone goes as well."""
     from controllers.rollout.threads import use_threads
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     use_threads(1)
+    Thread(target=_follow, daemon=True).start()
+
+
+def _follow() -> None:
+    parent = multiprocessing.parent_process()
+    if parent:
+        parent.join()
+        os._exit(1)
 
 
 @contextmanager
