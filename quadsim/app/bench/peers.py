@@ -131,7 +131,7 @@ class JaxPeer:
 
         self._jax = jax
         self._key = jax.random.PRNGKey(0)
-        self._plan = np.tile(np.float32(system.rest), (ours.config.horizon, 1))
+        self._plan = np.tile(np.array(system.rest, np.float32), (ours.config.horizon, 1))
         rollout = jax_rollout(jax, system, cost)
         self._costs = jax.jit(rollout)
         self._step = jax.jit(jax_control(jax, rollout, system, ours))
