@@ -7,6 +7,7 @@ number of threads, and any sample can be made again without the ones before it.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from llvmlite import ir
@@ -45,7 +46,7 @@ def philox(c0, c1, c2, c3, k0, k1):
 
 
 @inline
-def log_unit(x) -> float:
+def log_unit(x) -> Any:
     """ln x for float32 0 < x <= 1: exponent and mantissa in [1/sqrt 2, sqrt 2), then atanh's series."""
     bits = _bits(x) - np.int32(0x3F3504F3)  # pyright: ignore[reportCallIssue]
     exponent = F(bits >> np.int32(23))
@@ -67,7 +68,7 @@ def sin_cos_turn(u):
 
 
 @inline
-def box_muller(a, b) -> tuple[float, float]:
+def box_muller(a, b) -> tuple[Any, Any]:
     """Two independent standard normals from two uint32. The radius reaches 5.9."""
     r = math.sqrt(F(-2) * log_unit(F(a >> U4(8)) * F(2.0**-24) + F(2.0**-25)))
     s, c = sin_cos_turn(b)

@@ -94,7 +94,7 @@ def seen(page, words):
     page.locator(":is(td, span, p, b):visible", has_text=words).first.wait_for()
 
 
-def waited(page, claim, seconds=30):
+def waited(page, claim, seconds=90):
     """Whether it comes true while the browser lives on."""
     for _ in range(int(seconds / 0.1)):
         if claim():
