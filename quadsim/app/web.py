@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated
@@ -17,6 +16,7 @@ from quadsim.app.console import complain, emit, emit_json
 from quadsim.app.flags import UsageError, check
 from quadsim.app.fly import EXIT, uninterrupted
 from quadsim.app.stored import find_run
+from quadsim.app.workers import until_interrupted
 from quadsim.course import course_names, load_course
 from quadsim.vehicle import vehicle_names
 
@@ -67,7 +67,7 @@ class Web:
             session.tell(Race.start, [], paths)
         self._say(f"http://{self.host}:{server.get_port()}/" + (f"?token={token}" if token else ""))
         with suppress(KeyboardInterrupt):  # the way a server ends
-            threading.Event().wait()
+            until_interrupted()
         with uninterrupted():
             page.close()
             session.close()

@@ -52,7 +52,7 @@ def test_one_click_flies_and_ctrl_c_keeps_what_was_flown(tmp_path):
         assert said["pid"] == program.pid
         assert asyncio.run(person(said))
         program.send_signal(signal.SIGINT)
-        out, err = program.communicate(timeout=120)
+        out, err = program.communicate(timeout=30)
     assert out == ""
     assert "Traceback" not in err
     assert program.returncode == 130

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import multiprocessing as mp
-import os
-import signal
 from collections import deque
 from collections.abc import Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED as ONE
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import BrokenExecutor, Future
 from socket import create_connection
-from threading import Thread
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 from quadsim.app.campaign.attempt import Flown, fly_attempt
 from quadsim.app.flags import UsageError
 from quadsim.app.spec import Spec
+from quadsim.app.workers import cores, end_workers, finished, start_workers
 
 
 class Pool(Protocol):
@@ -41,14 +37,8 @@ class Processes:
     lost: tuple[type[BaseException], ...] = (BrokenExecutor,)
 
     def __init__(self, jobs: int | None = None):
-        self.window = jobs or len(os.sched_getaffinity(0))
-        self._others = set(mp.active_children())
-        self._executor = self._start()
-
-    def _start(self) -> Executor:
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or the workers' BLAS threads spin against each other
-        spawn = mp.get_context("spawn")  # a fork would inherit the locks of threads that it does not have
-        return ProcessPoolExecutor(self.window, mp_context=spawn, initializer=_settle)
+        self.window = jobs or cores()
+        self._executor = start_workers(self.window)
 
     @property
     def size(self) -> int:
@@ -58,31 +48,15 @@ class Processes:
         try:
             return self._executor.submit(fly_attempt, spec)
         except BrokenExecutor:  # one worker lost, all are gone
-            self._executor = self._start()
+            end_workers(self._executor)
+            self._executor = start_workers(self.window)
             return self._executor.submit(fly_attempt, spec)
 
     def __enter__(self) -> Processes:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._executor.shutdown(wait=False, cancel_futures=True)
-        for worker in set(mp.active_children()) - self._others:
-            worker.terminate()  # one in mid-flight has nothing to lose
-            worker.join()
-
-
-def _settle() -> None:
-    """Ctrl-C is the parent's to answer; a worker whose parent is gone, by SIGKILL too, goes as well."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    Thread(target=_follow, daemon=True).start()
-
-
-def _follow() -> None:
-    parent = mp.parent_process()
-    if parent:
-        parent.join()
-        os._exit(1)
+        end_workers(self._executor)
 
 
 class Cluster:
@@ -141,7 +115,7 @@ def fly_all(pool: Pool, specs: Iterable[Spec]) -> Iterator[tuple[Spec, Flown | N
         while todo and _room(pool, under_way, suspect=todo[0][1]):
             spec, suspect = todo.popleft()
             under_way[pool.submit(spec)] = spec, suspect
-        for future in wait(under_way, return_when=ONE).done:
+        for future in finished(under_way):
             spec, suspect = under_way.pop(future)
             if not isinstance(future.exception(), pool.lost):
                 yield spec, future.result()

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from threading import Thread
 from typing import TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from quadsim.app.paper.store import Store
+from quadsim.app.workers import cores, end_workers, finished, start_workers
 from quadsim.run import RunError
 
 Job = TypeVar("Job")
@@ -30,46 +27,19 @@ def gather(jobs: Mapping[str, Job], make: Callable[[Job], dict], path: Path) -> 
     store = Store(path)
     missing = {key: job for key, job in jobs.items() if key not in store.records}
     if missing:
-        with _progress(path.stem, len(jobs), len(jobs) - len(missing)) as advance, _workers(len(missing)) as pool:
-            under_way = {pool.submit(make, job): key for key, job in missing.items()}
-            for future in as_completed(under_way):
-                try:
-                    store.add(under_way[future], future.result())
-                except BrokenExecutor:
-                    raise RunError(f"{path}: a worker process has died; the same command goes on from here") from None
-                advance()
+        with _progress(path.stem, len(jobs), len(jobs) - len(missing)) as advance:
+            pool = start_workers(min(len(missing), cores()))
+            try:
+                under_way = {pool.submit(make, job): key for key, job in missing.items()}
+                while under_way:
+                    for future in finished(under_way):
+                        store.add(under_way.pop(future), future.result())
+                        advance()
+            except BrokenExecutor:
+                raise RunError(f"{path}: a worker process has died; the same command goes on from here") from None
+            finally:
+                end_workers(pool)
     return {key: store.records[key] for key in jobs}
-
-
-@contextmanager
-def _workers(jobs: int) -> Iterator[Executor]:
-    """As many as there are cores; leaving ends them at once, what they have not finished is lost."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    spawn = multiprocessing.get_context("spawn")  # a fork would inherit the locks of threads that it does not have
-    pool = ProcessPoolExecutor(min(jobs, len(os.sched_getaffinity(0))), mp_context=spawn, initializer=_settle)
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for worker in multiprocessing.active_children():
-            worker.terminate()
-
-
-def _settle() -> None:
-    """One thread each; Ctrl-C is the parent's to answer, and a worker whose parent is gone goes as well."""
-    from controllers.rollout.threads import use_threads
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    use_threads(1)
-    Thread(target=_follow, daemon=True).start()
-
-
-def _follow() -> None:
-    parent = multiprocessing.parent_process()
-    if parent:
-        parent.join()
-        os._exit(1)
 
 
 @contextmanager
