@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.mppi import MPPI, block_of
-from controllers.rollout.lanes import LANES
+from controllers.mppi import MPPI, Iteration, block_of
+from controllers.rollout.lanes import CHUNK, LANES
 
 MOST = LANES - 1  # samples; the plan takes the last lane of the block
 
@@ -23,19 +23,27 @@ class Fan:
 
 
 def fan(mppi: MPPI, samples: int = MOST, points: int = 25) -> Fan | None:
-    """None before the first plan. Flown anew in one block of lanes: .2 ms, and nothing the planner uses changes."""
+    """None before the first plan. Drawn and flown anew, which changes nothing that the planner uses."""
     if mppi.last is None:
         return None
-    x, U, z, J, target = mppi.last
-    best = cheapest(J, min(samples, MOST, len(J)))
-    v = np.empty((len(best) + 1, U.shape[1], len(U)), z.dtype)  # (samples + 1, n_u, T)
-    for i, m in enumerate(best):
-        v[i] = np.clip(U.T + block_of(z, m // LANES, len(U))[:, :, m % LANES], mppi.low[:, None], mppi.high[:, None])
-    v[-1] = mppi.plan.T
-    paths, terms = mppi.rollout.paths(x, v, target)  # (samples + 1, T, 3), (samples + 1, n_terms)
-    shown = np.linspace(0, len(U) - 1, points).round().astype(int)
+    last = mppi.last
+    best = cheapest(last.J, min(samples, MOST, len(last.J)))
+    v = np.concatenate([controls(mppi, last, best), mppi.plan.T[None]])  # (samples + 1, n_u, T)
+    paths, terms = mppi.rollout.paths(last.x, v, last.target)  # (samples + 1, T, 3), (samples + 1, n_terms)
+    shown = np.linspace(0, len(mppi.plan) - 1, points).round().astype(int)
     names = mppi.rollout.cost.term_names
-    return Fan(paths[:-1, shown], J[best], paths[-1, shown], dict(zip(names, terms[-1].tolist(), strict=True)))
+    return Fan(paths[:-1, shown], last.J[best], paths[-1, shown], dict(zip(names, terms[-1].tolist(), strict=True)))
+
+
+def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:
+    """v of these samples of the iteration.  (samples,) -> (samples, n_u, T)"""
+    U, v = last.centre.T, np.empty((len(which), *last.centre.T.shape))
+    for first in np.unique(which // CHUNK * CHUNK):
+        z = mppi.perturbations(last, first, min(CHUNK, len(last.J) - first))
+        for k in np.flatnonzero(which // CHUNK * CHUNK == first):
+            m = which[k] - first
+            v[k] = U + block_of(z, m // LANES, len(last.centre))[:, :, m % LANES]
+    return np.clip(v, mppi.low[:, None], mppi.high[:, None])
 
 
 def cheapest(J: np.ndarray, n: int) -> np.ndarray:

@@ -20,9 +20,9 @@ import numpy as np
 from msgspec import Meta
 
 from controllers.costs import Cost
-from controllers.rollout.lanes import LANES, Rollout
+from controllers.rollout.lanes import CHUNK, LANES, Rollout
 from controllers.rollout.reduce import weighted_mean
-from controllers.samplers import Sampler
+from controllers.samplers import SAMPLERS, Sampler, Sampling
 from quadsim.files.strict_yaml import unit
 from quadsim.systems import System
 
@@ -56,6 +56,18 @@ class PlanStats:
     temperature: float
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Iteration:
+    """All that decided the last iteration: its samples can be drawn again, see controllers.fan."""
+
+    x: np.ndarray  # (n_x,)
+    target: int
+    call: int  # of the sampler
+    centre: np.ndarray  # (T, n_u) what the samples perturbed
+    aside: np.ndarray  # (T, n_u) from the centre to what the last ones perturbed, the share `rest_fraction`
+    J: np.ndarray  # (M,)
+
+
 class MPPI:
     """Receding-horizon controller. Keeps the plan U (T, n_u) between calls."""
 
@@ -66,9 +78,9 @@ class MPPI:
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
         self.executed = np.tile(self.rest, (2, 1))  # the last two controls, left padding of the filter
         self.temperature = config.temperature
-        self.samples = config.samples  # M, at most what the buffers of the sampler hold
+        self.samples = config.samples  # M, which a deadline may change
+        self.last: Iteration | None = None
         self._calls = 0
-        self.last: tuple | None = None  # x, U, z, J, target of the last iteration, until the next; see controllers.fan
 
     def take_over(self, other: MPPI) -> None:
         """Go on with another planner's plan: new numbers act from the next plan on. Same system, same horizon."""
@@ -99,23 +111,34 @@ class MPPI:
 
     def improve(self, x: np.ndarray, target: int) -> PlanStats:
         """One iteration of Algorithm 1 on the plan."""
-        z = self.perturbations()
-        costs = np.empty((-(-self.samples // LANES), LANES), z.dtype)  # J, padded to whole blocks
-        centre, _ = self.centres()
-        self.rollout(x, centre, z, target, costs)
-        J = costs.ravel()[: self.samples].astype(np.float64)
-        self.last = x, centre, z, J, target
-        w = weights(J, self.temperature)
-        mean = weighted_mean(z, centre, self.low, self.high, padded(w))
+        self._calls += 1
+        centre, other = self.centres()
+        self.last = i = Iteration(x, target, self._calls, centre, other - centre, np.empty(self.samples))
+        starts = range(0, self.samples, CHUNK)
+        means = [self._chunk(i, first) for first in starts]
+        w = weights(i.J, self.temperature)
+        mean = np.tensordot(np.add.reduceat(w, starts), means, axes=1)
         plan = np.clip(centre + self.config.step_size * mean, self.low, self.high)
         if self.sampler.momentum:
             self.sampler.momentum.change = plan - self.plan
         self.plan = plan
         if self.config.smooth:
             self.plan = np.clip(savitzky_golay(self.plan, self.executed), self.low, self.high)
-        stats = PlanStats(float(J[0]), float(1 / np.sum(w * w)), self.temperature)
+        stats = PlanStats(float(i.J[0]), float(1 / np.sum(w * w)), self.temperature)
         self.temperature = steer(self.temperature, stats.ess, self.config.ess)
         return stats
+
+    def _chunk(self, i: Iteration, first: int) -> np.ndarray:
+        """Roll out the samples of one chunk into i.J and return the weighted mean of v - U among them.  (T, n_u)
+
+        Their shares of all the weight put the chunks together: the mean of means, so weighted, is the mean.
+        """
+        J = i.J[first : first + CHUNK]
+        z = self.perturbations(i, first, len(J))
+        costs = np.empty((-(-len(J) // LANES), LANES), z.dtype)  # padded to whole blocks
+        self.rollout(i.x, i.centre, z, i.target, costs)
+        J[:] = costs.ravel()[: len(J)]
+        return weighted_mean(z, i.centre, self.low, self.high, padded(shares(J, self.temperature)))
 
     def centres(self) -> tuple[np.ndarray, np.ndarray]:
         """What samples perturb, and what the last ones do, the share `rest_fraction`.  (T, n_u) each
@@ -125,20 +148,26 @@ class MPPI:
         momentum = self.sampler.momentum
         return (self.plan + momentum.change, self.plan) if momentum else (self.plan, self.rest)
 
-    def perturbations(self) -> np.ndarray:
-        """z of every sample, around the centre: sample 0 is the centre itself."""
-        self._calls += 1
-        self.last = None  # the sampler may use its buffers again
-        z = self.sampler.sample(self._calls, self.samples)
-        T, M = self.config.horizon, self.samples
-        first = M - int(self.config.rest_fraction * M)
-        centre, other = self.centres()
-        for b in range(first // LANES, -(-M // LANES)):
-            block_of(z, b, T)[:, :, max(first - b * LANES, 0) :] += (other - centre).T[:, :, None]
+    def perturbations(self, i: Iteration, first: int, count: int) -> np.ndarray:
+        """z of the samples from `first` on, around the centre: sample 0 is the centre itself."""
+        z = self.sampler.sample(i.call, first, count)
+        T, M = self.config.horizon, len(i.J)
+        rest = max(M - int(self.config.rest_fraction * M) - first, 0)
+        for b in range(rest // LANES, -(-count // LANES)):
+            block_of(z, b, T)[:, :, max(rest - b * LANES, 0) :] += i.aside.T[:, :, None]
         if self.config.freeze_first:
             z[:, :, ::T] = 0
-        block_of(z, 0, T)[:, :, 0] = 0
+        if first == 0:
+            block_of(z, 0, T)[:, :, 0] = 0
         return z
+
+
+def build_mppi(
+    system: System, cost: Cost, sampler: str, sampling: Sampling, config: MPPIConfig, key: np.ndarray
+) -> MPPI:
+    """MPPI with the sampler of this name, whose perturbations are a function of the key (2,) uint32."""
+    held = min(config.samples, CHUNK)
+    return MPPI(system, cost, SAMPLERS[sampler](sampling, held, config.horizon, key, config.dt), config)
 
 
 def block_of(z: np.ndarray, b: int, horizon: int) -> np.ndarray:
@@ -168,9 +197,17 @@ def weights(J: np.ndarray, temperature: float) -> np.ndarray:
 
     Raises FloatingPointError when every rollout overflowed.
     """
+    w = shares(J, temperature)
+    if not w.any():
+        raise FloatingPointError(f"MPPI: cost: expected a finite J, got none in {len(J)} rollouts; lower the weights")
+    return w
+
+
+def shares(J: np.ndarray, temperature: float) -> np.ndarray:
+    """The same of some of the samples; zeros where none of them has a finite cost."""
     J = np.where(np.isnan(J), np.inf, J)
     if not isfinite(J.min()):
-        raise FloatingPointError(f"MPPI: cost: expected a finite J, got none in {len(J)} rollouts; lower the weights")
+        return np.zeros_like(J)
     w = np.exp(-(J - J.min()) / temperature)
     return w / w.sum()
 

@@ -6,8 +6,8 @@ import numpy as np
 from oracle import from_lanes
 
 from controllers.costs import Cost
-from controllers.mppi import MPPI, MPPIConfig
-from controllers.samplers import SAMPLERS, SamplerConfig
+from controllers.mppi import Iteration, MPPIConfig, build_mppi
+from controllers.samplers import SamplerConfig
 from quadsim.systems import System
 
 T = 20
@@ -36,8 +36,7 @@ GOAL = Cost("goal", ("distance", "effort"), terms, (1.0, 0.05), np.zeros((1, 2))
 
 def make(key=(1, 2), sampler="gaussian", sampling=SAMPLING, system=POINT, **changes):
     config = replace(PLAIN, **changes)
-    noise = SAMPLERS[sampler](sampling, config.samples, config.horizon, np.array(key, np.uint32), config.dt)
-    mppi = MPPI(system, GOAL, noise, config)
+    mppi = build_mppi(system, GOAL, sampler, sampling, config, np.array(key, np.uint32))
     mppi.plan = REST + 0.3 * np.sin(np.arange(2 * config.horizon)).reshape(-1, 2)  # any plan but rest
     return mppi
 
@@ -63,3 +62,10 @@ def naive(U, z, temperature, step_size):
 def drawn(mppi, call=1):
     """The samples of a call as the sampler made them."""
     return from_lanes(mppi.sampler.sample(call).copy(), mppi.config.samples, mppi.config.horizon)
+
+
+def perturbed(mppi):
+    """What the first iteration perturbs the present plan by.  (M, n_u, T)"""
+    centre, other = mppi.centres()
+    first = Iteration(START, 0, 1, centre, other - centre, np.empty(mppi.samples))
+    return from_lanes(mppi.perturbations(first, 0, mppi.samples), mppi.samples, mppi.config.horizon)

@@ -145,7 +145,11 @@ def test_paper_spectrum_is_the_published_formula(T, gamma):
     N = T // 2 + 1
     n = np.arange(N)
     zeta = N**gamma / T**2 * (1 + 4 * np.sum(n[1:] ** -float(gamma)))
-    np.testing.assert_allclose(spectrum(T, gamma, "paper"), np.maximum(n / N, 1 / N) ** (-gamma / 2) / np.sqrt(zeta))
+    published = np.maximum(n / N, 1 / N) ** (-gamma / 2) / np.sqrt(zeta) / T  # of X_k, which irfft divides by T
+    twins = np.where((2 * n) % T == 0, 1.0, 0.5)  # a pair of bins of Z carries the power of one bin of X four times
+    s = spectrum(T, gamma, "paper")
+    np.testing.assert_allclose(s[:N], published / np.sqrt(twins))
+    np.testing.assert_allclose(s[:0:-1], s[1:])
 
 
 def test_library_law_has_an_offset_decay_over_a_variance_that_grows_with_gamma(key):

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from controllers.fan import best_paths, cheapest, fan
-from controllers.mppi import block_of
+from controllers.fan import best_paths, cheapest, controls, fan
 from quadsim.app.flight_flags import FlightFlags
 from quadsim.app.spec import build, launch
 from quadsim.flight import PICTURE_EVERY, fly
@@ -32,9 +31,9 @@ def test_nothing_is_seen_before_the_first_plan(flight):
 
 def test_the_terms_of_the_plan_sum_to_what_the_rollout_says(flight):
     _, mppi = flown(flight)
-    x, _, _, _, target = mppi.last
+    last = mppi.last
     J = np.empty((1, 64), np.float32)
-    mppi.rollout(x, mppi.plan, np.zeros((1, 4, len(mppi.plan), 64), np.float32), target, J)
+    mppi.rollout(last.x, mppi.plan, np.zeros((1, 4, len(mppi.plan), 64), np.float32), last.target, J)
     assert sum(fan(mppi).terms.values()) == pytest.approx(float(J[0, 0]), rel=1e-4)
 
 
@@ -42,7 +41,7 @@ def test_samples_are_ranked_and_begin_where_the_vehicle_is(flight):
     frames, mppi = flown(flight)
     seen = fan(mppi)
     assert (np.diff(seen.costs) >= 0).all()
-    assert seen.costs[0] == mppi.last[3].min()
+    assert seen.costs[0] == mppi.last.J.min()
     assert np.allclose(seen.paths[:, 0], frames[-1].x[:3], atol=0.2)  # one step on
     assert not np.allclose(seen.paths[:, -1], seen.paths[0, -1], atol=0.05)
 
@@ -50,11 +49,10 @@ def test_samples_are_ranked_and_begin_where_the_vehicle_is(flight):
 def test_a_cheapest_sample_flown_again_costs_what_it_cost(flight):
     """The fan flies the sampled controls themselves."""
     _, mppi = flown(flight)
-    x, U, z, J, target = mppi.last
-    m = int(np.argmin(J))
-    v = np.clip(U.T + block_of(z, m // 64, len(U))[:, :, m % 64], mppi.low[:, None], mppi.high[:, None])
-    _, terms = mppi.rollout.paths(x, v[None].astype(np.float32), target)
-    assert terms.sum() == pytest.approx(J[m], rel=1e-3)
+    last = mppi.last
+    best = cheapest(last.J, 5)
+    _, terms = mppi.rollout.paths(last.x, controls(mppi, last, best), last.target)
+    assert terms.sum(axis=1) == pytest.approx(last.J[best], rel=1e-3)
 
 
 def test_looking_changes_nothing(flight):

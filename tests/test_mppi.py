@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracle import from_lanes
-from point import POINT, REST, START, T, drawn, make, naive, naive_cost
+from point import POINT, REST, START, T, drawn, make, naive, naive_cost, perturbed
 from scipy.signal import savgol_coeffs
 
-from controllers.mppi import SAVITZKY_GOLAY, block_of, savitzky_golay
+from controllers import mppi as mppi_module
+from controllers.mppi import SAVITZKY_GOLAY, savitzky_golay
 from controllers.samplers import SAMPLERS, SamplerConfig
 
 
@@ -42,7 +42,7 @@ def test_cost_of_the_nominal_plan_is_that_of_sample_zero():
     mppi = make()
     expected = naive_cost(mppi.plan)
     assert mppi.improve(START, 0).cost == pytest.approx(expected, rel=1e-5)
-    assert not block_of(mppi.perturbations(), 0, mppi.config.horizon)[:, :, 0].any()
+    assert not perturbed(mppi)[0].any()
 
 
 @pytest.mark.parametrize("horizon", [10, 40])
@@ -55,7 +55,7 @@ def test_temperature_meets_the_mean_over_the_horizon(horizon):
 
 def test_last_samples_perturb_the_rest_control():
     mppi = make()
-    raw, z = drawn(mppi), from_lanes(mppi.perturbations(), 200, T)
+    raw, z = drawn(mppi), perturbed(mppi)
     np.testing.assert_array_equal(z[1:180], raw[1:180])
     np.testing.assert_allclose(mppi.plan + z[180:].swapaxes(1, 2), REST + raw[180:].swapaxes(1, 2), atol=1e-6)
 
@@ -67,7 +67,7 @@ def test_frozen_first_control_is_the_same_in_every_sample_and_stays(sampler):
     mppi.improve(START, 0)
     np.testing.assert_array_equal(mppi.plan[0], before[0])
     assert (abs(mppi.plan - before)[1:] > 0).all()
-    assert not from_lanes(mppi.perturbations(), 200, T)[:, :, 0].any()
+    assert not perturbed(mppi)[:, :, 0].any()
 
 
 def test_filter_is_savitzky_golay_of_five_points_and_order_two():
@@ -148,3 +148,36 @@ def test_plan_is_a_function_of_the_seed_for_any_number_of_threads(sampler, on_th
 def test_state_that_is_no_state_is_refused_by_name(x, found):
     with pytest.raises(ValueError, match=found):
         make().control(np.array(x))
+
+
+@pytest.mark.parametrize("sampler", SAMPLERS)
+def test_samples_in_chunks_are_the_samples_at_once(sampler, monkeypatch):
+    """The same costs, the same plan but for rounding, and the last samples perturb the rest control in both."""
+    whole = make(sampler=sampler, samples=1100)
+    stats = whole.improve(START, 0)
+    monkeypatch.setattr(mppi_module, "CHUNK", 512)
+    chunked = make(sampler=sampler, samples=1100)
+    assert chunked.sampler.sample(1).shape[0] < whole.sampler.sample(1).shape[0]
+    assert chunked.improve(START, 0) == stats
+    np.testing.assert_array_equal(chunked.last.J, whole.last.J)
+    np.testing.assert_allclose(chunked.plan, whole.plan, atol=1e-6)
+
+
+def test_a_chunk_whose_rollouts_all_overflow_weighs_nothing(monkeypatch):
+    monkeypatch.setattr(mppi_module, "CHUNK", 256)
+    mppi = make(samples=512)
+    rollout, chunk = mppi.rollout, []
+
+    def second_overflows(x, U, z, target, J):
+        rollout(x, U, z, target, J)
+        chunk.append(J)
+        J[:] = np.inf if len(chunk) == 2 else J
+
+    mppi.rollout = second_overflows
+    before = mppi.plan.copy()
+    mppi.improve(START, 0)
+    half = make(samples=256)
+    half.config = replace(half.config, rest_fraction=0.0)
+    half.improve(START, 0)
+    assert abs(mppi.plan - before).max() > 0.01
+    np.testing.assert_allclose(mppi.plan, half.plan, atol=1e-6)

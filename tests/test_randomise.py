@@ -49,7 +49,7 @@ def test_planner_draws_the_same_samples_and_believes_the_nominal_vehicle_on_any_
     z = []
     for one in (calm, rough):
         plant, controller, _ = build(one)
-        z.append(controller.perturbations().copy())
+        z.append(controller.sampler.sample(1).copy())
         plant.close()
     assert np.array_equal(*z)
     assert rough.belief == Belief.of(rough.vehicle) == Belief.of(load_vehicle("swift"))

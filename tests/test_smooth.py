@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from oracle import from_lanes
-from point import POINT, REST, START, T, drawn, make, naive_cost
+from point import POINT, REST, START, T, drawn, make, naive_cost, perturbed
 
 from controllers.mppi import weights
 from controllers.presets import PRESETS
@@ -57,7 +57,7 @@ def test_nominal_of_a_plan_with_momentum_leads_where_the_momentum_does():
 def test_last_samples_perturb_the_plan_without_its_momentum():
     mppi = make(sampler="smooth_star")
     mppi.sampler.momentum.change[:] = 0.3
-    raw, z = drawn(mppi), from_lanes(mppi.perturbations(), 200, T)
+    raw, z = drawn(mppi), perturbed(mppi)
     np.testing.assert_allclose(z[180:], raw[180:] - 0.3, atol=1e-6)
     np.testing.assert_array_equal(z[1:180], raw[1:180])
 

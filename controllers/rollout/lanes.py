@@ -20,6 +20,7 @@ from controllers.rollout.templates import module_source
 from quadsim.systems import System
 
 LANES = 64
+CHUNK = 2048  # samples whose perturbations are held at a time: 5 MB at the paper's horizon
 
 
 @dataclass(frozen=True)

@@ -75,26 +75,32 @@ def box_muller(a, b) -> tuple[Any, Any]:
     return r * s, r * c
 
 
-@njit(fastmath=FAST, error_model="numpy", parallel=True, cache=True)
-def fill_normals(out, scale, key, call):
-    """out[b, r, l] = scale[r] N(0, 1), independent over everything.  out (blocks, rows, LANES), key (2,) uint32.
+@inline
+def normal_rows(out, scale, lane, group, key, call):
+    """out[r, i] = scale[r] N(0, 1).  out (rows, lanes), key (2,) uint32; lane, group: those of its first number.
 
     One Philox counter (lane, group of four rows, call) gives four normals.
     """
-    blocks, rows, lanes = out.shape
-    for b in prange(blocks):
-        for g in range((rows + 3) // 4):
-            r0, r1, r2, r3 = 4 * g, min(4 * g + 1, rows - 1), min(4 * g + 2, rows - 1), min(4 * g + 3, rows - 1)
-            o0, o1, o2, o3 = out[b, r0], out[b, r1], out[b, r2], out[b, r3]
-            s0, s1, s2, s3 = scale[r0], scale[r1], scale[r2], scale[r3]
-            for i in range(lanes):
-                a0, a1, a2, a3 = philox(U4(b * lanes + i), U4(g), U4(call), U4(0), key[0], key[1])
-                n0, n1 = box_muller(a0, a1)
-                n2, n3 = box_muller(a2, a3)
-                o3[i] = n3 * s3  # where the last group is short, its rows coincide: the first written wins last
-                o2[i] = n2 * s2
-                o1[i] = n1 * s1
-                o0[i] = n0 * s0
+    rows, lanes = out.shape
+    for g in range((rows + 3) // 4):
+        r0, r1, r2, r3 = 4 * g, min(4 * g + 1, rows - 1), min(4 * g + 2, rows - 1), min(4 * g + 3, rows - 1)
+        o0, o1, o2, o3 = out[r0], out[r1], out[r2], out[r3]
+        s0, s1, s2, s3 = scale[r0], scale[r1], scale[r2], scale[r3]
+        for i in range(lanes):
+            a0, a1, a2, a3 = philox(U4(lane + i), U4(group + g), U4(call), U4(0), key[0], key[1])
+            n0, n1 = box_muller(a0, a1)
+            n2, n3 = box_muller(a2, a3)
+            o3[i] = n3 * s3  # where the last group is short, its rows coincide: the first written wins last
+            o2[i] = n2 * s2
+            o1[i] = n1 * s1
+            o0[i] = n0 * s0
+
+
+@njit(fastmath=FAST, error_model="numpy", parallel=True, cache=True)
+def fill_normals(out, scale, key, call, first=0):
+    """out[b, r, l] = scale[r] N(0, 1), independent over everything.  out (blocks, rows, LANES), key (2,) uint32."""
+    for b in prange(out.shape[0]):
+        normal_rows(out[b], scale, (first + b) * out.shape[2], 0, key, call)
 
 
 @njit(cache=True)

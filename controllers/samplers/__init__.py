@@ -25,12 +25,12 @@ Sigmas = Annotated[tuple[Sigma, Sigma, Sigma, Sigma], unit("rad/s, rad/s, rad/s,
 
 
 class Sample(Protocol):
-    """Perturbations for M samples of T steps, a function of (key, call) alone."""
+    """Perturbations of T steps, a function of (key, call, number of the sample) alone."""
 
-    def __call__(self, call: int, samples: int | None = None) -> np.ndarray:
-        """eps (series, n_u, halves * T, LANES) of the first `samples`, or of all.
+    def __call__(self, call: int, first: int = 0, samples: int | None = None) -> np.ndarray:
+        """eps (series, n_u, halves * T, LANES) of the samples from `first` on, a multiple of 4 LANES.
 
-        The buffer is used again by the next call.
+        As many as the buffer holds, or fewer; it is used again by the next call.
         """
         ...
 

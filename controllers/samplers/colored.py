@@ -14,33 +14,34 @@ library  the authors' public CUDA code: length 2T with the first half kept, norm
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import irfft
 
 from controllers.rollout.lanes import LANES
-from controllers.rollout.normals import fill_normals
-from controllers.rollout.threads import threads
+from controllers.rollout.transform import fill_transformed
 
 LAWS = ("exact", "paper", "library")
 OFFSET_DECAY = 0.97  # per step; law "library" only
 
 
 def spectrum(n: int, gamma: float, law: str) -> np.ndarray:
-    """Standard deviation of the real and imaginary part of each bin for unit variance.  (n // 2 + 1,)
+    """Standard deviation of the real and of the imaginary part of Z_k, for unit variance of z.  (n,)
 
-    With s_k = max(k, 1)^(-gamma/2), irfft of independent parts has the variance
-    (s_0^2 + 4 sum_{0<k<n/2} s_k^2 + s_{n/2}^2) / n^2; the last term for even n only.
+    z_t = sum_k Z_k e^{2 pi i k t / n} has two independent real parts of variance sum_k s_k^2. As a real
+    transform has them, the power of frequency k/n is k^-gamma per real number: two for k and n - k together,
+    real and imaginary part, but one for DC (k^-gamma taken as 1) and Nyquist, which are real.
     """
-    k = np.maximum(np.arange(n // 2 + 1), 1.0)
-    s = k ** (-gamma / 2)
-    weight = np.full(len(s), 4.0)
-    weight[0] = 0.0 if law == "library" else 1.0
-    if n % 2 == 0:
-        weight[-1] = 4.0 if law == "paper" else 1.0  # the published zeta counts the Nyquist bin as any other
-    return s * n / np.sqrt(weight @ s**2)
+    k = np.minimum(np.arange(n), n - np.arange(n))
+    real = 2 * k % n == 0
+    power = np.where(real, 1.0, 2.0) * np.maximum(k, 1.0) ** -gamma
+    counted = power.copy()
+    if law == "library":
+        counted[0] = 0.0
+    if law == "paper":
+        counted[real & (k > 0)] *= 4.0  # the published zeta counts the Nyquist bin as any other
+    return np.sqrt(power / counted.sum())
 
 
 class Colored:
-    """z = irfft(Z), Z_k ~ N(0, s_k^2) + i N(0, s_k^2), per control channel."""
+    """v = u + sigma z, z of the law, independent for every control channel."""
 
     def __init__(
         self,
@@ -51,26 +52,16 @@ class Colored:
         horizon: int,
         key: np.ndarray,
     ):
-        self._n = horizon if law == "paper" else 2 * horizon  # length of the transform
-        self._steps = self._n if law == "exact" else horizon  # of it that are used
+        n = horizon if law == "paper" else 2 * horizon  # length of the transform
+        steps = n if law == "exact" else horizon  # of it that are used
         self._held = 2 * LANES if law == "exact" else LANES  # samples in one series of lanes
-        series = -(-samples // self._held)
-        scale = [s * spectrum(self._n, g, law) for s, g in zip(sigma, gamma, strict=True)]
-        self._scale = np.repeat(np.array(scale, np.float32).ravel(), 2)  # real and imaginary part alike
-        self._bins = np.empty((series, len(sigma), self._n // 2 + 1, LANES), np.complex64)
-        self._law, self._samples, self._horizon, self._key = law, samples, horizon, key
+        self._noise = np.empty((-(-samples // self._held), len(sigma), steps, LANES), np.float32)
+        scale = [s * np.tile(spectrum(n, g, law), 2) for s, g in zip(sigma, gamma, strict=True)]
+        self._scale = np.array(scale, np.float32)  # (n_u, 2 n): real parts, imaginary parts
+        decay = OFFSET_DECAY ** np.arange(steps) if law == "library" else np.zeros(steps)
+        self._offset, self._samples, self._key = decay.astype(np.float32), samples, key
 
-    def sample(self, call: int, samples: int | None = None) -> np.ndarray:
-        bins = self._bins[: -(-(samples or self._samples) // self._held)]
-        # a row of LANES complex bins is two rows of LANES equally scaled normals
-        fill_normals(bins.view(np.float32).reshape(len(bins), -1, LANES), self._scale, self._key, call)
-        # irfft ignores the imaginary parts of the DC and Nyquist bins, as a real signal must
-        z = np.asarray(irfft(bins, n=self._n, axis=2, workers=threads()))
-        return self._settled(z) if self._law == "library" else z
-
-    def _settled(self, z: np.ndarray) -> np.ndarray:
-        """z_t - z_1 .97^t over the first half of z, contiguous as the rollout wants it."""
-        decay = np.float32(OFFSET_DECAY) ** np.arange(self._horizon, dtype=np.float32)
-        settled = np.multiply(z[:, :, 1:2], -decay[:, None])
-        settled += z[:, :, : self._horizon]
-        return settled
+    def sample(self, call: int, first: int = 0, samples: int | None = None) -> np.ndarray:
+        z = self._noise[: -(-(samples or self._samples) // self._held)]
+        fill_transformed(z, self._scale, self._offset, self._key, call, first // self._held // 2)
+        return z

@@ -16,7 +16,7 @@ class Gaussian:
         self._scale = np.repeat(np.array(sigma, np.float32), horizon)  # (n_u * T,)
         self._samples, self._key = samples, key
 
-    def sample(self, call: int, samples: int | None = None) -> np.ndarray:
+    def sample(self, call: int, first: int = 0, samples: int | None = None) -> np.ndarray:
         noise = self._noise[: -(-(samples or self._samples) // LANES)]
-        fill_normals(noise.reshape(len(noise), -1, LANES), self._scale, self._key, call)
+        fill_normals(noise.reshape(len(noise), -1, LANES), self._scale, self._key, call, first // LANES)
         return noise

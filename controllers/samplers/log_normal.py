@@ -26,10 +26,10 @@ class LogNormal:
         self._scale = np.tile(np.repeat(np.array(sigma, np.float32), horizon), 2)  # (2 * n_u * T,)
         self._samples, self._key = samples, key
 
-    def sample(self, call: int, samples: int | None = None) -> np.ndarray:
+    def sample(self, call: int, first: int = 0, samples: int | None = None) -> np.ndarray:
         blocks = -(-(samples or self._samples) // LANES)
         normals, noise = self._normals[:blocks], self._noise[:blocks]
-        fill_normals(normals.reshape(blocks, -1, LANES), self._scale, self._key, call)
+        fill_normals(normals.reshape(blocks, -1, LANES), self._scale, self._key, call, first // LANES)
         np.minimum(normals[:, 1], CEILING, out=noise)
         np.exp(noise, out=noise)
         return np.multiply(noise, normals[:, 0], out=noise)

@@ -11,9 +11,8 @@ import numpy as np
 from controllers.costs.race import race_cost
 from controllers.deadline import Deadline
 from controllers.fan import best_paths
-from controllers.mppi import MPPI
+from controllers.mppi import MPPI, build_mppi
 from controllers.presets import Planner
-from controllers.samplers import SAMPLERS
 from quadsim.course import Course
 from quadsim.flight import CLOCKS, fly
 from quadsim.plant import BulletPlant
@@ -61,9 +60,9 @@ def launch(spec: Spec, plant: BulletPlant, controller: MPPI, referee: Referee) -
 
 def build(spec: Spec) -> tuple[BulletPlant, MPPI, Referee]:
     """The world, the controller and the judge of one flight. The caller closes the plant."""
-    planner, day, wind = streams(spec.seed)
+    stream, day, wind = streams(spec.seed)
     referee = Referee(spec.course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties)
-    return _plant(spec, day, wind), controller_of(spec, planner), referee
+    return _plant(spec, day, wind), controller_of(spec, stream), referee
 
 
 def controller_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
@@ -71,8 +70,7 @@ def controller_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
     mppi = spec.planner.mppi
     cost = race_cost(spec.course, spec.vehicle.radius, spec.planner.cost, spec.laps)
     key = stream.generate_state(2, np.uint32)
-    sampler = SAMPLERS[spec.sampler](spec.planner.sampling, mppi.samples, mppi.horizon, key, mppi.dt)
-    return MPPI(quadrotor(spec.belief, mppi.dt), cost, sampler, mppi)
+    return build_mppi(quadrotor(spec.belief, mppi.dt), cost, spec.sampler, spec.planner.sampling, mppi, key)
 
 
 def streams(seed: int) -> tuple[np.random.SeedSequence, ...]:

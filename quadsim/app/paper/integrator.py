@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from controllers.costs.quadratic import quadratic_cost
-from controllers.mppi import MPPI, MPPIConfig
-from controllers.samplers import SAMPLERS, Channels
+from controllers.mppi import MPPIConfig, build_mppi
+from controllers.samplers import Channels
 from quadsim.app.paper.store import run_key
 from quadsim.course import Vec3
 from quadsim.flight import fly
@@ -67,8 +67,7 @@ def frames(arm: Arm, seed: int) -> list[Frame]:
     """One run: STEPS + 1 states and the controls between them."""
     c = MPPI_CONFIG
     system, key = double_integrator(c.dt), np.random.SeedSequence(seed).generate_state(2, np.uint32)
-    sampler = SAMPLERS[arm.sampler](arm.sampling, c.samples, c.horizon, key, c.dt)
-    controller = MPPI(system, quadratic_cost(GOAL), sampler, c)
+    controller = build_mppi(system, quadratic_cost(GOAL), arm.sampler, arm.sampling, c, key)
     plant = ModelPlant(system.step, system.params, START, c.dt)
     return list(fly(plant, controller, Stopwatch((STEPS - 0.5) * c.dt), c.dt))
 

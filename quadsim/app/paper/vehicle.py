@@ -11,8 +11,8 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from controllers.costs.corridor import CorridorWeights, corridor_cost
-from controllers.mppi import MPPI, MPPIConfig
-from controllers.samplers import SAMPLERS, Channels
+from controllers.mppi import MPPIConfig, build_mppi
+from controllers.samplers import Channels
 from quadsim.app.paper.store import run_key
 from quadsim.corridor import CorridorJudge, load_corridor
 from quadsim.flight import fly
@@ -52,9 +52,8 @@ def frames(drive: Drive) -> tuple[list[Frame], CorridorJudge]:
     """From standing at the corridor's start until the judge ends it."""
     c, corridor = replace(MPPI_CONFIG, temperature=drive.temperature), load_corridor(CORRIDOR)
     key, world = np.random.SeedSequence(drive.seed).spawn(2)
-    sampler = SAMPLERS[drive.sampler](SAMPLING, c.samples, c.horizon, key.generate_state(2, np.uint32), c.dt)
     cost = corridor_cost(corridor, HALF_WIDTH, WEIGHTS, c.dt)
-    controller = MPPI(offroad(BELIEVED, c.dt), cost, sampler, c)
+    controller = build_mppi(offroad(BELIEVED, c.dt), cost, drive.sampler, SAMPLING, c, key.generate_state(2, np.uint32))
     judge = CorridorJudge(corridor, HALF_WIDTH, TIMEOUT)
     return list(fly(plant(np.random.default_rng(world)), controller, judge, c.dt)), judge
 

@@ -1,0 +1,54 @@
+"""The transform in lanes against numpy's, for lengths of every kind of factor."""
+
+import numpy as np
+import pytest
+
+from controllers.rollout.lanes import LANES
+from controllers.rollout.normals import fill_normals
+from controllers.rollout.transform import fill_transformed
+
+N = [2, 3, 4, 8, 13, 22, 34, 65, 91, 300]  # radices 2 to 13, and 17 in a loop
+
+
+def bins(n, scale, key, first=0, call=3):
+    """What the transform starts from, two series of one channel.  (n, LANES) complex"""
+    rows = np.empty((1, 2 * n, LANES), np.float32)
+    fill_normals(rows, scale, key, call, first)
+    return rows[0, :n] + 1j * rows[0, n:]
+
+
+def fill(n, scale, key, series=2, steps=None, first=0, offset=0.0):
+    steps = steps or n
+    z = np.full((series, 1, steps, LANES), np.nan, np.float32)
+    fill_transformed(z, scale[None], np.full(steps, offset, np.float32), key, 3, first)
+    return z[:, 0]
+
+
+@pytest.fixture
+def scale():
+    return lambda n: np.tile(np.random.default_rng(n).uniform(0.5, 2.0, n), 2).astype(np.float32)
+
+
+@pytest.mark.parametrize("n", N)
+def test_parts_of_the_transform_are_the_two_series(n, scale, key):
+    Z = bins(n, scale(n), key)
+    z = np.fft.ifft(Z, axis=0, norm="forward")
+    tolerance = 1e-5 * np.sqrt((abs(Z) ** 2).sum(axis=0)).max()
+    np.testing.assert_allclose(fill(n, scale(n), key), [z.real, z.imag], atol=tolerance)
+    assert abs(np.fft.fft(Z, axis=0) - z).max() > 100 * tolerance or n < 3  # the sign of the exponent matters
+
+
+def test_fewer_steps_and_an_odd_number_of_series_are_the_same_numbers(scale, key):
+    whole = fill(30, scale(30), key, series=4)
+    np.testing.assert_array_equal(fill(30, scale(30), key, series=3, steps=17), whole[:3, :17])
+
+
+def test_series_can_be_made_without_those_before_them(scale, key):
+    whole = fill(30, scale(30), key, series=4)
+    np.testing.assert_array_equal(fill(30, scale(30), key, first=1), whole[2:])
+    assert not np.array_equal(whole[:2], whole[2:])
+
+
+def test_offset_takes_its_share_of_the_second_step(scale, key):
+    plain = fill(30, scale(30), key)
+    np.testing.assert_allclose(fill(30, scale(30), key, offset=0.5), plain - 0.5 * plain[:, 1:2], atol=1e-5)
