@@ -20,6 +20,7 @@ import numpy as np
 from msgspec import Meta
 
 from controllers.costs import Cost
+from controllers.rollout.compiled import is_cached
 from controllers.rollout.lanes import CHUNK, LANES, Rollout
 from controllers.rollout.reduce import weighted_mean
 from controllers.samplers import SAMPLERS, Sampler, Sampling
@@ -81,6 +82,11 @@ class MPPI:
         self.samples = config.samples  # M, which a deadline may change
         self.last: Iteration | None = None
         self._calls = 0
+
+    @property
+    def is_cached(self) -> bool:
+        """Whether its loops were compiled on this machine before; else the first plan takes some 20 s."""
+        return self.rollout.is_cached and is_cached(self.sampler.loop)
 
     def take_over(self, other: MPPI) -> None:
         """Go on with another planner's plan: new numbers act from the next plan on. Same system, same horizon."""

@@ -23,6 +23,7 @@ key = np.array([1, int(sys.argv[1])], np.uint32)
 sampler = SAMPLERS["colored"](SamplerConfig((1.5, 1.5, 0.3, 3.0)), config.samples, config.horizon, key, config.dt)
 mppi = MPPI(system, race_cost(course, 0.1, RaceWeights(), 1), sampler, config)
 x = start_state(course.start, 0.1)
+print(mppi.is_cached, file=sys.stderr)
 for _ in range(20):
     u, _ = mppi.control(np.array(x))
     x = tuple(float(value) for value in system.step(x, tuple(u.tolist()), system.params, config.dt))
@@ -32,12 +33,16 @@ sys.stdout.buffer.write(mppi.plan.tobytes())
 
 @pytest.fixture
 def plan(tmp_path):
-    """plan(seed): bytes of the plan after some flight, by a process whose caches lie under tmp_path, empty at first."""
+    """plan(seed): bytes of the plan after some flight, and whether nothing had to be compiled for it.
+
+    By a process whose caches lie under tmp_path, empty at first.
+    """
     env = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
 
     def run(seed):
         command = [sys.executable, "-c", PLANS, str(seed)]
-        return subprocess.run(command, env=env, check=True, stdout=subprocess.PIPE).stdout
+        done = subprocess.run(command, env=env, check=True, capture_output=True)
+        return done.stdout, done.stderr.strip() == b"True"
 
     return run
 
@@ -46,9 +51,10 @@ def test_fresh_code_and_code_from_the_cache_plan_alike_to_the_last_bit(plan, tmp
     def compiled():
         return {path.name: path.stat().st_mtime_ns for path in tmp_path.rglob("*.nbc")}
 
-    fresh, built = plan(1), compiled()
+    (fresh, was_cached), built = plan(1), compiled()
+    assert not was_cached
     assert {name.split(".")[1].split("-")[0] for name in built} == {"rollout", "transformed", "_lane_sums"}
-    assert plan(1) == fresh
-    assert plan(2) != fresh
+    assert plan(1) == (fresh, True)
+    assert plan(2)[0] != fresh
     assert compiled() == built  # nothing was compiled again
     assert np.ptp(np.frombuffer(fresh).reshape(60, 4), axis=0).min() > 0.1  # a plan, not the rest control

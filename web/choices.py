@@ -52,6 +52,7 @@ class Flight(Protocol):
     spec: dict
     course: Course
     period: float  # [s]
+    is_cached: bool  # else the first plan has to compile, some 20 s
     frames: Iterator[Frame]
 
     def tune(self, numbers: Numbers) -> None:

@@ -22,7 +22,7 @@ from web.take import ExportPanel
 from web.view import ViewPanel
 
 SCENE, TABLES, SUMS = 1 / 25, 1 / 8, 1.0  # periods of the scene, of tables and signals, of spectra and gaps [s]
-COLOURS: dict[str, Any] = {"error": "red", "crash": "orange", "lap": "green"}  # of notices
+COLOURS: dict[str, Any] = {"error": "red", "crash": "orange", "lap": "green", "wait": "blue"}  # of notices
 
 
 class Dashboard:

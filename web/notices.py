@@ -13,7 +13,7 @@ CRASHES = ("hit", "ground", "bounds")
 @dataclass(frozen=True)
 class Notice:
     number: int  # counts up, so that a page shows each once
-    kind: str  # error, crash, lap
+    kind: str  # error, crash, lap, wait
     title: str
     text: str
 

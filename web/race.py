@@ -61,6 +61,8 @@ class Race:
         for c, flight in zip(choices, flights, strict=True):
             self._live.append(LiveLane(flight, self._root, c.sampler))
             self._numbers = c.numbers or self._hangar.numbers(c.preset, c.sampler)
+        if not all(flight.is_cached for flight in flights):
+            self.notices.add("wait", "Compiling the planner for this machine", "once; it takes some 20 s")
         self._begin()
 
     def restart(self) -> None:

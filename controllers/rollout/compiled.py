@@ -43,6 +43,7 @@ def load_module(name: str, source: str) -> ModuleType:
 
 
 def is_cached(function: Callable) -> bool:
-    """Whether numba finds compiled code of this function's file on the disk, so that its first call is quick."""
+    """Whether numba finds compiled code of this function on the disk, so that its first call is quick."""
     source = Path(inspect.getfile(inspect.unwrap(function)))
-    return any((source.parent / "__pycache__").glob(f"{source.stem}.{function.__name__}-*.nbi"))
+    folder = Path(function._cache.cache_path)  # pyright: ignore[reportFunctionMemberAccess]
+    return any(folder.glob(f"{source.stem}.{function.__name__}-*.nbi"))

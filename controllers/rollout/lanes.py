@@ -55,7 +55,7 @@ class Rollout:
 
     @property
     def is_cached(self) -> bool:
-        """Whether the loop was compiled on this machine before; else the first call takes some 10 s."""
+        """Whether the loop was compiled on this machine before."""
         return is_cached(self._module.rollout)
 
     def _numbers(self, x0: np.ndarray, target: int) -> tuple[object, ...]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+from collections.abc import Callable
 from functools import cache
 from textwrap import indent
 from types import ModuleType
@@ -70,6 +71,11 @@ def fill_transformed(
     """
     module, turns = _module(scale.shape[1] // 2)
     module.transformed(out, scale, offset, turns, key, call, first)
+
+
+def transform_loop(n: int) -> Callable:
+    """The compiled loop for this length."""
+    return _module(n)[0].transformed
 
 
 @cache

@@ -13,6 +13,7 @@ from typing import Annotated, Literal, Protocol
 import numpy as np
 from msgspec import Meta
 
+from controllers.rollout.normals import fill_normals
 from controllers.samplers.colored import Colored
 from controllers.samplers.gaussian import Gaussian
 from controllers.samplers.log_normal import LogNormal
@@ -40,6 +41,7 @@ class Sampler:
     """What MPPI draws from: perturbations of its plan, or of its plan and the momentum that this has."""
 
     sample: Sample
+    loop: Callable  # the compiled one behind it
     momentum: Momentum | None = None
 
 
@@ -77,15 +79,16 @@ class SamplerConfig:
 
 
 def _gaussian(config: Sampling, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
-    return Sampler(Gaussian(config.sigma, samples, horizon, key).sample)
+    return Sampler(Gaussian(config.sigma, samples, horizon, key).sample, fill_normals)
 
 
 def _colored(config: Sampling, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
-    return Sampler(Colored(config.sigma, config.gamma, config.law, samples, horizon, key).sample)
+    noise = Colored(config.sigma, config.gamma, config.law, samples, horizon, key)
+    return Sampler(noise.sample, noise.loop)
 
 
 def _log_normal(config: Sampling, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
-    return Sampler(LogNormal(config.sigma, samples, horizon, key).sample)
+    return Sampler(LogNormal(config.sigma, samples, horizon, key).sample, fill_normals)
 
 
 def _smooth(config: Sampling, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
@@ -95,7 +98,7 @@ def _smooth(config: Sampling, samples: int, horizon: int, key: np.ndarray, dt: f
 
 def _smooth_star(config: Sampling, samples: int, horizon: int, key: np.ndarray, dt: float) -> Sampler:
     noise = Gaussian(config.sigma, samples, horizon, key)
-    return Sampler(noise.sample, Momentum(horizon, len(config.sigma), config.shift))
+    return Sampler(noise.sample, fill_normals, Momentum(horizon, len(config.sigma), config.shift))
 
 
 # name -> sampler of (config, samples, horizon, key, control period [s])

@@ -13,10 +13,12 @@ library  the authors' public CUDA code: length 2T with the first half kept, norm
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from controllers.rollout.lanes import LANES
-from controllers.rollout.transform import fill_transformed
+from controllers.rollout.transform import fill_transformed, transform_loop
 
 LAWS = ("exact", "paper", "library")
 OFFSET_DECAY = 0.97  # per step; law "library" only
@@ -60,6 +62,10 @@ class Colored:
         self._scale = np.array(scale, np.float32)  # (n_u, 2 n): real parts, imaginary parts
         decay = OFFSET_DECAY ** np.arange(steps) if law == "library" else np.zeros(steps)
         self._offset, self._samples, self._key = decay.astype(np.float32), samples, key
+
+    @property
+    def loop(self) -> Callable:
+        return transform_loop(self._scale.shape[1] // 2)
 
     def sample(self, call: int, first: int = 0, samples: int | None = None) -> np.ndarray:
         z = self._noise[: -(-(samples or self._samples) // self._held)]

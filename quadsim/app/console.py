@@ -8,6 +8,8 @@ from math import isfinite
 
 from rich.console import Console, RenderableType
 
+COMPILING = "compiling the planner for this machine, once: some 20 s"
+
 
 def emit(*parts: RenderableType) -> None:
     """Print results. As one string, so that a reader who leaves early is one BrokenPipeError, not rich's exit."""

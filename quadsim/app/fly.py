@@ -10,7 +10,7 @@ from typing import Annotated
 
 from tyro.conf import FlagCreatePairsOff, arg
 
-from quadsim.app.console import complain
+from quadsim.app.console import COMPILING, complain
 from quadsim.app.flags import UsageError
 from quadsim.app.flight_flags import FlightFlags
 from quadsim.app.progress import Progress
@@ -46,8 +46,8 @@ class Fly:
         except ValueError as error:  # laps on an open course, a gate too small for the vehicle
             raise UsageError(str(error)) from None
         with closing(plant), RunFolder.open(self.runs_dir, spec.record()) as folder:
-            if not controller.rollout.is_cached:
-                complain("compiling the rollout for this machine, once: about 10 s")
+            if not controller.is_cached:
+                complain(COMPILING)
             frames = self._collect(launch(spec, plant, controller, referee), spec)
             run = Run.from_frames(spec.record(), frames)
             with uninterrupted():

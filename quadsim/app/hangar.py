@@ -52,7 +52,7 @@ class LiveFlight:
         self._spec, self._base = spec, base
         self.spec = spec.record()
         self._plant, self._mppi, referee = build(spec)
-        self.rest = self._mppi.rest
+        self.rest, self.is_cached = self._mppi.rest, self._mppi.is_cached
         self.frames: Iterator[Frame] = fly(self._plant, self, referee, self.period, picture=self._picture)
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:

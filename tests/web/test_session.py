@@ -159,3 +159,20 @@ def test_snapshots_only_ever_grow(session):
     fast(session)
     assert until(lambda: len(session.snapshot.lanes[0].t) > 1500)  # the table has grown by then
     assert np.array_equal(before, early.x["px"])
+
+
+def test_a_flight_that_must_compile_first_says_so_and_another_does_not(session, hangar):
+    fast(session)
+    session.tell(Race.start, [choices()])
+    assert over(session)
+    assert not any(n.kind == "wait" for n in session.snapshot.notices)
+    flight = hangar.flight
+
+    def cold(c):
+        glider = flight(c)
+        glider.is_cached = False
+        return glider
+
+    hangar.flight = cold
+    session.tell(Race.restart)
+    assert until(lambda: any(n.kind == "wait" for n in session.snapshot.notices))

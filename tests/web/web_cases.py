@@ -33,7 +33,7 @@ class Glider:
             "host": {},
         }
         self.tuned: list[Numbers] = []
-        self.closed = False
+        self.closed, self.is_cached = False, True
         self._speed, self._outcome = SPEED[choices.sampler], outcome
         self.frames = self._fly()
 
