@@ -8,6 +8,7 @@ import numpy as np
 
 from controllers.mppi import MPPI, Iteration, block_of
 from controllers.rollout.lanes import CHUNK, LANES
+from quadsim.picture import Picture
 
 MOST = LANES - 1  # samples; the plan takes the last lane of the block
 
@@ -52,7 +53,7 @@ def cheapest(J: np.ndarray, n: int) -> np.ndarray:
     return some[np.argsort(J[some])]
 
 
-def best_paths(mppi: MPPI, samples: int = 8, points: int = 16) -> np.ndarray | None:
-    """What a run keeps, to the centimetre, which packs well: positions [m] of the best samples.  (8, 16, 3)"""
+def take_picture(mppi: MPPI, samples: int = 8, points: int = 16) -> Picture | None:
+    """What a run keeps; the paths to the centimetre, which packs well."""
     seen = fan(mppi, samples, points)
-    return None if seen is None else np.round(seen.paths, 2)
+    return None if seen is None else Picture(np.round(seen.paths, 2), seen.terms)

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from quadsim.course import Vec3
+from quadsim.picture import Picture
 from quadsim.plant import Plant
 from quadsim.run import Event, Frame
 
@@ -105,14 +106,14 @@ def fly(
     referee: Judge,
     period: float,
     clock: Clock | None = None,
-    picture: Callable[[], np.ndarray | None] | None = None,
+    picture: Callable[[], Picture | None] | None = None,
 ) -> Iterator[Frame]:
     """Fly until the referee ends it. The last frame carries the outcome and the control that led there.
 
     period: control period [s], a whole multiple of the plant's step; raises ValueError otherwise.
     A plan made from the state at t acts when it is ready, until then the control before it does; the next
     plan begins one period after t, or when this one is ready. By default that is at once.
-    picture: asked now and then for the paths the planner thought best, to be kept with the run.
+    picture: asked now and then for what the planner thinks, to be kept with the run.
     """
     clock = clock or SimulatedClock()
     whole_multiple(period, plant.dt)
@@ -129,7 +130,7 @@ def fly(
             held, u = u, tuple(control.tolist())
         ready = clock.now(state.t)  # before anybody looks at the frame
         assert stats is not None
-        best = picture() if picture and referee.outcome is None and asked % PICTURE_EVERY == 0 else None
+        seen = picture() if picture and referee.outcome is None and asked % PICTURE_EVERY == 0 else None
         asked += 1
         yield Frame(
             t=state.t,
@@ -145,7 +146,7 @@ def fly(
             elapsed=perf_counter() - began,
             events=tuple(events),
             outcome=referee.outcome,
-            best=best,
+            picture=seen,
         )
         if referee.outcome is not None:
             return

@@ -15,6 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from quadsim.picture import Picture, Pictures
 from quadsim.plant import CONTROL, STATE
 
 PENALTY = 3.0  # [s] a hit in the timed mode, as AirSim Drone Racing Lab scores
@@ -66,7 +67,7 @@ class Frame:
     elapsed: float  # wall clock since the flight began [s]
     events: tuple[Event, ...] = ()  # of the physics steps that led to t
     outcome: str | None = None  # None: still flying; finished, crashed, timeout
-    best: np.ndarray | None = None  # the planner's best sampled paths [m]  (8, points, 3)
+    picture: Picture | None = None  # of the planner, now and then
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +79,7 @@ class Run:
     events: tuple[Event, ...]
     outcome: str  # finished, crashed, timeout, interrupted
     wall: dict  # wall clock: plan_ms {p50, p95}, real_time_factor
-    best: np.ndarray | None = None  # nan where a frame had none  (frames, 8, points, 3)
+    pictures: Pictures | None = None
 
     @classmethod
     def from_frames(cls, spec: dict, frames: Iterable[Frame]) -> Run:
@@ -90,7 +91,7 @@ class Run:
             events=tuple(e for f in frames for e in f.events),
             outcome=(frames[-1].outcome if frames else None) or "interrupted",
             wall=_wall(frames),
-            best=_stack([f.best for f in frames]),
+            pictures=Pictures.of([f.picture for f in frames]),
         )
 
     @cached_property
@@ -115,7 +116,7 @@ class Run:
         return int(laps[-1]) - 1 + (self.outcome == "finished") if len(laps) else 0
 
     def digest(self) -> str:
-        """sha256 [hex] of all that a seed determines: no wall clock, no spec["host"], not the picture in `best`."""
+        """sha256 [hex] of all that a seed determines: no wall clock, no spec["host"], no pictures."""
         events = [asdict(e) for e in self.events]
         text = canonical({"spec": hostless(self.spec), "events": events, "laps": self.laps, "outcome": self.outcome})
         columns = [self.telemetry[name].astype("<f8").tobytes() for name in COLUMNS if name not in WALL_CLOCK]
@@ -170,11 +171,3 @@ def _wall(frames: list[Frame]) -> dict:
     last = frames[-1]
     factor = last.t / last.elapsed if last.elapsed > 0.0 else 0.0
     return {"plan_ms": {"p50": p50, "p95": p95}, "real_time_factor": factor}
-
-
-def _stack(paths: list[np.ndarray | None]) -> np.ndarray | None:
-    shape = next((p.shape for p in paths if p is not None), None)
-    if shape is None:
-        return None
-    none = np.full(shape, np.nan, np.float32)
-    return np.stack([none if p is None else p.astype(np.float32) for p in paths])

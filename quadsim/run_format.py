@@ -15,9 +15,11 @@ import msgspec
 import numpy as np
 
 from quadsim.metrics import chatter
+from quadsim.picture import Pictures
 from quadsim.run import COLUMNS, COUNTS, Event, Run, RunError
 
 SCHEMA_VERSION = 1
+TERM = "cost."  # before the name of a cost term in telemetry.npz
 
 
 @dataclass(frozen=True)
@@ -69,21 +71,22 @@ def read_json(data: bytes, path: object) -> Record:
 
 def write_npz(run: Run) -> bytes:
     buffer = io.BytesIO()
-    best = {} if run.best is None else {"best": run.best}
-    np.savez_compressed(buffer, **run.telemetry, **best)  # pyright: ignore[reportArgumentType]
+    np.savez_compressed(buffer, **run.telemetry, **_flat(run.pictures))  # pyright: ignore[reportArgumentType]
     return buffer.getvalue()
 
 
-def read_npz(data: bytes, path: object) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
-    """Telemetry by column, and the planner's best paths where the run has them."""
+def read_npz(data: bytes, path: object) -> tuple[dict[str, np.ndarray], Pictures | None]:
+    """Telemetry by column, and the planner's pictures where the run has them."""
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
             columns = {name: arrays[name] for name in arrays.files}
     except Exception as error:  # a damaged zip fails in a dozen ways
         raise RunError(f"{path}: damaged: {error}") from error
-    best = columns.pop("best", None)
-    _check(columns, best, path)
-    return {name: columns[name] for name in COLUMNS}, best
+    pictures = _pictures(columns)
+    _check(columns, path)
+    if pictures:
+        _check_pictures(pictures, columns["t"].shape, path)
+    return {name: columns[name] for name in COLUMNS}, pictures
 
 
 def write_csv(events: Iterable[Event]) -> bytes:
@@ -94,7 +97,23 @@ def write_csv(events: Iterable[Event]) -> bytes:
     return text.getvalue().encode()
 
 
-def _check(columns: dict[str, np.ndarray], best: np.ndarray | None, path: object) -> None:
+def _flat(pictures: Pictures | None) -> dict[str, np.ndarray]:
+    """As arrays of the file: `best`, and one for each term, so that a replay can name it."""
+    if pictures is None:
+        return {}
+    return {"best": pictures.best} | {TERM + name: column for name, column in pictures.terms.items()}
+
+
+def _pictures(columns: dict[str, np.ndarray]) -> Pictures | None:
+    """Taken out of the arrays of the file. Files written before there were terms have none."""
+    best = columns.pop("best", None)
+    if best is None:
+        return None
+    names = [name for name in columns if name.startswith(TERM)]
+    return Pictures(best, {name.removeprefix(TERM): columns.pop(name) for name in names})
+
+
+def _check(columns: dict[str, np.ndarray], path: object) -> None:
     if wrong := sorted(columns.keys() ^ COLUMNS.keys()):
         raise RunError(f"{path}: expected the columns of quadsim.run.COLUMNS, missing or unknown: {', '.join(wrong)}")
     frames = columns["t"].shape
@@ -102,8 +121,15 @@ def _check(columns: dict[str, np.ndarray], best: np.ndarray | None, path: object
         wanted = np.dtype(np.int64 if name in COUNTS else np.float64)
         if column.dtype != wanted or column.ndim != 1 or column.shape != frames:
             raise RunError(f"{path}: {name}: expected {wanted} {frames}, got {column.dtype} {column.shape}")
-    if best is not None and (best.ndim != 4 or best.shape[::3] != (*frames, 3) or best.dtype != np.float32):
+
+
+def _check_pictures(pictures: Pictures, frames: tuple[int, ...], path: object) -> None:
+    best = pictures.best
+    if best.ndim != 4 or 0 in best.shape[1:] or best.shape[::3] != (*frames, 3) or best.dtype != np.float32:
         raise RunError(f"{path}: best: expected float32 {(*frames, 8, 'points', 3)}, got {best.dtype} {best.shape}")
+    for name, column in pictures.terms.items():
+        if column.dtype != np.float32 or column.shape != frames:
+            raise RunError(f"{path}: {TERM}{name}: expected float32 {frames}, got {column.dtype} {column.shape}")
 
 
 def _finite(value: object) -> object:

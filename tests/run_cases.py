@@ -4,6 +4,8 @@ from math import pi, sin
 
 import numpy as np
 
+from quadsim.archive import RunFolder
+from quadsim.picture import Picture
 from quadsim.run import Event, Frame, Run
 
 SPEC = {
@@ -20,29 +22,46 @@ def event(t, kind="pass", gate=1, lap=1):
     return Event(t, kind, gate, lap, (0.1, -0.2), 12.3, (1.0, 2.0, 3.0))
 
 
-def frame(k, lap=1, events=(), outcome=None, best=None, plan_ms=5.0):
+def frame(k, lap=1, events=(), outcome=None, picture=None, plan_ms=5.0):
     t = 0.01 * k
     x = (0.3 * k, 0.0, 2.0, 3.0, 4.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0)
     u = (0.1, 0.2, 0.3, 9.81 + sin(2 * pi * t))
-    return Frame(t, x, u, k, lap, 1, 50.0, 0.3, 1.5, plan_ms, 2 * t, events, outcome, best)
+    return Frame(t, x, u, k, lap, 1, 50.0, 0.3, 1.5, plan_ms, 2 * t, events, outcome, picture)
 
 
-def two_laps(spec=SPEC, outcome="finished", plan_ms=5.0, best=None):
+def picture(seed=0, terms=("progress", "crash")):
+    """What a planner may have thought."""
+    rng = np.random.default_rng(seed)
+    return Picture(rng.normal(size=(8, 5, 3)), {name: rng.normal() for name in terms})
+
+
+def two_laps(spec=SPEC, outcome="finished", plan_ms=5.0, picture=None):
     """Three gates; the second lap has a hit."""
     events = {10: (event(0.095),), 20: (event(0.2, gate=2),), 30: (event(0.3, gate=3),)}
     events |= {40: (event(0.4, lap=2),), 45: (event(0.45, "hit", 2, 2),), 50: (event(0.5, gate=2, lap=2),)}
     events |= {60: (event(0.59, gate=3, lap=2),)}
-    frames = [frame(k, 1 + (k >= 30), events.get(k, ()), None, best, plan_ms) for k in range(60)]
-    return Run.from_frames(spec, [*frames, frame(60, 2, events[60], outcome, best, plan_ms)])
+    frames = [frame(k, 1 + (k >= 30), events.get(k, ()), None, picture, plan_ms) for k in range(60)]
+    return Run.from_frames(spec, [*frames, frame(60, 2, events[60], outcome, picture, plan_ms)])
+
+
+def save(root, run):
+    """-> its folder."""
+    with RunFolder.open(root, run.spec) as folder:
+        return folder.save(run)
 
 
 def same(a: Run, b: Run) -> bool:
     """Every field of two runs, to the last bit."""
-    arrays = [(a.telemetry[k], b.telemetry[k]) for k in a.telemetry] + [(a.best, b.best)]
-    return (a.spec, a.events, a.outcome, a.wall, list(a.telemetry)) == (
+    named, other = _arrays(a), _arrays(b)
+    return (a.spec, a.events, a.outcome, a.wall, list(named)) == (
         b.spec,
         b.events,
         b.outcome,
         b.wall,
-        list(b.telemetry),
-    ) and all(x is y or (x.dtype == y.dtype and np.array_equal(x, y, equal_nan=True)) for x, y in arrays)
+        list(other),
+    ) and all(x.dtype == other[k].dtype and np.array_equal(x, other[k], equal_nan=True) for k, x in named.items())
+
+
+def _arrays(run: Run) -> dict:
+    pictures = run.pictures
+    return run.telemetry | ({} if pictures is None else {"best": pictures.best} | pictures.terms)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from controllers.fan import best_paths, cheapest, controls, fan
+from controllers.costs.race import TERMS
+from controllers.fan import cheapest, controls, fan, take_picture
 from quadsim.app.flight_flags import FlightFlags
 from quadsim.app.spec import build, launch
 from quadsim.flight import PICTURE_EVERY, fly
@@ -76,14 +77,21 @@ def test_a_flight_with_pictures_is_the_flight_without(flight):
 
 def test_a_picture_is_kept_now_and_then(flight):
     frames, _ = flown(flight, 2 * PICTURE_EVERY + 1)
-    kept = [k for k, frame in enumerate(frames) if frame.best is not None]
+    kept = [k for k, frame in enumerate(frames) if frame.picture is not None]
     assert kept == [0, PICTURE_EVERY, 2 * PICTURE_EVERY]
-    assert frames[0].best.shape == (8, 16, 3)
+    assert frames[0].picture.best.shape == (8, 16, 3)
+    assert list(frames[0].picture.terms) == list(TERMS)
 
 
-def test_best_paths_are_the_fans(flight):
+def test_a_picture_is_the_fan_and_the_terms_of_the_plan(flight):
     _, mppi = flown(flight)
-    assert np.allclose(best_paths(mppi), fan(mppi, 8, 16).paths, atol=0.006)
+    seen = take_picture(mppi)
+    assert np.allclose(seen.best, fan(mppi, 8, 16).paths, atol=0.006)
+    assert seen.terms == fan(mppi).terms
+
+
+def test_there_is_no_picture_before_the_first_plan(flight):
+    assert take_picture(flight[2]) is None
 
 
 def test_the_cheapest_come_in_order():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from run_cases import SPEC, event, frame, two_laps
+from run_cases import SPEC, event, frame, picture, two_laps
 
 from quadsim.plant import CONTROL, STATE
 from quadsim.run import COLUMNS, PENALTY, Run, sector_times
@@ -50,18 +50,32 @@ def test_wall_clock_is_percentiles_and_simulated_over_real_seconds():
     assert Run.from_frames(SPEC, frames).wall == {"plan_ms": {"p50": 50.0, "p95": 95.0}, "real_time_factor": 0.5}
 
 
-def test_best_paths_are_kept_where_a_frame_has_them():
-    paths = np.arange(8 * 5 * 3, dtype=float).reshape(8, 5, 3)
-    run = Run.from_frames(SPEC, [frame(0), frame(1, best=paths)])
-    assert run.best.shape == (2, 8, 5, 3)
-    assert np.isnan(run.best[0]).all()
-    assert np.array_equal(run.best[1], paths)
-    assert two_laps().best is None
+def test_pictures_are_kept_where_a_frame_has_them():
+    seen = picture()
+    pictures = Run.from_frames(SPEC, [frame(0), frame(1, picture=seen), frame(2)]).pictures
+    assert pictures.best.shape == (3, 8, 5, 3)
+    assert pictures.terms.keys() == seen.terms.keys()
+    for column, kept in ((pictures.best, seen.best), *((pictures.terms[k], v) for k, v in seen.terms.items())):
+        assert np.isnan(column[0]).all()
+        assert np.array_equal(column[1], np.float32(kept))
+        assert np.isnan(column[2]).all()
+    assert two_laps().pictures is None
 
 
-def test_digest_ignores_the_wall_clock_the_host_and_the_best_paths():
+def test_the_latest_picture_is_the_last_one_up_to_a_frame():
+    first, second = picture(1), picture(2)
+    pictures = Run.from_frames(SPEC, [frame(0), frame(1, picture=first), frame(2), frame(3, picture=second)]).pictures
+    assert pictures.latest(0) is None
+    for i, at, seen in ((1, 1, first), (2, 1, first), (3, 3, second)):
+        k, kept = pictures.latest(i)
+        assert k == at
+        assert kept.terms == pytest.approx(seen.terms)
+        assert np.allclose(kept.best, seen.best)
+
+
+def test_digest_ignores_the_wall_clock_the_host_and_the_pictures():
     elsewhere = SPEC | {"host": {"threads": 16}}
-    other = two_laps(elsewhere, plan_ms=99.0, best=np.zeros((8, 5, 3)))
+    other = two_laps(elsewhere, plan_ms=99.0, picture=picture())
     assert other.wall != two_laps().wall
     assert other.digest() == two_laps().digest()
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from quadsim.archive import load_run
 from quadsim.course import Course, parse_course
+from quadsim.picture import Picture, Pictures
 from quadsim.run import Event, Run, RunError
 from web.progress import Legs
 from web.shown import Shown
@@ -37,8 +38,8 @@ class Lane:
     laps: tuple[float, ...]  # [s]
     outcome: str | None  # None: flying
     live: bool
-    best: np.ndarray | None = None  # (frames, 8, points, 3) of a stored run
-    fan: Fan | None = None  # of a live one
+    pictures: Pictures | None = None  # of the planner, once the flight has ended
+    fan: Fan | None = None  # and while it flies
     folder: Path | None = None
 
     @property
@@ -56,6 +57,11 @@ class Lane:
     def at(self, t: float) -> int:
         """Index of the frame at t."""
         return int(np.clip(np.searchsorted(self.t, t + 1e-9) - 1, 0, len(self.t) - 1))
+
+    def picture(self, i: int) -> tuple[float, Picture] | None:
+        """The last one kept up to frame i, and when it was taken [s]."""
+        kept = self.pictures.latest(i) if self.pictures else None
+        return (float(self.t[kept[0]]), kept[1]) if kept else None
 
     def at_place(self, progress: float) -> int:
         """Index of the frame that is this far along [m]."""
@@ -86,7 +92,7 @@ def run_lane(run: Run, course: Course, path: Path | None) -> Lane:
         laps=tuple(run.laps),
         outcome=run.outcome,
         live=False,
-        best=run.best,
+        pictures=run.pictures,
         folder=path,
     )
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from quadsim.archive import RunFolder
+from quadsim.picture import Pictures
 from quadsim.run import COLUMNS, Event, Frame, Run, flown_laps, lap_penalties
 from web.choices import Flight, Numbers
 from web.lane import KEEP, Lane
@@ -50,6 +51,7 @@ class LiveLane:
         self._trace, self._frames, self._events = Trace(self.legs), [], []
         self.outcome: str | None = None
         self.fan: Fan | None = None
+        self._pictures: Pictures | None = None
         self._kept: Path | None = None
 
     @property
@@ -86,6 +88,7 @@ class LiveLane:
             if self.outcome == "interrupted" and not any(e.kind == "pass" for e in self._events):
                 return None
             run = Run.from_frames(self.spec, self._frames)
+            self._pictures = run.pictures
             self._kept = folder.save(run)
         return run
 
@@ -103,7 +106,8 @@ class LiveLane:
             laps=self.laps,
             outcome=self.outcome,
             live=True,
-            fan=self.fan,
+            pictures=self._pictures,
+            fan=self.fan if self.outcome is None else None,
             folder=self._kept,
         )
 

@@ -24,16 +24,26 @@ def planner(s: Standing) -> str:
 
 
 def _terms(s: Standing) -> str:
-    fan = s.lane.fan
-    if fan is None:
-        return _line(f"J = {s.lane.x['cost'][s.i]:.3f}; its terms are shown while a flight is live")
-    terms = {name: value for name, value in fan.terms.items() if value}
+    terms, when = _seen(s)
+    if not terms:
+        why = "not kept with this run" if s.lane.outcome else "shown together with the samples"
+        return _line(f"J = {s.lane.x['cost'][s.i]:.3f}; its terms: - ({why})")
+    J = sum(terms.values())
+    terms = {name: value for name, value in terms.items() if value}
     most = max((abs(v) for v in terms.values()), default=1.0)
     rows = [
         [text(name), f"{v:+.3f}", bar(abs(v) / most, "#6f86d6" if v > 0 else NEXT, width="180px")]
         for name, v in terms.items()
     ]
-    return table(["term", "mean", ""], rows) + _line(f"J = {sum(fan.terms.values()):.3f}, the sum; less is better")
+    return table(["term", "mean", ""], rows) + _line(f"J = {J:.3f}, the sum{when}; less is better")
+
+
+def _seen(s: Standing) -> tuple[dict[str, float], str]:
+    """The terms of the plan, of a stored run the last that were kept, and when that was."""
+    if s.lane.fan:
+        return s.lane.fan.terms, ""
+    kept = s.lane.picture(s.i)
+    return (kept[1].terms, f" at {kept[0]:.2f} s") if kept else ({}, "")
 
 
 def chatter(lanes: Sequence[Lane]) -> str:

@@ -16,7 +16,7 @@ from web.lane import Lane
 from web.laps import laps
 from web.race import Snapshot
 from web.scene import CourseView, visible_scale
-from web.stage import stored_fan
+from web.stage import show_kept
 from web.standing import standings
 from web.timing import hit_gates
 
@@ -48,7 +48,7 @@ def _play(server: viser.ViserServer, lanes: Sequence[Lane]) -> str:
         for drone, s in zip(drones, all_, strict=True):
             drone.show(s.lane, s.i, by_speed=len(lanes) == 1)
         view.colour(all_[0].gate, hit_gates(all_))
-        fan.show(stored_fan(all_[0]))
+        show_kept(fan, all_[0])
         clock.text = f"{t:.1f} s  lap {all_[0].lap}"
         tape.insert_sleep(1.0 / RATE)
     return tape.as_html(dark_mode=True)

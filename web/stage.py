@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
 import viser
 
 from web.charts import Gaps, Signals, Spectrum
@@ -58,18 +57,16 @@ class Stage:
         self._gaps.update(all_)
 
     def _show_fan(self, s: Standing, on: bool) -> None:
-        live = s.lane.fan if s.lane.live and s.lane.outcome is None else None
+        live = s.lane.fan
         if not on:
             self._fan.show(None)
         elif live is not None:
             self._fan.show(live.paths, live.nominal)
         else:
-            self._fan.show(stored_fan(s))
+            show_kept(self._fan, s)
 
 
-def stored_fan(s: Standing) -> np.ndarray | None:
-    """The samples kept last before this frame, of a run that has some.  (8, points, 3)"""
-    best = s.lane.best
-    if best is None:
-        return None
-    return next((best[i] for i in range(s.i, max(s.i - 15, -1), -1) if np.isfinite(best[i, 0, 0, 0])), None)
+def show_kept(fan: FanView, s: Standing) -> None:
+    """The samples that were kept with the run, if there are some."""
+    kept = s.lane.picture(s.i)
+    fan.show(kept[1].best if kept else None)

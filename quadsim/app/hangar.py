@@ -7,13 +7,14 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from controllers.fan import Fan, best_paths, fan
+from controllers.fan import Fan, fan, take_picture
 from controllers.mppi import PlanStats
 from controllers.presets import Planner
 from quadsim.app.flight_flags import FlightFlags
 from quadsim.app.preset_file import load_planner
 from quadsim.app.spec import Spec, build, controller_of, streams
 from quadsim.flight import fly
+from quadsim.picture import Picture
 from quadsim.run import Frame
 from web.choices import RANGES, Choices, Numbers
 
@@ -73,8 +74,8 @@ class LiveFlight:
     def close(self) -> None:
         self._plant.close()
 
-    def _picture(self) -> np.ndarray | None:
-        return best_paths(self._mppi)
+    def _picture(self) -> Picture | None:
+        return take_picture(self._mppi)
 
 
 def planner(base: Planner, numbers: Numbers) -> Planner:

@@ -10,7 +10,7 @@ import numpy as np
 
 from controllers.costs.race import race_cost
 from controllers.deadline import Deadline
-from controllers.fan import best_paths
+from controllers.fan import take_picture
 from controllers.mppi import MPPI, build_mppi
 from controllers.presets import Planner
 from quadsim.course import Course
@@ -54,7 +54,7 @@ class Spec:
 def launch(spec: Spec, plant: BulletPlant, controller: MPPI, referee: Referee) -> Iterator[Frame]:
     """The frames of a flight that `build` made ready."""
     pilot = Deadline(controller, spec.deadline_ms) if spec.deadline_ms else controller
-    picture = partial(best_paths, controller)
+    picture = partial(take_picture, controller)
     return fly(plant, pilot, referee, spec.planner.mppi.dt, CLOCKS[spec.clock](), picture)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from web_cases import PERIOD, Gliders, choices, until
 
 from quadsim.archive import list_runs, load_run
+from web.lane import stored_lane
 from web.race import Race
 from web.session import Session
 
@@ -64,6 +65,19 @@ def test_an_untouched_flight_is_not_marked(session, hangar, tmp_path):
     session.tell(Race.tune, hangar.numbers("race", "colored"))  # what it flies with already
     assert over(session)
     assert "interactive" not in load_run(list_runs(tmp_path)[0]).spec
+
+
+def test_what_the_planner_thought_can_be_replayed_as_soon_as_the_flight_has_ended(session, tmp_path):
+    fast(session)
+    session.tell(Race.start, [choices(laps=2)])
+    assert over(session)
+    landed = session.snapshot.lanes[0]
+    stored = stored_lane(list_runs(tmp_path)[0])
+    assert landed.live
+    for i in (0, 25, len(landed.t) - 1):
+        (now, mine), (then, kept) = landed.picture(i), stored.picture(i)
+        assert (now, mine.terms) == (then, kept.terms)
+        assert np.array_equal(mine.best, kept.best)
 
 
 def test_pausing_stops_the_flight_and_a_step_flies_one_period(session):

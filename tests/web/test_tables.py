@@ -90,6 +90,31 @@ def test_names_from_files_cannot_run_scripts(lanes):
     assert any("&lt;script" in page for page in pages)
 
 
+def test_a_replay_shows_the_terms_of_the_last_picture_kept(lanes):
+    for frame, kept in ((0, 0), (9, 0), (10, 10), (57, 50)):
+        (me, *_) = at(lanes, 0.01 * frame)
+        page = planner.planner(me)
+        assert (f"{kept:+.3f}" in page) == (kept > 0)
+        assert f"J = {kept - 0.5:.3f}, the sum at {0.01 * kept:.2f} s" in page
+        assert "waypoint" in page
+        assert "crash" not in page  # a term of zero is left out
+
+
+@pytest.mark.parametrize("how", ["no pictures", "pictures without terms"])
+def test_a_run_that_kept_no_terms_says_so_with_a_dash(lanes, how):
+    pictures = replace(lanes[0].pictures, terms={}) if how == "pictures without terms" else None
+    (me,) = at([replace(lanes[0], pictures=pictures)], 0.5)
+    assert "J = 1.000; its terms: - (not kept with this run)" in planner.planner(me)
+
+
+def test_names_of_terms_cannot_run_scripts(lanes):
+    pictures = replace(lanes[0].pictures, terms={"<script>alert(1)</script>": lanes[0].pictures.terms["progress"]})
+    (me,) = at([replace(lanes[0], pictures=pictures)], 0.5)
+    page = planner.planner(me)
+    assert "<script" not in page
+    assert "&lt;script" in page
+
+
 def test_the_best_split_is_purple_and_a_runs_own_best_green(lanes):
     table = laps.splits(lanes)
     assert BEST in table

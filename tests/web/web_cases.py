@@ -7,6 +7,7 @@ from itertools import count
 import numpy as np
 
 from quadsim.course import load_course
+from quadsim.picture import Picture
 from quadsim.run import Event, Frame
 from web.choices import Choices, Numbers
 
@@ -65,9 +66,15 @@ class Glider:
             lap = min(passed // len(self.course.gates) + 1, self.laps)
             gate = passed % len(self.course.gates) + 1
             now = time.perf_counter() - began
-            yield Frame(t, x, u, passed, lap, gate, 10.0, 0.5, 1.0, 0.1, now, tuple(events), over)
+            seen = None if over or k % 10 else _picture(k)
+            yield Frame(t, x, u, passed, lap, gate, 10.0, 0.5, 1.0, 0.1, now, tuple(events), over, seen)
             if over:
                 return
+
+
+def _picture(k: int) -> Picture:
+    """One that says at which frame it was taken."""
+    return Picture(np.full((8, 16, 3), float(k)), {"progress": float(k), "crash": 0.0, "waypoint": -0.5})
 
 
 class Gliders:

@@ -1,0 +1,93 @@
+"""Reading a run folder believes nothing, and still reads what was written long ago."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from run_cases import picture, save, two_laps
+
+from quadsim.archive import list_runs, load_run
+from quadsim.run import RunError
+from quadsim.run_format import TERM
+
+
+def edit(path, **changes):
+    record = json.loads((path / "run.json").read_text())
+    (path / "run.json").write_text(json.dumps(record | changes))
+
+
+def edit_npz(path, **changes):
+    columns = dict(np.load(path / "telemetry.npz")) | changes
+    np.savez(path / "telemetry.npz", **{k: v for k, v in columns.items() if v is not None})
+
+
+def test_a_run_kept_before_there_were_terms_loads_with_its_paths(tmp_path):
+    run = two_laps(picture=picture())
+    path = save(tmp_path, run)
+    edit_npz(path, **{f"{TERM}{name}": None for name in run.pictures.terms})
+    old = load_run(path)
+    assert old.pictures.terms == {}
+    assert np.array_equal(old.pictures.best, run.pictures.best)
+    assert old.digest() == run.digest()
+
+
+DAMAGE = {
+    "newer": (lambda p: edit(p, schema_version=2), "expected schema_version 1, got 2; it comes from a newer quadsim"),
+    "no version": (lambda p: edit(p, schema_version=None), "damaged: Expected `int`"),
+    "outcome": (lambda p: edit(p, outcome="won"), "damaged: Invalid enum value 'won'"),
+    "edited lap": (lambda p: edit(p, events=[]), "do not give the stored digest"),
+    "event": (
+        lambda p: edit(p, events=[{"t": "soon"}]),
+        r"damaged: Expected `float`, got `str` - at `\$.events\[0\].t`",
+    ),
+    "cut json": (lambda p: (p / "run.json").write_text('{"schema_version": 1, "spec"'), "damaged: "),
+    "binary json": (lambda p: (p / "run.json").write_bytes(b"\xff\x00"), "damaged: "),
+    "no json": (lambda p: (p / "run.json").unlink(), "cannot read: No such file"),
+    "no npz": (lambda p: (p / "telemetry.npz").unlink(), "cannot read: No such file"),
+    "empty npz": (lambda p: (p / "telemetry.npz").write_bytes(b""), "damaged: "),
+    "column": (lambda p: edit_npz(p, vz=None), "missing or unknown: vz"),
+    "length": (lambda p: edit_npz(p, vz=np.zeros(3)), r"vz: expected float64 \(61,\), got float64 \(3,\)"),
+    "pickle": (lambda p: edit_npz(p, vz=np.array([{}])), "damaged: Object arrays cannot be loaded"),
+    "best": (lambda p: edit_npz(p, best=np.zeros((61, 8, 3))), "best: expected float32"),
+    "no path": (lambda p: edit_npz(p, best=np.zeros((61, 0, 5, 3), np.float32)), "best: expected float32"),
+    "term": (
+        lambda p: edit_npz(p, best=np.zeros((61, 8, 5, 3), np.float32), **{f"{TERM}crash": np.zeros(61)}),
+        r"cost.crash: expected float32 \(61,\), got float64 \(61,\)",
+    ),
+    "term alone": (lambda p: edit_npz(p, **{f"{TERM}crash": np.zeros(61)}), "missing or unknown: cost.crash"),
+    "bit": (lambda p: edit_npz(p, vz=np.full(61, 1e-300)), "do not give the stored digest"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_damaged_folder_is_one_line_that_names_it(tmp_path, damage):
+    path = save(tmp_path, two_laps())
+    harm, message = DAMAGE[damage]
+    harm(path)
+    with pytest.raises(RunError, match=message) as error:
+        load_run(path)
+    assert str(error.value).startswith(str(path))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["run.json", "telemetry.npz"])
+def test_random_damage_never_gets_past_the_reader_unseen(tmp_path, name):
+    run = two_laps()
+    path = save(tmp_path, run)
+    whole, rng = (path / name).read_bytes(), np.random.default_rng(0)
+    for _ in range(150):
+        data = bytearray(whole)
+        data[rng.integers(len(data))] ^= 1 << rng.integers(8)
+        (path / name).write_bytes(data[: rng.integers(len(data)) if rng.random() < 0.3 else None])
+        try:
+            loaded = load_run(path)
+        except RunError:
+            continue
+        assert loaded.digest() == run.digest()
+
+
+def test_missing_run_is_one_line():
+    with pytest.raises(RunError, match=r"^nowhere: expected a run folder, found nothing$"):
+        load_run(Path("nowhere"))
+    assert list_runs("nowhere") == []
