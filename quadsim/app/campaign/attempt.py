@@ -46,7 +46,7 @@ def fly_attempt(spec: Spec) -> Flown:
     fault = None
     with closing(plant):
         try:
-            frames += (replace(f, best=None) for f in launch(spec, plant, controller, referee))
+            frames += (replace(f, picture=None) for f in launch(spec, plant, controller, referee))
         except (ValueError, FloatingPointError) as error:
             if not frames:
                 raise
