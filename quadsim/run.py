@@ -1,7 +1,8 @@
 """Run: what a flight leaves behind. Frames go in, one Run comes out; every number of a report is read off it.
 
 The spec is a JSON dict. Read here and in the archive: `course` and `sampler` (names), `course_text`, `seed`,
-`vehicle` (asdict(Vehicle)); `host` holds what must not change a flight (threads, folders). The rest is free.
+`vehicle` (asdict(Vehicle)); `host` holds what must not change a flight (threads, folders); `interactive`, the changes
+made in flight, see `not_comparable`. The rest is free.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from quadsim.picture import Picture, Pictures
 from quadsim.plant import CONTROL, STATE
 
 PENALTY = 3.0  # [s] a hit in the timed mode, as AirSim Drone Racing Lab scores
+INTERACTIVE = "interactive"  # key of a spec: the planner's numbers that were changed while it flew
 
 _STATE_UNITS = ("m",) * 3 + ("m/s",) * 3 + ("1",) * 4 + ("rad/s",) * 3 + ("m/s^2",) + ("rad/s^2",) * 3
 _CONTROL_UNITS = ("rad/s",) * 3 + ("m/s^2",)
@@ -150,6 +152,12 @@ def sector_times(events: Iterable[Event]) -> list[list[float]]:
 def hostless(spec: dict) -> dict:
     """The part of a spec that decides a flight."""
     return {k: v for k, v in spec.items() if k != "host"}
+
+
+def not_comparable(spec: dict) -> str:
+    """What is to be said wherever a run stands beside others that was changed in flight; empty if it was not."""
+    n = len(spec.get(INTERACTIVE, ()))
+    return f"interactive, not comparable: {n} change{'s' * (n > 1)} in flight" if n else ""
 
 
 def canonical(value: object) -> bytes:

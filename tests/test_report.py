@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 
 from quadsim.app.beliefs import differences
+from quadsim.app.figure import title
 from quadsim.app.flight_flags import FlightFlags
 from quadsim.app.report import report
 from quadsim.app.summary import summary
@@ -92,6 +93,21 @@ def test_own_times_stand_between_the_published_ones():
     assert times == sorted(times)
     assert {16.73, 5.53, 17.465} <= set(times)
     assert "this run, 3 laps" in ladder
+
+
+def changed_in_flight(flown, n):
+    changes = [{"t": 1.0 + k, "name": "sigma", "from": 1.0, "to": 1.5} for k in range(n)]
+    return replace(flown, spec=flown.spec | {"interactive": changes})
+
+
+def test_a_run_changed_in_flight_is_named_so_in_one_line_and_no_other_is():
+    for n, said in ((1, "interactive, not comparable: 1 change in flight"), (3, ": 3 changes in flight")):
+        flown = changed_in_flight(run(), n)
+        assert sum(said in line for line in printed(flown).splitlines()) == 1
+        assert said in title(flown)
+        assert len(summary(flown, None)["interactive"]) == n
+    assert "comparable" not in printed(run()) + title(run())
+    assert summary(run(), None)["interactive"] == []
 
 
 def test_only_beliefs_that_differ_are_listed():

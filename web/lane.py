@@ -14,14 +14,12 @@ import numpy as np
 from quadsim.archive import load_run
 from quadsim.course import Course, parse_course
 from quadsim.picture import Picture, Pictures
-from quadsim.run import Event, Run, RunError
+from quadsim.run import INTERACTIVE, Event, Run, RunError
 from web.progress import Legs
 from web.shown import Shown
 
 if TYPE_CHECKING:
     from controllers.fan import Fan
-
-KEEP = "interactive"  # key of a spec: the changes made in flight, which make a run not comparable
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +50,7 @@ class Lane:
 
     @property
     def changes(self) -> list[dict]:
-        return self.spec.get(KEEP, [])
+        return self.spec.get(INTERACTIVE, [])
 
     def at(self, t: float) -> int:
         """Index of the frame at t."""

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from quadsim.palette import BEST, FASTER, style
-from quadsim.run import sector_times
+from quadsim.palette import BEST, FASTER, HIT, style
+from quadsim.run import not_comparable, sector_times
 from web.html import DIM, box, coloured, heading, named, svg, swatch, table, text
 from web.lane import Lane
 
@@ -19,7 +19,13 @@ GATES = 8  # columns of the split table
 def laps(lanes: Sequence[Lane]) -> str:
     if not any(lane.events for lane in lanes):
         return box("no gate passed yet")
-    return box(heading("laps [s]"), _table(lanes), _strips(lanes), heading("splits by gate [s]"), splits(lanes))
+    remarks = "".join(_remark(lane) for lane in lanes if lane.changes)
+    tables = _table(lanes), remarks, _strips(lanes), heading("splits by gate [s]"), splits(lanes)
+    return box(heading("laps [s]"), *tables)
+
+
+def _remark(lane: Lane) -> str:
+    return f"<div>{named(lane.name, lane.sampler)} {coloured(not_comparable(lane.spec), HIT)}</div>"
 
 
 def _table(lanes: Sequence[Lane]) -> str:

@@ -10,9 +10,9 @@ import numpy as np
 
 from quadsim.archive import RunFolder
 from quadsim.picture import Pictures
-from quadsim.run import COLUMNS, Event, Frame, Run, flown_laps, lap_penalties
+from quadsim.run import COLUMNS, INTERACTIVE, Event, Frame, Run, flown_laps, lap_penalties
 from web.choices import Flight, Numbers
-from web.lane import KEEP, Lane
+from web.lane import Lane
 from web.progress import Legs
 
 if TYPE_CHECKING:
@@ -78,7 +78,8 @@ class LiveLane:
     def tune(self, numbers: Numbers, changes: list[dict]) -> None:
         self.flight.tune(numbers)
         now = {"t": max(self.t, 0.0)}
-        self.spec = {**self.spec, KEEP: [*self.spec.get(KEEP, []), *(now | change for change in changes)]}
+        made = [*self.spec.get(INTERACTIVE, []), *(now | change for change in changes)]
+        self.spec = {**self.spec, INTERACTIVE: made}
 
     def end(self) -> Run | None:
         """Free the world and keep the run: whole ones, and interrupted ones that have passed a gate."""

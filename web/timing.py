@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import hypot, isfinite
 
 from quadsim.palette import FASTER, HIT, style
+from quadsim.run import not_comparable
 from web.html import DIM, MONO, bar, box, coloured, named, small, table, text
 from web.lane import Lane
 from web.race import Snapshot
@@ -40,8 +41,8 @@ def _state(s: Snapshot, me: Standing) -> str:
     if not s.playing:
         doing = "paused" if s.flying or not me.over else text(me.lane.outcome or "paused")
     words = [doing, f"t {s.t:.2f} s", f"{s.factor:.2f} x real time" if s.playing else f"of {s.end:.2f} s"]
-    if me.lane.changes:
-        words.append(coloured("interactive, not comparable", HIT))
+    if remark := not_comparable(me.lane.spec):
+        words.append(coloured(remark, HIT))
     return f'<div style="color:{DIM};font-size:11px;text-align:center;margin-top:2px">{" · ".join(words)}</div>'
 
 

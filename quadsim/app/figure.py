@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from quadsim.app.figure_signals import draw_rates, draw_spectrum, draw_thrust
 from quadsim.app.figure_views import draw_views
 from quadsim.course import parse_course
-from quadsim.run import Run
+from quadsim.run import Run, not_comparable
 
 STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -48,4 +48,4 @@ def title(run: Run) -> str:
     laps = ", ".join(f"{t:.3f} s" for t in run.laps[:6]) + (", ..." if len(run.laps) > 6 else "")
     what = f"{spec['course']}: {run.outcome}" + (f", laps {laps}" if laps else "")
     how = f"{spec['sampler']} sampling, preset {spec['preset']}, vehicle {spec['vehicle']['name']}, seed {spec['seed']}"
-    return f"{what}\n{how}"
+    return "\n".join(line for line in (what, how, not_comparable(spec)) if line)

@@ -17,7 +17,7 @@ from quadsim.app.lap_table import lap_tables, plain_table
 from quadsim.app.summary import summary
 from quadsim.course import Course, parse_course
 from quadsim.metrics import chatter, missed_deadlines
-from quadsim.run import Run
+from quadsim.run import Run, not_comparable
 
 COLOUR = {"finished": "green", "crashed": "red", "timeout": "yellow", "interrupted": "yellow"}
 INCIDENTS = ("hit", "miss", "wrong_way", "ground", "bounds", "unseen_contact")
@@ -61,6 +61,8 @@ def _head(run: Run) -> Iterator[str]:
     yield f"[bold]{spec['course']}[/]  [bold {COLOUR[run.outcome]}]{run.outcome}[/]  {laps}, {end:.3f} s"
     day = f", randomized {spec['randomize']:g}" if spec.get("randomize") else ""
     yield f"{sampler} sampling, preset {preset}, vehicle {vehicle}, seed {spec['seed']}{day}"
+    if remark := not_comparable(spec):
+        yield f"[yellow]{remark}[/]"
 
 
 def _incidents(run: Run) -> RenderableType:

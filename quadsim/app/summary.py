@@ -7,7 +7,7 @@ from pathlib import Path
 
 from quadsim.app.beliefs import differences
 from quadsim.metrics import chatter, missed_deadlines, splits
-from quadsim.run import Run
+from quadsim.run import INTERACTIVE, Run
 
 
 def summary(run: Run, folder: Path | None) -> dict:
@@ -28,6 +28,7 @@ def summary(run: Run, folder: Path | None) -> dict:
         "chatter": chatter(run),
         "model_differs": differences(spec),
         "clock": spec["clock"],
+        INTERACTIVE: spec.get(INTERACTIVE, []),
         "missed_deadlines": missed_deadlines(run),
         **run.wall,
         "digest": run.digest(),

@@ -45,6 +45,15 @@ def test_the_page_is_one_file_that_asks_nobody(folder, tmp_path):
     assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=[\"']https?:", page)
 
 
+def test_the_page_names_a_run_that_was_changed_in_flight(tmp_path):
+    flight = Glider(choices(laps=1))
+    spec = flight.spec | {"interactive": [{"t": 0.1, "name": "sigma", "from": 1.0, "to": 2.0}]}
+    with RunFolder.open(tmp_path, spec) as folder:
+        path = folder.save(Run.from_frames(spec, list(flight.frames)))
+    assert race(["export", str(path), "--html", "--out", str(tmp_path / "race.html")]) == 0
+    assert "interactive, not comparable: 1 change in flight" in (tmp_path / "race.html").read_text()
+
+
 @pytest.mark.parametrize(
     ("flags", "said"),
     [

@@ -124,6 +124,14 @@ def test_the_best_split_is_purple_and_a_runs_own_best_green(lanes):
     assert FASTER not in alone  # its own best is the best of all
 
 
+def test_beside_other_laps_a_run_changed_in_flight_is_named_so(lanes):
+    change = {"t": 0.1, "name": "sigma", "from": 1.0, "to": 2.0}
+    changed = replace(lanes[1], spec={**lanes[1].spec, "interactive": [change, change]})
+    page = laps.laps([lanes[0], changed])
+    assert page.count("interactive, not comparable: 2 changes in flight") == 1
+    assert "comparable" not in laps.laps(lanes)
+
+
 def test_the_interval_of_laps_is_students():
     """scipy.stats.t.ppf(.975, 2) = 4.3027"""
     times = [5.0, 5.1, 5.3]
