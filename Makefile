@@ -3,13 +3,17 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: race web test regression lint clean
+.PHONY: race web bench test regression lint clean
 
 race: $(VENV)/.app
 	$(BIN)/race fly
 
 web: $(VENV)/.app
 	$(BIN)/race web
+
+# How long a control step takes here: a minute or two; a busy machine says little.
+bench: $(VENV)/.app
+	$(BIN)/race bench
 
 test: $(VENV)/.dev
 	$(BIN)/pytest

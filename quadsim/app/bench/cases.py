@@ -7,59 +7,74 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from controllers.mppi import MPPI
-from controllers.presets import PRESETS
 from controllers.rollout.threads import use_threads
 from controllers.samplers import SAMPLERS
+from quadsim.app.bench.systems import SYSTEMS, Built
 from quadsim.app.bench.timing import times_ms
-from quadsim.app.spec import Spec, controller_of, streams
-from quadsim.course import load_course
-from quadsim.plant import start_state
-from quadsim.systems.quadrotor import Belief
-from quadsim.vehicle import load_vehicle
+from quadsim.app.bench.work import Machine, floor_ns, work
 
 SAMPLES = (256, 1024, 4096, 16384, 65536)
 HORIZONS = (25, 75, 150, 300)
+SWEPT = ("gaussian", "colored")  # samplers beyond the quadrotor at the paper's budget
 
 
 @dataclass(frozen=True)
 class Case:
-    """One control step of the quadrotor on paper_flat, gates and all."""
+    """One control step."""
 
+    system: str
     sampler: str
-    samples: int = 4096
-    horizon: int = 150
-    iterations: int = 2
+    samples: int
+    horizon: int
+    iterations: int
     threads: int = 0  # 0: all
 
     @property
-    def name(self) -> str:
+    def size(self) -> str:
         return f"{self.samples} x {self.horizon} x {self.iterations}"
+
+    @property
+    def steps(self) -> int:
+        """Sample steps, M T I."""
+        return self.samples * self.horizon * self.iterations
+
+
+def paper_case(system: str, sampler: str) -> Case:
+    """At the paper's budget, on all threads."""
+    c = SYSTEMS[system][0]
+    return Case(system, sampler, c.samples, c.horizon, c.iterations)
 
 
 def cases(most: int) -> Iterator[Case]:
-    """The paper's budget with every sampler, one thread and all; then sweeps over samples and horizon."""
-    for sampler in SAMPLERS:
+    """The paper's budgets, then sweeps over samples and horizon; one thread right before all."""
+    for case in _sizes():
         for threads in sorted({1, most}):
-            yield Case(sampler, threads=threads)
-    yield from (Case("gaussian", samples=m, threads=most) for m in SAMPLES if m != Case.samples)
-    yield from (Case("gaussian", horizon=t, threads=most) for t in HORIZONS if t != Case.horizon)
+            yield replace(case, threads=threads)
 
 
-def controller(case: Case) -> tuple[MPPI, np.ndarray]:
-    """The paper preset's MPPI at this budget, and the state it plans from."""
-    preset = PRESETS["paper"][case.sampler]
-    course, vehicle = load_course("paper_flat"), load_vehicle(preset.vehicle)
-    mppi = replace(preset.mppi, samples=case.samples, horizon=case.horizon, iterations=case.iterations)
-    planner = replace(preset, mppi=mppi)
-    spec = Spec(course, vehicle, case.sampler, "paper", planner, Belief.of(vehicle), 0, 1, 60.0, False, 1 / 400)
-    return controller_of(spec, streams(0)[0]), np.array(start_state(course.start, vehicle.radius))
+def _sizes() -> Iterator[Case]:
+    yield from (paper_case("quadrotor", sampler) for sampler in SAMPLERS)
+    yield from (paper_case(system, sampler) for system in SYSTEMS if system != "quadrotor" for sampler in SWEPT)
+    for sampler in SWEPT:
+        paper = paper_case("quadrotor", sampler)
+        yield from (replace(paper, samples=m) for m in SAMPLES if m != paper.samples)
+        yield from (replace(paper, horizon=t) for t in HORIZONS if t != paper.horizon)
 
 
-def measure(case: Case, seconds: float) -> dict:
-    """{name, sampler, samples, horizon, iterations, threads, ms_p50, ms_p95, steps_per_s}"""
-    use_threads(case.threads or None)
+def controller(case: Case) -> Built:
+    """MPPI at this budget, and the state that it plans from."""
+    budget = {"samples": case.samples, "horizon": case.horizon, "iterations": case.iterations}
+    return SYSTEMS[case.system][1](case.sampler, budget)
+
+
+def measure(case: Case, seconds: float, machine: Machine) -> dict:
+    """{name, system, sampler, samples, horizon, iterations, threads, ms_p50, ms_p95, steps_per_s, roofline}
+
+    roofline: share of the time that this machine's arithmetic and memory need at least, on so many of its threads.
+    """
+    threads = use_threads(case.threads or None)
     mppi, x = controller(case)
-    p50, p95 = np.percentile(times_ms(lambda: mppi.control(x), seconds), [50, 95])
-    steps = case.samples * case.horizon * case.iterations
-    return {"name": case.name, **asdict(case), "ms_p50": p50, "ms_p95": p95, "steps_per_s": steps / p50 * 1e3}
+    p50, p95 = (float(ms) for ms in np.percentile(times_ms(lambda: mppi.control(x), seconds), [50, 95]))
+    floor_ms = 1e-6 * case.steps * sum(floor_ns(part, machine) for part in work(mppi, case.sampler).values())
+    row = {"name": f"{case.system} {case.size}", **asdict(case), "threads": threads, "ms_p50": p50, "ms_p95": p95}
+    return row | {"steps_per_s": 1e3 * case.steps / p50, "roofline": floor_ms * machine.threads / threads / p50}

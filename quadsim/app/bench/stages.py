@@ -1,56 +1,102 @@
-"""Where the time of a control step goes, beside what the machine could do at most."""
+"""Where the time of a control step goes, beside what the machine needs for it at least."""
 
 from __future__ import annotations
 
-import ast
-import inspect
-import textwrap
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
 
-from controllers.mppi import MPPI, padded, weights
-from controllers.rollout.lanes import LANES
-from controllers.rollout.reduce import weighted_mean
+from controllers import mppi as algorithm
+from controllers.mppi import MPPI
+from controllers.rollout.normals import fill_normals
 from quadsim.app.bench.cases import Case, controller
-from quadsim.app.bench.timing import median_ms
+from quadsim.app.bench.timing import median_ms, times_ms
+from quadsim.app.bench.work import Machine, floor_ns, work
 
 
-def stages(case: Case, seconds: float) -> Iterator[tuple[str, float]]:
-    """(what, ms) of one iteration at the paper's budget; `rest` is what the whole step takes beyond its parts."""
+def stages(case: Case, seconds: float, machine: Machine) -> Iterator[dict]:
+    """{name, sampler, part, ms, operations, bytes, roofline} of each part of one iteration, and of the whole."""
     mppi, x = controller(case)
-    whole = median_ms(lambda: mppi.control(x), seconds)
-    z = mppi.perturbations().copy()
-    costs = np.empty((-(-case.samples // LANES), LANES), z.dtype)
-    mppi.rollout(x, mppi.plan, z, 0, costs)
-    J = costs.ravel()[: case.samples].astype(float)
-    w = weights(J, mppi.temperature)
-    parts = {
-        "noise": lambda: mppi.sampler.sample(1),
-        "rollouts": lambda: mppi.rollout(x, mppi.plan, z, 0, costs),
-        "weights": lambda: padded(weights(costs.ravel()[: case.samples].astype(float), mppi.temperature)),
-        "weighted mean": lambda: weighted_mean(z, mppi.plan, mppi.low, mppi.high, padded(w)),
-    }
-    total = 0.0
-    for name, call in parts.items():
-        ms = median_ms(call, seconds)
-        total += ms
-        yield name, ms
-    yield "rest", whole / case.iterations - total
+    todo = work(mppi, case.sampler)
+    for part, ms in parts_ms(mppi, x, case.sampler, seconds).items():
+        row = {"name": f"{case.system} {case.size}", "sampler": case.sampler, "part": part, "ms": ms}
+        if part in todo:
+            floor_ms = 1e-6 * case.samples * case.horizon * floor_ns(todo[part], machine)
+            row |= {"operations": todo[part].operations, "bytes": todo[part].bytes, "roofline": floor_ms / ms}
+        yield row
 
 
-def work(mppi: MPPI) -> tuple[int, int]:
-    """(arithmetic operations, bytes) of one sample and step of the rollout: counted in the text of step and terms.
+def parts_ms(mppi: MPPI, x: np.ndarray, sampler: str, seconds: float) -> dict[str, float]:
+    """Of one iteration, medians. `rest` is the whole less its parts; below zero where their medians do not agree.
 
-    The perturbations are read once; everything else stays in the first-level cache.
+    Colored noise comes from one loop, of which as many normals made alone are a part, the transform the rest.
     """
-    operations = count(mppi.system.step) + count(mppi.cost.terms) + len(mppi.cost.term_names)
-    return operations, 4 * len(mppi.system.controls)
+    normals = {"normals": normals_ms(mppi, seconds)} if sampler == "colored" else {}
+    taken: list[list[float]] = []
+    with timed_parts(mppi) as parts:
+
+        def control() -> None:
+            mppi.control(x)
+            taken.append([part.read() for part in parts.values()])
+
+        whole = times_ms(control, seconds)
+    medians = np.median(taken[-len(whole) :], axis=0) / mppi.config.iterations
+    ms = dict(zip(parts, medians.tolist(), strict=True))
+    noise, total = ms.pop("noise"), float(np.median(whole)) / mppi.config.iterations
+    noise_ms = normals | {"transform": noise - normals["normals"]} if normals else {"normals": noise}
+    return noise_ms | ms | {"rest": total - noise - sum(ms.values()), "whole": total}
 
 
-def count(function: Callable) -> int:
-    """Arithmetic, comparisons and calls in a plain function, those it calls included."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
-    called = inspect.getclosurevars(function).globals.values()
-    own = sum(isinstance(node, ast.BinOp | ast.Compare | ast.Call) for node in ast.walk(tree))
-    return own + sum(count(f) for f in called if inspect.isfunction(f))
+class Timed:
+    """A function, and how long its calls have taken."""
+
+    def __init__(self, call: Callable):
+        self._call, self._ms = call, 0.0
+
+    def __call__(self, *arguments: object) -> object:
+        began = perf_counter()
+        result = self._call(*arguments)
+        self._ms += 1e3 * (perf_counter() - began)
+        return result
+
+    def read(self) -> float:
+        """Since the last reading [ms]."""
+        ms, self._ms = self._ms, 0.0
+        return ms
+
+
+@contextmanager
+def timed_parts(mppi: MPPI) -> Iterator[dict[str, Timed]]:
+    """What an iteration calls, timed where it is called: over all its chunks, with the caches as they are there."""
+    places = [
+        ("rollouts", mppi, "rollout"),
+        ("weights", algorithm, "shares"),
+        ("weighted mean", algorithm, "weighted_mean"),
+    ]
+    plain = [getattr(owner, name) for _, owner, name in places]
+    sampler, noise = mppi.sampler, Timed(mppi.sampler.sample)
+    mppi.sampler, parts = replace(sampler, sample=noise), {"noise": noise}
+    for (part, owner, name), call in zip(places, plain, strict=True):
+        parts[part] = Timed(call)
+        setattr(owner, name, parts[part])
+    try:
+        yield parts
+    finally:
+        mppi.sampler = sampler
+        for (_, owner, name), call in zip(places, plain, strict=True):
+            setattr(owner, name, call)
+
+
+def normals_ms(mppi: MPPI, seconds: float) -> float:
+    """As many normals as one iteration's noise has numbers, chunk after chunk in the sampler's own memory.
+
+    Law exact: two series of n = 2 T steps come from 2 n normals a channel.
+    """
+    M, chunk, key = mppi.samples, algorithm.CHUNK, np.zeros(2, np.uint32)
+    chunks = [mppi.sampler.sample(0, first, min(chunk, M - first)) for first in range(0, M, chunk)]
+    rows = [z.reshape(len(z), -1, z.shape[-1]) for z in chunks]  # views
+    scale = np.ones(rows[0].shape[1], np.float32)
+    return median_ms(lambda: [fill_normals(out, scale, key, 0, 0) for out in rows], seconds)

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from controllers.costs.quadratic import quadratic_cost
-from controllers.mppi import MPPIConfig, build_mppi
+from controllers.mppi import MPPI, MPPIConfig, build_mppi
 from controllers.samplers import Channels
 from quadsim.app.paper.store import run_key
 from quadsim.course import Vec3
@@ -66,10 +66,14 @@ class Stopwatch:
 def frames(arm: Arm, seed: int) -> list[Frame]:
     """One run: STEPS + 1 states and the controls between them."""
     c = MPPI_CONFIG
-    system, key = double_integrator(c.dt), np.random.SeedSequence(seed).generate_state(2, np.uint32)
-    controller = build_mppi(system, quadratic_cost(GOAL), arm.sampler, arm.sampling, c, key)
-    plant = ModelPlant(system.step, system.params, START, c.dt)
-    return list(fly(plant, controller, Stopwatch((STEPS - 0.5) * c.dt), c.dt))
+    planner = controller(arm.sampler, arm.sampling, c, np.random.SeedSequence(seed).generate_state(2, np.uint32))
+    plant = ModelPlant(planner.system.step, planner.system.params, START, c.dt)
+    return list(fly(plant, planner, Stopwatch((STEPS - 0.5) * c.dt), c.dt))
+
+
+def controller(sampler: str, sampling: Channels, config: MPPIConfig, key: np.ndarray) -> MPPI:
+    """To the goal; key (2,) uint32."""
+    return build_mppi(double_integrator(config.dt), quadratic_cost(GOAL), sampler, sampling, config, key)
 
 
 def record(job: tuple[Arm, int]) -> dict:

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from controllers.costs.corridor import CorridorWeights, corridor_cost
-from controllers.mppi import MPPIConfig, build_mppi
+from controllers.mppi import MPPI, MPPIConfig, build_mppi
 from controllers.samplers import Channels
 from quadsim.app.paper.store import run_key
 from quadsim.corridor import CorridorJudge, load_corridor
@@ -50,21 +50,30 @@ class Drive:
 
 def frames(drive: Drive) -> tuple[list[Frame], CorridorJudge]:
     """From standing at the corridor's start until the judge ends it."""
-    c, corridor = replace(MPPI_CONFIG, temperature=drive.temperature), load_corridor(CORRIDOR)
+    c = replace(MPPI_CONFIG, temperature=drive.temperature)
     key, world = np.random.SeedSequence(drive.seed).spawn(2)
-    cost = corridor_cost(corridor, HALF_WIDTH, WEIGHTS, c.dt)
-    controller = build_mppi(offroad(BELIEVED, c.dt), cost, drive.sampler, SAMPLING, c, key.generate_state(2, np.uint32))
-    judge = CorridorJudge(corridor, HALF_WIDTH, TIMEOUT)
-    return list(fly(plant(np.random.default_rng(world)), controller, judge, c.dt)), judge
+    planner = controller(drive.sampler, c, key.generate_state(2, np.uint32))
+    judge = CorridorJudge(load_corridor(CORRIDOR), HALF_WIDTH, TIMEOUT)
+    return list(fly(plant(np.random.default_rng(world)), planner, judge, c.dt)), judge
+
+
+def controller(sampler: str, config: MPPIConfig, key: np.ndarray) -> MPPI:
+    """Along the corridor, by what is believed; key (2,) uint32."""
+    cost = corridor_cost(load_corridor(CORRIDOR), HALF_WIDTH, WEIGHTS, config.dt)
+    return build_mppi(offroad(BELIEVED, config.dt), cost, sampler, SAMPLING, config, key)
+
+
+def start() -> tuple[float, ...]:
+    """Standing at the corridor's start, heading along its first leg.  STATES"""
+    corridor = load_corridor(CORRIDOR)
+    return (*corridor.points[0], *corridor.directions[0].tolist(), 0.0, 0.0, 0.0, 0.0)
 
 
 def plant(rng: np.random.Generator) -> ModelPlant:
     """What is driven: finer than the model, with its own numbers, slip and disturbance."""
-    corridor = load_corridor(CORRIDOR)
-    x0 = (*corridor.points[0], *corridor.directions[0].tolist(), 0.0, 0.0, 0.0, 0.0)
     system = offroad(DRIVEN, PLANT_DT)
     std = tuple(DISTURBANCE.get(name, 0.0) for name in STATES)
-    return ModelPlant(system.step, system.params, x0, PLANT_DT, diffusion(std, PLANT_DT, rng))
+    return ModelPlant(system.step, system.params, start(), PLANT_DT, diffusion(std, PLANT_DT, rng))
 
 
 def record(drive: Drive) -> dict:

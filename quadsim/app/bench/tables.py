@@ -1,0 +1,96 @@
+"""What `race bench` prints. A step is one step of one sample, in one iteration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.console import RenderableType
+from rich.markup import escape
+from rich.table import Table
+
+from quadsim.app.bench.cases import SWEPT, paper_case
+from quadsim.app.lap_table import plain_table
+
+Rows = list[dict]
+
+
+def tables(result: dict) -> Iterator[RenderableType]:
+    """Cases, how they grow, where the time goes, the machine, then the peers if they were timed."""
+    machine = result["machine"]
+    for system in dict.fromkeys(row["system"] for row in result["cases"]):
+        yield cases_table(system, [row for row in result["cases"] if row["system"] == system])
+        yield ""
+    yield "ms for a million steps: equal down a column where cost grows linearly"
+    yield growth_table(result["cases"], machine["threads"])
+    yield ""
+    yield stages_table(result["stages"], machine["threads"])
+    yield ""
+    yield (
+        f"{machine['cpu']}, {machine['threads']} threads: {machine['peak_gflops']:.0f} GFLOP/s in a matrix product; "
+        f"{machine['chunk_bandwidth_gb']:.0f} GB/s over a chunk, {machine['bandwidth_gb']:.0f} GB/s in memory"
+    )
+    for row in result.get("peers", ()):
+        yield (
+            f"{row['name']}: {row['ms_p50']:.1f} ms, {row['ratio']:.1f} times ours ({row['ours_ms']:.2f} ms); "
+            f"costs agree to {row['largest_difference']:.1e}"
+        )
+
+
+def cases_table(system: str, rows: Rows) -> Table:
+    left = (f"{system}\nM x T x I", "\nsampler")
+    table = _table(left, ("\nthreads", "p50\n[ms]", "p95\n[ms]", "\nsteps/s", "of the\nroofline"))
+    for row in rows:
+        numbers = (f"{row['ms_p50']:.2f}", f"{row['ms_p95']:.2f}", f"{row['steps_per_s']:.2e}", _share(row["roofline"]))
+        table.add_row(_size(row), row["sampler"], str(row["threads"]), *numbers)
+    return table
+
+
+def growth_table(rows: Rows, most: int) -> Table:
+    """ms for a million steps by size, on one thread and on all, and how many times as fast these are."""
+    heads = ("1 thread", f"{most} threads", "ratio") if most > 1 else ("1 thread",)
+    columns = [f"{sampler if i == 0 else ''}\n{head}" for sampler in SWEPT for i, head in enumerate(heads)]
+    table = _table(("\nM x T x I",), tuple(columns))
+    cost = {(row["name"], row["sampler"], row["threads"]): 1e9 / row["steps_per_s"] for row in rows}
+    for name, row in {row["name"]: row for row in sorted(rows, key=_order)}.items():
+        cells: list[str] = []
+        for sampler in SWEPT:
+            one, every = cost.get((name, sampler, 1)), cost.get((name, sampler, most))
+            cells += [_ms(one), _ms(every), f"{one / every:.2f}" if one and every else ""][: len(heads)]
+        table.add_row(_size(row) if row["system"] == "quadrotor" else row["system"], *cells)
+    return table
+
+
+def stages_table(rows: Rows, threads: int) -> Table:
+    """A block of parts for each sampler."""
+    left = (f"{rows[0]['name']}\none iteration, {threads} threads", "\nsampler")
+    table = _table(left, ("\nms", "operations\na step", "bytes\na step", "of the\nroofline"))
+    for row in rows:
+        known = "operations" in row
+        counted = (f"{row['operations']:.0f}", f"{row['bytes']:.0f}", _share(row["roofline"])) if known else ()
+        table.add_row(row["part"], row["sampler"], f"{row['ms']:.2f}", *counted)
+    return table
+
+
+def _table(left: tuple[str, ...], right: tuple[str, ...]) -> Table:
+    table = plain_table()
+    for name in (*left, *right):
+        table.add_column(escape(name), justify="left" if name in left else "right", no_wrap=True)
+    return table
+
+
+def _order(row: dict) -> tuple:
+    """The quadrotor first, by samples at the paper's horizon, then by horizon at the paper's samples."""
+    paper = paper_case("quadrotor", "gaussian")
+    return row["system"] != "quadrotor", row["horizon"] != paper.horizon, row["samples"], row["horizon"]
+
+
+def _size(row: dict) -> str:
+    return f"{row['samples']} x {row['horizon']} x {row['iterations']}"
+
+
+def _share(x: float) -> str:
+    return f"{100 * x:.0f} %"
+
+
+def _ms(x: float | None) -> str:
+    return f"{x:.2f}" if x else ""

@@ -1,0 +1,139 @@
+"""`race bench`: every case runs, parts add up to the whole. Nothing asks how long it takes."""
+
+import json
+from dataclasses import replace
+from itertools import count as numbers_from
+
+import pytest
+
+from controllers import mppi as algorithm
+from controllers.samplers import SAMPLERS
+from quadsim.app.bench import bench, stages, tables
+from quadsim.app.bench.cases import HORIZONS, SAMPLES, Case, cases, controller, measure, paper_case
+from quadsim.app.bench.systems import SYSTEMS
+from quadsim.app.bench.work import Machine
+from quadsim.app.cli import race
+
+MACHINE = Machine("any", 2, 100.0, 10.0, 20.0)
+SHORT = 1e-3  # [s]
+CASE_KEYS = {"name", "sampler", "samples", "horizon", "iterations", "threads", "ms_p50", "ms_p95", "steps_per_s"}
+PARTS = {
+    "gaussian": ["normals", "rollouts", "weights", "weighted mean", "rest", "whole"],
+    "colored": ["normals", "transform", "rollouts", "weights", "weighted mean", "rest", "whole"],
+}
+
+
+def small(system, sampler, samples=128, iterations=1):
+    return Case(system, sampler, samples, 20, iterations)
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("sampler", SAMPLERS)
+def test_every_system_is_timed_with_every_sampler(system, sampler):
+    row = measure(small(system, sampler), SHORT, MACHINE)
+    assert row.keys() >= CASE_KEYS
+    assert (row["name"], row["sampler"]) == (f"{system} 128 x 20 x 1", sampler)
+    assert 0 < row["ms_p50"] <= row["ms_p95"]
+    assert row["steps_per_s"] == pytest.approx(1e3 * 128 * 20 / row["ms_p50"])
+    assert row["roofline"] > 0
+
+
+def test_cases_are_the_papers_budgets_and_the_sweeps_each_once_on_one_thread_and_on_all():
+    found = list(cases(2))
+    assert len(set(found)) == len(found)
+    assert {case.threads for case in found} == {1, 2}
+    assert {replace(c, threads=3 - c.threads) for c in found} == set(found)
+    assert {case.threads for case in cases(1)} == {1}
+    ours = [c for c in found if c.system == "quadrotor"]
+    assert {c.sampler for c in ours if c.size == "4096 x 150 x 2"} == set(SAMPLERS)
+    assert {c.samples for c in ours if c.horizon == 150} == set(SAMPLES)
+    assert {c.horizon for c in ours if c.samples == 4096} == set(HORIZONS)
+    assert {c.size for c in found if c.system == "double_integrator"} == {"4096 x 65 x 1"}
+    assert {c.size for c in found if c.system == "offroad"} == {"6144 x 250 x 3"}
+
+
+@pytest.mark.parametrize("sampler", PARTS)
+def test_parts_are_named_and_add_up_to_the_whole(sampler):
+    before = algorithm.shares, algorithm.weighted_mean
+    rows = list(stages.stages(small("quadrotor", sampler), SHORT, MACHINE))
+    ms = {row["part"]: row["ms"] for row in rows}
+    assert list(ms) == PARTS[sampler]
+    assert sum(ms.values()) == pytest.approx(2 * ms["whole"])
+    assert {row["part"] for row in rows if "roofline" in row} == {*PARTS[sampler]} - {"weights", "rest", "whole"}
+    assert (algorithm.shares, algorithm.weighted_mean) == before
+
+
+@pytest.mark.parametrize(("samples", "chunks"), [(1100, 3), (512, 1)])
+def test_parts_are_timed_over_every_chunk_of_an_iteration(samples, chunks, monkeypatch):
+    """A clock that moves on by 1 ms whenever it is read tells calls."""
+    monkeypatch.setattr(algorithm, "CHUNK", 512)
+    ticks = numbers_from()
+    monkeypatch.setattr(stages, "perf_counter", lambda: next(ticks) / 1e3)
+    mppi, x = controller(small("double_integrator", "gaussian", samples, iterations=2))
+    ms = stages.parts_ms(mppi, x, "gaussian", SHORT)
+    once_more = 1  # the weights of all samples together
+    assert [ms[part] for part in ("normals", "rollouts", "weighted mean")] == pytest.approx([chunks] * 3)
+    assert ms["weights"] == pytest.approx(chunks + once_more)
+
+
+def test_normals_of_colored_noise_are_as_many_as_its_numbers(monkeypatch):
+    monkeypatch.setattr(algorithm, "CHUNK", 512)
+    filled = []
+    monkeypatch.setattr(stages, "fill_normals", lambda out, *_: filled.append(out.size))
+    mppi, _ = controller(small("quadrotor", "colored", samples=1024))
+    stages.normals_ms(mppi, SHORT)
+    assert set(filled) == {512 * 20 * 4}
+    assert len(filled) % 2 == 0
+
+
+def cells(table, row):
+    return [list(column.cells)[row] for column in table.columns]
+
+
+def test_growth_is_ms_for_a_million_steps_and_all_threads_beside_one():
+    def row(threads, ms, samples=4096):
+        case = replace(paper_case("quadrotor", "gaussian"), samples=samples, threads=threads)
+        name = f"quadrotor {case.size}"
+        return {**vars(case), "name": name, "ms_p50": ms, "steps_per_s": 1e3 * case.steps / ms}
+
+    table = tables.growth_table([row(1, 8.0), row(2, 4.0), row(1, 0.5, 256), row(2, 0.4, 256)], 2)
+    assert cells(table, 0) == ["256 x 150 x 2", "6.51", "5.21", "1.25", "", "", ""]
+    assert cells(table, 1) == ["4096 x 150 x 2", "6.51", "3.26", "2.00", "", "", ""]
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Small cases, and a machine that is not measured."""
+    few = [replace(small(system, "gaussian"), threads=1) for system in SYSTEMS]
+    monkeypatch.setattr(bench, "cases", lambda most: few)
+    monkeypatch.setattr(bench, "paper_case", small)
+    monkeypatch.setattr(bench, "measure_machine", lambda threads: MACHINE)
+
+
+def test_json_holds_cases_stages_and_machine(quick, capsys):
+    assert race(["bench", "--json", "--seconds", "0.001"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert [row["system"] for row in result["cases"]] == list(SYSTEMS)
+    assert all(row.keys() >= CASE_KEYS and row["threads"] == 1 for row in result["cases"])
+    for sampler, parts in PARTS.items():
+        assert [row["part"] for row in result["stages"] if row["sampler"] == sampler] == parts
+    assert result["machine"] == {
+        "cpu": "any",
+        "threads": 2,
+        "peak_gflops": 100.0,
+        "bandwidth_gb": 10.0,
+        "chunk_bandwidth_gb": 20.0,
+    }
+
+
+def test_tables_fit_a_terminal_and_name_every_system_and_part(quick, capsys):
+    assert race(["bench", "--seconds", "0.001"]) == 0
+    out = capsys.readouterr().out
+    assert all(name in out for name in (*SYSTEMS, *PARTS["colored"], "100 GFLOP/s", "1 thread"))
+    assert max(map(len, out.splitlines()[:-2])) <= 80
+
+
+@pytest.mark.parametrize("seconds", ["0", "nan", "x"])
+def test_no_time_to_measure_is_one_line(seconds, capsys):
+    assert race(["bench", "--seconds", seconds]) == 2
+    assert capsys.readouterr().err.startswith("race bench: --seconds: expected a number")
