@@ -2,30 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from quadsim.app.figure_signals import draw_rates, draw_spectrum, draw_thrust
+from quadsim.app.figure_style import STYLE
 from quadsim.app.figure_views import draw_views
 from quadsim.course import parse_course
 from quadsim.run import Run, not_comparable
-
-STYLE: dict[Any, Any] = {
-    "font.size": 9,
-    "axes.titlesize": 10,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e6e6e6",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "legend.fontsize": 8,
-    "svg.hashsalt": "quadsim",  # the same run, the same file
-}
 
 
 def draw(run: Run) -> Figure:

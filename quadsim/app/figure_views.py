@@ -12,15 +12,16 @@ from matplotlib.patheffects import withStroke
 
 from quadsim.course import Course, Gate
 from quadsim.course_checks import corners
+from quadsim.palette import FRAME, HIT, INK, MARK
 from quadsim.run import Run
 
 MARKS = {  # event -> marker, colour, what it is called
-    "hit": ("X", "#d62728", "hit"),
-    "ground": ("X", "#8c564b", "ground"),
-    "bounds": ("X", "#e377c2", "out of bounds"),
-    "miss": ("v", "#ff7f0e", "miss"),
-    "wrong_way": ("<", "#9467bd", "wrong way"),
-    "pass": (".", "#202020", "passed"),
+    "hit": ("X", HIT, "hit"),
+    "ground": ("P", HIT, "ground"),
+    "bounds": ("s", HIT, "out of bounds"),
+    "miss": ("v", INK, "miss"),
+    "wrong_way": ("<", INK, "wrong way"),
+    "pass": (".", INK, "passed"),
 }
 NUMBER: dict[str, Any] = {"ha": "center", "va": "center", "weight": "bold", "zorder": 6}
 NUMBER["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]
@@ -41,7 +42,7 @@ def draw_views(figure: SubFigure, run: Run, course: Course) -> None:
         axes.margins(0.07)
     top.set_aspect("equal", adjustable="datalim")
     top.legend(loc="best")
-    below.axhline(0.0, color="#8c564b", linewidth=1.0)
+    below.axhline(0.0, color=MARK, linewidth=1.0)
     below.set_ylim(-0.3, float(extent[:, 2].max()) + 0.8)
     figure.colorbar(lines, ax=[top, below], label="speed [m/s]", aspect=50, pad=0.01)
 
@@ -62,11 +63,11 @@ def _draw_path(axes: Axes, run: Run, points: np.ndarray) -> LineCollection:
 def draw_gates(axes: Axes, course: Course, plane: tuple[int, int], scale: float) -> None:
     """Frame, opening, an arrow along the passage, and the gate's number. scale: of arrows and labels [m]."""
     for number, gate in enumerate(course.gates, start=1):
-        for border, colour, width in ((gate.frame_width, "#9a9a9a", 4.0), (0.0, "#2b7bba", 2.2)):
+        for border, colour, width in ((gate.frame_width, FRAME, 4.0), (0.0, INK, 2.0)):
             ring = corners(gate, border)[[0, 1, 3, 2, 0]][:, plane]
             axes.plot(*ring.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=3)
         (x, y), (dx, dy) = (np.array(v)[list(plane)] for v in (gate.position, 1.2 * scale * gate.rotation[:, 0]))
-        arrow = {"arrowstyle": "->", "color": "#2b7bba", "lw": 1.3}
+        arrow = {"arrowstyle": "->", "color": INK, "lw": 1.3}
         axes.annotate("", (x + dx, y + dy), (x, y), arrowprops=arrow, zorder=3)
         left, up = _label(gate, plane, scale)
         axes.text(left, up, str(number), **NUMBER)

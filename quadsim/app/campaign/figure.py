@@ -14,13 +14,13 @@ from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from quadsim.app.campaign.figure_map import draw_map
 from quadsim.app.campaign.numbers import FINISHED
-from quadsim.app.figure import STYLE
+from quadsim.app.figure_style import STYLE, line
+from quadsim.palette import Style, styles
 from quadsim.statistics import mean_interval
 
 if TYPE_CHECKING:
     from quadsim.app.campaign.report import Section
 
-COLOURS = ("#f28e2b", "#1f4e79", "#3a923a", "#b03a5b", "#7b5ea7", "#6b6b6b")  # arm by arm, again from the first
 JITTER = 0.1  # of the lap strips
 
 
@@ -35,13 +35,13 @@ def draw(sections: Sequence[Section]) -> Figure:
 
 
 def _draw_course(figure, section: Section) -> None:
-    colours = [COLOURS[i % len(COLOURS)] for i in range(len(section.arms))]
-    laps, success, chatter, above = figure.subplots(1, 4, width_ratios=(2.1, 1.0, 1.1, 1.7))
-    _laps(laps, section, colours)
-    _success(success, section, colours)
-    _chatter(chatter, section, colours)
-    draw_map(above, section, colours)
     names = [a.name for a in section.arms]
+    looks = styles(names)
+    laps, success, chatter, above = figure.subplots(1, 4, width_ratios=(2.1, 1.0, 1.1, 1.7))
+    _laps(laps, section, looks)
+    _success(success, section, looks)
+    _chatter(chatter, section, looks)
+    draw_map(above, section, looks)
     for axes in (laps, success, chatter):
         axes.set(yticks=range(len(names)), yticklabels=names if axes is laps else [], ylim=(len(names) - 0.4, -0.6))
         axes.grid(visible=False, axis="y")
@@ -49,9 +49,10 @@ def _draw_course(figure, section: Section) -> None:
     figure.suptitle(f"{section.course.name}: {section.setting}", x=0.008, ha="left", fontsize=11)
 
 
-def _laps(axes: Axes, section: Section, colours: Sequence[str]) -> None:
+def _laps(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     """Every attempt's mean lap, a box of the quartiles, and the mean with its interval."""
-    for y, (rows, colour) in enumerate(zip(section.rows, colours, strict=True)):
+    for y, (rows, look) in enumerate(zip(section.rows, looks, strict=True)):
+        colour = look.colour
         laps = np.array([fmean(r.result["laps"]) for r in rows if r.outcome == FINISHED])
         if not len(laps):
             axes.text(0.5, y, "nobody finished", transform=axes.get_yaxis_transform(), ha="center", color=colour)
@@ -77,22 +78,22 @@ def _laps(axes: Axes, section: Section, colours: Sequence[str]) -> None:
     axes.set_title("mean lap of an attempt [s]: dots, quartiles, mean with 95 % interval")
 
 
-def _success(axes: Axes, section: Section, colours: Sequence[str]) -> None:
-    for y, (arm, colour) in enumerate(zip(section.arms, colours, strict=True)):
+def _success(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
+    for y, (arm, look) in enumerate(zip(section.arms, looks, strict=True)):
         low, high = (100 * p for p in arm.success_ci)
         share = 100 * arm.finished / arm.attempts
-        axes.barh(y, share, height=0.34, color=colour, alpha=0.75)
+        axes.barh(y, share, height=0.34, color=look.colour, alpha=0.75)
         axes.plot([low, high], [y, y], color="black", linewidth=1.6)
         axes.text(2, y - 0.3, f"{arm.finished} of {arm.attempts}", va="center", fontsize=9)
     axes.set(xlim=(0, 103), title="finished [%], 95 % interval")
 
 
-def _chatter(axes: Axes, section: Section, colours: Sequence[str]) -> None:
+def _chatter(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     """Logarithmic: samplers differ by factors."""
-    for y, (arm, colour) in enumerate(zip(section.arms, colours, strict=True)):
-        axes.plot([arm.thrust_tv_delivered, arm.thrust_tv], [y, y], color=colour, linewidth=2.5, alpha=0.4)
-        axes.plot(arm.thrust_tv, y, "o", color=colour, markersize=9)
-        axes.plot(arm.thrust_tv_delivered, y, "o", color="white", markeredgecolor=colour, markersize=8)
+    for y, (arm, look) in enumerate(zip(section.arms, looks, strict=True)):
+        axes.plot([arm.thrust_tv_delivered, arm.thrust_tv], [y, y], **line(look), linewidth=2.5, alpha=0.5)
+        axes.plot(arm.thrust_tv, y, "o", color=look.colour, markersize=9)
+        axes.plot(arm.thrust_tv_delivered, y, "o", color="white", markeredgecolor=look.colour, markersize=8)
         axes.annotate(f"{arm.thrust_tv:.1f}", (arm.thrust_tv, y - 0.16), ha="center", va="bottom", fontsize=9)
     numbers = [v for a in section.arms for v in (a.thrust_tv, a.thrust_tv_delivered) if v > 0]
     axes.set_xscale("log")

@@ -12,8 +12,10 @@ from matplotlib.patheffects import withStroke
 
 from quadsim.app.campaign.numbers import FINISHED
 from quadsim.app.campaign.store import Row
+from quadsim.app.figure_style import line
 from quadsim.app.figure_views import draw_gates
 from quadsim.archive import load_run
+from quadsim.palette import Style
 from quadsim.run import RunError
 
 if TYPE_CHECKING:
@@ -22,17 +24,17 @@ if TYPE_CHECKING:
 PATHS = 6  # of each arm
 
 
-def draw_map(axes: Axes, section: Section, colours: Sequence[str]) -> None:
+def draw_map(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     points = np.array([section.course.start.position, *(g.position for g in section.course.gates)])[:, :2]
     scale = max(float(np.ptp(points, axis=0).max()) / 20.0, 0.3)
-    for rows, colour in zip(section.rows, colours, strict=True):
+    for rows, look in zip(section.rows, looks, strict=True):
         for path in _paths(section, rows):
-            axes.plot(*path.T, color=colour, linewidth=0.8, alpha=0.35, zorder=1)
+            axes.plot(*path.T, **line(look), linewidth=0.8, alpha=0.5, zorder=1)
     draw_gates(axes, section.course, (0, 1), scale)
-    for rows, colour, arm in zip(section.rows, colours, section.arms, strict=True):
+    for rows, look, arm in zip(section.rows, looks, section.arms, strict=True):
         ends = np.array([r.result["crash"]["position"][:2] for r in rows if r.result["crash"]]).reshape(-1, 2)
         style = {"markeredgecolor": "white", "markeredgewidth": 0.8, "alpha": 0.9, "zorder": 7}
-        axes.plot(*ends.T, "X", color=colour, markersize=9, label=f"{arm.name}: {len(ends)} crashed", **style)
+        axes.plot(*ends.T, "X", color=look.colour, markersize=9, label=f"{arm.name}: {len(ends)} crashed", **style)
     axes.plot(*points[0], "o", color="white", markeredgecolor="black", markersize=5, zorder=6)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_title("from above [m]: some paths, crashes crossed")

@@ -8,13 +8,16 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from quadsim.app.figure import STYLE
+from quadsim.app.figure_style import STYLE, line
 from quadsim.app.paper.integrator import GOAL, MPPI_CONFIG, frames
 from quadsim.app.paper.result import Result, write_csv, write_figure
 from quadsim.app.paper.table2 import arm, costs
+from quadsim.palette import MARK, dotted, style
 
 SIGMA = 1.5
-NAMES = ("gaussian", "smooth", "smooth_star", "log_normal", "colored_1", "colored_2")
+LOOKS = {name: style(name) for name in ("gaussian", "smooth", "smooth_star", "log_normal")}
+LOOKS |= {"colored_1": style("colored"), "colored_2": dotted(style("colored"))}
+NAMES = tuple(LOOKS)
 SPECTRUM = 2.0  # seconds of controls in the spectrum
 RUNS = 20
 
@@ -68,12 +71,12 @@ def _draw(tracks: dict[str, tuple[np.ndarray, np.ndarray]]) -> Figure:
         figure = Figure(figsize=(14, 4.4), dpi=110, layout="constrained")
         state, control, spectrum = figure.subplots(1, 3)
         for name, (p, u) in tracks.items():
-            t = np.arange(len(p)) * dt
-            state.plot(t, p, label=name, linewidth=1.3)
-            control.plot(t, u, linewidth=0.9)
+            t, look = np.arange(len(p)) * dt, line(LOOKS[name])
+            state.plot(t, p, **look, label=name, linewidth=1.3)
+            control.plot(t, u, **look, linewidth=0.9)
             f, power = psd(u[: round(SPECTRUM / dt)], dt)
-            spectrum.loglog(f[1:], power[1:], linewidth=1.0)
-        state.axhline(GOAL[0], color="#606060", linestyle="--", linewidth=0.8)
+            spectrum.loglog(f[1:], power[1:], **look, linewidth=1.0)
+        state.axhline(GOAL[0], color=MARK, linestyle="--", linewidth=0.8)
         state.set(title="position of one axis [m]", xlabel="t [s]")
         control.set(title="control [m/s$^2$]", xlabel="t [s]")
         control.set_yscale("symlog", linthresh=5.0)

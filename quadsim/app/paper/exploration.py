@@ -9,9 +9,10 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from controllers.samplers import Channels
-from quadsim.app.figure import STYLE
+from quadsim.app.figure_style import STYLE, line
 from quadsim.app.paper.result import Result, write_csv, write_figure
 from quadsim.app.paper.sampled import DT, draw, paths
+from quadsim.palette import dotted, style
 
 SAMPLES = 300
 CASES = {  # name -> sampler, sigma; both channels have gamma 4 where it counts
@@ -19,6 +20,7 @@ CASES = {  # name -> sampler, sigma; both channels have gamma 4 where it counts
     "gaussian, sigma 0.4": ("gaussian", 0.4),
     "gaussian, sigma 2.0": ("gaussian", 2.0),
 }
+LOOKS = dict(zip(CASES, (style("colored"), style("gaussian"), dotted(style("gaussian"))), strict=True))
 RUNS = 1
 
 
@@ -49,12 +51,12 @@ def _draw(cases: dict[str, np.ndarray], variance: dict[str, np.ndarray], t: np.n
         figure = Figure(figsize=(13, 6.5), dpi=110, layout="constrained")
         above, below = figure.subfigures(2, 1, height_ratios=(1.6, 1), squeeze=False)[:, 0]
         for axes, (name, places) in zip(above.subplots(1, 3, sharex=True, sharey=True), cases.items(), strict=True):
-            axes.plot(*places.transpose(2, 1, 0), linewidth=0.4, alpha=0.6, color="#1f4e79")
+            axes.plot(*places.transpose(2, 1, 0), linewidth=0.4, alpha=0.6, color=LOOKS[name].colour)
             axes.set(title=name, xlabel="x [m]", aspect="equal")
         above.axes[0].set_ylabel("y [m]")
         axes = below.subplots()
         for name, v in variance.items():
-            axes.plot(t, v, label=name)
+            axes.plot(t, v, **line(LOOKS[name]), label=name)
         axes.set(title="variance of x [m$^2$]", xlabel="t [s]")
         axes.set_yscale("symlog", linthresh=0.1)
         axes.legend(loc="upper left")

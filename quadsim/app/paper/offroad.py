@@ -10,12 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from quadsim.app.figure import STYLE
+from quadsim.app.figure_style import STYLE, line
 from quadsim.app.paper.arms import ARMS, arm_numbers, arm_table
 from quadsim.app.paper.gather import gather
 from quadsim.app.paper.result import Result, write_csv, write_figure
 from quadsim.app.paper.vehicle import COLUMNS, CORRIDOR, Drive, record
 from quadsim.corridor import load_corridor
+from quadsim.palette import HIT, INK, LIMIT, style
 
 DRIVES = {  # arm -> its attempts by seed; the last, a quarter of them, asks whether the temperature holds it back
     "gaussian": lambda seed: Drive("gaussian", seed),
@@ -64,19 +65,19 @@ def draw_paths(axes: Axes, records: list[dict]) -> LineCollection:
     """Every attempt, coloured by the time since its start; a cross where one ended before the goal."""
     corridor = load_corridor(CORRIDOR)
     for wall in corridor.walls():
-        axes.plot(*wall.T, color="#d62728", linewidth=1.5)
+        axes.plot(*wall.T, color=INK, linewidth=1.5)
     segments, times = [], []
     for r in records:
         rows = np.array(r["rows"])
         segments.append(np.stack([rows[:-1, 1:3], rows[1:, 1:3]], axis=1))
         times.append(rows[:-1, 0])
         if r["outcome"] != "finished":
-            axes.plot(*rows[-1:, 1:3].T, "x", color="black", markersize=6, zorder=4)
+            axes.plot(*rows[-1:, 1:3].T, "x", color=HIT, markersize=6, zorder=4)
     lines = LineCollection(list(np.concatenate(segments)), cmap="viridis", linewidths=1.1)
     lines.set_array(np.concatenate(times))
     lines.set_clim(0.0, 20.0)
     axes.add_collection(lines)
-    axes.plot(*corridor.points[0], "o", color="purple", zorder=5)
+    axes.plot(*corridor.points[0], "o", color=INK, zorder=5)
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     return lines
 
@@ -86,8 +87,8 @@ def draw_controls(rows: np.ndarray, name: str, record: dict) -> None:
     x = dict(zip(COLUMNS, np.array(record["rows"]).T, strict=True))
     early = x["t"] <= SHOWN
     for axes, column, title in zip(rows, ("drive_cmd", "steer_cmd"), ("throttle and brake", "steering"), strict=True):
-        axes.axhline(0.0, color="#d62728", linewidth=0.8)
-        axes.plot(x["t"][early], x[column][early], linewidth=1.1, label=name)
+        axes.axhline(0.0, color=LIMIT, linewidth=0.8)
+        axes.plot(x["t"][early], x[column][early], **line(style(name)), linewidth=1.1, label=name)
         axes.set(title=title, ylim=(-1.05, 1.05))
     rows[-1].set_xlabel("t [s]")
 

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from quadsim.app.figure import STYLE
+from quadsim.app.figure_style import STYLE
 from quadsim.app.flight_flags import FlightFlags
 from quadsim.app.paper.arms import ARMS, arm_numbers, arm_table
 from quadsim.app.paper.gather import gather
@@ -21,6 +21,7 @@ from quadsim.app.paper.store import run_key
 from quadsim.app.spec import Spec, build, launch
 from quadsim.course import load_course
 from quadsim.metrics import chatter
+from quadsim.palette import INK, style
 from quadsim.plant import CONTROL
 from quadsim.run import Run, hostless
 
@@ -95,7 +96,7 @@ def _picture(records: dict[str, list[dict]], folder: Path) -> tuple[Path, ...]:
             axes.set_title(f"{name}: first {len(finished)} laps that finished, of {len(arm)} attempts")
             if finished:
                 fastest = min(finished, key=lambda r: r["time"])
-                _draw_controls(right.subplots(4, 1, sharex=True), fastest)
+                _draw_controls(right.subplots(4, 1, sharex=True), name, fastest)
                 rows = [dict(zip(COLUMNS, row, strict=True)) for row in fastest["rows"]]
                 csvs.append(write_csv(folder / f"quadrotor_{name}_fastest.csv", rows))
     return *write_figure(figure, folder, "quadrotor_laps"), *csvs
@@ -111,17 +112,17 @@ def _draw_laps(axes: Axes, records: list[dict]) -> LineCollection:
     axes.add_collection(lines)
     for gate in load_course("paper_flat").gates:
         half = gate.opening[0] / 2 * gate.rotation[:2, 1]
-        axes.plot(*np.array([gate.position[:2] - half, gate.position[:2] + half]).T, color="#d62728", linewidth=3.0)
+        axes.plot(*np.array([gate.position[:2] - half, gate.position[:2] + half]).T, color=INK, linewidth=3.0)
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     axes.margins(0.03)
     return lines
 
 
-def _draw_controls(rows: np.ndarray, record: dict) -> None:
+def _draw_controls(rows: np.ndarray, sampler: str, record: dict) -> None:
     x = dict(zip(COLUMNS, np.array(record["rows"]).T, strict=True))
     names = ("roll [rad/s]", "pitch [rad/s]", "yaw [rad/s]", "thrust [m/s$^2$]")
-    for axes, column, name in zip(rows, CONTROL, names, strict=True):
-        axes.step(x["t"], x[column], where="post", linewidth=0.9)
-        axes.set_ylabel(name)
+    for axes, column, title in zip(rows, CONTROL, names, strict=True):
+        axes.step(x["t"], x[column], where="post", color=style(sampler).colour, linewidth=0.9)
+        axes.set_ylabel(title)
     rows[0].set_title(f"controls of the fastest lap, {record['time']:.2f} s")
     rows[-1].set_xlabel("t [s]")

@@ -1,0 +1,84 @@
+"""One sampler, one colour, wherever it is drawn."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+from campaign_cases import row
+from matplotlib.colors import to_hex
+from test_report import run
+
+from quadsim.app.campaign import figure as comparison
+from quadsim.app.campaign.numbers import arm_numbers
+from quadsim.app.campaign.report import Section
+from quadsim.app.figure import draw
+from quadsim.app.paper import double_integrator
+from quadsim.course import load_course
+from quadsim.palette import OTHER, SPARE, STYLES, dotted, style, styles
+
+ROOT = Path(__file__).parent.parent
+NAMED = re.compile(r"""#[0-9a-fA-F]{6}\b|["']C\d["']|tab:""")  # a colour as matplotlib or HTML would have it
+
+
+def test_a_sampler_has_its_own_style_and_other_arms_the_spare_ones_in_order():
+    found = styles(["soft", "gaussian", "wild", "colored"])
+    assert found == [SPARE[0], STYLES["gaussian"], SPARE[1], STYLES["colored"]]
+    assert styles([f"arm {k}" for k in range(2 * len(SPARE))]) == [*SPARE, *SPARE]
+
+
+def test_no_two_styles_of_the_palette_have_one_colour():
+    colours = [s.colour for s in (*STYLES.values(), *SPARE, OTHER)]
+    assert len(set(colours)) == len(colours)
+
+
+def test_a_sampler_s_second_line_keeps_its_colour_and_differs_from_the_first():
+    for s in STYLES.values():
+        assert dotted(s).colour == s.colour
+        assert dotted(s).dash != s.dash
+
+
+def test_no_figure_names_a_colour_of_its_own():
+    files = [p for p in (ROOT / "quadsim" / "app").rglob("*.py") if "matplotlib" in p.read_text()]
+    assert len(files) > 8
+    assert [p.name for p in files if NAMED.search(p.read_text())] == []
+
+
+def test_no_other_file_knows_a_sampler_s_colour():
+    palette, colours = ROOT / "quadsim" / "palette.py", {s.colour for s in STYLES.values()}
+    files = {p for package in ("quadsim", "web") for p in (ROOT / package).rglob("*.py")} - {palette}
+    assert [p.name for p in files if any(colour in p.read_text().lower() for colour in colours)] == []
+
+
+def bars(names):
+    """Colour of each arm's success bar in a comparison."""
+    rows = [[row(seed, folder="nowhere") for seed in range(2)] for _ in names]
+    arms = [arm_numbers(name, of_arm, 20.0) for name, of_arm in zip(names, rows, strict=True)]
+    section = Section(load_course("paper_flat"), "", 20.0, arms, [], rows, ROOT)
+    success = comparison.draw([section]).subfigs[0].axes[1]
+    return dict(zip(names, (to_hex(patch.get_facecolor()) for patch in success.patches), strict=True))
+
+
+def test_an_arm_of_a_comparison_has_its_sampler_s_colour_in_any_place():
+    for names in (["gaussian", "colored"], ["colored", "soft", "gaussian"]):
+        found = bars(names)
+        assert found["gaussian"] == style("gaussian").colour
+        assert found["colored"] == style("colored").colour
+    assert found["soft"] == SPARE[0].colour
+
+
+def test_the_picture_of_a_run_draws_what_was_commanded_in_its_sampler_s_colour():
+    flown = run()
+    for sampler in ("colored", "gaussian"):
+        flown.spec["sampler"] = sampler
+        figure = draw(flown)
+        lines = [x for axes in figure.findobj(lambda a: hasattr(a, "get_lines")) for x in axes.get_lines()]
+        found = {to_hex(x.get_color()) for x in lines if x.get_label() == "commanded"}
+        assert found == {style(sampler).colour}
+
+
+def test_the_paper_s_best_runs_are_drawn_in_their_samplers_colours():
+    track = np.zeros(301), np.linspace(0.0, 1.0, 301)
+    figure = double_integrator._draw(dict.fromkeys(double_integrator.NAMES, track))
+    found = {x.get_label(): to_hex(x.get_color()) for x in figure.axes[0].get_lines()}
+    for name in double_integrator.NAMES:
+        assert found[name] == style(re.sub(r"_\d$", "", name)).colour
