@@ -8,12 +8,13 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from quadsim.actuators import allocate, shares
 from quadsim.plant import STATE
 from quadsim.systems.quadrotor import Belief, quadrotor
-from quadsim.vehicle import GRAVITY, Rotors, Vehicle
+from quadsim.vehicle import GRAVITY, Rotors, Vehicle, load_vehicle
 
 SIMPLE = Belief(rate_tau=(0.25, 0.2, 0.3), motor_tau=0.0, drag=0.0, rate_max=(6.0, 6.0, 6.0), thrust_max=36.0)
-FULL = replace(SIMPLE, motor_tau=0.04, drag=0.4)  # with rotors that lag and drag
+FULL = replace(SIMPLE, motor_tau=0.04, drag=0.4, tilt_cost=(0.02, 0.03))  # with rotors that lag, saturate and drag
 HOVER = (0.0, 0.0, 0.0, GRAVITY)
 SAME = {"rtol": 0, "atol": 1e-9}
 
@@ -35,10 +36,12 @@ def derivative(x, u, belief):
     """The docstring's equations in matrices.  (17,) -> (17,)"""
     v, q, omega, a, beta = x[3:6], x[6:10], x[10:13], x[13], x[14:17]
     torque = (np.array(u[:3]) - omega) / belief.rate_tau
+    room = np.dot(belief.tilt_cost, abs(torque[:2]))
+    thrust = np.clip(u[3], room, belief.thrust_max - room)
     if belief.motor_tau:
-        a_dot, beta_dot = (u[3] - a) / belief.motor_tau, (torque - beta) / belief.motor_tau
+        a_dot, beta_dot = (thrust - a) / belief.motor_tau, (torque - beta) / belief.motor_tau
     else:
-        a, beta, a_dot, beta_dot = u[3], torque, 0.0, np.zeros(3)
+        a, beta, a_dot, beta_dot = thrust, torque, 0.0, np.zeros(3)
     force = Rotation.from_quat(q, scalar_first=True).apply([0.0, 0.0, a])
     spin = 0.5 * np.array([-q[1:] @ omega, *(q[0] * omega + np.cross(q[1:], omega))])
     return np.concatenate([v, force - (0, 0, GRAVITY) - belief.drag * v, spin, beta, [a_dot], beta_dot])
@@ -136,7 +139,22 @@ def test_belief_of_a_vehicle_knows_all_but_the_axes_of_its_drag():
     plain = Vehicle("v", "", 1.0, (1e-3,) * 3, 0.1, (0.1, 0.2, 0.3), (6.0, 7.0, 3.0), 30.0, (0.3, 0.6, 0.9), 0.01, None)
     belief = Belief((0.1, 0.2, 0.3), 0.0, pytest.approx(0.6), (6.0, 7.0, 3.0), 30.0)
     assert Belief.of(plain) == belief
-    assert Belief.of(replace(plain, rotors=rotors)) == replace(belief, motor_tau=0.033)
+    assert Belief.of(replace(plain, rotors=rotors)) == replace(belief, motor_tau=0.033, tilt_cost=(0.01, 0.01))
+
+
+def test_thrust_beside_a_tilt_is_what_the_rotors_deliver():
+    """The collective of the allocation itself, over demands that saturate and demands that do not."""
+    vehicle = load_vehicle("swift")
+    system, share = quadrotor(replace(Belief.of(vehicle), motor_tau=0.0), 0.01), shares(vehicle.rotors)
+    high, k = vehicle.mass * vehicle.thrust_max / 4, system.params[0]  # N a rotor, rad/s^2 for each rad/s asked for
+    modest = []
+    for beta_x, beta_y, a in np.random.default_rng(0).uniform((-80, -80, 0), (80, 80, 40), (200, 3)):
+        torque = (vehicle.inertia[0] * beta_x, vehicle.inertia[1] * beta_y, 0.0)
+        delivered = sum(allocate(share, vehicle.mass * a, torque, 0.0, high)) / vehicle.mass
+        x = system.step(state(), (beta_x / k, beta_y / k, 0.0, a), system.params, 0.01)
+        assert x[STATE.index("a")] == pytest.approx(delivered, abs=1e-9)
+        modest.append(delivered == pytest.approx(a))
+    assert 0.2 < np.mean(modest) < 0.98
 
 
 def test_limits_are_the_beliefs_and_rest_hovers():

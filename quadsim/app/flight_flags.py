@@ -23,7 +23,7 @@ from quadsim.course import Course, load_course
 from quadsim.files.strict_yaml import unit
 from quadsim.files.yaml_words import did_you_mean
 from quadsim.flight import whole_multiple
-from quadsim.systems.quadrotor import Belief, Drag, Lag, Rate, Thrust
+from quadsim.systems.quadrotor import Belief, Drag, Lag, Rate, Thrust, TiltCost
 from quadsim.vehicle import Vehicle, load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ class ModelFlags:
     motor_tau: Annotated[Lag | None, THE_VEHICLES] = None  # lag of the rotors, for thrust and torque [s]
     drag: Annotated[Drag | None, THE_VEHICLES] = None  # linear, isotropic [1/s]
     rate_max: Annotated[tuple[Rate, Rate, Rate] | None, THE_VEHICLES] = None  # limit of the rate commands [rad/s]
+    tilt_cost: Annotated[tuple[TiltCost, TiltCost] | None, THE_VEHICLES] = None  # thrust given up to tilt [m]
     thrust_max: Annotated[Thrust | None, THE_VEHICLES] = None  # mass-normalised limit [m/s^2]
 
 

@@ -3,11 +3,13 @@
     p' = v
     v' = R(q) e_z a - g e_z - d v
     q' = q x (0, omega) / 2
-    omega' = beta                   beta' = ((omega_cmd - omega) / tau_omega - beta) / tau_m
-                                    a' = (a_cmd - a) / tau_m
+    omega' = beta
+    beta' = (beta_cmd - beta) / tau_m,                  beta_cmd = (omega_cmd - omega) / tau_omega
+    a' = (clip(a_cmd, r, a_max - r) - a) / tau_m,       r = c_x |beta_cmd,x| + c_y |beta_cmd,y|
 
 The 13 states of Vlahov et al. 2024, section IV-B, and four more, what the rotors deliver now: thrust a
-and angular acceleration beta. With tau_m = 0, the paper's model, both follow their commands at once.
+and angular acceleration beta. To roll or pitch, two rotors give up the thrust r that the others, at their limit, cannot
+add. With tau_m = c = 0, the paper's model, thrust and rates' accelerations follow their commands at once.
 """
 
 from __future__ import annotations
@@ -16,6 +18,8 @@ from dataclasses import dataclass
 from math import exp
 from typing import Annotated
 
+from numpy import maximum, minimum
+
 from quadsim.files.strict_yaml import unit
 from quadsim.plant import CONTROL, STATE
 from quadsim.systems import System
@@ -23,16 +27,19 @@ from quadsim.vehicle import GRAVITY, Vehicle
 
 
 def step(x, u, p, dt):
-    """x, u: plant.STATE and plant.CONTROL. p: rate gains (3) [1/s], the rotors' gain in one dt, drag [1/s]."""
+    """x, u: plant.STATE and plant.CONTROL.
+
+    p: rate gains (3) [1/s], the rotors' gain in one dt, drag [1/s], c_x, c_y [m], a_max [m/s^2].
+    """
     px, py, pz, vx, vy, vz, qw, qx, qy, qz, wx, wy, wz, a, bx, by, bz = x
     wx_cmd, wy_cmd, wz_cmd, a_cmd = u
-    k_x, k_y, k_z, k_m, drag = p
+    k_x, k_y, k_z, k_m, drag, c_x, c_y, a_max = p
     half, eighth = 0.5 * dt, 0.125 * dt
-    # what the rotors deliver moves towards what is asked for
-    a2 = a + (a_cmd - a) * k_m
-    bx2 = bx + ((wx_cmd - wx) * k_x - bx) * k_m
-    by2 = by + ((wy_cmd - wy) * k_y - by) * k_m
-    bz2 = bz + ((wz_cmd - wz) * k_z - bz) * k_m
+    # what the rotors deliver moves towards what is asked for, as far as they can: roll and pitch first
+    bx_cmd, by_cmd, bz_cmd = (wx_cmd - wx) * k_x, (wy_cmd - wy) * k_y, (wz_cmd - wz) * k_z
+    room = c_x * abs(bx_cmd) + c_y * abs(by_cmd)
+    a2 = a + (minimum(maximum(a_cmd, room), a_max - room) - a) * k_m
+    bx2, by2, bz2 = bx + (bx_cmd - bx) * k_m, by + (by_cmd - by) * k_m, bz + (bz_cmd - bz) * k_m
     wx2 = wx + bx2 * dt
     wy2 = wy + by2 * dt
     wz2 = wz + bz2 * dt
@@ -75,6 +82,7 @@ def step(x, u, p, dt):
 Lag = Annotated[float, unit("s", ge=0, le=10)]
 Rate = Annotated[float, unit("rad/s", gt=0, le=100)]
 Drag = Annotated[float, unit("1/s", ge=0, le=20)]
+TiltCost = Annotated[float, unit("m", ge=0, le=10)]
 Thrust = Annotated[float, unit("m/s^2", gt=GRAVITY, le=1000)]  # hovers
 
 
@@ -88,6 +96,7 @@ class Belief:
     rate_max: tuple[Rate, Rate, Rate]  # limit of the body-rate commands [rad/s]
     thrust_max: Thrust  # mass-normalised limit [m/s^2]
     thrust_min: Annotated[float, unit("m/s^2", ge=0, lt=GRAVITY)] = 0.0
+    tilt_cost: tuple[TiltCost, TiltCost] = (0.0, 0.0)  # thrust given up per angular acceleration about x, y [m]
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> Belief:
@@ -99,7 +108,15 @@ class Belief:
             drag=sum(vehicle.drag) / 3,
             rate_max=vehicle.rate_max,
             thrust_max=vehicle.thrust_max,
+            tilt_cost=tilt_cost(vehicle) if rotors else (0.0, 0.0),
         )
+
+
+def tilt_cost(vehicle: Vehicle) -> tuple[float, float]:
+    """Inertia over mass and lever arm: on every side of an axis two rotors carry half of the torque about it [m]."""
+    assert vehicle.rotors
+    x, y = (abs(arm) for arm in vehicle.rotors.positions[0])
+    return vehicle.inertia[0] / (vehicle.mass * y), vehicle.inertia[1] / (vehicle.mass * x)
 
 
 def gain(tau: float, dt: float) -> float:
@@ -109,12 +126,13 @@ def gain(tau: float, dt: float) -> float:
 
 def quadrotor(belief: Belief, dt: float) -> System:
     """The system MPPI plans with, at control period dt [s]."""
+    gains = (gain(tau, dt) / dt for tau in belief.rate_tau)
     return System(
         name="quadrotor",
         states=STATE,
         controls=CONTROL,
         step=step,
-        params=(*(gain(tau, dt) / dt for tau in belief.rate_tau), gain(belief.motor_tau, dt), belief.drag),
+        params=(*gains, gain(belief.motor_tau, dt), belief.drag, *belief.tilt_cost, belief.thrust_max),
         dt=dt,
         low=(*(-r for r in belief.rate_max), belief.thrust_min),
         high=(*belief.rate_max, belief.thrust_max),
