@@ -7,7 +7,7 @@ import numpy as np
 from controllers.costs import Cost
 from controllers.mppi import MPPI
 from controllers.rollout.threads import threads
-from quadsim.app.bench.words import speaking
+from quadsim.app.bench.words import speaking, torch_words
 from quadsim.systems import System
 
 
@@ -19,7 +19,7 @@ class TorchPeer:
         import torch
 
         torch.set_num_threads(threads())
-        words = {"sqrt": torch.sqrt, "where": torch.where}
+        words = torch_words(torch)
         step, terms, n = speaking(system.step, words), speaking(cost.terms, words), len(cost.term_names)
         self._torch = torch
 

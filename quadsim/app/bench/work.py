@@ -15,12 +15,12 @@ from dataclasses import dataclass
 from math import log2
 
 from controllers.mppi import MPPI
+from controllers.rollout.inline import WORDS
 from controllers.rollout.lanes import CHUNK
 from controllers.rollout.normals import box_muller, philox
 from controllers.rollout.roofline import bandwidth_gb, peak_gflops
 from quadsim.provenance import cpu_name
 
-WORDS = {"sqrt", "exp", "abs", "where", "minimum", "maximum"}  # calls that are one operation; casts are none
 CONSTANT = {"F", "U4", "U8", "math", "np"}  # names in arithmetic that is done before the loop
 FLOAT = 4  # bytes
 
@@ -102,6 +102,6 @@ def _operations(node: ast.AST, names: Mapping) -> int:
 
 def _of_call(called: ast.expr, names: Mapping) -> int:
     name = called.attr if isinstance(called, ast.Attribute) else ast.unparse(called)
-    if name in WORDS:
+    if name in WORDS:  # one operation each; a cast is none
         return 1
     return count(names[name]) if name in names and inspect.isfunction(inspect.unwrap(names[name])) else 0
