@@ -24,7 +24,7 @@ from quadsim.files.yaml_values import DECIMAL, WHOLE, Misfit, value
 from quadsim.files.yaml_words import expected
 
 Flags = TypeVar("Flags")
-FLAT = ("flight.", "sampling.", "mppi.", "cost.")  # groups whose flags carry no prefix
+FLAT = ("flight.", "sampling.", "mppi.", "cost.", "workers.")  # groups whose flags carry no prefix
 
 ANSI, RULE = re.compile(r"\x1b\[[0-9;]*m"), re.compile(r"[─-]{3,}")
 

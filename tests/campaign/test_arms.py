@@ -55,6 +55,9 @@ WRONG = {
     "compare paper_flat --laps 2": "paper_flat: expected 1 lap, as the course is open, got 2",
     "compare paper_flat --threads 1": "--threads: attempts fly on one thread each; --jobs says how many at once",
     "compare paper_flat --jobs 0": "--jobs: expected a whole number >= 1",
+    "tune paper_flat --jobs 0": "--jobs: expected a whole number >= 1",
+    "regress": "expected one FILE.yaml or more, got none",
+    "regress mine.yaml --jobs many": "--jobs: expected a whole number, got 'many'",
     "results": "campaigns/race.sqlite: no such campaign",
 }
 

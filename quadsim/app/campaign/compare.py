@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 from msgspec import Meta
-from tyro.conf import DisallowNone, FlagCreatePairsOff, Positional, Suppress, arg
+from tyro.conf import DisallowNone, FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
 
-from quadsim.app.campaign.arms import parse_arms, split
-from quadsim.app.campaign.conduct import CAMPAIGN, INTERRUPTED, Campaign, Conduct, Jobs, Scheduler
+from quadsim.app.campaign.arms import parse_arms
+from quadsim.app.campaign.common_flags import (
+    CAMPAIGN,
+    INTERRUPTED,
+    Campaign,
+    FlightWords,
+    Workers,
+    read_with_flight,
+)
+from quadsim.app.campaign.conduct import Conduct
 from quadsim.app.campaign.report import present, sections
-from quadsim.app.flags import UsageError, check, otherwise, read
+from quadsim.app.flags import UsageError, otherwise
 
 
 @dataclass(frozen=True)
@@ -31,28 +39,25 @@ class Compare:
     courses: Annotated[tuple[str, ...], Positional, arg(metavar="COURSE")] = ()  # see `race courses`, or FILE.yaml
     arms: Annotated[str, arg(metavar="ARM,ARM")] = "gaussian,colored"  # samplers, or NAME=preset+flag=value+...
     attempts: Annotated[int, Meta(ge=1, le=100_000)] = 10  # of each arm on each course
-    jobs: Jobs = None  # attempts at once
-    scheduler: Scheduler = None  # of a Dask cluster
+    workers: OmitArgPrefixes[Workers] = field(default_factory=Workers)
     campaign: Campaign = CAMPAIGN  # where attempts are kept
     this_commit: FlagCreatePairsOff[bool] = False  # count only attempts that this commit has flown
     out: Annotated[str | None, DisallowNone, otherwise("beside the campaign")] = None  # folder of Markdown and figures
     json: FlagCreatePairsOff[bool] = False  # one JSON object instead of tables
-    flight: Suppress[tuple[str, ...]] = ()
+    flight: FlightWords = ()
 
     @classmethod
     def from_argv(cls, argv: Sequence[str]) -> Compare:
-        own, flight = split(argv)
-        flags = read(cls, "race compare", own)
-        check(flags)
+        flags = read_with_flight(cls, "race compare", argv)
         if not flags.courses:
             raise UsageError("expected one COURSE or more, got none (race courses lists them)")
-        return replace(flags, flight=tuple(flight))
+        return flags
 
     def run(self) -> int:
         arms = parse_arms(self.arms, self.courses, self.flight, "race compare")
         campaign = Path(self.campaign)
         try:
-            with Conduct(campaign, self.jobs, self.scheduler, self.this_commit) as conduct:
+            with Conduct(campaign, self.workers, self.this_commit) as conduct:
                 rows = conduct(arms, self.attempts)
         except KeyboardInterrupt:
             return INTERRUPTED

@@ -6,34 +6,24 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated
-
-from tyro.conf import DisallowNone, arg
 
 from quadsim.app.campaign.arms import Arm
 from quadsim.app.campaign.attempt import attempt_key
-from quadsim.app.campaign.pool import Pool, fly_all, open_pool
+from quadsim.app.campaign.common_flags import Workers
+from quadsim.app.campaign.pool import Pool, fly_all
 from quadsim.app.campaign.progress import Tally
 from quadsim.app.campaign.store import Row, Store, this_code
 from quadsim.app.console import complain
-from quadsim.app.flags import otherwise
-from quadsim.app.flight_flags import Count
 from quadsim.app.fly import uninterrupted
 from quadsim.app.spec import Spec
-
-Jobs = Annotated[Count | None, DisallowNone, otherwise("every core")]
-Scheduler = Annotated[str | None, DisallowNone, arg(metavar="tcp://HOST:PORT"), otherwise("processes here")]
-Campaign = Annotated[str, arg(metavar="FILE.sqlite")]
-CAMPAIGN = "campaigns/race.sqlite"
-INTERRUPTED = 130  # exit code
 
 
 class Conduct:
     """`with Conduct(...) as conduct: rows = conduct(arms, attempts)`. Workers start with the first missing attempt."""
 
-    def __init__(self, campaign: Path, jobs: int | None, scheduler: str | None, this_commit: bool):
+    def __init__(self, campaign: Path, workers: Workers, this_commit: bool):
         """this_commit: count only what this commit has flown."""
-        self.campaign, self._jobs, self._scheduler, self._this_commit = campaign, jobs, scheduler, this_commit
+        self.campaign, self._workers, self._this_commit = campaign, workers, this_commit
         self._open = ExitStack()
 
     def __enter__(self) -> Conduct:
@@ -47,7 +37,7 @@ class Conduct:
 
     @cached_property
     def pool(self) -> Pool:
-        return self._open.enter_context(open_pool(self._jobs, self._scheduler))
+        return self._open.enter_context(self._workers.start())
 
     def __call__(self, arms: Sequence[Arm], attempts: int, quiet: bool = False) -> list[list[Row]]:
         """Every attempt of every arm by seed; lost ones are missing. Raises RunError, UsageError, KeyboardInterrupt."""

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from statistics import fmean
 from typing import Annotated
 
 from rich.markup import escape
-from tyro.conf import FlagCreatePairsOff, Positional, Suppress, arg
+from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
 
-from quadsim.app.campaign.arms import Arm, resolve, split
+from quadsim.app.campaign.arms import Arm, resolve
 from quadsim.app.campaign.attempt import Flown
 from quadsim.app.campaign.baseline import Baseline, Stored, Verdict, baseline_text, judge, load_baseline
-from quadsim.app.campaign.conduct import INTERRUPTED, Jobs, Scheduler
-from quadsim.app.campaign.pool import Pool, fly_all, open_pool
+from quadsim.app.campaign.common_flags import INTERRUPTED, FlightWords, Workers, read_with_flight
+from quadsim.app.campaign.pool import Pool, fly_all
 from quadsim.app.campaign.progress import Tally
 from quadsim.app.campaign.sheets import Sheet, as_table
 from quadsim.app.campaign.store import code_of
 from quadsim.app.console import emit, emit_json
-from quadsim.app.flags import UsageError, check, read
+from quadsim.app.flags import UsageError
 from quadsim.archive import write_whole
 from quadsim.metrics import chatter
 from quadsim.run import RunError
@@ -43,19 +43,16 @@ class Regress:
 
     baselines: Annotated[tuple[str, ...], Positional, arg(metavar="FILE.yaml")] = ()
     regen: FlagCreatePairsOff[bool] = False  # store what flies now, and print what changed
-    jobs: Jobs = None  # attempts at once
-    scheduler: Scheduler = None  # of a Dask cluster
+    workers: OmitArgPrefixes[Workers] = field(default_factory=Workers)
     json: FlagCreatePairsOff[bool] = False  # one JSON list instead of tables
-    flight: Suppress[tuple[str, ...]] = ()
+    flight: FlightWords = ()
 
     @classmethod
     def from_argv(cls, argv: Sequence[str]) -> Regress:
-        own, flight = split(argv)
-        flags = read(cls, "race regress", own)
-        check(flags)
+        flags = read_with_flight(cls, "race regress", argv)
         if not flags.baselines:
             raise UsageError("expected one FILE.yaml or more, got none")
-        return replace(flags, flight=tuple(flight))
+        return flags
 
     def run(self) -> int:
         """0: no worse, 1: worse."""
@@ -65,7 +62,7 @@ class Regress:
             if baseline.stored is None and not self.regen:
                 raise UsageError(f"{path}: nothing stored yet: race regress {path} --regen")
         try:
-            with open_pool(self.jobs, self.scheduler) as pool:
+            with self.workers.start() as pool:
                 now = fly_baselines(pool, arms, [b.attempts for _, b in files])
         except KeyboardInterrupt:
             return INTERRUPTED

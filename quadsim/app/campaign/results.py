@@ -11,7 +11,7 @@ from typing import Annotated
 from rich.markup import escape
 from tyro.conf import FlagCreatePairsOff, Positional, arg
 
-from quadsim.app.campaign.conduct import CAMPAIGN
+from quadsim.app.campaign.common_flags import CAMPAIGN
 from quadsim.app.campaign.numbers import ArmNumbers, arm_numbers, pair_numbers
 from quadsim.app.campaign.sheets import Sheet, as_table, pair_sheet, short
 from quadsim.app.campaign.store import Row, Store

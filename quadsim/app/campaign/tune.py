@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
 from msgspec import Meta
 from rich.markup import escape
-from tyro.conf import FlagCreatePairsOff, Positional, Suppress, arg
+from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
 
-from quadsim.app.campaign.arms import Arm, resolve, split
-from quadsim.app.campaign.conduct import CAMPAIGN, INTERRUPTED, Campaign, Conduct, Jobs, Scheduler
+from quadsim.app.campaign.arms import Arm, resolve
+from quadsim.app.campaign.common_flags import (
+    CAMPAIGN,
+    INTERRUPTED,
+    Campaign,
+    FlightWords,
+    Workers,
+    read_with_flight,
+)
+from quadsim.app.campaign.conduct import Conduct
 from quadsim.app.campaign.numbers import ArmNumbers, arm_numbers, lap_limit
 from quadsim.app.campaign.search import Group, knobs, pareto, preset_text, turned
 from quadsim.app.campaign.sheets import Sheet, as_table
 from quadsim.app.campaign.study import Study, objective, open_study
 from quadsim.app.console import complain, emit, emit_json
-from quadsim.app.flags import UsageError, check, read
+from quadsim.app.flags import UsageError
 from quadsim.archive import write_whole
 from quadsim.metrics import wilson
 
@@ -44,18 +52,14 @@ class Tune:
     floor: Annotated[float, Meta(ge=0, le=1)] = 1.0  # share of the attempts that must finish
     search: tuple[Group, ...] = ("sigma", "gamma", "temperature", "cost", "margin", "horizon")  # what to turn
     out: Annotated[str, arg(metavar="FILE.yaml")] = "tuned.yaml"  # the preset: race fly --preset FILE.yaml
-    jobs: Jobs = None  # attempts at once
-    scheduler: Scheduler = None  # of a Dask cluster
+    workers: OmitArgPrefixes[Workers] = field(default_factory=Workers)
     campaign: Campaign = CAMPAIGN  # where attempts are kept; the search itself is FILE.journal beside it
     json: FlagCreatePairsOff[bool] = False  # one JSON object instead of tables
-    flight: Suppress[tuple[str, ...]] = ()
+    flight: FlightWords = ()
 
     @classmethod
     def from_argv(cls, argv: Sequence[str]) -> Tune:
-        own, flight = split(argv)
-        flags = read(cls, "race tune", own)
-        check(flags)
-        return replace(flags, flight=tuple(flight))
+        return read_with_flight(cls, "race tune", argv)
 
     def run(self) -> int:
         base = Arm("base", resolve([self.course, *self.flight], "race tune"))
@@ -65,7 +69,7 @@ class Tune:
         identity = f"{base.key[:16]}-{'-'.join(self.search)}-{self.attempts}-{self.floor:g}-{base.spec.seed}"
         study = open_study(Path(self.campaign).with_suffix(".journal"), identity, turns)
         try:
-            with Conduct(Path(self.campaign), self.jobs, self.scheduler, this_commit=False) as conduct:
+            with Conduct(Path(self.campaign), self.workers, this_commit=False) as conduct:
                 self._search(study, base, conduct)
                 finals = self._finals(study, base, conduct)
         except KeyboardInterrupt:
