@@ -14,6 +14,7 @@ import sys
 import tempfile
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ from web.race_panel import Menu
 from web.session import Session
 
 CLIENTS = 4
+SOAK_SAMPLES = 512  # what may grow is the page, not the planner
 MENU = Menu(("split_s_swift",), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
 
 
@@ -53,11 +55,11 @@ class Place:
         while len(self.server.get_clients()) != CLIENTS * on:
             time.sleep(0.05)
 
-    def flight(self, laps: int = 1, speed: float = 1.0) -> float:
-        """Median plan time of a flight [ms]."""
+    def flight(self, laps: int = 1, samples: int | None = None) -> float:
+        """Median plan time of a flight in real time [ms]."""
         races = self.session.snapshot.race
-        self.session.tell(Race.set_speed, speed)
-        self.session.tell(Race.start, [Choices(laps=laps)])
+        numbers = replace(Hangar().numbers("race", "colored"), samples=samples) if samples else None
+        self.session.tell(Race.start, [Choices(laps=laps, numbers=numbers)])
         while self.session.snapshot.race == races or self.session.snapshot.flying:
             time.sleep(0.05)
         return float(np.median(self.session.snapshot.lanes[0].x["plan_ms"]))
@@ -97,10 +99,10 @@ def air(place: Place) -> None:
 
 def soak(place: Place, minutes: float) -> None:
     place.watch(True)
-    place.flight(3)
+    place.flight(3, SOAK_SAMPLES)
     first, end = None, time.monotonic() + 60 * minutes
     while time.monotonic() < end:
-        place.flight(3)
+        place.flight(3, SOAK_SAMPLES)
         now = (resident(), threading.active_count())
         first = first or now
         print(f"{now[0]:.0f} MB, {now[1]} threads")
