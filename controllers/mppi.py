@@ -24,12 +24,11 @@ from controllers.rollout.compiled import is_cached
 from controllers.rollout.lanes import CHUNK, LANES, Rollout
 from controllers.rollout.reduce import weighted_mean
 from controllers.samplers import SAMPLERS, Sampler, Sampling
+from controllers.weights import padded, shares, steer, weights
 from quadsim.files.strict_yaml import unit
 from quadsim.systems import System
 
 SAVITZKY_GOLAY = np.array([-3, 12, 17, 12, -3]) / 35  # 5 points, order 2
-TEMPERATURE_STEP = 1.1  # factor per iteration when steering to an effective sample size
-TEMPERATURE_RANGE = (1e-4, 1e4)
 
 
 @dataclass(frozen=True)
@@ -183,47 +182,12 @@ def block_of(z: np.ndarray, b: int, horizon: int) -> np.ndarray:
     return z[b // halves, :, t0 : t0 + horizon]
 
 
-def padded(w: np.ndarray) -> np.ndarray:
-    """Weights in whole blocks of lanes; the lanes beyond M weigh nothing.  (M,) -> (blocks, LANES)"""
-    blocks = np.zeros(-(-len(w) // LANES) * LANES)
-    blocks[: len(w)] = w
-    return blocks.reshape(-1, LANES)
-
-
 def check_state(x: np.ndarray, names: tuple[str, ...]) -> None:
     """Raises ValueError unless x holds one finite number for each name."""
     bad = [f"{name} = {value:g}" for name, value in zip(names, x, strict=False) if not isfinite(value)]
     if bad or len(x) != len(names):
         found = ", ".join(bad) or f"{len(x)} numbers"
         raise ValueError(f"MPPI: state: expected {len(names)} finite numbers, got {found}; has the plant diverged?")
-
-
-def weights(J: np.ndarray, temperature: float) -> np.ndarray:
-    """w^m = exp(-(J^m - rho) / lambda) / eta, rho = min J; a rollout that overflowed weighs nothing.  (M,) -> (M,)
-
-    Raises FloatingPointError when every rollout overflowed.
-    """
-    w = shares(J, temperature)
-    if not w.any():
-        raise FloatingPointError(f"MPPI: cost: expected a finite J, got none in {len(J)} rollouts; lower the weights")
-    return w
-
-
-def shares(J: np.ndarray, temperature: float) -> np.ndarray:
-    """The same of some of the samples; zeros where none of them has a finite cost."""
-    J = np.where(np.isnan(J), np.inf, J)
-    if not isfinite(J.min()):
-        return np.zeros_like(J)
-    w = np.exp(-(J - J.min()) / temperature)
-    return w / w.sum()
-
-
-def steer(temperature: float, ess: float, target: float | None) -> float:
-    """The next temperature: a fixed factor up or down towards the wanted effective sample size."""
-    if target is None:
-        return temperature
-    low, high = TEMPERATURE_RANGE
-    return min(max(temperature * TEMPERATURE_STEP ** (1 if ess < target else -1), low), high)
 
 
 def savitzky_golay(plan: np.ndarray, executed: np.ndarray) -> np.ndarray:

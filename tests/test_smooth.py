@@ -5,11 +5,11 @@ import pytest
 from oracle import from_lanes
 from point import POINT, REST, START, T, drawn, make, naive_cost, perturbed
 
-from controllers.mppi import weights
 from controllers.presets import PRESETS
 from controllers.samplers import SAMPLERS, SamplerConfig
 from controllers.samplers.log_normal import LogNormal
 from controllers.samplers.smooth import SHIFTS, Momentum
+from controllers.weights import weights
 
 FREE = {"system": POINT.__class__(**vars(POINT) | {"low": (-1e9,) * 2, "high": (1e9,) * 2})}
 
