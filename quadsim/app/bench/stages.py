@@ -50,17 +50,20 @@ def parts_ms(mppi: MPPI, x: np.ndarray, sampler: str, seconds: float) -> dict[st
     return noise_ms | ms | {"rest": total - noise - sum(ms.values()), "whole": total}
 
 
-class Timed:
-    """A function, and how long its calls have taken."""
+class Clock:
+    """How long the functions that it was put around have taken."""
 
-    def __init__(self, call: Callable):
-        self._call, self._ms = call, 0.0
+    def __init__(self) -> None:
+        self._ms = 0.0
 
-    def __call__(self, *arguments: object) -> object:
-        began = perf_counter()
-        result = self._call(*arguments)
-        self._ms += 1e3 * (perf_counter() - began)
-        return result
+    def around(self, call: Callable) -> Callable:
+        def timed(*arguments: object) -> object:
+            began = perf_counter()
+            result = call(*arguments)
+            self._ms += 1e3 * (perf_counter() - began)
+            return result
+
+        return timed
 
     def read(self) -> float:
         """Since the last reading [ms]."""
@@ -69,21 +72,22 @@ class Timed:
 
 
 @contextmanager
-def timed_parts(mppi: MPPI) -> Iterator[dict[str, Timed]]:
+def timed_parts(mppi: MPPI) -> Iterator[dict[str, Clock]]:
     """What an iteration calls, timed where it is called: over all its chunks, with the caches as they are there."""
     places = [
         ("rollouts", mppi, "rollout"),
         ("weights", algorithm, "shares"),
+        ("weights", algorithm, "weights"),
         ("weighted mean", algorithm, "weighted_mean"),
     ]
     plain = [getattr(owner, name) for _, owner, name in places]
-    sampler, noise = mppi.sampler, Timed(mppi.sampler.sample)
-    mppi.sampler, parts = replace(sampler, sample=noise), {"noise": noise}
+    clocks = {part: Clock() for part in ("noise", *(part for part, _, _ in places))}
+    sampler = mppi.sampler
+    mppi.sampler = replace(sampler, sample=clocks["noise"].around(sampler.sample))
     for (part, owner, name), call in zip(places, plain, strict=True):
-        parts[part] = Timed(call)
-        setattr(owner, name, parts[part])
+        setattr(owner, name, clocks[part].around(call))
     try:
-        yield parts
+        yield clocks
     finally:
         mppi.sampler = sampler
         for (_, owner, name), call in zip(places, plain, strict=True):
