@@ -18,26 +18,25 @@ class Picture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pictures:
-    """All of a run; nan where a frame has none."""
+    """All of a run, in order. Single precision, they are for the eye."""
 
-    best: np.ndarray  # (frames, 8, points, 3)
-    terms: dict[str, np.ndarray]  # (frames,) each
+    frames: np.ndarray  # the frame that each was taken at  (pictures,)
+    best: np.ndarray  # (pictures, 8, points, 3)
+    terms: dict[str, np.ndarray]  # (pictures,) each
 
     @classmethod
-    def of(cls, seen: Sequence[Picture | None]) -> Pictures | None:
-        """One entry a frame; None where no frame has a picture. Single precision, it is for the eye."""
-        first = next((p for p in seen if p is not None), None)
-        if first is None:
+    def of(cls, seen: Sequence[tuple[int, Picture]]) -> Pictures | None:
+        """From (frame, picture); None where there are none."""
+        if not seen:
             return None
-        none = Picture(np.full(first.best.shape, np.nan), dict.fromkeys(first.terms, np.nan))
-        whole = [p or none for p in seen]
-        terms = {name: np.array([p.terms[name] for p in whole], np.float32) for name in first.terms}
-        return cls(np.stack([p.best for p in whole]).astype(np.float32), terms)
+        pictures = [picture for _, picture in seen]
+        terms = {name: np.array([p.terms[name] for p in pictures], np.float32) for name in pictures[0].terms}
+        return cls(np.array([k for k, _ in seen]), np.array([p.best for p in pictures], np.float32), terms)
 
-    def latest(self, i: int) -> tuple[int, Picture] | None:
-        """The last picture up to frame i, with the frame it was taken at."""
-        taken = np.flatnonzero(np.isfinite(self.best[: i + 1, 0, 0, 0]))
-        if not len(taken):
+    def latest(self, frame: int) -> tuple[int, Picture] | None:
+        """The last picture up to this frame, with the frame it was taken at."""
+        i = int(np.searchsorted(self.frames, frame, side="right")) - 1
+        if i < 0:
             return None
-        k = int(taken[-1])
-        return k, Picture(self.best[k], {name: float(column[k]) for name, column in self.terms.items()})
+        terms = {name: float(column[i]) for name, column in self.terms.items()}
+        return int(self.frames[i]), Picture(self.best[i], terms)

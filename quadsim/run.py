@@ -8,6 +8,7 @@ made in flight, see `not_comparable`. The rest is free.
 from __future__ import annotations
 
 import json
+from array import array
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -85,16 +86,11 @@ class Run:
 
     @classmethod
     def from_frames(cls, spec: dict, frames: Iterable[Frame]) -> Run:
-        """Collect a flight. A last frame without an outcome means that somebody stopped asking: interrupted."""
-        frames = list(frames)
-        return cls(
-            spec=json.loads(canonical(spec)),  # tuples become lists now, so that loading gives back the same
-            telemetry=_telemetry(frames),
-            events=tuple(e for f in frames for e in f.events),
-            outcome=(frames[-1].outcome if frames else None) or "interrupted",
-            wall=_wall(frames),
-            pictures=Pictures.of([f.picture for f in frames]),
-        )
+        """Collect a flight."""
+        recorder = Recorder()
+        for frame in frames:
+            recorder.add(frame)
+        return recorder.run(spec)
 
     @cached_property
     def laps(self) -> list[float]:
@@ -165,17 +161,43 @@ def canonical(value: object) -> bytes:
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
 
 
-def _telemetry(frames: list[Frame]) -> dict[str, np.ndarray]:
-    rows = [(f.t, *f.x, *f.u, f.passed, f.lap, f.ess, f.temperature, f.cost, f.plan_ms) for f in frames]
-    table = np.array(rows, dtype=float).reshape(len(frames), len(COLUMNS))  # (frames, columns)
-    return {name: table[:, i].astype(int if name in COUNTS else float) for i, name in enumerate(COLUMNS)}
+class Recorder:
+    """Keeps a flight while it goes on: 250 bytes a frame, so that a long one fits as well."""
 
+    def __init__(self) -> None:
+        self.last: Frame | None = None
+        self.events: list[Event] = []
+        self._numbers = array("d")  # rows of COLUMNS
+        self._pictures: list[tuple[int, Picture]] = []
 
-def _wall(frames: list[Frame]) -> dict:
-    """The real-time factor is simulated over wall-clock seconds."""
-    if not frames:
-        return {"plan_ms": {"p50": 0.0, "p95": 0.0}, "real_time_factor": 0.0}
-    p50, p95 = (float(v) for v in np.percentile([f.plan_ms for f in frames], [50, 95]))
-    last = frames[-1]
-    factor = last.t / last.elapsed if last.elapsed > 0.0 else 0.0
-    return {"plan_ms": {"p50": p50, "p95": p95}, "real_time_factor": factor}
+    def add(self, f: Frame) -> None:
+        if f.picture:
+            self._pictures.append((len(self), f.picture))
+        self._numbers.extend((f.t, *f.x, *f.u, f.passed, f.lap, f.ess, f.temperature, f.cost, f.plan_ms))
+        self.events += f.events
+        self.last = f
+
+    def __len__(self) -> int:
+        return len(self._numbers) // len(COLUMNS)
+
+    def run(self, spec: dict) -> Run:
+        """The flight so far. A last frame without an outcome means that somebody stopped asking: interrupted."""
+        table = np.array(self._numbers).reshape(len(self), len(COLUMNS))
+        telemetry = {name: table[:, i].astype(int if name in COUNTS else float) for i, name in enumerate(COLUMNS)}
+        return Run(
+            spec=json.loads(canonical(spec)),  # tuples become lists now, so that loading gives back the same
+            telemetry=telemetry,
+            events=tuple(self.events),
+            outcome=(self.last.outcome if self.last else None) or "interrupted",
+            wall=self._wall(telemetry["plan_ms"]),
+            pictures=Pictures.of(self._pictures),
+        )
+
+    def _wall(self, plan_ms: np.ndarray) -> dict:
+        """The real-time factor is simulated over wall-clock seconds."""
+        p50, p95 = (float(v) for v in np.percentile(plan_ms, [50, 95])) if len(plan_ms) else (0.0, 0.0)
+        timed = self.last is not None and self.last.elapsed > 0.0
+        return {
+            "plan_ms": {"p50": p50, "p95": p95},
+            "real_time_factor": self.last.t / self.last.elapsed if self.last and timed else 0.0,
+        }

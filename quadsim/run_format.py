@@ -85,7 +85,7 @@ def read_npz(data: bytes, path: object) -> tuple[dict[str, np.ndarray], Pictures
     pictures = _pictures(columns)
     _check(columns, path)
     if pictures:
-        _check_pictures(pictures, columns["t"].shape, path)
+        _check_pictures(pictures, len(columns["t"]), path)
     return {name: columns[name] for name in COLUMNS}, pictures
 
 
@@ -98,19 +98,20 @@ def write_csv(events: Iterable[Event]) -> bytes:
 
 
 def _flat(pictures: Pictures | None) -> dict[str, np.ndarray]:
-    """As arrays of the file: `best`, and one for each term, so that a replay can name it."""
+    """As arrays of the file: frames, `best`, and one for each term, so that a replay can name it."""
     if pictures is None:
         return {}
-    return {"best": pictures.best} | {TERM + name: column for name, column in pictures.terms.items()}
+    terms = {TERM + name: column for name, column in pictures.terms.items()}
+    return {"pictured": pictures.frames, "best": pictures.best} | terms
 
 
 def _pictures(columns: dict[str, np.ndarray]) -> Pictures | None:
-    """Taken out of the arrays of the file. Files written before there were terms have none."""
-    best = columns.pop("best", None)
-    if best is None:
+    """Taken out of the arrays of the file."""
+    if not {"pictured", "best"} <= columns.keys():
         return None
     names = [name for name in columns if name.startswith(TERM)]
-    return Pictures(best, {name.removeprefix(TERM): columns.pop(name) for name in names})
+    terms = {name.removeprefix(TERM): columns.pop(name) for name in names}
+    return Pictures(columns.pop("pictured"), columns.pop("best"), terms)
 
 
 def _check(columns: dict[str, np.ndarray], path: object) -> None:
@@ -123,13 +124,15 @@ def _check(columns: dict[str, np.ndarray], path: object) -> None:
             raise RunError(f"{path}: {name}: expected {wanted} {frames}, got {column.dtype} {column.shape}")
 
 
-def _check_pictures(pictures: Pictures, frames: tuple[int, ...], path: object) -> None:
-    best = pictures.best
-    if best.ndim != 4 or 0 in best.shape[1:] or best.shape[::3] != (*frames, 3) or best.dtype != np.float32:
-        raise RunError(f"{path}: best: expected float32 {(*frames, 8, 'points', 3)}, got {best.dtype} {best.shape}")
+def _check_pictures(pictures: Pictures, frames: int, path: object) -> None:
+    k, best = pictures.frames, pictures.best
+    if k.ndim != 1 or k.dtype != np.int64 or not len(k) or k[0] < 0 or k[-1] >= frames or (np.diff(k) <= 0).any():
+        raise RunError(f"{path}: pictured: expected rising frames below {frames}, got {k.dtype} {k.shape}")
+    if best.ndim != 4 or 0 in best.shape[1:] or best.shape[::3] != (len(k), 3) or best.dtype != np.float32:
+        raise RunError(f"{path}: best: expected float32 {(len(k), 8, 'points', 3)}, got {best.dtype} {best.shape}")
     for name, column in pictures.terms.items():
-        if column.dtype != np.float32 or column.shape != frames:
-            raise RunError(f"{path}: {TERM}{name}: expected float32 {frames}, got {column.dtype} {column.shape}")
+        if column.dtype != np.float32 or column.shape != k.shape:
+            raise RunError(f"{path}: {TERM}{name}: expected float32 {k.shape}, got {column.dtype} {column.shape}")
 
 
 def _finite(value: object) -> object:

@@ -64,4 +64,6 @@ def same(a: Run, b: Run) -> bool:
 
 def _arrays(run: Run) -> dict:
     pictures = run.pictures
-    return run.telemetry | ({} if pictures is None else {"best": pictures.best} | pictures.terms)
+    return run.telemetry | (
+        {} if pictures is None else {"pictured": pictures.frames, "best": pictures.best} | pictures.terms
+    )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from run_cases import picture, save, two_laps
+from run_cases import save, two_laps
 
 from quadsim.archive import list_runs, load_run
 from quadsim.run import RunError
@@ -22,16 +22,7 @@ def edit_npz(path, **changes):
     np.savez(path / "telemetry.npz", **{k: v for k, v in columns.items() if v is not None})
 
 
-def test_a_run_kept_before_there_were_terms_loads_with_its_paths(tmp_path):
-    run = two_laps(picture=picture())
-    path = save(tmp_path, run)
-    edit_npz(path, **{f"{TERM}{name}": None for name in run.pictures.terms})
-    old = load_run(path)
-    assert old.pictures.terms == {}
-    assert np.array_equal(old.pictures.best, run.pictures.best)
-    assert old.digest() == run.digest()
-
-
+SEEN, BEST = np.array([0, 10]), np.zeros((2, 8, 5, 3), np.float32)
 DAMAGE = {
     "newer": (lambda p: edit(p, schema_version=2), "expected schema_version 1, got 2; it comes from a newer quadsim"),
     "no version": (lambda p: edit(p, schema_version=None), "damaged: Expected `int`"),
@@ -49,11 +40,14 @@ DAMAGE = {
     "column": (lambda p: edit_npz(p, vz=None), "missing or unknown: vz"),
     "length": (lambda p: edit_npz(p, vz=np.zeros(3)), r"vz: expected float64 \(61,\), got float64 \(3,\)"),
     "pickle": (lambda p: edit_npz(p, vz=np.array([{}])), "damaged: Object arrays cannot be loaded"),
-    "best": (lambda p: edit_npz(p, best=np.zeros((61, 8, 3))), "best: expected float32"),
-    "no path": (lambda p: edit_npz(p, best=np.zeros((61, 0, 5, 3), np.float32)), "best: expected float32"),
+    "best": (lambda p: edit_npz(p, pictured=SEEN, best=np.zeros((2, 8, 3))), "best: expected float32"),
+    "best alone": (lambda p: edit_npz(p, best=BEST), "missing or unknown: best"),
+    "no path": (lambda p: edit_npz(p, pictured=SEEN, best=BEST[:, :0]), "best: expected float32"),
+    "past the end": (lambda p: edit_npz(p, pictured=SEEN + 60, best=BEST), "pictured: expected rising frames below 61"),
+    "falling": (lambda p: edit_npz(p, pictured=SEEN[::-1], best=BEST), "pictured: expected rising frames below 61"),
     "term": (
-        lambda p: edit_npz(p, best=np.zeros((61, 8, 5, 3), np.float32), **{f"{TERM}crash": np.zeros(61)}),
-        r"cost.crash: expected float32 \(61,\), got float64 \(61,\)",
+        lambda p: edit_npz(p, pictured=SEEN, best=BEST, **{f"{TERM}crash": np.zeros(2)}),
+        r"cost.crash: expected float32 \(2,\), got float64 \(2,\)",
     ),
     "term alone": (lambda p: edit_npz(p, **{f"{TERM}crash": np.zeros(61)}), "missing or unknown: cost.crash"),
     "bit": (lambda p: edit_npz(p, vz=np.full(61, 1e-300)), "do not give the stored digest"),

@@ -10,7 +10,7 @@ import numpy as np
 
 from quadsim.archive import RunFolder
 from quadsim.picture import Pictures
-from quadsim.run import COLUMNS, INTERACTIVE, Event, Frame, Run, flown_laps, lap_penalties
+from quadsim.run import COLUMNS, INTERACTIVE, Event, Frame, Recorder, Run, flown_laps, lap_penalties
 from web.choices import Flight, Numbers
 from web.lane import Lane
 from web.progress import Legs
@@ -48,7 +48,7 @@ class LiveLane:
         self.spec = dict(flight.spec)
         self.legs = Legs(flight.course, self.spec["laps"])
         self._folder = RunFolder.open(root, self.spec)
-        self._trace, self._frames, self._events = Trace(self.legs), [], []
+        self._trace, self._recorder = Trace(self.legs), Recorder()
         self.outcome: str | None = None
         self.fan: Fan | None = None
         self._pictures: Pictures | None = None
@@ -57,20 +57,19 @@ class LiveLane:
     @property
     def t(self) -> float:
         """Of the last frame [s]; before the first, one period before the start."""
-        return self._frames[-1].t if self._frames else -self.flight.period
+        return self._recorder.last.t if self._recorder.last else -self.flight.period
 
     def advance(self) -> Frame:
         """Plan, fly one period. The last frame of a flight carries its outcome."""
         frame = next(self.flight.frames)
-        self._frames.append(frame)
-        self._events += frame.events
+        self._recorder.add(frame)
         self._trace.append(frame)
         self.outcome = frame.outcome
         return frame
 
     @property
     def laps(self) -> tuple[float, ...]:
-        return _laps(self._events, self.legs.gates)
+        return _laps(self._recorder.events, self.legs.gates)
 
     def look(self) -> None:
         self.fan = self.flight.fan()
@@ -86,16 +85,16 @@ class LiveLane:
         self.outcome = self.outcome or "interrupted"
         self.flight.close()
         with self._folder as folder:
-            if self.outcome == "interrupted" and not any(e.kind == "pass" for e in self._events):
+            if self.outcome == "interrupted" and not any(e.kind == "pass" for e in self._recorder.events):
                 return None
-            run = Run.from_frames(self.spec, self._frames)
+            run = self._recorder.run(self.spec)
             self._pictures = run.pictures
             self._kept = folder.save(run)
         return run
 
     def lane(self) -> Lane:
         x, progress = self._trace.view()
-        events = tuple(self._events)
+        events = tuple(self._recorder.events)
         return Lane(
             name=self.name,
             spec=self.spec,

@@ -17,7 +17,7 @@ from quadsim.app.progress import Progress
 from quadsim.app.report import present
 from quadsim.app.spec import Spec, build, launch
 from quadsim.archive import RunFolder
-from quadsim.run import Frame, Run, RunError
+from quadsim.run import Frame, Recorder, Run, RunError
 
 EXIT = {"finished": 0, "crashed": 1, "timeout": 1, "interrupted": 130}
 
@@ -48,27 +48,27 @@ class Fly:
         with closing(plant), RunFolder.open(self.runs_dir, spec.record()) as folder:
             if not controller.is_cached:
                 complain(COMPILING)
-            frames = self._collect(launch(spec, plant, controller, referee), spec)
-            run = Run.from_frames(spec.record(), frames)
+            recorder = self._record(launch(spec, plant, controller, referee), spec)
+            run = recorder.run(spec.record())
             with uninterrupted():
                 failure = save(folder, run)
         present(run, None if failure else folder.path, self.json)
         if failure:
             raise failure
         if run.outcome == "interrupted":
-            complain(f"race fly: interrupted at {frames[-1].t:.2f} s, the flight so far is kept")
+            complain(f"race fly: interrupted at {run.telemetry['t'][-1]:.2f} s, the flight so far is kept")
         return EXIT[run.outcome]
 
-    def _collect(self, flight: Iterable[Frame], spec: Spec) -> list[Frame]:
+    def _record(self, flight: Iterable[Frame], spec: Spec) -> Recorder:
         """Every frame until the flight ends or Ctrl-C comes; KeyboardInterrupt where nothing has flown yet."""
-        frames: list[Frame] = []
+        recorder = Recorder()
         with Progress(len(spec.course.gates), spec.laps, quiet=self.json) as line, suppress(KeyboardInterrupt):
             for frame in flight:
-                frames.append(frame)
+                recorder.add(frame)
                 line.show(frame)
-        if not frames:
+        if not len(recorder):
             raise KeyboardInterrupt
-        return frames
+        return recorder
 
 
 def save(folder: RunFolder, run: Run) -> RunError | None:

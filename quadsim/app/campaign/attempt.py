@@ -11,7 +11,7 @@ from controllers.rollout.threads import use_threads
 from quadsim.app.spec import Spec, build, launch
 from quadsim.metrics import chatter
 from quadsim.provenance import provenance
-from quadsim.run import Frame, Run, canonical
+from quadsim.run import Recorder, Run, canonical
 
 LABELS = ("host", "preset")  # of a spec's record: they decide nothing
 DRAWN = ("seed", "variation")
@@ -42,16 +42,17 @@ def fly_attempt(spec: Spec) -> Flown:
     use_threads(1)
     flown_by = this_provenance()  # before the flight: of the code that flies
     plant, controller, referee = build(spec)
-    frames: list[Frame] = []
+    recorder = Recorder()
     fault = None
     with closing(plant):
         try:
-            frames += (replace(f, picture=None) for f in launch(spec, plant, controller, referee))
+            for frame in launch(spec, plant, controller, referee):
+                recorder.add(replace(frame, picture=None))
         except (ValueError, FloatingPointError) as error:
-            if not frames:
+            if not len(recorder):
                 raise
             fault = str(error)
-    run = Run.from_frames(spec.record(), frames)
+    run = recorder.run(spec.record())
     return Flown(replace(run, outcome="crashed") if fault else run, flown_by, fault)
 
 
