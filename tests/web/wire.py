@@ -63,10 +63,14 @@ def get(port, path="/", host=None, **headers):
 async def button(client, wanted, most=200):
     """uuid of the first button with this label, from what the server sends a newcomer."""
     for _ in range(most):
-        frame = await client._socket.recv()
-        size = int.from_bytes(frame[8:16], "little")
-        inner = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size]))
-        for message in inner["messages"]:
+        for message in await received(client):
             if message["type"] == "GuiButtonMessage" and message["props"]["label"] == wanted:
                 return message["uuid"]
     raise LookupError(wanted)
+
+
+async def received(client):
+    """The messages of the next frame from the server."""
+    frame = await client._socket.recv()
+    size = int.from_bytes(frame[8:16], "little")
+    return msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size]))["messages"]

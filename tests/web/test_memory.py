@@ -1,0 +1,86 @@
+"""Claims about what a page and its server forget when another race begins."""
+
+import asyncio
+from contextlib import asynccontextmanager
+
+import pytest
+import viser
+from web_cases import choices, until
+from wire import connect, received
+
+from web.race import Race
+
+GHOST = [choices("colored"), choices("gaussian")]
+
+
+def kept(server):
+    """Messages that the server keeps for newcomers."""
+    return server._websock_server._broadcast_buffer.message_from_id
+
+
+async def race(page, session, flights):
+    """Begin another race and wait until the page shows it."""
+    dashboard, _ = page
+    before, stage = session.snapshot.race, dashboard._stage
+    session.tell(Race.start, flights)
+    for _ in range(500):
+        await asyncio.sleep(0.02)
+        if session.snapshot.race > before and dashboard._stage is not stage:
+            await asyncio.sleep(0.3)  # what it says is on its way
+            return
+    raise TimeoutError("no new stage on the page")
+
+
+@asynccontextmanager
+async def onlooker(server):
+    """The list of what an open page is sent."""
+    seen = []
+
+    async def listen(client):
+        while True:
+            seen.extend(await received(client))
+
+    async with connect(server.get_port()) as client:
+        listening = asyncio.create_task(listen(client))
+        yield seen
+        listening.cancel()
+
+
+def test_viser_has_what_lets_the_server_forget_removed_things():
+    """It is private, so any version may take it away: then read web.stage.forget_removed."""
+    assert callable(getattr(viser.ViserServer, "_run_garbage_collector", None))
+
+
+def test_an_open_page_is_told_to_remove_the_ghost_and_the_charts_of_the_last_race(page, session):
+    _, server = page
+
+    async def person():
+        async with onlooker(server) as seen:
+            await race(page, session, GHOST)
+            charts = {m["uuid"] for m in seen if m["type"] == "GuiUplotMessage"}
+            await race(page, session, GHOST[:1])
+        removed = {m["name"] for m in seen if m["type"] == "RemoveSceneNodeMessage"}
+        assert {"/lane/1", "/trail/1"} <= removed
+        assert charts
+        assert charts <= {m["uuid"] for m in seen if m["type"] == "GuiRemoveMessage"}
+
+    asyncio.run(person())
+
+
+@pytest.mark.parametrize("frees", [True, False])
+def test_the_server_keeps_no_more_after_many_races_than_after_two(page, session, frees, monkeypatch):
+    """And it would, without what frees it."""
+    _, server = page
+    if not frees:
+        monkeypatch.setattr("web.stage.forget_removed", lambda _: None)
+
+    async def person():
+        async with onlooker(server) as seen:
+            assert await asyncio.to_thread(until, lambda: len(seen) > 0)
+            sizes = []
+            for _ in range(5):
+                await race(page, session, GHOST)
+                sizes.append(len(kept(server)))
+        assert (sizes[-1] <= sizes[1] + 10) == frees, sizes
+
+    asyncio.run(person())
