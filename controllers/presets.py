@@ -32,7 +32,15 @@ _PAPER = Planner(
     sampling=SamplerConfig(sigma=(0.3, 0.3, 0.3, 3.5)),
     mppi=MPPIConfig(samples=4096, horizon=150, iterations=2, dt=0.01, temperature=0.3),
     cost=RaceWeights(
-        progress=8, heading=40, height=4, speed=0.5, stabilize=10, crash=5000, clearance=1000, desired_speed=9.0
+        progress=8,
+        heading=40,
+        height=4,
+        speed=0.5,
+        stabilize=10,
+        crash=5000,
+        clearance=1000,
+        margin=0.4,
+        desired_speed=9.0,
     ),
 )
 _RACE = Planner(
