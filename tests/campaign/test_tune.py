@@ -45,10 +45,11 @@ def test_below_the_floor_attempts_that_do_not_finish_count():
 
 
 def test_trials_that_a_kill_left_open_are_tried_again(tmp_path):
-    found = list(knobs(PRESETS["race"]["colored"], "colored", ["margin"]))
+    planner = PRESETS["race"]["colored"]
+    found = list(knobs(planner, "colored", ["margin"]))
     study = open_study(tmp_path / "s.journal", "s", found)
     first, second = study.ask(2)
-    assert first.params == {"margin": 0.25}, "begins with the planner one starts from"
+    assert first.params == {"margin": planner.cost.margin}, "begins with the planner one starts from"
     study.tell(first, arm_numbers("a", [row(0)], 20.0), 1.0)
     again = open_study(tmp_path / "s.journal", "s", found)
     assert again.done == 1
