@@ -12,7 +12,7 @@ The temperature acts on the horizon's mean cost, as in the authors' public libra
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Annotated
 
@@ -42,6 +42,9 @@ class MPPIConfig:
     temperature: Annotated[float, Meta(gt=0, le=1e6)] = 0.3  # lambda, in units of the mean cost
     step_size: Annotated[float, Meta(gt=0, le=1)] = 1.0  # alpha, share of the update that is taken
     rest_fraction: Annotated[float, Meta(ge=0, le=1)] = 0.01  # of the samples: perturb the rest control, not the plan
+    tighten: Annotated[float, Meta(ge=0, lt=1)] = (
+        0.0  # share of the way from rest to each limit that plans leave unused
+    )
     freeze_first: bool = False  # every sample keeps the plan's first control
     smooth: bool = False  # Savitzky-Golay filter over the plan after each update
     ess: Annotated[float, Meta(ge=1)] | None = None  # steer the temperature to this effective sample size
@@ -72,9 +75,10 @@ class MPPI:
     """Receding-horizon controller. Keeps the plan U (T, n_u) between calls."""
 
     def __init__(self, system: System, cost: Cost, sampler: Sampler, config: MPPIConfig):
-        self.system, self.cost, self.sampler, self.config = system, cost, sampler, config
-        self.rollout = Rollout(system, cost)
-        self.low, self.high, self.rest = (np.asarray(a, float) for a in (system.low, system.high, system.rest))
+        self.system, self.cost, self.sampler, self.config = tightened(system, config.tighten), cost, sampler, config
+        self.rollout = Rollout(self.system, cost)
+        self.low, self.high = np.array(self.system.low), np.array(self.system.high)
+        self.rest = np.array(system.rest)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
         self.executed = np.tile(self.rest, (2, 1))  # the last two controls, left padding of the filter
         self.temperature = config.temperature
@@ -173,6 +177,15 @@ def build_mppi(
     """MPPI with the sampler of this name, whose perturbations are a function of the key (2,) uint32."""
     held = min(config.samples, CHUNK)
     return MPPI(system, cost, SAMPLERS[sampler](sampling, held, config.horizon, key, config.dt), config)
+
+
+def tightened(system: System, share: float) -> System:
+    """The system with limits that leave room to correct what the model does not know, as a tube MPC would."""
+    low, high = (
+        tuple(limit + share * (rest - limit) for limit, rest in zip(limits, system.rest, strict=True))
+        for limits in (system.low, system.high)
+    )
+    return replace(system, low=low, high=high)
 
 
 def block_of(z: np.ndarray, b: int, horizon: int) -> np.ndarray:

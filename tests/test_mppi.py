@@ -29,6 +29,9 @@ def test_plan_is_that_of_a_naive_version_given_the_same_noise(sampler, samples, 
     assert abs(mppi.plan - colder).max() > 3e-5 or ess < 1.001  # one of two samples may have all the weight
 
 
+WILD = SamplerConfig((5.0, 5.0), (0.0, 0.0))
+
+
 def test_iterations_go_on_from_each_others_plans():
     mppi, other = make(iterations=3), make()
     u, _ = mppi.control(START)
@@ -181,3 +184,13 @@ def test_a_chunk_whose_rollouts_all_overflow_weighs_nothing(monkeypatch):
     half.improve(START, 0)
     assert abs(mppi.plan - before).max() > 0.01
     np.testing.assert_allclose(mppi.plan, half.plan, atol=1e-6)
+
+
+def test_tightened_limits_keep_a_share_of_the_way_from_rest_for_corrections():
+    free, tight = make(sampling=WILD), make(sampling=WILD, tighten=0.25)
+    np.testing.assert_allclose(tight.low - REST, 0.75 * (free.low - REST))
+    np.testing.assert_allclose(tight.high - REST, 0.75 * (free.high - REST))
+    for mppi in (free, tight):
+        mppi.improve(START, 0)
+    assert ((tight.low <= tight.plan) & (tight.plan <= tight.high)).all()
+    assert (free.plan < tight.low).any()
