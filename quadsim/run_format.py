@@ -107,11 +107,22 @@ def _flat(pictures: Pictures | None) -> dict[str, np.ndarray]:
 
 def _pictures(columns: dict[str, np.ndarray]) -> Pictures | None:
     """Taken out of the arrays of the file."""
+    if "pictured" not in columns and getattr(columns.get("best"), "dtype", None) == np.float32:
+        _compact(columns)
     if not {"pictured", "best"} <= columns.keys():
         return None
     names = [name for name in columns if name.startswith(TERM)]
     terms = {name.removeprefix(TERM): columns.pop(name) for name in names}
     return Pictures(columns.pop("pictured"), columns.pop("best"), terms)
+
+
+def _compact(columns: dict[str, np.ndarray]) -> None:
+    """An early layout had a row for every frame, nan where no picture was taken."""
+    best = columns["best"]
+    taken = np.isfinite(best).all(axis=tuple(range(1, best.ndim)))
+    columns["pictured"] = np.flatnonzero(taken)
+    for name in ["best", *(name for name in columns if name.startswith(TERM))]:
+        columns[name] = columns[name][taken] if len(columns[name]) == len(taken) else columns[name]
 
 
 def _check(columns: dict[str, np.ndarray], path: object) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from run_cases import save, two_laps
+from run_cases import picture, save, two_laps
 
 from quadsim.archive import list_runs, load_run
 from quadsim.run import RunError
@@ -20,6 +20,19 @@ def edit(path, **changes):
 def edit_npz(path, **changes):
     columns = dict(np.load(path / "telemetry.npz")) | changes
     np.savez(path / "telemetry.npz", **{k: v for k, v in columns.items() if v is not None})
+
+
+def test_pictures_in_the_early_layout_a_row_a_frame_load_as_well(tmp_path):
+    run = two_laps(picture=picture())
+    path = save(tmp_path, run)
+    dense = np.full((61, *run.pictures.best.shape[1:]), np.nan, np.float32)
+    dense[[3, 7]] = run.pictures.best[:2]
+    terms = {f"{TERM}{name}": np.where(np.isin(np.arange(61), [3, 7]), 1, np.nan) for name in run.pictures.terms}
+    edit_npz(path, pictured=None, best=dense, **{name: column.astype(np.float32) for name, column in terms.items()})
+    old = load_run(path)
+    assert old.pictures.frames.tolist() == [3, 7]
+    assert np.array_equal(old.pictures.best, run.pictures.best[:2])
+    assert old.pictures.latest(6)[1].terms == dict.fromkeys(run.pictures.terms, 1.0)
 
 
 SEEN, BEST = np.array([0, 10]), np.zeros((2, 8, 5, 3), np.float32)
@@ -41,7 +54,7 @@ DAMAGE = {
     "length": (lambda p: edit_npz(p, vz=np.zeros(3)), r"vz: expected float64 \(61,\), got float64 \(3,\)"),
     "pickle": (lambda p: edit_npz(p, vz=np.array([{}])), "damaged: Object arrays cannot be loaded"),
     "best": (lambda p: edit_npz(p, pictured=SEEN, best=np.zeros((2, 8, 3))), "best: expected float32"),
-    "best alone": (lambda p: edit_npz(p, best=BEST), "missing or unknown: best"),
+    "pictured alone": (lambda p: edit_npz(p, pictured=SEEN), "missing or unknown: pictured"),
     "no path": (lambda p: edit_npz(p, pictured=SEEN, best=BEST[:, :0]), "best: expected float32"),
     "past the end": (lambda p: edit_npz(p, pictured=SEEN + 60, best=BEST), "pictured: expected rising frames below 61"),
     "falling": (lambda p: edit_npz(p, pictured=SEEN[::-1], best=BEST), "pictured: expected rising frames below 61"),
