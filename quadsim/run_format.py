@@ -107,7 +107,7 @@ def _flat(pictures: Pictures | None) -> dict[str, np.ndarray]:
 
 def _pictures(columns: dict[str, np.ndarray]) -> Pictures | None:
     """Taken out of the arrays of the file."""
-    if "pictured" not in columns and getattr(columns.get("best"), "dtype", None) == np.float32:
+    if "pictured" not in columns and "best" in columns:
         _compact(columns)
     if not {"pictured", "best"} <= columns.keys():
         return None
@@ -119,10 +119,12 @@ def _pictures(columns: dict[str, np.ndarray]) -> Pictures | None:
 def _compact(columns: dict[str, np.ndarray]) -> None:
     """An early layout had a row for every frame, nan where no picture was taken."""
     best = columns["best"]
-    taken = np.isfinite(best).all(axis=tuple(range(1, best.ndim)))
-    columns["pictured"] = np.flatnonzero(taken)
+    if best.dtype != np.float32 or best.ndim != 4 or 0 in best.shape:
+        return
+    columns["pictured"] = taken = np.flatnonzero(np.isfinite(best[:, 0, 0, 0]))
     for name in ["best", *(name for name in columns if name.startswith(TERM))]:
-        columns[name] = columns[name][taken] if len(columns[name]) == len(taken) else columns[name]
+        if columns[name].shape[:1] == best.shape[:1]:
+            columns[name] = columns[name][taken]
 
 
 def _check(columns: dict[str, np.ndarray], path: object) -> None:
