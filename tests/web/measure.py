@@ -71,7 +71,7 @@ class Place:
         self.server.stop()
 
 
-def slowdown(place: Place, pairs: int = 3) -> None:
+def slowdown(place: Place, pairs: int = 5) -> None:
     """Alternating, so that a machine that warms up slows both."""
     place.flight()
     ratios = []
