@@ -10,7 +10,11 @@ from quadsim.app.campaign.store import Store
 from quadsim.app.cli import race
 from tests.campaign_cases import FLIGHT, end_after, seeds_flown, start
 
-ALL = [(sampler, seed) for sampler in ("colored", "gaussian") for seed in range(6)]
+MANY = 40  # attempts that are never all flown before the signal comes
+
+
+def every(attempts):
+    return [(sampler, seed) for sampler in ("colored", "gaussian") for seed in range(attempts)]
 
 
 def flown(campaign):
@@ -28,35 +32,39 @@ def gone(group, patience=100):
     return False
 
 
-def finish(campaign, capsys):
+def finish(campaign, capsys, attempts=6):
     """The same command again, and the folders it left untouched."""
     before = seeds_flown(campaign)
-    assert race(["compare", *FLIGHT, "--attempts", "6", "--campaign", str(campaign), "--jobs", "1", "--json"]) == 0
-    assert flown(campaign) == ALL
+    flags = ["--attempts", str(attempts), "--campaign", str(campaign), "--jobs", "1", "--json"]
+    assert race(["compare", *FLIGHT, *flags]) == 0
+    assert flown(campaign) == every(attempts)
     assert set(before) <= set(seeds_flown(campaign)), "what was kept is not flown again"
     return json.loads(capsys.readouterr().out)
 
 
 def test_sigkill_then_the_same_command_continues(tmp_path, capsys):
     campaign = tmp_path / "c.sqlite"
-    process = start(campaign)
+    process = start(campaign, attempts=MANY)
     end_after(process, campaign, 3, signal.SIGKILL)
     assert process.wait() == -signal.SIGKILL
-    assert 3 <= len(flown(campaign)) < 12
+    assert 3 <= len(flown(campaign)) < 2 * MANY
     assert gone(process.pid), "the workers of a killed campaign go as well"
-    said = finish(campaign, capsys)
-    assert [(a["name"], a["attempts"], a["finished"]) for a in said["arms"]] == [("gaussian", 6, 0), ("colored", 6, 0)]
+    said = finish(campaign, capsys, MANY)
+    assert [(a["name"], a["attempts"], a["finished"]) for a in said["arms"]] == [
+        ("gaussian", MANY, 0),
+        ("colored", MANY, 0),
+    ]
     assert said["campaign"] == str(campaign)
-    assert said["pairs"][0]["seeds"] == 6
+    assert said["pairs"][0]["seeds"] == MANY
     report = {path.suffix: path for path in (tmp_path / "c.report").iterdir()}
     assert set(report) == {".md", ".png", ".svg"}
-    assert "| gaussian | 0/6 |" in report[".md"].read_text()
+    assert f"| gaussian | 0/{MANY} |" in report[".md"].read_text()
     assert report[".png"].read_bytes().startswith(b"\x89PNG")
 
 
 def test_ctrl_c_is_one_line_and_exit_130_and_leaves_no_process(tmp_path):
     campaign = tmp_path / "c.sqlite"
-    process = start(campaign, "--jobs", "1")
+    process = start(campaign, "--jobs", "1", attempts=MANY)
     end_after(process, campaign, 3, signal.SIGINT)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130
