@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import Annotated
+from typing import Annotated, Protocol
 
 import numpy as np
 from msgspec import Meta
@@ -45,6 +45,7 @@ class MPPIConfig:
     tighten: Annotated[float, Meta(ge=0, lt=1)] = (
         0.0  # share of the way from rest to each limit that plans leave unused
     )
+    adapt: bool = False  # learn thrust gain, drag and the highest thrust in flight
     freeze_first: bool = False  # every sample keeps the plan's first control
     smooth: bool = False  # Savitzky-Golay filter over the plan after each update
     ess: Annotated[float, Meta(ge=1)] | None = None  # steer the temperature to this effective sample size
@@ -71,13 +72,22 @@ class Iteration:
     J: np.ndarray  # (M,)
 
 
+class Observer(Protocol):
+    """Learns the system from its states; see controllers.observer."""
+
+    def observe(self, x: np.ndarray, u: np.ndarray, elapsed: int) -> System:
+        """The system as it is believed now, at x (n_x,), `elapsed` control periods of u (n_u,) after the last state."""
+        ...
+
+
 class MPPI:
     """Receding-horizon controller. Keeps the plan U (T, n_u) between calls."""
 
-    def __init__(self, system: System, cost: Cost, sampler: Sampler, config: MPPIConfig):
-        self.system, self.cost, self.sampler, self.config = tightened(system, config.tighten), cost, sampler, config
-        self.rollout = Rollout(self.system, cost)
-        self.low, self.high = np.array(self.system.low), np.array(self.system.high)
+    def __init__(
+        self, system: System, cost: Cost, sampler: Sampler, config: MPPIConfig, observer: Observer | None = None
+    ):
+        self.cost, self.sampler, self.config, self.observer = cost, sampler, config, observer
+        self.believe(system)
         self.rest = np.array(system.rest)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
         self.executed = np.tile(self.rest, (2, 1))  # the last two controls, left padding of the filter
@@ -91,9 +101,16 @@ class MPPI:
         """Whether its loops were compiled on this machine before; else the first plan takes some 20 s."""
         return self.rollout.is_cached and is_cached(self.sampler.loop)
 
+    def believe(self, system: System) -> None:
+        """Plan with this system from now on: the same states and controls, other numbers."""
+        self.system = tightened(system, self.config.tighten)
+        self.rollout = Rollout(self.system, self.cost)
+        self.low, self.high = np.array(self.system.low), np.array(self.system.high)
+
     def take_over(self, other: MPPI) -> None:
         """Go on with another planner's plan: new numbers act from the next plan on. Same system, same horizon."""
         self.plan, self.executed, self._calls = other.plan, other.executed, other._calls
+        self.observer = other.observer
         if self.sampler.momentum and other.sampler.momentum:
             self.sampler.momentum.change = other.sampler.momentum.change
 
@@ -104,6 +121,8 @@ class MPPI:
         Raises ValueError for a state that is no state, e.g. of a plant that has diverged.
         """
         check_state(x, self.system.states)
+        if self.observer:
+            self.believe(self.observer.observe(x, self.plan[0], elapsed))
         if self._calls and elapsed:
             self.shift(elapsed)
         for _ in range(self.config.iterations):
@@ -172,11 +191,17 @@ class MPPI:
 
 
 def build_mppi(
-    system: System, cost: Cost, sampler: str, sampling: Sampling, config: MPPIConfig, key: np.ndarray
+    system: System,
+    cost: Cost,
+    sampler: str,
+    sampling: Sampling,
+    config: MPPIConfig,
+    key: np.ndarray,
+    observer: Observer | None = None,
 ) -> MPPI:
     """MPPI with the sampler of this name, whose perturbations are a function of the key (2,) uint32."""
     held = min(config.samples, CHUNK)
-    return MPPI(system, cost, SAMPLERS[sampler](sampling, held, config.horizon, key, config.dt), config)
+    return MPPI(system, cost, SAMPLERS[sampler](sampling, held, config.horizon, key, config.dt), config, observer)
 
 
 def tightened(system: System, share: float) -> System:

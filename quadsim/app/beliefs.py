@@ -10,8 +10,9 @@ from quadsim.app.lap_table import plain_table
 def beliefs(spec: dict) -> RenderableType:
     """A table of the numbers that differ, or a line that none does."""
     rows = [(name, unit, b, i) for name, unit, b, i in _pairs(spec) if b != i]
+    learns = "; it learns thrust, drag and limit in flight" if spec["planner"]["mppi"].get("adapt") else ""
     if not rows:
-        return "[dim]model[/]  the planner believes the vehicle's own lags, drag and limits"
+        return f"[dim]model[/]  the planner believes the vehicle's own lags, drag and limits{learns}"
     table = plain_table()
     for name in ("model", "the planner believes", "the vehicle is", ""):
         table.add_column(name)

@@ -12,6 +12,7 @@ from controllers.costs.race import race_cost
 from controllers.deadline import Deadline
 from controllers.fan import take_picture
 from controllers.mppi import MPPI, build_mppi
+from controllers.observer import Observer
 from controllers.presets import Planner
 from quadsim.course import Course
 from quadsim.flight import CLOCKS, fly
@@ -70,7 +71,8 @@ def controller_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
     mppi = spec.planner.mppi
     cost = race_cost(spec.course, spec.vehicle.radius, spec.planner.cost, spec.laps)
     key = stream.generate_state(2, np.uint32)
-    return build_mppi(quadrotor(spec.belief, mppi.dt), cost, spec.sampler, spec.planner.sampling, mppi, key)
+    system, observer = quadrotor(spec.belief, mppi.dt), Observer(spec.belief, mppi.dt) if mppi.adapt else None
+    return build_mppi(system, cost, spec.sampler, spec.planner.sampling, mppi, key, observer)
 
 
 def streams(seed: int) -> tuple[np.random.SeedSequence, ...]:

@@ -1,7 +1,7 @@
 """The quadrotor that MPPI believes in: first-order body rates behind rotors that lag, linear drag.
 
     p' = v
-    v' = R(q) e_z a - g e_z - d v
+    v' = k R(q) e_z a - g e_z - d v
     q' = q x (0, omega) / 2
     omega' = beta
     beta' = (beta_cmd - beta) / tau_m,                  beta_cmd = (omega_cmd - omega) / tau_omega
@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from math import exp
 from typing import Annotated
 
+from msgspec import Meta
 from numpy import maximum, minimum
 
 from quadsim.files.strict_yaml import unit
@@ -29,11 +30,11 @@ from quadsim.vehicle import GRAVITY, Vehicle
 def step(x, u, p, dt):
     """x, u: plant.STATE and plant.CONTROL.
 
-    p: rate gains (3) [1/s], the rotors' gain in one dt, drag [1/s], c_x, c_y [m], a_max [m/s^2].
+    p: rate gains (3) [1/s], the rotors' gain in one dt, k, drag d [1/s], c_x, c_y [m], a_max [m/s^2].
     """
     px, py, pz, vx, vy, vz, qw, qx, qy, qz, wx, wy, wz, a, bx, by, bz = x
     wx_cmd, wy_cmd, wz_cmd, a_cmd = u
-    k_x, k_y, k_z, k_m, drag, c_x, c_y, a_max = p
+    k_x, k_y, k_z, k_m, k, drag, c_x, c_y, a_max = p
     half, eighth = 0.5 * dt, 0.125 * dt
     # what the rotors deliver moves towards what is asked for, as far as they can: roll and pitch first
     bx_cmd, by_cmd, bz_cmd = (wx_cmd - wx) * k_x, (wy_cmd - wy) * k_y, (wz_cmd - wz) * k_z
@@ -51,9 +52,10 @@ def step(x, u, p, dt):
     dz = qw * mz + qx * my - qy * mx
     hw, hx, hy, hz = qw + dw, qx + dx, qy + dy, qz + dz
     # thrust acts along the body's z axis in mid-step, R(q) e_z
-    ax = 2.0 * (hx * hz + hw * hy) * a2 - drag * vx
-    ay = 2.0 * (hy * hz - hw * hx) * a2 - drag * vy
-    az = (1.0 - 2.0 * (hx * hx + hy * hy)) * a2 - drag * vz - GRAVITY
+    lift = k * a2
+    ax = 2.0 * (hx * hz + hw * hy) * lift - drag * vx
+    ay = 2.0 * (hy * hz - hw * hx) * lift - drag * vy
+    az = (1.0 - 2.0 * (hx * hx + hy * hy)) * lift - drag * vz - GRAVITY
     vx2, vy2, vz2 = vx + ax * dt, vy + ay * dt, vz + az * dt
     qw2, qx2, qy2, qz2 = hw + dw, hx + dx, hy + dy, hz + dz
     # one Newton step on 1 / |q| renormalises
@@ -82,6 +84,7 @@ def step(x, u, p, dt):
 Lag = Annotated[float, unit("s", ge=0, le=10)]
 Rate = Annotated[float, unit("rad/s", gt=0, le=100)]
 Drag = Annotated[float, unit("1/s", ge=0, le=20)]
+Share = Annotated[float, Meta(gt=0, le=10)]
 TiltCost = Annotated[float, unit("m", ge=0, le=10)]
 Thrust = Annotated[float, unit("m/s^2", gt=GRAVITY, le=1000)]  # hovers
 
@@ -97,6 +100,7 @@ class Belief:
     thrust_max: Thrust  # mass-normalised limit [m/s^2]
     thrust_min: Annotated[float, unit("m/s^2", ge=0, lt=GRAVITY)] = 0.0
     tilt_cost: tuple[TiltCost, TiltCost] = (0.0, 0.0)  # thrust given up per angular acceleration about x, y [m]
+    thrust_gain: Share = 1.0  # acceleration per thrust delivered: less than 1 where the vehicle is too heavy
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> Belief:
@@ -132,7 +136,14 @@ def quadrotor(belief: Belief, dt: float) -> System:
         states=STATE,
         controls=CONTROL,
         step=step,
-        params=(*gains, gain(belief.motor_tau, dt), belief.drag, *belief.tilt_cost, belief.thrust_max),
+        params=(
+            *gains,
+            gain(belief.motor_tau, dt),
+            belief.thrust_gain,
+            belief.drag,
+            *belief.tilt_cost,
+            belief.thrust_max,
+        ),
         dt=dt,
         low=(*(-r for r in belief.rate_max), belief.thrust_min),
         high=(*belief.rate_max, belief.thrust_max),

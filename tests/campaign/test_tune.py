@@ -49,7 +49,8 @@ def test_trials_that_a_kill_left_open_are_tried_again(tmp_path):
     found = list(knobs(planner, "colored", ["margin"]))
     study = open_study(tmp_path / "s.journal", "s", found)
     first, second = study.ask(2)
-    assert first.params == {"margin": planner.cost.margin}, "begins with the planner one starts from"
+    own = {"margin": planner.cost.margin, "tighten": planner.mppi.tighten}
+    assert first.params == own, "begins with the planner one starts from"
     study.tell(first, arm_numbers("a", [row(0)], 20.0), 1.0)
     again = open_study(tmp_path / "s.journal", "s", found)
     assert again.done == 1

@@ -17,6 +17,7 @@ GAMMA = (0.0, 4.0)
 ESS = (4.0, 800.0)
 TEMPERATURE = (0.01, 10.0)
 MARGIN = (0.0, 0.6)  # [m]
+TIGHTEN = (0.0, 0.1)
 HORIZON = (40, 220, 10)  # [steps]: from, to, in steps of
 FIXED = ("progress",)  # weights: with the temperature free, only their ratios matter
 WEIGHTS = tuple(f.name for f in fields(RaceWeights) if f.type == "Weight" and f.name not in FIXED)
@@ -50,6 +51,7 @@ def knobs(planner: Planner, sampler: str, groups: Sequence[str]) -> Iterator[Kno
             yield Knob("ess", ESS[0], min(ESS[1], m.samples / 2), m.ess, log=True)
     if "margin" in groups:
         yield Knob("margin", *MARGIN, c.margin)
+        yield Knob("tighten", *TIGHTEN, m.tighten)
     if "horizon" in groups:
         yield Knob("horizon", *HORIZON[:2], m.horizon, step=HORIZON[2])
     if "cost" in groups:
@@ -66,7 +68,7 @@ def turned(planner: Planner, values: dict[str, float]) -> Planner:
     sigma = (rates, rates, v.get("sigma_yaw", s[2]), v.get("sigma_thrust", s[3])) if _any(v, "sigma") else s
     color = v.get("gamma_rates", g[0])
     gamma = (color, color, color, v.get("gamma_thrust", g[3])) if _any(v, "gamma") else g
-    mppi = {k: v[k] for k in ("temperature", "ess", "horizon") if k in v}
+    mppi = {k: v[k] for k in ("temperature", "ess", "horizon", "tighten") if k in v}
     cost = {k: v[k] for k in (*WEIGHTS, "margin") if k in v}
     return replace(
         planner,
