@@ -24,7 +24,7 @@ from quadsim.vehicle import GRAVITY
 MEASUREMENT = 0.05  # [m/s^2] of v' from two states: what the trapezium over one period leaves
 CALM = 0.15  # [m/s^2] a thrust that moves no more in a period has settled
 SHORT = 0.5  # [m/s^2] less than asked for
-LITTLE = 0.05
+LITTLE = 0.05  # share of the highest thrust: what roll and pitch take may be no more, as it is known less well
 SETTLE = 0.1  # share by which each settled period moves the highest thrust
 
 

@@ -48,9 +48,9 @@ _RACE = Planner(
     # hardly any yaw: at full thrust the rotors have none to give, and a symmetrical quadrotor needs none
     sampling=SamplerConfig(sigma=(1.5, 1.5, 0.3, 3.0), gamma=(2.0, 2.0, 2.0, 2.0)),
     mppi=MPPIConfig(
-        samples=4096, horizon=150, iterations=2, dt=0.01, temperature=1.0, ess=50, tighten=0.02, adapt=True
+        samples=4096, horizon=150, iterations=2, dt=0.01, temperature=1.0, ess=50, tighten=0.01, adapt=True
     ),
-    cost=RaceWeights(progress=1.0, crash=1000.0, clearance=300.0, margin=0.27),
+    cost=RaceWeights(progress=1.0, crash=1000.0, clearance=300.0, margin=0.2),
 )
 
 # Samplers that the paper does not fly. Log-normal: sigma exp(sigma^2), its standard deviation, is the Gaussian's, and

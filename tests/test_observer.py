@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from controllers.observer import Observer
-from quadsim.app.spec import build, launch
+from quadsim.app.spec import build, controller_of, launch, streams
 from quadsim.course import load_course
 from quadsim.plant import BulletPlant, start_state
 from quadsim.randomise import DRAG, GUST, MASS, Variation, gusts
@@ -102,3 +102,6 @@ def test_a_flight_with_a_vehicle_too_heavy_learns_it():
     assert last.t == pytest.approx(1.5)
     assert mppi.observer.belief.thrust_gain == pytest.approx(1 / (1 + mass), abs=0.015)
     assert mppi.system.params == mppi.observer.observe(np.array(last.x), mppi.plan[0], 0).params
+    successor = controller_of(spec, streams(spec.seed)[0])
+    successor.take_over(mppi)
+    assert successor.observer is mppi.observer, "numbers changed in flight forget nothing"
