@@ -12,43 +12,20 @@ The temperature acts on the horizon's mean cost, as in the authors' public libra
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from math import isfinite
-from typing import Annotated, Protocol
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
-from msgspec import Meta
 
+from controllers.config import MPPIConfig
 from controllers.costs import Cost
+from controllers.filter import savitzky_golay
 from controllers.rollout.compiled import is_cached
 from controllers.rollout.lanes import CHUNK, LANES, Rollout
 from controllers.rollout.reduce import weighted_mean
 from controllers.samplers import SAMPLERS, Sampler, Sampling
 from controllers.weights import padded, shares, steer, weights
-from quadsim.files.strict_yaml import unit
 from quadsim.systems import System
-
-SAVITZKY_GOLAY = np.array([-3, 12, 17, 12, -3]) / 35  # 5 points, order 2
-
-
-@dataclass(frozen=True)
-class MPPIConfig:
-    """The budget and the update. Symbols of the paper: M, T, I, dt, lambda, alpha."""
-
-    samples: Annotated[int, Meta(ge=2, le=10**6)] = 4096  # M, controls sampled per iteration
-    horizon: Annotated[int, unit("steps", ge=2, le=10_000)] = 150  # T [steps]
-    iterations: Annotated[int, Meta(ge=1, le=100)] = 2  # I
-    dt: Annotated[float, unit("s", gt=0, le=0.5)] = 0.01  # control period [s]
-    temperature: Annotated[float, Meta(gt=0, le=1e6)] = 0.3  # lambda, in units of the mean cost
-    step_size: Annotated[float, Meta(gt=0, le=1)] = 1.0  # alpha, share of the update that is taken
-    rest_fraction: Annotated[float, Meta(ge=0, le=1)] = 0.01  # of the samples: perturb the rest control, not the plan
-    tighten: Annotated[float, Meta(ge=0, lt=1)] = (
-        0.0  # share of the way from rest to each limit that plans leave unused
-    )
-    adapt: bool = False  # learn thrust gain, drag and the highest thrust in flight
-    freeze_first: bool = False  # every sample keeps the plan's first control
-    smooth: bool = False  # Savitzky-Golay filter over the plan after each update
-    ess: Annotated[float, Meta(ge=1)] | None = None  # steer the temperature to this effective sample size
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +80,7 @@ class MPPI:
 
     def believe(self, system: System) -> None:
         """Plan with this system from now on: the same states and controls, other numbers."""
-        self.system = tightened(system, self.config.tighten)
+        self.system = system.tightened(self.config.tighten)
         self.rollout = Rollout(self.system, self.cost)
         self.low, self.high = np.array(self.system.low), np.array(self.system.high)
 
@@ -120,7 +97,7 @@ class MPPI:
         `elapsed` control periods have passed since the last call: the plan is shifted by them.
         Raises ValueError for a state that is no state, e.g. of a plant that has diverged.
         """
-        check_state(x, self.system.states)
+        self.system.check(x)
         if self.observer:
             self.believe(self.observer.observe(x, self.plan[0], elapsed))
         if self._calls and elapsed:
@@ -204,32 +181,8 @@ def build_mppi(
     return MPPI(system, cost, SAMPLERS[sampler](sampling, held, config.horizon, key, config.dt), config, observer)
 
 
-def tightened(system: System, share: float) -> System:
-    """The system with limits that leave room to correct what the model does not know, as a tube MPC would."""
-    low, high = (
-        tuple(limit + share * (rest - limit) for limit, rest in zip(limits, system.rest, strict=True))
-        for limits in (system.low, system.high)
-    )
-    return replace(system, low=low, high=high)
-
-
 def block_of(z: np.ndarray, b: int, horizon: int) -> np.ndarray:
     """The perturbations of block b, a view.  (series, n_u, halves * T, LANES) -> (n_u, T, LANES)"""
     halves = z.shape[2] // horizon
     t0 = (b % halves) * horizon
     return z[b // halves, :, t0 : t0 + horizon]
-
-
-def check_state(x: np.ndarray, names: tuple[str, ...]) -> None:
-    """Raises ValueError unless x holds one finite number for each name."""
-    bad = [f"{name} = {value:g}" for name, value in zip(names, x, strict=False) if not isfinite(value)]
-    if bad or len(x) != len(names):
-        found = ", ".join(bad) or f"{len(x)} numbers"
-        raise ValueError(f"MPPI: state: expected {len(names)} finite numbers, got {found}; has the plant diverged?")
-
-
-def savitzky_golay(plan: np.ndarray, executed: np.ndarray) -> np.ndarray:
-    """The plan filtered over time; the executed controls pad its left, its last row its right.  (T, n_u)"""
-    padded = np.vstack([executed, plan, plan[-1:], plan[-1:]])
-    shifted = np.stack([padded[i : i + len(plan)] for i in range(len(SAVITZKY_GOLAY))])
-    return np.tensordot(SAVITZKY_GOLAY, shifted, axes=1)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from controllers.config import MPPIConfig
 from controllers.costs.race import RaceWeights
-from controllers.mppi import MPPIConfig
 from controllers.samplers import SamplerConfig
 
 STEPS_MAX = 10**8  # samples x horizon of one iteration: more than half a second on two fast cores

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 from oracle import from_lanes
 
+from controllers.config import MPPIConfig
 from controllers.costs import Cost
-from controllers.mppi import Iteration, MPPIConfig, build_mppi
+from controllers.mppi import Iteration, build_mppi
 from controllers.samplers import SamplerConfig
 from quadsim.systems import System
 

@@ -11,7 +11,8 @@ PLANS = """
 import sys
 import numpy as np
 from controllers.costs.race import RaceWeights, race_cost
-from controllers.mppi import MPPI, MPPIConfig
+from controllers.config import MPPIConfig
+from controllers.mppi import MPPI
 from controllers.samplers import SAMPLERS, SamplerConfig
 from quadsim.course import load_course
 from quadsim.plant import start_state

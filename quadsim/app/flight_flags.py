@@ -11,8 +11,8 @@ from msgspec import Meta
 from tyro.conf import DisallowNone, FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
 from tyro.extras import literal_type_from_choices
 
+from controllers.config import MPPIConfig
 from controllers.costs.race import RaceWeights
-from controllers.mppi import MPPIConfig
 from controllers.presets import PRESETS, Planner, faults
 from controllers.rollout.threads import use_threads
 from controllers.samplers import SAMPLERS, SamplerConfig

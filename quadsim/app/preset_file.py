@@ -14,8 +14,8 @@ from typing import Any
 
 import yaml
 
+from controllers.config import MPPIConfig
 from controllers.costs.race import RaceWeights
-from controllers.mppi import MPPIConfig
 from controllers.presets import PRESETS, Planner, faults
 from controllers.samplers import SamplerConfig
 from quadsim.files.data_files import SUFFIXES, read_text

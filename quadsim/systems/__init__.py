@@ -5,8 +5,13 @@ and inlined into the compiled lanes that MPPI runs. So a step speaks the words a
 arithmetic, comparisons joined by `&` and `|`, `abs`, and numpy's sqrt, exp, where, minimum, maximum.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isfinite
+
+import numpy as np
 
 
 @dataclass(frozen=True)
@@ -22,3 +27,19 @@ class System:
     low: tuple[float, ...]  # (n_u,) control limits
     high: tuple[float, ...]
     rest: tuple[float, ...]  # (n_u,) the control that holds still, e.g. hover
+
+    def tightened(self, share: float) -> System:
+        """With limits that leave room to correct what the model does not know, as a tube MPC would."""
+        low, high = (
+            tuple(limit + share * (rest - limit) for limit, rest in zip(limits, self.rest, strict=True))
+            for limits in (self.low, self.high)
+        )
+        return replace(self, low=low, high=high)
+
+    def check(self, x: np.ndarray) -> None:
+        """Raises ValueError unless x holds one finite number for each state."""
+        bad = [f"{name} = {value:g}" for name, value in zip(self.states, x, strict=False) if not isfinite(value)]
+        if bad or len(x) != len(self.states):
+            found = ", ".join(bad) or f"{len(x)} numbers"
+            expected = f"expected {len(self.states)} finite numbers"
+            raise ValueError(f"{self.name}: state: {expected}, got {found}; has the plant diverged?")

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from controllers.mppi import MPPI, MPPIConfig
+from controllers.config import MPPIConfig
+from controllers.mppi import MPPI
 from controllers.presets import PRESETS
 from quadsim.app.paper import integrator, vehicle
 from quadsim.app.paper.table2 import arm

@@ -11,8 +11,9 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from controllers.config import MPPIConfig
 from controllers.costs.quadratic import quadratic_cost
-from controllers.mppi import MPPI, MPPIConfig, build_mppi
+from controllers.mppi import MPPI, build_mppi
 from controllers.samplers import Channels
 from quadsim.app.paper.store import run_key
 from quadsim.course import Vec3

@@ -10,8 +10,9 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from controllers.config import MPPIConfig
 from controllers.costs.corridor import CorridorWeights, corridor_cost
-from controllers.mppi import MPPI, MPPIConfig, build_mppi
+from controllers.mppi import MPPI, build_mppi
 from controllers.samplers import Channels
 from quadsim.app.paper.store import run_key
 from quadsim.corridor import CorridorJudge, load_corridor
