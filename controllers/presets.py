@@ -43,12 +43,13 @@ _PAPER = Planner(
         desired_speed=9.0,
     ),
 )
-# Found by `race tune split_s_swift --laps 1 --randomize 1`, 48 trials for each of the two samplers, see docs/results.md.
+# Sampling and ESS as `race tune split_s_swift --laps 1` found them, 48 trials for each of the two samplers. It would have
+# a horizon of 1.2 s, too short to brake from 38 m/s on alphapilot. See docs/results.md.
 _RACE = Planner(
     vehicle="swift",
     sampling=SamplerConfig(sigma=(0.86, 0.86, 0.5, 4.4), gamma=(0.8, 0.8, 0.8, 2.0)),
     mppi=MPPIConfig(
-        samples=4096, horizon=120, iterations=2, dt=0.01, temperature=1.0, ess=27, tighten=0.01, adapt=True
+        samples=4096, horizon=150, iterations=2, dt=0.01, temperature=1.0, ess=27, tighten=0.01, adapt=True
     ),
     cost=RaceWeights(progress=1.0, crash=1000.0, clearance=300.0, margin=0.2),
 )
