@@ -43,8 +43,8 @@ _PAPER = Planner(
         desired_speed=9.0,
     ),
 )
-# Sampling and ESS as `race tune split_s_swift --laps 1` found them, 48 trials for each of the two samplers. It would have
-# a horizon of 1.2 s, too short to brake from 38 m/s on alphapilot. See docs/results.md.
+# Sampling and ESS as `race tune split_s_swift --laps 1` found them, 48 trials for each of the two samplers. It would
+# have a horizon of 1.2 s, too short to brake from 38 m/s on alphapilot. See docs/results.md.
 _RACE = Planner(
     vehicle="swift",
     sampling=SamplerConfig(sigma=(0.86, 0.86, 0.5, 4.4), gamma=(0.8, 0.8, 0.8, 2.0)),
@@ -54,10 +54,11 @@ _RACE = Planner(
     cost=RaceWeights(progress=1.0, crash=1000.0, clearance=300.0, margin=0.2),
 )
 
-# Samplers that the paper does not fly, by hand. Log-normal: sigma exp(sigma^2), its standard deviation, is the Gaussian's,
-# and racing asks for more samples that agree. Smooth: a fifth of the Gaussian's, as a plan with momentum adds up what
-# iterations find, in races half of its rates, behind the Savitzky-Golay filter, as nothing damps the momentum; for
-# `smooth`, whose sigma is the derivatives' [rad/s^2, m/s^3], divided by dt: both fly alike until one changes dt.
+# Samplers that the paper does not fly, by hand. Log-normal: sigma exp(sigma^2), its standard deviation, is the
+# Gaussian's, and racing asks for more samples that agree. Smooth: a fifth of the Gaussian's, as a plan with momentum
+# adds up what iterations find, in races half of its rates, behind the Savitzky-Golay filter, as nothing damps the
+# momentum; for `smooth`, whose sigma is the derivatives' [rad/s^2, m/s^3], divided by dt: both fly alike until one
+# changes dt.
 
 
 def _smooth(base: Planner, sigma: tuple[float, float, float, float]) -> Planner:

@@ -10,6 +10,7 @@ from contextlib import suppress
 import pytest
 
 from quadsim.app.cli import race
+from quadsim.app.fly import uninterrupted
 from quadsim.archive import list_runs, load_run
 
 HOVER = (
@@ -65,3 +66,18 @@ def test_a_killed_flight_leaves_nothing_that_looks_finished(flying, tmp_path, ca
     assert list_runs(tmp_path / "runs") == []
     assert race(["show", "--runs-dir", f"{tmp_path}/runs"]) == 2
     assert "no runs in" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_something_is_kept_comes_when_that_is_done(sent):
+    before, done = [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)], []
+
+    def keep():
+        with uninterrupted():
+            os.kill(os.getpid(), sent)
+            done.append("kept")
+
+    with pytest.raises(KeyboardInterrupt):
+        keep()
+    assert done == ["kept"]
+    assert [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)] == before

@@ -50,7 +50,7 @@ class Fly:
                 complain(COMPILING)
             recorder = self._record(launch(spec, plant, controller, referee), spec)
             run = recorder.run(spec.record())
-            with uninterrupted():
+            with suppress(KeyboardInterrupt), uninterrupted():  # a second one does not cost what the first one ended
                 failure = save(folder, run)
         present(run, None if failure else folder.path, self.json)
         if failure:
@@ -82,11 +82,14 @@ def save(folder: RunFolder, run: Run) -> RunError | None:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Ctrl-C and SIGTERM do nothing: a second one must not cost the run that the first one ended."""
+    """Ctrl-C and SIGTERM wait until what is inside is done: then KeyboardInterrupt comes."""
+    came: list[int] = []
     signals = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(s, signal.SIG_IGN) for s in signals]
+    before = [signal.signal(s, lambda number, _: came.append(number)) for s in signals]
     try:
         yield
     finally:
         for s, handler in zip(signals, before, strict=True):
             signal.signal(s, handler)
+    if came:
+        raise KeyboardInterrupt

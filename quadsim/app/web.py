@@ -68,7 +68,7 @@ class Web:
         self._say(f"http://{self.host}:{server.get_port()}/" + (f"?token={token}" if token else ""))
         with suppress(KeyboardInterrupt):  # the way a server ends
             until_interrupted()
-        with uninterrupted():
+        with suppress(KeyboardInterrupt), uninterrupted():
             page.close()
             session.close()
             server.stop()

@@ -7,6 +7,7 @@ import shutil
 import numpy as np
 import pytest
 
+from controllers.presets import PRESETS
 from quadsim.archive import list_runs, load_run
 from web.choices import RANGES, Choices
 from web.race import Race
@@ -124,7 +125,7 @@ def test_moving_gamma_in_flight_shows_an_event(page, session, flown):
     assert waited(page, lambda: session.snapshot.flying and session.snapshot.t > 0.05)
     fill(page, "gamma rates", 1.5)
     page.get_by_role("tab", name="Events").click()
-    seen(page, "gamma rates 2 → 1.5")
+    seen(page, f"gamma rates {PRESETS['race']['colored'].sampling.gamma[0]:g} → 1.5")
     seen(page, "interactive, not comparable")
     session.tell(Race.end_flights)
 
