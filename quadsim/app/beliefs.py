@@ -10,11 +10,12 @@ from quadsim.app.lap_table import plain_table
 def beliefs(spec: dict) -> RenderableType:
     """A table of the numbers that differ, or a line that none does."""
     rows = [(name, unit, b, i) for name, unit, b, i in _pairs(spec) if b != i]
-    learns = "; it learns thrust, drag and limit in flight" if spec["planner"]["mppi"].get("adapt") else ""
+    adapts = spec["planner"]["mppi"].get("adapt")
     if not rows:
+        learns = "; it learns thrust, drag and limit in flight" if adapts else ""
         return f"[dim]model[/]  the planner believes the vehicle's own lags, drag and limits{learns}"
     table = plain_table()
-    for name in ("model", "the planner believes", "the vehicle is", ""):
+    for name in ("model", "the planner begins with" if adapts else "the planner believes", "the vehicle is", ""):
         table.add_column(name)
     for name, unit, believed, real in rows:
         table.add_row(name, _text(believed), _text(real), f"[dim]{unit}[/]")
