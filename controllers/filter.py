@@ -1,4 +1,4 @@
-"""The Savitzky-Golay filter over a plan, as the smooth samplers' papers have it."""
+"""The Savitzky-Golay filter over a plan."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class Observer:
 
     def __init__(self, belief: Belief, dt: float):
         self._nominal, self._dt = belief, dt
-        self._theta = np.array([1.0, belief.drag, 0.0, 0.0, 0.0])
+        self._theta = np.array([belief.thrust_gain, belief.drag, 0.0, 0.0, 0.0])
         spread = np.array([MASS, DRAG * belief.drag]) / np.sqrt(3)  # of uniform laws
         self._P = np.diag([*spread**2, *(GUST**2,) * 3])
         self._thrust_max = belief.thrust_max

@@ -1,4 +1,4 @@
-"""What a flight tells about its vehicle: the filter's errors are as large as it says, and no larger after a second."""
+"""What a flight tells about its vehicle: the filter's errors are as large as it says, and small after two seconds."""
 
 from contextlib import closing
 from dataclasses import replace

@@ -84,7 +84,7 @@ def step(x, u, p, dt):
 Lag = Annotated[float, unit("s", ge=0, le=10)]
 Rate = Annotated[float, unit("rad/s", gt=0, le=100)]
 Drag = Annotated[float, unit("1/s", ge=0, le=20)]
-Share = Annotated[float, Meta(gt=0, le=10)]
+Factor = Annotated[float, Meta(gt=0, le=10)]
 TiltCost = Annotated[float, unit("m", ge=0, le=10)]
 Thrust = Annotated[float, unit("m/s^2", gt=GRAVITY, le=1000)]  # hovers
 
@@ -100,7 +100,7 @@ class Belief:
     thrust_max: Thrust  # mass-normalised limit [m/s^2]
     thrust_min: Annotated[float, unit("m/s^2", ge=0, lt=GRAVITY)] = 0.0
     tilt_cost: tuple[TiltCost, TiltCost] = (0.0, 0.0)  # thrust given up per angular acceleration about x, y [m]
-    thrust_gain: Share = 1.0  # acceleration per thrust delivered: less than 1 where the vehicle is too heavy
+    thrust_gain: Factor = 1.0  # acceleration per thrust delivered: less than 1 where the vehicle is too heavy
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> Belief:

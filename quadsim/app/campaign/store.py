@@ -7,7 +7,6 @@ Write-ahead logging and a busy timeout let several campaigns write at once.
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import sqlite3
 import time
@@ -15,7 +14,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from quadsim.app.campaign.attempt import Flown, arm_key, attempt_key, result, this_provenance
 from quadsim.app.spec import Spec
@@ -75,11 +73,14 @@ class Store:
         if not create and not path.exists():
             raise RunError(f"{path}: no such campaign; `race compare` makes one")
         with _one_line(path):
-            if not path.exists():
-                _make(path)
+            path.parent.mkdir(parents=True, exist_ok=True)
             self._db = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
             version = self._db.execute("PRAGMA user_version").fetchone()[0]
-            if version != SCHEMA_VERSION:
+            if version == 0:
+                self._db.executescript(f"BEGIN IMMEDIATE; {SCHEMA} COMMIT;")
+                with suppress(sqlite3.OperationalError):  # waits for nobody: whoever is in the way does the same
+                    self._db.execute("PRAGMA journal_mode = WAL")
+            elif version != SCHEMA_VERSION:
                 raise RunError(f"{path}: expected a campaign of version {SCHEMA_VERSION}, got {version}")
 
     def __enter__(self) -> Store:
@@ -130,18 +131,6 @@ class Store:
         """The full specification of an attempt."""
         with _one_line(self.path):
             return json.loads(self._db.execute("SELECT spec FROM attempts WHERE key = ?", (key,)).fetchone()[0])
-
-
-def _make(path: Path) -> None:
-    """The file appears whole, or another writer's does: turning on write-ahead logging does not wait for others."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(dir=path.parent, prefix=".new-") as folder:
-        new = Path(folder) / path.name
-        db = sqlite3.connect(new)
-        db.executescript(f"PRAGMA journal_mode = WAL; {SCHEMA}")
-        db.close()
-        with suppress(FileExistsError):
-            os.link(new, path)
 
 
 def _row(values: dict) -> Row:
