@@ -6,7 +6,8 @@ from time import perf_counter
 
 import numpy as np
 
-from controllers.mppi import MPPI, PlanStats
+from controllers.mppi import MPPI
+from controllers.plan import PlanStats
 from controllers.rollout.lanes import LANES
 
 ROOM = 0.8  # of the deadline; below it the samples may grow again

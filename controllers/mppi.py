@@ -19,27 +19,18 @@ import numpy as np
 
 from controllers.config import MPPIConfig
 from controllers.costs import Cost
-from controllers.filter import savitzky_golay
+from controllers.plan import PlanStats
 from controllers.rollout.compiled import is_cached
 from controllers.rollout.lanes import CHUNK, LANES, Rollout
 from controllers.rollout.reduce import weighted_mean
 from controllers.samplers import SAMPLERS, Sampler, Sampling
-from controllers.weights import padded, shares, steer, weights
+from controllers.update import padded, savitzky_golay, shares, steer, weights
 from quadsim.systems import System
-
-
-@dataclass(frozen=True, slots=True)
-class PlanStats:
-    """How healthy the last update was."""
-
-    cost: float  # J of the nominal plan (sample 0) in the last iteration
-    ess: float  # 1 / sum w^2, 1..M
-    temperature: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Iteration:
-    """All that decided the last iteration: its samples can be drawn again, see controllers.fan."""
+    """All that decided the last iteration: its samples can be drawn again, see controllers.sampled_trajectories."""
 
     x: np.ndarray  # (n_x,)
     target: int
@@ -49,8 +40,8 @@ class Iteration:
     J: np.ndarray  # (M,)
 
 
-class Observer(Protocol):
-    """Learns the system from its states; see controllers.observer."""
+class Adaptation(Protocol):
+    """Learns the system from its states; see controllers.adaptation."""
 
     def observe(self, x: np.ndarray, u: np.ndarray, elapsed: int) -> System:
         """The system as it is believed now, at x (n_x,), `elapsed` control periods of u (n_u,) after the last state."""
@@ -61,10 +52,10 @@ class MPPI:
     """Receding-horizon controller. Keeps the plan U (T, n_u) between calls."""
 
     def __init__(
-        self, system: System, cost: Cost, sampler: Sampler, config: MPPIConfig, observer: Observer | None = None
+        self, system: System, cost: Cost, sampler: Sampler, config: MPPIConfig, adaptation: Adaptation | None = None
     ):
-        self.cost, self.sampler, self.config, self.observer = cost, sampler, config, observer
-        self.believe(system)
+        self.cost, self.sampler, self.config, self.adaptation = cost, sampler, config, adaptation
+        self.use_model(system)
         self.rest = np.array(system.rest)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
         self.executed = np.tile(self.rest, (2, 1))  # the last two controls, left padding of the filter
@@ -78,7 +69,7 @@ class MPPI:
         """Whether its loops were compiled on this machine before; else the first plan takes some 20 s."""
         return self.rollout.is_cached and is_cached(self.sampler.loop)
 
-    def believe(self, system: System) -> None:
+    def use_model(self, system: System) -> None:
         """Plan with this system from now on: the same states and controls, other numbers."""
         self.system = system.tightened(self.config.tighten)
         self.rollout = Rollout(self.system, self.cost)
@@ -87,19 +78,19 @@ class MPPI:
     def take_over(self, other: MPPI) -> None:
         """Go on with another planner's plan: new numbers act from the next plan on. Same system, same horizon."""
         self.plan, self.executed, self._calls = other.plan, other.executed, other._calls
-        self.observer = other.observer
+        self.adaptation = other.adaptation
         if self.sampler.momentum and other.sampler.momentum:
             self.sampler.momentum.change = other.sampler.momentum.change
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
-        """The control to apply at state x (n_x,) on the way to row `target` of the aims.  -> (n_u,)
+        """The control to apply at state x (n_x,) on the way to row `target` of the targets.  -> (n_u,)
 
         `elapsed` control periods have passed since the last call: the plan is shifted by them.
         Raises ValueError for a state that is no state, e.g. of a plant that has diverged.
         """
         self.system.check(x)
-        if self.observer:
-            self.believe(self.observer.observe(x, self.plan[0], elapsed))
+        if self.adaptation:
+            self.use_model(self.adaptation.observe(x, self.plan[0], elapsed))
         if self._calls and elapsed:
             self.shift(elapsed)
         for _ in range(self.config.iterations):
@@ -174,11 +165,11 @@ def build_mppi(
     sampling: Sampling,
     config: MPPIConfig,
     key: np.ndarray,
-    observer: Observer | None = None,
+    adaptation: Adaptation | None = None,
 ) -> MPPI:
     """MPPI with the sampler of this name, whose perturbations are a function of the key (2,) uint32."""
     held = min(config.samples, CHUNK)
-    return MPPI(system, cost, SAMPLERS[sampler](sampling, held, config.horizon, key, config.dt), config, observer)
+    return MPPI(system, cost, SAMPLERS[sampler](sampling, held, config.horizon, key, config.dt), config, adaptation)
 
 
 def block_of(z: np.ndarray, b: int, horizon: int) -> np.ndarray:

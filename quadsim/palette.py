@@ -27,7 +27,7 @@ STYLES = {
     "smooth": Style("#cc79a7", (9, 3, 2, 3)),
     "smooth_star": Style("#f0e442", (9, 3)),
 }
-SPARE = (  # for arms that are no sampler: what is left of the eight, then three of Paul Tol's
+SPARE = (  # for variants that are no sampler: what is left of the eight, then three of Paul Tol's
     Style("#0072b2", ()),
     Style("#d55e00", (6, 3)),
     Style("#000000", (2, 3)),
@@ -44,10 +44,10 @@ def style(sampler: str) -> Style:
     return STYLES.get(sampler, OTHER)
 
 
-def styles(arms: Sequence[str]) -> list[Style]:
-    """Of what is compared in one figure: a sampler by its name has its own, any other arm the next spare one."""
+def styles(variants: Sequence[str]) -> list[Style]:
+    """Of what is compared in one figure: a sampler by its name has its own, any other variant the next spare one."""
     spare = cycle(SPARE)
-    return [STYLES[name] if name in STYLES else next(spare) for name in arms]
+    return [STYLES[name] if name in STYLES else next(spare) for name in variants]
 
 
 def dotted(s: Style) -> Style:

@@ -9,20 +9,20 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from quadsim.app.campaign.arms import Arm, resolve
 from quadsim.app.campaign.store import Row
+from quadsim.app.campaign.variants import Variant, resolve
 
 SMALL = ["--samples", "128", "--horizon", "20", "--iterations", "1"]
 FLIGHT = ["paper_flat", "--preset", "paper", *SMALL, "--timeout", "0.1"]
 RACE = [sys.executable, "-c", "from quadsim.app.cli import main; main()"]
 
 
-def arm(name="colored", *argv) -> Arm:
-    return Arm(name, resolve([*FLIGHT, "--sampler", name, *argv], "race compare"))
+def variant(name="colored", *argv) -> Variant:
+    return Variant(name, resolve([*FLIGHT, "--sampler", name, *argv], "race compare"))
 
 
 def specs(number, *argv):
-    return arm("gaussian", *argv).attempts(number)
+    return variant("gaussian", *argv).attempts(number)
 
 
 def start(campaign, *argv, attempts=6, **kwargs) -> subprocess.Popen:
@@ -57,6 +57,6 @@ def row(seed=0, outcome="finished", laps=(5.0, 4.0), tv=10.0, code="a" * 40, **c
     result = {"laps": laps, "crash": crash, "fault": None, "thrust_tv": {"commanded": tv, "delivered": tv / 2}}
     result |= {"plan_ms": {"p50": 1.0, "p95": 2.0}, "real_time_factor": 3.0, "cpu": "", "digest": ""}
     row = Row(
-        f"k{seed}", code, "arm", "a", "paper_flat", "colored", "race", "swift", 0.0, seed, outcome, result, "", ""
+        f"k{seed}", code, "variant", "a", "paper_flat", "colored", "race", "swift", 0.0, seed, outcome, result, "", ""
     )
     return replace(row, **changes)

@@ -25,33 +25,33 @@ class Flown:
 def fly_rows(system: System, cost: Cost, x0, U, z, target: int = 0, clearance=None) -> Flown:
     """Fly v = clip(U + z) from x0.  U (T, n_u), z (M, n_u, T)
 
-    clearance(x, x_next, aim, params) -> (M,): how far this step's decisions are from turning out otherwise.
+    clearance(x, x_next, target, params) -> (M,): how far this step's decisions are from turning out otherwise.
     """
     M, T = len(z), len(U)
-    aims = cost.aims_from(target, np.asarray(x0), np.float64)
+    targets = cost.targets_from(target, np.asarray(x0), np.float64)
     x = tuple(np.full(M, value, float) for value in x0)
     row, crashed, clear = np.zeros(M, int), np.zeros(M), np.full(M, np.inf)
     total = np.zeros((len(cost.term_names), M))
     for t in range(T):
         u = tuple(np.clip(U[t, k] + z[:, k, t], system.low[k], system.high[k]) for k in range(U.shape[1]))
         x_next = system.step(x, u, system.params, system.dt)
-        aim = tuple(aims[row].T)
-        *q, reached, crashed = cost.terms(x, x_next, u, aim, crashed, cost.params)
+        target = tuple(targets[row].T)
+        *q, reached, crashed = cost.terms(x, x_next, u, target, crashed, cost.params)
         if clearance is not None:
-            clear = np.minimum(clear, clearance(x, x_next, aim, cost.params))
+            clear = np.minimum(clear, clearance(x, x_next, target, cost.params))
         total += q
-        row = np.minimum(row + reached, len(aims) - 1)
+        row = np.minimum(row + reached, len(targets) - 1)
         x = x_next
     return Flown(total.sum(axis=0) / T, row, crashed, clear, total.T / T)
 
 
-def decision_distance(x, x_next, aim, params) -> np.ndarray:
+def decision_distance(x, x_next, target, params) -> np.ndarray:
     """Distance of a step to the surfaces where the racing cost jumps [m].  (M,)
 
     Those are the gate's entry and exit planes at either end of the step, the edges of opening and frame where the
     step crosses a plane or ends between them, the bounds, and the balls in which heading and waypoint switch.
     """
-    g, n, left = (np.array(aim[i : i + 3]) for i in (0, 3, 6))
+    g, n, left = (np.array(target[i : i + 3]) for i in (0, 3, 6))
     near, depth, box = params[10], params[12], params[13:]
     before, after = np.array(x[:3]) - g, np.array(x_next[:3]) - g
     s0, s1 = (before * n).sum(axis=0), (after * n).sum(axis=0)
@@ -59,17 +59,17 @@ def decision_distance(x, x_next, aim, params) -> np.ndarray:
     for plane in (0.0, -depth):
         crosses = (s0 < plane) != (s1 < plane)
         share = (s1 - plane) / np.where(crosses, s1 - s0, 1.0)
-        nearest.append(np.where(crosses, to_edges(after + (before - after) * share, n, left, aim), np.inf))
-    nearest.append(np.where((s1 > -depth) & (s1 < 0.0), to_edges(after, n, left, aim), np.inf))
+        nearest.append(np.where(crosses, to_edges(after + (before - after) * share, n, left, target), np.inf))
+    nearest.append(np.where((s1 > -depth) & (s1 < 0.0), to_edges(after, n, left, target), np.inf))
     px, py, pz = x_next[:3]
     nearest += [abs(a - b) for a, b in zip((pz, px, px, py, py, pz), box, strict=True)]
     r = np.sqrt((after * after).sum(axis=0))
     return np.minimum.reduce([*nearest, abs(r - 0.5), abs(r - near)])
 
 
-def to_edges(p, n, left, aim) -> np.ndarray:
+def to_edges(p, n, left, target) -> np.ndarray:
     """Distance of points p (3, M), off a gate's exit, to the edges of its free opening and of its frame [m].  (M,)"""
-    free_y, free_z, bar = aim[9:12]
+    free_y, free_z, bar = target[9:12]
     across, up = (p * left).sum(axis=0), (p * np.cross(n, left, axis=0)).sum(axis=0)
     beside = np.maximum(abs(across) - free_y, abs(up) - free_z)
     return np.minimum(abs(beside), abs(beside - bar))

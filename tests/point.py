@@ -24,8 +24,8 @@ def step(x, u, p, dt):
     return px + vx * dt, py + vy * dt, vx + (ax - p[0] * vx) * dt, vy + (ay - p[0] * vy) * dt
 
 
-def terms(x, x_next, u, aim, crashed, p):
-    ex, ey = x_next[0] - aim[0], x_next[1] - aim[1]
+def terms(x, x_next, u, target, crashed, p):
+    ex, ey = x_next[0] - target[0], x_next[1] - target[1]
     return p[0] * (ex * ex + ey * ey), p[1] * u[0] * u[0], ex > 1e6, crashed
 
 

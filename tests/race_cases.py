@@ -6,12 +6,12 @@ from math import radians
 
 import numpy as np
 
-from controllers.costs.race import SKIN, TERMS, RaceWeights
-from quadsim.course import Course, Gate, Start
-from quadsim.plant import FRAME_DEPTH, STATE
+from controllers.costs.race import SAFETY_MARGIN, TERMS, RaceWeights
+from quadsim.course import FRAME_DEPTH, Course, Gate, Start
+from quadsim.systems.quadrotor import STATE
 
 RADIUS, WIDTH, DT = 0.1, 0.3, 0.01
-GAP = RADIUS + SKIN  # kept from frames, walls and the ground
+GAP = RADIUS + SAFETY_MARGIN  # kept from frames, walls and the ground
 EXIT = FRAME_DEPTH / 2 + GAP  # behind a gate's plane, and the entry in front of it
 FAR = ((-1e3, 1e3), (-1e3, 1e3), (0.0, 1e3))
 ALL = RaceWeights(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, desired_speed=9.0, margin=0.3)
@@ -37,7 +37,7 @@ def state(p, v=(0.0, 0.0, 0.0), q=(1.0, 0.0, 0.0, 0.0)):
 def term(name, cost, p, v=(0.0, 0.0, 0.0), q=(1.0, 0.0, 0.0, 0.0), row=0):
     """One weighted term for a state that stays where it is."""
     x = state(p, v, q)
-    return float(cost.terms(x, x, (0.0,) * 4, tuple(cost.aims[row]), 0.0, cost.params)[TERMS.index(name)])
+    return float(cost.terms(x, x, (0.0,) * 4, tuple(cost.targets[row]), 0.0, cost.params)[TERMS.index(name)])
 
 
 def fly(cost, points):
@@ -46,9 +46,9 @@ def fly(cost, points):
     for a, b in pairwise(points):
         v = tuple(((np.array(b) - a) / DT).tolist())
         *terms, reached, crashed = cost.terms(
-            state(a, v), state(b, v), (0.0,) * 4, tuple(cost.aims[row]), crashed, cost.params
+            state(a, v), state(b, v), (0.0,) * 4, tuple(cost.targets[row]), crashed, cost.params
         )
-        row = min(row + int(reached), len(cost.aims) - 1)
+        row = min(row + int(reached), len(cost.targets) - 1)
         q, rows, crashes = [*q, [float(t) for t in terms]], [*rows, row], [*crashes, float(crashed)]
     return np.array(q), rows, crashes
 

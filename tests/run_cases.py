@@ -4,9 +4,10 @@ from math import pi, sin
 
 import numpy as np
 
-from quadsim.archive import RunFolder
-from quadsim.picture import Picture
-from quadsim.run import Event, Frame, Run
+from controllers.plan import PlannerSnapshot
+from quadsim.race.events import Event, Frame
+from quadsim.record.archive import RunFolder
+from quadsim.record.run import Run
 
 SPEC = {
     "course": "test course",
@@ -32,7 +33,7 @@ def frame(k, lap=1, events=(), outcome=None, picture=None, plan_ms=5.0):
 def picture(seed=0, terms=("progress", "crash")):
     """What a planner may have thought."""
     rng = np.random.default_rng(seed)
-    return Picture(rng.normal(size=(8, 5, 3)), {name: rng.normal() for name in terms})
+    return PlannerSnapshot(rng.normal(size=(8, 5, 3)), {name: rng.normal() for name in terms})
 
 
 def two_laps(spec=SPEC, outcome="finished", plan_ms=5.0, picture=None):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from quadsim.actuators import HOVER, Actuators, allocate, mixer, rotor_speed, rotor_thrust, shares, to_body
+from quadsim.physics.actuators import HOVER, Actuators, allocate, mixer, rotor_speed, rotor_thrust, shares, to_body
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
 REST = (0.0, 0.0, 0.0)

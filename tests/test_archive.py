@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from run_cases import SPEC, picture, same, save, two_laps
 
-from quadsim.archive import RunFolder, list_runs, load_run
-from quadsim.run import COLUMNS, Run, RunError
+from quadsim.record.archive import RunFolder, list_runs, load_run
+from quadsim.record.run import COLUMNS, Run, RunError
 
 
 @pytest.mark.parametrize("seen", [None, picture(), picture(terms=())])
@@ -67,7 +67,7 @@ def test_folder_is_named_after_time_course_sampler_seed_and_spec(tmp_path):
 
 
 def test_two_runs_of_one_second_do_not_clash(tmp_path, monkeypatch):
-    monkeypatch.setattr("quadsim.archive.time.strftime", lambda *_: "20260102T030405Z")
+    monkeypatch.setattr("quadsim.record.archive.time.strftime", lambda *_: "20260102T030405Z")
     with RunFolder.open(tmp_path, SPEC) as first, RunFolder.open(tmp_path, SPEC) as second:
         paths = [first.save(two_laps()), second.save(two_laps()), save(tmp_path, two_laps())]
     assert len(set(paths)) == 3
@@ -84,7 +84,7 @@ def test_exception_in_flight_leaves_nothing(tmp_path):
 def test_kill_in_flight_leaves_only_a_part_that_is_no_run(tmp_path):
     flight = f"""
 import os, signal
-from quadsim.archive import RunFolder
+from quadsim.record.archive import RunFolder
 with RunFolder.open({str(tmp_path)!r}, {SPEC!r}):
     os.kill(os.getpid(), signal.SIGKILL)
 """
@@ -110,7 +110,7 @@ def test_full_disk_is_one_line_and_nothing_looks_finished(tmp_path, monkeypatch)
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with RunFolder.open(tmp_path, SPEC) as folder, monkeypatch.context() as patch:
-        patch.setattr("quadsim.archive.os.fsync", full)
+        patch.setattr("quadsim.record.archive.os.fsync", full)
         with pytest.raises(RunError, match=r"telemetry\.npz: cannot write: No space left on device$"):
             folder.save(two_laps())
     assert list(tmp_path.iterdir()) == []

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from run_cases import picture, save, two_laps
 
-from quadsim.archive import list_runs, load_run
-from quadsim.run import RunError
-from quadsim.run_format import TERM
+from quadsim.record.archive import list_runs, load_run
+from quadsim.record.run import RunError
+from quadsim.record.run_format import TERM
 
 
 def edit(path, **changes):

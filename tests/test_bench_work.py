@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from controllers.mppi import MPPI
-from controllers.rollout.roofline import bandwidth_gb, peak_gflops
 from quadsim.app.bench import bench, peers
 from quadsim.app.bench.cases import Case, controller, paper_case
 from quadsim.app.bench.point_cost import point_cost
+from quadsim.app.bench.roofline import bandwidth_gb, peak_gflops
 from quadsim.app.bench.work import Machine, Work, count, floor_ns, work
 from quadsim.app.cli import race
 from quadsim.systems import double_integrator

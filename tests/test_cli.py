@@ -120,7 +120,7 @@ def test_a_full_disk_costs_the_run_but_not_its_report(cwd, capsys, monkeypatch):
     def full(fd):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("quadsim.archive.os.fsync", full)
+    monkeypatch.setattr("quadsim.record.archive.os.fsync", full)
     code, out, err = outcome(" ".join(("fly", "mine.yaml", *TINY)), capsys)
     assert code == 2
     assert "not stored" in out

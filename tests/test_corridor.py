@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from controllers.costs.corridor import RUN_OUT, CorridorWeights, corridor_cost
-from quadsim.corridor import STUCK, Corridor, CorridorJudge, load_corridor
 from quadsim.course import course_names
+from quadsim.course.corridor import Corridor, load_corridor
 from quadsim.files.strict_yaml import FileError
+from quadsim.race.corridor_referee import STUCK, CorridorReferee
 
 CORNER = Corridor("corner", 6.0, ((0.0, 0.0), (20.0, 0.0), (20.0, 20.0)))  # one bend, 90 degrees left
 COST = corridor_cost(CORNER, 0.8, CorridorWeights(margin=0.5), 0.02)
@@ -17,13 +18,13 @@ def at(px, py, v=5.0, r=0.0):
 
 
 def terms(x, leg=0):
-    aim = tuple(COST.aims[leg])
+    target = tuple(COST.targets[leg])
     names = (*COST.term_names, "reached", "crashed")
-    return dict(zip(names, COST.terms(x, x, (0.0, 0.0), aim, 0.0, COST.params), strict=True))
+    return dict(zip(names, COST.terms(x, x, (0.0, 0.0), target, 0.0, COST.params), strict=True))
 
 
 def judged(*places, judge=None, dt=0.1):
-    judge = judge or CorridorJudge(CORNER, 0.8, 60.0)
+    judge = judge or CorridorReferee(CORNER, 0.8, 60.0)
     for i, (x, y) in enumerate(places):
         judge.observe(i * dt, (0.0, 0.0, 0.0), (i + 1) * dt, (x, y, 0.0))
     return judge
@@ -67,7 +68,7 @@ def test_the_way_left_falls_along_the_centre_line_and_a_leg_ends_where_the_walls
     assert left[0] - left[-1] == pytest.approx(CorridorWeights.to_go * 39.0, rel=1e-3)
     assert not terms(at(16.9, 2.9))["reached"]
     assert terms(at(17.1, 3.1))["reached"], "on the inside of the bend the leg ends earlier"
-    assert COST.aims[-2, 6] == RUN_OUT
+    assert COST.targets[-2, 6] == RUN_OUT
 
 
 def test_crossing_into_the_next_leg_never_costs_more():
@@ -112,4 +113,4 @@ def test_judge_ends_a_drive_that_stands_or_lasts():
     assert judged(*standing).outcome == "stuck"
     creeping = [(0.05 * i, 0.0) for i in range(100)]
     assert judged(*creeping).outcome is None
-    assert judged(*creeping, judge=CorridorJudge(CORNER, 0.8, 9.0)).outcome == "timeout"
+    assert judged(*creeping, judge=CorridorReferee(CORNER, 0.8, 9.0)).outcome == "timeout"

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from quadsim.course import COURSES, Course, Gate, Published, course_names, load_course, parse_course
-from quadsim.course_checks import corners, frame_distance
 from quadsim.files.strict_yaml import FileError
 from quadsim.vehicle import load_vehicle, vehicle_names
 
@@ -134,8 +133,8 @@ def test_opposite_and_stacked_gates_share_a_place():
 def test_a_frame_may_dip_into_the_ground_while_its_opening_does_not():
     text = GOOD.replace("[0, 0, 2], yaw_deg: 0", "[0, 0, 0.8], yaw_deg: 7, roll_deg: 90")
     low = parse_course(text, "mine.yaml").gates[0]
-    assert corners(low)[:, 2].min() == pytest.approx(0.0)
-    assert corners(low, border=low.frame_width)[:, 2].min() < 0.0
+    assert low.corners()[:, 2].min() == pytest.approx(0.0)
+    assert low.corners(low.frame_width)[:, 2].min() < 0.0
 
 
 def test_distance_to_a_frame_is_that_to_the_nearest_of_its_points():
@@ -145,7 +144,7 @@ def test_distance_to_a_frame_is_that_to_the_nearest_of_its_points():
     cloud = np.stack([0 * y[bars], y[bars], z[bars]], axis=1) @ gate.rotation.T + gate.position  # (n, 3)
     for point in product((0.2, 1.1, 3.0), (0.5, 2.0, 4.0), (2.2, 3.0, 4.5)):
         nearest = np.linalg.norm(cloud - point, axis=1).min()
-        assert frame_distance(gate, point) == pytest.approx(nearest, abs=0.01)
+        assert gate.frame_distance(point) == pytest.approx(nearest, abs=0.01)
 
 
 def test_a_misspelt_name_gets_the_nearest_course():
@@ -176,7 +175,7 @@ def test_every_vehicle_fits_through_every_gate(course):
 
 def test_no_frame_stands_in_another_gates_opening(course):
     for one, other in product(course.gates, repeat=2):
-        assert one is other or frame_distance(other, one.position) > min(one.opening) / 2
+        assert one is other or other.frame_distance(one.position) > min(one.opening) / 2
 
 
 def test_no_gate_is_first_met_from_behind(course):
@@ -199,7 +198,7 @@ def test_paper_flat_is_what_it_says():
 def test_the_middle_of_figure8_is_crossed_on_two_levels():
     course = load_course("figure8")
     low, high = (g for g in course.gates if g.position[:2] == (0.0, 0.0))
-    gap = corners(high, high.frame_width)[:, 2].min() - corners(low, low.frame_width)[:, 2].max()
+    gap = high.corners(high.frame_width)[:, 2].min() - low.corners(low.frame_width)[:, 2].max()
     assert gap > 2 * max(load_vehicle(name).radius for name in vehicle_names())
 
 

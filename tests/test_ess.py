@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from point import START, make
 
-from controllers.weights import steer, weights
+from controllers.update import steer, weights
 
 
 def test_effective_sample_size_counts_equal_samples():

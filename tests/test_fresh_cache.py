@@ -15,11 +15,11 @@ from controllers.config import MPPIConfig
 from controllers.mppi import MPPI
 from controllers.samplers import SAMPLERS, SamplerConfig
 from quadsim.course import load_course
-from quadsim.plant import start_state
-from quadsim.systems.quadrotor import Belief, quadrotor
+from quadsim.physics.plant import start_state
+from quadsim.systems.quadrotor import ModelParams, quadrotor
 
 course, config = load_course("paper_flat"), MPPIConfig(samples=500, horizon=60, ess=20.0)
-system = quadrotor(Belief((0.1, 0.12, 0.2), 0.04, 0.3, (8.0, 8.0, 4.0), 36.0), config.dt)
+system = quadrotor(ModelParams((0.1, 0.12, 0.2), 0.04, 0.3, (8.0, 8.0, 4.0), 36.0), config.dt)
 key = np.array([1, int(sys.argv[1])], np.uint32)
 sampler = SAMPLERS["colored"](SamplerConfig((1.5, 1.5, 0.3, 3.0)), config.samples, config.horizon, key, config.dt)
 mppi = MPPI(system, race_cost(course, 0.1, RaceWeights(), 1), sampler, config)

@@ -11,7 +11,7 @@ import pytest
 
 from quadsim.app.cli import race
 from quadsim.app.fly import uninterrupted
-from quadsim.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, load_run
 
 HOVER = (
     "fly paper_flat --preset paper --samples 256 --horizon 50 --iterations 1 --timeout 10000 "

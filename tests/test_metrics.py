@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from run_cases import SPEC, frame, two_laps
 
-from quadsim.metrics import (
+from quadsim.race.events import PENALTY
+from quadsim.record.metrics import (
     MOTOR_TAU,
     chatter,
     crashes,
@@ -22,7 +23,7 @@ from quadsim.metrics import (
     total_variation,
     wilson,
 )
-from quadsim.run import PENALTY, Run
+from quadsim.record.run import Run
 
 DT = 0.01
 T = np.arange(4001) * DT  # 40 s

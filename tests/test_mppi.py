@@ -8,8 +8,8 @@ from point import POINT, REST, START, T, drawn, make, naive, naive_cost, perturb
 from scipy.signal import savgol_coeffs
 
 from controllers import mppi as mppi_module
-from controllers.filter import SAVITZKY_GOLAY, savitzky_golay
 from controllers.samplers import SAMPLERS, SamplerConfig
+from controllers.update import SAVITZKY_GOLAY, savitzky_golay
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS)

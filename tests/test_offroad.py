@@ -8,8 +8,8 @@ from oracle import fly_rows, to_lanes
 
 from controllers.costs.corridor import CorridorWeights, corridor_cost
 from controllers.rollout.lanes import LANES, Rollout
-from quadsim.corridor import load_corridor
-from quadsim.plant import ModelPlant, diffusion
+from quadsim.course.corridor import load_corridor
+from quadsim.physics.plant import ModelPlant, diffusion
 from quadsim.systems.offroad import BELIEVED, DRIVEN, STATES, OffroadVehicle, offroad
 
 M, T, DT = 300, 250, 0.02
@@ -88,7 +88,7 @@ def test_driven_vehicle_slips_out_of_the_turn_that_the_believed_one_makes():
 
 
 def test_plant_drifts_by_its_disturbance_alone():
-    """Standing, its speed moves by .2 m/s in 1 s; without the disturbance not at all."""
+    """LapTiming, its speed moves by .2 m/s in 1 s; without the disturbance not at all."""
     std = tuple(0.2 if name == "r" else 0.0 for name in STATES)
     free = OffroadVehicle(yaw_tau=1e9)
     ends = []
@@ -115,9 +115,9 @@ def fly_lanes(U, z, dtype):
     return J.ravel()[:M]
 
 
-def end_line(x, x_next, aim, params):
+def end_line(x, x_next, target, params):
     """Distance to the line at which the leg ends.  (M,)"""
-    bx, by, _, _, mx, my, _ = aim
+    bx, by, _, _, mx, my, _ = target
     return abs((x_next[0] - bx) * mx + (x_next[1] - by) * my)
 
 

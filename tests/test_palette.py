@@ -9,8 +9,8 @@ from matplotlib.colors import to_hex
 from test_report import run
 
 from quadsim.app.campaign import figure as comparison
-from quadsim.app.campaign.numbers import arm_numbers
 from quadsim.app.campaign.report import Section
+from quadsim.app.campaign.summary_stats import variant_stats
 from quadsim.app.figure import draw
 from quadsim.app.paper import double_integrator
 from quadsim.course import load_course
@@ -23,7 +23,7 @@ NAMED = re.compile(r"""#[0-9a-fA-F]{6}\b|["']C\d["']|tab:""")  # a colour as mat
 def test_a_sampler_has_its_own_style_and_other_arms_the_spare_ones_in_order():
     found = styles(["soft", "gaussian", "wild", "colored"])
     assert found == [SPARE[0], STYLES["gaussian"], SPARE[1], STYLES["colored"]]
-    assert styles([f"arm {k}" for k in range(2 * len(SPARE))]) == [*SPARE, *SPARE]
+    assert styles([f"variant {k}" for k in range(2 * len(SPARE))]) == [*SPARE, *SPARE]
 
 
 def test_no_two_styles_of_the_palette_have_one_colour():
@@ -50,10 +50,10 @@ def test_no_other_file_knows_a_sampler_s_colour():
 
 
 def bars(names):
-    """Colour of each arm's success bar in a comparison."""
+    """Colour of each variant's success bar in a comparison."""
     rows = [[row(seed, folder="nowhere") for seed in range(2)] for _ in names]
-    arms = [arm_numbers(name, of_arm, 20.0) for name, of_arm in zip(names, rows, strict=True)]
-    section = Section(load_course("paper_flat"), "", 20.0, arms, [], rows, ROOT)
+    variants = [variant_stats(name, of_variant, 20.0) for name, of_variant in zip(names, rows, strict=True)]
+    section = Section(load_course("paper_flat"), "", 20.0, variants, [], rows, ROOT)
     success = comparison.draw([section]).subfigs[0].axes[1]
     return dict(zip(names, (to_hex(patch.get_facecolor()) for patch in success.patches), strict=True))
 

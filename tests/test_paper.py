@@ -6,15 +6,15 @@ import os
 import signal
 
 import pytest
+from quadsim.app.paper.variants import variant_stats
 
 from quadsim.app.cli import race
 from quadsim.app.paper import table2
-from quadsim.app.paper.arms import arm_numbers
 from quadsim.app.paper.command import EXPERIMENTS
 from quadsim.app.paper.gather import gather
 from quadsim.app.paper.published import TABLE2
 from quadsim.app.paper.store import Store, run_key
-from quadsim.run import RunError
+from quadsim.record.run import RunError
 
 
 def square(job):
@@ -68,10 +68,10 @@ def test_a_store_that_cannot_be_is_one_line(tmp_path):
 
 
 def test_every_number_of_a_run_is_in_its_key():
-    one, other = (table2.arm("colored_1", sigma) for sigma in (1.5, 3.0))
-    keys = {one.key(0), one.key(1), other.key(0), table2.arm("colored_2", 1.5).key(0), run_key({})}
+    one, other = (table2.variant("colored_1", sigma) for sigma in (1.5, 3.0))
+    keys = {one.key(0), one.key(1), other.key(0), table2.variant("colored_2", 1.5).key(0), run_key({})}
     assert len(keys) == 5
-    assert one.key(0) == table2.arm("colored_1", 1.5).key(0)
+    assert one.key(0) == table2.variant("colored_1", 1.5).key(0)
 
 
 def test_table2_has_every_cell_of_the_paper_and_six_rows_more(tmp_path, monkeypatch, capsys):
@@ -128,9 +128,9 @@ def test_all_stands_for_every_experiment():
 
 def test_times_are_those_of_the_attempts_that_finished():
     ends = [("finished", 8.0), ("crashed", 1.0), ("finished", 9.0), ("timeout", 40.0)]
-    numbers = arm_numbers("quadrotor", "colored", [{"outcome": o, "time": t, "ms": 1.0} for o, t in ends])
+    numbers = variant_stats("quadrotor", "colored", [{"outcome": o, "time": t, "ms": 1.0} for o, t in ends])
     assert (numbers["finished"], numbers["attempts"], numbers["mean"], numbers["min"]) == (2, 4, 8.5, 8.0)
     assert numbers["sd"] == pytest.approx(0.5**0.5)
     assert 0 < numbers["success_low"] < 0.5 < numbers["success_high"] < 1
-    nobody = arm_numbers("offroad", "gaussian", [{"outcome": "stuck", "time": 9.0, "ms": 1.0}])
+    nobody = variant_stats("offroad", "gaussian", [{"outcome": "stuck", "time": 9.0, "ms": 1.0}])
     assert (nobody["finished"], nobody["mean"], nobody["sd"], nobody["min"]) == (0, None, None, None)

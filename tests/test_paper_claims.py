@@ -13,21 +13,21 @@ from quadsim.app.paper.double_integrator import psd
 from quadsim.app.paper.exploration import spread
 from quadsim.app.paper.integrator import MPPI_CONFIG, frames, record
 from quadsim.app.paper.published import TABLE2
-from quadsim.app.paper.table2 import arm
-from quadsim.app.spec import build, launch
-from quadsim.metrics import chatter
-from quadsim.run import Run
+from quadsim.app.paper.table2 import variant
+from quadsim.race.spec import build, launch
+from quadsim.record.metrics import chatter
+from quadsim.record.run import Run
 
 
 @cache
 def cost(name, sigma, seed=0):
-    return record((arm(name, sigma), seed))["cost"]
+    return record((variant(name, sigma), seed))["cost"]
 
 
 @cache
 def track(name):
     """Position and control of one axis at sigma 1.5."""
-    flown = frames(arm(name, 1.5), 0)
+    flown = frames(variant(name, 1.5), 0)
     return np.array([f.x[0] for f in flown]), np.array([f.u[0] for f in flown])
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from quadsim.course import Course, Gate, Start, course_names, load_course
-from quadsim.plant import CLEARANCE, STATE, BulletPlant, ModelPlant, diffusion
-from quadsim.systems.quadrotor import Belief, quadrotor
+from quadsim.physics.plant import CLEARANCE, BulletPlant, ModelPlant, diffusion
+from quadsim.systems.quadrotor import STATE, ModelParams, quadrotor
 from quadsim.vehicle import GRAVITY, load_vehicle, vehicle_names
 
 DT = 1 / 400
@@ -144,9 +144,9 @@ def test_the_same_commands_give_the_same_states_to_the_last_bit(launch, vehicle)
 
 def gap(model_dt, plant_dt):
     """Largest difference of each state between model and plant in a second of lively flight.  (17,)"""
-    belief = quadrotor(Belief.of(PAPER), model_dt)
+    model = quadrotor(ModelParams.of(PAPER), model_dt)
     plant = BulletPlant(SKY, PAPER, dt=plant_dt)
-    model = ModelPlant(belief.step, belief.params, plant.state.x, model_dt)
+    model = ModelPlant(model.step, model.params, plant.state.x, model_dt)
     gaps = []
     for k in range(round(1.0 / model_dt)):
         u = weave(k * model_dt)
@@ -195,6 +195,6 @@ def test_a_disturbance_diffuses_to_its_std_in_one_second_for_any_step(dt):
 
 
 def test_models_and_referees_do_not_load_the_physics_engine():
-    code = "import sys, quadsim.plant; print('pybullet' in sys.modules)"
+    code = "import sys, quadsim.physics.plant; print('pybullet' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
     assert done.stdout == b"False\n"

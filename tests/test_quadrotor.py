@@ -1,4 +1,4 @@
-"""The model that MPPI believes in: closed-form flights, its equations integrated finely by another hand, beliefs."""
+"""The model that MPPI believes in: closed-form flights, its equations integrated finely by another hand, model_differences."""
 
 from dataclasses import replace
 from math import exp, pi
@@ -8,12 +8,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from quadsim.actuators import allocate, shares
-from quadsim.plant import STATE
-from quadsim.systems.quadrotor import Belief, quadrotor
+from quadsim.physics.actuators import allocate, shares
+from quadsim.systems.quadrotor import STATE, ModelParams, quadrotor
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle, load_vehicle
 
-SIMPLE = Belief(rate_tau=(0.25, 0.2, 0.3), motor_tau=0.0, drag=0.0, rate_max=(6.0, 6.0, 6.0), thrust_max=36.0)
+SIMPLE = ModelParams(rate_tau=(0.25, 0.2, 0.3), motor_tau=0.0, drag=0.0, rate_max=(6.0, 6.0, 6.0), thrust_max=36.0)
 FULL = replace(SIMPLE, motor_tau=0.04, drag=0.4, tilt_cost=(0.02, 0.03))  # with rotors that lag, saturate and drag
 HOVER = (0.0, 0.0, 0.0, GRAVITY)
 SAME = {"rtol": 0, "atol": 1e-9}
@@ -24,39 +23,39 @@ def state(**values):
     return tuple({"qw": 1.0, "a": GRAVITY, **values}.get(name, 0.0) for name in STATE)
 
 
-def fly(belief, u, seconds, x=None, dt=0.01):
+def fly(model, u, seconds, x=None, dt=0.01):
     """Hold one control; every state by name.  -> name: (steps + 1,)"""
-    system, path = quadrotor(belief, dt), [x or state()]
+    system, path = quadrotor(model, dt), [x or state()]
     for _ in range(round(seconds / dt)):
         path.append(system.step(path[-1], u, system.params, dt))
     return dict(zip(STATE, np.array(path).T, strict=True))
 
 
-def derivative(x, u, belief):
+def derivative(x, u, model):
     """The docstring's equations in matrices.  (17,) -> (17,)"""
     v, q, omega, a, beta = x[3:6], x[6:10], x[10:13], x[13], x[14:17]
-    torque = (np.array(u[:3]) - omega) / belief.rate_tau
-    room = np.dot(belief.tilt_cost, abs(torque[:2]))
-    thrust = np.clip(u[3], room, belief.thrust_max - room)
-    if belief.motor_tau:
-        a_dot, beta_dot = (thrust - a) / belief.motor_tau, (torque - beta) / belief.motor_tau
+    torque = (np.array(u[:3]) - omega) / model.rate_tau
+    room = np.dot(model.tilt_cost, abs(torque[:2]))
+    thrust = np.clip(u[3], room, model.thrust_max - room)
+    if model.motor_tau:
+        a_dot, beta_dot = (thrust - a) / model.motor_tau, (torque - beta) / model.motor_tau
     else:
         a, beta, a_dot, beta_dot = thrust, torque, 0.0, np.zeros(3)
     force = Rotation.from_quat(q, scalar_first=True).apply([0.0, 0.0, a])
     spin = 0.5 * np.array([-q[1:] @ omega, *(q[0] * omega + np.cross(q[1:], omega))])
-    return np.concatenate([v, force - (0, 0, GRAVITY) - belief.drag * v, spin, beta, [a_dot], beta_dot])
+    return np.concatenate([v, force - (0, 0, GRAVITY) - model.drag * v, spin, beta, [a_dot], beta_dot])
 
 
-def error(belief, dt, seconds=0.6):
+def error(model, dt, seconds=0.6):
     """Of the model's first ten states (p, v, q) after a brisk turn, against a fine integration."""
     x, u = state(vx=8.0, vy=-2.0, wx=1.0, a=12.0), (3.0, -2.0, 1.5, 15.0)
-    fine = solve_ivp(lambda _, y: derivative(y, u, belief), (0.0, seconds), x, rtol=1e-10, atol=1e-10).y[:10, -1]
-    return np.linalg.norm([fly(belief, u, seconds, x, dt)[name][-1] for name in STATE[:10]] - fine)
+    fine = solve_ivp(lambda _, y: derivative(y, u, model), (0.0, seconds), x, rtol=1e-10, atol=1e-10).y[:10, -1]
+    return np.linalg.norm([fly(model, u, seconds, x, dt)[name][-1] for name in STATE[:10]] - fine)
 
 
-@pytest.mark.parametrize("belief", [SIMPLE, FULL])
-def test_hover_holds_every_state(belief):
-    flown = fly(belief, HOVER, 10.0)
+@pytest.mark.parametrize("model", [SIMPLE, FULL])
+def test_hover_holds_every_state(model):
+    flown = fly(model, HOVER, 10.0)
     assert {name: np.ptp(path) for name, path in flown.items()} == dict.fromkeys(STATE, 0.0)
 
 
@@ -113,10 +112,10 @@ def test_without_motor_lag_it_is_the_13_state_model_of_the_paper():
     assert set(plain["a"][1:]) == {15.0}
 
 
-@pytest.mark.parametrize(("belief", "order"), [(SIMPLE, 2), (FULL, 1)])
-def test_error_falls_with_the_step(belief, order):
+@pytest.mark.parametrize(("model", "order"), [(SIMPLE, 2), (FULL, 1)])
+def test_error_falls_with_the_step(model, order):
     """Of second order where the forces depend on attitude alone, else of first: lag and drag are taken at one end."""
-    errors = [error(belief, dt) for dt in (0.02, 0.01, 0.005)]
+    errors = [error(model, dt) for dt in (0.02, 0.01, 0.005)]
     observed = np.log2(np.divide(errors[:-1], errors[1:]))
     np.testing.assert_allclose(observed, order, atol=0.2)
     assert errors[1] < (0.001 if order == 2 else 0.05)  # m, m/s and parts of q together, after 0.6 s
@@ -137,15 +136,15 @@ def test_belief_of_a_vehicle_knows_all_but_the_axes_of_its_drag():
         ((0.1, -0.1), (-0.1, 0.1), (0.1, 0.1), (-0.1, -0.1)), (1, 1, -1, -1), (1e-6, 0, 0), 0, 3e3, 0.033, 0.01
     )
     plain = Vehicle("v", "", 1.0, (1e-3,) * 3, 0.1, (0.1, 0.2, 0.3), (6.0, 7.0, 3.0), 30.0, (0.3, 0.6, 0.9), 0.01, None)
-    belief = Belief((0.1, 0.2, 0.3), 0.0, pytest.approx(0.6), (6.0, 7.0, 3.0), 30.0)
-    assert Belief.of(plain) == belief
-    assert Belief.of(replace(plain, rotors=rotors)) == replace(belief, motor_tau=0.033, tilt_cost=(0.01, 0.01))
+    model = ModelParams((0.1, 0.2, 0.3), 0.0, pytest.approx(0.6), (6.0, 7.0, 3.0), 30.0)
+    assert ModelParams.of(plain) == model
+    assert ModelParams.of(replace(plain, rotors=rotors)) == replace(model, motor_tau=0.033, tilt_cost=(0.01, 0.01))
 
 
 def test_thrust_beside_a_tilt_is_what_the_rotors_deliver():
     """The collective of the allocation itself, over demands that saturate and demands that do not."""
     vehicle = load_vehicle("swift")
-    system, share = quadrotor(replace(Belief.of(vehicle), motor_tau=0.0), 0.01), shares(vehicle.rotors)
+    system, share = quadrotor(replace(ModelParams.of(vehicle), motor_tau=0.0), 0.01), shares(vehicle.rotors)
     high, k = vehicle.mass * vehicle.thrust_max / 4, system.params[0]  # N a rotor, rad/s^2 for each rad/s asked for
     modest = []
     for beta_x, beta_y, a in np.random.default_rng(0).uniform((-80, -80, 0), (80, 80, 40), (200, 3)):

@@ -17,7 +17,7 @@ def test_weight_scales_its_term_alone(name):
     at = {"waypoint": (4.8, 0.1, 20.1), "clearance": (5.0, 0.7, 20.1)}.get(name, (2.0, 0.7, 20.5))
     x, x_next = state(at, (3.0, 1.0, 0.5), tilted), state(np.add(at, 0.01), (3.0, 1.0, 0.5), tilted)
     plain, scaled = (
-        np.array([float(t) for t in c.terms(x, x_next, (0.0,) * 4, tuple(c.aims[0]), 1.0, c.params)])
+        np.array([float(t) for t in c.terms(x, x_next, (0.0,) * 4, tuple(c.targets[0]), 1.0, c.params)])
         for c in (base, double)
     )
     k = TERMS.index(name)

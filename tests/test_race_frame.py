@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from race_cases import ALL, DT, EXIT, GAP, RADIUS, ROW, WIDTH, at, course, fly, gate, through
 
-from controllers.costs.race import RUN_OUT, SKIN, race_cost
+from controllers.costs.race import RUN_OUT, SAFETY_MARGIN, race_cost
 from quadsim.course import course_names, load_course
-from quadsim.referee import Referee
+from quadsim.race.referee import Referee
 from quadsim.vehicle import load_vehicle, vehicle_names
 
 MM = 1e-3
@@ -98,7 +98,7 @@ def test_rollout_is_never_laxer_than_the_referee_and_at_most_a_skin_stricter(sla
         way = np.array((1.0, *slant * rng.uniform(-1.0, 1.0, 2)))
         along = STEP * (np.arange(-3, 4) + phase - 0.5) / np.linalg.norm(way)
         points = [at(g, *(s * way + (0.0, y, z))) for s in along]
-        is_hit, skinned = (verdicts(one, r, points) for r in (RADIUS, RADIUS + SKIN))
+        is_hit, skinned = (verdicts(one, r, points) for r in (RADIUS, RADIUS + SAFETY_MARGIN))
         _, rows, crashed = fly(cost, points)
         rollout = "hit" if crashed[-1] else "pass" if rows[-1] else "neither"
         assert rollout in (is_hit, skinned)
@@ -112,7 +112,7 @@ def test_rollout_is_never_laxer_than_the_referee_and_at_most_a_skin_stricter(sla
 def test_gate_that_is_wide_enough_for_the_referee_has_a_free_opening(room):
     """The skin is given up to half of the room on either side, so that the vehicle fits in the rollout too."""
     g = gate(5.0, opening=(2 * (RADIUS + room), 2.0))
-    cost, free = race_cost(course(g), RADIUS, ALL, 1), max(room - SKIN, room / 2)
+    cost, free = race_cost(course(g), RADIUS, ALL, 1), max(room - SAFETY_MARGIN, room / 2)
     assert Referee(course(g), RADIUS, 1, 9.0).outcome is None
     assert [fly(cost, through(g, y, 0.0))[1:] for y in (free - 1e-5, free + 1e-5)] == [([1], [0.0]), ([0], [1.0])]
     outside = RADIUS + room + WIDTH + GAP
@@ -123,14 +123,14 @@ def test_gate_that_is_wide_enough_for_the_referee_has_a_free_opening(room):
 @pytest.mark.parametrize("name", course_names())
 def test_every_vehicle_has_a_free_opening_at_every_gate(name, vehicle):
     radius, c = load_vehicle(vehicle).radius, load_course(name)
-    aims = race_cost(c, radius, ALL, 1).aims
-    for g, row in zip(c.gates, aims, strict=False):
+    targets = race_cost(c, radius, ALL, 1).targets
+    for g, row in zip(c.gates, targets, strict=False):
         assert np.all((row[9:11] >= 0.01 - 1e-12) & (row[9:11] < np.array(g.opening) / 2 - radius))
 
 
 def rows_ahead(cost, target, x):
     """Index of the row that a rollout from x begins with."""
-    return len(cost.aims) - len(cost.aims_from(target, np.array(x)))
+    return len(cost.targets) - len(cost.targets_from(target, np.array(x)))
 
 
 @pytest.mark.parametrize("angles", TURNED)
@@ -162,8 +162,8 @@ def test_sinking_onto_the_lower_bar_of_a_gate_just_passed_is_a_crash():
     cost, bottom = race_cost(ROW, RADIUS, ALL, 1), 20.0 - 0.8 + GAP
     sink = [(5.01 + 0.03 * k, 0.0, bottom + 0.03 - 0.02 * k) for k in range(10)]
     fast = [(x, y, z + 0.1) for x, y, z in sink]  # clear of the frame before it is as low
-    ahead = replace(cost, aims=cost.aims_from(1, np.array(sink[0]), np.float64))
+    ahead = replace(cost, targets=cost.targets_from(1, np.array(sink[0]), np.float64))
     assert [fly(ahead, points)[2][-1] for points in (sink, fast)] == [1.0, 0.0]
     assert [fly(ahead, points)[1][-1] for points in (sink, fast)] == [0, 1]
-    blind = replace(cost, aims=cost.aims[1:])
+    blind = replace(cost, targets=cost.targets[1:])
     assert fly(blind, sink)[2][-1] == 0.0

@@ -76,7 +76,7 @@ def test_beyond_a_missed_gate_the_way_leads_back_round_it():
 
 def test_nothing_stands_where_the_last_target_is_after_the_finish():
     cost, end = race_cost(ROW, RADIUS, ALL, 1), 15 + RUN_OUT
-    after = replace(cost, aims=cost.aims[3:])
+    after = replace(cost, targets=cost.targets[3:])
     for y in (0.0, 1.1, -3.0):
         for x in (end - EXIT, end + EXIT):
             q, _, crashed = fly(after, [(end - 0.3, y, 20.0), (x, y, 20.0)])
@@ -95,14 +95,14 @@ def test_flying_on_after_the_finish_is_progress():
 def test_laps_follow_each_other_without_a_seam():
     loop = course(gate(5.0), gate(10.0, 5.0, yaw=90), gate(5.0, 10.0, yaw=180), gate(0.0, 5.0, yaw=270), loop=True)
     cost, leg = race_cost(loop, RADIUS, ALL, 3), np.array((5 + EXIT, EXIT - 5))  # from exit to exit
-    aims = cost.aims
-    assert len(aims) == 3 * 4 + 1
-    np.testing.assert_array_equal(aims[4:8, :12], aims[:4, :12])
-    np.testing.assert_allclose(aims[8:12, 13:], aims[4:8, 13:])
-    np.testing.assert_allclose(np.diff(aims[:12, TO_GO]), -np.hypot(*leg))
-    np.testing.assert_allclose(aims[4, 14:], (*leg / np.hypot(*leg), 0.0, np.hypot(*leg)))  # from gate 4
-    late = cost.aims_from(8, np.array((5.0, 5.0, 20.0)))
-    np.testing.assert_allclose(late[:4, TO_GO], aims[8:12, TO_GO] - aims[8, TO_GO], rtol=1e-6)
+    targets = cost.targets
+    assert len(targets) == 3 * 4 + 1
+    np.testing.assert_array_equal(targets[4:8, :12], targets[:4, :12])
+    np.testing.assert_allclose(targets[8:12, 13:], targets[4:8, 13:])
+    np.testing.assert_allclose(np.diff(targets[:12, TO_GO]), -np.hypot(*leg))
+    np.testing.assert_allclose(targets[4, 14:], (*leg / np.hypot(*leg), 0.0, np.hypot(*leg)))  # from gate 4
+    late = cost.targets_from(8, np.array((5.0, 5.0, 20.0)))
+    np.testing.assert_allclose(late[:4, TO_GO], targets[8:12, TO_GO] - targets[8, TO_GO], rtol=1e-6)
 
 
 def test_leaving_the_bounds_or_coming_down_is_a_crash_and_starting_on_the_ground_is_none():
@@ -133,4 +133,4 @@ def test_remaining_distance_of_every_course_falls_through_its_gates(name):
     cost = race_cost(high, 0.15, replace(ONLY["progress"], margin=0.0), 1)
     for row, (a, b) in enumerate(pairwise(exits)):
         assert term("progress", cost, b, row=row) <= term("progress", cost, a, row=row) + 1e-9
-        assert term("progress", cost, b, row=row + 1) <= cost.aims[row, TO_GO] + 2e-3
+        assert term("progress", cost, b, row=row + 1) <= cost.targets[row, TO_GO] + 2e-3

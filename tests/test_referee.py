@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from referee_cases import DT, HALF, WIDTH, R, fly, gate, kinds, referee, straight, through
 
-from quadsim.course import Gate
-from quadsim.plant import FRAME_DEPTH
+from quadsim.course import FRAME_DEPTH, Gate
 
 # Crossings
 

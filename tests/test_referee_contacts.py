@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from referee_cases import DT, HALF, WIDTH, R, course, gate
 
-from quadsim.plant import FRAME_DEPTH
-from quadsim.referee import Referee
+from quadsim.course import FRAME_DEPTH
+from quadsim.physics.world import World, gate_bars
+from quadsim.race.referee import Referee
 from quadsim.vehicle import GRAVITY, Vehicle
-from quadsim.world import World, gate_bars
 
 GATE = gate((0.0, 0.0, 10.0), yaw=0.7, pitch=-0.4, roll=0.2)
 PROBE = Vehicle("probe", "", 1.0, (1e-3,) * 3, R, (0.05,) * 3, (10.0,) * 3, 40.0, (0.0,) * 3, 0.0, None)

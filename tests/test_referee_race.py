@@ -7,7 +7,7 @@ from math import pi
 import pytest
 from referee_cases import DT, HALF, WIDTH, R, fly, gate, kinds, referee, straight, through
 
-from quadsim.run import PENALTY
+from quadsim.race.events import PENALTY
 
 # The ends of a flight
 

@@ -6,16 +6,17 @@ from io import StringIO
 
 import numpy as np
 import pytest
+from quadsim.app.model_differences import differences
 from rich.console import Console
 
-from quadsim.app.beliefs import differences
 from quadsim.app.figure import title
 from quadsim.app.flight_flags import FlightFlags
 from quadsim.app.report import report
 from quadsim.app.summary import summary
-from quadsim.metrics import splits
-from quadsim.plant import STATE
-from quadsim.run import Event, Frame, Run
+from quadsim.race.events import Event, Frame
+from quadsim.record.metrics import splits
+from quadsim.record.run import Run
+from quadsim.systems.quadrotor import STATE
 
 GATES, LAPS = 7, 3
 

@@ -10,12 +10,11 @@ from oracle import decision_distance, fly_rows, to_lanes
 from controllers.costs.race import RaceWeights, race_cost
 from controllers.rollout.lanes import LANES, Rollout
 from quadsim.course import Course, Gate, Start
-from quadsim.plant import STATE
-from quadsim.systems.quadrotor import Belief, quadrotor
+from quadsim.systems.quadrotor import STATE, ModelParams, quadrotor
 
 M, T = 500, 120  # M is no multiple of a block
 RADIUS = 0.1
-BELIEF = Belief((0.1, 0.12, 0.2), 0.04, 0.3, (8.0, 8.0, 4.0), 36.0)
+BELIEF = ModelParams((0.1, 0.12, 0.2), 0.04, 0.3, (8.0, 8.0, 4.0), 36.0)
 WEIGHTS = RaceWeights(1.0, 2.0, 0.5, 0.1, 1.0, 100.0, 3.0, 0.7, 20.0, margin=0.2)  # every term counts
 SYSTEM = quadrotor(BELIEF, 0.01)
 SEEDS = range(6)
@@ -102,7 +101,7 @@ def test_model_that_is_one_per_cent_off_is_caught():
 
 def test_gate_that_is_not_advanced_changes_the_samples_that_passed_it_alone():
     cost, oracle = scene(1)
-    first_only = replace(cost, aims=cost.aims[:1])
+    first_only = replace(cost, targets=cost.targets[:1])
     J, stuck = (fly_lanes(c, launch(), *controls(1)) for c in (cost, first_only))
     np.testing.assert_array_equal(stuck != J, oracle.reached > 0)
     assert_agree(stuck, fly_rows(SYSTEM, first_only, launch(), *controls(1), clearance=decision_distance))
@@ -133,7 +132,7 @@ def test_lanes_that_start_within_the_frame_of_a_gate_just_passed_mind_it():
 
 def test_target_beyond_the_last_row_is_the_last_row():
     cost, _ = scene(0)
-    last, beyond = (fly_lanes(cost, launch(), *controls(0), target=t) for t in (len(cost.aims) - 1, 99))
+    last, beyond = (fly_lanes(cost, launch(), *controls(0), target=t) for t in (len(cost.targets) - 1, 99))
     np.testing.assert_array_equal(last, beyond)
 
 
@@ -158,11 +157,11 @@ def test_cost_of_a_sample_depends_on_neither_its_place_nor_the_threads(on_thread
 def test_terms_on_floats_are_those_on_numpy_rows():
     """At steps of some 0.3 m around the first gate's centre."""
     cost, _ = scene(0)
-    rng, aim, u = np.random.default_rng(0), tuple(cost.aims[0]), (0.0,) * 4
-    x = launch(aim[:3])[:, None] + rng.normal(0, 0.3, (len(STATE), 200))
+    rng, target, u = np.random.default_rng(0), tuple(cost.targets[0]), (0.0,) * 4
+    x = launch(target[:3])[:, None] + rng.normal(0, 0.3, (len(STATE), 200))
     x_next = x + rng.normal(0, 0.3, x.shape)
-    rows = cost.terms(tuple(x), tuple(x_next), u, aim, np.zeros(200), cost.params)
+    rows = cost.terms(tuple(x), tuple(x_next), u, target, np.zeros(200), cost.params)
     pairs = zip(x.T.tolist(), x_next.T.tolist(), strict=True)
-    floats = np.array([cost.terms(tuple(a), tuple(b), u, aim, 0.0, cost.params) for a, b in pairs], float)
+    floats = np.array([cost.terms(tuple(a), tuple(b), u, target, 0.0, cost.params) for a, b in pairs], float)
     assert floats[:, -2:].any(axis=0).all()  # some reach, some crash
     np.testing.assert_allclose(np.array(np.broadcast_arrays(*rows), float), floats.T, rtol=1e-13)

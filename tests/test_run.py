@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from run_cases import SPEC, event, frame, picture, two_laps
 
-from quadsim.plant import CONTROL, STATE
-from quadsim.run import COLUMNS, PENALTY, Run, sector_times
+from quadsim.race.events import PENALTY, sector_times
+from quadsim.record.run import COLUMNS, Run
+from quadsim.systems.quadrotor import CONTROL, STATE
 
 
 def test_telemetry_has_a_unit_for_every_column_and_one_length():

@@ -9,7 +9,7 @@ from controllers.presets import PRESETS
 from controllers.samplers import SAMPLERS, SamplerConfig
 from controllers.samplers.log_normal import LogNormal
 from controllers.samplers.smooth import SHIFTS, Momentum
-from controllers.weights import weights
+from controllers.update import weights
 
 FREE = {"system": POINT.__class__(**vars(POINT) | {"low": (-1e9,) * 2, "high": (1e9,) * 2})}
 

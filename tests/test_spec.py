@@ -8,11 +8,11 @@ import pytest
 from controllers.presets import PRESETS
 from quadsim.app.flight_flags import FlightFlags, default_timeout
 from quadsim.app.preset_file import parse_planner
-from quadsim.app.spec import build
 from quadsim.files.strict_yaml import FileError
-from quadsim.flight import fly
-from quadsim.run import Run
-from quadsim.systems.quadrotor import Belief
+from quadsim.race.flight import fly
+from quadsim.race.spec import build
+from quadsim.record.run import Run
+from quadsim.systems.quadrotor import ModelParams
 
 SMALL = {"samples": 256, "horizon": 40, "iterations": 1}
 
@@ -55,9 +55,9 @@ def test_defaults_are_the_presets_own(preset, sampler):
 def test_planner_believes_the_vehicle_unless_told():
     given = flags()
     own = given.spec()
-    assert own.belief == Belief.of(own.vehicle)
+    assert own.model == ModelParams.of(own.vehicle)
     told = replace(given, model=replace(given.model, drag=0.0)).spec()
-    assert told.belief == replace(own.belief, drag=0.0)
+    assert told.model == replace(own.model, drag=0.0)
 
 
 def test_timeout_grows_with_the_laps():

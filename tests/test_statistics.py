@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from quadsim.statistics import (
+from quadsim.app.campaign.statistics import (
     detectable,
     false_alarm,
     fisher,

@@ -18,7 +18,7 @@ class Point(Struct, frozen=True):
     size: Annotated[float, unit("m", gt=0)] | None = None
 
 
-class Sheet(Struct, frozen=True):
+class TextTable(Struct, frozen=True):
     points: Annotated[tuple[Point, ...], Meta(min_length=1)]
     laps: Annotated[int, Meta(ge=1, le=9)] = 1
     loop: bool = False
@@ -138,7 +138,7 @@ BAD = {
 def test_each_mistake_has_its_one_line(name):
     text, message = BAD[name]
     with pytest.raises(FileError) as error:
-        load(text, "my.yaml", Sheet)
+        load(text, "my.yaml", TextTable)
     assert str(error.value) == f"my.yaml:{message}"
 
 
@@ -146,7 +146,7 @@ def test_each_mistake_has_its_one_line(name):
 def test_excerpt_puts_the_caret_under_the_named_column(name):
     text, message = BAD[name]
     with pytest.raises(FileError) as error:
-        load(text, "my.yaml", Sheet)
+        load(text, "my.yaml", TextTable)
     line, column = (int(n) for n in message.split(":")[:2])
     if error.value.excerpt and column <= 50:
         source, caret = error.value.excerpt.split("\n")
@@ -158,20 +158,20 @@ def test_excerpt_puts_the_caret_under_the_named_column(name):
 
 @pytest.mark.parametrize("text", ["1e-3", "1.0e-3", ".001", "+0.001", "1E-3", "0.1e-2"])
 def test_a_number_in_a_numbers_place_is_that_number(text):
-    sheet = load(f"points:\n  - {{at: [0, 0, 0], yaw_deg: {text}}}\n", "my.yaml", Sheet)
+    sheet = load(f"points:\n  - {{at: [0, 0, 0], yaw_deg: {text}}}\n", "my.yaml", TextTable)
     assert sheet.points[0].yaw_deg == 0.001
 
 
 def test_text_that_looks_like_a_number_only_to_some_is_text():
-    assert load(GOOD + "name: 1e-3\n", "my.yaml", Sheet).name == "1e-3"
+    assert load(GOOD + "name: 1e-3\n", "my.yaml", TextTable).name == "1e-3"
 
 
 def test_defaults_fill_what_the_file_leaves_out():
-    assert load(GOOD, "my.yaml", Sheet) == Sheet(points=(Point(at=(0.0, 1.5, -2.0)),))
+    assert load(GOOD, "my.yaml", TextTable) == TextTable(points=(Point(at=(0.0, 1.5, -2.0)),))
 
 
 def test_null_stands_for_an_optional_value_left_out():
-    assert load(GOOD + "    size:\nbox: null\n", "my.yaml", Sheet) == load(GOOD, "my.yaml", Sheet)
+    assert load(GOOD + "    size:\nbox: null\n", "my.yaml", TextTable) == load(GOOD, "my.yaml", TextTable)
 
 
 def test_a_later_check_can_point_at_a_key_or_at_what_would_hold_it():
@@ -189,7 +189,7 @@ def test_a_dataclass_is_a_schema_and_its_own_refusal_gets_a_place():
 
 def test_long_lines_are_cut_around_the_caret():
     with pytest.raises(FileError) as error:
-        load("points: [" + "{at: [0, 0, 0]}, " * 200 + "7]\n", "my.yaml", Sheet)
+        load("points: [" + "{at: [0, 0, 0]}, " * 200 + "7]\n", "my.yaml", TextTable)
     source, caret = error.value.excerpt.split("\n")
     assert len(source) <= 100
     assert source[len(caret) - 1] == "7"

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from quadsim.course_checks import START_ROOM
+from quadsim.course import FRAME_DEPTH
+from quadsim.course.checks import START_ROOM
 from quadsim.files.strict_yaml import FileError
-from quadsim.plant import FRAME_DEPTH
 from quadsim.vehicle import GRAVITY, Vehicle, load_vehicle, parse_vehicle, vehicle_names
 
 BARE = """\

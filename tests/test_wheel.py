@@ -25,7 +25,7 @@ def test_the_wheel_holds_the_four_packages_and_nothing_else(wheel):
     files = (p for package in PACKAGES for p in (ROOT / package).rglob("*") if p.suffix in (".py", ".yaml", ".js"))
     assert names == {p.relative_to(ROOT).as_posix() for p in files}
     assert any(n.startswith("courses/") for n in names)
-    assert any(n.startswith("quadsim/vehicles/") for n in names)
+    assert any(n.startswith("quadsim/vehicle/") for n in names)
 
 
 def test_an_unpacked_wheel_finds_its_courses_and_vehicles(wheel, tmp_path):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from quadsim.course import Course, Gate, Start
+from quadsim.physics.world import World, bullet
 from quadsim.vehicle import GRAVITY, Vehicle
-from quadsim.world import World, bullet
 
 DT, DEPTH, RADIUS = 1 / 400, 0.1, 0.1
 LEVEL, REST = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -186,6 +186,6 @@ def test_closing_twice_is_harmless():
 
 
 def test_loading_the_world_prints_nothing():
-    code = "import sys, quadsim.world; print('out'); print('err', file=sys.stderr)"
+    code = "import sys, quadsim.physics.world; print('out'); print('err', file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
     assert (done.stdout, done.stderr) == (b"out\n", b"err\n")

@@ -6,9 +6,8 @@ import numpy as np
 import viser
 
 from quadsim.course import Course
-from quadsim.course_checks import corners
+from web.lap_timing import LapTiming
 from web.scene import extent
-from web.standing import Standing
 
 FREE, CHASE, TOP = "free", "chase", "top"
 FOV = 0.9  # vertical [rad]
@@ -42,11 +41,11 @@ class Camera:
         self.set(modes[(modes.index(self.mode) + 1) % 3])
         return self.mode
 
-    def follow(self, s: Standing) -> None:
+    def follow(self, s: LapTiming) -> None:
         """Glide behind the drone, looking where it flies."""
         if self.mode != CHASE:
             return
-        x, i = s.lane.x, s.i
+        x, i = s.competitor.x, s.i
         p, v = (np.array([x[k][i] for k in names]) for names in (("px", "py", "pz"), ("vx", "vy", "vz")))
         flat = np.array([v[0], v[1], 0.3 * v[2]])
         if np.linalg.norm(flat) < 0.5:
@@ -88,7 +87,7 @@ def above(course: Course) -> tuple[np.ndarray, np.ndarray]:
 
 def _fit(course: Course, aside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """As near as every gate and the start still fit into the picture."""
-    points = np.vstack([[course.start.position], *(corners(g, g.frame_width) for g in course.gates)])
+    points = np.vstack([[course.start.position], *(g.corners(g.frame_width) for g in course.gates)])
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     back = aside / np.linalg.norm(aside)
     right = np.cross([0.0, 0.0, 1.0], back) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], back))

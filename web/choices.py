@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from quadsim.course import Course
-from quadsim.run import Frame
+from quadsim.race.events import Frame
 
 if TYPE_CHECKING:
-    from controllers.fan import Fan
+    from controllers.sampled_trajectories import SampledTrajectories
 
 
 @dataclass(frozen=True)
@@ -59,12 +59,12 @@ class Flight(Protocol):
         """Plan with these from the next plan on."""
         ...
 
-    def fan(self) -> Fan | None: ...
+    def sampled_trajectories(self) -> SampledTrajectories | None: ...
 
     def close(self) -> None: ...
 
 
-class Hangar(Protocol):
+class FlightFactory(Protocol):
     """Where flights come from."""
 
     def numbers(self, preset: str, sampler: str) -> Numbers: ...

@@ -1,4 +1,4 @@
-"""What moves in the scene: the drones, their trails and paths, the fan of samples."""
+"""What moves in the scene: the drones, their trails and paths, the sampled_trajectories of samples."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import viser
 
 from quadsim.palette import style
 from web.colours import ramp
-from web.lane import Lane
+from web.competitor import Competitor
 from web.mesh import quadrotor
 
 TRAIL, TRAIL_SPAN = 160, 4.0  # segments, and the seconds they span
@@ -17,11 +17,11 @@ SPAN = 0.34  # of a drone from rotor to rotor [m]
 
 
 class Drone:
-    """One lane's marks. Arrays that change keep their length: viser takes any, and draws nonsense without a word."""
+    """One competitor's marks. Arrays that change keep their length: viser takes any, and draws nonsense without a word."""
 
-    def __init__(self, scene: viser.SceneApi, name: str, lane: Lane, ghost: bool, scale: float):
-        self.name = f"/lane/{name}"
-        colour = style(lane.sampler).rgb
+    def __init__(self, scene: viser.SceneApi, name: str, competitor: Competitor, ghost: bool, scale: float):
+        self.name = f"/competitor/{name}"
+        colour = style(competitor.sampler).rgb
         self._frame = scene.add_frame(self.name, show_axes=False)
         for part, (vertices, faces) in quadrotor(SPAN * scale).items():
             shade = colour if part == "body" else (225, 228, 232)
@@ -34,13 +34,13 @@ class Drone:
         self._trail = scene.add_line_segments(f"/trail/{name}", none, dark, thickness=width)
         self._lane_colour = np.broadcast_to(np.array(colour, np.uint8), (TRAIL, 2, 3))
         if ghost:
-            scene.add_label(f"{self.name}/name", lane.name, position=(0.0, 0.0, 0.5))
-        if not lane.live:
-            scene.add_line_segments(f"/path/{name}", whole_path(lane), np.array(colour) // 2, thickness=0.02)
+            scene.add_label(f"{self.name}/name", competitor.name, position=(0.0, 0.0, 0.5))
+        if not competitor.live:
+            scene.add_line_segments(f"/path/{name}", whole_path(competitor), np.array(colour) // 2, thickness=0.02)
 
-    def show(self, lane: Lane, i: int, by_speed: bool) -> None:
+    def show(self, competitor: Competitor, i: int, by_speed: bool) -> None:
         """The drone at frame i, and where it was before."""
-        x = lane.x
+        x = competitor.x
         self._frame.position = np.array([x[k][i] for k in ("px", "py", "pz")])
         self._frame.wxyz = np.array([x[k][i] for k in ("qw", "qx", "qy", "qz")])
         t = np.linspace(max(x["t"][i] - TRAIL_SPAN, 0.0), x["t"][i], TRAIL + 1)
@@ -51,7 +51,7 @@ class Drone:
         self._trail.colors = segments(ramp(speed / FAST)) if by_speed else np.array(self._lane_colour)
 
 
-class FanView:
+class SampledTrajectoriesView:
     """The samples, cheapest bright; sorted by cost, so their colours never change and are never sent again."""
 
     POINTS = 25
@@ -62,14 +62,22 @@ class FanView:
         shades = np.repeat(ramp(np.linspace(1.0, 0.05, n)) * 0.8, p - 1, axis=0).astype(np.uint8)
         colours = np.repeat(shades[:, None], 2, axis=1)  # (n * (p - 1), 2, 3)
         self._samples = scene.add_line_segments(
-            "/fan/samples", np.zeros((n * (p - 1), 2, 3), np.float32), colours, thickness=0.014, visible=False
+            "/sampled_trajectories/samples",
+            np.zeros((n * (p - 1), 2, 3), np.float32),
+            colours,
+            thickness=0.014,
+            visible=False,
         )
         self._plan = scene.add_line_segments(
-            "/fan/plan", np.zeros((p - 1, 2, 3), np.float32), (255, 255, 255), thickness=0.045, visible=False
+            "/sampled_trajectories/plan",
+            np.zeros((p - 1, 2, 3), np.float32),
+            (255, 255, 255),
+            thickness=0.045,
+            visible=False,
         )
 
     def show(self, paths: np.ndarray | None, nominal: np.ndarray | None = None) -> None:
-        """paths (samples, points, 3), None: nothing to see. Fewer samples than the fan has are repeated."""
+        """paths (samples, points, 3), None: nothing to see. Fewer samples than the sampled_trajectories has are repeated."""
         for node, seen in ((self._samples, paths is not None), (self._plan, nominal is not None)):
             if node.visible != seen:
                 node.visible = seen
@@ -95,6 +103,6 @@ def segments(points: np.ndarray) -> np.ndarray:
     return np.stack([points[:-1], points[1:]], axis=1)
 
 
-def whole_path(lane: Lane) -> np.ndarray:
-    rows = np.linspace(0, len(lane.t) - 1, PATH + 1).astype(int)
-    return segments(np.stack([lane.x[k][rows] for k in ("px", "py", "pz")], axis=1).astype(np.float32))
+def whole_path(competitor: Competitor) -> np.ndarray:
+    rows = np.linspace(0, len(competitor.t) - 1, PATH + 1).astype(int)
+    return segments(np.stack([competitor.x[k][rows] for k in ("px", "py", "pz")], axis=1).astype(np.float32))

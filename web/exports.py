@@ -7,7 +7,7 @@ import io
 import zipfile
 from pathlib import Path
 
-from quadsim.run import COLUMNS, Run
+from quadsim.record.run import COLUMNS, Run
 
 
 def zipped(folder: Path) -> bytes:

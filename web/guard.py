@@ -24,7 +24,7 @@ from viser import _messages as messages
 from websockets import Headers
 from websockets.http11 import Request, Response
 
-from web.sane import sane
+from web.validate_input import validate_input
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 EVERYWHERE = ("0.0.0.0", "::")
@@ -155,7 +155,7 @@ def _shut(server: viser.ViserServer) -> None:
 
     async def checked(client_id: Any, message: Any) -> None:
         handle = server.gui._gui_input_handle_from_uuid.get(message.uuid)
-        if handle is not None and sane(handle, message.updates):
+        if handle is not None and validate_input(handle, message.updates):
             await update(client_id, message)
 
     handlers[messages.GuiUpdateMessage] = [checked]

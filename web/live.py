@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from quadsim.archive import RunFolder
-from quadsim.picture import Pictures
-from quadsim.run import COLUMNS, INTERACTIVE, Event, Frame, Recorder, Run, flown_laps, lap_penalties
+from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
+from quadsim.record.archive import RunFolder
+from quadsim.record.planner_snapshot import PlannerSnapshots
+from quadsim.record.run import COLUMNS, INTERACTIVE, Recorder, Run
 from web.choices import Flight, Numbers
-from web.lane import Lane
+from web.competitor import Competitor
 from web.progress import Legs
 
 if TYPE_CHECKING:
-    from controllers.fan import Fan
+    from controllers.sampled_trajectories import SampledTrajectories
 
 
 class Trace:
@@ -40,7 +41,7 @@ class Trace:
         return {name: rows[:, i] for i, name in enumerate(COLUMNS)}, rows[:, -1]
 
 
-class LiveLane:
+class LiveCompetitor:
     """A flight in the worker's hands: advanced frame by frame, kept in a run folder when it ends."""
 
     def __init__(self, flight: Flight, root: str, name: str):
@@ -50,8 +51,8 @@ class LiveLane:
         self._folder = RunFolder.open(root, self.spec)
         self._trace, self._recorder = Trace(self.legs), Recorder()
         self.outcome: str | None = None
-        self.fan: Fan | None = None
-        self._pictures: Pictures | None = None
+        self.sampled_trajectories: SampledTrajectories | None = None
+        self._pictures: PlannerSnapshots | None = None
         self._kept: Path | None = None
 
     @property
@@ -72,7 +73,7 @@ class LiveLane:
         return _laps(self._recorder.events, self.legs.gates)
 
     def look(self) -> None:
-        self.fan = self.flight.fan()
+        self.sampled_trajectories = self.flight.sampled_trajectories()
 
     def tune(self, numbers: Numbers, changes: list[dict]) -> None:
         self.flight.tune(numbers)
@@ -92,10 +93,10 @@ class LiveLane:
             self._kept = folder.save(run)
         return run
 
-    def lane(self) -> Lane:
+    def competitor(self) -> Competitor:
         x, progress = self._trace.view()
         events = tuple(self._recorder.events)
-        return Lane(
+        return Competitor(
             name=self.name,
             spec=self.spec,
             course=self.flight.course,
@@ -107,7 +108,7 @@ class LiveLane:
             outcome=self.outcome,
             live=True,
             pictures=self._pictures,
-            fan=self.fan if self.outcome is None else None,
+            sampled_trajectories=self.sampled_trajectories if self.outcome is None else None,
             folder=self._kept,
         )
 

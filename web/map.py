@@ -7,7 +7,7 @@ import numpy as np
 from quadsim.course import Course, Gate
 from quadsim.palette import HIT, NEXT, style
 from web.html import svg
-from web.standing import Standing
+from web.lap_timing import LapTiming
 from web.timing import hit_gates
 
 WIDTH, HEIGHT = 330, 190  # [px]
@@ -42,14 +42,14 @@ class Map:
         label = svg("text", str(number), x=x, y=y + 3, fill="#aab2c0", font_size=10, text_anchor="middle")
         return dict(zip(("x1", "y1", "x2", "y2"), (*a, *b), strict=True)), label
 
-    def draw(self, all_: list[Standing]) -> str:
-        """The next gate of the first lane is green, gates that were hit are red."""
+    def draw(self, all_: list[LapTiming]) -> str:
+        """The next gate of the first competitor is green, gates that were hit are red."""
         hit, parts = hit_gates(all_), [self._course]
         for number, (ends, label) in enumerate(self._gates, 1):
             following = bool(all_) and number == all_[0].gate
             colour = NEXT if following else HIT if number in hit else "#e2e6ec"
             parts += [svg("line", stroke=colour, stroke_width=3, **ends), label]
         for s in reversed(all_):
-            x, y = self._at(np.array([s.lane.x["px"][s.i], s.lane.x["py"][s.i]]))
-            parts.append(svg("circle", cx=x, cy=y, r=6, fill=style(s.lane.sampler).colour, stroke="#111"))
+            x, y = self._at(np.array([s.competitor.x["px"][s.i], s.competitor.x["py"][s.i]]))
+            parts.append(svg("circle", cx=x, cy=y, r=6, fill=style(s.competitor.sampler).colour, stroke="#111"))
         return svg("svg", "".join(parts), viewBox=f"0 0 {WIDTH} {HEIGHT}", style="width:100%;display:block")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-from quadsim.run import Frame
+from quadsim.race.events import Frame
 
 CRASHES = ("hit", "ground", "bounds")
 

@@ -8,23 +8,23 @@ from time import perf_counter
 
 import viser
 
-from web.choices import RANGES, Hangar, Numbers
+from web.choices import RANGES, FlightFactory, Numbers
 from web.race import Race, Snapshot
 from web.race_panel import RacePanel
 from web.session import Session
 
 HAND = 0.4  # [s] that the time slider stays where a hand has put it
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
-NAMES = {"sigma": "sigma x", "gamma_rates": "gamma rates", "gamma_thrust": "gamma thrust", "ess": "ESS aim"}
+NAMES = {"sigma": "sigma x", "gamma_rates": "gamma rates", "gamma_thrust": "gamma thrust", "ess": "ESS target"}
 
 
 class SamplerPanel:
     """The planner's numbers, live: they act at the next plan."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, hangar: Hangar, race: RacePanel):
-        self._session, self._hangar, self._race = session, hangar, race
+    def __init__(self, gui: viser.GuiApi, session: Session, flight_factory: FlightFactory, race: RacePanel):
+        self._session, self._hangar, self._race = session, flight_factory, race
         self.sliders: dict[str, viser.GuiSliderHandle] = {}
-        self._preset = hangar.numbers(race.preset.value, race.sampler.value)
+        self._preset = flight_factory.numbers(race.preset.value, race.sampler.value)
         with gui.add_folder("Sampler (live)"):
             for name, (low, high, step) in RANGES.items():
                 kind = int if isinstance(getattr(self._preset, name), int) else float
@@ -44,7 +44,7 @@ class SamplerPanel:
 
     def enable(self, s: Snapshot) -> None:
         """A stored run cannot be tuned any more."""
-        off = bool(s.lanes) and not any(lane.live for lane in s.lanes)
+        off = bool(s.competitors) and not any(competitor.live for competitor in s.competitors)
         for slider in self.sliders.values():
             if slider.disabled != off:
                 slider.disabled = off

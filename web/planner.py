@@ -4,30 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from quadsim.metrics import high_frequency_fraction, motor_corner, motor_residual, motor_tau, total_variation
 from quadsim.palette import HIT, NEXT
+from quadsim.record.metrics import high_frequency_fraction, motor_corner, motor_residual, motor_tau, total_variation
+from web.competitor import Competitor
 from web.html import MONO, bar, box, heading, named, small, table, text
-from web.lane import Lane
-from web.standing import Standing
+from web.lap_timing import LapTiming
 
 
-def planner(s: Standing) -> str:
-    x, mppi = s.lane.x, s.lane.spec["planner"]["mppi"]
+def planner(s: LapTiming) -> str:
+    x, mppi = s.competitor.x, s.competitor.spec["planner"]["mppi"]
     ess, target = float(x["ess"][s.i]), mppi["ess"]
-    aim = f"aims at {target:g}" if target else "temperature fixed"
+    target = f"targets at {target:g}" if target else "temperature fixed"
     meter = bar(ess / max(mppi["samples"] * 0.1, 1.0), NEXT if ess > 5 else HIT, 8)
     words = (
-        f"<b>{ess:.0f}</b> effective of {mppi['samples']} samples, {aim}; "
+        f"<b>{ess:.0f}</b> effective of {mppi['samples']} samples, {target}; "
         f"temperature <b>{x['temperature'][s.i]:.3g}</b>, planned in <b>{x['plan_ms'][s.i]:.1f}</b> ms"
     )
     return box(heading("effective sample size"), meter, _line(words), heading("cost of the plan"), _terms(s))
 
 
-def _terms(s: Standing) -> str:
+def _terms(s: LapTiming) -> str:
     terms, when = _seen(s)
     if not terms:
-        why = "not kept with this run" if s.lane.outcome else "shown together with the samples"
-        return _line(f"J = {s.lane.x['cost'][s.i]:.3f}; its terms: - ({why})")
+        why = "not kept with this run" if s.competitor.outcome else "shown together with the samples"
+        return _line(f"J = {s.competitor.x['cost'][s.i]:.3f}; its terms: - ({why})")
     J = sum(terms.values())
     terms = {name: value for name, value in terms.items() if value}
     most = max((abs(v) for v in terms.values()), default=1.0)
@@ -38,23 +38,23 @@ def _terms(s: Standing) -> str:
     return table(["term", "mean", ""], rows) + _line(f"J = {J:.3f}, the sum{when}; less is better")
 
 
-def _seen(s: Standing) -> tuple[dict[str, float], str]:
+def _seen(s: LapTiming) -> tuple[dict[str, float], str]:
     """The terms of the plan, of a stored run the last that were kept, and when that was."""
-    if s.lane.fan:
-        return s.lane.fan.terms, ""
-    kept = s.lane.picture(s.i)
+    if s.competitor.sampled_trajectories:
+        return s.competitor.sampled_trajectories.terms, ""
+    kept = s.competitor.picture(s.i)
     return (kept[1].terms, f" at {kept[0]:.2f} s") if kept else ({}, "")
 
 
-def chatter(lanes: Sequence[Lane]) -> str:
+def chatter(competitors: Sequence[Competitor]) -> str:
     """Figures of the whole run so far, beside the spectrum."""
     rows = []
-    for lane in lanes:
-        if len(lane.t) > 16:
-            t, u, a, tau = lane.t, lane.x["a_cmd"], lane.x["a"], motor_tau(lane.spec["vehicle"])
+    for competitor in competitors:
+        if len(competitor.t) > 16:
+            t, u, a, tau = competitor.t, competitor.x["a_cmd"], competitor.x["a"], motor_tau(competitor.spec["vehicle"])
             share = 100 * high_frequency_fraction(t, u, motor_corner(tau))
             figures = (total_variation(t, u), total_variation(t, a), share, motor_residual(t, u, tau))
-            rows.append([named(lane.name, lane.sampler), *(f"{v:.1f}" for v in figures)])
+            rows.append([named(competitor.name, competitor.sampler), *(f"{v:.1f}" for v in figures)])
     head = ["run", "TV", "delivered", "> corner", "residual"]
     note = (
         "total variation of the thrust, commanded and delivered [m/s²/s]; share of its power above the motors' "

@@ -1,4 +1,4 @@
-"""Race: the lanes, live and stored, and where the race time stands. Everything here belongs to one thread.
+"""Race: the competitors, live and stored, and where the race time stands. Everything here belongs to one thread.
 
 Flights are flown turn by turn, never at once: two threads in numba's parallel loops abort the process.
 """
@@ -10,14 +10,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
 
-from web.choices import Choices, Hangar, Numbers
-from web.lane import Lane, named, stored_lane
-from web.live import LiveLane
+from web.choices import Choices, FlightFactory, Numbers
+from web.competitor import Competitor, named, stored_competitor
+from web.live import LiveCompetitor
 from web.notices import Notice, Notices
 from web.pace import Pace
 
 REST = 0.02  # [s] between two turns while nothing is flown
-FAN_PERIOD = 0.06  # [s] of wall clock between two fans
+TRAJECTORIES_PERIOD = 0.06  # [s] of wall clock between two fans
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,21 +27,21 @@ class Snapshot:
     t: float = 0.0  # race time [s]
     end: float = 0.0  # of the race so far [s]
     playing: bool = False
-    flying: bool = False  # some lane is live and not at its end
+    flying: bool = False  # some competitor is live and not at its end
     speed: float = 1.0  # asked for
     factor: float = 0.0  # race seconds a second, measured
-    lanes: tuple[Lane, ...] = ()
+    competitors: tuple[Competitor, ...] = ()
     race: int = 0  # counts the races: another number, another scene
     notices: tuple[Notice, ...] = ()
 
 
 class Race:
-    def __init__(self, hangar: Hangar, root: str):
+    def __init__(self, flight_factory: FlightFactory, root: str):
         self.watched = False  # whether somebody wants to see the planner
         self.notices = Notices()
-        self._hangar, self._root = hangar, root
-        self._live: list[LiveLane] = []
-        self._stored: tuple[Lane, ...] = ()
+        self._hangar, self._root = flight_factory, root
+        self._live: list[LiveCompetitor] = []
+        self._stored: tuple[Competitor, ...] = ()
         self._choices: list[Choices] = []
         self._numbers = Numbers()
         self._t, self._count, self._looked = 0.0, 0, 0.0
@@ -50,7 +50,7 @@ class Race:
 
     def start(self, choices: Sequence[Choices], runs: Sequence[Path] = ()) -> None:
         """Fly these side by side with stored runs. Raises ValueError, RunError; then the old race stays."""
-        stored = [stored_lane(path) for path in runs]
+        stored = [stored_competitor(path) for path in runs]
         flights = [self._hangar.flight(c) for c in choices]
         if len({x.spec["course_text"] for x in (*stored, *flights)}) > 1:
             for flight in flights:
@@ -59,7 +59,7 @@ class Race:
         self.end_flights()
         self._live, self._stored, self._choices = [], tuple(stored), list(choices)
         for c, flight in zip(choices, flights, strict=True):
-            self._live.append(LiveLane(flight, self._root, c.sampler))
+            self._live.append(LiveCompetitor(flight, self._root, c.sampler))
             self._numbers = c.numbers or self._hangar.numbers(c.preset, c.sampler)
         if not all(flight.is_cached for flight in flights):
             self.notices.add("wait", "Compiling the planner for this machine", "once; it takes some 20 s")
@@ -68,22 +68,22 @@ class Race:
     def restart(self) -> None:
         """The same race from its beginning: live flights anew, stored runs from t = 0."""
         if self._choices:
-            self.start(self._choices, [lane.folder for lane in self._stored if lane.folder])
+            self.start(self._choices, [competitor.folder for competitor in self._stored if competitor.folder])
         else:
             self._begin()
 
     def turn(self) -> float:
-        """Fly one frame of the lane that is farthest behind, or let a replay move on. -> [s] to wait"""
+        """Fly one frame of the competitor that is farthest behind, or let a replay move on. -> [s] to wait"""
         if not self._playing:
             return REST
-        lane = self._behind()
-        if lane is None:
+        competitor = self._behind()
+        if competitor is None:
             self._move(min(self._pace.now(), self._end))
             self._playing = self._t < self._end
             return REST
-        wait = self._pace.until(lane.t + lane.flight.period)
+        wait = self._pace.until(competitor.t + competitor.flight.period)
         if wait <= 0.0:
-            self._advance(lane)
+            self._advance(competitor)
         return max(wait, 0.0)
 
     def play(self, on: bool | None = None) -> None:
@@ -96,12 +96,12 @@ class Race:
     def step(self, by: int = 1) -> None:
         """One control period; a replay also goes back."""
         self._playing = False
-        lane = self._behind()
-        if lane is not None:
-            self._advance(lane)
-        elif lanes := [lane for lane in self._lanes() if len(lane.t)]:
-            t = lanes[0].t
-            self.scrub(float(t[min(max(lanes[0].at(self._t) + by, 0), len(t) - 1)]))
+        competitor = self._behind()
+        if competitor is not None:
+            self._advance(competitor)
+        elif competitors := [competitor for competitor in self._competitors() if len(competitor.t)]:
+            t = competitors[0].t
+            self.scrub(float(t[min(max(competitors[0].at(self._t) + by, 0), len(t) - 1)]))
 
     def scrub(self, t: float) -> None:
         """Show the race at t [s]; nothing while something flies."""
@@ -110,8 +110,8 @@ class Race:
             self._pace.anchor(self._t)
 
     def jump(self) -> None:
-        """To the next event of any lane."""
-        later = [e.t for lane in self._lanes() for e in lane.events if e.t > self._t + 1e-6]
+        """To the next event of any competitor."""
+        later = [e.t for competitor in self._competitors() for e in competitor.events if e.t > self._t + 1e-6]
         if later and self._behind() is None:
             self._playing = False
             self.scrub(min(later))
@@ -126,15 +126,15 @@ class Race:
         before = asdict(self._numbers)
         changed = {name: value for name, value in asdict(numbers).items() if value != before[name]}
         self._numbers = numbers
-        for lane in self._live if changed else ():
-            if lane.outcome is None:
-                lane.tune(numbers, [{"name": k, "from": before[k], "to": v} for k, v in changed.items()])
+        for competitor in self._live if changed else ():
+            if competitor.outcome is None:
+                competitor.tune(numbers, [{"name": k, "from": before[k], "to": v} for k, v in changed.items()])
 
     def end_flights(self) -> None:
         """Keep what is worth it; what has been flown stays in view."""
-        for lane in self._live:
-            if lane.outcome is None:
-                lane.end()
+        for competitor in self._live:
+            if competitor.outcome is None:
+                competitor.end()
         self._playing = False
 
     def snapshot(self) -> Snapshot:
@@ -145,7 +145,7 @@ class Race:
             flying=self._behind() is not None,
             speed=self._pace.speed,
             factor=self._pace.factor if self._playing else 0.0,
-            lanes=named(self._lanes()),
+            competitors=named(self._competitors()),
             race=self._count,
             notices=self.notices.recent,
         )
@@ -155,34 +155,40 @@ class Race:
         self._t, self._playing = 0.0, True
         self._pace.anchor(0.0)
 
-    def _advance(self, lane: LiveLane) -> None:
+    def _advance(self, competitor: LiveCompetitor) -> None:
         try:
-            frame = lane.advance()
+            frame = competitor.advance()
         except (ValueError, FloatingPointError) as error:
-            self.notices.add("error", f"{lane.name}: the flight broke off", str(error))
-            lane.end()
+            self.notices.add("error", f"{competitor.name}: the flight broke off", str(error))
+            competitor.end()
             return
-        self.notices.of(lane.name, frame, lane.laps)
+        self.notices.of(competitor.name, frame, competitor.laps)
         self._move(max(frame.t, self._t))
-        if self.watched and lane is self._live[0] and perf_counter() - self._looked > FAN_PERIOD:
-            lane.look()
+        if self.watched and competitor is self._live[0] and perf_counter() - self._looked > TRAJECTORIES_PERIOD:
+            competitor.look()
             self._looked = perf_counter()
         if frame.outcome is not None:
-            lane.end()
+            competitor.end()
             self._playing = self._behind() is not None
 
     def _move(self, t: float) -> None:
         self._t = t
         self._pace.mark(t)
 
-    def _behind(self) -> LiveLane | None:
-        return min((lane for lane in self._live if lane.outcome is None), key=lambda lane: lane.t, default=None)
+    def _behind(self) -> LiveCompetitor | None:
+        return min(
+            (competitor for competitor in self._live if competitor.outcome is None),
+            key=lambda competitor: competitor.t,
+            default=None,
+        )
 
-    def _lanes(self) -> list[Lane]:
-        return [*(lane.lane() for lane in self._live), *self._stored]
+    def _competitors(self) -> list[Competitor]:
+        return [*(competitor.competitor() for competitor in self._live), *self._stored]
 
     @property
     def _end(self) -> float:
-        """Of the longest lane [s]."""
-        ends = [lane.t for lane in self._live] + [float(lane.t[-1]) for lane in self._stored if len(lane.t)]
+        """Of the longest competitor [s]."""
+        ends = [competitor.t for competitor in self._live] + [
+            float(competitor.t[-1]) for competitor in self._stored if len(competitor.t)
+        ]
         return max(ends, default=0.0)

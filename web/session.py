@@ -13,19 +13,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from quadsim.archive import list_runs
-from quadsim.run import RunError
-from web.choices import Hangar
+from quadsim.record.archive import list_runs
+from quadsim.record.run import RunError
+from web.choices import FlightFactory
 from web.race import REST, Race, Snapshot
 
 
 class Session:
     """`session.tell(Race.start, choices)` from any thread; `session.snapshot` is the race as it is now."""
 
-    def __init__(self, hangar: Hangar, root: str):
+    def __init__(self, flight_factory: FlightFactory, root: str):
         self.snapshot = Snapshot()
         self._root = root
-        self._race = Race(hangar, root)
+        self._race = Race(flight_factory, root)
         self._commands: queue.SimpleQueue[Callable[[], Any]] = queue.SimpleQueue()
         self._closing = False
         self._worker = threading.Thread(target=self._run, name="race", daemon=True)

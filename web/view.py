@@ -23,7 +23,9 @@ class ViewPanel:
             self.look = gui.add_dropdown("Camera", (FREE, CHASE, TOP), initial_value=FREE)
             self.sync = gui.add_dropdown("Ghosts", (TIME, PLACE), initial_value=TIME, hint="where others are shown")
             self.trail = gui.add_dropdown("Trails", (AUTO, SPEED, SAMPLER), initial_value=AUTO)
-            self.fan = gui.add_checkbox("Samples", True, hint="the cheapest of the sampled paths; white: the plan")
+            self.sampled_trajectories = gui.add_checkbox(
+                "Samples", True, hint="the cheapest of the sampled paths; white: the plan"
+            )
             self.true_size = gui.add_checkbox("True size", False, hint="of the drones, from the next start")
         self.look.on_update(lambda _: camera.set(self.look.value))
         self._camera, self._session, self._gui = camera, session, gui
@@ -33,9 +35,9 @@ class ViewPanel:
     def by_place(self) -> bool:
         return self.sync.value == PLACE
 
-    def by_speed(self, lanes: int) -> bool:
+    def by_speed(self, competitors: int) -> bool:
         """Alone, a trail tells the speed; among others, whose it is."""
-        return self.trail.value == SPEED or (self.trail.value == AUTO and lanes == 1)
+        return self.trail.value == SPEED or (self.trail.value == AUTO and competitors == 1)
 
     def _keys(self) -> None:
         tell = self._session.tell

@@ -1,7 +1,7 @@
 """Costs q(x): plain functions over tuples of scalars, like the systems (see quadsim.systems).
 
-A cost is `terms(x, x_next, u, aim, crashed, p)`: one flat tuple of its weighted terms, then whether
-this sample has reached its aim and has crashed. `aim` is the row of numbers of the next target; when
+A cost is `terms(x, x_next, u, target, crashed, p)`: one flat tuple of its weighted terms, then whether
+this sample has reached its target and has crashed. `target` is the row of numbers of the next target; when
 a sample reaches it, the rollout moves that sample to the next row. `crashed`, 0.0 or 1.0, is latched.
 """
 
@@ -19,17 +19,17 @@ class Cost:
     term_names: tuple[str, ...]
     terms: Callable  # -> (*n_terms, reached, crashed)
     params: tuple[float, ...]
-    aims: np.ndarray  # (targets, n_aim) every target from the first on
-    to_go: int | None = None  # column of aims that counts distance still to fly, if any
+    targets: np.ndarray  # (targets, n_target) every target from the first on
+    to_go: int | None = None  # column of targets that counts distance still to fly, if any
 
     holds: Callable | None = None  # (x, row, params) -> whether x, past this target, must still mind it
 
-    def aims_from(self, target: int, x: np.ndarray, dtype: type = np.float32) -> np.ndarray:
+    def targets_from(self, target: int, x: np.ndarray, dtype: type = np.float32) -> np.ndarray:
         """Rows from the current target on, the distance to go counted from it (small numbers for float32)."""
-        target = min(target, len(self.aims) - 1)
-        if self.holds and target > 0 and self.holds(x, self.aims[target - 1], self.params):
+        target = min(target, len(self.targets) - 1)
+        if self.holds and target > 0 and self.holds(x, self.targets[target - 1], self.params):
             target -= 1
-        rows = np.array(self.aims[target:], dtype=dtype)
+        rows = np.array(self.targets[target:], dtype=dtype)
         if self.to_go is not None:
             rows[:, self.to_go] -= rows[0, self.to_go]
         return rows

@@ -15,10 +15,10 @@ import numpy as np
 from numpy import maximum, sqrt
 
 from controllers.costs import Cost
-from quadsim.corridor import Corridor
+from quadsim.course.corridor import Corridor
 
 TERMS = ("to_go", "lethal", "rollover", "speed")
-TO_GO = 6  # column of the aim rows
+TO_GO = 6  # column of the target rows
 RUN_OUT = 100.0  # [m] a last leg behind the goal: drive on through it
 
 
@@ -35,9 +35,9 @@ class CorridorWeights:
     margin: float = 0.5  # of the vehicle's side to a wall [m]
 
 
-def terms(x, x_next, u, aim, crashed, p):
+def terms(x, x_next, u, target, crashed, p):
     """The weighted terms at x_next, with reached; nothing is latched, as a wall costs by the metre."""
-    bx, by, ex, ey, mx, my, to_go = aim
+    bx, by, ex, ey, mx, my, to_go = target
     a_0, a_1, a_2, a_3, room, margin, lateral_max, speed_max, dt = p
     px, py, v, r = x_next[0], x_next[1], x_next[4], x_next[5]
     dx, dy = px - bx, py - by
@@ -60,10 +60,10 @@ def corridor_cost(corridor: Corridor, half_width: float, weights: CorridorWeight
     w = weights
     room = corridor.width / 2 - half_width - w.margin
     params = (w.to_go, w.lethal, w.rollover, w.speed, room, w.margin, w.lateral_max, w.speed_max, dt)
-    return Cost("corridor", TERMS, terms, params, aims(corridor), TO_GO)
+    return Cost("corridor", TERMS, terms, params, targets(corridor), TO_GO)
 
 
-def aims(corridor: Corridor) -> np.ndarray:
+def targets(corridor: Corridor) -> np.ndarray:
     """A row for each leg: its end, direction, the normal of its end line, what follows [m]; one behind the goal."""
     e, m = corridor.directions, corridor.ends
     ends = np.array(corridor.points[1:])

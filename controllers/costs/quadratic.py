@@ -9,9 +9,9 @@ from controllers.costs import Cost
 TERMS = ("distance", "speed")
 
 
-def terms(x, x_next, u, aim, crashed, p):
-    """The weighted terms at x_next. The aim is the goal; nothing is ever reached, nothing crashes."""
-    gx, gy = aim
+def terms(x, x_next, u, target, crashed, p):
+    """The weighted terms at x_next. The target is the goal; nothing is ever reached, nothing crashes."""
+    gx, gy = target
     a_0, a_1 = p
     px, py, vx, vy = x_next
     dx, dy = px - gx, py - gy

@@ -20,13 +20,12 @@ from msgspec import Meta
 from numpy import maximum, minimum, sqrt, where
 
 from controllers.costs import Cost
-from quadsim.course import Course, Gate
+from quadsim.course import FRAME_DEPTH, Course, Gate
 from quadsim.files.strict_yaml import unit
-from quadsim.plant import FRAME_DEPTH
 
 TERMS = ("progress", "heading", "height", "speed", "stabilize", "crash", "waypoint", "path", "clearance")
-TO_GO = 12  # column of the aim rows
-SKIN = 0.02  # [m] of air kept around the frame, or half of the room where a gate is that narrow
+TO_GO = 12  # column of the target rows
+SAFETY_MARGIN = 0.02  # [m] of air kept around the frame, or half of the room where a gate is that narrow
 RUN_OUT = 100.0  # [m] a last target this far behind the last gate: fly on through it
 
 Weight = Annotated[float, Meta(ge=0, le=1e6)]
@@ -50,9 +49,9 @@ class RaceWeights:
     margin: Annotated[float, unit("m", ge=0, le=10)] = 0.25  # wanted between vehicle and frame, within a gate [m]
 
 
-def terms(x, x_next, u, aim, crashed, p):
+def terms(x, x_next, u, target, crashed, p):
     """The weighted terms of eq. (8) for one step of one sample, with reached and crashed."""
-    gx, gy, gz, nx, ny, nz, lx, ly, lz, free_y, free_z, bar, to_go, approach, ex, ey, ez, leg = aim
+    gx, gy, gz, nx, ny, nz, lx, ly, lz, free_y, free_z, bar, to_go, approach, ex, ey, ez, leg = target
     a_0, a_1, a_2, a_3, a_4, a_5, a_6, a_7, a_8, v_des, near, margin, depth, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
     px, py, pz, vx, vy = x_next[0], x_next[1], x_next[2], x_next[3], x_next[4]
     qx, qy = x_next[7], x_next[8]
@@ -78,27 +77,27 @@ def terms(x, x_next, u, aim, crashed, p):
     clipped = (forward & (at_exit >= 0.0) & (at_exit < bar * span)) | (backward & (at_exit < bar * span))
     clipped = clipped | (through & (at_entry >= 0.0) & (at_entry < bar * span)) | (within & (at_end >= 0.0))
     tight = where(within, maximum(at_end + margin, 0.0), 0.0)
-    sunk = (pz < floor) & (pz < x[2])  # a start on the ground is no crash, coming down is
-    strayed = (px < x_lo) | (px > x_hi) | (py < y_lo) | (py > y_hi) | (pz > z_hi)
-    crashed = where(clipped | sunk | strayed, 1.0, crashed)
+    below_floor = (pz < floor) & (pz < x[2])  # a start on the ground is no crash, coming down is
+    out_of_bounds = (px < x_lo) | (px > x_hi) | (py < y_lo) | (py > y_hi) | (pz > z_hi)
+    crashed = where(clipped | below_floor | out_of_bounds, 1.0, crashed)
 
     # behind the exit without having passed, the way leads round to a point in front of the gate
     rx, ry, rz = dx + approach * nx, dy + approach * ny, dz + approach * nz
     d2 = dx * dx + dy * dy + dz * dz
-    astern = s1 > 0.0
-    way = sqrt(where(astern, rx * rx + ry * ry + rz * rz, d2) + 1e-6) + where(astern, approach, 0.0)
+    past_exit = s1 > 0.0
+    way = sqrt(where(past_exit, rx * rx + ry * ry + rz * rz, d2) + 1e-6) + where(past_exit, approach, 0.0)
     remaining = where(reached, 0.0, way) + to_go
 
     v_xy = sqrt(vx * vx + vy * vy + 1e-6)
     d_xy = sqrt(dx * dx + dy * dy + 1e-6)
-    astray = where(d2 > 0.25, 1.0 + (vx * dx + vy * dy) / (v_xy * d_xy), 0.0)
+    heading_error = where(d2 > 0.25, 1.0 + (vx * dx + vy * dy) / (v_xy * d_xy), 0.0)
     # the nearest point of the straight leg: -leg .. 0 along its direction e
     along = minimum(maximum(dx * ex + dy * ey + dz * ez, -leg), 0.0)
     ox, oy, oz = dx - along * ex, dy - along * ey, dz - along * ez
     off_speed = v_xy - v_des
     return (
         a_0 * remaining,
-        a_1 * astray,
+        a_1 * heading_error,
         a_2 * oz * oz,
         a_3 * off_speed * off_speed,
         a_4 * 2.0 * (qx * qx + qy * qy),
@@ -115,16 +114,16 @@ def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) ->
     """The cost of a course for a vehicle of this radius [m]."""
     w = weights
     (x_lo, x_hi), (y_lo, y_hi), (z_lo, z_hi) = course.bounds
-    gap = radius + SKIN
+    gap = radius + SAFETY_MARGIN
     box = (max(gap + min(w.margin, 0.1), z_lo), x_lo + gap, x_hi - gap, y_lo + gap, y_hi - gap, z_hi - gap)
     params = (w.progress, w.heading, w.height, w.speed, w.stabilize, w.crash, w.waypoint, w.path, w.clearance)
     params += (w.desired_speed, w.waypoint_radius, w.margin, 2.0 * clear_of_frame(radius), *box)
-    return Cost("race", TERMS, terms, params, aims(course, radius, laps), TO_GO, is_inside)
+    return Cost("race", TERMS, terms, params, targets(course, radius, laps), TO_GO, is_inside)
 
 
 def clear_of_frame(radius: float) -> float:
     """From the gate's plane to where the vehicle touches the frame no more [m]."""
-    return FRAME_DEPTH / 2 + radius + SKIN
+    return FRAME_DEPTH / 2 + radius + SAFETY_MARGIN
 
 
 def is_inside(x: np.ndarray, row: np.ndarray, params: tuple[float, ...]) -> bool:
@@ -136,7 +135,7 @@ def is_inside(x: np.ndarray, row: np.ndarray, params: tuple[float, ...]) -> bool
     return bool(-depth / 2 <= s < 0.0 and max(abs(y) - free_y, abs(z) - free_z) < bar)
 
 
-def aims(course: Course, radius: float, laps: int) -> np.ndarray:
+def targets(course: Course, radius: float, laps: int) -> np.ndarray:
     """One row a gate of every lap, at its exit, and a last one far behind the finish.  (laps * gates + 1, 18)"""
     gates = course.gates * laps
     run_out = np.add(gates[-1].position, RUN_OUT * gates[-1].rotation[:, 0])
@@ -144,7 +143,7 @@ def aims(course: Course, radius: float, laps: int) -> np.ndarray:
     centres = np.array([course.start.position, *exits, run_out])
     legs = np.diff(centres, axis=0)
     lengths = np.maximum(np.linalg.norm(legs, axis=1), 1e-6)
-    rows = np.array([_aim(g, radius) for g in (*gates, gates[-1])])
+    rows = np.array([_target_row(g, radius) for g in (*gates, gates[-1])])
     rows[:, :3] = centres[1:]
     rows[-1, 9:11] = RUN_OUT  # no frame stands there
     approach = np.array([max(g.opening) for g in (*gates, gates[-1])])
@@ -156,9 +155,9 @@ def aims(course: Course, radius: float, laps: int) -> np.ndarray:
     return np.column_stack([rows, to_go, approach, legs / lengths[:, None], lengths])
 
 
-def _aim(gate: Gate, radius: float) -> np.ndarray:
+def _target_row(gate: Gate, radius: float) -> np.ndarray:
     """Centre, passage, left axis, half the free opening, thickness of the bars around it.  (12,)"""
     half = np.array(gate.opening) / 2
-    skin = min(SKIN, (half.min() - radius) / 2)
-    bar = gate.frame_width + 2 * radius + SKIN + skin
+    skin = min(SAFETY_MARGIN, (half.min() - radius) / 2)
+    bar = gate.frame_width + 2 * radius + SAFETY_MARGIN + skin
     return np.array([*gate.position, *gate.rotation.T[:2].ravel(), *(half - radius - skin), bar])

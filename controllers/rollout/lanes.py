@@ -59,15 +59,15 @@ class Rollout:
         return is_cached(self._module.rollout)
 
     def _numbers(self, x0: np.ndarray, target: int) -> tuple[object, ...]:
-        """Limits, time step, aims and parameters, of the lanes' precision."""
+        """Limits, time step, targets and parameters, of the lanes' precision."""
         s, d = self.system, self.dtype
         low, high, p_system, p_cost = (np.asarray(a, d) for a in (s.low, s.high, s.params, self.cost.params))
-        return low, high, d(s.dt), self.cost.aims_from(target, x0, d), p_system, p_cost
+        return low, high, d(s.dt), self.cost.targets_from(target, x0, d), p_system, p_cost
 
     @property
     def _module(self) -> ModuleType:
         s, c = self.system, self.cost
-        sizes = len(s.states), len(s.controls), c.aims.shape[1], len(c.term_names), len(s.params), len(c.params)
+        sizes = len(s.states), len(s.controls), c.targets.shape[1], len(c.term_names), len(s.params), len(c.params)
         return compiled_module(s.step, c.terms, sizes, self.dtype)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from llvmlite import ir
 from numba import extending, njit, prange, types
 
-from controllers.rollout.flags import FAST
+from controllers.rollout import FAST
 
 F = np.float32
 U4 = np.uint32

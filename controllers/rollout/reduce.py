@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
-from controllers.rollout.flags import FAST
+from controllers.rollout import FAST
 
 CHUNK = 25  # steps a thread sums at a time: 6 kB of partial sums
 

@@ -2,7 +2,7 @@
 
 `rollout` flies every block of samples and keeps their costs; `paths` flies one block and keeps where it went.
 No gather and no data-dependent branch stands in the lane loop: when some sample reaches its target,
-a flag is set and a rare second loop moves those lanes to their next row of aims. Everything in the lane loop
+a flag is set and a rare second loop moves those lanes to their next row of targets. Everything in the lane loop
 is as wide as a float: one 64-bit integer among the lanes would halve the width of all vectors.
 """
 
@@ -13,7 +13,7 @@ from textwrap import indent
 
 import numpy as np
 
-from controllers.rollout.flags import FAST
+from controllers.rollout import FAST
 from controllers.rollout.inline import lane_source
 
 HEADER = """
@@ -41,14 +41,14 @@ def higher(a, b):
 
 START = """
 X = np.empty(({n_x}, L), F)
-A = np.empty(({n_aim}, L), F)
+A = np.empty(({n_target}, L), F)
 crashed = np.zeros(L, F)
 hit = np.zeros(L, np.int32)
 row = np.zeros(L, np.int32)
 for k in range({n_x}):
     X[k, :] = x0[k]
-for k in range({n_aim}):
-    A[k, :] = aims[0, k]
+for k in range({n_target}):
+    A[k, :] = targets[0, k]
 """
 
 STEP = """
@@ -61,7 +61,7 @@ crashed[l] = q[{n_terms} + 1]
 hit[l] = np.int32(1) if q[{n_terms}] else np.int32(0)
 """
 
-NEXT_AIMS = """
+NEXT_TARGETS = """
 hits = np.int32(0)
 for l in range(L):
     hits |= hit[l]
@@ -69,16 +69,16 @@ if hits > 0:
     for l in range(L):
         if hit[l] > 0 and row[l] < last:
             row[l] += 1
-            for k in range({n_aim}):
-                A[k, l] = aims[row[l], k]
+            for k in range({n_target}):
+                A[k, l] = targets[row[l], k]
 """
 
 ROLLOUT = """
 @njit(fastmath=FAST, error_model="numpy", parallel=True, cache=True)
-def rollout(x0, U, noise, J, low, high, dt, aims, p_system, p_cost):
+def rollout(x0, U, noise, J, low, high, dt, targets, p_system, p_cost):
     T = U.shape[0]
     halves = noise.shape[2] // T
-    last = aims.shape[0] - 1
+    last = targets.shape[0] - 1
     {P} = {p_system}
     {Q} = {p_cost}
     for b in prange(J.shape[0]):
@@ -90,17 +90,17 @@ def rollout(x0, U, noise, J, low, high, dt, aims, p_system, p_cost):
             for l in range(L):
 {step_16}
                 cost[l] += {q}
-{next_aims_12}
+{next_targets_12}
         for l in range(L):
             J[b, l] = cost[l] / F(T)
 """
 
 PATHS = """
 @njit(fastmath=FAST, error_model="numpy", cache=True)
-def paths(x0, U, E, path, means, low, high, dt, aims, p_system, p_cost):
+def paths(x0, U, E, path, means, low, high, dt, targets, p_system, p_cost):
     T = U.shape[0]
     t0 = 0
-    last = aims.shape[0] - 1
+    last = targets.shape[0] - 1
     {P} = {p_system}
     {Q} = {p_cost}
 {start_4}
@@ -110,7 +110,7 @@ def paths(x0, U, E, path, means, low, high, dt, aims, p_system, p_cost):
 {step_12}
             {keep_path}
             {add_terms}
-{next_aims_8}
+{next_targets_8}
     for k in range({n_terms}):
         for l in range(L):
             means[k, l] /= F(T)
@@ -118,20 +118,20 @@ def paths(x0, U, E, path, means, low, high, dt, aims, p_system, p_cost):
 
 
 def module_source(step: Callable, terms: Callable, sizes: tuple[int, ...], dtype: type, lanes: int) -> str:
-    """sizes: numbers of states, controls, aims, terms, parameters of the system and of the cost."""
+    """sizes: numbers of states, controls, targets, terms, parameters of the system and of the cost."""
     source = HEADER.format(dtype=np.dtype(dtype).name, lanes=lanes, fast=sorted(FAST))
     for name, function in {"step": step, "terms": terms}.items():
         source += "\n" + "\n\n".join(lane_source(function).values()) + "\n"
         if function.__name__ != name:
             source += f"\n{name} = {function.__name__}\n"
     words = _words(*sizes)
-    for name, text in {"start": START, "step": STEP, "next_aims": NEXT_AIMS}.items():
+    for name, text in {"start": START, "step": STEP, "next_targets": NEXT_TARGETS}.items():
         body = text.strip("\n").format(**words)
         words |= {f"{name}_{depth}": indent(body, " " * depth) for depth in (4, 8, 12, 16)}
     return source + ROLLOUT.format(**words) + PATHS.format(**words)
 
 
-def _words(n_x: int, n_u: int, n_aim: int, n_terms: int, n_p: int, n_q: int) -> dict[str, object]:
+def _words(n_x: int, n_u: int, n_target: int, n_terms: int, n_p: int, n_q: int) -> dict[str, object]:
     """What depends on the sizes."""
 
     def row(text: str, n: int, between: str = ", ") -> str:
@@ -139,7 +139,7 @@ def _words(n_x: int, n_u: int, n_aim: int, n_terms: int, n_p: int, n_q: int) -> 
 
     return {
         "n_x": n_x,
-        "n_aim": n_aim,
+        "n_target": n_target,
         "n_terms": n_terms,
         "P": row("p{k}", n_p) + ",",
         "Q": row("q{k}", n_q) + ",",
@@ -147,7 +147,7 @@ def _words(n_x: int, n_u: int, n_aim: int, n_terms: int, n_p: int, n_q: int) -> 
         "p_cost": row("p_cost[{k}]", n_q) + ",",
         "x": row("X[{k}, l]", n_x),
         "u": row("lower(higher(U[t, {k}] + E[{k}, t0 + t, l], low[{k}]), high[{k}])", n_u),
-        "a": row("A[{k}, l]", n_aim),
+        "a": row("A[{k}, l]", n_target),
         "q": row("q[{k}]", n_terms, " + "),
         "store": row("X[{k}, l] = x_next[{k}]", n_x, "; "),
         "keep_path": row("path[t, {k}, l] = x_next[{k}]", min(n_x, 3), "; "),

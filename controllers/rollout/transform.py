@@ -19,9 +19,8 @@ from types import ModuleType
 
 import numpy as np
 
-from controllers.rollout import normals
+from controllers.rollout import FAST, normals
 from controllers.rollout.compiled import load_module
-from controllers.rollout.flags import FAST
 from controllers.rollout.passes import passes
 
 W = 16  # lanes

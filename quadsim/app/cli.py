@@ -71,7 +71,7 @@ def race(argv: list[str]) -> int:
 def _run(name: str, argv: list[str]) -> int:
     from quadsim.app.flags import UsageError, read
     from quadsim.files.strict_yaml import FileError
-    from quadsim.run import RunError
+    from quadsim.record.run import RunError
 
     try:
         flags = _flags(name)

@@ -11,8 +11,8 @@ from tyro.conf import DisallowNone, FlagCreatePairsOff, Positional, arg
 from quadsim.app.console import emit, emit_json
 from quadsim.app.flags import UsageError, otherwise
 from quadsim.app.stored import find_run
-from quadsim.archive import load_run
-from quadsim.run import RunError
+from quadsim.record.archive import load_run
+from quadsim.record.run import RunError
 
 
 @dataclass(frozen=True)
@@ -64,10 +64,10 @@ def _data(kind: str, folders: list[Path]) -> bytes:
     if kind == "zip":
         load_run(folders[0])  # a damaged run is not handed on
         return zipped(folders[0])
-    from web.lane import named, stored_lane
+    from web.competitor import named, stored_competitor
     from web.recording import record
 
-    lanes = named([stored_lane(folder) for folder in folders])
-    if len({lane.spec["course_text"] for lane in lanes}) > 1:
+    competitors = named([stored_competitor(folder) for folder in folders])
+    if len({competitor.spec["course_text"] for competitor in competitors}) > 1:
         raise UsageError("--html: expected runs of one course, got several")
-    return record(lanes).encode()
+    return record(competitors).encode()

@@ -9,7 +9,7 @@ from quadsim.app.figure_signals import draw_rates, draw_spectrum, draw_thrust
 from quadsim.app.figure_style import STYLE
 from quadsim.app.figure_views import draw_views
 from quadsim.course import parse_course
-from quadsim.run import Run, not_comparable
+from quadsim.record.run import Run, not_comparable
 
 
 def draw(run: Run) -> Figure:

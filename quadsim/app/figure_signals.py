@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from quadsim.app.figure_style import line
-from quadsim.metrics import motor_corner, motor_tau, thrust_psd
 from quadsim.palette import FINE, INK, LIMIT, MARK, style
-from quadsim.run import Run
+from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
+from quadsim.record.run import Run
 
 COMMANDED, DELIVERED = 2.0, 0.8  # line widths, so that both are seen where they agree
 FEWEST = 16  # frames that a spectrum is worth

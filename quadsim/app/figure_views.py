@@ -11,9 +11,8 @@ from matplotlib.figure import SubFigure
 from matplotlib.patheffects import withStroke
 
 from quadsim.course import Course, Gate
-from quadsim.course_checks import corners
 from quadsim.palette import FRAME, HIT, INK, MARK
-from quadsim.run import Run
+from quadsim.record.run import Run
 
 MARKS = {  # event -> marker, colour, what it is called
     "hit": ("X", HIT, "hit"),
@@ -30,7 +29,7 @@ NUMBER["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]
 def draw_views(figure: SubFigure, run: Run, course: Course) -> None:
     """Above, x and y to scale; below, the longer of both and the height."""
     points = np.stack([run.telemetry[k] for k in ("px", "py", "pz")], axis=1)  # (frames, 3)
-    extent = np.vstack([points, [course.start.position], *(corners(g, g.frame_width) for g in course.gates)])
+    extent = np.vstack([points, [course.start.position], *(g.corners(g.frame_width) for g in course.gates)])
     side = int(np.argmax(np.ptp(extent[:, :2], axis=0)))
     scale = max(float(np.ptp(extent[:, side])) / 20.0, 0.3)  # of arrows and labels [m]
     top, below = figure.subplots(2, 1, height_ratios=(2.7, 1.0))
@@ -64,7 +63,7 @@ def draw_gates(axes: Axes, course: Course, plane: tuple[int, int], scale: float)
     """Frame, opening, an arrow along the passage, and the gate's number. scale: of arrows and labels [m]."""
     for number, gate in enumerate(course.gates, start=1):
         for border, colour, width in ((gate.frame_width, FRAME, 4.0), (0.0, INK, 2.0)):
-            ring = corners(gate, border)[[0, 1, 3, 2, 0]][:, plane]
+            ring = gate.corners(border)[[0, 1, 3, 2, 0]][:, plane]
             axes.plot(*ring.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=3)
         (x, y), (dx, dy) = (np.array(v)[list(plane)] for v in (gate.position, 1.2 * scale * gate.rotation[:, 0]))
         arrow = {"arrowstyle": "->", "color": INK, "lw": 1.3}

@@ -18,12 +18,12 @@ from controllers.rollout.threads import use_threads
 from controllers.samplers import SAMPLERS, SamplerConfig
 from quadsim.app.flags import UsageError, check, flag, otherwise
 from quadsim.app.preset_file import load_planner
-from quadsim.app.spec import Spec
 from quadsim.course import Course, load_course
 from quadsim.files.strict_yaml import unit
 from quadsim.files.yaml_words import did_you_mean
-from quadsim.flight import whole_multiple
-from quadsim.systems.quadrotor import Belief, Drag, Lag, Rate, Thrust, TiltCost
+from quadsim.race.flight import whole_multiple
+from quadsim.race.spec import Spec
+from quadsim.systems.quadrotor import Drag, Lag, ModelParams, Rate, Thrust, TiltCost
 from quadsim.vehicle import Vehicle, load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ class FlightFlags:
             sampler=self.sampler,
             preset=self.preset,
             planner=planner,
-            belief=self._belief(vehicle),
+            model=self._model(vehicle),
             seed=self.seed,
             laps=laps,
             timeout=self.timeout or default_timeout(course, laps),
@@ -116,11 +116,11 @@ class FlightFlags:
             host={"threads": threads},
         )
 
-    def _belief(self, vehicle: Vehicle) -> Belief:
+    def _model(self, vehicle: Vehicle) -> ModelParams:
         said = {key: number for key, number in vars(self.model).items() if number is not None}
-        belief = replace(Belief.of(vehicle), **said)
-        check(belief, "model.")
-        return belief
+        model = replace(ModelParams.of(vehicle), **said)
+        check(model, "model.")
+        return model
 
 
 def default_timeout(course: Course, laps: int) -> float:

@@ -15,9 +15,10 @@ from quadsim.app.flags import UsageError
 from quadsim.app.flight_flags import FlightFlags
 from quadsim.app.progress import Progress
 from quadsim.app.report import present
-from quadsim.app.spec import Spec, build, launch
-from quadsim.archive import RunFolder
-from quadsim.run import Frame, Recorder, Run, RunError
+from quadsim.race.events import Frame
+from quadsim.race.spec import Spec, build, launch
+from quadsim.record.archive import RunFolder
+from quadsim.record.run import Recorder, Run, RunError
 
 EXIT = {"finished": 0, "crashed": 1, "timeout": 1, "interrupted": 130}
 

@@ -8,8 +8,8 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from quadsim.metrics import splits
-from quadsim.run import Run
+from quadsim.record.metrics import splits
+from quadsim.record.run import Run
 
 LEFT, PENALTY = 23, 9  # columns of the terminal for lap, time, top speed and the word "gate"; for penalties
 

@@ -11,8 +11,8 @@ from tyro.conf import DisallowNone, FlagCreatePairsOff, Positional, arg
 from quadsim.app.console import emit, emit_json
 from quadsim.app.flags import otherwise
 from quadsim.app.stored import find_run
-from quadsim.archive import load_run
-from quadsim.run import RunError
+from quadsim.record.archive import load_run
+from quadsim.record.run import RunError
 
 FORMATS = ("png", "svg")
 

@@ -10,7 +10,7 @@ from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
-from quadsim.run import Frame
+from quadsim.race.events import Frame
 
 PERIOD = 0.1  # between two pictures of the line [s]
 

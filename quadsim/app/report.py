@@ -11,13 +11,13 @@ from rich.markup import escape
 from rich.padding import Padding
 from rich.table import Table
 
-from quadsim.app.beliefs import beliefs
 from quadsim.app.console import emit, emit_json, width
 from quadsim.app.lap_table import lap_tables, plain_table
+from quadsim.app.model_differences import model_differences
 from quadsim.app.summary import summary
 from quadsim.course import Course, parse_course
-from quadsim.metrics import chatter, missed_deadlines
-from quadsim.run import Run, not_comparable
+from quadsim.record.metrics import chatter, missed_deadlines
+from quadsim.record.run import Run, not_comparable
 
 COLOUR = {"finished": "green", "crashed": "red", "timeout": "yellow", "interrupted": "yellow"}
 INCIDENTS = ("hit", "miss", "wrong_way", "ground", "bounds", "unseen_contact")
@@ -45,7 +45,7 @@ def report(run: Run, folder: Path | None, columns: int) -> Iterator[RenderableTy
         _incidents(run),
         _chatter(run),
         _planning(run),
-        beliefs(run.spec),
+        model_differences(run.spec),
         _published(run, course),
     ):
         yield ""

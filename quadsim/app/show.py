@@ -9,7 +9,7 @@ from tyro.conf import FlagCreatePairsOff, Positional, arg
 
 from quadsim.app.report import present
 from quadsim.app.stored import find_run
-from quadsim.archive import load_run
+from quadsim.record.archive import load_run
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from quadsim.app.flags import UsageError
-from quadsim.archive import list_runs
+from quadsim.record.archive import list_runs
 
 
 def find_run(wanted: str, root: str) -> Path:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
-from quadsim.app.beliefs import differences
-from quadsim.metrics import chatter, missed_deadlines, splits
-from quadsim.run import INTERACTIVE, Run
+from quadsim.app.model_differences import differences
+from quadsim.record.metrics import chatter, missed_deadlines, splits
+from quadsim.record.run import INTERACTIVE, Run
 
 
 def summary(run: Run, folder: Path | None) -> dict:

@@ -44,7 +44,7 @@ class Web:
         load_course(self.course)  # whatever is wrong with it, say so now
         paths = [find_run(run, self.runs_dir) for run in self.runs]
 
-        from quadsim.app.hangar import Hangar  # here, so that --help loads neither numba nor viser
+        from quadsim.app.flight_factory import FlightFactory  # here, so that --help loads neither numba nor viser
         from web.choices import Choices
         from web.dashboard import Dashboard
         from web.guard import new_token, serve
@@ -60,8 +60,8 @@ class Web:
         courses = tuple(dict.fromkeys((*course_names(), self.course)))
         presets = {name: planners["colored"].vehicle for name, planners in PRESETS.items()}
         menu = Menu(courses, vehicle_names(), presets, tuple(SAMPLERS))
-        session = Session(Hangar(), self.runs_dir)
-        page = Dashboard(server, session, Hangar(), menu, Choices(course=self.course))
+        session = Session(FlightFactory(), self.runs_dir)
+        page = Dashboard(server, session, FlightFactory(), menu, Choices(course=self.course))
         if paths:
             page.race.replaying(paths)
             session.tell(Race.start, [], paths)

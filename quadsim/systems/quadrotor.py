@@ -22,13 +22,17 @@ from msgspec import Meta
 from numpy import maximum, minimum
 
 from quadsim.files.strict_yaml import unit
-from quadsim.plant import CONTROL, STATE
 from quadsim.systems import System
 from quadsim.vehicle import GRAVITY, Vehicle
 
+# The quadrotor's state everywhere: p [m], v [m/s] (world), q wxyz (world from body), body rates [rad/s],
+# and what the rotors deliver now: mass-normalised thrust [m/s^2], angular acceleration (body) [rad/s^2].
+STATE = ("px", "py", "pz", "vx", "vy", "vz", "qw", "qx", "qy", "qz", "wx", "wy", "wz", "a", "bx", "by", "bz")
+CONTROL = ("wx_cmd", "wy_cmd", "wz_cmd", "a_cmd")
+
 
 def step(x, u, p, dt):
-    """x, u: plant.STATE and plant.CONTROL.
+    """x, u: STATE and CONTROL.
 
     p: rate gains (3) [1/s], the rotors' gain in one dt, k, drag d [1/s], c_x, c_y [m], a_max [m/s^2].
     """
@@ -90,8 +94,8 @@ Thrust = Annotated[float, unit("m/s^2", gt=GRAVITY, le=1000)]  # hovers
 
 
 @dataclass(frozen=True)
-class Belief:
-    """The numbers MPPI plans with. Plant and belief may differ; a run stores both."""
+class ModelParams:
+    """The numbers MPPI plans with. Plant and model may differ; a run stores both."""
 
     rate_tau: tuple[Lag, Lag, Lag]  # lag of the body rates about x, y, z [s]
     motor_tau: Lag  # lag of the rotors, for thrust and torque [s]; 0: they follow at once
@@ -103,7 +107,7 @@ class Belief:
     thrust_gain: Factor = 1.0  # acceleration per thrust delivered: less than 1 where the vehicle is too heavy
 
     @classmethod
-    def of(cls, vehicle: Vehicle) -> Belief:
+    def of(cls, vehicle: Vehicle) -> ModelParams:
         """What a careful engineer would measure on this vehicle: everything but the axis ratio of the drag."""
         rotors = vehicle.rotors
         return cls(
@@ -128,9 +132,9 @@ def gain(tau: float, dt: float) -> float:
     return 1.0 - exp(-dt / tau) if tau > 0 else 1.0
 
 
-def quadrotor(belief: Belief, dt: float) -> System:
+def quadrotor(model: ModelParams, dt: float) -> System:
     """The system MPPI plans with, at control period dt [s]."""
-    gains = (gain(tau, dt) / dt for tau in belief.rate_tau)
+    gains = (gain(tau, dt) / dt for tau in model.rate_tau)
     return System(
         name="quadrotor",
         states=STATE,
@@ -138,14 +142,14 @@ def quadrotor(belief: Belief, dt: float) -> System:
         step=step,
         params=(
             *gains,
-            gain(belief.motor_tau, dt),
-            belief.thrust_gain,
-            belief.drag,
-            *belief.tilt_cost,
-            belief.thrust_max,
+            gain(model.motor_tau, dt),
+            model.thrust_gain,
+            model.drag,
+            *model.tilt_cost,
+            model.thrust_max,
         ),
         dt=dt,
-        low=(*(-r for r in belief.rate_max), belief.thrust_min),
-        high=(*belief.rate_max, belief.thrust_max),
+        low=(*(-r for r in model.rate_max), model.thrust_min),
+        high=(*model.rate_max, model.thrust_max),
         rest=(0.0, 0.0, 0.0, GRAVITY),
     )

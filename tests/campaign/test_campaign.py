@@ -50,7 +50,7 @@ def test_sigkill_then_the_same_command_continues(tmp_path, capsys):
     assert 3 <= len(flown(campaign)) < 2 * MANY
     assert gone(process.pid), "the workers of a killed campaign go as well"
     said = finish(campaign, capsys, MANY)
-    assert [(a["name"], a["attempts"], a["finished"]) for a in said["arms"]] == [
+    assert [(a["name"], a["attempts"], a["finished"]) for a in said["variants"]] == [
         ("gaussian", MANY, 0),
         ("colored", MANY, 0),
     ]
@@ -106,9 +106,9 @@ def test_results_lists_what_is_stored_and_compares_it_across_campaigns(tmp_path,
         assert race(argv) == 0
     capsys.readouterr()
     assert race(["results", "--campaigns", one, two, "--json"]) == 0
-    arms = json.loads(capsys.readouterr().out)["arms"]
-    assert [(a["name"], a["attempts"], a["seeds"]) for a in arms] == [("gaussian", 5, "0-4"), ("colored", 5, "0-4")]
-    assert race(["results", *(a["id"] for a in arms), "--campaigns", one, two, "--json"]) == 0
+    variants = json.loads(capsys.readouterr().out)["variants"]
+    assert [(a["name"], a["attempts"], a["seeds"]) for a in variants] == [("gaussian", 5, "0-4"), ("colored", 5, "0-4")]
+    assert race(["results", *(a["id"] for a in variants), "--campaigns", one, two, "--json"]) == 0
     (pair,) = json.loads(capsys.readouterr().out)["pairs"]
     assert pair["seeds"] == 5
     assert race(["results", "--campaigns", one, "--sampler", "smooth"]) == 0

@@ -42,15 +42,15 @@ def test_every_attempt_is_there_once_although_a_worker_is_killed(cluster, tmp_pa
     killer.join()
     assert [row[:2] for row in seeds_flown(campaign)] == [(s, i) for s in ("colored", "gaussian") for i in range(12)]
     said = json.loads(capsys.readouterr().out)
-    assert [a["attempts"] for a in said["arms"]] == [12, 12]
+    assert [a["attempts"] for a in said["variants"]] == [12, 12]
 
 
 def test_a_cluster_flies_the_same_runs_as_this_machine(cluster, tmp_path, capsys):
     said = []
     for name, where in (("here", ["--jobs", "1"]), ("there", ["--scheduler", cluster.scheduler_address])):
         assert compare(tmp_path / f"{name}.sqlite", *where, attempts=2) == 0
-        arms = json.loads(capsys.readouterr().out)["arms"]
-        said.append([{k: v for k, v in a.items() if k != "plan_ms"} for a in arms])
+        variants = json.loads(capsys.readouterr().out)["variants"]
+        said.append([{k: v for k, v in a.items() if k != "plan_ms"} for a in variants])
     assert said[0] == said[1]
 
 

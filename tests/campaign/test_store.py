@@ -9,8 +9,8 @@ import pytest
 
 from quadsim.app.campaign.attempt import attempt_key, fly_attempt
 from quadsim.app.campaign.store import Store
-from quadsim.archive import list_runs, load_run
-from quadsim.run import RunError
+from quadsim.record.archive import list_runs, load_run
+from quadsim.record.run import RunError
 from tests.campaign_cases import specs
 
 

@@ -7,9 +7,9 @@ import pytest
 pytest.importorskip("optuna", reason="extra 'tune'")
 
 from controllers.presets import PRESETS
-from quadsim.app.campaign.numbers import arm_numbers
+from quadsim.app.campaign.optuna_study import objective, open_study
 from quadsim.app.campaign.search import knobs, pareto, preset_text, turned
-from quadsim.app.campaign.study import objective, open_study
+from quadsim.app.campaign.summary_stats import variant_stats
 from quadsim.app.cli import race
 from quadsim.app.preset_file import parse_planner
 from tests.campaign_cases import FLIGHT, row
@@ -38,8 +38,8 @@ def test_nobody_on_the_front_is_beaten_and_everyone_else_is():
 
 
 def test_below_the_floor_attempts_that_do_not_finish_count():
-    safe = arm_numbers("safe", [row(s, laps=(6.0,)) for s in range(4)], 20.0)
-    wild = arm_numbers("wild", [row(s, "finished" if s else "crashed", laps=(5.0,)) for s in range(4)], 20.0)
+    safe = variant_stats("safe", [row(s, laps=(6.0,)) for s in range(4)], 20.0)
+    wild = variant_stats("wild", [row(s, "finished" if s else "crashed", laps=(5.0,)) for s in range(4)], 20.0)
     assert objective(safe, 1.0) < objective(wild, 1.0)
     assert objective(wild, 0.75) < objective(safe, 0.75), "with a floor of three in four the fast one wins"
 
@@ -51,7 +51,7 @@ def test_trials_that_a_kill_left_open_are_tried_again(tmp_path):
     first, second = study.ask(2)
     own = {"margin": planner.cost.margin, "tighten": planner.mppi.tighten}
     assert first.params == own, "begins with the planner one starts from"
-    study.tell(first, arm_numbers("a", [row(0)], 20.0), 1.0)
+    study.tell(first, variant_stats("a", [row(0)], 20.0), 1.0)
     again = open_study(tmp_path / "s.journal", "s", found)
     assert again.done == 1
     (retried,) = again.ask(1)

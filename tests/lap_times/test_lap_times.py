@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from quadsim.app.campaign.arms import Arm, resolve
 from quadsim.app.campaign.baseline import Effects, Stored, baseline_text, judge, load_baseline
 from quadsim.app.campaign.pool import Processes
 from quadsim.app.campaign.regress import fly_baselines
+from quadsim.app.campaign.variants import Variant, resolve
 from quadsim.app.cli import race
 
 HERE = Path(__file__).parent
@@ -26,17 +26,17 @@ PLANTED, SEEDS = HERE / "figure8_colored.yaml", 4
 WEAKER = "3.75"  # thrust-to-weight instead of 4.1: about 4 % slower
 
 
-def arm(path, *argv):
-    return Arm(path.stem, resolve([*shlex.split(load_baseline(path).flight), *argv], "test"))
+def variant(path, *argv):
+    return Variant(path.stem, resolve([*shlex.split(load_baseline(path).flight), *argv], "test"))
 
 
 @pytest.fixture(scope="module")
 def flown():
     """One seed of every baseline, and some of one baseline with weaker propellers; flown together, on every core."""
-    arms = [*(arm(path) for path in BASELINES), arm(PLANTED, "--thrust-to-weight", WEAKER)]
+    variants = [*(variant(path) for path in BASELINES), variant(PLANTED, "--thrust-to-weight", WEAKER)]
     attempts = [SEEDS if path == PLANTED else 1 for path in BASELINES]
     with Processes() as pool:
-        stored = fly_baselines(pool, arms, [*attempts, SEEDS])
+        stored = fly_baselines(pool, variants, [*attempts, SEEDS])
     return dict(zip([*(p.stem for p in BASELINES), "weaker"], stored, strict=True))
 
 

@@ -14,19 +14,19 @@ from web.session import Session
 
 
 @pytest.fixture
-def hangar():
+def flight_factory():
     return Gliders()
 
 
 @pytest.fixture
-def session(hangar, tmp_path):
-    session = Session(hangar, str(tmp_path))
+def session(flight_factory, tmp_path):
+    session = Session(flight_factory, str(tmp_path))
     yield session
     session.close()
 
 
 @pytest.fixture
-def page(session, hangar):
+def page(session, flight_factory):
     """A running page and its server."""
     from web.dashboard import Dashboard
     from web.guard import serve
@@ -34,7 +34,7 @@ def page(session, hangar):
 
     server = serve("127.0.0.1", 0, None, "race")
     menu = Menu((COURSE, "paper_flat"), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
-    dashboard = Dashboard(server, session, hangar, menu, Choices(course=COURSE, laps=2))
+    dashboard = Dashboard(server, session, flight_factory, menu, Choices(course=COURSE, laps=2))
     yield dashboard, server
     dashboard.close()
     server.stop()

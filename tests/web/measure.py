@@ -22,7 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from wire import connect
 
-from quadsim.app.hangar import Hangar
+from quadsim.app.flight_factory import FlightFactory
 from web.choices import Choices
 from web.dashboard import Dashboard
 from web.guard import serve
@@ -40,8 +40,8 @@ class Place:
 
     def __init__(self, root: str):
         self.server = serve("127.0.0.1", 0, None, "race")
-        self.session = Session(Hangar(), root)
-        self.page = Dashboard(self.server, self.session, Hangar(), MENU, Choices())
+        self.session = Session(FlightFactory(), root)
+        self.page = Dashboard(self.server, self.session, FlightFactory(), MENU, Choices())
         self._watchers: subprocess.Popen | None = None
 
     def watch(self, on: bool) -> None:
@@ -58,11 +58,11 @@ class Place:
     def flight(self, laps: int = 1, samples: int | None = None) -> float:
         """Median plan time of a flight in real time [ms]."""
         races = self.session.snapshot.race
-        numbers = replace(Hangar().numbers("race", "colored"), samples=samples) if samples else None
+        numbers = replace(FlightFactory().numbers("race", "colored"), samples=samples) if samples else None
         self.session.tell(Race.start, [Choices(laps=laps, numbers=numbers)])
         while self.session.snapshot.race == races or self.session.snapshot.flying:
             time.sleep(0.05)
-        return float(np.median(self.session.snapshot.lanes[0].x["plan_ms"]))
+        return float(np.median(self.session.snapshot.competitors[0].x["plan_ms"]))
 
     def close(self) -> None:
         self.watch(False)
@@ -91,7 +91,7 @@ def slowdown(place: Place, pairs: int = 5) -> None:
 def air(place: Place) -> None:
     began = time.perf_counter()
     place.session.tell(Race.start, [Choices()])
-    while not place.session.snapshot.lanes or len(place.session.snapshot.lanes[0].t) < 2:
+    while not place.session.snapshot.competitors or len(place.session.snapshot.competitors[0].t) < 2:
         time.sleep(0.001)
     seconds = time.perf_counter() - began
     print(f"click to air {seconds:.2f} s, {'as claimed' if seconds < 5 else 'MORE than the 5 s claimed'}")

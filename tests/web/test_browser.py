@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from controllers.presets import PRESETS
-from quadsim.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, load_run
 from web.choices import RANGES, Choices
 from web.race import Race
 
@@ -28,16 +28,16 @@ def root(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def session(root):
-    from quadsim.app.hangar import Hangar
+    from quadsim.app.flight_factory import FlightFactory
     from web.dashboard import Dashboard
     from web.guard import serve
     from web.race_panel import Menu
     from web.session import Session
 
     server = serve("127.0.0.1", 0, None, "race")
-    session = Session(Hangar(), str(root))
+    session = Session(FlightFactory(), str(root))
     menu = Menu(("split_s_swift",), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
-    dashboard = Dashboard(server, session, Hangar(), menu, Choices(laps=1))
+    dashboard = Dashboard(server, session, FlightFactory(), menu, Choices(laps=1))
     session.address = f"http://127.0.0.1:{server.get_port()}/?fixedDpr=0.4"
     yield session
     dashboard.close()
@@ -108,7 +108,7 @@ def drone(page, k=0):
     """Where the page draws a drone [m]."""
     script = """name => { const n = window.__viserMutable?.nodeRefFromName[name];
                 return n ? [n.position.x, n.position.y, n.position.z] : null }"""
-    return page.evaluate(script, f"/lane/{k}")
+    return page.evaluate(script, f"/competitor/{k}")
 
 
 def test_both_laps_are_in_the_table_as_they_are_in_run_json(page, flown):
@@ -144,7 +144,7 @@ def test_a_scrubbed_replay_shows_the_drone_where_the_telemetry_says(page, sessio
     choose(page, "Mode", "replay")
     choose(page, "Run", folder.name)
     page.get_by_role("button", name="REPLAY", exact=True).click()
-    assert waited(page, lambda: session.snapshot.lanes and not session.snapshot.lanes[0].live)
+    assert waited(page, lambda: session.snapshot.competitors and not session.snapshot.competitors[0].live)
     session.tell(Race.play, False)  # a slider that moves by itself cannot be typed into
     assert waited(page, lambda: session.snapshot.race and not session.snapshot.playing)
     for t in (2.0, 3.5):

@@ -40,7 +40,7 @@ def test_a_value_out_of_range_or_of_another_type_changes_nothing(page, value):
     async def person():
         async with connect(server.get_port()) as client:
             await client.set(slider, value)
-            await client.set(slider, 2.5)  # what is sane still gets through
+            await client.set(slider, 2.5)  # what is validate_input still gets through
             assert await settled(lambda: slider.value == 2.5)
 
     seen = []
@@ -88,12 +88,12 @@ def test_moving_gamma_in_flight_is_an_event(page, session):
     async def person():
         async with connect(server.get_port()) as client:
             await client.click(dashboard.race.start)
-            assert await settled(lambda: session.snapshot.lanes and session.snapshot.lanes[0].t[-1:] > 0.02)
+            assert await settled(lambda: session.snapshot.competitors and session.snapshot.competitors[0].t[-1:] > 0.02)
             await client.set(dashboard.sampler.sliders["gamma_rates"], 1.25)
-            assert await settled(lambda: session.snapshot.lanes[0].changes)
+            assert await settled(lambda: session.snapshot.competitors[0].changes)
 
     asyncio.run(person())
-    assert session.snapshot.lanes[0].changes[0]["to"] == 1.25
+    assert session.snapshot.competitors[0].changes[0]["to"] == 1.25
 
 
 def test_two_people_see_each_others_changes(page):
@@ -126,7 +126,7 @@ def test_the_flight_goes_on_when_the_last_person_vanishes(page, session):
     assert until(lambda: session.snapshot.t > t + 0.05 or not session.snapshot.flying)
 
 
-def test_start_while_flying_begins_another_race(page, session, hangar):
+def test_start_while_flying_begins_another_race(page, session, flight_factory):
     dashboard, server = page
 
     async def person():
@@ -136,7 +136,7 @@ def test_start_while_flying_begins_another_race(page, session, hangar):
                 assert await settled(lambda n=race: session.snapshot.race == n)
 
     asyncio.run(person())
-    assert [flight.closed for flight in hangar.built[:2]] == [True, True]
+    assert [flight.closed for flight in flight_factory.built[:2]] == [True, True]
 
 
 def test_nonsense_on_the_wire_leaves_the_page_alive(page, session):

@@ -13,7 +13,7 @@ from web_cases import COURSE, free_port
 from wire import button, connect, get
 
 from quadsim.app.cli import race
-from quadsim.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, load_run
 
 
 @contextmanager

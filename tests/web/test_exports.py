@@ -10,8 +10,8 @@ import pytest
 from web_cases import Glider, choices
 
 from quadsim.app.cli import race
-from quadsim.archive import RunFolder, load_run
-from quadsim.run import COLUMNS, Run
+from quadsim.record.archive import RunFolder, load_run
+from quadsim.record.run import COLUMNS, Run
 
 
 @pytest.fixture(scope="module")

@@ -47,7 +47,7 @@ async def onlooker(server):
 
 
 def test_viser_has_what_lets_the_server_forget_removed_things():
-    """It is private, so any version may take it away: then read web.stage.forget_removed."""
+    """It is private, so any version may take it away: then read web.race_scene.forget_removed."""
     assert callable(getattr(viser.ViserServer, "_run_garbage_collector", None))
 
 
@@ -60,7 +60,7 @@ def test_an_open_page_is_told_to_remove_the_ghost_and_the_charts_of_the_last_rac
             charts = {m["uuid"] for m in seen if m["type"] == "GuiUplotMessage"}
             await race(page, session, GHOST[:1])
         removed = {m["name"] for m in seen if m["type"] == "RemoveSceneNodeMessage"}
-        assert {"/lane/1", "/trail/1"} <= removed
+        assert {"/competitor/1", "/trail/1"} <= removed
         assert charts
         assert charts <= {m["uuid"] for m in seen if m["type"] == "GuiRemoveMessage"}
 
@@ -72,7 +72,7 @@ def test_the_server_keeps_no_more_after_many_races_than_after_two(page, session,
     """And it would, without what frees it."""
     _, server = page
     if not frees:
-        monkeypatch.setattr("web.stage.forget_removed", lambda _: None)
+        monkeypatch.setattr("web.race_scene.forget_removed", lambda _: None)
 
     async def person():
         async with onlooker(server) as seen:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from quadsim.course import course_names, load_course
-from quadsim.course_checks import corners
 from web.camera import ASPECT, FOV, above, overview
 from web.colours import ramp
 from web.drone import resampled, segments
@@ -22,7 +21,7 @@ def test_the_camera_frames_any_course(name, view):
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     up = np.cross(right, forward)
-    p = np.vstack([corners(g, g.frame_width) for g in course.gates]) - eye
+    p = np.vstack([g.corners(g.frame_width) for g in course.gates]) - eye
     depth = p @ forward
     high, wide = abs(p @ up) / depth, abs(p @ right) / depth / ASPECT
     filled = max(high.max(), wide.max()) / np.tan(FOV / 2)

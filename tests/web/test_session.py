@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from web_cases import PERIOD, Gliders, choices, until
 
-from quadsim.archive import list_runs, load_run
-from web.lane import stored_lane
+from quadsim.record.archive import list_runs, load_run
+from web.competitor import stored_competitor
 from web.race import Race
 from web.session import Session
 
@@ -18,7 +18,7 @@ def fast(session):
 
 
 def over(session):
-    return until(lambda: session.snapshot.lanes and not session.snapshot.flying)
+    return until(lambda: session.snapshot.competitors and not session.snapshot.flying)
 
 
 def test_a_flight_is_kept_and_the_page_shows_its_laps(session, tmp_path):
@@ -27,9 +27,9 @@ def test_a_flight_is_kept_and_the_page_shows_its_laps(session, tmp_path):
     assert over(session)
     (folder,) = list_runs(tmp_path)
     stored = json.loads((folder / "run.json").read_text())
-    assert list(session.snapshot.lanes[0].laps) == stored["laps"]
+    assert list(session.snapshot.competitors[0].laps) == stored["laps"]
     assert len(stored["laps"]) == 3
-    assert session.snapshot.lanes[0].folder == folder
+    assert session.snapshot.competitors[0].folder == folder
 
 
 def test_two_samplers_fly_turn_by_turn(session):
@@ -38,31 +38,33 @@ def test_two_samplers_fly_turn_by_turn(session):
     apart = []
 
     def ended():
-        lanes = session.snapshot.lanes
-        if len(lanes) == 2 and all(lane.outcome is None and len(lane.t) for lane in lanes):
-            apart.append(abs(lanes[0].t[-1] - lanes[1].t[-1]))
-        return lanes and not session.snapshot.flying
+        competitors = session.snapshot.competitors
+        if len(competitors) == 2 and all(
+            competitor.outcome is None and len(competitor.t) for competitor in competitors
+        ):
+            apart.append(abs(competitors[0].t[-1] - competitors[1].t[-1]))
+        return competitors and not session.snapshot.flying
 
     assert until(ended)
     assert max(apart) <= PERIOD + 1e-9
 
 
-def test_a_change_in_flight_is_on_the_record_and_marks_the_run(session, hangar, tmp_path):
+def test_a_change_in_flight_is_on_the_record_and_marks_the_run(session, flight_factory, tmp_path):
     session.tell(Race.start, [choices(laps=2)])
-    assert until(lambda: session.snapshot.lanes and len(session.snapshot.lanes[0].t) > 5)
-    session.tell(Race.tune, replace(hangar.numbers("race", "colored"), gamma_rates=1.0))
+    assert until(lambda: session.snapshot.competitors and len(session.snapshot.competitors[0].t) > 5)
+    session.tell(Race.tune, replace(flight_factory.numbers("race", "colored"), gamma_rates=1.0))
     fast(session)
     assert over(session)
     (change,) = load_run(list_runs(tmp_path)[0]).spec["interactive"]
     assert (change["name"], change["from"], change["to"]) == ("gamma_rates", 2.0, 1.0)
     assert 0.0 < change["t"] < session.snapshot.end
-    assert hangar.built[0].tuned[0].gamma_rates == 1.0
+    assert flight_factory.built[0].tuned[0].gamma_rates == 1.0
 
 
-def test_an_untouched_flight_is_not_marked(session, hangar, tmp_path):
+def test_an_untouched_flight_is_not_marked(session, flight_factory, tmp_path):
     fast(session)
     session.tell(Race.start, [choices()])
-    session.tell(Race.tune, hangar.numbers("race", "colored"))  # what it flies with already
+    session.tell(Race.tune, flight_factory.numbers("race", "colored"))  # what it flies with already
     assert over(session)
     assert "interactive" not in load_run(list_runs(tmp_path)[0]).spec
 
@@ -71,8 +73,8 @@ def test_what_the_planner_thought_can_be_replayed_as_soon_as_the_flight_has_ende
     fast(session)
     session.tell(Race.start, [choices(laps=2)])
     assert over(session)
-    landed = session.snapshot.lanes[0]
-    stored = stored_lane(list_runs(tmp_path)[0])
+    landed = session.snapshot.competitors[0]
+    stored = stored_competitor(list_runs(tmp_path)[0])
     assert landed.live
     for i in (0, 25, len(landed.t) - 1):
         (now, mine), (then, kept) = landed.picture(i), stored.picture(i)
@@ -84,9 +86,9 @@ def test_pausing_stops_the_flight_and_a_step_flies_one_period(session):
     session.tell(Race.start, [choices(laps=3)])
     session.tell(Race.play, False)
     assert until(lambda: session.snapshot.race == 1 and not session.snapshot.playing)
-    frames = len(session.snapshot.lanes[0].t)
+    frames = len(session.snapshot.competitors[0].t)
     session.tell(Race.step)
-    assert until(lambda: len(session.snapshot.lanes[0].t) == frames + 1)
+    assert until(lambda: len(session.snapshot.competitors[0].t) == frames + 1)
 
 
 def test_a_paced_flight_does_not_outrun_the_clock(session):
@@ -95,14 +97,14 @@ def test_a_paced_flight_does_not_outrun_the_clock(session):
     assert session.snapshot.factor < 1.3
 
 
-def test_restart_while_flying_ends_the_old_flight_and_begins_anew(session, hangar):
+def test_restart_while_flying_ends_the_old_flight_and_begins_anew(session, flight_factory):
     session.tell(Race.start, [choices(laps=3)])
     assert until(lambda: session.snapshot.t > 0.05)
     session.tell(Race.restart)
     assert until(lambda: session.snapshot.race == 2)
-    assert hangar.built[0].closed
-    assert until(lambda: len(session.snapshot.lanes[0].t) > 2)
-    assert not hangar.built[1].closed
+    assert flight_factory.built[0].closed
+    assert until(lambda: len(session.snapshot.competitors[0].t) > 2)
+    assert not flight_factory.built[1].closed
 
 
 def test_a_replay_stands_where_it_is_scrubbed_to(session, tmp_path):
@@ -113,21 +115,21 @@ def test_a_replay_stands_where_it_is_scrubbed_to(session, tmp_path):
     session.tell(Race.play, False)
     session.tell(Race.scrub, 0.5)
     assert until(lambda: session.snapshot.t == 0.5)
-    lane = session.snapshot.lanes[0]
-    assert lane.t[lane.at(0.5)] == 0.5
+    competitor = session.snapshot.competitors[0]
+    assert competitor.t[competitor.at(0.5)] == 0.5
     session.tell(Race.jump)
-    following = min(e.t for e in lane.events if e.t > 0.5)
+    following = min(e.t for e in competitor.events if e.t > 0.5)
     assert until(lambda: session.snapshot.t == following)
 
 
-def test_a_replay_ignores_the_sliders(session, hangar, tmp_path):
+def test_a_replay_ignores_the_sliders(session, flight_factory, tmp_path):
     fast(session)
     session.tell(Race.start, [choices()])
     assert over(session)
     session.tell(Race.start, [], list_runs(tmp_path))
-    session.tell(Race.tune, replace(hangar.numbers("race", "colored"), samples=512))
+    session.tell(Race.tune, replace(flight_factory.numbers("race", "colored"), samples=512))
     assert until(lambda: session.snapshot.race == 2)
-    assert hangar.built[0].tuned == []
+    assert flight_factory.built[0].tuned == []
 
 
 def test_what_cannot_be_flown_is_a_notice_and_the_race_goes_on(session):
@@ -158,7 +160,7 @@ def test_closing_leaves_no_thread_and_no_half_written_run(tmp_path):
 def test_a_closed_flight_that_has_passed_a_gate_is_kept_as_interrupted(tmp_path):
     session = Session(Gliders(), str(tmp_path))
     session.tell(Race.start, [choices(laps=40)])
-    assert until(lambda: session.snapshot.lanes and session.snapshot.lanes[0].events)
+    assert until(lambda: session.snapshot.competitors and session.snapshot.competitors[0].events)
     session.close()
     (folder,) = list_runs(tmp_path)
     assert load_run(folder).outcome == "interrupted"
@@ -167,26 +169,26 @@ def test_a_closed_flight_that_has_passed_a_gate_is_kept_as_interrupted(tmp_path)
 def test_snapshots_only_ever_grow(session):
     """A view taken early is not changed by what is flown later."""
     session.tell(Race.start, [choices(laps=30)])
-    assert until(lambda: session.snapshot.lanes and len(session.snapshot.lanes[0].t) > 3)
-    early = session.snapshot.lanes[0]
+    assert until(lambda: session.snapshot.competitors and len(session.snapshot.competitors[0].t) > 3)
+    early = session.snapshot.competitors[0]
     before = early.x["px"].copy()
     fast(session)
-    assert until(lambda: len(session.snapshot.lanes[0].t) > 1500)  # the table has grown by then
+    assert until(lambda: len(session.snapshot.competitors[0].t) > 1500)  # the table has grown by then
     assert np.array_equal(before, early.x["px"])
 
 
-def test_a_flight_that_must_compile_first_says_so_and_another_does_not(session, hangar):
+def test_a_flight_that_must_compile_first_says_so_and_another_does_not(session, flight_factory):
     fast(session)
     session.tell(Race.start, [choices()])
     assert over(session)
     assert not any(n.kind == "wait" for n in session.snapshot.notices)
-    flight = hangar.flight
+    flight = flight_factory.flight
 
     def cold(c):
         glider = flight(c)
         glider.is_cached = False
         return glider
 
-    hangar.flight = cold
+    flight_factory.flight = cold
     session.tell(Race.restart)
     assert until(lambda: any(n.kind == "wait" for n in session.snapshot.notices))

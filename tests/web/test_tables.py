@@ -8,31 +8,31 @@ from web_cases import COURSE, Glider, choices
 
 from quadsim.course import load_course
 from quadsim.palette import BEST, FASTER, STYLES
-from quadsim.run import Run
+from quadsim.record.run import Run
 from web import laps, planner, timing
-from web.lane import Lane, named, run_lane
+from web.competitor import Competitor, named, run_competitor
+from web.lap_timing import lap_timings, order
 from web.map import Map
 from web.progress import Legs, gap, time_at
 from web.race import Snapshot
-from web.standing import order, standings
 
 
-def lane(sampler="colored", **more) -> Lane:
+def competitor(sampler="colored", **more) -> Competitor:
     flight = Glider(choices(sampler, laps=3, **more))
-    return run_lane(Run.from_frames(flight.spec, list(flight.frames)), flight.course, None)
+    return run_competitor(Run.from_frames(flight.spec, list(flight.frames)), flight.course, None)
 
 
 @pytest.fixture(scope="module")
-def lanes():
-    return named([lane("colored"), lane("gaussian")])
+def competitors():
+    return named([competitor("colored"), competitor("gaussian")])
 
 
-def at(lanes, t, by_place=False):
-    return standings(Snapshot(t=t, end=99.0, lanes=tuple(lanes)), by_place)
+def at(competitors, t, by_place=False):
+    return lap_timings(Snapshot(t=t, end=99.0, competitors=tuple(competitors)), by_place)
 
 
-def test_progress_grows_from_zero_to_the_length_of_the_race(lanes):
-    for one in lanes:
+def test_progress_grows_from_zero_to_the_length_of_the_race(competitors):
+    for one in competitors:
         assert one.progress[0] == pytest.approx(0.0, abs=0.5)
         assert one.progress[-1] == pytest.approx(one.legs.length)
         assert (np.diff(one.progress) >= 0).all()
@@ -45,10 +45,10 @@ def test_progress_at_a_gate_is_the_end_of_its_leg():
     assert np.allclose(legs.progress(spots, np.arange(1, len(spots) + 1)), legs.ends[1:])
 
 
-def test_the_gap_of_two_steady_flights_grows_with_the_way(lanes):
+def test_the_gap_of_two_steady_flights_grows_with_the_way(competitors):
     """v t = s: behind by s (1/v2 - 1/v1)."""
-    place = np.linspace(1.0, lanes[0].legs.length - 1.0, 50)
-    found = gap(place, (lanes[1].t, lanes[1].progress), (lanes[0].t, lanes[0].progress))
+    place = np.linspace(1.0, competitors[0].legs.length - 1.0, 50)
+    found = gap(place, (competitors[1].t, competitors[1].progress), (competitors[0].t, competitors[0].progress))
     assert np.allclose(found, place * (1 / 36.0 - 1 / 40.0), atol=0.03)
     assert not np.allclose(found, 0.0, atol=0.03)
 
@@ -59,40 +59,40 @@ def test_a_place_not_reached_has_no_time():
     assert np.isnan(time_at(np.array([5.1]), t, progress)).all()
 
 
-def test_the_faster_flight_leads(lanes):
-    first, second = order(at(lanes, 1.0))
-    assert (first.lane.name, second.lane.name) == ("colored", "gaussian")
+def test_the_faster_flight_leads(competitors):
+    first, second = order(at(competitors, 1.0))
+    assert (first.competitor.name, second.competitor.name) == ("colored", "gaussian")
     assert first.gap == 0.0
     assert second.gap > 0.0
 
 
-def test_by_place_everyone_is_shown_at_the_first_ones_place(lanes):
-    me, other = at(lanes, 1.0, by_place=True)
-    assert other.lane.progress[other.i] == pytest.approx(me.lane.progress[me.i], abs=0.5)
-    assert other.lane.t[other.i] > me.lane.t[me.i]
+def test_by_place_everyone_is_shown_at_the_first_ones_place(competitors):
+    me, other = at(competitors, 1.0, by_place=True)
+    assert other.competitor.progress[other.i] == pytest.approx(me.competitor.progress[me.i], abs=0.5)
+    assert other.competitor.t[other.i] > me.competitor.t[me.i]
 
 
 def test_names_of_runs_differ():
-    assert [x.name for x in named([lane(), lane("gaussian")])] == ["colored", "gaussian"]
-    assert [x.name for x in named([lane(), lane(seed=1)])] == ["colored s0", "colored s1"]
-    assert [x.name for x in named([lane(), lane()])] == ["colored #1", "colored #2"]
+    assert [x.name for x in named([competitor(), competitor("gaussian")])] == ["colored", "gaussian"]
+    assert [x.name for x in named([competitor(), competitor(seed=1)])] == ["colored s0", "colored s1"]
+    assert [x.name for x in named([competitor(), competitor()])] == ["colored #1", "colored #2"]
 
 
-def test_names_from_files_cannot_run_scripts(lanes):
+def test_names_from_files_cannot_run_scripts(competitors):
     evil = "<script>alert(1)</script>"
-    spec = {**lanes[0].spec, "sampler": evil}
-    event = replace(lanes[0].events[0], kind=evil)
-    bad = [replace(lanes[0], name=evil, spec=spec, events=(event,), outcome=evil), lanes[1]]
+    spec = {**competitors[0].spec, "sampler": evil}
+    event = replace(competitors[0].events[0], kind=evil)
+    bad = [replace(competitors[0], name=evil, spec=spec, events=(event,), outcome=evil), competitors[1]]
     all_ = at(bad, 1.0)
-    pages = [timing.hud(Snapshot(lanes=tuple(bad)), all_), timing.tower(all_), timing.events(tuple(bad), 9.0)]
+    pages = [timing.hud(Snapshot(competitors=tuple(bad)), all_), timing.tower(all_), timing.events(tuple(bad), 9.0)]
     pages += [laps.laps(bad), planner.planner(all_[0]), planner.chatter(bad), Map(bad[0].course).draw(all_)]
     assert all("<script" not in page for page in pages)
     assert any("&lt;script" in page for page in pages)
 
 
-def test_a_replay_shows_the_terms_of_the_last_picture_kept(lanes):
+def test_a_replay_shows_the_terms_of_the_last_picture_kept(competitors):
     for frame, kept in ((0, 0), (9, 0), (10, 10), (57, 50)):
-        (me, *_) = at(lanes, 0.01 * frame)
+        (me, *_) = at(competitors, 0.01 * frame)
         page = planner.planner(me)
         assert (f"{kept:+.3f}" in page) == (kept > 0)
         assert f"J = {kept - 0.5:.3f}, the sum at {0.01 * kept:.2f} s" in page
@@ -101,35 +101,37 @@ def test_a_replay_shows_the_terms_of_the_last_picture_kept(lanes):
 
 
 @pytest.mark.parametrize("how", ["no pictures", "pictures without terms"])
-def test_a_run_that_kept_no_terms_says_so_with_a_dash(lanes, how):
-    pictures = replace(lanes[0].pictures, terms={}) if how == "pictures without terms" else None
-    (me,) = at([replace(lanes[0], pictures=pictures)], 0.5)
+def test_a_run_that_kept_no_terms_says_so_with_a_dash(competitors, how):
+    pictures = replace(competitors[0].pictures, terms={}) if how == "pictures without terms" else None
+    (me,) = at([replace(competitors[0], pictures=pictures)], 0.5)
     assert "J = 1.000; its terms: - (not kept with this run)" in planner.planner(me)
 
 
-def test_names_of_terms_cannot_run_scripts(lanes):
-    pictures = replace(lanes[0].pictures, terms={"<script>alert(1)</script>": lanes[0].pictures.terms["progress"]})
-    (me,) = at([replace(lanes[0], pictures=pictures)], 0.5)
+def test_names_of_terms_cannot_run_scripts(competitors):
+    pictures = replace(
+        competitors[0].pictures, terms={"<script>alert(1)</script>": competitors[0].pictures.terms["progress"]}
+    )
+    (me,) = at([replace(competitors[0], pictures=pictures)], 0.5)
     page = planner.planner(me)
     assert "<script" not in page
     assert "&lt;script" in page
 
 
-def test_the_best_split_is_purple_and_a_runs_own_best_green(lanes):
-    table = laps.splits(lanes)
+def test_the_best_split_is_purple_and_a_runs_own_best_green(competitors):
+    table = laps.splits(competitors)
     assert BEST in table
     assert FASTER in table
-    alone = laps.splits([lanes[0]])
-    assert alone.count(BEST) >= lanes[0].legs.gates
+    alone = laps.splits([competitors[0]])
+    assert alone.count(BEST) >= competitors[0].legs.gates
     assert FASTER not in alone  # its own best is the best of all
 
 
-def test_beside_other_laps_a_run_changed_in_flight_is_named_so(lanes):
+def test_beside_other_laps_a_run_changed_in_flight_is_named_so(competitors):
     change = {"t": 0.1, "name": "sigma", "from": 1.0, "to": 2.0}
-    changed = replace(lanes[1], spec={**lanes[1].spec, "interactive": [change, change]})
-    page = laps.laps([lanes[0], changed])
+    changed = replace(competitors[1], spec={**competitors[1].spec, "interactive": [change, change]})
+    page = laps.laps([competitors[0], changed])
     assert page.count("interactive, not comparable: 2 changes in flight") == 1
-    assert "comparable" not in laps.laps(lanes)
+    assert "comparable" not in laps.laps(competitors)
 
 
 def test_the_interval_of_laps_is_students():

@@ -6,9 +6,9 @@ from itertools import count
 
 import numpy as np
 
+from controllers.plan import PlannerSnapshot
 from quadsim.course import load_course
-from quadsim.picture import Picture
-from quadsim.run import Event, Frame
+from quadsim.race.events import Event, Frame
 from web.choices import Choices, Numbers
 
 PERIOD = 0.01  # [s]
@@ -41,7 +41,7 @@ class Glider:
     def tune(self, numbers: Numbers) -> None:
         self.tuned.append(numbers)
 
-    def fan(self):
+    def sampled_trajectories(self):
         return None
 
     def close(self) -> None:
@@ -72,13 +72,13 @@ class Glider:
                 return
 
 
-def _picture(k: int) -> Picture:
+def _picture(k: int) -> PlannerSnapshot:
     """One that says at which frame it was taken."""
-    return Picture(np.full((8, 16, 3), float(k)), {"progress": float(k), "crash": 0.0, "waypoint": -0.5})
+    return PlannerSnapshot(np.full((8, 16, 3), float(k)), {"progress": float(k), "crash": 0.0, "waypoint": -0.5})
 
 
 class Gliders:
-    """A hangar of them."""
+    """A flight_factory of them."""
 
     def __init__(self):
         self.built: list[Glider] = []

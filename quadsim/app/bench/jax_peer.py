@@ -9,7 +9,7 @@ import numpy as np
 
 from controllers.costs import Cost
 from controllers.mppi import MPPI
-from quadsim.app.bench.words import speaking, words_of
+from quadsim.app.bench.array_backend import functions_of, rebind
 from quadsim.systems import System
 
 
@@ -37,8 +37,8 @@ class JaxPeer:
 def jax_rollout(jax: ModuleType, system: System, cost: Cost) -> Callable:
     """x (n_x,), v (T, n_u, M) -> J (M,)"""
     jnp = jax.numpy
-    words = words_of(jnp)
-    step, terms, n = speaking(system.step, words), speaking(cost.terms, words), len(cost.term_names)
+    words = functions_of(jnp)
+    step, terms, n = rebind(system.step, words), rebind(cost.terms, words), len(cost.term_names)
 
     def rollout(x, v):
         def advance(state, u):

@@ -10,7 +10,7 @@ from controllers.costs import Cost
 POINT = (50.0, 0.0, 2.0)  # [m]
 
 
-def terms(x, x_next, u, aim, crashed, p):
+def terms(x, x_next, u, target, crashed, p):
     """Distance to a point, heading, height, speed and tilt of x_next; nothing is reached, nothing crashes."""
     gx, gy, gz, a_0, a_1, a_2, a_3, a_4, v_des = p
     px, py, pz, vx, vy, qx, qy = x_next[0], x_next[1], x_next[2], x_next[3], x_next[4], x_next[7], x_next[8]

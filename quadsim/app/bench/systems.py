@@ -11,11 +11,11 @@ from controllers.config import MPPIConfig
 from controllers.mppi import MPPI
 from controllers.presets import PRESETS
 from quadsim.app.paper import integrator, vehicle
-from quadsim.app.paper.table2 import arm
-from quadsim.app.spec import Spec, controller_of, streams
+from quadsim.app.paper.table2 import variant
 from quadsim.course import load_course
-from quadsim.plant import start_state
-from quadsim.systems.quadrotor import Belief
+from quadsim.physics.plant import start_state
+from quadsim.race.spec import Spec, controller_of, streams
+from quadsim.systems.quadrotor import ModelParams
 from quadsim.vehicle import load_vehicle
 
 Budget = dict[str, int]  # samples, horizon, iterations
@@ -27,13 +27,13 @@ def _quadrotor(sampler: str, budget: Budget) -> Built:
     preset = PRESETS["paper"][sampler]
     course, frame = load_course("paper_flat"), load_vehicle(preset.vehicle)
     planner = replace(preset, mppi=replace(preset.mppi, **budget))
-    spec = Spec(course, frame, sampler, "paper", planner, Belief.of(frame), 0, 1, 60.0, False, 1 / 400)
+    spec = Spec(course, frame, sampler, "paper", planner, ModelParams.of(frame), 0, 1, 60.0, False, 1 / 400)
     return controller_of(spec, streams(0)[0]), np.array(start_state(course.start, frame.radius))
 
 
 def _double_integrator(sampler: str, budget: Budget) -> Built:
     """As in Table II at sigma 1.5, with the exact law where the sampler is colored."""
-    sampling = arm("colored_1_exact", 1.5).sampling
+    sampling = variant("colored_1_exact", 1.5).sampling
     config = replace(integrator.MPPI_CONFIG, **budget)
     return integrator.controller(sampler, sampling, config, _key()), np.array(integrator.START)
 

@@ -7,7 +7,7 @@ import numpy as np
 from controllers.costs import Cost
 from controllers.mppi import MPPI
 from controllers.rollout.threads import threads
-from quadsim.app.bench.words import speaking, torch_words
+from quadsim.app.bench.array_backend import rebind, torch_functions
 from quadsim.systems import System
 
 
@@ -19,8 +19,8 @@ class TorchPeer:
         import torch
 
         torch.set_num_threads(threads())
-        words = torch_words(torch)
-        step, terms, n = speaking(system.step, words), speaking(cost.terms, words), len(cost.term_names)
+        words = torch_functions(torch)
+        step, terms, n = rebind(system.step, words), rebind(cost.terms, words), len(cost.term_names)
         self._torch = torch
 
         def dynamics(x, u):

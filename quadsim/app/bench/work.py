@@ -18,8 +18,8 @@ from controllers.mppi import MPPI
 from controllers.rollout.inline import WORDS
 from controllers.rollout.lanes import CHUNK
 from controllers.rollout.normals import box_muller, philox
-from controllers.rollout.roofline import bandwidth_gb, peak_gflops
-from quadsim.provenance import cpu_name
+from quadsim.app.bench.roofline import bandwidth_gb, peak_gflops
+from quadsim.record.provenance import cpu_name
 
 CONSTANT = {"F", "U4", "U8", "math", "np"}  # names in arithmetic that is done before the loop
 FLOAT = 4  # bytes

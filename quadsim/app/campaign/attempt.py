@@ -8,10 +8,10 @@ from functools import lru_cache
 from hashlib import sha256
 
 from controllers.rollout.threads import use_threads
-from quadsim.app.spec import Spec, build, launch
-from quadsim.metrics import chatter
-from quadsim.provenance import provenance
-from quadsim.run import Recorder, Run, canonical
+from quadsim.race.spec import Spec, build, launch
+from quadsim.record.metrics import chatter
+from quadsim.record.provenance import provenance
+from quadsim.record.run import Recorder, Run, canonical
 
 LABELS = ("host", "preset")  # of a spec's record: they decide nothing
 DRAWN = ("seed", "variation")
@@ -32,8 +32,8 @@ def attempt_key(spec: Spec) -> str:
     return _hash(spec, LABELS)
 
 
-def arm_key(spec: Spec) -> str:
-    """The same for all seeds of an arm."""
+def variant_key(spec: Spec) -> str:
+    """The same for all seeds of an variant."""
     return _hash(spec, LABELS + DRAWN)
 
 

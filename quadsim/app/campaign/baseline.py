@@ -21,9 +21,9 @@ from typing import Annotated
 import yaml
 from msgspec import Meta, Struct
 
+from quadsim.app.campaign.statistics import false_alarm, proportion_difference, upper_bound
 from quadsim.files.data_files import read_text
 from quadsim.files.strict_yaml import load, unit
-from quadsim.statistics import false_alarm, proportion_difference, upper_bound
 
 CONFIDENCE = 0.95
 Z = 1.644854  # of a one-sided 95 %

@@ -8,8 +8,8 @@ from typing import Annotated, TypeVar
 
 from tyro.conf import DisallowNone, Suppress, arg
 
-from quadsim.app.campaign.arms import split
 from quadsim.app.campaign.pool import Pool, open_pool
+from quadsim.app.campaign.variants import split
 from quadsim.app.flags import check, otherwise, read
 from quadsim.app.flight_flags import Count
 

@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from quadsim.app.campaign.figure_map import draw_map
-from quadsim.app.campaign.numbers import FINISHED
+from quadsim.app.campaign.statistics import mean_interval
+from quadsim.app.campaign.summary_stats import FINISHED
 from quadsim.app.figure_style import STYLE, line
 from quadsim.palette import Style, styles
-from quadsim.statistics import mean_interval
 
 if TYPE_CHECKING:
     from quadsim.app.campaign.report import Section
@@ -26,7 +26,7 @@ JITTER = 0.1  # of the lap strips
 
 def draw(sections: Sequence[Section]) -> Figure:
     with rc_context(STYLE):
-        tallest = max(len(s.arms) for s in sections)
+        tallest = max(len(s.variants) for s in sections)
         figure = Figure(figsize=(17, (2.6 + 0.75 * tallest) * len(sections)), dpi=110, layout="constrained")
         rows = figure.subfigures(len(sections), 1, squeeze=False, hspace=0.04)
         for row, section in zip(rows[:, 0], sections, strict=True):
@@ -35,7 +35,7 @@ def draw(sections: Sequence[Section]) -> Figure:
 
 
 def _draw_course(figure, section: Section) -> None:
-    names = [a.name for a in section.arms]
+    names = [a.name for a in section.variants]
     looks = styles(names)
     laps, success, chatter, above = figure.subplots(1, 4, width_ratios=(2.1, 1.0, 1.1, 1.7))
     _laps(laps, section, looks)
@@ -79,23 +79,23 @@ def _laps(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
 
 
 def _success(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
-    for y, (arm, look) in enumerate(zip(section.arms, looks, strict=True)):
-        low, high = (100 * p for p in arm.success_ci)
-        share = 100 * arm.finished / arm.attempts
+    for y, (variant, look) in enumerate(zip(section.variants, looks, strict=True)):
+        low, high = (100 * p for p in variant.success_ci)
+        share = 100 * variant.finished / variant.attempts
         axes.barh(y, share, height=0.34, color=look.colour, alpha=0.75)
         axes.plot([low, high], [y, y], color="black", linewidth=1.6)
-        axes.text(2, y - 0.3, f"{arm.finished} of {arm.attempts}", va="center", fontsize=9)
+        axes.text(2, y - 0.3, f"{variant.finished} of {variant.attempts}", va="center", fontsize=9)
     axes.set(xlim=(0, 103), title="finished [%], 95 % interval")
 
 
 def _chatter(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     """Logarithmic: samplers differ by factors."""
-    for y, (arm, look) in enumerate(zip(section.arms, looks, strict=True)):
-        axes.plot([arm.thrust_tv_delivered, arm.thrust_tv], [y, y], **line(look), linewidth=2.5, alpha=0.5)
-        axes.plot(arm.thrust_tv, y, "o", color=look.colour, markersize=9)
-        axes.plot(arm.thrust_tv_delivered, y, "o", color="white", markeredgecolor=look.colour, markersize=8)
-        axes.annotate(f"{arm.thrust_tv:.1f}", (arm.thrust_tv, y - 0.16), ha="center", va="bottom", fontsize=9)
-    numbers = [v for a in section.arms for v in (a.thrust_tv, a.thrust_tv_delivered) if v > 0]
+    for y, (variant, look) in enumerate(zip(section.variants, looks, strict=True)):
+        axes.plot([variant.thrust_tv_delivered, variant.thrust_tv], [y, y], **line(look), linewidth=2.5, alpha=0.5)
+        axes.plot(variant.thrust_tv, y, "o", color=look.colour, markersize=9)
+        axes.plot(variant.thrust_tv_delivered, y, "o", color="white", markeredgecolor=look.colour, markersize=8)
+        axes.annotate(f"{variant.thrust_tv:.1f}", (variant.thrust_tv, y - 0.16), ha="center", va="bottom", fontsize=9)
+    numbers = [v for a in section.variants for v in (a.thrust_tv, a.thrust_tv_delivered) if v > 0]
     axes.set_xscale("log")
     if numbers:
         axes.set_xlim(min(numbers) / 1.5, max(numbers) * 1.5)

@@ -1,4 +1,4 @@
-"""The course from above: some paths of each arm, and where flights ended that should not have."""
+"""The course from above: some paths of each variant, and where flights ended that should not have."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
-from quadsim.app.campaign.numbers import FINISHED
 from quadsim.app.campaign.store import Row
+from quadsim.app.campaign.summary_stats import FINISHED
 from quadsim.app.figure_style import line
 from quadsim.app.figure_views import draw_gates
-from quadsim.archive import load_run
 from quadsim.palette import Style
-from quadsim.run import RunError
+from quadsim.record.archive import load_run
+from quadsim.record.run import RunError
 
 if TYPE_CHECKING:
     from quadsim.app.campaign.report import Section
 
-PATHS = 6  # of each arm
+PATHS = 6  # of each variant
 
 
 def draw_map(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
@@ -31,10 +31,10 @@ def draw_map(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
         for path in _paths(section, rows):
             axes.plot(*path.T, **line(look), linewidth=0.8, alpha=0.5, zorder=1)
     draw_gates(axes, section.course, (0, 1), scale)
-    for rows, look, arm in zip(section.rows, looks, section.arms, strict=True):
+    for rows, look, variant in zip(section.rows, looks, section.variants, strict=True):
         ends = np.array([r.result["crash"]["position"][:2] for r in rows if r.result["crash"]]).reshape(-1, 2)
         style = {"markeredgecolor": "white", "markeredgewidth": 0.8, "alpha": 0.9, "zorder": 7}
-        axes.plot(*ends.T, "X", color=look.colour, markersize=9, label=f"{arm.name}: {len(ends)} crashed", **style)
+        axes.plot(*ends.T, "X", color=look.colour, markersize=9, label=f"{variant.name}: {len(ends)} crashed", **style)
     axes.plot(*points[0], "o", color="white", markeredgecolor="black", markersize=5, zorder=6)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_title("from above [m]: some paths, crashes crossed")

@@ -11,8 +11,8 @@ from urllib.parse import urlsplit
 
 from quadsim.app.campaign.attempt import Flown, fly_attempt
 from quadsim.app.flags import UsageError
-from quadsim.app.spec import Spec
 from quadsim.app.workers import cores, end_workers, finished, start_workers
+from quadsim.race.spec import Spec
 
 
 class Pool(Protocol):

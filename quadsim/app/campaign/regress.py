@@ -12,19 +12,19 @@ from typing import Annotated
 from rich.markup import escape
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
 
-from quadsim.app.campaign.arms import Arm, resolve
 from quadsim.app.campaign.attempt import Flown
 from quadsim.app.campaign.baseline import Baseline, Stored, Verdict, baseline_text, judge, load_baseline
 from quadsim.app.campaign.common_flags import INTERRUPTED, FlightWords, Workers, read_with_flight
 from quadsim.app.campaign.pool import Pool, fly_all
 from quadsim.app.campaign.progress import Tally
-from quadsim.app.campaign.sheets import Sheet, as_table
 from quadsim.app.campaign.store import code_of
+from quadsim.app.campaign.tables import TextTable, as_table
+from quadsim.app.campaign.variants import Variant, resolve
 from quadsim.app.console import emit, emit_json
 from quadsim.app.flags import UsageError
-from quadsim.archive import write_whole
-from quadsim.metrics import chatter
-from quadsim.run import RunError
+from quadsim.record.archive import write_whole
+from quadsim.record.metrics import chatter
+from quadsim.record.run import RunError
 
 CHANGED = {True: "[green]ok[/]", False: "[red]WORSE[/]"}
 
@@ -57,13 +57,15 @@ class Regress:
     def run(self) -> int:
         """0: no worse, 1: worse."""
         files = [(Path(name), load_baseline(Path(name))) for name in self.baselines]
-        arms = [Arm(path.stem, resolve([*shlex.split(b.flight), *self.flight], "race regress")) for path, b in files]
+        variants = [
+            Variant(path.stem, resolve([*shlex.split(b.flight), *self.flight], "race regress")) for path, b in files
+        ]
         for path, baseline in files:
             if baseline.stored is None and not self.regen:
                 raise UsageError(f"{path}: nothing stored yet: race regress {path} --regen")
         try:
             with self.workers.start() as pool:
-                now = fly_baselines(pool, arms, [b.attempts for _, b in files])
+                now = fly_baselines(pool, variants, [b.attempts for _, b in files])
         except KeyboardInterrupt:
             return INTERRUPTED
         found = [(path, b, new, _verdicts(b, new)) for (path, b), new in zip(files, now, strict=True)]
@@ -90,17 +92,17 @@ class Regress:
                 emit(f"new: {len(done)}/{len(new.laps)} finished{lap}", "")
 
 
-def fly_baselines(pool: Pool, arms: Sequence[Arm], attempts: Sequence[int]) -> list[Stored]:
-    """Every attempt of every arm, flown now. Raises RunError where one is lost twice."""
-    todo = {id(s): (i, s) for i, (a, n) in enumerate(zip(arms, attempts, strict=True)) for s in a.attempts(n)}
-    landed: list[dict[int, Flown]] = [{} for _ in arms]
+def fly_baselines(pool: Pool, variants: Sequence[Variant], attempts: Sequence[int]) -> list[Stored]:
+    """Every attempt of every variant, flown now. Raises RunError where one is lost twice."""
+    todo = {id(s): (i, s) for i, (a, n) in enumerate(zip(variants, attempts, strict=True)) for s in a.attempts(n)}
+    landed: list[dict[int, Flown]] = [{} for _ in variants]
     with Tally(len(todo), 0) as tally:
         for spec, flown in fly_all(pool, [spec for _, spec in todo.values()]):
             i, _ = todo[id(spec)]
             if flown is None:
-                raise RunError(f"{arms[i].name}: seed {spec.seed}: lost twice with its worker")
+                raise RunError(f"{variants[i].name}: seed {spec.seed}: lost twice with its worker")
             landed[i][spec.seed] = flown
-            tally.count(f"{arms[i].name} seed {spec.seed}: {flown.run.outcome}")
+            tally.count(f"{variants[i].name} seed {spec.seed}: {flown.run.outcome}")
     return [store([flights[seed] for seed in sorted(flights)]) for flights in landed]
 
 
@@ -119,7 +121,7 @@ def _verdicts(baseline: Baseline, now: Stored) -> list[Verdict]:
     return judge(baseline.stored, now, baseline.effects) if baseline.stored else []
 
 
-def _sheet(verdicts: Sequence[Verdict]) -> Sheet:
+def _sheet(verdicts: Sequence[Verdict]) -> TextTable:
     head = ("", "then", "now", "worse by", "at most (95 %)", "allowed", "false alarms <")
     rows = [
         (
@@ -133,4 +135,4 @@ def _sheet(verdicts: Sequence[Verdict]) -> Sheet:
         )
         for v in verdicts
     ]
-    return Sheet(head, tuple(rows))
+    return TextTable(head, tuple(rows))

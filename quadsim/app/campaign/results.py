@@ -12,32 +12,32 @@ from rich.markup import escape
 from tyro.conf import FlagCreatePairsOff, Positional, arg
 
 from quadsim.app.campaign.common_flags import CAMPAIGN
-from quadsim.app.campaign.numbers import ArmNumbers, arm_numbers, pair_numbers
-from quadsim.app.campaign.sheets import Sheet, as_table, pair_sheet, short
 from quadsim.app.campaign.store import Row, Store
+from quadsim.app.campaign.summary_stats import VariantStats, pair_stats, variant_stats
+from quadsim.app.campaign.tables import TextTable, as_table, pair_sheet, short
 from quadsim.app.console import emit, emit_json
 from quadsim.app.flags import UsageError
 
-ID = 6  # hex digits of an arm that are shown
+ID = 6  # hex digits of an variant that are shown
 
 
 @dataclass(frozen=True)
 class Group:
     """All attempts of one specification that one commit flew, whatever campaign they lie in."""
 
-    id: str  # first digits of the arm's hash
+    id: str  # first digits of the variant's hash
     code: str
     rows: tuple[Row, ...]
     limit: float  # [s] a lap
 
     @property
-    def numbers(self) -> ArmNumbers:
-        return arm_numbers(self.rows[0].name, self.rows, self.limit)
+    def numbers(self) -> VariantStats:
+        return variant_stats(self.rows[0].name, self.rows, self.limit)
 
 
 @dataclass(frozen=True)
 class Results:
-    """What is stored: one line for each arm and the commit that flew it. Two or more ids compare them.
+    """What is stored: one line for each variant and the commit that flew it. Two or more ids compare them.
 
     race results --course split_s* --sampler colored
 
@@ -46,7 +46,7 @@ class Results:
 
     ids: Annotated[
         tuple[str, ...], Positional, arg(metavar="ID")
-    ] = ()  # first digits of arms; ID@COMMIT is one commit's
+    ] = ()  # first digits of variants; ID@COMMIT is one commit's
     campaigns: Annotated[tuple[str, ...], arg(metavar="FILE")] = (CAMPAIGN,)  # where to look
     course: str = "*"  # only of courses like this
     sampler: str = "*"
@@ -60,14 +60,14 @@ class Results:
             groups = [_find(groups, id_) for id_ in self.ids]
         numbers = [g.numbers for g in groups]
         pairs = [
-            pair_numbers(_label(a), _label(b), a.rows, b.rows)
+            pair_stats(_label(a), _label(b), a.rows, b.rows)
             for i, a in enumerate(groups if self.ids else [])
             for b in groups[i + 1 :]
             if a.rows[0].course == b.rows[0].course
         ]
         if self.json:
-            arms = [asdict(n) | {"id": g.id, "seeds": _seeds(g)} for g, n in zip(groups, numbers, strict=True)]
-            emit_json({"arms": arms, "pairs": [asdict(p) for p in pairs], "campaigns": list(self.campaigns)})
+            variants = [asdict(n) | {"id": g.id, "seeds": _seeds(g)} for g, n in zip(groups, numbers, strict=True)]
+            emit_json({"variants": variants, "pairs": [asdict(p) for p in pairs], "campaigns": list(self.campaigns)})
             return 0
         emit(as_table(_sheet(groups, numbers)) if groups else "nothing stored that fits")
         if pairs:
@@ -96,26 +96,30 @@ def stored(campaigns: Sequence[str]) -> Iterator[Group]:
     for path in campaigns:
         with Store(Path(path), create=False) as store:
             for row in store.rows():
-                groups.setdefault((row.arm, row.code), {})[row.key] = row  # one attempt in two campaigns counts once
-                if row.arm not in limits:
+                groups.setdefault((row.variant, row.code), {})[row.key] = (
+                    row  # one attempt in two campaigns counts once
+                )
+                if row.variant not in limits:
                     spec = store.spec(row.key)
-                    limits[row.arm] = spec["timeout"] / spec["laps"]
-    for (arm, code), rows in groups.items():
-        yield Group(arm[:ID], code, tuple(sorted(rows.values(), key=lambda r: r.seed)), limits[arm])
+                    limits[row.variant] = spec["timeout"] / spec["laps"]
+    for (variant, code), rows in groups.items():
+        yield Group(variant[:ID], code, tuple(sorted(rows.values(), key=lambda r: r.seed)), limits[variant])
 
 
 def _find(groups: Sequence[Group], wanted: str) -> Group:
-    """By first digits of the arm, of the commit too where they are said. Raises UsageError unless just one fits."""
-    arm, _, commit = wanted.partition("@")
-    fits = [g for g in groups if g.rows[0].arm.startswith(arm) and g.code.startswith(commit)]
+    """By first digits of the variant, of the commit too where they are said. Raises UsageError unless just one fits."""
+    variant, _, commit = wanted.partition("@")
+    fits = [g for g in groups if g.rows[0].variant.startswith(variant) and g.code.startswith(commit)]
     if len(fits) != 1:
         known = ", ".join(_label(g) for g in (fits or groups)[:4])
-        raise UsageError(f"{wanted!r}: expected the id of one arm, or ID@COMMIT; {len(fits)} fit; there are {known}")
+        raise UsageError(
+            f"{wanted!r}: expected the id of one variant, or ID@COMMIT; {len(fits)} fit; there are {known}"
+        )
     return fits[0]
 
 
-def _sheet(groups: Sequence[Group], numbers: Sequence[ArmNumbers]) -> Sheet:
-    head = ("id", "arm", "course", "vehicle", "rnd", "seeds", "done", "lap [s]", "thrust", "commit")
+def _sheet(groups: Sequence[Group], numbers: Sequence[VariantStats]) -> TextTable:
+    head = ("id", "variant", "course", "vehicle", "rnd", "seeds", "done", "lap [s]", "thrust", "commit")
     rows = [
         (
             g.id,
@@ -131,7 +135,7 @@ def _sheet(groups: Sequence[Group], numbers: Sequence[ArmNumbers]) -> Sheet:
         )
         for g, n in zip(groups, numbers, strict=True)
     ]
-    return Sheet(head, tuple(rows), folds=(1, 2, 3))
+    return TextTable(head, tuple(rows), folds=(1, 2, 3))
 
 
 def _seeds(g: Group) -> str:

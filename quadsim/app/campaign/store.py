@@ -15,10 +15,10 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from quadsim.app.campaign.attempt import Flown, arm_key, attempt_key, result, this_provenance
-from quadsim.app.spec import Spec
-from quadsim.archive import RunFolder
-from quadsim.run import RunError, canonical
+from quadsim.app.campaign.attempt import Flown, attempt_key, result, this_provenance, variant_key
+from quadsim.race.spec import Spec
+from quadsim.record.archive import RunFolder
+from quadsim.record.run import RunError, canonical
 
 PATIENCE = 60.0  # for another writer's transaction [s]
 SCHEMA_VERSION = 1
@@ -26,8 +26,8 @@ SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS attempts (
     key TEXT NOT NULL,        -- sha256 of specification and seed
     code TEXT NOT NULL,       -- commit that flew it
-    arm TEXT NOT NULL,        -- sha256 of the specification
-    name TEXT NOT NULL,       -- what the arm was called when it flew
+    variant TEXT NOT NULL,        -- sha256 of the specification
+    name TEXT NOT NULL,       -- what the variant was called when it flew
     course TEXT NOT NULL, sampler TEXT NOT NULL, preset TEXT NOT NULL, vehicle TEXT NOT NULL,
     randomize REAL NOT NULL, seed INTEGER NOT NULL,
     outcome TEXT NOT NULL,    -- finished, crashed, timeout
@@ -37,7 +37,7 @@ CREATE TABLE IF NOT EXISTS attempts (
     spec TEXT NOT NULL,       -- JSON
     PRIMARY KEY (key, code)
 );
-CREATE INDEX IF NOT EXISTS attempts_by_arm ON attempts (arm, seed);
+CREATE INDEX IF NOT EXISTS attempts_by_variant ON attempts (variant, seed);
 PRAGMA user_version = {SCHEMA_VERSION};
 """
 
@@ -48,7 +48,7 @@ class Row:
 
     key: str
     code: str
-    arm: str
+    variant: str
     name: str
     course: str
     sampler: str
@@ -96,7 +96,7 @@ class Store:
         row = Row(
             key=attempt_key(spec),
             code=code_of(flown.provenance),
-            arm=arm_key(spec),
+            variant=variant_key(spec),
             name=name,
             course=spec.course.name,
             sampler=spec.sampler,

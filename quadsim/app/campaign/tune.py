@@ -11,7 +11,6 @@ from msgspec import Meta
 from rich.markup import escape
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
 
-from quadsim.app.campaign.arms import Arm, resolve
 from quadsim.app.campaign.common_flags import (
     CAMPAIGN,
     INTERRUPTED,
@@ -20,15 +19,16 @@ from quadsim.app.campaign.common_flags import (
     Workers,
     read_with_flight,
 )
-from quadsim.app.campaign.conduct import Conduct
-from quadsim.app.campaign.numbers import ArmNumbers, arm_numbers, lap_limit
+from quadsim.app.campaign.optuna_study import Study, objective, open_study
+from quadsim.app.campaign.runner import Runner
 from quadsim.app.campaign.search import Group, knobs, pareto, preset_text, turned
-from quadsim.app.campaign.sheets import Sheet, as_table
-from quadsim.app.campaign.study import Study, objective, open_study
+from quadsim.app.campaign.summary_stats import VariantStats, lap_limit, variant_stats
+from quadsim.app.campaign.tables import TextTable, as_table
+from quadsim.app.campaign.variants import Variant, resolve
 from quadsim.app.console import complain, emit, emit_json
 from quadsim.app.flags import UsageError
-from quadsim.archive import write_whole
-from quadsim.metrics import wilson
+from quadsim.record.archive import write_whole
+from quadsim.record.metrics import wilson
 
 FINALISTS = 3  # of the search, flown again on fresh seeds: the best of many was lucky as well
 FRESH = 10**6  # offset of their seeds
@@ -62,14 +62,14 @@ class Tune:
         return read_with_flight(cls, "race tune", argv)
 
     def run(self) -> int:
-        base = Arm("base", resolve([self.course, *self.flight], "race tune"))
+        base = Variant("base", resolve([self.course, *self.flight], "race tune"))
         turns = list(knobs(base.spec.planner, base.spec.sampler, self.search))
         if not turns:
             raise UsageError(f"--search: {' '.join(self.search)}: nothing to turn for {base.spec.sampler} sampling")
         identity = f"{base.key[:16]}-{'-'.join(self.search)}-{self.attempts}-{self.floor:g}-{base.spec.seed}"
         study = open_study(Path(self.campaign).with_suffix(".journal"), identity, turns)
         try:
-            with Conduct(Path(self.campaign), self.workers, this_commit=False) as conduct:
+            with Runner(Path(self.campaign), self.workers, this_commit=False) as conduct:
                 self._search(study, base, conduct)
                 finals = self._finals(study, base, conduct)
         except KeyboardInterrupt:
@@ -77,31 +77,33 @@ class Tune:
         self._present(study, base, finals)
         return 0
 
-    def _search(self, study: Study, base: Arm, conduct: Conduct) -> None:
+    def _search(self, study: Study, base: Variant, conduct: Runner) -> None:
         """As many trials at once as keep the workers busy."""
         while study.done < self.trials:
             wave = max(1, min(conduct.pool.size // self.attempts, self.trials - study.done))
             trials = study.ask(wave)
-            arms = [_arm(f"trial {t.number}", base, t.params) for t in trials]
-            for trial, arm, rows in zip(trials, arms, conduct(arms, self.attempts, quiet=True), strict=True):
+            variants = [_variant(f"trial {t.number}", base, t.params) for t in trials]
+            for trial, variant, rows in zip(
+                trials, variants, conduct(variants, self.attempts, quiet=True), strict=True
+            ):
                 if len(rows) < self.attempts:
                     study.fail(trial)
                     continue
-                n = arm_numbers(arm.name, rows, lap_limit(arm))
+                n = variant_stats(variant.name, rows, lap_limit(variant))
                 study.tell(trial, n, self.floor)
                 complain(f"{study.done}/{self.trials} {_said(n)}")
 
-    def _finals(self, study: Study, base: Arm, conduct: Conduct) -> list[tuple[ArmNumbers, dict]]:
+    def _finals(self, study: Study, base: Variant, conduct: Runner) -> list[tuple[VariantStats, dict]]:
         """The search's best on fresh seeds, best first."""
         fresh = replace(base, spec=replace(base.spec, seed=base.spec.seed + FRESH))
         best = study.best(FINALISTS)
-        arms = [_arm(f"trial {number}", fresh, params) for number, params in best]
-        flown = conduct(arms, REPEAT * self.attempts)
-        numbers = [arm_numbers(a.name, rows, lap_limit(a)) for a, rows in zip(arms, flown, strict=True) if rows]
+        variants = [_variant(f"trial {number}", fresh, params) for number, params in best]
+        flown = conduct(variants, REPEAT * self.attempts)
+        numbers = [variant_stats(a.name, rows, lap_limit(a)) for a, rows in zip(variants, flown, strict=True) if rows]
         together = zip(numbers, (params for _, params in best), strict=True)
         return sorted(together, key=lambda pair: objective(pair[0], self.floor))
 
-    def _present(self, study: Study, base: Arm, finals: list[tuple[ArmNumbers, dict]]) -> None:
+    def _present(self, study: Study, base: Variant, finals: list[tuple[VariantStats, dict]]) -> None:
         best, params = finals[0]
         planner = turned(base.spec.planner, params)
         comment = f"race tune {self.course}, {base.spec.sampler} sampling: {best.name} of {study.done}.\n"
@@ -121,19 +123,19 @@ class Tune:
         )
 
 
-def _arm(name: str, base: Arm, params: dict) -> Arm:
-    """The belief stays: a search turns the planner, not what it knows of the vehicle."""
-    return Arm(name, replace(base.spec, planner=turned(base.spec.planner, params)))
+def _variant(name: str, base: Variant, params: dict) -> Variant:
+    """The model stays: a search turns the planner, not what it knows of the vehicle."""
+    return Variant(name, replace(base.spec, planner=turned(base.spec.planner, params)))
 
 
-def _said(n: ArmNumbers) -> str:
+def _said(n: VariantStats) -> str:
     low, high = wilson(n.finished, n.attempts)
     laps = f"lap {n.lap_mean:.3f} s" if n.finished else "no lap"
     success = f"{n.finished}/{n.attempts} ({100 * low:.0f}-{100 * high:.0f} %)"
     return f"{n.name}: {success}, {laps}, thrust {n.thrust_tv:.0f} m/s^2/s"
 
 
-def _pareto_sheet(front: Sequence[dict], attempts: int) -> Sheet:
+def _pareto_sheet(front: Sequence[dict], attempts: int) -> TextTable:
     rows = [
         (
             str(n["trial"]),
@@ -144,4 +146,4 @@ def _pareto_sheet(front: Sequence[dict], attempts: int) -> Sheet:
         )
         for n in front
     ]
-    return Sheet(("trial", "finished", "lap [s]", "thrust", "knobs"), tuple(rows), folds=(4,))
+    return TextTable(("trial", "finished", "lap [s]", "thrust", "knobs"), tuple(rows), folds=(4,))

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from quadsim.app.figure_style import STYLE, line
 from quadsim.app.paper.integrator import GOAL, MPPI_CONFIG, frames
 from quadsim.app.paper.result import Result, write_csv, write_figure
-from quadsim.app.paper.table2 import arm, costs
+from quadsim.app.paper.table2 import costs, variant
 from quadsim.palette import MARK, dotted, style
 
 SIGMA = 1.5
@@ -42,7 +42,7 @@ def run(runs: int, folder: Path) -> Result:
 
 def _track(name: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Position and control of the first axis.  (steps + 1,) each, the last control held"""
-    flown = frames(arm(name, SIGMA), seed)
+    flown = frames(variant(name, SIGMA), seed)
     return np.array([f.x[0] for f in flown]), np.array([f.u[0] for f in flown])
 
 

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from quadsim.app.paper.store import Store
 from quadsim.app.workers import cores, end_workers, finished, start_workers
-from quadsim.run import RunError
+from quadsim.record.run import RunError
 
 Job = TypeVar("Job")
 LINES = 10  # of progress where stderr is no terminal

@@ -17,9 +17,9 @@ from controllers.mppi import MPPI, build_mppi
 from controllers.samplers import Channels
 from quadsim.app.paper.store import run_key
 from quadsim.course import Vec3
-from quadsim.flight import fly
-from quadsim.plant import ModelPlant
-from quadsim.run import Event, Frame
+from quadsim.physics.plant import ModelPlant
+from quadsim.race.events import Event, Frame
+from quadsim.race.flight import fly
 from quadsim.systems.double_integrator import double_integrator
 
 START = (-9.0, -9.0, 0.1, 0.1)
@@ -38,7 +38,7 @@ MPPI_CONFIG = MPPIConfig(
 
 
 @dataclass(frozen=True)
-class Arm:
+class Variant:
     """One cell of the table."""
 
     name: str
@@ -64,10 +64,12 @@ class Stopwatch:
         return []
 
 
-def frames(arm: Arm, seed: int) -> list[Frame]:
+def frames(variant: Variant, seed: int) -> list[Frame]:
     """One run: STEPS + 1 states and the controls between them."""
     c = MPPI_CONFIG
-    planner = controller(arm.sampler, arm.sampling, c, np.random.SeedSequence(seed).generate_state(2, np.uint32))
+    planner = controller(
+        variant.sampler, variant.sampling, c, np.random.SeedSequence(seed).generate_state(2, np.uint32)
+    )
     plant = ModelPlant(planner.system.step, planner.system.params, START, c.dt)
     return list(fly(plant, planner, Stopwatch((STEPS - 0.5) * c.dt), c.dt))
 
@@ -77,7 +79,7 @@ def controller(sampler: str, sampling: Channels, config: MPPIConfig, key: np.nda
     return build_mppi(double_integrator(config.dt), quadratic_cost(GOAL), sampler, sampling, config, key)
 
 
-def record(job: tuple[Arm, int]) -> dict:
+def record(job: tuple[Variant, int]) -> dict:
     """Accumulated cost of the states reached, and the median wall clock of a control step [ms]."""
     flown = frames(*job)
     cost = quadratic_cost(GOAL)

@@ -11,14 +11,14 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from quadsim.app.figure_style import STYLE, line
-from quadsim.app.paper.arms import ARMS, arm_numbers, arm_table
 from quadsim.app.paper.gather import gather
 from quadsim.app.paper.result import Result, write_csv, write_figure
+from quadsim.app.paper.variants import VARIANTS, variant_stats, variant_table
 from quadsim.app.paper.vehicle import COLUMNS, CORRIDOR, Drive, record
-from quadsim.corridor import load_corridor
+from quadsim.course.corridor import load_corridor
 from quadsim.palette import HIT, INK, LIMIT, style
 
-DRIVES = {  # arm -> its attempts by seed; the last, a quarter of them, asks whether the temperature holds it back
+DRIVES = {  # variant -> its attempts by seed; the last, a quarter of them, asks whether the temperature holds it back
     "gaussian": lambda seed: Drive("gaussian", seed),
     "colored": lambda seed: Drive("colored", seed),
     "gaussian_cold": lambda seed: Drive("gaussian", seed, temperature=0.02),
@@ -28,14 +28,14 @@ SHOWN = 8.0  # seconds of controls, as in the paper
 
 
 def run(runs: int, folder: Path) -> Result:
-    counts = {name: runs if name in ARMS else -(-runs // 4) for name in DRIVES}
+    counts = {name: runs if name in VARIANTS else -(-runs // 4) for name in DRIVES}
     drives = {name: [drive(seed) for seed in range(counts[name])] for name, drive in DRIVES.items()}
-    in_turn = sorted((d for arm in drives.values() for d in arm), key=lambda d: d.seed)
+    in_turn = sorted((d for variant in drives.values() for d in variant), key=lambda d: d.seed)
     made = gather({d.key: d for d in in_turn}, record, folder / "offroad.jsonl")
-    records = {name: [made[d.key] for d in arm] for name, arm in drives.items()}
-    rows = [arm_numbers("offroad", name, arm) | _ends(arm) for name, arm in records.items()]
+    records = {name: [made[d.key] for d in variant] for name, variant in drives.items()}
+    rows = [variant_stats("offroad", name, variant) | _ends(variant) for name, variant in records.items()]
     files = (write_csv(folder / "offroad.csv", rows), *_pictures(records, folder))
-    return Result({"arms": rows}, (arm_table(rows, {"legs": "mean_legs"}),), files)
+    return Result({"variants": rows}, (variant_table(rows, {"legs": "mean_legs"}),), files)
 
 
 def _ends(records: list[dict]) -> dict:
@@ -48,16 +48,18 @@ def _ends(records: list[dict]) -> dict:
 def _pictures(records: dict[str, list[dict]], folder: Path) -> tuple[Path, ...]:
     with rc_context(STYLE):
         paths = Figure(figsize=(13, 5), dpi=110, layout="constrained")
-        for axes, (name, arm) in zip(paths.subplots(1, len(records), sharey=True), records.items(), strict=True):
-            lines = draw_paths(axes, arm)
-            axes.set_title(f"{name}: {sum(r['outcome'] == 'finished' for r in arm)} of {len(arm)} reach the goal")
+        for axes, (name, variant) in zip(paths.subplots(1, len(records), sharey=True), records.items(), strict=True):
+            lines = draw_paths(axes, variant)
+            axes.set_title(
+                f"{name}: {sum(r['outcome'] == 'finished' for r in variant)} of {len(variant)} reach the goal"
+            )
         paths.colorbar(lines, ax=paths.axes, label="t [s]", pad=0.01)
         controls = Figure(figsize=(9, 5), dpi=110, layout="constrained")
         rows = controls.subplots(2, 1, sharex=True)
-        for name in ARMS:
+        for name in VARIANTS:
             draw_controls(rows, name, records[name][0])
         rows[0].legend(loc="lower right", ncols=2)
-    csvs = [_csv(folder, name, arm) for name, arm in records.items()]
+    csvs = [_csv(folder, name, variant) for name, variant in records.items()]
     return *write_figure(paths, folder, "offroad_paths"), *write_figure(controls, folder, "offroad_controls"), *csvs
 
 

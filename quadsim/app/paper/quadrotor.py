@@ -14,16 +14,16 @@ from matplotlib.figure import Figure
 
 from quadsim.app.figure_style import STYLE
 from quadsim.app.flight_flags import FlightFlags
-from quadsim.app.paper.arms import ARMS, arm_numbers, arm_table
 from quadsim.app.paper.gather import gather
 from quadsim.app.paper.result import Result, write_csv, write_figure
 from quadsim.app.paper.store import run_key
-from quadsim.app.spec import Spec, build, launch
+from quadsim.app.paper.variants import VARIANTS, variant_stats, variant_table
 from quadsim.course import load_course
-from quadsim.metrics import chatter
 from quadsim.palette import INK, style
-from quadsim.plant import CONTROL
-from quadsim.run import Run, hostless
+from quadsim.race.spec import Spec, build, launch
+from quadsim.record.metrics import chatter
+from quadsim.record.run import Run, hostless
+from quadsim.systems.quadrotor import CONTROL
 
 RUNS = 20
 LAPS_SHOWN = 9  # as in the paper
@@ -68,14 +68,14 @@ def record(flight: Flight) -> dict:
 
 
 def run(runs: int, folder: Path) -> Result:
-    flights = {name: [Flight(name, seed) for seed in range(runs)] for name in ARMS}
-    keys = {name: [f.key for f in arm] for name, arm in flights.items()}
-    jobs = {keys[name][i]: flights[name][i] for i in range(runs) for name in ARMS}  # seed by seed, for both alike
+    flights = {name: [Flight(name, seed) for seed in range(runs)] for name in VARIANTS}
+    keys = {name: [f.key for f in variant] for name, variant in flights.items()}
+    jobs = {keys[name][i]: flights[name][i] for i in range(runs) for name in VARIANTS}  # seed by seed, for both alike
     made = gather(jobs, record, folder / "quadrotor.jsonl")
-    records = {name: [made[key] for key in arm] for name, arm in keys.items()}
-    rows = [arm_numbers("quadrotor", name, arm) | _chatter(arm) for name, arm in records.items()]
+    records = {name: [made[key] for key in variant] for name, variant in keys.items()}
+    rows = [variant_stats("quadrotor", name, variant) | _chatter(variant) for name, variant in records.items()]
     files = (write_csv(folder / "quadrotor.csv", rows), *_picture(records, folder))
-    return Result({"arms": rows}, (arm_table(rows, {"TV": "thrust_tv"}),), files)
+    return Result({"variants": rows}, (variant_table(rows, {"TV": "thrust_tv"}),), files)
 
 
 def _chatter(records: list[dict]) -> dict:
@@ -88,12 +88,12 @@ def _picture(records: dict[str, list[dict]], folder: Path) -> tuple[Path, ...]:
     with rc_context(STYLE):
         figure = Figure(figsize=(12, 8), dpi=110, layout="constrained")
         parts = figure.subfigures(len(records), 1, squeeze=False)[:, 0]
-        for part, (name, arm) in zip(parts, records.items(), strict=True):
-            finished = [r for r in arm if r["outcome"] == "finished"][:LAPS_SHOWN]
+        for part, (name, variant) in zip(parts, records.items(), strict=True):
+            finished = [r for r in variant if r["outcome"] == "finished"][:LAPS_SHOWN]
             left, right = part.subfigures(1, 2, width_ratios=(1.5, 1))
             axes = left.subplots()
             left.colorbar(_draw_laps(axes, finished), ax=axes, label="ground speed [m/s]", pad=0.01, shrink=0.6)
-            axes.set_title(f"{name}: first {len(finished)} laps that finished, of {len(arm)} attempts")
+            axes.set_title(f"{name}: first {len(finished)} laps that finished, of {len(variant)} attempts")
             if finished:
                 fastest = min(finished, key=lambda r: r["time"])
                 _draw_controls(right.subplots(4, 1, sharex=True), name, fastest)

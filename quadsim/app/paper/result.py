@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import RenderableType
 
-from quadsim.run import RunError
+from quadsim.record.run import RunError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure  # loaded by those who draw

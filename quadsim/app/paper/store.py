@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from hashlib import sha256
 from pathlib import Path
 
-from quadsim.run import RunError, canonical
+from quadsim.record.run import RunError, canonical
 
 
 def run_key(settings: dict) -> str:

@@ -12,7 +12,7 @@ from rich.table import Table
 from controllers.samplers import Channels
 from quadsim.app.lap_table import plain_table
 from quadsim.app.paper.gather import gather
-from quadsim.app.paper.integrator import Arm, record
+from quadsim.app.paper.integrator import Variant, record
 from quadsim.app.paper.published import TABLE2
 from quadsim.app.paper.result import Result, write_csv
 
@@ -49,17 +49,17 @@ class Cell:
     paper_ms: float | None  # on an RTX 3080
 
 
-def arm(name: str, sigma: float) -> Arm:
+def variant(name: str, sigma: float) -> Variant:
     sampler, gamma, law, shift = CHOICES[name]
-    return Arm(name, sampler, Channels((sigma,) * 2, (gamma,) * 2, law, shift))
+    return Variant(name, sampler, Channels((sigma,) * 2, (gamma,) * 2, law, shift))
 
 
 def costs(names: tuple[str, ...], sigmas: tuple[float, ...], runs: int, folder: Path) -> dict[tuple[str, float], list]:
     """(name, sigma) -> records by seed."""
-    arms = {(name, sigma): arm(name, sigma) for sigma, name in product(sigmas, names)}
-    jobs = {a.key(seed): (a, seed) for seed in range(runs) for a in arms.values()}
+    variants = {(name, sigma): variant(name, sigma) for sigma, name in product(sigmas, names)}
+    jobs = {a.key(seed): (a, seed) for seed in range(runs) for a in variants.values()}
     made = gather(jobs, record, folder / "table2.jsonl")
-    return {cell: [made[a.key(seed)] for seed in range(runs)] for cell, a in arms.items()}
+    return {cell: [made[a.key(seed)] for seed in range(runs)] for cell, a in variants.items()}
 
 
 def run(runs: int, folder: Path) -> Result:

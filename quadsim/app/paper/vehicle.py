@@ -15,10 +15,11 @@ from controllers.costs.corridor import CorridorWeights, corridor_cost
 from controllers.mppi import MPPI, build_mppi
 from controllers.samplers import Channels
 from quadsim.app.paper.store import run_key
-from quadsim.corridor import CorridorJudge, load_corridor
-from quadsim.flight import fly
-from quadsim.plant import ModelPlant, diffusion
-from quadsim.run import Frame
+from quadsim.course.corridor import load_corridor
+from quadsim.physics.plant import ModelPlant, diffusion
+from quadsim.race.corridor_referee import CorridorReferee
+from quadsim.race.events import Frame
+from quadsim.race.flight import fly
 from quadsim.systems.offroad import BELIEVED, DRIVEN, STATES, offroad
 
 CORRIDOR = "zigzag"
@@ -49,12 +50,12 @@ class Drive:
         return run_key(asdict(self) | fixed)
 
 
-def frames(drive: Drive) -> tuple[list[Frame], CorridorJudge]:
+def frames(drive: Drive) -> tuple[list[Frame], CorridorReferee]:
     """From standing at the corridor's start until the judge ends it."""
     c = replace(MPPI_CONFIG, temperature=drive.temperature)
     key, world = np.random.SeedSequence(drive.seed).spawn(2)
     planner = controller(drive.sampler, c, key.generate_state(2, np.uint32))
-    judge = CorridorJudge(load_corridor(CORRIDOR), HALF_WIDTH, TIMEOUT)
+    judge = CorridorReferee(load_corridor(CORRIDOR), HALF_WIDTH, TIMEOUT)
     return list(fly(plant(np.random.default_rng(world)), planner, judge, c.dt)), judge
 
 
@@ -65,7 +66,7 @@ def controller(sampler: str, config: MPPIConfig, key: np.ndarray) -> MPPI:
 
 
 def start() -> tuple[float, ...]:
-    """Standing at the corridor's start, heading along its first leg.  STATES"""
+    """LapTiming at the corridor's start, heading along its first leg.  STATES"""
     corridor = load_corridor(CORRIDOR)
     return (*corridor.points[0], *corridor.directions[0].tolist(), 0.0, 0.0, 0.0, 0.0)
 

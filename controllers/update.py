@@ -1,0 +1,55 @@
+"""What a sample counts for: the softmax of its cost, and the temperature that decides how sharply."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+import numpy as np
+
+from controllers.rollout.lanes import LANES
+
+TEMPERATURE_STEP = 1.1  # factor per iteration when steering to an effective sample size
+TEMPERATURE_RANGE = (1e-4, 1e4)
+SAVITZKY_GOLAY = np.array([-3, 12, 17, 12, -3]) / 35  # 5 points, order 2
+
+
+def weights(J: np.ndarray, temperature: float) -> np.ndarray:
+    """w^m = exp(-(J^m - rho) / lambda) / eta, rho = min J; a rollout that overflowed weighs nothing.  (M,) -> (M,)
+
+    Raises FloatingPointError when every rollout overflowed.
+    """
+    w = shares(J, temperature)
+    if not w.any():
+        raise FloatingPointError(f"MPPI: cost: expected a finite J, got none in {len(J)} rollouts; lower the weights")
+    return w
+
+
+def shares(J: np.ndarray, temperature: float) -> np.ndarray:
+    """The same of some of the samples; zeros where none of them has a finite cost."""
+    J = np.where(np.isnan(J), np.inf, J)
+    if not isfinite(J.min()):
+        return np.zeros_like(J)
+    w = np.exp(-(J - J.min()) / temperature)
+    return w / w.sum()
+
+
+def steer(temperature: float, ess: float, target: float | None) -> float:
+    """The next temperature: a fixed factor up or down towards the wanted effective sample size."""
+    if target is None:
+        return temperature
+    low, high = TEMPERATURE_RANGE
+    return min(max(temperature * TEMPERATURE_STEP ** (1 if ess < target else -1), low), high)
+
+
+def padded(w: np.ndarray) -> np.ndarray:
+    """Weights in whole blocks of lanes; the lanes beyond M weigh nothing.  (M,) -> (blocks, LANES)"""
+    blocks = np.zeros(-(-len(w) // LANES) * LANES)
+    blocks[: len(w)] = w
+    return blocks.reshape(-1, LANES)
+
+
+def savitzky_golay(plan: np.ndarray, executed: np.ndarray) -> np.ndarray:
+    """The plan filtered over time; the executed controls pad its left, its last row its right.  (T, n_u)"""
+    padded = np.vstack([executed, plan, plan[-1:], plan[-1:]])
+    shifted = np.stack([padded[i : i + len(plan)] for i in range(len(SAVITZKY_GOLAY))])
+    return np.tensordot(SAVITZKY_GOLAY, shifted, axes=1)

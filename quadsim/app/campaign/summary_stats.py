@@ -1,0 +1,138 @@
+"""What attempts say together: one variant by itself, two variants against each other.
+
+Lap times are conditional on finishing, so nothing here gives them without attempts and finished beside them.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from itertools import combinations
+from math import exp, log, nan
+from statistics import fmean, median
+
+from quadsim.app.campaign.statistics import Mean, detectable, fisher, mcnemar, mean_interval
+from quadsim.app.campaign.store import Row
+from quadsim.app.campaign.variants import Variant
+from quadsim.record.metrics import wilson
+
+FINISHED = "finished"
+
+
+@dataclass(frozen=True)
+class VariantStats:
+    """One variant on one course. Seconds, m/s^2/s, ms; lap: an attempt's mean lap."""
+
+    course: str
+    name: str
+    attempts: int
+    finished: int
+    success_ci: tuple[float, float]
+    lap_mean: float
+    lap_sd: float
+    lap_min: float  # the fastest single lap
+    race_median: float  # all laps from the standing start
+    flying_median: float  # all laps but the first
+    penalised_mean: float  # lap_mean with the time limit's lap for each attempt that did not finish
+    thrust_tv: float  # commanded, mean of all attempts
+    thrust_tv_delivered: float
+    plan_ms: float  # median of the attempts' medians
+    crashes: dict[str, int]  # "gate 3", "ground", "bounds", "planner", "timeout"
+    commits: tuple[str, ...]  # that flew them
+
+
+@dataclass(frozen=True)
+class PairStats:
+    """b against a on one course; differences are b - a."""
+
+    course: str
+    a: str
+    b: str
+    lap_difference: Mean  # over the seeds that both finish [s]
+    detectable: float  # true difference that so many pairs show with power 80 % [s]
+    only_a: int  # seeds that only a finished
+    only_b: int
+    success_p: float  # McNemar's exact p over the shared seeds, Fisher's where there are none
+    thrust_tv_ratio: Mean  # b / a, the geometric mean over the shared seeds and its interval
+    seeds: int  # that both flew
+
+
+def variant_stats(name: str, rows: Sequence[Row], limit: float) -> VariantStats:
+    """limit: time limit of the flight for each lap [s]; every variant of a comparison has the same."""
+    done = [r for r in rows if r.outcome == FINISHED]
+    laps = [fmean(r.result["laps"]) for r in done]
+    every = mean_interval(laps)
+    flying = [fmean(r.result["laps"][1:]) for r in done if len(r.result["laps"]) > 1]
+    return VariantStats(
+        course=rows[0].course,
+        name=name,
+        attempts=len(rows),
+        finished=len(done),
+        success_ci=wilson(len(done), len(rows)),
+        lap_mean=every.mean,
+        lap_sd=every.sd,
+        lap_min=min((t for r in done for t in r.result["laps"]), default=nan),
+        race_median=_median([sum(r.result["laps"]) for r in done]),
+        flying_median=_median(flying),
+        penalised_mean=fmean([*laps, *[limit] * (len(rows) - len(done))]),
+        thrust_tv=fmean(r.result["thrust_tv"]["commanded"] for r in rows),
+        thrust_tv_delivered=fmean(r.result["thrust_tv"]["delivered"] for r in rows),
+        plan_ms=median(r.result["plan_ms"]["p50"] for r in rows),
+        crashes=dict(Counter(where_it_ended(r) for r in rows if r.outcome != FINISHED).most_common()),
+        commits=tuple(sorted({r.code for r in rows})),
+    )
+
+
+def pair_stats(a: str, b: str, rows_a: Sequence[Row], rows_b: Sequence[Row]) -> PairStats:
+    of_a, of_b = ({r.seed: r for r in rows} for rows in (rows_a, rows_b))
+    pairs = [(of_a[seed], of_b[seed]) for seed in of_a if seed in of_b]
+    both = [(x, y) for x, y in pairs if x.outcome == y.outcome == FINISHED]
+    laps = mean_interval([fmean(y.result["laps"]) - fmean(x.result["laps"]) for x, y in both])
+    only_a = sum(x.outcome == FINISHED != y.outcome for x, y in pairs)
+    only_b = sum(y.outcome == FINISHED != x.outcome for x, y in pairs)
+    k_a, k_b = (sum(r.outcome == FINISHED for r in rows) for rows in (rows_a, rows_b))
+    return PairStats(
+        course=rows_a[0].course,
+        a=a,
+        b=b,
+        lap_difference=laps,
+        detectable=detectable(laps.sd, laps.n),
+        only_a=only_a,
+        only_b=only_b,
+        success_p=mcnemar(only_a, only_b) if pairs else fisher(k_a, len(rows_a), k_b, len(rows_b)),
+        thrust_tv_ratio=_ratio(pairs, lambda r: r.result["thrust_tv"]["commanded"]),
+        seeds=len(pairs),
+    )
+
+
+def all_pairs(names: Sequence[str], rows: Sequence[Sequence[Row]]) -> list[PairStats]:
+    """Every two variants of one course."""
+    variants = zip(names, rows, strict=True)
+    return [pair_stats(a, b, x, y) for (a, x), (b, y) in combinations(variants, 2) if x and y]
+
+
+def where_it_ended(row: Row) -> str:
+    crash = row.result["crash"]
+    if crash is None:
+        return row.outcome
+    return f"gate {crash['gate']}" if crash["gate"] else crash["kind"]
+
+
+def lap_limit(variant: Variant) -> float:
+    """What a flight that does not finish counts as, a lap [s]."""
+    return variant.spec.timeout / variant.spec.laps
+
+
+def as_json(variants: Sequence[VariantStats], pairs: Sequence[PairStats], campaign: str) -> dict:
+    return {"variants": [asdict(a) for a in variants], "pairs": [asdict(p) for p in pairs], "campaign": campaign}
+
+
+def _median(values: Sequence[float]) -> float:
+    return median(values) if values else nan
+
+
+def _ratio(pairs: Sequence[tuple[Row, Row]], number: Callable[[Row], float]) -> Mean:
+    """Of positive numbers, by their logarithms: a doubling and a halving cancel."""
+    logs = mean_interval([log(number(b) / number(a)) for a, b in pairs if number(a) > 0 < number(b)])
+    return Mean(exp(logs.mean), exp(logs.low), exp(logs.high), logs.n, logs.sd)

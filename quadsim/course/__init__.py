@@ -1,0 +1,17 @@
+"""Courses: where the gates stand, read from YAML files and checked."""
+
+from quadsim.course.course import FRAME_DEPTH, Course, Gate, Published, Start, Vec3
+from quadsim.course.course_file import COURSES, course_names, load_course, parse_course
+
+__all__ = [
+    "COURSES",
+    "FRAME_DEPTH",
+    "Course",
+    "Gate",
+    "Published",
+    "Start",
+    "Vec3",
+    "course_names",
+    "load_course",
+    "parse_course",
+]

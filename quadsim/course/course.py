@@ -1,0 +1,112 @@
+"""Course: gates, start, bounds and laps as plain values; see course_file for the YAML they are read from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from math import dist
+
+import numpy as np
+
+FRAME_DEPTH = 0.1  # of a gate's bars along its passage [m]
+
+Vec3 = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A rectangular opening in a flat frame. Gate frame: x along the legal passage, y left, z up."""
+
+    position: Vec3  # centre of the opening, ENU [m]
+    yaw: float  # [rad]
+    pitch: float  # [rad], positive turns the passage down
+    roll: float  # [rad]
+    opening: tuple[float, float]  # width (y), height (z) [m]
+    frame_width: float  # of the bars around the opening [m]
+
+    @cached_property
+    def rotation(self) -> np.ndarray:
+        """World from gate, R = Rz(yaw) Ry(pitch) Rx(roll). Columns: passage, left, up.  (3, 3)"""
+        cy, sy, cp, sp, cr, sr = (f(a) for a in (self.yaw, self.pitch, self.roll) for f in (np.cos, np.sin))
+        return np.array(
+            [
+                [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+                [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+                [-sp, cp * sr, cp * cr],
+            ]
+        )
+
+    @cached_property
+    def axes(self) -> tuple[Vec3, Vec3, Vec3]:
+        """Passage, left and up in the world, as plain floats."""
+        passage, left, up = self.rotation.T.tolist()
+        return tuple(passage), tuple(left), tuple(up)
+
+    def to_local(self, p: Vec3) -> Vec3:
+        """A point of the world in the gate frame: along the passage, left, up [m]."""
+        c = self.position
+        x, y, z = p[0] - c[0], p[1] - c[1], p[2] - c[2]
+        f, l, u = self.axes  # noqa: E741
+        return (
+            f[0] * x + f[1] * y + f[2] * z,
+            l[0] * x + l[1] * y + l[2] * z,
+            u[0] * x + u[1] * y + u[2] * z,
+        )
+
+    def corners(self, border: float = 0.0) -> np.ndarray:
+        """Corners of the opening, `border` [m] farther out, in the world.  (4, 3)"""
+        half_width, half_height = self.opening[0] / 2 + border, self.opening[1] / 2 + border
+        local = np.array([(0.0, y * half_width, z * half_height) for y, z in product((-1, 1), repeat=2)])  # (4, 3)
+        return self.position + local @ self.rotation.T
+
+    def frame_distance(self, point: Vec3) -> float:
+        """From the point to the nearest bar of the frame, taken as flat [m]; 0 on it."""
+        x, y, z = self.to_local(point)
+        inside = (self.opening[0] / 2 - abs(y), self.opening[1] / 2 - abs(z))  # to the opening's edges, signed
+        if min(inside) > 0.0:
+            return float(np.hypot(x, min(inside)))
+        outside = (max(0.0, -d - self.frame_width) for d in inside)
+        return float(np.linalg.norm((x, *outside)))
+
+
+@dataclass(frozen=True)
+class Start:
+    position: Vec3  # [m]
+    yaw: float  # [rad]
+
+
+@dataclass(frozen=True)
+class Published:
+    """A time that somebody else flew on these gates."""
+
+    who: str
+    time: float  # [s]
+
+
+@dataclass(frozen=True)
+class Course:
+    """Gates to pass in order, from a standing start."""
+
+    name: str
+    source: str
+    gates: tuple[Gate, ...]
+    start: Start
+    bounds: tuple[tuple[float, float], ...]  # ((x_min, x_max), (y_min, y_max), (z_min, z_max)) [m]
+    loop: bool  # after the last gate comes the first; a lap ends at the last gate
+    laps: int
+    published: tuple[Published, ...]
+    text: str  # the YAML it came from, kept with every run
+
+    @cached_property
+    def lap_length(self) -> float:
+        """Straight-line length through the gates once, from the start (open) or closed (loop) [m]."""
+        p = [g.position for g in self.gates]
+        before = [p[-1] if self.loop else self.start.position, *p[:-1]]
+        return sum(dist(a, b) for a, b in zip(before, p, strict=True))
+
+    def points(self, frames: bool = True) -> np.ndarray:
+        """The start and, of every gate, the frame's corners or the centre: what a view has to show.  (n, 3)"""
+        gates: Iterable = (g.corners(g.frame_width) if frames else [g.position] for g in self.gates)
+        return np.vstack([[self.start.position], *gates])

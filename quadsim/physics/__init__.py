@@ -1,0 +1,1 @@
+"""What is flown: actuators, rigid bodies, plants, domain randomization."""

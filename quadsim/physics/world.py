@@ -1,0 +1,116 @@
+"""The PyBullet world: the only file that knows pybullet. Its frames and its xyzw quaternions end here.
+
+PyBullet caps velocities at 100 (m/s, rad/s) per coordinate, silently; no vehicle here comes near.
+"""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from typing import Any
+
+from quadsim.course import Course, Gate
+from quadsim.physics.actuators import Vector, to_body
+from quadsim.vehicle import GRAVITY, Vehicle
+
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+def _import_quietly(name: str) -> Any:
+    """Import a module that greets from C on file descriptor 2, past sys.stderr: a progress line lives there."""
+    stderr, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        return import_module(name)
+    finally:
+        os.dup2(stderr, 2)
+        os.close(stderr)
+        os.close(nowhere)
+
+
+bullet = _import_quietly("pybullet")
+
+
+def gate_bars(gate: Gate, depth: float) -> tuple[tuple[Vector, Vector], ...]:
+    """Four bars (centre, half extents) in the gate frame [m]: top and bottom span the corners."""
+    (width, height), bar = gate.opening, gate.frame_width
+    across, up = (width + bar) / 2, (height + bar) / 2
+    beam = (depth / 2, width / 2 + bar, bar / 2)
+    post = (depth / 2, bar / 2, height / 2)
+    return ((0.0, 0.0, up), beam), ((0.0, 0.0, -up), beam), ((0.0, across, 0.0), post), ((0.0, -across, 0.0), post)
+
+
+class World:
+    """A rigid sphere with its own inertia, the ground at z = 0 and static gate frames, in a client of its own."""
+
+    def __init__(self, course: Course, vehicle: Vehicle, dt: float, frame_depth: float):
+        self._client = bullet.connect(bullet.DIRECT)
+        self._at: dict[str, int] = {"physicsClientId": self._client}
+        bullet.setTimeStep(dt, **self._at)
+        bullet.setGravity(0.0, 0.0, -GRAVITY, **self._at)
+        plane = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], **self._at)
+        self._names = {bullet.createMultiBody(0.0, plane, **self._at): "ground"}
+        for number, gate in enumerate(course.gates, start=1):
+            self._names[self._add_gate(gate, frame_depth)] = f"gate {number}"
+        self._body = self._add_vehicle(vehicle)
+
+    def _add_gate(self, gate: Gate, depth: float) -> int:
+        """One static compound of boxes. Not a mesh, whose collision shape is its hull: a solid opening."""
+        centres, halves = map(list, zip(*gate_bars(gate, depth), strict=True))  # a tuple of rows crashes pybullet
+        frame = bullet.createCollisionShapeArray(
+            shapeTypes=[bullet.GEOM_BOX] * 4, halfExtents=halves, collisionFramePositions=centres, **self._at
+        )
+        attitude = bullet.getQuaternionFromEuler([gate.roll, gate.pitch, gate.yaw], **self._at)
+        return bullet.createMultiBody(0.0, frame, basePosition=gate.position, baseOrientation=attitude, **self._at)
+
+    def _add_vehicle(self, vehicle: Vehicle) -> int:
+        sphere = bullet.createCollisionShape(bullet.GEOM_SPHERE, radius=vehicle.radius, **self._at)
+        body = bullet.createMultiBody(vehicle.mass, sphere, **self._at)
+        bullet.changeDynamics(
+            body,
+            -1,
+            localInertiaDiagonal=vehicle.inertia,
+            linearDamping=0.0,  # the default 0.04 would brake 12 m/s with 6 m/s^2
+            angularDamping=0.0,
+            restitution=0.0,
+            **self._at,
+        )
+        return body
+
+    def place(self, p: Vector, q: Vector, v: Vector = ORIGIN, omega: Vector = ORIGIN) -> None:
+        """Put the vehicle there: q wxyz, v and omega in the world frame [m/s, rad/s]."""
+        w, x, y, z = q
+        bullet.resetBasePositionAndOrientation(self._body, p, (x, y, z, w), **self._at)
+        bullet.resetBaseVelocity(self._body, v, omega, **self._at)
+
+    def apply(self, force_body: Vector, torque_body: Vector) -> None:
+        """Act for the next step only [N, N m]; gravity is the world's own."""
+        bullet.applyExternalForce(self._body, -1, force_body, ORIGIN, bullet.LINK_FRAME, **self._at)
+        bullet.applyExternalTorque(self._body, -1, torque_body, bullet.LINK_FRAME, **self._at)
+
+    def step(self) -> None:
+        """Velocities first, then poses with the new velocities. Then contacts, else they would lag one step."""
+        bullet.stepSimulation(**self._at)
+        bullet.performCollisionDetection(**self._at)
+
+    def read(self) -> tuple[Vector, Vector, Vector, Vector]:
+        """p [m], v [m/s] in the world frame, q wxyz, omega [rad/s] in the body frame."""
+        p, (x, y, z, w) = bullet.getBasePositionAndOrientation(self._body, **self._at)
+        v, omega = bullet.getBaseVelocity(self._body, **self._at)
+        q = (w, x, y, z)
+        return p, v, q, to_body(q, omega)
+
+    def contacts(self) -> tuple[str, ...]:
+        """What the vehicle touches now. Bullet also lists near pairs, at positive distance: those do not count."""
+        points = bullet.getContactPoints(bodyA=self._body, **self._at)
+        return tuple(dict.fromkeys(self._names[c[2]] for c in points if c[8] <= 0.0))
+
+    def close(self) -> None:
+        if bullet.isConnected(**self._at):
+            bullet.disconnect(**self._at)
+
+    def __enter__(self) -> World:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

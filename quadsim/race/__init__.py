@@ -1,0 +1,1 @@
+"""Rules and flights: the referee, the clock, the loop of control steps."""

@@ -1,0 +1,149 @@
+"""Archive: one folder a run, `<UTC>_<course>_<sampler>_s<seed>_<hash>/` with run.json, telemetry.npz, events.csv.
+
+It is named `<name>.part` from before the flight until all is on disk: what looks finished is finished.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from hashlib import sha256
+from itertools import count
+from pathlib import Path
+
+from quadsim.record.provenance import provenance
+from quadsim.record.run import Run, RunError, canonical, hostless
+from quadsim.record.run_format import read_json, read_npz, write_csv, write_json, write_npz
+
+PART = ".part"
+
+
+class RunFolder:
+    """`with RunFolder.open(root, spec) as folder: ... folder.save(run)`. Leaving without a save drops what is empty."""
+
+    def __init__(self, path: Path, flown_by: dict | None = None):
+        self.path = path  # once finished
+        self.part = path.with_name(path.name + PART)
+        self._provenance = flown_by or provenance()  # of the code that is about to fly
+
+    @classmethod
+    def open(cls, root: str | Path, spec: dict, flown_by: dict | None = None) -> RunFolder:
+        """Claim a folder before the flight: a root that cannot be written is one RunError before anything has flown.
+
+        flown_by: provenance of a flight that another process flew.
+        """
+        name = run_name(spec)
+        with _one_line(root, "cannot make a folder for runs here"):
+            Path(root).mkdir(parents=True, exist_ok=True)
+        for attempt in count(1):
+            path = Path(root) / (name if attempt == 1 else f"{name}-{attempt}")
+            if _claim(path):
+                break
+        return cls(path, flown_by)
+
+    def __enter__(self) -> RunFolder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(OSError):  # gone after save(), or not empty: then somebody should look at it
+            self.part.rmdir()
+
+    def save(self, run: Run) -> Path:
+        """Write all, then take `.part` off the name. A full disk is a RunError; what was written stays in `.part`."""
+        write_whole(self.part / "telemetry.npz", write_npz(run))
+        write_whole(self.part / "events.csv", write_csv(run.events))
+        write_whole(self.part / "run.json", write_json(run, self._provenance))
+        with _one_line(self.path, "cannot finish the run folder"):
+            _sync(self.part)
+            self.part.rename(self.path)
+            _sync(self.path.parent)
+        return self.path
+
+
+def run_name(spec: dict) -> str:
+    """<UTC>_<course>_<sampler>_s<seed>_<first 8 hex digits of the sha256 of what decides the flight>."""
+    utc = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+    course, sampler, seed = (re.sub(r"[^\w.-]+", "-", str(spec[key])) for key in ("course", "sampler", "seed"))
+    return f"{utc}_{course}_{sampler}_s{seed}_{sha256(canonical(hostless(spec))).hexdigest()[:8]}"
+
+
+def list_runs(root: str | Path) -> list[Path]:
+    """Finished run folders, oldest first."""
+    return sorted(p.parent for p in Path(root).glob("*/run.json") if not p.parent.name.endswith(PART))
+
+
+def load_run(path: str | Path) -> Run:
+    """What was saved, to the last bit, or a RunError."""
+    path = Path(path)
+    if path.name.endswith(PART):
+        raise RunError(f"{path}: a flight that was never written to its end (.part); fly it again")
+    if not path.is_dir():
+        raise RunError(f"{path}: expected a run folder, found {'a file' if path.exists() else 'nothing'}")
+    record = read_json(_read(path / "run.json"), path / "run.json")
+    telemetry, pictures = read_npz(_read(path / "telemetry.npz"), path / "telemetry.npz")
+    wall = {"plan_ms": record.plan_ms, "real_time_factor": record.real_time_factor}
+    run = Run(record.spec, telemetry, record.events, record.outcome, wall, pictures)
+    if _digest(run) != record.digest:
+        raise RunError(f"{path}: run.json and telemetry.npz do not give the stored digest; changed after the flight")
+    return run
+
+
+def _digest(run: Run) -> str | None:
+    try:
+        return run.digest()
+    except (KeyError, ValueError):  # laps that no event ends, numbers that are none
+        return None
+
+
+def _claim(path: Path) -> bool:
+    """Whoever makes the .part owns the name."""
+    part = path.with_name(path.name + PART)
+    with _one_line(part, "cannot make a run folder"):
+        try:
+            part.mkdir()
+        except FileExistsError:
+            return False
+        if path.exists():  # another flight of this second has just finished
+            part.rmdir()
+            return False
+        return True
+
+
+def _read(path: Path) -> bytes:
+    with _one_line(path, "cannot read"):
+        return path.read_bytes()
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Whole or not at all, and on the disk itself. Raises RunError."""
+    temporary = path.with_name(path.name + ".tmp")
+    with _one_line(path, "cannot write"):
+        try:
+            with temporary.open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            temporary.replace(path)
+        except OSError:
+            temporary.unlink(missing_ok=True)
+            raise
+
+
+def _sync(folder: Path) -> None:
+    """Put a folder's own entries on the disk."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+@contextmanager
+def _one_line(path: str | Path, what: str) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise RunError(f"{path}: {what}: {error.strerror or error}") from error

@@ -1,0 +1,147 @@
+"""Metrics: what a report says, each a short pure function of a Run or of plain arrays.
+
+Chatter is measured on the commanded thrust (held over each control period) and on the delivered one (the state).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from math import exp, pi, sqrt
+
+import numpy as np
+
+from quadsim.race.events import sector_times
+from quadsim.record.run import Run
+
+MOTOR_TAU = 0.033  # [s] a racing quadrotor's, for vehicles whose thrust acts at once
+WELCH_SEGMENT = 256  # samples
+
+
+def chatter(run: Run) -> dict:
+    """{commanded: {...}, delivered: {...}}, and the motor lag [s] and corner [Hz] they were held against."""
+    x, tau = run.telemetry, motor_tau(run.spec["vehicle"])
+    commanded = _chatter(x["t"], x["a_cmd"], _rows(x, "wx_cmd", "wy_cmd", "wz_cmd"), tau)
+    delivered = _chatter(x["t"], x["a"], _rows(x, "wx", "wy", "wz"), tau)
+    return {"commanded": commanded, "delivered": delivered, "motor_tau": tau, "motor_corner": motor_corner(tau)}
+
+
+def _chatter(t: np.ndarray, thrust: np.ndarray, rates: np.ndarray, tau: float) -> dict[str, float]:
+    """All zero for a flight too short to change anything."""
+    if len(t) < 2:
+        t, thrust, rates = np.array([0.0, 1.0]), np.zeros(2), np.zeros((3, 2))
+    slew = np.diff(thrust) / np.diff(t)  # (n - 1,)
+    return {
+        "thrust_tv": total_variation(t, thrust),
+        "thrust_slew_rms": float(np.sqrt(np.mean(slew**2))),
+        "thrust_slew_max": float(np.max(np.abs(slew))),
+        "high_frequency_fraction": high_frequency_fraction(t, thrust, motor_corner(tau)),
+        "motor_residual": motor_residual(t, thrust, tau),
+        "smoothness": smoothness(t, thrust),
+        "body_rates_tv": total_variation(t, rates),
+    }
+
+
+def motor_tau(vehicle: dict) -> float:
+    """The motors' lag [s] in a spec's vehicle, MOTOR_TAU where it has none."""
+    rotors = vehicle.get("rotors")
+    return float(rotors["tau"]) if rotors else MOTOR_TAU
+
+
+def motor_corner(tau: float) -> float:
+    """1 / (2 pi tau) [Hz]"""
+    return 1.0 / (2.0 * pi * tau)
+
+
+def total_variation(t: np.ndarray, u: np.ndarray) -> float:
+    """sum |du| / T, summed over the rows of u [unit of u / s]."""
+    return float(np.abs(np.diff(u)).sum() / (t[-1] - t[0]))
+
+
+def motor_residual(t: np.ndarray, u: np.ndarray, tau: float) -> float:
+    """RMS of u - lowpass_tau(u), the part no motor follows [unit of u].
+
+    With u held over each period h the gap decays as e exp(-s/tau), so its mean square there is
+    e^2 tau (1 - exp(-2h/tau)) / 2h: exact in continuous time, whatever the period.
+    """
+    h = (t[-1] - t[0]) / (len(t) - 1)
+    keep, y, total = exp(-h / tau), float(u[0]), 0.0
+    for v in u.tolist():
+        total += (v - y) ** 2
+        y = v + keep * (y - v)
+    return sqrt(total / len(u) * tau * (1.0 - keep * keep) / (2.0 * h))
+
+
+def smoothness(t: np.ndarray, u: np.ndarray) -> float:
+    """2/(n f_s) sum M_i f_i over the n frequencies f_i > 0, amplitudes M_i (CAPS, Mysore et al. 2021) [unit of u]."""
+    rate = (len(t) - 1) / (t[-1] - t[0])
+    frequencies = np.fft.rfftfreq(len(u), 1.0 / rate)[1:]
+    amplitudes = 2.0 / len(u) * np.abs(np.fft.rfft(u))[1:]
+    return float(2.0 / (len(frequencies) * rate) * np.sum(amplitudes * frequencies))
+
+
+def thrust_psd(t: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One-sided power spectral density by Welch: Hann windows, half overlapping, mean removed.
+
+    f [Hz], psd [unit of u squared per Hz]; the integral over f is the variance, less what is slower than a segment.
+    """
+    rate, n = (len(t) - 1) / (t[-1] - t[0]), min(len(u), WELCH_SEGMENT)
+    window = np.hanning(n + 1)[:-1] if n > 2 else np.ones(n)  # periodic
+    segments = np.lib.stride_tricks.sliding_window_view(u - u[0], n)[:: max(n // 2, 1)]  # (segments, n)
+    spectra = np.abs(np.fft.rfft(window * (segments - segments.mean(axis=1, keepdims=True)))) ** 2
+    psd = spectra.mean(axis=0) / (rate * np.sum(window**2))
+    psd[1 : (n + 1) // 2] *= 2.0  # both signs of all but DC and an even length's Nyquist
+    return np.fft.rfftfreq(n, 1.0 / rate), psd
+
+
+def high_frequency_fraction(t: np.ndarray, u: np.ndarray, corner: float) -> float:
+    """Share of the power above a corner [Hz]; 0 for a constant."""
+    f, psd = thrust_psd(t, u)
+    total = float(psd[1:].sum())
+    return float(psd[f > corner].sum()) / total if total > 0.0 else 0.0
+
+
+def wilson(k: int, n: int, z: float = 1.959964) -> tuple[float, float]:
+    """Score interval of a proportion k/n (Wilson 1927), 95 % by default."""
+    centre, half = (k + z * z / 2) / (n + z * z), z / (n + z * z) * sqrt(k * (n - k) / n + z * z / 4)
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def splits(run: Run) -> list[list[float]]:
+    """Flown seconds from gate to gate, one list a lap."""
+    return sector_times(run.events)
+
+
+def crashes(run: Run) -> dict[str, int]:
+    """How often each kind of collision happened."""
+    kinds = Counter(e.kind for e in run.events)
+    return {kind: kinds[kind] for kind in ("hit", "ground", "bounds")}
+
+
+def max_speed(run: Run) -> float:
+    """[m/s]"""
+    return float(_speed(run.telemetry).max(initial=0.0))
+
+
+def missed_deadlines(run: Run) -> int:
+    """Control periods that came late because a plan was not ready; none under the simulated clock."""
+    period = run.spec["planner"]["mppi"]["dt"]
+    gaps = np.diff(run.telemetry["t"])
+    return int(np.sum(gaps > period + 0.5 * run.spec["plant_dt"]))
+
+
+def lap_table(run: Run) -> list[dict]:
+    """One row a completed lap: lap, time and penalty in it [s], splits [s], max_speed [m/s]."""
+    x, sectors = run.telemetry, splits(run)
+    table = []
+    for i, (time, penalty) in enumerate(zip(run.laps, run.penalties, strict=True)):
+        fastest = float(_speed(x)[x["lap"] == i + 1].max(initial=0.0))
+        table.append({"lap": i + 1, "time": time, "penalty": penalty, "splits": sectors[i], "max_speed": fastest})
+    return table
+
+
+def _speed(x: dict[str, np.ndarray]) -> np.ndarray:
+    return np.sqrt(x["vx"] ** 2 + x["vy"] ** 2 + x["vz"] ** 2)  # (frames,)
+
+
+def _rows(x: dict[str, np.ndarray], *names: str) -> np.ndarray:
+    return np.stack([x[name] for name in names])  # (names, frames)

@@ -1,0 +1,107 @@
+"""What a flight tells about its vehicle: the filter's errors are as large as it says, and small after two seconds."""
+
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from controllers.adaptation import Adaptation
+from quadsim.course import load_course
+from quadsim.physics.domain_randomization import DRAG, GUST, MASS, Variation, gusts
+from quadsim.physics.plant import BulletPlant, start_state
+from quadsim.race.spec import build, controller_of, launch, streams
+from quadsim.systems.quadrotor import ModelParams
+from quadsim.vehicle import GRAVITY, load_vehicle
+from tests.campaign_cases import variant
+
+DT = 0.01
+SWIFT = load_vehicle("swift")
+BELIEF = ModelParams.of(SWIFT)
+
+
+def day(seed, gust=GUST, steps=200):
+    """States of a vehicle that tumbles at changing thrust, by the law that the filter assumes, and its true k and d."""
+    rng = np.random.default_rng(seed)
+    k, d = 1 + MASS * rng.uniform(-1, 1), BELIEF.drag * (1 + DRAG * rng.uniform(-1, 1))
+    wind = gusts(np.random.SeedSequence(seed), gust, DT)
+    x = np.array(start_state(load_course("figure8").start, 0.1))
+    a0, phase = 20.0, rng.uniform(0, 6, 2)
+    states = []
+    for i in range(steps):
+        states.append(x)
+        t, x0, x = (i + 1) * DT, x, x.copy()
+        x[13] = a0 + 10 * np.sin(3 * t + phase[0])
+        roll = 1.2 * np.sin(2 * t + phase[1])
+        x[6:10] = np.cos(roll / 2), np.sin(roll / 2), 0, 0
+        f = (_lift(x0) + _lift(x)) / 2
+        drift = k * f - np.array([0, 0, GRAVITY]) + next(wind)
+        x[3:6] = ((1 - d * DT / 2) * x0[3:6] + DT * drift) / (1 + d * DT / 2)
+    return np.array(states), k, d
+
+
+def _lift(x):
+    w, i = x[6:8]
+    return x[13] * np.array([0.0, -2 * w * i, 1 - 2 * i * i])
+
+
+def errors(gust, seeds=40):
+    """Of k and d after 2 s, in standard deviations as the filter has them, and of k as a share.  (seeds, 3)"""
+    found = []
+    for seed in range(seeds):
+        states, k, d = day(seed, gust)
+        adaptation = Adaptation(BELIEF, DT)
+        for i, x in enumerate(states):
+            adaptation.observe(x, np.zeros(4), int(i > 0))
+        off = np.array([adaptation.model.thrust_gain - k, adaptation.model.drag - d])
+        found.append([*off / adaptation.std, off[0]])
+    return np.array(found)
+
+
+def test_errors_are_as_large_as_the_filter_says():
+    off = errors(GUST)
+    mean_square = np.mean(off[:, :2] ** 2, axis=0)  # chi^2 with 40 degrees of freedom: .5 to 1.7 is 99.8 %
+    assert np.all((mean_square > 0.4) & (mean_square < 1.8)), mean_square
+    assert np.abs(off[:, 2]).max() < 0.02 < MASS
+
+
+def test_a_wind_beyond_what_it_expects_shows():
+    assert np.mean(errors(4 * GUST)[:, :2] ** 2) > 4
+
+
+@pytest.mark.parametrize("share", [-0.05, 0.0])
+def test_the_highest_thrust_is_what_the_rotors_gave_when_asked_for_more(share):
+    full = np.array([0.0, 0.0, 0.0, BELIEF.thrust_max])
+    assert _highest(share, full) == pytest.approx((1 + share) * BELIEF.thrust_max, rel=0.01)
+
+
+def test_rotors_that_follow_say_nothing_about_their_limit():
+    assert _highest(-0.05, np.array([0.0, 0.0, 0.0, 0.9 * BELIEF.thrust_max])) == BELIEF.thrust_max
+
+
+def _highest(share, u):
+    """Believed after half a second straight up [m/s^2]."""
+    adaptation = Adaptation(BELIEF, DT)
+    course = replace(load_course("figure8"), bounds=((-99, 99), (-99, 99), (-1, 99)))
+    with closing(BulletPlant(course, Variation(thrust=share).vehicle(SWIFT))) as plant:
+        for i in range(50):
+            adaptation.observe(np.array(plant.state.x), u, int(i > 0))
+            for _ in range(4):
+                plant.step(tuple(u))
+    return adaptation.model.thrust_max
+
+
+def test_a_flight_with_a_vehicle_too_heavy_learns_it():
+    flags = ["--vehicle", "swift", "--preset", "race", "--timeout", "1.5", "--randomize", "1"]
+    spec = variant("colored", *flags, "--seed", "4").spec
+    plant, mppi, referee = build(spec)
+    with closing(plant):
+        *_, last = launch(spec, plant, mppi, referee)
+    mass = spec.record()["variation"]["mass"]
+    assert mass > 0.03
+    assert last.t == pytest.approx(1.5)
+    assert mppi.adaptation.model.thrust_gain == pytest.approx(1 / (1 + mass), abs=0.015)
+    assert mppi.system.params == mppi.adaptation.observe(np.array(last.x), mppi.plan[0], 0).params
+    successor = controller_of(spec, streams(spec.seed)[0])
+    successor.take_over(mppi)
+    assert successor.adaptation is mppi.adaptation, "numbers changed in flight forget nothing"

@@ -1,0 +1,91 @@
+"""Randomised flights: the same seed is the same day for every planner, size 0 is no change, the laws are as written."""
+
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from quadsim.app.flight_flags import FlightFlags
+from quadsim.course import load_course
+from quadsim.physics.domain_randomization import GUST_TAU, Variation, draw, gusts
+from quadsim.physics.plant import BulletPlant
+from quadsim.race.spec import build, streams
+from quadsim.systems.quadrotor import ModelParams
+from quadsim.vehicle import GRAVITY, load_vehicle, with_thrust_to_weight
+
+HOVER = (0.0, 0.0, 0.0, GRAVITY)
+
+
+def spec(*argv, **changes):
+    given = FlightFlags.defaults(argv)
+    small = replace(given.mppi, samples=128, horizon=10, iterations=1)
+    return replace(given, mppi=small, **changes).spec()
+
+
+def drift(one):
+    """States of the plant that a spec describes, hovering for .1 s."""
+    plant, _, _ = build(one)
+    states = [plant.step(HOVER).x for _ in range(40)]
+    plant.close()
+    return np.array(states)
+
+
+def test_same_seed_is_the_same_day_for_every_planner():
+    a, b = (spec("--sampler", s, sampler=s, randomize=1.0, seed=7) for s in ("gaussian", "colored"))
+    assert a.record()["variation"] == b.record()["variation"]
+    assert np.array_equal(drift(a), drift(b))
+    assert not np.array_equal(drift(a), drift(replace(a, seed=8))), "another seed is another day"
+
+
+def test_size_zero_is_the_plant_as_it_was():
+    one = spec(seed=3)
+    plant = BulletPlant(one.course, one.vehicle, one.plant_dt)
+    assert np.array_equal(drift(one), [plant.step(HOVER).x for _ in range(40)])
+
+
+def test_planner_draws_the_same_samples_and_believes_the_nominal_vehicle_on_any_day():
+    calm, rough = spec(randomize=0.0), spec(randomize=2.0)
+    z = []
+    for one in (calm, rough):
+        plant, controller, _ = build(one)
+        z.append(controller.sampler.sample(1).copy())
+        plant.close()
+    assert np.array_equal(*z)
+    assert rough.model == ModelParams.of(rough.vehicle) == ModelParams.of(load_vehicle("swift"))
+
+
+def test_variation_is_in_proportion_to_its_size():
+    one, two = (draw(streams(5)[1], size) for size in (1.0, 2.0))
+    assert two.offset == pytest.approx([2 * x for x in one.offset])
+    assert (two.mass, two.drag, two.gust) == pytest.approx((2 * one.mass, 2 * one.drag, 2 * one.gust))
+    days = [draw(streams(seed)[1], 1.0) for seed in range(200)]
+    assert max(abs(d.mass) for d in days) <= 0.05 < 1.1 * max(abs(d.mass) for d in days), "uniform up to 5 %"
+    assert abs(np.corrcoef([d.mass for d in days], [d.thrust for d in days])[0, 1]) < 0.2, "drawn independently"
+
+
+@pytest.mark.parametrize("dt", [0.0025, 0.02])
+def test_gusts_have_their_deviation_and_correlation_time_for_any_step(dt):
+    w = np.array(list(islice(gusts(np.random.SeedSequence(1), 0.5, dt), int(1000 / dt))))
+    assert w.std() == pytest.approx(0.5, rel=0.05)  # 1000 s hold about 1000 independent gusts an axis
+    lag = round(GUST_TAU / dt)
+    assert np.mean(w[lag:] * w[:-lag]) / w.var() == pytest.approx(np.exp(-1), abs=0.08)
+
+
+def test_a_heavier_body_sinks_under_the_nominal_hover_command():
+    vehicle, course = load_vehicle("paper"), load_course("paper_flat")
+    plant = BulletPlant(course, vehicle, body=Variation(mass=0.05).body(vehicle))
+    for _ in range(400):
+        state = plant.step(HOVER)
+    assert state.x[5] == pytest.approx(GRAVITY / 1.05 - GRAVITY, rel=1e-3), "1 s of the missing 5 % [m/s]"
+
+
+@pytest.mark.parametrize("name", ["swift", "flightmare", "paper"])
+def test_thrust_to_weight_scales_map_and_limit_alike(name):
+    v = with_thrust_to_weight(load_vehicle(name), 3.3)
+    assert v.thrust_max == pytest.approx(3.3 * GRAVITY)
+    assert v.name == f"{name}-twr3.3"
+    if v.rotors:
+        c2, c1, c0 = v.rotors.thrust_map
+        full = (c2 * v.rotors.omega_max + c1) * v.rotors.omega_max + c0
+        assert 4 * full / v.mass == pytest.approx(v.thrust_max)

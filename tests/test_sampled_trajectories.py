@@ -1,0 +1,99 @@
+"""Claims about what is shown of the planner."""
+
+import numpy as np
+import pytest
+
+from controllers.costs.race import TERMS
+from controllers.sampled_trajectories import cheapest, controls, sampled_trajectories, take_snapshot
+from quadsim.app.flight_flags import FlightFlags
+from quadsim.race.flight import SNAPSHOT_EVERY, fly
+from quadsim.race.spec import build, launch
+
+
+@pytest.fixture
+def flight():
+    """A flight of few samples over a few frames, closed afterwards."""
+    spec = FlightFlags(sampler="colored").defaults(["--sampler", "colored", "--preset", "paper"]).spec()
+    plant, mppi, referee = build(spec)
+    mppi.samples = 256
+    yield spec, plant, mppi, referee
+    plant.close()
+
+
+def flown(flight, frames=3):
+    spec, plant, mppi, referee = flight
+    stream = launch(spec, plant, mppi, referee)
+    return [next(stream) for _ in range(frames)], mppi
+
+
+def test_nothing_is_seen_before_the_first_plan(flight):
+    assert sampled_trajectories(flight[2]) is None
+
+
+def test_the_terms_of_the_plan_sum_to_what_the_rollout_says(flight):
+    _, mppi = flown(flight)
+    last = mppi.last
+    J = np.empty((1, 64), np.float32)
+    mppi.rollout(last.x, mppi.plan, np.zeros((1, 4, len(mppi.plan), 64), np.float32), last.target, J)
+    assert sum(sampled_trajectories(mppi).terms.values()) == pytest.approx(float(J[0, 0]), rel=1e-4)
+
+
+def test_samples_are_ranked_and_begin_where_the_vehicle_is(flight):
+    frames, mppi = flown(flight)
+    seen = sampled_trajectories(mppi)
+    assert (np.diff(seen.costs) >= 0).all()
+    assert seen.costs[0] == mppi.last.J.min()
+    assert np.allclose(seen.paths[:, 0], frames[-1].x[:3], atol=0.2)  # one step on
+    assert not np.allclose(seen.paths[:, -1], seen.paths[0, -1], atol=0.05)
+
+
+def test_a_cheapest_sample_flown_again_costs_what_it_cost(flight):
+    """The sampled_trajectories flies the sampled controls themselves."""
+    _, mppi = flown(flight)
+    last = mppi.last
+    best = cheapest(last.J, 5)
+    _, terms = mppi.rollout.paths(last.x, controls(mppi, last, best), last.target)
+    assert terms.sum(axis=1) == pytest.approx(last.J[best], rel=1e-3)
+
+
+def test_looking_changes_nothing(flight):
+    _, mppi = flown(flight)
+    plan, temperature = mppi.plan.copy(), mppi.temperature
+    sampled_trajectories(mppi)
+    assert np.array_equal(plan, mppi.plan)
+    assert temperature == mppi.temperature
+
+
+def test_a_flight_with_pictures_is_the_flight_without(flight):
+    spec, plant, mppi, referee = flight
+    seen = flown(flight, 12)[0]
+    plant.close()
+    plant, mppi, referee = build(spec)
+    mppi.samples = 256
+    blind = fly(plant, mppi, referee, spec.planner.mppi.dt)
+    for a, b in zip(seen, (next(blind) for _ in range(12)), strict=True):
+        assert (a.x, a.u, a.cost) == (b.x, b.u, b.cost)
+
+
+def test_a_picture_is_kept_now_and_then(flight):
+    frames, _ = flown(flight, 2 * SNAPSHOT_EVERY + 1)
+    kept = [k for k, frame in enumerate(frames) if frame.picture is not None]
+    assert kept == [0, SNAPSHOT_EVERY, 2 * SNAPSHOT_EVERY]
+    assert frames[0].picture.best.shape == (8, 16, 3)
+    assert list(frames[0].picture.terms) == list(TERMS)
+
+
+def test_a_picture_is_the_fan_and_the_terms_of_the_plan(flight):
+    _, mppi = flown(flight)
+    seen = take_snapshot(mppi)
+    assert np.allclose(seen.best, sampled_trajectories(mppi, 8, 16).paths, atol=0.006)
+    assert seen.terms == sampled_trajectories(mppi).terms
+
+
+def test_there_is_no_picture_before_the_first_plan(flight):
+    assert take_snapshot(flight[2]) is None
+
+
+def test_the_cheapest_come_in_order():
+    J = np.random.default_rng(0).normal(size=500)
+    assert cheapest(J, 8).tolist() == np.argsort(J)[:8].tolist()
