@@ -16,7 +16,7 @@ from quadsim.app.paper import double_integrator
 from quadsim.course import load_course
 from quadsim.palette import OTHER, SPARE, STYLES, dotted, style, styles
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 NAMED = re.compile(r"""#[0-9a-fA-F]{6}\b|["']C\d["']|tab:""")  # a colour as matplotlib or HTML would have it
 
 
