@@ -1,0 +1,59 @@
+"""quadsim: quadrotor racing simulated and flown by MPPI with Gaussian or colored sampling.
+
+    import quadsim
+    run = quadsim.fly("split_s_swift", sampler="colored", seed=0)
+    print(run.outcome, run.laps)
+    quadsim.plot(run, "race.png")
+
+Names are loaded when they are first used, so that `import quadsim` takes milliseconds.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from controllers.config import MPPIConfig
+    from controllers.costs import Cost
+    from controllers.mppi import MPPI
+    from controllers.plan import PlanStats
+    from controllers.samplers import Colored, Gaussian, LogNormal, Smooth, SmoothStar
+    from quadsim.api import compare, fly, frames, load_run, plot
+    from quadsim.course import Course, Gate, Start, load_course
+    from quadsim.files.strict_yaml import FileError
+    from quadsim.race.settings import SettingError
+    from quadsim.race.spec import Spec
+    from quadsim.race.systems import SYSTEMS
+    from quadsim.record.run import Run, RunError
+    from quadsim.systems import System
+    from quadsim.vehicle import Vehicle, load_vehicle
+
+_HOMES = {
+    "controllers.config": ("MPPIConfig",),
+    "controllers.costs": ("Cost",),
+    "controllers.mppi": ("MPPI",),
+    "controllers.plan": ("PlanStats",),
+    "controllers.samplers": ("Colored", "Gaussian", "LogNormal", "Smooth", "SmoothStar"),
+    "quadsim.api": ("compare", "fly", "frames", "load_run", "plot"),
+    "quadsim.course": ("Course", "Gate", "Start", "load_course"),
+    "quadsim.files.strict_yaml": ("FileError",),
+    "quadsim.race.settings": ("SettingError",),
+    "quadsim.race.spec": ("Spec",),
+    "quadsim.race.systems": ("SYSTEMS",),
+    "quadsim.record.run": ("Run", "RunError"),
+    "quadsim.systems": ("System",),
+    "quadsim.vehicle": ("Vehicle", "load_vehicle"),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+__all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'quadsim' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from controllers.costs import Cost
 
 TERMS = ("distance", "speed")
+
+
+@dataclass(frozen=True)
+class QuadraticWeights:
+    """Weights a_0 and a_1."""
+
+    distance: float = 5.0  # per m^2 from the goal
+    speed: float = 0.5  # per (m/s)^2
 
 
 def terms(x, x_next, u, target, crashed, p):
@@ -18,6 +28,7 @@ def terms(x, x_next, u, target, crashed, p):
     return a_0 * (dx * dx + dy * dy), a_1 * (vx * vx + vy * vy), False, crashed
 
 
-def quadratic_cost(goal: tuple[float, float], distance: float = 5.0, speed: float = 0.5) -> Cost:
-    """distance: weight per m^2, speed: per (m/s)^2."""
-    return Cost("quadratic", TERMS, terms, (distance, speed), np.array([goal]))
+def quadratic_cost(goal: tuple[float, float], weights: QuadraticWeights | None = None) -> Cost:
+    """The cost of reaching a goal [m] in the plane and stopping there."""
+    w = weights or QuadraticWeights()
+    return Cost("quadratic", TERMS, terms, (w.distance, w.speed), np.array([goal]))

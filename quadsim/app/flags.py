@@ -1,137 +1,208 @@
-"""Typed dataclasses as command lines: tyro reads the words, the same rules as for files judge the values.
+"""Functions as commands: cyclopts reads the words, the rules of files (quadsim.files) judge the values.
 
-A field's annotation holds its unit and range, its trailing comment is its help. Numbers that are none pass
-tyro as texts, so that one place says what was expected: `--sigma: expected 4 numbers > 0 [...], got ...`.
+A parameter's annotation holds its unit, range and help. Every error of a command line becomes a UsageError of one
+line: the flag, what was expected with its unit, what came.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Sequence
-from contextlib import redirect_stderr
-from dataclasses import asdict
-from functools import reduce
-from io import StringIO
-from typing import Any, TypeVar
+from collections.abc import Callable, Sequence
+from functools import wraps
+from inspect import Parameter as Argument
+from inspect import signature
+from itertools import pairwise
+from typing import Annotated, Any, Literal, TypedDict, get_type_hints
 
-import tyro
-import yaml
+from cyclopts import App, Group, Parameter
+from cyclopts.exceptions import (
+    CoercionError,
+    CycloptsError,
+    MissingArgumentError,
+    RepeatArgumentError,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
 from msgspec import inspect
-from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
-from quadsim.files.strict_yaml import parse
-from quadsim.files.yaml_values import DECIMAL, WHOLE, Misfit, value
-from quadsim.files.yaml_words import expected
-
-Flags = TypeVar("Flags")
-FLAT = ("flight.", "sampling.", "mppi.", "cost.", "workers.")  # groups whose flags carry no prefix
-
-ANSI, RULE = re.compile(r"\x1b\[[0-9;]*m"), re.compile(r"[─-]{3,}")
+from controllers.samplers import SAMPLERS
+from quadsim.files.strict_yaml import FileError
+from quadsim.files.yaml_values import DECIMAL, WHOLE
+from quadsim.files.yaml_words import did_you_mean, expected
+from quadsim.race.preset_file import load_planner
+from quadsim.race.settings import FlightSettings, Setting, SettingError, bare, checked_kind, settings_of
+from quadsim.race.systems import SYSTEMS, SystemEntry, system_of_course
 
 
 class UsageError(ValueError):
     """A command line that cannot be used. One line: the flag, what was expected with its unit, what came."""
 
 
-def read(flags: type[Flags], prog: str, argv: Sequence[str], default: Flags | None = None) -> Flags:
-    """argv as an instance of the dataclass. Raises UsageError; `--help` exits after printing."""
-    said = StringIO()
-    kwargs: dict[str, Any] = {} if default is None else {"default": default}
+def Help(text: str, **parameter: Any) -> Parameter:  # noqa: N802 (reads as an annotation)
+    """What --help says of a flag."""
+    return Parameter(help=text, **parameter)
+
+
+Json = Annotated[bool, Help("one JSON value instead of tables", negative="")]
+RunsDir = Annotated[str, Help("where runs are kept")]
+Stored = Annotated[str, Help("a run: its folder, a part of its name, or last")]
+Given = dict[str, Any]  # settings that were given on the command line, by name
+TITLES = {"flight": "Flight", "sampling": "Sampling", "mppi": "Planner", "cost": "Cost", "model": "Model"}
+
+
+def run_command(command: Callable[..., int], prog: str, argv: Sequence[str]) -> int:
+    """Call the command with what argv says. Raises UsageError, and what the command raises; `--help` returns 0."""
+    hints = get_type_hints(command, include_extras=True)
+    settings = flight_settings(argv) if hints.get("settings") == Given else {}
+    app = command_app(command, prog, settings)
     try:
-        with redirect_stderr(said):
-            return tyro.cli(flags, prog=prog, args=argv, registry=_registry(), **kwargs)
-    except SystemExit as end:
-        if not end.code:
-            raise
-        raise UsageError(_complaint(said.getvalue(), flags, prog)) from None
+        found = app.parse_args(argv, print_error=False, exit_on_error=False)
+    except CycloptsError as error:
+        raise UsageError(f"{_line(error, app, settings)} (see {prog} --help)") from None
+    call, bound = found[0], found[1]
+    if getattr(call, "__wrapped__", call) is not command:
+        call(*bound.args, **bound.kwargs)  # --help
+        return 0
+    for name, value in bound.arguments.items():
+        if name == "settings":
+            bound.arguments[name] = {k: from_words(settings[k].kind, v) for k, v in (value or {}).items()}
+        elif name in hints:
+            check(name, value, hints[name])
+    if settings and "settings" not in bound.arguments:
+        bound.arguments["settings"] = {}
+    return command(*bound.args, **bound.kwargs)
 
 
-def check(config: Any, group: str = "") -> None:
-    """Hold every number of a dataclass against its annotation. Raises UsageError that names the flag.
+def command_app(command: Callable[..., int], prog: str, settings: dict[str, Setting]) -> App:
+    """cyclopts' application of one command."""
+    app = App(name=prog, version_flags=(), help_format="plaintext", help_flags=("--help", "-h"))
+    app.default(with_flags(command, settings))
+    return app
 
-    group: "model." for a dataclass whose flags start with `--model.`
-    """
-    text = yaml.safe_dump(asdict(config), default_flow_style=True, width=float("inf"))
+
+def with_flags(command: Callable[..., int], settings: dict[str, Setting] | None = None) -> Callable[..., int]:
+    """The same command, with its settings, or those of a default flight, as flags."""
+    if settings is None:
+        settings = flight_settings(())
+    if get_type_hints(command).get("settings") != Given:
+        return command
+
+    @wraps(command)
+    def flagged(*args: Any, **kwargs: Any) -> int:
+        return command(*args, **kwargs)
+
+    hints = get_type_hints(command, include_extras=True)
+    flagged.__annotations__ = hints | {"settings": Annotated[_typed_dict(settings), Parameter(name="*")]}
+    given = [p.replace(annotation=flagged.__annotations__[p.name]) for p in signature(command).parameters.values()]
+    flagged.__signature__ = signature(command).replace(parameters=given)  # pyright: ignore
+    return flagged
+
+
+def check(name: str, value: Any, hint: Any) -> None:
+    """Hold a flag's value against the range in its annotation. Raises UsageError."""
     try:
-        value(parse(text, "flags").root, inspect.type_info(type(config)))
-    except Misfit as misfit:
-        path, _, item = misfit.path.partition("[")
-        problem = misfit.problem
-        if item:  # one of several numbers
-            numbers = reduce(getattr, path.split("."), config)
-            asked = problem.rpartition(", got ")[0].replace("a number", f"{len(numbers)} numbers")
-            problem = f"{asked}, got " + " ".join(x if isinstance(x, str) else f"{x:g}" for x in numbers)
-        raise UsageError(f"{flag(group + path)}: {problem}") from None
+        checked_kind(inspect.type_info(hint), name, value)
+    except SettingError as error:
+        raise UsageError(f"{flag(name)}: {error.problem}") from None
 
 
-def flag(path: str) -> str:
-    """ "mppi.rest_fraction" is set by `--rest-fraction`, "model.drag" by `--model.drag`."""
-    for group in FLAT:
-        path = path.removeprefix(group)
-    return "--" + path.replace("_", "-")
+def flag(name: str) -> str:
+    """The setting "rest_fraction" is set by `--rest-fraction`, "model.drag" by `--model.drag`."""
+    return "--" + name.replace("_", "-")
 
 
-def otherwise(what: str) -> object:
-    """What holds where a flag is left out, for its help."""
-    return tyro.conf.arg(help_behavior_hint=f"(default: {what})")
+def from_words(kind: Any, words: Any) -> Any:
+    """The words of a flag as its value; what is no number stays a text, for `resolve` to refuse."""
+    if isinstance(words, tuple | list):
+        return [from_words(None, word) for word in words]
+    if not isinstance(words, str) or isinstance(bare(kind), inspect.StrType | inspect.LiteralType):
+        return words
+    if WHOLE.fullmatch(words):
+        return int(words)
+    return float(words) if DECIMAL.fullmatch(words) else words
 
 
-def _registry() -> ConstructorRegistry:
-    registry = ConstructorRegistry()
+def flight_settings(argv: Sequence[str]) -> dict[str, Setting]:
+    """Every setting that a flight with these words has, by name: of its system, sampler and preset.
 
-    @registry.primitive_rule
-    def number(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
-        rules = {int: (WHOLE, int), float: (DECIMAL, float)}
-        if info.type not in rules:
-            return None
-        pattern, kind = rules[info.type]
-        return PrimitiveConstructorSpec(
-            nargs=1,
-            metavar="N" if kind is int else "X",
-            instance_from_str=lambda words: kind(words[0]) if pattern.fullmatch(words[0]) else words[0],
-            is_instance=lambda x: isinstance(x, int | float),
-            str_from_instance=lambda x: [f"{x:g}" if kind is float else str(x)],
-        )
-
-    return registry
-
-
-def _complaint(box: str, flags: type, prog: str) -> str:
-    """What tyro says in a box of several lines, as one line in our words where it is about a known flag."""
-    first, rest = _sentences(box)
-    kinds = dict(flag_kinds(flags))
-    about = next((name for name in re.findall(r"--[a-z][\w.-]*", first) if name in kinds), None)
-    if about and not first.startswith("Unrecognized"):
-        choice = re.search(r"invalid choice ('.*') for", first)
-        came = choice[1] if choice else "too few values"
-        return f"{about}: expected {expected(kinds[about])}, got {came} (see {prog} --help)"
-    meant = re.search(r"--[a-z][\w.-]*", rest)
-    hint = f", did you mean {meant[0]}?" if meant else ""
-    said = first[:1].lower() + first[1:].rstrip(".").replace(", ", " ")
-    return f"{said}{hint} (see {prog} --help)"
-
-
-def _sentences(box: str) -> tuple[str, str]:
-    """Text of tyro's box before its first rule, and the flags named after it.
-
-    A box in plain ASCII has a rule below its title as well.
+    Raises UsageError for a system, FileError for a preset that does not exist.
     """
-    lines = [ANSI.sub("", line).strip("│╭╮╰╯ ") for line in box.splitlines()][1:]
-    if lines and RULE.fullmatch(lines[0]):
-        lines = lines[1:]
-    end = next((i for i, line in enumerate(lines) if RULE.fullmatch(line)), len(lines))
-    return " ".join(lines[:end]).strip(), "\n".join(line for line in lines[end:] if line.startswith("--"))
+    entry = entry_of(argv)
+    sampler = said(argv, "--sampler", FlightSettings.sampler)
+    own = ":" in sampler or sampler not in SAMPLERS  # `resolve` says what is wrong with the name
+    base = load_planner(said(argv, "--preset", entry.default_preset), "colored" if own else sampler, entry.presets)
+    groups = settings_of(entry, base)
+    return {s.name: s for group, found in groups.items() if not (own and group == "sampling") for s in found}
 
 
-def flag_kinds(flags: type) -> Iterator[tuple[str, Any]]:
-    """Every flag of a dataclass and its groups, with what it expects."""
-    return _kinds(inspect.type_info(flags))
+def entry_of(argv: Sequence[str]) -> SystemEntry:
+    """The system that these words ask for: by --system, else by a course among them."""
+    system = said(argv, "--system", "")
+    if system and system not in SYSTEMS:
+        raise UsageError(f"--system: no system {system!r}: {did_you_mean(system, SYSTEMS)}")
+    courses = (system_of_course(word) for word in argv if not word.startswith("-"))
+    return SYSTEMS[system or next((name for name in courses if name != "quadrotor"), "quadrotor")]
 
 
-def _kinds(kind: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    for field in kind.fields:
-        inner = f"{path}.{field.name}".lstrip(".")
-        if isinstance(field.type, inspect.DataclassType):
-            yield from _kinds(field.type, inner)
-        else:
-            yield flag(inner), field.type
+def said(argv: Sequence[str], name: str, default: str) -> str:
+    """What argv says after this flag, the last time it does."""
+    words = [w for arg in argv for w in (arg.split("=", 1) if arg.startswith(f"{name}=") else [arg])]
+    values = [b for a, b in pairwise(words) if a == name]
+    return values[-1] if values else default
+
+
+def _typed_dict(settings: dict[str, Setting]) -> Any:
+    """A type for cyclopts with one key for each setting, none required."""
+    kinds: dict[str, Any] = {}
+    for i, (group, title) in enumerate(TITLES.items()):
+        shown = Group(title, sort_key=i)
+        for s in (s for s in settings.values() if s.group == group):
+            default = "" if s.default is None else f" [default: {_text(s.default)}]"
+            parameter = Parameter(name=flag(s.name), group=shown, help=s.help + default, negative_iterable="")
+            kinds[s.name] = Annotated[_words_of(s), parameter]
+    return TypedDict("Settings", kinds, total=False)  # pyright: ignore
+
+
+def _words_of(s: Setting) -> Any:
+    """What follows the flag: nothing, one word or several. Values are judged later."""
+    kind = bare(s.kind)
+    if isinstance(kind, inspect.BoolType):
+        return bool
+    if s.name == "sampler":
+        return Literal[tuple(SAMPLERS)] | str
+    if isinstance(kind, inspect.TupleType | inspect.VarTupleType):
+        return tuple[(str,) * len(s.default)]  # pyright: ignore
+    return str
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, tuple):
+        return " ".join(map(_text, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _line(error: CycloptsError, app: App, settings: dict[str, Setting]) -> str:
+    """cyclopts' error in our words."""
+    name = error.argument.name if error.argument else ""
+    match error:
+        case UnknownOptionError():
+            word = (error.token.keyword or error.token.value).partition("=")[0]
+            known = [n for argument in app.assemble_argument_collection() for n in argument.names]
+            return f"no flag {word}: {did_you_mean(word, known)}"
+        case UnusedCliTokensError():
+            return f"unexpected {' '.join(map(repr, error.unused_tokens or ()))}"
+        case RepeatArgumentError():
+            return f"{name or error.token.keyword}: expected once, got it twice"
+        case CoercionError() | MissingArgumentError():
+            came = repr(error.token.value) if isinstance(error, CoercionError) and error.token else "too few values"
+            setting = settings.get(name.removeprefix("--").replace("-", "_"))
+            hint: Any = setting.kind if setting else inspect.type_info(_hint(error))
+            return f"{name}: expected {expected(hint)}, got {came}"
+    return str(error).splitlines()[-1]
+
+
+def _hint(error: CycloptsError) -> Any:
+    hint = error.argument.hint if error.argument else str
+    return hint if hint is not Argument.empty else str
+
+
+__all__ = ["FileError", "Given", "Help", "Json", "RunsDir", "Stored", "UsageError", "check", "flag", "run_command"]

@@ -3,76 +3,85 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass, field
 from typing import Annotated
 
-from tyro.conf import FlagCreatePairsOff, arg
-
 from quadsim.app.console import COMPILING, complain
-from quadsim.app.flags import UsageError
-from quadsim.app.flight_flags import FlightFlags
+from quadsim.app.flags import Given, Help, Json, RunsDir, UsageError, flag
 from quadsim.app.progress import Progress
 from quadsim.app.report import present
 from quadsim.race.events import Frame
+from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec, build, launch
 from quadsim.record.archive import RunFolder
 from quadsim.record.run import Recorder, Run, RunError
 
-EXIT = {"finished": 0, "crashed": 1, "timeout": 1, "interrupted": 130}
+EXIT = {"finished": 0, "crashed": 1, "stuck": 1, "timeout": 1, "interrupted": 130}
+CourseName = Annotated[str | None, Help("see `race courses`, or a FILE.yaml; left out: split_s_swift")]
 
 
-@dataclass(frozen=True)
-class Fly:
-    """Fly a course: laps, splits, crashes, chatter, plan time. `race fly` alone flies the main job.
+def fly(
+    course: CourseName = None, /, *, settings: Given, runs_dir: RunsDir = "runs", json: Json = False
+) -> int:
+    """Fly a course: laps, splits, crashes, chatter, plan time. `race fly` alone flies the Split-S course.
 
     race fly split_s_swift --sampler gaussian --seed 3
 
     race fly mine.yaml --preset race --vehicle kingfisher --laps 2 --samples 2048 --model.drag 0
+
+    race fly zigzag, race fly --system double_integrator
     """
-
-    flight: Annotated[FlightFlags, arg(name="")] = field(default_factory=FlightFlags)
-    runs_dir: str = "runs"  # where the run is kept
-    json: FlagCreatePairsOff[bool] = False  # one JSON object instead of tables
-
-    @classmethod
-    def defaults(cls, argv: Sequence[str]) -> Fly:
-        return cls(flight=FlightFlags.defaults(argv))
-
-    def run(self) -> int:
-        spec = self.flight.spec()
-        try:
-            plant, controller, referee = build(spec)
-        except ValueError as error:  # laps on an open course, a gate too small for the vehicle
-            raise UsageError(str(error)) from None
-        with closing(plant), RunFolder.open(self.runs_dir, spec.record()) as folder:
-            if not controller.is_cached:
-                complain(COMPILING)
-            recorder = self._record(launch(spec, plant, controller, referee), spec)
-            run = recorder.run(spec.record())
-            with suppress(KeyboardInterrupt), uninterrupted():  # a second one does not cost what the first one ended
-                failure = save(folder, run)
-        present(run, None if failure else folder.path, self.json)
-        if failure:
-            raise failure
-        if run.outcome == "interrupted":
-            complain(f"race fly: interrupted at {run.telemetry['t'][-1]:.2f} s, the flight so far is kept")
-        return EXIT[run.outcome]
-
-    def _record(self, flight: Iterable[Frame], spec: Spec) -> Recorder:
-        """Every frame until the flight ends or Ctrl-C comes; KeyboardInterrupt where nothing has flown yet."""
-        recorder = Recorder()
-        with Progress(len(spec.course.gates), spec.laps, quiet=self.json) as line, suppress(KeyboardInterrupt):
-            for frame in flight:
-                recorder.add(frame)
-                line.show(frame)
-        if not len(recorder):
-            raise KeyboardInterrupt
-        return recorder
+    spec = spec_of(course, settings)
+    try:
+        plant, controller, referee = build(spec)
+    except ValueError as error:  # laps on an open course, a gate too small for the vehicle
+        raise UsageError(str(error)) from None
+    with closing(plant), RunFolder.open(runs_dir, spec.record()) as folder:
+        if not getattr(controller, "is_cached", True):
+            complain(COMPILING)
+        recorder = _recorded(launch(spec, plant, controller, referee), spec, quiet=json)
+        run = recorder.run(spec.record())
+        with suppress(KeyboardInterrupt), uninterrupted():  # a second one does not cost what the first one ended
+            failure = _save(folder, run)
+    present(run, None if failure else folder.path, json)
+    if failure:
+        raise failure
+    if run.outcome == "interrupted":
+        complain(f"race fly: interrupted at {run.telemetry['t'][-1]:.2f} s, the flight so far is kept")
+    return EXIT[run.outcome]
 
 
-def save(folder: RunFolder, run: Run) -> RunError | None:
+def spec_of(course: str | None, settings: Given) -> Spec:
+    """What these flags fly, with the threads in use. Raises UsageError that names the flag, FileError."""
+    from controllers.rollout.threads import use_threads  # which loads the compiler
+
+    try:
+        spec = Spec.of(course, **settings)
+        spec.host["threads"] = use_threads(spec.host["threads"])
+    except SettingError as error:
+        raise UsageError(f"{flag(error.name)}: {error.problem}" if error.name else error.problem) from None
+    except ValueError as error:
+        if type(error) is not ValueError:
+            raise
+        raise UsageError(f"--{error}") from None  # "threads: ..."
+    return spec
+
+
+def _recorded(flight: Iterable[Frame], spec: Spec, quiet: bool) -> Recorder:
+    """Every frame until the flight ends or Ctrl-C comes; KeyboardInterrupt where nothing has flown yet."""
+    recorder = Recorder()
+    gates = len(getattr(spec.course, "gates", ())) or 1
+    with Progress(gates, spec.laps, quiet) as line, suppress(KeyboardInterrupt):
+        for frame in flight:
+            recorder.add(frame)
+            line.show(frame)
+    if not len(recorder):
+        raise KeyboardInterrupt
+    return recorder
+
+
+def _save(folder: RunFolder, run: Run) -> RunError | None:
     """The error is handed back: the report of a flight comes first, also when it cannot be kept."""
     try:
         folder.save(run)

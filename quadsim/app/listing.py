@@ -1,49 +1,115 @@
-"""`race courses` and `race vehicles`: what comes with the project."""
+"""`race courses`, `race vehicles` and `race check`: what there is to fly, and whether a file is sound."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
 
+import yaml
 from rich.markup import escape
 from rich.table import Table
-from tyro.conf import FlagCreatePairsOff
 
-from quadsim.app.console import emit, emit_json, width
-from quadsim.app.lap_table import plain_table
-from quadsim.course import Course, course_names, load_course
-from quadsim.vehicle import GRAVITY, Vehicle, load_vehicle, vehicle_names
+from quadsim.app.console import complain, emit, emit_json, width
+from quadsim.app.flags import Help, Json, UsageError
+from quadsim.app.report import plain_table
+from quadsim.course import Course
+from quadsim.files.data_files import locate, read_text
+from quadsim.files.strict_yaml import FileError, parse
+from quadsim.files.yaml_words import did_you_mean
+from quadsim.race.preset_file import parse_planner
+from quadsim.race.systems import SYSTEMS
+from quadsim.vehicle import GRAVITY, VEHICLES, Vehicle, load_vehicle, parse_vehicle, vehicle_names
 
 LEFT = 49  # columns of the terminal before the published times
 
 
-@dataclass(frozen=True)
-class Courses:
+def courses(*, json: Json = False) -> int:
     """The courses that come with the project. `race fly FILE.yaml` flies any other."""
-
-    json: FlagCreatePairsOff[bool] = False  # everything the files say, as one JSON list
-
-    def run(self) -> int:
-        courses = [load_course(name) for name in course_names()]
-        if self.json:
-            emit_json([asdict(c) | {"lap_length": c.lap_length} for c in courses])
-        else:
-            emit(_course_table(courses))
+    known = {name: [entry.load_course(c) for c in entry.courses] for name, entry in SYSTEMS.items()}
+    if json:
+        flown = known.pop("quadrotor")
+        listed = [asdict(c) | {"system": "quadrotor", "lap_length": c.lap_length} for c in flown]
+        emit_json(listed + [asdict(c) | {"system": name} for name, found in known.items() for c in found])
         return 0
+    emit(_course_table(known.pop("quadrotor")), "")
+    for name, found in known.items():
+        emit(f"for the system {name}: {', '.join(c.name for c in found)}")
+    return 0
 
 
-@dataclass(frozen=True)
-class Vehicles:
+def vehicles(*, json: Json = False) -> int:
     """The vehicles that come with the project. `race fly --vehicle FILE.yaml` flies any other."""
+    known = [load_vehicle(name) for name in vehicle_names()]
+    if json:
+        emit_json([asdict(v) | {"thrust_to_weight": v.thrust_max / GRAVITY} for v in known])
+    else:
+        emit(_vehicle_table(known))
+    return 0
 
-    json: FlagCreatePairsOff[bool] = False  # everything the files say, as one JSON list
 
-    def run(self) -> int:
-        vehicles = [load_vehicle(name) for name in vehicle_names()]
-        if self.json:
-            emit_json([asdict(v) | {"thrust_to_weight": v.thrust_max / GRAVITY} for v in vehicles])
-        else:
-            emit(_vehicle_table(vehicles))
-        return 0
+def check(*files: Annotated[str, Help("a course, vehicle or preset file, or the name of one")], json: Json = False) -> int:
+    """Check course, vehicle and preset files. Exit code 2 if any of them cannot be used.
+
+    race check mine.yaml
+    """
+    if not files:
+        raise UsageError("expected one FILE or more, got none")
+    results = [examine(name) for name in files]
+    if json:
+        emit_json(results)
+    else:
+        for result in results:
+            _say(result)
+    return 0 if all(r["ok"] for r in results) else 2
+
+
+def examine(name: str) -> dict:
+    """file, ok, kind and summary, or error and excerpt."""
+    try:
+        path = _find(name)
+        kind, summary = describe(read_text(path), str(path))
+    except FileError as error:
+        return {"file": name, "ok": False, "error": str(error), "excerpt": error.excerpt}
+    return {"file": str(path), "ok": True, "kind": kind, "summary": summary}
+
+
+def describe(text: str, file: str) -> tuple[str, str]:
+    """What kind of file it is, told by a key that only that kind has, and what it holds. Raises FileError."""
+    root = parse(text, file).root
+    keys = {key.value for key, _ in root.value} if isinstance(root, yaml.MappingNode) else set()
+    if keys & {"mass", "inertia", "rate_tau"}:
+        v = parse_vehicle(text, file)
+        return "vehicle", f"{v.mass:g} kg, thrust-to-weight {v.thrust_max / GRAVITY:.2f}"
+    if "base" in keys:
+        planner = parse_planner(text, file, "colored", SYSTEMS["quadrotor"].presets)
+        return "preset", f"{planner.mppi.samples} samples, horizon {planner.mppi.horizon}"
+    system = next((name for name, entry in SYSTEMS.items() if entry.key in keys), "quadrotor")
+    c = SYSTEMS[system].parse_course(text, file)
+    if not isinstance(c, Course):
+        return "course", f"for the system {system}"
+    laps = f"loop, {c.laps} laps" if c.loop else "open"
+    return "course", f"{len(c.gates)} gates, {c.lap_length:.1f} m, {laps}"
+
+
+def _find(name: str) -> Path:
+    """A path as it stands, or the file of a course or vehicle that comes with the project."""
+    known = dict.fromkeys(vehicle_names(), (VEHICLES, "vehicle"))
+    known |= {c: (entry.folder, "course") for entry in SYSTEMS.values() for c in entry.courses}
+    if name in known:
+        return locate(name, *known[name])
+    if Path(name).exists() or "." in name or "/" in name:
+        return Path(name)
+    raise FileError(f"{name}: no such file, course or vehicle: {did_you_mean(name, known)}")
+
+
+def _say(result: dict) -> None:
+    if result["ok"]:
+        emit(f"{escape(result['file'])}: [green]ok[/], {result['kind']}: {result['summary']}")
+    else:
+        complain(result["error"])
+        if result["excerpt"]:
+            complain(result["excerpt"])
 
 
 def _course_table(courses: list[Course]) -> Table:

@@ -49,7 +49,7 @@ class Progress:
             f"gate [b]{f.gate}[/]/{self._gates}",
             ProgressBar(total=self._gates * self._laps, completed=f.passed, width=10),
             f"{f.t:5.1f} s",
-            f"{hypot(*f.x[3:6]):4.1f} m/s",
+            f"{hypot(*f.x[3:6]):4.1f} m/s" if len(f.x) > 6 else "",
             f"ESS {f.ess:4.0f}",
             f"{factor:.2f} x real time",
         )

@@ -1,29 +1,107 @@
-"""Stored runs by name: a folder, a part of a name that only one run has, or `last`."""
+"""`race show`, `race plot` and `race export`: stored runs as a report, as pictures, to take along."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
+from typing import Annotated
 
-from quadsim.app.flags import UsageError
-from quadsim.record.archive import list_runs
+from quadsim.app.console import emit, emit_json
+from quadsim.app.flags import Help, Json, RunsDir, Stored, UsageError
+from quadsim.app.report import present
+from quadsim.record.archive import find_run, load_run
+from quadsim.record.run import RunError
+
+FORMATS = ("png", "svg")
 
 
-def find_run(wanted: str, root: str) -> Path:
-    """The run's folder. Raises UsageError where none or several fit."""
-    if os.sep in wanted or (Path(wanted) / "run.json").exists():
-        return Path(wanted)
-    runs = list_runs(root)
-    if not runs:
-        raise UsageError(f"no runs in {root!r}: fly one, or say --runs-dir")
-    if wanted == "last":
-        return max(runs, key=lambda run: (run / "run.json").stat().st_mtime)
-    fits = [run for run in runs if wanted in run.name]
-    if len(fits) == 1:
-        return fits[0]
-    if not fits:
-        raise UsageError(
-            f"no run {wanted!r} in {root!r}: expected a folder, part of a name or 'last'; the last is {runs[-1].name}"
-        )
-    names = ", ".join(run.name for run in fits[-3:])
-    raise UsageError(f"{wanted!r} fits {len(fits)} runs, expected one: {names}{', ...' if len(fits) > 3 else ''}")
+def show(run: Stored = "last", /, *, runs_dir: RunsDir = "runs", json: Json = False) -> int:
+    """The report of a stored run, as `race fly` printed it.
+
+    race show last
+
+    race show 20261120T133511Z --json
+    """
+    folder = find_run(run, runs_dir)
+    present(load_run(folder), folder, json)
+    return 0
+
+
+def plot(
+    run: Stored = "last",
+    /,
+    *,
+    out: Annotated[str | None, Help("folder for the pictures; left out: the run's folder")] = None,
+    runs_dir: RunsDir = "runs",
+    json: Json = False,
+) -> int:
+    """A stored run as PNG and SVG: path from above and from the side, controls, thrust spectrum.
+
+    race plot last --out pictures
+    """
+    folder = find_run(run, runs_dir)
+    flown = load_run(folder)
+    from quadsim.app.figures.run_figure import draw  # here, so that --help does not load matplotlib
+
+    figure, where = draw(flown), Path(out or folder)
+    paths = [where / f"{'plot' if out is None else folder.name}.{kind}" for kind in FORMATS]
+    try:
+        where.mkdir(parents=True, exist_ok=True)
+        for path in paths:
+            figure.savefig(path)
+    except OSError as error:
+        raise RunError(f"{where}: cannot write the pictures: {error.strerror or error}") from error
+    _say([str(path) for path in paths], json)
+    return 0
+
+
+def export(
+    *runs: Stored,
+    html: Annotated[bool, Help("one animated page, the drones in their scene", negative="")] = False,
+    csv: Annotated[bool, Help("telemetry, one row a control step", negative="")] = False,
+    zip: Annotated[bool, Help("the run folder", negative="")] = False,
+    out: Annotated[str | None, Help("file to write; left out: <run>.html, .csv or .zip here")] = None,
+    runs_dir: RunsDir = "runs",
+    json: Json = False,
+) -> int:
+    """A run as a page that plays offline, as a table, as one file.
+
+    race export last --html
+
+    race export 20261120T133511Z 20261120T134914Z --html --out race.html
+    """
+    asked = [kind for kind, said in (("html", html), ("csv", csv), ("zip", zip)) if said]
+    if len(asked) != 1:
+        raise UsageError(f"expected one of --html, --csv, --zip, got {' and '.join(asked) or 'none'}")
+    folders = [find_run(run, runs_dir) for run in runs or ("last",)]
+    if asked != ["html"] and len(folders) > 1:
+        raise UsageError(f"--{asked[0]}: expected one run, got {len(folders)}")
+    path = Path(out or f"{folders[0].name}.{asked[0]}")
+    data = _data(asked[0], folders)
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise RunError(f"{path}: cannot write: {error.strerror or error}") from error
+    _say([str(path)], json)
+    return 0
+
+
+def _say(names: list[str], json: bool) -> None:
+    if json:
+        emit_json(names)
+    else:
+        emit(*names)
+def _data(kind: str, folders: list[Path]) -> bytes:
+    from web.exports import telemetry_csv, zipped  # here, so that --help does not load them
+
+    if kind == "csv":
+        return telemetry_csv(load_run(folders[0]))
+    if kind == "zip":
+        load_run(folders[0])  # a damaged run is not handed on
+        return zipped(folders[0])
+    from web.competitor import named, stored_competitor
+    from web.recording import record
+
+    competitors = named([stored_competitor(folder) for folder in folders])
+    if len({competitor.spec["course_text"] for competitor in competitors}) > 1:
+        raise UsageError("--html: expected runs of one course, got several")
+    return record(competitors).encode()

@@ -33,6 +33,9 @@ class Corridor:
     name: str
     width: float  # between the walls [m]
     points: tuple[tuple[float, float], ...]  # centre line from start to goal [m]
+    text: str = ""  # the YAML it came from, kept with every run
+
+    laps = 1
 
     @cached_property
     def directions(self) -> np.ndarray:
@@ -68,10 +71,15 @@ class Corridor:
 
 def load_corridor(name_or_path: str | Path) -> Corridor:
     """By name ("zigzag") or path. Raises FileError."""
-    path = locate(name_or_path, CORRIDORS, "corridor")
-    document = parse(read_text(path), str(path))
+    path = locate(name_or_path, CORRIDORS, "course")
+    return parse_corridor(read_text(path), str(path))
+
+
+def parse_corridor(text: str, file: str) -> Corridor:
+    """From its text; `file` is shown in errors and gives the name. Raises FileError."""
+    document = parse(text, file)
     entry = document.fill(CorridorFile)
-    corridor = Corridor(path.stem, entry.width, entry.points)
+    corridor = Corridor(Path(file).stem, entry.width, entry.points, text)
     if not corridor.lengths.all():
         raise document.error("points", "expected points that differ, got one twice in a row")
     bends = np.arccos(np.clip((corridor.directions[1:] * corridor.directions[:-1]).sum(axis=1), -1, 1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import dist
 
 import numpy as np
 
@@ -31,17 +32,26 @@ class CorridorReferee:
         return self.passed
 
     def observe(self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()) -> list[Event]:
+        """Judge one physics step. A leg that was driven to its end line is a `pass`, with the leg as its gate."""
         c, p = self._corridor, np.array(p1[:2])
+        events = []
         if (p - c.points[self.passed + 1]) @ c.ends[self.passed] >= 0:
             self.passed += 1
+            events.append(self._event("pass", t0, p0, t1, p1))
         if np.linalg.norm(p - self._moved[1]) > 1.0:
             self._moved = t1, p
         if self.passed == len(c.lengths):
             self.outcome = "finished"
         elif abs(c.offset(self.passed, p)) > self._room:
             self.outcome = "crashed"
-        elif t1 - self._moved[0] > STUCK:
-            self.outcome = "stuck"
-        elif t1 >= self._timeout:
-            self.outcome = "timeout"
-        return []
+            events.append(self._event("wall", t0, p0, t1, p1))
+        elif t1 - self._moved[0] > STUCK or t1 >= self._timeout:
+            self.outcome = "stuck" if t1 - self._moved[0] > STUCK else "timeout"
+            events.append(self._event(self.outcome, t0, p0, t1, p1))
+        return events
+
+    def _event(self, kind: str, t0: float, p0: Vec3, t1: float, p1: Vec3) -> Event:
+        leg = min(self.passed - (kind == "pass"), len(self._corridor.lengths) - 1)
+        left = self._corridor.offset(leg, np.array(p1[:2]))
+        speed = dist(p0[:2], p1[:2]) / (t1 - t0)
+        return Event(t1, kind, self.passed if kind == "pass" else 0, 1, (left, 0.0), speed, (p1[0], p1[1], 0.0))

@@ -75,6 +75,26 @@ def list_runs(root: str | Path) -> list[Path]:
     return sorted(p.parent for p in Path(root).glob("*/run.json") if not p.parent.name.endswith(PART))
 
 
+def find_run(wanted: str, root: str) -> Path:
+    """The run's folder. Raises RunError where none or several fit."""
+    if os.sep in wanted or (Path(wanted) / "run.json").exists():
+        return Path(wanted)
+    runs = list_runs(root)
+    if not runs:
+        raise RunError(f"no runs in {root!r}: fly one, or say --runs-dir")
+    if wanted == "last":
+        return max(runs, key=lambda run: (run / "run.json").stat().st_mtime)
+    fits = [run for run in runs if wanted in run.name]
+    if len(fits) == 1:
+        return fits[0]
+    if not fits:
+        raise RunError(
+            f"no run {wanted!r} in {root!r}: expected a folder, part of a name or 'last'; the last is {runs[-1].name}"
+        )
+    names = ", ".join(run.name for run in fits[-3:])
+    raise RunError(f"{wanted!r} fits {len(fits)} runs, expected one: {names}{', ...' if len(fits) > 3 else ''}")
+
+
 def load_run(path: str | Path) -> Run:
     """What was saved, to the last bit, or a RunError."""
     path = Path(path)
@@ -83,7 +103,7 @@ def load_run(path: str | Path) -> Run:
     if not path.is_dir():
         raise RunError(f"{path}: expected a run folder, found {'a file' if path.exists() else 'nothing'}")
     record = read_json(_read(path / "run.json"), path / "run.json")
-    telemetry, pictures = read_npz(_read(path / "telemetry.npz"), path / "telemetry.npz")
+    telemetry, pictures = read_npz(_read(path / "telemetry.npz"), record.spec, path / "telemetry.npz")
     wall = {"plan_ms": record.plan_ms, "real_time_factor": record.real_time_factor}
     run = Run(record.spec, telemetry, record.events, record.outcome, wall, pictures)
     if _digest(run) != record.digest:

@@ -11,7 +11,7 @@ from math import exp, pi, sqrt
 import numpy as np
 
 from quadsim.race.events import sector_times
-from quadsim.record.run import Run
+from quadsim.record.run import Run, controls_of
 
 MOTOR_TAU = 0.033  # [s] a racing quadrotor's, for vehicles whose thrust acts at once
 WELCH_SEGMENT = 256  # samples
@@ -19,7 +19,10 @@ WELCH_SEGMENT = 256  # samples
 
 def chatter(run: Run) -> dict:
     """{commanded: {...}, delivered: {...}}, and the motor lag [s] and corner [Hz] they were held against."""
-    x, tau = run.telemetry, motor_tau(run.spec["vehicle"])
+    x = run.telemetry
+    if "a_cmd" not in x:
+        return {"commanded": {f"{name}_tv": total_variation(x["t"], x[name]) for name in controls_of(run.spec)}}
+    tau = motor_tau(run.spec["vehicle"])
     commanded = _chatter(x["t"], x["a_cmd"], _rows(x, "wx_cmd", "wy_cmd", "wz_cmd"), tau)
     delivered = _chatter(x["t"], x["a"], _rows(x, "wx", "wy", "wz"), tau)
     return {"commanded": commanded, "delivered": delivered, "motor_tau": tau, "motor_corner": motor_corner(tau)}
@@ -54,7 +57,7 @@ def motor_corner(tau: float) -> float:
 
 def total_variation(t: np.ndarray, u: np.ndarray) -> float:
     """sum |du| / T, summed over the rows of u [unit of u / s]."""
-    return float(np.abs(np.diff(u)).sum() / (t[-1] - t[0]))
+    return float(np.abs(np.diff(u)).sum() / (t[-1] - t[0])) if len(t) > 1 else 0.0
 
 
 def motor_residual(t: np.ndarray, u: np.ndarray, tau: float) -> float:

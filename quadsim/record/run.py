@@ -18,22 +18,19 @@ import numpy as np
 
 from controllers.plan import PlannerSnapshot
 from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
+from quadsim.race.systems import SYSTEMS
 from quadsim.record.planner_snapshot import PlannerSnapshots
-from quadsim.systems.quadrotor import CONTROL, STATE
 
 INTERACTIVE = "interactive"  # key of a spec: the planner's numbers that were changed while it flew
-
-_STATE_UNITS = ("m",) * 3 + ("m/s",) * 3 + ("1",) * 4 + ("rad/s",) * 3 + ("m/s^2",) + ("rad/s^2",) * 3
-_CONTROL_UNITS = ("rad/s",) * 3 + ("m/s^2",)
-COLUMNS = {  # telemetry column -> unit
-    "t": "s",
-    **dict(zip(STATE, _STATE_UNITS, strict=True)),
-    **dict(zip(CONTROL, _CONTROL_UNITS, strict=True)),
-    **dict.fromkeys(("passed", "lap", "ess", "temperature", "cost"), "1"),
-    "plan_ms": "ms",
-}
+COLUMNS = SYSTEMS["quadrotor"].columns  # telemetry column -> unit
 COUNTS = ("passed", "lap")  # integer columns
 WALL_CLOCK = ("plan_ms",)  # columns that differ from flight to flight and are no part of the digest
+
+
+def columns_of(spec: dict) -> dict[str, str]:
+    """Telemetry column -> unit, of the system that a spec names; a spec without one is a quadrotor's."""
+    own = spec.get("own", {}).get("system")
+    return own["columns"] if own else SYSTEMS[spec.get("system", "quadrotor")].columns
 
 
 class RunError(Exception):
@@ -45,9 +42,9 @@ class Run:
     """A flight as it is remembered. Laps, splits and penalties are read off the events, so they cannot disagree."""
 
     spec: dict  # resolved configuration, JSON
-    telemetry: dict[str, np.ndarray]  # COLUMNS, each  (frames,)
+    telemetry: dict[str, np.ndarray]  # the columns of its system, each  (frames,)
     events: tuple[Event, ...]
-    outcome: str  # finished, crashed, timeout, interrupted
+    outcome: str  # finished, crashed, stuck, timeout, interrupted
     wall: dict  # wall clock: plan_ms {p50, p95}, real_time_factor
     pictures: PlannerSnapshots | None = None
 
@@ -84,8 +81,19 @@ class Run:
         """sha256 [hex] of all that a seed determines: no wall clock, no spec["host"], no pictures."""
         events = [asdict(e) for e in self.events]
         text = canonical({"spec": hostless(self.spec), "events": events, "laps": self.laps, "outcome": self.outcome})
-        columns = [self.telemetry[name].astype("<f8").tobytes() for name in COLUMNS if name not in WALL_CLOCK]
+        columns = [self.telemetry[name].astype("<f8").tobytes() for name in columns_of(self.spec) if name not in WALL_CLOCK]
         return sha256(b"".join([text, *columns])).hexdigest()
+
+
+def controls_of(spec: dict) -> tuple[str, ...]:
+    """Names of the control columns of a spec's system."""
+    own = spec.get("own", {}).get("system")
+    return tuple(own["controls"] if own else SYSTEMS[spec.get("system", "quadrotor")].controls)
+
+
+def repeatable(spec: dict) -> bool:
+    """Whether the spec alone can fly the run again: no object of the user's own took part."""
+    return not spec.get("own")
 
 
 def hostless(spec: dict) -> dict:
@@ -110,7 +118,8 @@ class Recorder:
     def __init__(self) -> None:
         self.last: Frame | None = None
         self.events: list[Event] = []
-        self._numbers = array("d")  # rows of COLUMNS
+        self._numbers = array("d")  # rows of the system's columns
+        self._frames = 0
         self._pictures: list[tuple[int, PlannerSnapshot]] = []
 
     def add(self, f: Frame) -> None:
@@ -119,16 +128,19 @@ class Recorder:
         self._numbers.extend((f.t, *f.x, *f.u, f.passed, f.lap, f.ess, f.temperature, f.cost, f.plan_ms))
         self.events += f.events
         self.last = f
+        self._frames += 1
 
     def __len__(self) -> int:
-        return len(self._numbers) // len(COLUMNS)
+        return self._frames
 
     def run(self, spec: dict) -> Run:
         """The flight so far. A last frame without an outcome means that somebody stopped asking: interrupted."""
-        table = np.array(self._numbers).reshape(len(self), len(COLUMNS))
-        telemetry = {name: table[:, i].astype(int if name in COUNTS else float) for i, name in enumerate(COLUMNS)}
+        spec = json.loads(canonical(spec))  # tuples become lists now, so that loading gives back the same
+        columns = columns_of(spec)
+        table = np.array(self._numbers).reshape(len(self), len(columns))
+        telemetry = {name: table[:, i].astype(int if name in COUNTS else float) for i, name in enumerate(columns)}
         return Run(
-            spec=json.loads(canonical(spec)),  # tuples become lists now, so that loading gives back the same
+            spec=spec,
             telemetry=telemetry,
             events=tuple(self.events),
             outcome=(self.last.outcome if self.last else None) or "interrupted",

@@ -17,7 +17,7 @@ import numpy as np
 from quadsim.race.events import Event
 from quadsim.record.metrics import chatter
 from quadsim.record.planner_snapshot import PlannerSnapshots
-from quadsim.record.run import COLUMNS, COUNTS, Run, RunError
+from quadsim.record.run import COUNTS, Run, RunError, columns_of, repeatable
 
 SCHEMA_VERSION = 1
 TERM = "cost."  # before the name of a cost term in telemetry.npz
@@ -28,7 +28,7 @@ class Record:
     """What is read back of run.json; the rest follows from it or is there for people."""
 
     spec: dict[str, Any]
-    outcome: Literal["finished", "crashed", "timeout", "interrupted"]
+    outcome: Literal["finished", "crashed", "stuck", "timeout", "interrupted"]
     events: tuple[Event, ...]
     plan_ms: dict[str, float]
     real_time_factor: float
@@ -52,7 +52,8 @@ def write_json(run: Run, provenance: dict) -> bytes:
         **run.wall,
         "spec": run.spec,
         "course_sha256": sha256(run.spec["course_text"].encode()).hexdigest(),
-        "units": COLUMNS,
+        "units": columns_of(run.spec),
+        "repeatable_from_spec": repeatable(run.spec),
         **provenance,
         "digest": run.digest(),
     }
@@ -76,7 +77,7 @@ def write_npz(run: Run) -> bytes:
     return buffer.getvalue()
 
 
-def read_npz(data: bytes, path: object) -> tuple[dict[str, np.ndarray], PlannerSnapshots | None]:
+def read_npz(data: bytes, spec: dict, path: object) -> tuple[dict[str, np.ndarray], PlannerSnapshots | None]:
     """Telemetry by column, and the planner's pictures where the run has them."""
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
@@ -84,10 +85,11 @@ def read_npz(data: bytes, path: object) -> tuple[dict[str, np.ndarray], PlannerS
     except Exception as error:  # a damaged zip fails in a dozen ways
         raise RunError(f"{path}: damaged: {error}") from error
     pictures = _pictures(columns)
-    _check(columns, path)
+    wanted = _wanted(spec, path)
+    _check(columns, wanted, path)
     if pictures:
         _check_pictures(pictures, len(columns["t"]), path)
-    return {name: columns[name] for name in COLUMNS}, pictures
+    return {name: columns[name] for name in wanted}, pictures
 
 
 def write_csv(events: Iterable[Event]) -> bytes:
@@ -128,11 +130,16 @@ def _compact(columns: dict[str, np.ndarray]) -> None:
             columns[name] = columns[name][taken]
 
 
-def _check(columns: dict[str, np.ndarray], path: object) -> None:
-    if wrong := sorted(columns.keys() ^ COLUMNS.keys()):
-        raise RunError(
-            f"{path}: expected the columns of quadsim.record.run.COLUMNS, missing or unknown: {', '.join(wrong)}"
-        )
+def _wanted(spec: dict, path: object) -> dict[str, str]:
+    try:
+        return columns_of(spec)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise RunError(f"{path}: run.json names no known system: {error}") from error
+
+
+def _check(columns: dict[str, np.ndarray], wanted: dict[str, str], path: object) -> None:
+    if wrong := sorted(columns.keys() ^ wanted.keys()):
+        raise RunError(f"{path}: expected the columns of the run's system, missing or unknown: {', '.join(wrong)}")
     frames = columns["t"].shape
     for name, column in columns.items():
         wanted = np.dtype(np.int64 if name in COUNTS else np.float64)

@@ -5,29 +5,42 @@ Explicit Euler: the position moves with the old velocity. No limits, as float32 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from quadsim.systems import System
 
-STATES = ("px", "py", "vx", "vy")
-CONTROLS = ("ax_cmd", "ay_cmd")
+STATE_UNITS = {"px": "m", "py": "m", "vx": "m/s", "vy": "m/s"}
+CONTROL_UNITS = {"ax_cmd": "m/s^2", "ay_cmd": "m/s^2"}
 UNLIMITED = 1e30  # finite, as the compiled lanes assume of every number
 
 
 def step(x, u, p, dt):
-    """x: STATES [m, m/s]. u: CONTROLS. p: acceleration per unit of control, k [m/s^2]."""
+    """x, u: STATE_UNITS and CONTROL_UNITS. p: acceleration per unit of control, k."""
     px, py, vx, vy = x
     ux, uy = u
     (k,) = p
     return px + vx * dt, py + vy * dt, vx + k * ux * dt, vy + k * uy * dt
 
 
-def double_integrator(dt: float) -> System:
-    """At control period dt [s], with k = 1."""
+@dataclass(frozen=True)
+class PointMass:
+    """What is moved."""
+
+    name: str = "point"
+    gain: float = 1.0  # acceleration per unit of control, k
+
+
+POINT = PointMass()
+
+
+def double_integrator(dt: float, point: PointMass = POINT) -> System:
+    """At control period dt [s]."""
     return System(
         name="double_integrator",
-        states=STATES,
-        controls=CONTROLS,
+        states=tuple(STATE_UNITS),
+        controls=tuple(CONTROL_UNITS),
         step=step,
-        params=(1.0,),
+        params=(point.gain,),
         dt=dt,
         low=(-UNLIMITED,) * 2,
         high=(UNLIMITED,) * 2,

@@ -19,12 +19,13 @@ from numpy import maximum, minimum, sqrt, where
 from quadsim.systems import System
 from quadsim.systems.quadrotor import gain
 
-STATES = ("px", "py", "hx", "hy", "v", "r", "steer", "drive")
-CONTROLS = ("drive_cmd", "steer_cmd")  # both in -1..1
+STATE_UNITS = {"px": "m", "py": "m", "hx": "1", "hy": "1", "v": "m/s", "r": "rad/s", "steer": "1", "drive": "1"}
+CONTROL_UNITS = {"drive_cmd": "1", "steer_cmd": "1"}  # both in -1..1
+DISTURBANCE = {"hx": 0.01, "hy": 0.01, "v": 0.2, "r": 0.04}  # standard deviation after 1 s of it [1, m/s, rad/s]
 
 
 def step(x, u, p, dt):
-    """x: STATES [m, 1, m/s, rad/s, 1]. u: CONTROLS. p: OffroadVehicle's numbers, lags as gains in one dt."""
+    """x, u: STATE_UNITS and CONTROL_UNITS. p: OffroadVehicle's numbers, lags as gains in one dt."""
     px, py, hx, hy, v, r, steer, drive = x
     drive_cmd, steer_cmd = u
     k_steer, rate, k_drive, accel, brake, drag, kappa, grip, k_yaw, slip = p
@@ -46,8 +47,10 @@ def step(x, u, p, dt):
 
 @dataclass(frozen=True)
 class OffroadVehicle:
-    """A side-by-side of about 3 m: plausible numbers, measured on nothing."""
+    """A side-by-side vehicle of about 3 m; plausible numbers, not measured."""
 
+    name: str = "side_by_side"
+    half_width: float = 0.8  # [m]
     steer_tau: float = 0.15  # lag of the steering wheel [s]
     steer_rate: float = 1.0  # of it [1/s]: 2 s from lock to lock
     drive_tau: float = 0.4  # lag of throttle and brake [s]
@@ -67,8 +70,8 @@ class OffroadVehicle:
         return (k_steer, self.steer_rate, k_drive, *force, k_yaw, self.slip)
 
 
-# What is driven is slower, slides and grips less than what is believed.
-BELIEVED = OffroadVehicle()
+# The vehicle that is driven responds more slowly, slides, and grips less than the planner's nominal model.
+NOMINAL = OffroadVehicle()
 DRIVEN = OffroadVehicle(
     steer_tau=0.2, steer_rate=0.95, drive_tau=0.5, accel=3.2, curvature=0.17, grip=5.5, yaw_tau=0.2, slip=0.01
 )
@@ -78,8 +81,8 @@ def offroad(vehicle: OffroadVehicle, dt: float) -> System:
     """The system at control period dt [s]."""
     return System(
         name="offroad",
-        states=STATES,
-        controls=CONTROLS,
+        states=tuple(STATE_UNITS),
+        controls=tuple(CONTROL_UNITS),
         step=step,
         params=vehicle.params(dt),
         dt=dt,

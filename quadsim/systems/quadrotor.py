@@ -25,10 +25,18 @@ from quadsim.files.strict_yaml import unit
 from quadsim.systems import System
 from quadsim.vehicle import GRAVITY, Vehicle
 
-# The quadrotor's state everywhere: p [m], v [m/s] (world), q wxyz (world from body), body rates [rad/s],
-# and what the rotors deliver now: mass-normalised thrust [m/s^2], angular acceleration (body) [rad/s^2].
-STATE = ("px", "py", "pz", "vx", "vy", "vz", "qw", "qx", "qy", "qz", "wx", "wy", "wz", "a", "bx", "by", "bz")
-CONTROL = ("wx_cmd", "wy_cmd", "wz_cmd", "a_cmd")
+# Everywhere: p and v in the world, q wxyz world from body, omega in the body frame, and what the rotors deliver now:
+# mass-normalised thrust a and angular acceleration beta in the body frame.
+STATE_UNITS = {
+    **dict.fromkeys(("px", "py", "pz"), "m"),
+    **dict.fromkeys(("vx", "vy", "vz"), "m/s"),
+    **dict.fromkeys(("qw", "qx", "qy", "qz"), "1"),
+    **dict.fromkeys(("wx", "wy", "wz"), "rad/s"),
+    "a": "m/s^2",
+    **dict.fromkeys(("bx", "by", "bz"), "rad/s^2"),
+}
+CONTROL_UNITS = {**dict.fromkeys(("wx_cmd", "wy_cmd", "wz_cmd"), "rad/s"), "a_cmd": "m/s^2"}
+STATE, CONTROL = tuple(STATE_UNITS), tuple(CONTROL_UNITS)
 
 
 def step(x, u, p, dt):

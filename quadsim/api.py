@@ -1,0 +1,89 @@
+"""The functions of the public interface; `import quadsim` loads this module when one of them is used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from quadsim.race.events import Frame
+from quadsim.race.spec import Spec, build, launch
+from quadsim.race.spec import frames as _frames
+from quadsim.record.archive import find_run
+from quadsim.record.archive import load_run as _load_run
+from quadsim.record.run import Run
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from quadsim.app.campaign.compare import Comparison
+
+
+def fly(course: Any = None, **settings: Any) -> Run:
+    """Fly once and return the Run: laps, events, telemetry.
+
+    Args:
+        course: a course by name ("split_s_swift"), a FILE.yaml, a Course, or a Spec that says everything.
+        settings: every flag of `race fly` by name, for example sampler="gaussian", seed=3, horizon=120,
+            sigma=(1, 1, 1, 4) [rad/s, rad/s, rad/s, m/s^2], vehicle="swift", laps=1, randomize=1.0.
+            sampler, cost, system, plant, controller and referee may be objects of your own, see docs/library.md.
+
+    Raises:
+        SettingError: a setting that cannot be used (a ValueError): name, what was expected with its unit, what came.
+        FileError: a course, vehicle or preset that cannot be read (a ValueError).
+    """
+    spec = course if isinstance(course, Spec) else Spec.of(course, **settings)
+    return Run.from_frames(spec.record(), _frames(spec))
+
+
+def frames(course: Any = None, **settings: Any) -> Iterator[Frame]:
+    """Fly step by step: an iterator of Frames, one for each control period, the last one with the outcome.
+
+    The same arguments and errors as `fly`. Whoever asks for frames sets the pace.
+    """
+    return _frames(course if isinstance(course, Spec) else Spec.of(course, **settings))
+
+
+def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
+    """A stored run: a folder, a part of a name that only one run in `runs_dir` has, or "last". Raises RunError."""
+    return _load_run(find_run(str(run), runs_dir))
+
+
+def plot(run: Run, path: str | Path | None = None) -> Figure:
+    """A run on one page: path, controls over time, spectrum. Written to `path` (.png, .svg, .pdf) where given."""
+    from quadsim.app.figures.run_figure import draw  # which loads matplotlib
+
+    figure = draw(run)
+    if path is not None:
+        figure.savefig(path)
+    return figure
+
+
+def compare(
+    courses: Any,
+    variants: Mapping[str, Mapping[str, Any]] | tuple[str, ...] = ("gaussian", "colored"),
+    attempts: int = 10,
+    jobs: int | None = None,
+    campaign: str | Path | None = None,
+    **settings: Any,
+) -> Comparison:
+    """Fly variants against each other, paired by seed, and say which is faster, safer, smoother, with intervals.
+
+    Args:
+        courses: one course or several.
+        variants: samplers by name, or {name: settings}; attempt i of each flies seed + i.
+        attempts: flights of each variant on each course.
+        jobs: worker processes; left out, flights are flown here, one after the other. With workers a script needs
+            `if __name__ == "__main__":`, and objects of your own must be importable by them.
+        campaign: an SQLite file that keeps finished attempts, so that the same call goes on where it stopped.
+        settings: of all variants, as for `fly`; randomize=1.0 draws another vehicle, start and wind for each seed.
+
+    Returns:
+        A Comparison: `.variants` and `.pairs` with the numbers, `print(comparison)` for tables, `.plot(path)`.
+    """
+    from quadsim.app.campaign.compare import compare as run_comparison
+
+    return run_comparison(courses, variants, attempts, jobs, campaign, settings)
+
+
+__all__ = ["build", "compare", "fly", "frames", "launch", "load_run", "plot"]

@@ -1,0 +1,81 @@
+"""Preset files: a YAML file that names a preset as its base and says what differs.
+
+base: race
+sampling: {gamma: [3, 3, 3, 2]}
+mppi: {samples: 2048}
+cost: {margin: 0.3}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any, get_type_hints
+
+import yaml
+from msgspec import defstruct
+
+from controllers.presets import Planner, faults
+from controllers.samplers import SAMPLERS
+from quadsim.files.data_files import SUFFIXES, read_text
+from quadsim.files.strict_yaml import Document, FileError, parse
+from quadsim.files.yaml_words import did_you_mean
+
+Presets = Mapping[str, Mapping[str, Planner]]
+GROUPS = ("sampling", "mppi", "cost")
+
+
+def load_planner(name_or_path: str, sampler: str, presets: Presets) -> Planner:
+    """The planner of a named preset or of a preset file, for this sampler. Raises FileError."""
+    if name_or_path.endswith(SUFFIXES):
+        return parse_planner(read_text(Path(name_or_path)), name_or_path, sampler, presets)
+    return named_planner(name_or_path, sampler, presets)
+
+
+def named_planner(name: str, sampler: str, presets: Presets) -> Planner:
+    """Raises FileError for a preset, or a sampler in it, that does not exist."""
+    if name not in presets:
+        raise FileError(f"no preset {name!r}: {did_you_mean(name, presets)} (or a FILE.yaml)")
+    if sampler not in presets[name]:
+        raise FileError(f"preset {name!r}: no numbers for {sampler!r} sampling, known are {', '.join(presets[name])}")
+    return presets[name][sampler]
+
+
+def parse_planner(text: str, file: str, sampler: str, presets: Presets) -> Planner:
+    """A planner from a preset file's text: a key that it leaves out keeps the base's number. Raises FileError.
+
+    Of `sampling`, keys of other samplers are skipped, so that one file serves several.
+    """
+    document = parse(text, file)
+    base = _base(document, sampler, presets)
+    entry = document.fill(_schema(base))
+    changes: dict[str, Any] = {"vehicle": entry.vehicle or base.vehicle}
+    for key, node in document.root.value:
+        if key.value in GROUPS and isinstance(node, yaml.MappingNode):
+            own = {f.name for f in fields(getattr(base, key.value))}
+            said = {k.value: getattr(getattr(entry, key.value), k.value) for k, _ in node.value if k.value in own}
+            changes[key.value] = replace(getattr(base, key.value), **said)
+    planner = replace(base, **changes)
+    for path, problem in faults(planner):
+        raise document.error(path, problem)
+    return planner
+
+
+def _base(document: Document, sampler: str, presets: Presets) -> Planner:
+    """What the file's `base` names; the first preset where it says none, for the error that follows."""
+    nodes = {key.value: node for key, node in getattr(document.root, "value", ()) if isinstance(key, yaml.ScalarNode)}
+    name = getattr(nodes.get("base"), "value", None)
+    if isinstance(name, str) and name not in presets:
+        raise document.error("base", f"no preset {name!r}: {did_you_mean(name, presets)}")
+    return named_planner(name if isinstance(name, str) else next(iter(presets)), sampler, presets)
+
+
+def _schema(base: Planner) -> type:
+    """What a preset file on this base may say: every number of its groups, none required."""
+    keys: list[Any] = [("base", str), ("vehicle", str | None, None)]
+    for group in GROUPS:
+        classes = SAMPLERS.values() if group == "sampling" else (type(getattr(base, group)),)
+        kinds = {name: kind for cls in classes for name, kind in get_type_hints(cls, include_extras=True).items()}
+        keys.append((group, defstruct(group, [(name, kind, None) for name, kind in kinds.items()]), None))
+    return defstruct("PresetFile", keys)

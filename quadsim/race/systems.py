@@ -1,0 +1,243 @@
+"""SYSTEMS: what can be flown or driven, each with its model, default cost, plant, referee, presets, columns and units.
+
+An entry is functions of a Spec, so that one loop, one archive, one report and one campaign engine serve every
+system. A new system is a file in quadsim/systems, a cost, presets and an entry here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controllers.costs import Cost
+from controllers.costs.corridor import corridor_cost
+from controllers.costs.quadratic import quadratic_cost
+from controllers.costs.race import race_cost
+from controllers.paper_presets import DOUBLE_INTEGRATOR, OFFROAD
+from controllers.presets import PRESETS, Planner
+from quadsim.course import COURSES, load_course, parse_course
+from quadsim.course.corridor import CORRIDORS, load_corridor, parse_corridor
+from quadsim.course.point_goal import GOALS, load_point_goal, parse_point_goal
+from quadsim.files.data_files import names
+from quadsim.files.strict_yaml import FileError
+from quadsim.files.yaml_words import did_you_mean
+from quadsim.physics.domain_randomization import draw, gusts
+from quadsim.physics.plant import BulletPlant, ModelPlant, Plant, diffusion, start_state
+from quadsim.race.corridor_referee import CorridorReferee
+from quadsim.race.duration_referee import DurationReferee
+from quadsim.race.referee import Referee
+from quadsim.systems import System, double_integrator, offroad, quadrotor
+from quadsim.vehicle import load_vehicle, vehicle_names
+
+if TYPE_CHECKING:
+    from quadsim.race.spec import Spec
+
+Streams = tuple[np.random.SeedSequence, ...]  # of the planner, the randomized vehicle and start, the disturbance
+
+
+@dataclass(frozen=True)
+class SystemEntry:
+    """One system: its numbers, and how a Spec becomes what flies."""
+
+    states: Mapping[str, str]  # name -> unit
+    controls: Mapping[str, str]
+    folder: Path  # of its courses
+    key: str  # that only its course files have
+    default_course: str
+    default_preset: str
+    plant_dt: float | None  # step of the simulated world [s]; None: the control period
+    presets: Mapping[str, Mapping[str, Planner]]
+    load_course: Callable[[str], Any]
+    parse_course: Callable[[str, str], Any]
+    vehicles: Callable[[], tuple[str, ...]]
+    load_vehicle: Callable[[str], Any]
+    model_of: Callable[[Any], Any]  # what the planner assumes of a vehicle
+    system: Callable[[Any, float], System]  # of such a model, at a control period [s]
+    cost: Callable[[Spec], Cost]
+    start: Callable[[Spec], tuple[float, ...]]  # state
+    plant: Callable[[Spec, Streams], Plant]
+    referee: Callable[[Spec], Any]
+    timeout: Callable[[Any, int], float]  # of a course and a number of laps [s]
+    streams: Callable[[int], Streams]  # of a seed
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Telemetry column -> unit."""
+        counted = dict.fromkeys(("passed", "lap", "ess", "temperature", "cost"), "1")
+        return {"t": "s", **self.states, **self.controls, **counted, "plan_ms": "ms"}
+
+    @property
+    def courses(self) -> tuple[str, ...]:
+        """Names of the courses that come with the project."""
+        return names(self.folder)
+
+
+def random_streams(seed: int) -> Streams:
+    """Independent of each other: every planner that flies a seed meets the same vehicle and disturbance."""
+    planner, plant = np.random.SeedSequence(seed).spawn(2)
+    return planner, *plant.spawn(2)
+
+
+def _race_plant(spec: Spec, streams: Streams) -> Plant:
+    """A quadrotor among gates, its vehicle, start and gusts randomized by the seed."""
+    build = BulletPlant
+    if spec.randomize == 0:
+        return build(spec.course, spec.vehicle, spec.plant_dt)
+    varied = draw(streams[1], spec.randomize)
+    return build(
+        spec.course,
+        varied.vehicle(spec.vehicle),
+        spec.plant_dt,
+        start=varied.start(spec.course.start),
+        body=varied.body(spec.vehicle),
+        gusts=gusts(streams[2], varied.gust, spec.plant_dt),
+    )
+
+
+def _race_timeout(course: Any, laps: int) -> float:
+    """10 s to get going and 2 m/s along the straight lines between the gates [s]."""
+    return 10.0 + laps * course.lap_length / 2.0
+
+
+def _drive_start(spec: Spec) -> tuple[float, ...]:
+    """Standing at the corridor's start, heading along its first leg."""
+    return (*spec.course.points[0], *spec.course.directions[0].tolist(), 0.0, 0.0, 0.0, 0.0)
+
+
+def _drive_plant(spec: Spec, streams: Streams) -> Plant:
+    """The vehicle's own numbers with a random disturbance, in finer steps than the planner's model."""
+    system = offroad.offroad(spec.vehicle, spec.plant_dt)
+    std = tuple(spec.randomize * offroad.DISTURBANCE.get(name, 0.0) for name in system.states)
+    rng = np.random.default_rng(streams[1])
+    return ModelPlant(system.step, system.params, _drive_start(spec), spec.plant_dt, diffusion(std, spec.plant_dt, rng))
+
+
+def _point_start(spec: Spec) -> tuple[float, ...]:
+    return (*spec.course.start, *spec.course.velocity)
+
+
+def _point_plant(spec: Spec, streams: Streams) -> Plant:
+    system = double_integrator.double_integrator(spec.plant_dt, spec.vehicle)
+    return ModelPlant(system.step, system.params, _point_start(spec), spec.plant_dt)
+
+
+def _only(kind: str, *known: Any) -> Callable[[str], Any]:
+    """A lookup by name among vehicles that are no files."""
+    by_name = {vehicle.name: vehicle for vehicle in known}
+
+    def find(name: str) -> Any:
+        if name not in by_name:
+            raise FileError(f"no {kind} {name!r}: {did_you_mean(name, by_name)}")
+        return by_name[name]
+
+    return find
+
+
+SYSTEMS: dict[str, SystemEntry] = {
+    "quadrotor": SystemEntry(
+        states=quadrotor.STATE_UNITS,
+        controls=quadrotor.CONTROL_UNITS,
+        folder=COURSES,
+        key="gates",
+        default_course="split_s_swift",
+        default_preset="race",
+        plant_dt=1 / 400,
+        presets=PRESETS,
+        load_course=load_course,
+        parse_course=parse_course,
+        vehicles=vehicle_names,
+        load_vehicle=load_vehicle,
+        model_of=quadrotor.ModelParams.of,
+        system=quadrotor.quadrotor,
+        cost=lambda spec: race_cost(spec.course, spec.vehicle.radius, spec.planner.cost, spec.laps),
+        start=lambda spec: start_state(spec.course.start, spec.vehicle.radius),
+        plant=_race_plant,
+        referee=lambda spec: Referee(spec.course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties),
+        timeout=_race_timeout,
+        streams=random_streams,
+    ),
+    "offroad": SystemEntry(
+        states=offroad.STATE_UNITS,
+        controls=offroad.CONTROL_UNITS,
+        folder=CORRIDORS,
+        key="points",
+        default_course="zigzag",
+        default_preset="paper",
+        plant_dt=0.005,
+        presets=OFFROAD,
+        load_course=load_corridor,
+        parse_course=parse_corridor,
+        vehicles=lambda: (offroad.DRIVEN.name,),
+        load_vehicle=_only("off-road vehicle", offroad.DRIVEN),
+        model_of=lambda vehicle: offroad.NOMINAL,
+        system=offroad.offroad,
+        cost=lambda s: corridor_cost(s.course, s.vehicle.half_width, s.planner.cost, s.planner.mppi.dt),
+        start=_drive_start,
+        plant=_drive_plant,
+        referee=lambda spec: CorridorReferee(spec.course, spec.vehicle.half_width, spec.timeout),
+        timeout=lambda course, laps: 40.0,
+        streams=lambda seed: tuple(np.random.SeedSequence(seed).spawn(3)),
+    ),
+    "double_integrator": SystemEntry(
+        states=double_integrator.STATE_UNITS,
+        controls=double_integrator.CONTROL_UNITS,
+        folder=GOALS,
+        key="goal",
+        default_course="table2",
+        default_preset="paper",
+        plant_dt=None,
+        presets=DOUBLE_INTEGRATOR,
+        load_course=load_point_goal,
+        parse_course=parse_point_goal,
+        vehicles=lambda: (double_integrator.POINT.name,),
+        load_vehicle=_only("point mass", double_integrator.POINT),
+        model_of=lambda vehicle: replace(vehicle),
+        system=lambda model, dt: double_integrator.double_integrator(dt, model),
+        cost=lambda spec: quadratic_cost(spec.course.goal, spec.planner.cost),
+        start=_point_start,
+        plant=_point_plant,
+        referee=lambda spec: DurationReferee(spec.timeout),
+        timeout=lambda course, laps: course.duration,
+        streams=lambda seed: (np.random.SeedSequence(seed),) * 3,
+    ),
+}
+
+
+def system_of_course(name_or_path: str) -> str:
+    """The system that a course is made for: by the folder its name lies in, or by a key of the file."""
+    for name, entry in SYSTEMS.items():
+        if name_or_path in entry.courses:
+            return name
+    try:
+        lines = Path(name_or_path).read_text(encoding="utf-8", errors="replace").splitlines()
+    except (OSError, ValueError):
+        return "quadrotor"  # whose loader says what is wrong with the name
+    keys = {line.partition(":")[0] for line in lines}
+    return next((name for name, entry in SYSTEMS.items() if entry.key in keys), "quadrotor")
+
+
+@dataclass(frozen=True)
+class Task:
+    """The place where a system of the user's own is controlled."""
+
+    name: str
+    text: str = ""
+    laps = 1
+
+
+def own_system(system: System, start: tuple[float, ...]) -> SystemEntry:
+    """The entry of a system of the user's own, which is its own world from the state `start` on."""
+    base = SYSTEMS["double_integrator"]
+    return replace(
+        base,
+        states=dict.fromkeys(system.states, "1"),
+        controls=dict.fromkeys(system.controls, "1"),
+        system=lambda model, dt: replace(system, dt=dt),
+        cost=lambda spec: spec.own.cost,
+        start=lambda spec: start,
+        plant=lambda spec, streams: ModelPlant(system.step, system.params, start, spec.plant_dt),
+    )
