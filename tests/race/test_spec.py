@@ -70,7 +70,7 @@ PRESET = """
 base: race
 vehicle: kingfisher
 sampling: {gamma: [3, 3, 3, 2]}
-mppi: {samples: 2048, ess: null}
+mppi: {samples: 2048, target_ess: null}
 """
 
 
@@ -80,7 +80,7 @@ def test_preset_file_changes_what_it_says_and_nothing_else(sampler):
     planner = parse_planner(PRESET, "mine.yaml", sampler)
     assert planner.vehicle == "kingfisher"
     assert planner.sampling == replace(base.sampling, gamma=(3.0, 3.0, 3.0, 2.0))
-    assert planner.mppi == replace(base.mppi, samples=2048, ess=None)
+    assert planner.mppi == replace(base.mppi, samples=2048, target_ess=None)
     assert planner.cost == base.cost
 
 
@@ -91,7 +91,7 @@ def test_preset_file_changes_what_it_says_and_nothing_else(sampler):
         ("mppi: {samples: 9}\n", "base: missing"),
         ("base: race\nmpi: {samples: 9}\n", "p.yaml:2:1: mpi: unknown key, did you mean 'mppi'?"),
         ("base: race\nmppi: {dt: 1e-2, dt: 2}\n", "mppi.dt: duplicate key"),
-        ("base: race\nmppi: {samples: 20}\n", "p.yaml:2:7: mppi.ess: expected less than samples = 20, got 27"),
+        ("base: race\nmppi: {samples: 20}\n", "p.yaml:2:7: mppi.target_ess: expected less than samples = 20, got 27"),
         ("base: race\nsampling: {sigma: [1, 1, 1, 0]}\n", "expected a number [rad/s, rad/s, rad/s, m/s^2] > 0"),
         ("base: race\nsampling: {sigma: [1, 1, 1]}\n", "expected 4 numbers"),
         ("base: race\nsampling: {law: pink}\n", "expected 'exact' or 'library' or 'paper', got 'pink'"),
