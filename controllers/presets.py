@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from controllers.config import MPPIConfig
 from controllers.costs.race import RaceWeights
@@ -21,8 +22,10 @@ class Planner:
     vehicle: str  # flown unless another is asked for
     sampling: Sampling
     mppi: MPPIConfig
-    cost: RaceWeights
+    cost: Any  # RaceWeights of a quadrotor
 
+
+Presets = Mapping[str, Mapping[str, Planner]]
 
 # Section IV-B: "I = 2 iterations, M = 4096 samples, lambda = 0.3, dt = 0.01 s, and T = 150";
 # Gaussian "standard deviations of [0.3, 0.3, 0.3, 3.5] for the angular rates and thrust";
@@ -89,13 +92,13 @@ PRESETS: dict[str, dict[str, Planner]] = {
 }
 
 
-def preset(name: str, sampler: str) -> Planner:
+def preset(name: str, sampler: str, presets: Presets = PRESETS) -> Planner:
     """The preset's numbers for this sampler. Raises FileError where there are none."""
-    if name not in PRESETS:
-        raise FileError(f"no preset {name!r}: {did_you_mean(name, PRESETS)}")
-    if sampler not in PRESETS[name]:
-        raise FileError(f"preset {name!r} has no sampler {sampler!r}: {did_you_mean(sampler, PRESETS[name])}")
-    return PRESETS[name][sampler]
+    if name not in presets:
+        raise FileError(f"no preset {name!r}: {did_you_mean(name, presets)} (or a FILE.yaml)")
+    if sampler not in presets[name]:
+        raise FileError(f"preset {name!r} has no sampler {sampler!r}: {did_you_mean(sampler, presets[name])}")
+    return presets[name][sampler]
 
 
 def faults(planner: Planner) -> Iterator[tuple[str, str]]:

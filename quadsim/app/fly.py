@@ -21,9 +21,7 @@ EXIT = {"finished": 0, "crashed": 1, "stuck": 1, "timeout": 1, "interrupted": 13
 CourseName = Annotated[str | None, Help("see `race courses`, or a FILE.yaml; left out: split_s_swift")]
 
 
-def fly(
-    course: CourseName = None, /, *, settings: Given, runs_dir: RunsDir = "runs", json: Json = False
-) -> int:
+def fly(course: CourseName = None, /, *, settings: Given, runs_dir: RunsDir = "runs", json: Json = False) -> int:
     """Fly a course: laps, splits, crashes, chatter, plan time. `race fly` alone flies the Split-S course.
 
     race fly split_s_swift --sampler gaussian --seed 3

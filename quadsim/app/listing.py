@@ -48,7 +48,9 @@ def vehicles(*, json: Json = False) -> int:
     return 0
 
 
-def check(*files: Annotated[str, Help("a course, vehicle or preset file, or the name of one")], json: Json = False) -> int:
+def check(
+    *files: Annotated[str, Help("a course, vehicle or preset file, or the name of one")], json: Json = False
+) -> int:
     """Check course, vehicle and preset files. Exit code 2 if any of them cannot be used.
 
     race check mine.yaml

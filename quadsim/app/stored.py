@@ -90,6 +90,8 @@ def _say(names: list[str], json: bool) -> None:
         emit_json(names)
     else:
         emit(*names)
+
+
 def _data(kind: str, folders: list[Path]) -> bytes:
     from web.exports import telemetry_csv, zipped  # here, so that --help does not load them
 

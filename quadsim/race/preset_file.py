@@ -8,7 +8,6 @@ cost: {margin: 0.3}
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -16,13 +15,12 @@ from typing import Any, get_type_hints
 import yaml
 from msgspec import defstruct
 
-from controllers.presets import Planner, faults
+from controllers.presets import Planner, Presets, faults, preset
 from controllers.samplers import SAMPLERS
 from quadsim.files.data_files import SUFFIXES, read_text
-from quadsim.files.strict_yaml import Document, FileError, parse
+from quadsim.files.strict_yaml import Document, parse
 from quadsim.files.yaml_words import did_you_mean
 
-Presets = Mapping[str, Mapping[str, Planner]]
 GROUPS = ("sampling", "mppi", "cost")
 
 
@@ -30,16 +28,7 @@ def load_planner(name_or_path: str, sampler: str, presets: Presets) -> Planner:
     """The planner of a named preset or of a preset file, for this sampler. Raises FileError."""
     if name_or_path.endswith(SUFFIXES):
         return parse_planner(read_text(Path(name_or_path)), name_or_path, sampler, presets)
-    return named_planner(name_or_path, sampler, presets)
-
-
-def named_planner(name: str, sampler: str, presets: Presets) -> Planner:
-    """Raises FileError for a preset, or a sampler in it, that does not exist."""
-    if name not in presets:
-        raise FileError(f"no preset {name!r}: {did_you_mean(name, presets)} (or a FILE.yaml)")
-    if sampler not in presets[name]:
-        raise FileError(f"preset {name!r}: no numbers for {sampler!r} sampling, known are {', '.join(presets[name])}")
-    return presets[name][sampler]
+    return preset(name_or_path, sampler, presets)
 
 
 def parse_planner(text: str, file: str, sampler: str, presets: Presets) -> Planner:
@@ -68,7 +57,7 @@ def _base(document: Document, sampler: str, presets: Presets) -> Planner:
     name = getattr(nodes.get("base"), "value", None)
     if isinstance(name, str) and name not in presets:
         raise document.error("base", f"no preset {name!r}: {did_you_mean(name, presets)}")
-    return named_planner(name if isinstance(name, str) else next(iter(presets)), sampler, presets)
+    return preset(name if isinstance(name, str) else next(iter(presets)), sampler, presets)
 
 
 def _schema(base: Planner) -> type:

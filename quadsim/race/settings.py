@@ -137,8 +137,8 @@ def resolve(course: Any = None, **given: Any) -> Spec:
     vehicle = entry.load_vehicle(f.vehicle or planner.vehicle)
     if f.thrust_to_weight:
         vehicle = with_thrust_to_weight(vehicle, f.thrust_to_weight)
-    planner, model = _planned(replace(planner, vehicle=vehicle.name), entry.model_of(vehicle), given)
-    _check_channels(planner.sampling, entry)
+    planner = replace(planner, vehicle=vehicle.name)
+    planner, model = _planned(planner, entry.model_of(vehicle), given, entry)
     where = entry.load_course(course or entry.default_course) if isinstance(course, str | Path | None) else course
     plant_dt = f.plant_dt or entry.plant_dt or planner.mppi.dt
     laps = f.laps or where.laps
@@ -168,19 +168,19 @@ def resolve(course: Any = None, **given: Any) -> Spec:
     )
 
 
-def checked(cls: type, name: str, given: Any) -> Any:
+def checked(cls: type, name: str, given: Any, units: str = "") -> Any:
     """The value of a dataclass's field, held against its annotation. Raises SettingError."""
     kinds = {f.name: f.type for f in inspect.type_info(cls).fields}  # pyright: ignore
-    return checked_kind(kinds[name], name, given)
+    return checked_kind(kinds[name], name, given, units)
 
 
-def checked_kind(kind: Any, name: str, given: Any) -> Any:
+def checked_kind(kind: Any, name: str, given: Any, units: str = "") -> Any:
     """The value held against a kind of msgspec.inspect, by the rules of files. Raises SettingError."""
     if isinstance(given, np.ndarray | np.generic):
         given = given.tolist()
     text = yaml.safe_dump({name: _listed(given)}, default_flow_style=True, width=float("inf"))
     try:
-        found = value(parse(text, "").root.value[0][1], kind, name)
+        found = value(parse(text, "").root.value[0][1], kind, name, units)
     except Misfit as misfit:
         raise SettingError(name, _of_all(misfit, given)) from None
     return tuple(found) if isinstance(found, list) else found
@@ -199,7 +199,9 @@ def sampler_object(sampler: Any) -> Any:
         found = getattr(import_module(module), name)
         return found() if isinstance(found, type) else found
     except (ImportError, AttributeError, TypeError) as error:
-        raise SettingError("sampler", f"expected package.module:Class without arguments, got {sampler!r}: {error}") from None
+        raise SettingError(
+            "sampler", f"expected package.module:Class without arguments, got {sampler!r}: {error}"
+        ) from None
 
 
 def sampler_name(sampler: Any) -> str:
@@ -217,7 +219,7 @@ def _system_of(course: Any) -> str:
     return {Course: "quadrotor", Corridor: "offroad", PointGoal: "double_integrator"}[type(course)]
 
 
-def _planned(planner: Planner, model: Any, given: Mapping[str, Any]) -> tuple[Planner, Any]:
+def _planned(planner: Planner, model: Any, given: Mapping[str, Any], entry: SystemEntry) -> tuple[Planner, Any]:
     """The preset's planner and the vehicle's nominal model with the settings that were given."""
     homes = {f.name: (group, f.name) for group in GROUPS for f in _fields(getattr(planner, group))}
     homes |= {f"model.{f.name}": ("model", f.name) for f in _fields(model)}
@@ -227,9 +229,11 @@ def _planned(planner: Planner, model: Any, given: Mapping[str, Any]) -> tuple[Pl
             known = [*homes, *(f.name for f in fields(FlightSettings))]
             raise SettingError(name, f"no such setting here, {did_you_mean(name, known)}")
         group, key = homes[name]
-        changes[group][key] = checked(type(model if group == "model" else getattr(planner, group)), key, said)
+        units = ", ".join(entry.controls.values()) if key == "sigma" else ""
+        changes[group][key] = checked(type(model if group == "model" else getattr(planner, group)), key, said, units)
     groups = {group: replace(getattr(planner, group), **changes[group]) for group in GROUPS if changes[group]}
     planner = replace(planner, **groups)
+    _check_channels(planner.sampling, entry)
     for path, problem in faults(planner):
         raise SettingError(path.partition(".")[2], problem)
     return planner, replace(model, **changes["model"])
@@ -243,8 +247,7 @@ def _of_own_system(system: System, cost: Any, sampler: Any, start: Any, timeout:
     place = Task(system.name)
     entry = own_system(system, tuple(map(float, start)))
     f = FlightSettings(**{k.name: checked(FlightSettings, k.name, given.pop(k.name)) for k in _flight(given)})
-    planner, _ = _planned(Planner(system.name, sampler, MPPIConfig(dt=system.dt), None), place, given)
-    _check_channels(sampler, entry)
+    planner, _ = _planned(Planner(system.name, sampler, MPPIConfig(dt=system.dt), None), place, given, entry)
     return Spec(
         system=system.name,
         course=place,

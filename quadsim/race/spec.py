@@ -112,7 +112,7 @@ def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
 def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
     """The planner alone, drawing from this stream."""
     from controllers.adaptation import Adaptation
-    from controllers.mppi import MPPI, stream_key  # here: they load the compiler
+    from controllers.mppi import MPPI  # here: they load the compiler
 
     mppi = spec.planner.mppi
     cost, own = spec.entry.cost(spec), spec.own.cost
@@ -120,7 +120,7 @@ def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
         cost = own(cost) if callable(own) else own
     adaptation = Adaptation(spec.model, mppi.dt) if mppi.adapt and spec.system == "quadrotor" else None
     system = spec.entry.system(spec.model, mppi.dt)
-    return MPPI(system, cost, spec.planner.sampling, mppi, key=stream_key(stream), adaptation=adaptation)
+    return MPPI(system, cost, spec.planner.sampling, mppi, stream, adaptation)
 
 
 def launch(spec: Spec, plant: Plant, controller: Any, referee: RefereeProtocol) -> Iterator[Frame]:

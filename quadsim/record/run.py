@@ -81,7 +81,9 @@ class Run:
         """sha256 [hex] of all that a seed determines: no wall clock, no spec["host"], no pictures."""
         events = [asdict(e) for e in self.events]
         text = canonical({"spec": hostless(self.spec), "events": events, "laps": self.laps, "outcome": self.outcome})
-        columns = [self.telemetry[name].astype("<f8").tobytes() for name in columns_of(self.spec) if name not in WALL_CLOCK]
+        columns = [
+            self.telemetry[name].astype("<f8").tobytes() for name in columns_of(self.spec) if name not in WALL_CLOCK
+        ]
         return sha256(b"".join([text, *columns])).hexdigest()
 
 

@@ -6,8 +6,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-
 from quadsim.app.flight_flags import FlightFlags
+
 from quadsim.app.paper import vehicle
 from quadsim.app.paper.double_integrator import psd
 from quadsim.app.paper.exploration import spread

@@ -6,11 +6,11 @@ from io import StringIO
 
 import numpy as np
 import pytest
-from quadsim.app.model_differences import differences
+from quadsim.app.flight_flags import FlightFlags
 from rich.console import Console
 
 from quadsim.app.figure import title
-from quadsim.app.flight_flags import FlightFlags
+from quadsim.app.model_differences import differences
 from quadsim.app.report import report
 from quadsim.app.summary import summary
 from quadsim.race.events import Event, Frame

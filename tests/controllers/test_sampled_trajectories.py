@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from quadsim.app.flight_flags import FlightFlags
 
 from controllers.costs.race import TERMS
 from controllers.sampled_trajectories import cheapest, controls, sampled_trajectories, take_snapshot
-from quadsim.app.flight_flags import FlightFlags
 from quadsim.race.flight import SNAPSHOT_EVERY, fly
 from quadsim.race.spec import build, launch
 

@@ -5,8 +5,8 @@ from itertools import islice
 
 import numpy as np
 import pytest
-
 from quadsim.app.flight_flags import FlightFlags
+
 from quadsim.course import load_course
 from quadsim.physics.domain_randomization import GUST_TAU, Variation, draw, gusts
 from quadsim.physics.plant import BulletPlant

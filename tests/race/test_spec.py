@@ -4,10 +4,10 @@ import json
 from dataclasses import replace
 
 import pytest
-
-from controllers.presets import PRESETS
 from quadsim.app.flight_flags import FlightFlags, default_timeout
 from quadsim.app.preset_file import parse_planner
+
+from controllers.presets import PRESETS
 from quadsim.files.strict_yaml import FileError
 from quadsim.race.flight import fly
 from quadsim.race.spec import build

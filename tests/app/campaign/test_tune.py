@@ -6,12 +6,13 @@ import pytest
 
 pytest.importorskip("optuna", reason="extra 'tune'")
 
+from quadsim.app.preset_file import parse_planner
+
 from controllers.presets import PRESETS
 from quadsim.app.campaign.optuna_study import objective, open_study
 from quadsim.app.campaign.search import knobs, pareto, preset_text, turned
 from quadsim.app.campaign.summary_stats import variant_stats
 from quadsim.app.cli import race
-from quadsim.app.preset_file import parse_planner
 from tests.campaign_cases import FLIGHT, row
 
 GROUPS = ("sigma", "gamma", "temperature", "cost", "margin", "horizon")
