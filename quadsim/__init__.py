@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from controllers.mppi import MPPI
     from controllers.plan import PlanStats
     from controllers.samplers import Colored, Gaussian, LogNormal, Smooth, SmoothStar
-    from quadsim.api import compare, fly, frames, load_run, plot
+    from quadsim.api import compare, fly, frames, load_run, plot, save_run
     from quadsim.course import Course, Gate, Start, load_course
     from quadsim.files.strict_yaml import FileError
     from quadsim.race.settings import SettingError
@@ -35,7 +35,7 @@ _HOMES = {
     "controllers.mppi": ("MPPI",),
     "controllers.plan": ("PlanStats",),
     "controllers.samplers": ("Colored", "Gaussian", "LogNormal", "Smooth", "SmoothStar"),
-    "quadsim.api": ("compare", "fly", "frames", "load_run", "plot"),
+    "quadsim.api": ("compare", "fly", "frames", "load_run", "plot", "save_run"),
     "quadsim.course": ("Course", "Gate", "Start", "load_course"),
     "quadsim.files.strict_yaml": ("FileError",),
     "quadsim.race.settings": ("SettingError",),

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from quadsim.race.events import Frame
-from quadsim.race.spec import Spec, build, launch
+from quadsim.race.spec import Spec
 from quadsim.race.spec import frames as _frames
-from quadsim.record.archive import find_run
+from quadsim.record.archive import RunFolder, find_run
 from quadsim.record.archive import load_run as _load_run
 from quadsim.record.run import Run
 
@@ -49,6 +49,12 @@ def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
     return _load_run(find_run(str(run), runs_dir))
 
 
+def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
+    """Store a run as `race fly` does, in a folder of its own under `runs_dir`; returns that folder. Raises RunError."""
+    with RunFolder.open(runs_dir, run.spec) as folder:
+        return folder.save(run)
+
+
 def plot(run: Run, path: str | Path | None = None) -> Figure:
     """A run on one page: path, controls over time, spectrum. Written to `path` (.png, .svg, .pdf) where given."""
     from quadsim.app.figures.run_figure import draw  # which loads matplotlib
@@ -84,6 +90,3 @@ def compare(
     from quadsim.app.campaign.compare import compare as run_comparison
 
     return run_comparison(courses, variants, attempts, jobs, campaign, settings)
-
-
-__all__ = ["build", "compare", "fly", "frames", "launch", "load_run", "plot"]

@@ -45,7 +45,15 @@ def Help(text: str, **parameter: Any) -> Parameter:  # noqa: N802 (reads as an a
 Json = Annotated[bool, Help("one JSON value instead of tables", negative="")]
 RunsDir = Annotated[str, Help("where runs are kept")]
 Stored = Annotated[str, Help("a run: its folder, a part of its name, or last")]
-Given = dict[str, Any]  # settings that were given on the command line, by name
+Given = dict[str, Any] | None  # settings that were given on the command line, by name
+class N(str):
+    """A whole number, as a word."""
+
+
+class X(str):
+    """A number, as a word."""
+
+
 TITLES = {"flight": "Flight", "sampling": "Sampling", "mppi": "Planner", "cost": "Cost", "model": "Model"}
 
 
@@ -65,10 +73,8 @@ def run_command(command: Callable[..., int], prog: str, argv: Sequence[str]) -> 
     for name, value in bound.arguments.items():
         if name == "settings":
             bound.arguments[name] = {k: from_words(settings[k].kind, v) for k, v in (value or {}).items()}
-        elif name in hints:
+        elif isinstance(value, int | float) and not isinstance(value, bool):
             check(name, value, hints[name])
-    if settings and "settings" not in bound.arguments:
-        bound.arguments["settings"] = {}
     return command(*bound.args, **bound.kwargs)
 
 
@@ -170,8 +176,10 @@ def _words_of(s: Setting) -> Any:
     if s.name == "sampler":
         return Literal[tuple(SAMPLERS)] | str
     if isinstance(kind, inspect.TupleType | inspect.VarTupleType):
-        return tuple[(str,) * len(s.default)]  # pyright: ignore
-    return str
+        return tuple[(X,) * len(s.default)]  # pyright: ignore
+    if isinstance(kind, inspect.LiteralType):
+        return Literal[tuple(kind.values)] | str
+    return N if isinstance(kind, inspect.IntType) else X if isinstance(kind, inspect.FloatType) else str
 
 
 def _text(value: Any) -> str:
@@ -195,6 +203,8 @@ def _line(error: CycloptsError, app: App, settings: dict[str, Setting]) -> str:
         case CoercionError() | MissingArgumentError():
             came = repr(error.token.value) if isinstance(error, CoercionError) and error.token else "too few values"
             setting = settings.get(name.removeprefix("--").replace("-", "_"))
+            if setting and isinstance(setting.default, tuple):
+                return f"{name}: expected {len(setting.default)} numbers, got {came}"
             hint: Any = setting.kind if setting else inspect.type_info(_hint(error))
             return f"{name}: expected {expected(hint)}, got {came}"
     return str(error).splitlines()[-1]

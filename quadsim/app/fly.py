@@ -21,7 +21,7 @@ EXIT = {"finished": 0, "crashed": 1, "stuck": 1, "timeout": 1, "interrupted": 13
 CourseName = Annotated[str | None, Help("see `race courses`, or a FILE.yaml; left out: split_s_swift")]
 
 
-def fly(course: CourseName = None, /, *, settings: Given, runs_dir: RunsDir = "runs", json: Json = False) -> int:
+def fly(course: CourseName = None, /, *, settings: Given = None, runs_dir: RunsDir = "runs", json: Json = False) -> int:
     """Fly a course: laps, splits, crashes, chatter, plan time. `race fly` alone flies the Split-S course.
 
     race fly split_s_swift --sampler gaussian --seed 3
@@ -50,12 +50,12 @@ def fly(course: CourseName = None, /, *, settings: Given, runs_dir: RunsDir = "r
     return EXIT[run.outcome]
 
 
-def spec_of(course: str | None, settings: Given) -> Spec:
+def spec_of(course: str | None, settings: Given = None) -> Spec:
     """What these flags fly, with the threads in use. Raises UsageError that names the flag, FileError."""
     from controllers.rollout.threads import use_threads  # which loads the compiler
 
     try:
-        spec = Spec.of(course, **settings)
+        spec = Spec.of(course, **(settings or {}))
         spec.host["threads"] = use_threads(spec.host["threads"])
     except SettingError as error:
         raise UsageError(f"{flag(error.name)}: {error.problem}" if error.name else error.problem) from None

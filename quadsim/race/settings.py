@@ -227,10 +227,15 @@ def _planned(planner: Planner, model: Any, given: Mapping[str, Any], entry: Syst
     for name, said in given.items():
         if name not in homes:
             known = [*homes, *(f.name for f in fields(FlightSettings))]
-            raise SettingError(name, f"no such setting here, {did_you_mean(name, known)}")
+            of = [s for s, cls in SAMPLERS.items() if name in cls.__dataclass_fields__]
+            why = f"of {' and '.join(of)} sampling only" if of else f"no such setting, {did_you_mean(name, known)}"
+            raise SettingError(name, why)
         group, key = homes[name]
         units = ", ".join(entry.controls.values()) if key == "sigma" else ""
-        changes[group][key] = checked(type(model if group == "model" else getattr(planner, group)), key, said, units)
+        try:
+            changes[group][key] = checked(type(model if group == "model" else getattr(planner, group)), key, said, units)
+        except SettingError as error:
+            raise SettingError(name, error.problem) from None
     groups = {group: replace(getattr(planner, group), **changes[group]) for group in GROUPS if changes[group]}
     planner = replace(planner, **groups)
     _check_channels(planner.sampling, entry)

@@ -94,7 +94,7 @@ class Spec:
         if type(self.planner.sampling) not in SAMPLERS.values():
             own["sampler"] = describe(self.planner.sampling)
         if self.own.system:
-            own["system"] = {"columns": self.entry.columns, "controls": list(self.entry.controls)}
+            own["system"] = {"states": list(self.entry.states), "controls": list(self.entry.controls)}
         return kept | ({"own": own} if own else {})
 
 

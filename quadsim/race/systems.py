@@ -67,13 +67,18 @@ class SystemEntry:
     @property
     def columns(self) -> dict[str, str]:
         """Telemetry column -> unit."""
-        counted = dict.fromkeys(("passed", "lap", "ess", "temperature", "cost"), "1")
-        return {"t": "s", **self.states, **self.controls, **counted, "plan_ms": "ms"}
+        return telemetry_columns(self.states, self.controls)
 
     @property
     def courses(self) -> tuple[str, ...]:
         """Names of the courses that come with the project."""
         return names(self.folder)
+
+
+def telemetry_columns(states: Mapping[str, str], controls: Mapping[str, str]) -> dict[str, str]:
+    """Telemetry column -> unit, in order."""
+    counted = dict.fromkeys(("passed", "lap", "ess", "temperature", "cost"), "1")
+    return {"t": "s", **states, **controls, **counted, "plan_ms": "ms"}
 
 
 def random_streams(seed: int) -> Streams:

@@ -18,7 +18,7 @@ import numpy as np
 
 from controllers.plan import PlannerSnapshot
 from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
-from quadsim.race.systems import SYSTEMS
+from quadsim.race.systems import SYSTEMS, telemetry_columns
 from quadsim.record.planner_snapshot import PlannerSnapshots
 
 INTERACTIVE = "interactive"  # key of a spec: the planner's numbers that were changed while it flew
@@ -30,7 +30,9 @@ WALL_CLOCK = ("plan_ms",)  # columns that differ from flight to flight and are n
 def columns_of(spec: dict) -> dict[str, str]:
     """Telemetry column -> unit, of the system that a spec names; a spec without one is a quadrotor's."""
     own = spec.get("own", {}).get("system")
-    return own["columns"] if own else SYSTEMS[spec.get("system", "quadrotor")].columns
+    if own:
+        return telemetry_columns(dict.fromkeys(own["states"], "1"), dict.fromkeys(own["controls"], "1"))
+    return SYSTEMS[spec.get("system", "quadrotor")].columns
 
 
 class RunError(Exception):

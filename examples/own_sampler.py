@@ -1,0 +1,25 @@
+"""A sampler of one's own: piecewise constant noise, in plain numpy."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import quadsim
+
+
+@dataclass(frozen=True)
+class PiecewiseConstant:
+    """Each control keeps one random value for `hold` steps."""
+
+    sigma: tuple[float, ...] = (0.8, 0.8, 0.5, 4.0)  # [rad/s, rad/s, rad/s, m/s^2]
+    hold: int = 10
+
+    def sample(self, rng: np.random.Generator, samples: int, horizon: int, controls: int) -> np.ndarray:
+        pieces = rng.standard_normal((samples, -(-horizon // self.hold), controls))
+        return np.array(self.sigma) * pieces.repeat(self.hold, axis=1)[:, :horizon]  # (M, T, n_u)
+
+
+if __name__ == "__main__":
+    run = quadsim.fly("figure8", sampler=PiecewiseConstant(), laps=1)
+    print(run.spec["sampler"], run.outcome, run.laps)
+    print(quadsim.compare("figure8", {"gaussian": {}, "mine": {"sampler": PiecewiseConstant()}}, attempts=3, laps=1))
