@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 from dataclasses import dataclass
+from time import sleep
 from typing import Annotated
 
 from msgspec import Meta
@@ -16,9 +17,10 @@ from quadsim.app.console import complain, emit, emit_json
 from quadsim.app.flags import UsageError, check
 from quadsim.app.fly import EXIT, uninterrupted
 from quadsim.app.stored import find_run
-from quadsim.app.workers import until_interrupted
 from quadsim.course import course_names, load_course
 from quadsim.vehicle import vehicle_names
+
+WAKE = 0.5  # [s] how long the main thread sleeps before it looks for a signal that another thread received
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,8 @@ class Web:
             session.tell(Race.start, [], paths)
         self._say(f"http://{self.host}:{server.get_port()}/" + (f"?token={token}" if token else ""))
         with suppress(KeyboardInterrupt):  # the way a server ends
-            until_interrupted()
+            while True:
+                sleep(WAKE)
         with suppress(KeyboardInterrupt), uninterrupted():
             page.close()
             session.close()

@@ -6,7 +6,6 @@ import os
 import signal
 
 import pytest
-from quadsim.app.paper.variants import variant_stats
 
 from quadsim.app.cli import race
 from quadsim.app.paper import table2
@@ -14,6 +13,7 @@ from quadsim.app.paper.command import EXPERIMENTS
 from quadsim.app.paper.gather import gather
 from quadsim.app.paper.published import TABLE2
 from quadsim.app.paper.store import Store, run_key
+from quadsim.app.paper.variants import variant_stats
 from quadsim.record.run import RunError
 
 

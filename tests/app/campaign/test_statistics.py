@@ -12,6 +12,7 @@ from quadsim.app.campaign.statistics import (
     proportion_difference,
     t_power,
     upper_bound,
+    wilson,
 )
 
 
@@ -78,3 +79,18 @@ def test_mcnemar_counts_only_pairs_that_differ():
 )
 def test_difference_of_proportions_has_newcombe_s_published_interval(counts, low, high):
     assert proportion_difference(*counts) == pytest.approx((low, high), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("k", "n", "low", "high"),
+    [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)],
+)
+def test_wilson_gives_newcombe_s_published_intervals(k, n, low, high):
+    """Newcombe 1998, Statistics in Medicine 17, table I, method 3."""
+    assert wilson(k, n) == pytest.approx((low, high), abs=5e-5)
+
+
+def test_no_crash_in_ten_flights_says_under_28_percent_and_in_100_under_3_7():
+    assert wilson(0, 10) == (0.0, pytest.approx(0.2775, abs=1e-4))
+    assert wilson(0, 100)[1] == pytest.approx(0.037, abs=1e-4)
+    assert wilson(10, 10)[1] == 1.0

@@ -1,4 +1,4 @@
-"""Variants are command lines: what `race fly` would fly with the same words."""
+"""Variants are command lines: what `race fly` would fly with the same flags."""
 
 import pytest
 
@@ -10,14 +10,14 @@ from tests.campaign_cases import FLIGHT, variant
 COURSE, *FLAGS = FLIGHT
 
 
-def test_an_arm_is_what_the_same_flags_fly():
+def test_a_variant_is_what_the_same_flags_fly():
     soft, plain = parse_variants("soft=race+gaussian+ess=20+sigma=2:2:.3:4+smooth=yes,colored", [COURSE], FLAGS, "race")
     argv = ["--preset", "race", "--sampler", "gaussian", "--ess", "20", "--sigma", "2", "2", ".3", "4", "--smooth"]
     assert soft.spec == resolve([*FLIGHT, *argv], "race")
     assert plain.spec == variant("colored").spec
 
 
-def test_every_course_meets_every_arm_in_order():
+def test_every_course_meets_every_variant_in_order():
     variants = parse_variants("gaussian,colored", ["figure8", "split_s_song"], ["--laps", "1"], "race")
     assert [(a.spec.course.name, a.name) for a in variants] == [
         (c, n) for c in ("figure8", "split_s_song") for n in ("gaussian", "colored")
