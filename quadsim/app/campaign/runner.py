@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, nullcontext
 from functools import cached_property
 from pathlib import Path
-from time import perf_counter
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -21,42 +20,33 @@ from quadsim.race.spec import Spec
 
 
 class Tally:
-    """A bar with the time left; where stderr is no terminal, one line for each attempt."""
+    """`with Tally(total, kept) as tally`: a bar; where stderr is no terminal, one line for each attempt.
+
+    kept: of the total, flown before.
+    """
 
     def __init__(self, total: int, kept: int = 0):
-        """kept: of the total, flown before."""
-        self.total, self.kept, self.done = total, kept, 0
-        self._began = perf_counter()
+        if kept:
+            complain(f"{kept} of {total} attempts are kept from before")
         console = Console(stderr=True, highlight=False)
-        columns = (BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.fields[note]}"))
-        self._bar = Progress(*columns, console=console, transient=True) if console.is_terminal else None
+        columns = (BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+        self._bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+        self._task = self._bar.add_task("", total=total, completed=kept)
 
     def __enter__(self) -> Tally:
-        if self._bar:
-            self._task = self._bar.add_task("", total=self.total, completed=self.kept, note="")
-            self._bar.start()
-        if self.kept:
-            complain(f"{self.kept} of {self.total} attempts are kept from before")
+        self._bar.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._bar:
-            self._bar.stop()
+        self._bar.stop()
 
     def count(self, note: str) -> None:
-        self.done += 1
-        note += self._time_left()
-        if self._bar:
-            self._bar.update(self._task, advance=1, note=note)
-        else:
-            complain(f"{self.kept + self.done}/{self.total} {note}")
-
-    def _time_left(self) -> str:
-        """At the pace so far, which includes the start of the workers."""
-        seconds = (perf_counter() - self._began) / self.done * (self.total - self.kept - self.done)
-        if seconds < 1:
-            return ""
-        return f", {seconds / 60:.0f} min left" if seconds > 90 else f", {seconds:.0f} s left"
+        self._bar.advance(self._task)
+        (task,) = self._bar.tasks
+        note += f", {task.time_remaining:.0f} s left" if task.time_remaining else ""
+        self._bar.update(self._task, description=note)
+        if self._bar.disable:
+            complain(f"{task.completed:.0f}/{task.total:.0f} {note}")
 
 
 def fly_variants(

@@ -12,7 +12,7 @@ import sqlite3
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from quadsim.app.campaign.attempt import Flown, attempt_key, result, this_provenance, variant_key
@@ -22,49 +22,37 @@ from quadsim.record.run import RunError, canonical
 
 BUSY_TIMEOUT = 60.0  # for another writer's transaction [s]
 SCHEMA_VERSION = 2
-TABLE = """
-CREATE TABLE attempts (
-    key TEXT NOT NULL,        -- sha256 of specification and seed
-    code TEXT NOT NULL,       -- commit that flew it
-    variant TEXT NOT NULL,    -- sha256 of the specification without the seed
-    name TEXT NOT NULL,       -- of the variant, when it flew
-    course TEXT NOT NULL, sampler TEXT NOT NULL, preset TEXT NOT NULL, vehicle TEXT NOT NULL,
-    randomize REAL NOT NULL, seed INTEGER NOT NULL,
-    outcome TEXT NOT NULL,    -- finished, crashed, timeout
-    result TEXT NOT NULL,     -- JSON, see attempt.result
-    folder TEXT NOT NULL,     -- telemetry, relative to this file
-    flown_at TEXT NOT NULL,   -- UTC
-    spec TEXT NOT NULL,       -- JSON
-    PRIMARY KEY (key, code)
-)"""
-INDEX = "CREATE INDEX attempts_by_variant ON attempts (variant, seed)"
-UPGRADES = {  # version of a file -> the statements that bring it to the present one; 0: an empty file
-    0: (TABLE, INDEX),
-    1: ("ALTER TABLE attempts RENAME COLUMN arm TO variant", "DROP INDEX attempts_by_arm", INDEX),
-}
 
 
 @dataclass(frozen=True)
 class Row:
-    """One finished attempt."""
+    """One finished attempt: a column of the table for each field, and the specification, which `Store.spec` reads."""
 
-    key: str
-    code: str
-    variant: str
-    name: str
+    key: str  # sha256 of specification and seed
+    code: str  # commit that flew it
+    variant: str  # sha256 of the specification without the seed
+    name: str  # of the variant, when it flew
     course: str
     sampler: str
     preset: str
     vehicle: str
     randomize: float
     seed: int
-    outcome: str
-    result: dict
-    folder: str
-    flown_at: str
+    outcome: str  # finished, crashed, timeout
+    result: dict  # JSON, see attempt.result
+    folder: str  # telemetry, relative to the file
+    flown_at: str  # UTC
 
 
-COLUMNS = tuple(Row.__dataclass_fields__)
+SQL_TYPES = {"str": "TEXT", "dict": "TEXT", "float": "REAL", "int": "INTEGER"}
+COLUMNS = tuple(f.name for f in fields(Row))
+TYPED = ", ".join(f"{f.name} {SQL_TYPES[str(f.type)]} NOT NULL" for f in fields(Row))
+TABLE = f"CREATE TABLE attempts ({TYPED}, spec TEXT NOT NULL, PRIMARY KEY (key, code))"
+INDEX = "CREATE INDEX attempts_by_variant ON attempts (variant, seed)"
+UPGRADES = {  # version of a file -> the statements that bring it to the present one; 0: an empty file
+    0: (TABLE, INDEX),
+    1: ("ALTER TABLE attempts RENAME COLUMN arm TO variant", "DROP INDEX attempts_by_arm", INDEX),
+}
 
 
 class Store:

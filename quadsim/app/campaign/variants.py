@@ -58,7 +58,7 @@ class Variant:
 
     @property
     def course(self) -> str:
-        return self.spec.record()["course"]
+        return self.spec.course.name
 
     def attempts(self, number: int) -> list[Spec]:
         """Consecutive seeds, beginning with the spec's own."""

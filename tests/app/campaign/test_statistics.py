@@ -1,4 +1,4 @@
-"""Intervals cover, tests keep their level, power is what it says: published values and seeded simulations."""
+"""Intervals cover, tests keep their level, power is as stated: published values and seeded simulations."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_detectable_effect_is_seen_with_the_power_asked_for(n):
     assert t_power(detectable(0.3, n), 0.3, n) == pytest.approx(0.8, abs=1e-3)
 
 
-def test_upper_bound_misses_an_effect_as_rarely_as_it_says_and_cries_wolf_as_often():
+def test_upper_bound_has_the_miss_and_false_alarm_rates_that_are_stated():
     n, sd, effect = 12, 0.02, 0.03
     rng = np.random.default_rng(2)
     passes = np.mean([upper_bound(x) < effect for x in rng.normal(effect, sd, (4000, n))])

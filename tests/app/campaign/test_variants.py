@@ -46,6 +46,7 @@ WRONG = {
     "compare": "expected one COURSE or more, got none",
     "compare paper_fla": "no course 'paper_fla': did you mean 'paper_flat'?",
     "compare paper_flat --variants gaussian,gaussian": "--variants: expected different names, got 'gaussian' twice",
+    "compare paper_flat --arms gaussian,gaussian": "--variants: expected different names, got 'gaussian' twice",
     "compare paper_flat --variants gaussian,": "--variants: expected a sampler or NAME=part+part, got ''",
     "compare paper_flat --variants a=rac": "no preset 'rac': did you mean 'race'?",
     "compare paper_flat --variants a=race+es=3": "unrecognized options: --es 3",
