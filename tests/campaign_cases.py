@@ -54,7 +54,9 @@ def row(seed=0, outcome="finished", laps=(5.0, 4.0), tv=10.0, code="a" * 40, **c
     """As if flown."""
     crash = {"kind": "hit", "gate": 3, "lap": 1, "position": [1.0, 2.0, 3.0]} if outcome == "crashed" else None
     laps = list(laps) if outcome == "finished" else []
-    result = {"laps": laps, "crash": crash, "fault": None, "thrust_tv": {"commanded": tv, "delivered": tv / 2}}
+    result = {"laps": laps, "crash": crash, "fault": None, "thrust_tv": None}
+    if tv is not None:
+        result |= {"thrust_tv": {"commanded": tv, "delivered": tv / 2}}
     result |= {"plan_ms": {"p50": 1.0, "p95": 2.0}, "real_time_factor": 3.0, "cpu": "", "digest": ""}
     row = Row(
         f"k{seed}", code, "variant", "a", "paper_flat", "colored", "race", "swift", 0.0, seed, outcome, result, "", ""

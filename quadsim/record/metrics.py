@@ -103,12 +103,6 @@ def high_frequency_fraction(t: np.ndarray, u: np.ndarray, corner: float) -> floa
     return float(psd[f > corner].sum()) / total if total > 0.0 else 0.0
 
 
-def wilson(k: int, n: int, z: float = 1.959964) -> tuple[float, float]:
-    """Score interval of a proportion k/n (Wilson 1927), 95 % by default."""
-    centre, half = (k + z * z / 2) / (n + z * z), z / (n + z * z) * sqrt(k * (n - k) / n + z * z / 4)
-    return max(0.0, centre - half), min(1.0, centre + half)
-
-
 def splits(run: Run) -> list[list[float]]:
     """Flown seconds from gate to gate, one list a lap."""
     return sector_times(run.events)

@@ -22,7 +22,7 @@ def versions() -> dict[str, str | None]:
 
 def git_commit() -> str | None:
     """The commit of the working copy this package lies in, with "-dirty" if files differ; None if it is installed."""
-    root = Path(__file__).resolve().parent.parent
+    root = Path(__file__).resolve().parents[2]
     if not (root / ".git").exists():  # else git would name whatever repository an environment happens to lie in
         return None
     command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]

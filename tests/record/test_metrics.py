@@ -21,7 +21,6 @@ from quadsim.record.metrics import (
     splits,
     thrust_psd,
     total_variation,
-    wilson,
 )
 from quadsim.record.run import Run
 
@@ -138,21 +137,6 @@ def test_chatter_tells_commanded_from_delivered():
 def test_chatter_of_the_shortest_flights_is_a_number(frames):
     result = chatter(Run.from_frames(SPEC, [frame(k) for k in range(frames)]))
     assert all(np.isfinite(list(result[side].values())).all() for side in ("commanded", "delivered"))
-
-
-@pytest.mark.parametrize(
-    ("k", "n", "low", "high"),
-    [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)],
-)
-def test_wilson_gives_newcombe_s_published_intervals(k, n, low, high):
-    """Newcombe 1998, Statistics in Medicine 17, table I, method 3."""
-    assert wilson(k, n) == pytest.approx((low, high), abs=5e-5)
-
-
-def test_no_crash_in_ten_flights_says_under_28_percent_and_in_100_under_3_7():
-    assert wilson(0, 10) == (0.0, pytest.approx(0.2775, abs=1e-4))
-    assert wilson(0, 100)[1] == pytest.approx(0.037, abs=1e-4)
-    assert wilson(10, 10)[1] == 1.0
 
 
 def test_lap_table_adds_up():

@@ -1,1 +1,1 @@
-"""Campaigns: many flights, each flown once and kept, and what they say together."""
+"""Campaigns: many flights, each flown once and kept, and their statistics."""

@@ -1,4 +1,4 @@
-"""Attempt: one flight of a campaign, known by the hash of all that decides it, flown anywhere."""
+"""An attempt is one flight of a campaign, known by the hash of all that decides it; any process can fly it."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from quadsim.record.metrics import chatter
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Recorder, Run, canonical
 
-LABELS = ("host", "preset")  # of a spec's record: they decide nothing
+LABELS = ("host", "preset")  # keys of a spec's record that do not decide the flight
 DRAWN = ("seed", "variation")
 CRASHES = ("hit", "ground", "bounds")
 
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """What a worker sends home."""
+    """What a worker returns."""
 
     run: Run
     provenance: dict  # of the worker: versions, commit, cpu
-    fault: str | None  # why the planner gave up, where it did
+    fault: str | None  # the planner's error, if it raised one in flight
 
 
 def attempt_key(spec: Spec) -> str:
@@ -33,12 +33,12 @@ def attempt_key(spec: Spec) -> str:
 
 
 def variant_key(spec: Spec) -> str:
-    """The same for all seeds of an variant."""
+    """The same for all seeds of a variant."""
     return _hash(spec, LABELS + DRAWN)
 
 
 def fly_attempt(spec: Spec) -> Flown:
-    """One flight on one thread. A planner that gives up in mid-flight has crashed: the vehicle would."""
+    """One flight on one thread. A planner that raises an error in flight counts as a crash."""
     use_threads(1)
     flown_by = this_provenance()  # before the flight: of the code that flies
     plant, controller, referee = build(spec)
@@ -64,24 +64,27 @@ def this_provenance() -> dict:
 
 def result(flown: Flown) -> dict:
     """The numbers of an attempt that reports are made of. Seconds, metres, m/s^2/s, milliseconds."""
-    run, last = flown.run, flown.run.events[-1] if flown.run.events else None
-    thrust = chatter(run)
-    crash = None
-    if run.outcome == "crashed":
-        ended = last if last and last.kind in CRASHES else None
-        position = ended.position if ended else tuple(float(run.telemetry[p][-1]) for p in ("px", "py", "pz"))
-        gate, kind = (ended.gate, ended.kind) if ended else (0, "planner")
-        crash = {"kind": kind, "gate": gate, "lap": int(run.telemetry["lap"][-1]), "position": position}
+    run = flown.run
+    thrust = chatter(run) if "a_cmd" in run.telemetry else None  # only a quadrotor commands thrust
     return {
         "laps": run.laps,
-        "crash": crash,
+        "crash": _crash(run) if run.outcome == "crashed" else None,
         "fault": flown.fault,
-        "thrust_tv": {of: thrust[of]["thrust_tv"] for of in ("commanded", "delivered")},
+        "thrust_tv": thrust and {of: thrust[of]["thrust_tv"] for of in ("commanded", "delivered")},
         "plan_ms": run.wall["plan_ms"],
         "real_time_factor": run.wall["real_time_factor"],
         "cpu": flown.provenance["cpu"],
         "digest": run.digest(),
     }
+
+
+def _crash(run: Run) -> dict:
+    """Kind, gate (0: none), lap and position [m], which has two coordinates in the plane."""
+    x, last = run.telemetry, run.events[-1] if run.events else None
+    crash = {"kind": "planner", "gate": 0, "position": [float(x[p][-1]) for p in ("px", "py", "pz") if p in x]}
+    if last and last.kind in CRASHES:
+        crash = {"kind": last.kind, "gate": last.gate, "position": last.position}
+    return crash | {"lap": int(x["lap"][-1])}
 
 
 def _hash(spec: Spec, without: tuple[str, ...]) -> str:

@@ -1,7 +1,7 @@
-"""Baseline: laps and chatter as they once were, in a file, and the verdict on those flown now.
+"""A baseline file: lap times and chatter as they were, and the verdict on those flown now.
 
     flight: figure8 --laps 1 --randomize 1      # what `race fly` would fly, any flag
-    attempts: 20                                # seeds in a row
+    attempts: 20                                # consecutive seeds
     effects: {lap: 0.03, success: 0.2, thrust_tv: 0.25}   # what must not get worse by as much
     stored: ...                                 # written by race regress --regen
 
@@ -19,14 +19,14 @@ from statistics import fmean, stdev
 from typing import Annotated
 
 import yaml
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, to_builtins
+from msgspec.structs import replace
 
 from quadsim.app.campaign.statistics import false_alarm, proportion_difference, upper_bound
 from quadsim.files.data_files import read_text
 from quadsim.files.strict_yaml import load, unit
 
 CONFIDENCE = 0.95
-Z = 1.644854  # of a one-sided 95 %
 Share = Annotated[float, Meta(gt=0, le=10)]
 
 
@@ -64,7 +64,7 @@ class Verdict:
     stored: float
     now: float
     worse: float
-    bound: float  # below this with 95 % confidence; nan: too few to say
+    bound: float  # below this with 95 % confidence; nan: too few attempts
     effect: float
     unchanged_fails: float  # how often this many attempts of an unchanged racer on another machine would
 
@@ -80,27 +80,23 @@ def load_baseline(path: Path) -> Baseline:
 
 def baseline_text(baseline: Baseline, stored: Stored) -> str:
     """The file with new numbers."""
-    b = baseline
-    said = {"flight": b.flight, "attempts": b.attempts, "effects": _plain(b.effects), "stored": _plain(stored)}
-    return yaml.safe_dump(said, default_flow_style=None, sort_keys=False, width=120)
+    values = to_builtins(replace(baseline, stored=stored))
+    return yaml.safe_dump(values, default_flow_style=None, sort_keys=False, width=120)
 
 
 def judge(then: Stored, now: Stored, effects: Effects) -> list[Verdict]:
-    """Seed by seed, as far as both go."""
-    return [_success(then, now, effects.success), _lap(then, now, effects.lap), _chatter(then, now, effects.thrust_tv)]
-
-
-def _lap(then: Stored, now: Stored, effect: float) -> Verdict:
-    both = [(a, b) for a, b in zip(then.laps, now.laps, strict=False) if a is not None and b is not None]
-    return _relative("lap", both, effect)
-
-
-def _chatter(then: Stored, now: Stored, effect: float) -> Verdict:
-    return _relative("thrust_tv", list(zip(then.thrust_tv, now.thrust_tv, strict=False)), effect)
+    """Paired by seed, over the seeds that both have."""
+    laps = [(a, b) for a, b in zip(then.laps, now.laps, strict=False) if a is not None and b is not None]
+    chatter = list(zip(then.thrust_tv, now.thrust_tv, strict=False))
+    return [
+        _success(then.laps, now.laps, effects.success),
+        _relative("lap", laps, effects.lap),
+        _relative("thrust_tv", chatter, effects.thrust_tv),
+    ]
 
 
 def _relative(name: str, pairs: Sequence[tuple[float, float]], effect: float) -> Verdict:
-    """By the mean of then, so that one odd seed cannot carry the share."""
+    """Relative to the stored mean, so that one unusual seed cannot dominate."""
     if len(pairs) < 2:
         return Verdict(name, nan, nan, nan, nan, effect, 1.0)
     a, b = zip(*pairs, strict=True)
@@ -111,14 +107,10 @@ def _relative(name: str, pairs: Sequence[tuple[float, float]], effect: float) ->
     return Verdict(name, fmean(a), fmean(b), fmean(differences), bound, effect, alarm)
 
 
-def _success(then: Stored, now: Stored, effect: float) -> Verdict:
-    """p_then - p_now; for so few flights that even all of them finishing says too little, it never passes."""
-    (k, n), (k0, n0) = ((sum(t is not None for t in s.laps), len(s.laps)) for s in (now, then))
-    bound = proportion_difference(k, n, k0, n0, Z)[1]
-    best = proportion_difference(k0, n0, k0, n0, Z)[1]
+def _success(then: Sequence[float | None], now: Sequence[float | None], effect: float) -> Verdict:
+    """p_then - p_now. With so few flights that even all of them finishing shows too little, it never passes."""
+    (k, n), (k0, n0) = ((sum(t is not None for t in laps), len(laps)) for laps in (now, then))
+    two_sided = 2 * CONFIDENCE - 1  # its upper limit is the one-sided bound
+    bound = proportion_difference(k, n, k0, n0, two_sided)[1]
+    best = proportion_difference(k0, n0, k0, n0, two_sided)[1]
     return Verdict("success", k0 / n0, k / n, k0 / n0 - k / n, bound, effect, float(best >= effect))
-
-
-def _plain(record: Struct) -> dict:
-    values = {name: getattr(record, name) for name in record.__struct_fields__}
-    return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}

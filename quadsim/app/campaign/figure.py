@@ -19,7 +19,7 @@ from quadsim.app.figure_style import STYLE, line
 from quadsim.palette import Style, styles
 
 if TYPE_CHECKING:
-    from quadsim.app.campaign.report import Section
+    from quadsim.app.campaign.compare import Section
 
 JITTER = 0.1  # of the lap strips
 

@@ -19,7 +19,7 @@ from quadsim.record.archive import load_run
 from quadsim.record.run import RunError
 
 if TYPE_CHECKING:
-    from quadsim.app.campaign.report import Section
+    from quadsim.app.campaign.compare import Section
 
 PATHS = 6  # of each variant
 

@@ -1,66 +1,66 @@
-"""Where attempts fly: processes of this machine, or the workers of a Dask cluster. Both are concurrent.futures."""
+"""Where attempts are flown: worker processes of this machine, or the workers of a Dask cluster."""
 
 from __future__ import annotations
 
+import multiprocessing as mp
+import os
+import signal
 from collections import deque
-from collections.abc import Iterable, Iterator
-from concurrent.futures import BrokenExecutor, Future
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from socket import create_connection
-from typing import Any, Protocol
+from threading import Thread
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
-from quadsim.app.campaign.attempt import Flown, fly_attempt
+from quadsim.app.campaign.attempt import fly_attempt
 from quadsim.app.flags import UsageError
-from quadsim.app.workers import cores, end_workers, finished, start_workers
-from quadsim.race.spec import Spec
 
-
-class Pool(Protocol):
-    """Flies attempts; `with pool:` ends its workers, at once."""
-
-    @property
-    def size(self) -> int:
-        """Workers now."""
-        ...
-
-    window: int  # attempts worth having under way
-    lost: tuple[type[BaseException], ...]  # what a future raises whose worker has died
-
-    def submit(self, spec: Spec) -> Future[Flown]: ...
-    def __enter__(self) -> Pool: ...
-    def __exit__(self, *_: object) -> None: ...
+Job = TypeVar("Job")
+WAKE = 0.5  # [s] how long the main thread waits before it looks for a signal that another thread received
 
 
 class Processes:
-    """Worker processes of this machine, one compiled-loop thread each."""
+    """Worker processes of this machine, each with one thread of the compiled loop.
 
-    lost: tuple[type[BaseException], ...] = (BrokenExecutor,)
+    `with Processes() as pool:` ends them at once; what they have not finished is lost. They end with their parent.
+    """
+
+    lost: tuple[type[BaseException], ...] = (BrokenExecutor,)  # what the future of a worker that died raises
 
     def __init__(self, jobs: int | None = None):
-        self.window = jobs or cores()
-        self._executor = start_workers(self.window)
+        self.size = self.window = jobs or len(os.sched_getaffinity(0))  # workers; attempts to submit at once
+        self._executor = self._start()
 
-    @property
-    def size(self) -> int:
-        return self.window
-
-    def submit(self, spec: Spec) -> Future[Flown]:
+    def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
         try:
-            return self._executor.submit(fly_attempt, spec)
-        except BrokenExecutor:  # one worker lost, all are gone
-            end_workers(self._executor)
-            self._executor = start_workers(self.window)
-            return self._executor.submit(fly_attempt, spec)
+            return self._executor.submit(fly, job)
+        except BrokenExecutor:  # after one worker is lost the executor cannot be used any more
+            self._end()
+            self._executor = self._start()
+            return self._executor.submit(fly, job)
 
     def __enter__(self) -> Processes:
         return self
 
     def __exit__(self, *_: object) -> None:
-        end_workers(self._executor)
+        self._end()
+
+    def _start(self) -> ProcessPoolExecutor:
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # else the workers' BLAS threads compete for the cores
+        spawn = mp.get_context("spawn")  # a fork would inherit the locks of threads that it does not have
+        return ProcessPoolExecutor(self.window, mp_context=spawn, initializer=_prepare_worker)
+
+    def _end(self) -> None:
+        for worker in list((self._executor._processes or {}).values()):
+            worker.terminate()
+        self._executor.shutdown(wait=True, cancel_futures=True)
 
 
 class Cluster:
     """Workers of a Dask scheduler; Dask itself flies an attempt again whose worker is lost."""
+
+    window = 10**6  # the scheduler queues them, also for workers that join later
 
     def __init__(self, address: str):
         try:
@@ -68,20 +68,20 @@ class Cluster:
         except ImportError:
             raise UsageError("--scheduler: needs the extra 'cluster': pip install 'quadsim[cluster]'") from None
         try:
-            _knock(address)
+            _check_reachable(address)
             self._client: Any = Client(address, timeout=10, set_as_default=False)
         except (OSError, ValueError) as error:
             raise UsageError(f"--scheduler: no Dask scheduler at {address!r}: {error}") from None
         self.lost: tuple[type[BaseException], ...] = (KilledWorker,)
-        self.window = 10**6  # the scheduler queues them, for workers that come later too
         self._executor: Any = self._client.get_executor(pure=False)
 
     @property
     def size(self) -> int:
+        """Workers now."""
         return max(1, sum(self._client.ncores().values()))
 
-    def submit(self, spec: Spec) -> Future[Flown]:
-        return self._executor.submit(fly_attempt, spec)
+    def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
+        return self._executor.submit(fly, job)
 
     def __enter__(self) -> Cluster:
         return self
@@ -91,41 +91,63 @@ class Cluster:
         self._client.close()
 
 
-def _knock(address: str) -> None:
-    """OSError or ValueError at once where nobody listens: the client would try for its whole timeout."""
+Pool = Processes | Cluster
+
+
+def fly_all(pool: Pool, jobs: Iterable[Job], fly: Callable[[Job], Any] = fly_attempt) -> Iterator[tuple[Job, Any]]:
+    """(job, what `fly` returns) as they finish. A job whose worker dies is flown once more, alone; None if lost again.
+
+    Raises what `fly` raises.
+    """
+    waiting = deque((job, False) for job in jobs)
+    running: dict[Future, tuple[Job, bool]] = {}
+    while waiting or running:
+        while waiting and _may_submit(pool, running, waiting[0][1]):
+            job, again = waiting.popleft()
+            running[pool.submit(fly, job)] = job, again
+        for future in _finished(running):
+            job, again = running.pop(future)
+            if not isinstance(future.exception(), pool.lost):
+                yield job, future.result()
+            elif again:
+                yield job, None
+            else:
+                waiting.append((job, True))
+
+
+def _may_submit(pool: Pool, running: dict[Future, tuple[Any, bool]], again: bool) -> bool:
+    """A job that is flown again runs alone: if it kills its worker, all that run beside it are lost too."""
+    alone = again or any(a for _, a in running.values())
+    return len(running) < (1 if alone else pool.window)
+
+
+def _finished(futures: Iterable[Future]) -> set[Future]:
+    """Those that have ended, at least one; Ctrl-C ends the wait."""
+    while not (done := wait(futures, WAKE, FIRST_COMPLETED).done):
+        pass
+    return done
+
+
+def _check_reachable(address: str) -> None:
+    """OSError or ValueError at once where no scheduler listens: the client would try for its whole timeout."""
     where = urlsplit(address)
     if not where.hostname or not where.port:
         raise ValueError("expected tcp://HOST:PORT")
     create_connection((where.hostname, where.port), timeout=5).close()
 
 
-def open_pool(jobs: int | None, scheduler: str | None) -> Pool:
-    """Raises UsageError where there is no scheduler."""
-    return Cluster(scheduler) if scheduler else Processes(jobs)
+def _prepare_worker() -> None:
+    """The parent answers Ctrl-C; a worker ends when its parent has ended, by SIGKILL too."""
+    from controllers.rollout.threads import use_threads
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    use_threads(1)
+    Thread(target=_end_with_parent, daemon=True).start()
 
 
-def fly_all(pool: Pool, specs: Iterable[Spec]) -> Iterator[tuple[Spec, Flown | None]]:
-    """Every attempt, as they finish. One whose worker is lost is flown again, once and alone; None if lost again.
-
-    What an attempt itself raises comes out here.
-    """
-    todo = deque((spec, False) for spec in specs)
-    under_way: dict[Future[Flown], tuple[Spec, bool]] = {}
-    while todo or under_way:
-        while todo and _room(pool, under_way, suspect=todo[0][1]):
-            spec, suspect = todo.popleft()
-            under_way[pool.submit(spec)] = spec, suspect
-        for future in finished(under_way):
-            spec, suspect = under_way.pop(future)
-            if not isinstance(future.exception(), pool.lost):
-                yield spec, future.result()
-            elif suspect:
-                yield spec, None
-            else:
-                todo.append((spec, True))
-
-
-def _room(pool: Pool, under_way: dict, suspect: bool) -> bool:
-    """A suspect flies alone, or it would take the innocent down with it twice."""
-    alone = suspect or any(s for _, s in under_way.values())
-    return len(under_way) < (1 if alone else pool.window)
+def _end_with_parent() -> None:
+    parent = mp.parent_process()
+    if parent:
+        parent.join()
+        os._exit(1)

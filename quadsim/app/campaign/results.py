@@ -5,34 +5,64 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from fnmatch import fnmatch
+from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated
 
 from rich.markup import escape
 from tyro.conf import FlagCreatePairsOff, Positional, arg
 
-from quadsim.app.campaign.common_flags import CAMPAIGN
 from quadsim.app.campaign.store import Row, Store
-from quadsim.app.campaign.summary_stats import VariantStats, pair_stats, variant_stats
-from quadsim.app.campaign.tables import TextTable, as_table, pair_sheet, short
+from quadsim.app.campaign.summary_stats import VariantStats, lap_limit, pair_stats, variant_stats
+from quadsim.app.campaign.tables import PAIRS, TextTable, as_table, number, short
+from quadsim.app.campaign.variants import CAMPAIGN
 from quadsim.app.console import emit, emit_json
 from quadsim.app.flags import UsageError
 
-ID = 6  # hex digits of an variant that are shown
+ID = 6  # hex digits of a variant that are shown
 
 
 @dataclass(frozen=True)
 class Group:
-    """All attempts of one specification that one commit flew, whatever campaign they lie in."""
+    """All attempts of one specification that one commit flew, from all campaigns."""
 
-    id: str  # first digits of the variant's hash
-    code: str
     rows: tuple[Row, ...]
     limit: float  # [s] a lap
 
     @property
-    def numbers(self) -> VariantStats:
-        return variant_stats(self.rows[0].name, self.rows, self.limit)
+    def first(self) -> Row:
+        return self.rows[0]
+
+    @property
+    def id(self) -> str:
+        return self.first.variant[:ID]
+
+    @property
+    def seeds(self) -> str:
+        return f"{self.first.seed}-{self.rows[-1].seed}"
+
+    @property
+    def label(self) -> str:
+        return f"{self.first.name} {self.id}@{short(self.first.code)}"
+
+    @cached_property
+    def stats(self) -> VariantStats:
+        return variant_stats(self.first.name, self.rows, self.limit)
+
+
+COLUMNS = {
+    "id": lambda g: g.id,
+    "variant": lambda g: g.first.name,
+    "course": lambda g: g.first.course,
+    "vehicle": lambda g: g.first.vehicle,
+    "rnd": lambda g: f"{g.first.randomize:g}",
+    "seeds": lambda g: g.seeds,
+    "done": lambda g: f"{g.stats.finished}/{g.stats.attempts}",
+    "lap [s]": lambda g: number(g.stats.lap_mean),
+    "thrust": lambda g: number(g.stats.thrust_tv, ".1f"),
+    "commit": lambda g: short(g.first.code),
+}
 
 
 @dataclass(frozen=True)
@@ -55,38 +85,28 @@ class Results:
     json: FlagCreatePairsOff[bool] = False  # one JSON object instead of a table
 
     def run(self) -> int:
-        groups = [g for g in stored(self.campaigns) if self._wanted(g)]
+        groups = [g for g in stored(self.campaigns) if self._wanted(g.first)]
         if self.ids:
             groups = [_find(groups, id_) for id_ in self.ids]
-        numbers = [g.numbers for g in groups]
         pairs = [
-            pair_stats(_label(a), _label(b), a.rows, b.rows)
-            for i, a in enumerate(groups if self.ids else [])
-            for b in groups[i + 1 :]
-            if a.rows[0].course == b.rows[0].course
+            pair_stats(a.label, b.label, a.rows, b.rows)
+            for a, b in combinations(groups if self.ids else [], 2)
+            if a.first.course == b.first.course
         ]
         if self.json:
-            variants = [asdict(n) | {"id": g.id, "seeds": _seeds(g)} for g, n in zip(groups, numbers, strict=True)]
+            variants = [asdict(g.stats) | {"id": g.id, "seeds": g.seeds} for g in groups]
             emit_json({"variants": variants, "pairs": [asdict(p) for p in pairs], "campaigns": list(self.campaigns)})
             return 0
-        emit(as_table(_sheet(groups, numbers)) if groups else "nothing stored that fits")
+        emit(as_table(TextTable.of(groups, COLUMNS, folds=(1, 2, 3))) if groups else "no stored attempt matches")
         if pairs:
-            emit("", as_table(pair_sheet(pairs)))
-        if len({g.code for g in groups}) > 1 and pairs:
-            emit("", escape("MIXED COMMITS: " + ", ".join(f"{_label(g)}" for g in groups)))
+            emit("", as_table(TextTable.of(pairs, PAIRS)))
+        if len({g.first.code for g in groups}) > 1 and pairs:
+            emit("", escape("MIXED COMMITS: " + ", ".join(g.label for g in groups)))
         return 0
 
-    def _wanted(self, g: Group) -> bool:
-        row = g.rows[0]
-        return all(
-            fnmatch(value, pattern)
-            for value, pattern in (
-                (row.course, self.course),
-                (row.sampler, self.sampler),
-                (row.vehicle, self.vehicle),
-                (g.code, f"{self.commit}*"),
-            )
-        )
+    def _wanted(self, row: Row) -> bool:
+        patterns = {"course": self.course, "sampler": self.sampler, "vehicle": self.vehicle, "code": f"{self.commit}*"}
+        return all(fnmatch(getattr(row, column), pattern) for column, pattern in patterns.items())
 
 
 def stored(campaigns: Sequence[str]) -> Iterator[Group]:
@@ -96,51 +116,21 @@ def stored(campaigns: Sequence[str]) -> Iterator[Group]:
     for path in campaigns:
         with Store(Path(path), create=False) as store:
             for row in store.rows():
-                groups.setdefault((row.variant, row.code), {})[row.key] = (
-                    row  # one attempt in two campaigns counts once
-                )
+                rows = groups.setdefault((row.variant, row.code), {})
+                rows[row.key] = row  # one attempt in two campaigns counts once
                 if row.variant not in limits:
-                    spec = store.spec(row.key)
-                    limits[row.variant] = spec["timeout"] / spec["laps"]
-    for (variant, code), rows in groups.items():
-        yield Group(variant[:ID], code, tuple(sorted(rows.values(), key=lambda r: r.seed)), limits[variant])
+                    limits[row.variant] = lap_limit(store.spec(row.key))
+    for (variant, _), rows in groups.items():
+        yield Group(tuple(sorted(rows.values(), key=lambda r: r.seed)), limits[variant])
 
 
 def _find(groups: Sequence[Group], wanted: str) -> Group:
-    """By first digits of the variant, of the commit too where they are said. Raises UsageError unless just one fits."""
+    """By first digits of the variant, and of the commit if given. Raises UsageError unless just one matches."""
     variant, _, commit = wanted.partition("@")
-    fits = [g for g in groups if g.rows[0].variant.startswith(variant) and g.code.startswith(commit)]
-    if len(fits) != 1:
-        known = ", ".join(_label(g) for g in (fits or groups)[:4])
+    found = [g for g in groups if g.first.variant.startswith(variant) and g.first.code.startswith(commit)]
+    if len(found) != 1:
+        known = ", ".join(g.label for g in (found or groups)[:4])
         raise UsageError(
-            f"{wanted!r}: expected the id of one variant, or ID@COMMIT; {len(fits)} fit; there are {known}"
+            f"{wanted!r}: expected the id of one variant, or ID@COMMIT; {len(found)} match; there are {known}"
         )
-    return fits[0]
-
-
-def _sheet(groups: Sequence[Group], numbers: Sequence[VariantStats]) -> TextTable:
-    head = ("id", "variant", "course", "vehicle", "rnd", "seeds", "done", "lap [s]", "thrust", "commit")
-    rows = [
-        (
-            g.id,
-            n.name,
-            n.course,
-            g.rows[0].vehicle,
-            f"{g.rows[0].randomize:g}",
-            _seeds(g),
-            f"{n.finished}/{n.attempts}",
-            f"{n.lap_mean:.3f}" if n.finished else "-",
-            f"{n.thrust_tv:.1f}",
-            short(g.code),
-        )
-        for g, n in zip(groups, numbers, strict=True)
-    ]
-    return TextTable(head, tuple(rows), folds=(1, 2, 3))
-
-
-def _seeds(g: Group) -> str:
-    return f"{g.rows[0].seed}-{g.rows[-1].seed}"
-
-
-def _label(g: Group) -> str:
-    return f"{g.rows[0].name} {g.id}@{short(g.code)}"
+    return found[0]

@@ -1,27 +1,74 @@
-"""Runner a campaign: fly what is missing, keep each attempt as it lands."""
+"""Flies the missing attempts of a campaign, keeps each as soon as it has finished, and shows the progress on stderr."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, nullcontext
 from functools import cached_property
 from pathlib import Path
 
-from quadsim.app.campaign.attempt import attempt_key
-from quadsim.app.campaign.common_flags import Workers
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from quadsim.app.campaign.attempt import Flown, attempt_key
 from quadsim.app.campaign.pool import Pool, fly_all
-from quadsim.app.campaign.progress import Tally
 from quadsim.app.campaign.store import Row, Store, this_code
-from quadsim.app.campaign.variants import Variant
+from quadsim.app.campaign.variants import Variant, Workers
 from quadsim.app.console import complain
 from quadsim.app.fly import uninterrupted
 from quadsim.race.spec import Spec
 
 
-class Runner:
-    """`with Runner(...) as conduct: rows = conduct(variants, attempts)`. Workers start with the first missing attempt."""
+class Tally:
+    """`with Tally(total, kept) as tally`: a bar; where stderr is no terminal, one line for each attempt.
 
-    def __init__(self, campaign: Path, workers: Workers, this_commit: bool):
+    kept: of the total, flown before.
+    """
+
+    def __init__(self, total: int, kept: int = 0):
+        if kept:
+            complain(f"{kept} of {total} attempts are kept from before")
+        console = Console(stderr=True, highlight=False)
+        columns = (BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+        self._bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+        self._task = self._bar.add_task("", total=total, completed=kept)
+
+    def __enter__(self) -> Tally:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def count(self, note: str) -> None:
+        self._bar.advance(self._task)
+        (task,) = self._bar.tasks
+        note += f", {task.time_remaining:.0f} s left" if task.time_remaining else ""
+        self._bar.update(self._task, description=note)
+        if self._bar.disable:
+            complain(f"{task.completed:.0f}/{task.total:.0f} {note}")
+
+
+def fly_variants(
+    pool: Pool, attempts: Sequence[tuple[Variant, Spec]], tally: Tally | None
+) -> Iterator[tuple[Variant, Spec, Flown]]:
+    """Attempts as they finish. One that is lost twice with its worker is reported and left out."""
+    variant_of = {id(spec): variant for variant, spec in attempts}
+    for spec, flown in fly_all(pool, [spec for _, spec in attempts]):
+        variant = variant_of[id(spec)]
+        label = f"{variant.course} {variant.name} seed {spec.seed}"
+        if flown is None:
+            complain(f"{label}: lost twice with its worker, not flown")
+            continue
+        yield variant, spec, flown
+        if tally:
+            tally.count(f"{label}: {flown.run.outcome}")
+
+
+class Runner:
+    """`with Runner(...) as runner: rows = runner(variants, attempts)`; the first missing attempt starts the workers."""
+
+    def __init__(self, campaign: Path, workers: Workers, this_commit: bool = False):
         """this_commit: count only what this commit has flown."""
         self.campaign, self._workers, self._this_commit = campaign, workers, this_commit
         self._open = ExitStack()
@@ -40,33 +87,21 @@ class Runner:
         return self._open.enter_context(self._workers.start())
 
     def __call__(self, variants: Sequence[Variant], attempts: int, quiet: bool = False) -> list[list[Row]]:
-        """Every attempt of every variant by seed; lost ones are missing. Raises RunError, UsageError, KeyboardInterrupt."""
+        """Rows of every variant by seed, without lost attempts. Raises RunError, UsageError, KeyboardInterrupt."""
         keys = [{attempt_key(spec): (variant, spec) for spec in variant.attempts(attempts)} for variant in variants]
         wanted = dict(pair for seed in zip(*(k.items() for k in keys), strict=True) for pair in seed)  # seed by seed
-        before = self._counting(self._store.rows(wanted))
-        missing = [pair for key, pair in wanted.items() if key not in before]
-        if missing and quiet:
-            self._fly(missing, lambda _: None)
-        elif missing:
-            with Tally(len(wanted), len(before)) as tally:
-                self._fly(missing, tally.count)
-        rows = self._counting(self._store.rows(wanted)) if missing else before
+        rows = self._rows_by_key(wanted)
+        missing = [pair for key, pair in wanted.items() if key not in rows]
+        if missing:
+            with nullcontext() if quiet else Tally(len(wanted), len(rows)) as tally:
+                for variant, spec, flown in fly_variants(self.pool, missing, tally):
+                    with uninterrupted():
+                        self._store.add(spec, variant.name, flown)
+            rows = self._rows_by_key(wanted)
         return [[rows[k] for k in of_variant if k in rows] for of_variant in keys]
 
-    def _counting(self, rows: Sequence[Row]) -> dict[str, Row]:
-        """By key: of several commits this one, else the latest."""
+    def _rows_by_key(self, keys: dict[str, tuple[Variant, Spec]]) -> dict[str, Row]:
+        """What is stored, and counts: of several commits this one, else the latest."""
         code = this_code()
-        rows = [r for r in rows if r.code == code or not self._this_commit]
+        rows = [r for r in self._store.rows(keys) if r.code == code or not self._this_commit]
         return {r.key: r for r in sorted(rows, key=lambda r: (r.code == code, r.flown_at))}
-
-    def _fly(self, missing: Sequence[tuple[Variant, Spec]], count: Callable[[str], None]) -> None:
-        variant_of = {id(spec): variant for variant, spec in missing}
-        for spec, flown in fly_all(self.pool, [spec for _, spec in missing]):
-            variant = variant_of[id(spec)]
-            said = f"{spec.course.name} {variant.name} seed {spec.seed}: "
-            if flown is None:
-                complain(f"{said}lost twice with its worker, not flown")
-                continue
-            with uninterrupted():
-                self._store.add(spec, variant.name, flown)
-            count(said + flown.run.outcome)

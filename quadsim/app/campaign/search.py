@@ -1,16 +1,24 @@
-"""What `race tune` may turn, and which of several planners nobody beats."""
+"""The search of `race tune`: the planner's parameters, the objective, and the Pareto front.
+
+optuna proposes parameters and is told how they flew; its journal file survives a kill.
+"""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import yaml
 
 from controllers.costs.race import RaceWeights
 from controllers.presets import PRESETS, Planner
 from controllers.samplers import Colored
+from quadsim.app.campaign.summary_stats import VariantStats
+from quadsim.app.flags import UsageError
+from quadsim.record.run import RunError
 
 Group = Literal["sigma", "gamma", "temperature", "cost", "margin", "horizon"]
 FACTOR = 4.0  # sigmas and weights: from a quarter of the base's to four times
@@ -20,13 +28,14 @@ TEMPERATURE = (0.01, 10.0)
 MARGIN = (0.0, 0.6)  # [m]
 TIGHTEN = (0.0, 0.1)
 HORIZON = (40, 220, 10)  # [steps]: from, to, in steps of
+STARTUP = 12  # trials drawn at random before optuna models the good ones
 FIXED = ("progress",)  # weights: with the temperature free, only their ratios matter
 WEIGHTS = tuple(f.name for f in fields(RaceWeights) if f.type == "Weight" and f.name not in FIXED)
 
 
 @dataclass(frozen=True)
-class Knob:
-    """One number of the search: its range and the base's own value."""
+class Parameter:
+    """One number of the search: its range, and its value in the planner that the search begins with."""
 
     name: str
     low: float
@@ -36,33 +45,33 @@ class Knob:
     step: int | None = None  # whole numbers
 
 
-def knobs(planner: Planner, sampler: str, groups: Sequence[str]) -> Iterator[Knob]:
-    """Of the groups asked for, those the sampler and the base have. Roll and pitch share theirs."""
+def parameters(planner: Planner, sampler: str, groups: Sequence[str]) -> Iterator[Parameter]:
+    """Of these groups, those that the sampler and the planner have. Roll and pitch share theirs."""
     s, m, c = planner.sampling, planner.mppi, planner.cost
     if "sigma" in groups:
         for name, base in (("sigma_rates", s.sigma[0]), ("sigma_yaw", s.sigma[2]), ("sigma_thrust", s.sigma[3])):
-            yield Knob(name, base / FACTOR, base * FACTOR, base, log=True)
+            yield Parameter(name, base / FACTOR, base * FACTOR, base, log=True)
     if "gamma" in groups and isinstance(s, Colored):
-        yield Knob("gamma_rates", *GAMMA, s.gamma[0])
-        yield Knob("gamma_thrust", *GAMMA, s.gamma[3])
+        yield Parameter("gamma_rates", *GAMMA, s.gamma[0])
+        yield Parameter("gamma_thrust", *GAMMA, s.gamma[3])
     if "temperature" in groups:
         if m.target_ess is None:
-            yield Knob("temperature", *TEMPERATURE, m.temperature, log=True)
+            yield Parameter("temperature", *TEMPERATURE, m.temperature, log=True)
         else:
-            yield Knob("target_ess", ESS[0], min(ESS[1], m.samples / 2), m.target_ess, log=True)
+            yield Parameter("target_ess", ESS[0], min(ESS[1], m.samples / 2), m.target_ess, log=True)
     if "margin" in groups:
-        yield Knob("margin", *MARGIN, c.margin)
-        yield Knob("tighten", *TIGHTEN, m.tighten)
+        yield Parameter("margin", *MARGIN, c.margin)
+        yield Parameter("tighten", *TIGHTEN, m.tighten)
     if "horizon" in groups:
-        yield Knob("horizon", *HORIZON[:2], m.horizon, step=HORIZON[2])
+        yield Parameter("horizon", *HORIZON[:2], m.horizon, step=HORIZON[2])
     if "cost" in groups:
         for name in WEIGHTS:
             if weight := getattr(c, name):
-                yield Knob(name, weight / FACTOR, weight * FACTOR, weight, log=True)
+                yield Parameter(name, weight / FACTOR, weight * FACTOR, weight, log=True)
 
 
-def turned(planner: Planner, values: dict[str, float]) -> Planner:
-    """The planner with these knobs turned, to three digits: what a file says is what was flown."""
+def with_parameters(planner: Planner, values: dict[str, float]) -> Planner:
+    """The planner with these values, rounded to three digits, so that a preset file holds what was flown."""
     v = {k: x if isinstance(x, int) else float(f"{x:.3g}") for k, x in values.items()}
     s = planner.sampling.sigma
     rates = v.get("sigma_rates", s[0])
@@ -82,7 +91,7 @@ def turned(planner: Planner, values: dict[str, float]) -> Planner:
 
 
 def preset_text(planner: Planner, preset: str, comment: str) -> str:
-    """A preset file that says every number, so that it stays what it is when the presets move on."""
+    """A preset file with every number, so that it does not change when the presets of the library do."""
     parts = {k: asdict(getattr(planner, k)) for k in ("sampling", "mppi", "cost")}
     head = {"base": preset if preset in PRESETS else next(iter(PRESETS)), "vehicle": planner.vehicle}
     lists = {k: {n: list(x) if isinstance(x, tuple) else x for n, x in part.items()} for k, part in parts.items()}
@@ -91,12 +100,95 @@ def preset_text(planner: Planner, preset: str, comment: str) -> str:
 
 
 def pareto(points: Sequence[tuple[float, ...]]) -> list[int]:
-    """Indices of the points that no other beats: nowhere worse and somewhere better; less is better."""
+    """Indices of the points that no other dominates: nowhere worse and somewhere better; less is better."""
 
-    def beats(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    def dominates(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
         return a != b and all(x <= y for x, y in zip(a, b, strict=True))
 
-    return [i for i, p in enumerate(points) if not any(beats(q, p) for q in points)]
+    return [i for i, p in enumerate(points) if not any(dominates(q, p) for q in points)]
+
+
+def objective(n: VariantStats, floor: float) -> float:
+    """Mean lap of those that finish if enough do, else with the time limit for each that does not [s]."""
+    return n.lap_mean if n.finished and n.finished >= floor * n.attempts else n.penalised_mean
+
+
+class Search:
+    """Ask for trials, tell how they flew. Continues the search of this name where the journal holds one."""
+
+    def __init__(self, journal: Path, name: str, parameters: Sequence[Parameter]):
+        """Raises UsageError, RunError."""
+        optuna = _import_optuna()
+        try:
+            journal.parent.mkdir(parents=True, exist_ok=True)
+            backend = optuna.storages.journal.JournalFileBackend(str(journal))
+            storage = optuna.storages.JournalStorage(backend)
+            self._study: Any = optuna.create_study(storage=storage, study_name=name, load_if_exists=True)
+        except OSError as error:
+            raise RunError(f"{journal}: cannot keep the search here: {error}") from error
+        self._states = optuna.trial.TrialState
+        self._space = {p.name: _distribution(optuna, p) for p in parameters}
+        so_far = self._study.get_trials(deepcopy=False)
+        if not so_far:
+            self._study.enqueue_trial({p.name: min(max(p.base, p.low), p.high) for p in parameters})
+        self._study.sampler = optuna.samplers.TPESampler(
+            # another seed at every start, or a continued search would repeat its first proposals
+            seed=len(so_far),
+            multivariate=True,
+            constant_liar=True,
+            n_startup_trials=STARTUP,
+        )
+        for trial in self._trials(self._states.RUNNING):  # a kill left them open: try them again
+            self._study.tell(trial.number, state=self._states.FAIL)
+            self._study.enqueue_trial(trial.params)
+
+    def _trials(self, state: Any) -> list[Any]:
+        return self._study.get_trials(deepcopy=False, states=(state,))
+
+    @property
+    def done(self) -> int:
+        return len(self._trials(self._states.COMPLETE))
+
+    def ask(self, number: int) -> list[Any]:
+        return [self._study.ask(self._space) for _ in range(number)]
+
+    def tell(self, trial: Any, n: VariantStats, floor: float) -> None:
+        stats = {"lap": n.lap_mean, "finished": n.finished, "thrust_tv": n.thrust_tv}
+        trial.set_user_attr("stats", {k: v for k, v in stats.items() if v == v})
+        self._study.tell(trial, objective(n, floor))
+
+    def fail(self, trial: Any) -> None:
+        self._study.tell(trial, state=self._states.FAIL)
+
+    def best(self, number: int) -> list[tuple[int, dict]]:
+        """Trial numbers and their parameters, best first; no parameters twice."""
+        ranked = sorted(self._trials(self._states.COMPLETE), key=lambda t: t.value)
+        unique = {str(sorted(t.params.items())): t for t in reversed(ranked)}
+        return [(t.number, t.params) for t in sorted(unique.values(), key=lambda t: t.value)[:number]]
+
+    def front(self) -> list[dict]:
+        """Trials with a lap that no other dominates in lap time, success and thrust variation, fastest first."""
+        trials = [t for t in self._trials(self._states.COMPLETE) if "lap" in t.user_attrs.get("stats", ())]
+        told = [{"trial": t.number, **t.user_attrs["stats"], "params": t.params} for t in trials]
+        best = pareto([(n["lap"], -n["finished"], n["thrust_tv"]) for n in told])
+        return sorted((told[i] for i in best), key=lambda n: n["lap"])
+
+
+def _import_optuna() -> Any:
+    try:
+        import optuna
+        import optuna.storages.journal
+    except ImportError:
+        raise UsageError("race tune needs the extra 'tune': pip install 'quadsim[tune]'") from None
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    warnings.filterwarnings("ignore", category=optuna.exceptions.ExperimentalWarning)
+    return optuna
+
+
+def _distribution(optuna: Any, p: Parameter) -> Any:
+    if p.step:
+        return optuna.distributions.IntDistribution(int(p.low), int(p.high), step=p.step)
+    return optuna.distributions.FloatDistribution(p.low, p.high, log=p.log)
 
 
 def _any(values: dict[str, float], prefix: str) -> bool:

@@ -1,6 +1,6 @@
-"""Store: one SQLite file, one row an attempt; telemetry beside it, one folder a flight.
+"""Store: one SQLite file with one row for each attempt; the telemetry lies beside it, one folder for each flight.
 
-A row is written after its telemetry is on the disk, in one transaction: what has a row has been flown to its end.
+A row is written in one transaction, after its telemetry is on the disk, so that every row is a complete flight.
 Write-ahead logging and a busy timeout let several campaigns write at once.
 """
 
@@ -12,7 +12,7 @@ import sqlite3
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from quadsim.app.campaign.attempt import Flown, attempt_key, result, this_provenance, variant_key
@@ -20,49 +20,39 @@ from quadsim.race.spec import Spec
 from quadsim.record.archive import RunFolder
 from quadsim.record.run import RunError, canonical
 
-PATIENCE = 60.0  # for another writer's transaction [s]
-SCHEMA_VERSION = 1
-SCHEMA = f"""
-CREATE TABLE IF NOT EXISTS attempts (
-    key TEXT NOT NULL,        -- sha256 of specification and seed
-    code TEXT NOT NULL,       -- commit that flew it
-    variant TEXT NOT NULL,        -- sha256 of the specification
-    name TEXT NOT NULL,       -- what the variant was called when it flew
-    course TEXT NOT NULL, sampler TEXT NOT NULL, preset TEXT NOT NULL, vehicle TEXT NOT NULL,
-    randomize REAL NOT NULL, seed INTEGER NOT NULL,
-    outcome TEXT NOT NULL,    -- finished, crashed, timeout
-    result TEXT NOT NULL,     -- JSON, see attempt.result
-    folder TEXT NOT NULL,     -- telemetry, relative to this file
-    flown_at TEXT NOT NULL,   -- UTC
-    spec TEXT NOT NULL,       -- JSON
-    PRIMARY KEY (key, code)
-);
-CREATE INDEX IF NOT EXISTS attempts_by_variant ON attempts (variant, seed);
-PRAGMA user_version = {SCHEMA_VERSION};
-"""
+BUSY_TIMEOUT = 60.0  # for another writer's transaction [s]
+SCHEMA_VERSION = 2
 
 
 @dataclass(frozen=True)
 class Row:
-    """One finished attempt."""
+    """One finished attempt: a column of the table for each field, and the specification, which `Store.spec` reads."""
 
-    key: str
-    code: str
-    variant: str
-    name: str
+    key: str  # sha256 of specification and seed
+    code: str  # commit that flew it
+    variant: str  # sha256 of the specification without the seed
+    name: str  # of the variant, when it flew
     course: str
     sampler: str
     preset: str
     vehicle: str
     randomize: float
     seed: int
-    outcome: str
-    result: dict
-    folder: str
-    flown_at: str
+    outcome: str  # finished, crashed, timeout
+    result: dict  # JSON, see attempt.result
+    folder: str  # telemetry, relative to the file
+    flown_at: str  # UTC
 
 
-COLUMNS = tuple(Row.__dataclass_fields__)
+SQL_TYPES = {"str": "TEXT", "dict": "TEXT", "float": "REAL", "int": "INTEGER"}
+COLUMNS = tuple(f.name for f in fields(Row))
+TYPED = ", ".join(f"{f.name} {SQL_TYPES[str(f.type)]} NOT NULL" for f in fields(Row))
+TABLE = f"CREATE TABLE attempts ({TYPED}, spec TEXT NOT NULL, PRIMARY KEY (key, code))"
+INDEX = "CREATE INDEX attempts_by_variant ON attempts (variant, seed)"
+UPGRADES = {  # version of a file -> the statements that bring it to the present one; 0: an empty file
+    0: (TABLE, INDEX),
+    1: ("ALTER TABLE attempts RENAME COLUMN arm TO variant", "DROP INDEX attempts_by_arm", INDEX),
+}
 
 
 class Store:
@@ -74,14 +64,9 @@ class Store:
             raise RunError(f"{path}: no such campaign; `race compare` makes one")
         with _one_line(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._db = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
-            version = self._db.execute("PRAGMA user_version").fetchone()[0]
-            if version == 0:
-                self._db.executescript(f"BEGIN IMMEDIATE; {SCHEMA} COMMIT;")
-                with suppress(sqlite3.OperationalError):  # waits for nobody: whoever is in the way does the same
-                    self._db.execute("PRAGMA journal_mode = WAL")
-            elif version != SCHEMA_VERSION:
-                raise RunError(f"{path}: expected a campaign of version {SCHEMA_VERSION}, got {version}")
+            self._db = sqlite3.connect(path, timeout=BUSY_TIMEOUT, isolation_level=None)
+            if self._version() != SCHEMA_VERSION:
+                self._upgrade()
 
     def __enter__(self) -> Store:
         return self
@@ -90,7 +75,7 @@ class Store:
         self._db.close()
 
     def add(self, spec: Spec, name: str, flown: Flown) -> bool:
-        """Keep an attempt; False where somebody else has flown it meanwhile, whose row stays."""
+        """Keep an attempt; False if another campaign has stored it meanwhile, whose row stays."""
         record = spec.record()
         folder = RunFolder.open(self.flights, record, flown.provenance).save(flown.run)
         row = Row(
@@ -98,25 +83,24 @@ class Store:
             code=code_of(flown.provenance),
             variant=variant_key(spec),
             name=name,
-            course=spec.course.name,
-            sampler=spec.sampler,
-            preset=spec.preset,
-            vehicle=spec.vehicle.name,
-            randomize=spec.randomize,
-            seed=spec.seed,
+            course=record["course"],
+            sampler=record["sampler"],
+            preset=record.get("preset", ""),
+            vehicle=(record.get("vehicle") or {}).get("name", ""),
+            randomize=record.get("randomize", 0.0),
+            seed=record["seed"],
             outcome=flown.run.outcome,
             result=result(flown),
             folder=str(folder.relative_to(self.path.parent)),
             flown_at=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         )
-        values = [*vars(row).values(), record]
-        values = [canonical(v).decode() if isinstance(v, dict) else v for v in values]
+        values = [canonical(v).decode() if isinstance(v, dict) else v for v in (*vars(row).values(), record)]
         with _one_line(self.path):
-            marks = ", ".join("?" * len(values))
-            added = self._db.execute(f"INSERT OR IGNORE INTO attempts VALUES ({marks})", values).rowcount == 1
+            columns, marks = ", ".join((*COLUMNS, "spec")), ", ".join("?" * len(values))
+            added = self._db.execute(f"INSERT OR IGNORE INTO attempts ({columns}) VALUES ({marks})", values).rowcount
         if not added:
             shutil.rmtree(folder)
-        return added
+        return bool(added)
 
     def rows(self, keys: Iterable[str] | None = None) -> list[Row]:
         """Attempts with these keys, or all, oldest first."""
@@ -125,16 +109,29 @@ class Store:
             query, given = query + " WHERE key IN (SELECT value FROM json_each(?))", (json.dumps(list(keys)),)
         with _one_line(self.path):
             found = self._db.execute(query + " ORDER BY flown_at, seed", given).fetchall()
-        return [_row(dict(zip(COLUMNS, values, strict=True))) for values in found]
+        columns = (dict(zip(COLUMNS, values, strict=True)) for values in found)
+        return [Row(**c | {"result": json.loads(c["result"])}) for c in columns]
 
     def spec(self, key: str) -> dict:
         """The full specification of an attempt."""
         with _one_line(self.path):
             return json.loads(self._db.execute("SELECT spec FROM attempts WHERE key = ?", (key,)).fetchone()[0])
 
+    def _version(self) -> int:
+        return self._db.execute("PRAGMA user_version").fetchone()[0]
 
-def _row(values: dict) -> Row:
-    return Row(**values | {"result": json.loads(values["result"])})
+    def _upgrade(self) -> None:
+        """Make the table of a new file, or bring an older file to the present version, in one transaction."""
+        with self._db:  # commits, or rolls back on an error
+            self._db.execute("BEGIN IMMEDIATE")
+            version = self._version()  # once more: another process may have upgraded the file meanwhile
+            if version != SCHEMA_VERSION and version not in UPGRADES:
+                raise RunError(f"{self.path}: expected a campaign of version {SCHEMA_VERSION} or older, got {version}")
+            for statement in UPGRADES.get(version, ()):
+                self._db.execute(statement)
+            self._db.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
+        with suppress(sqlite3.OperationalError):  # does not wait: another process that holds the file does the same
+            self._db.execute("PRAGMA journal_mode = WAL")
 
 
 def this_code() -> str:

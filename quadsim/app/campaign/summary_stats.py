@@ -1,28 +1,34 @@
-"""What attempts say together: one variant by itself, two variants against each other.
+"""Summary statistics of attempts: of one variant, and of two variants against each other.
 
-Lap times are conditional on finishing, so nothing here gives them without attempts and finished beside them.
+Lap times are conditional on finishing, so they always stand beside the numbers of attempts and of those that finished.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations
-from math import exp, log, nan
+from math import nan
 from statistics import fmean, median
 
-from quadsim.app.campaign.statistics import Mean, detectable, fisher, mcnemar, mean_interval
+from quadsim.app.campaign.statistics import (
+    Mean,
+    detectable,
+    fisher,
+    mcnemar,
+    mean_interval,
+    ratio_interval,
+    wilson,
+)
 from quadsim.app.campaign.store import Row
-from quadsim.app.campaign.variants import Variant
-from quadsim.record.metrics import wilson
 
 FINISHED = "finished"
 
 
 @dataclass(frozen=True)
 class VariantStats:
-    """One variant on one course. Seconds, m/s^2/s, ms; lap: an attempt's mean lap."""
+    """One variant on one course. Seconds, m/s^2/s, ms; lap: an attempt's mean lap; nan: not known."""
 
     course: str
     name: str
@@ -50,7 +56,7 @@ class PairStats:
     a: str
     b: str
     lap_difference: Mean  # over the seeds that both finish [s]
-    detectable: float  # true difference that so many pairs show with power 80 % [s]
+    detectable: float  # true difference that so many pairs detect with power 80 % [s]
     only_a: int  # seeds that only a finished
     only_b: int
     success_p: float  # McNemar's exact p over the shared seeds, Fisher's where there are none
@@ -61,25 +67,24 @@ class PairStats:
 def variant_stats(name: str, rows: Sequence[Row], limit: float) -> VariantStats:
     """limit: time limit of the flight for each lap [s]; every variant of a comparison has the same."""
     done = [r for r in rows if r.outcome == FINISHED]
-    laps = [fmean(r.result["laps"]) for r in done]
-    every = mean_interval(laps)
-    flying = [fmean(r.result["laps"][1:]) for r in done if len(r.result["laps"]) > 1]
+    laps = [mean_lap(r) for r in done]
+    lap = mean_interval(laps)
     return VariantStats(
         course=rows[0].course,
         name=name,
         attempts=len(rows),
         finished=len(done),
         success_ci=wilson(len(done), len(rows)),
-        lap_mean=every.mean,
-        lap_sd=every.sd,
+        lap_mean=lap.mean,
+        lap_sd=lap.sd,
         lap_min=min((t for r in done for t in r.result["laps"]), default=nan),
         race_median=_median([sum(r.result["laps"]) for r in done]),
-        flying_median=_median(flying),
+        flying_median=_median([fmean(r.result["laps"][1:]) for r in done if len(r.result["laps"]) > 1]),
         penalised_mean=fmean([*laps, *[limit] * (len(rows) - len(done))]),
-        thrust_tv=fmean(r.result["thrust_tv"]["commanded"] for r in rows),
-        thrust_tv_delivered=fmean(r.result["thrust_tv"]["delivered"] for r in rows),
+        thrust_tv=fmean(thrust_tv(r) for r in rows),
+        thrust_tv_delivered=fmean(thrust_tv(r, "delivered") for r in rows),
         plan_ms=median(r.result["plan_ms"]["p50"] for r in rows),
-        crashes=dict(Counter(where_it_ended(r) for r in rows if r.outcome != FINISHED).most_common()),
+        crashes=dict(Counter(_where_it_ended(r) for r in rows if r.outcome != FINISHED).most_common()),
         commits=tuple(sorted({r.code for r in rows})),
     )
 
@@ -87,8 +92,7 @@ def variant_stats(name: str, rows: Sequence[Row], limit: float) -> VariantStats:
 def pair_stats(a: str, b: str, rows_a: Sequence[Row], rows_b: Sequence[Row]) -> PairStats:
     of_a, of_b = ({r.seed: r for r in rows} for rows in (rows_a, rows_b))
     pairs = [(of_a[seed], of_b[seed]) for seed in of_a if seed in of_b]
-    both = [(x, y) for x, y in pairs if x.outcome == y.outcome == FINISHED]
-    laps = mean_interval([fmean(y.result["laps"]) - fmean(x.result["laps"]) for x, y in both])
+    laps = mean_interval([mean_lap(y) - mean_lap(x) for x, y in pairs if x.outcome == y.outcome == FINISHED])
     only_a = sum(x.outcome == FINISHED != y.outcome for x, y in pairs)
     only_b = sum(y.outcome == FINISHED != x.outcome for x, y in pairs)
     k_a, k_b = (sum(r.outcome == FINISHED for r in rows) for rows in (rows_a, rows_b))
@@ -101,7 +105,7 @@ def pair_stats(a: str, b: str, rows_a: Sequence[Row], rows_b: Sequence[Row]) -> 
         only_a=only_a,
         only_b=only_b,
         success_p=mcnemar(only_a, only_b) if pairs else fisher(k_a, len(rows_a), k_b, len(rows_b)),
-        thrust_tv_ratio=_ratio(pairs, lambda r: r.result["thrust_tv"]["commanded"]),
+        thrust_tv_ratio=ratio_interval([(thrust_tv(x), thrust_tv(y)) for x, y in pairs]),
         seeds=len(pairs),
     )
 
@@ -112,27 +116,27 @@ def all_pairs(names: Sequence[str], rows: Sequence[Sequence[Row]]) -> list[PairS
     return [pair_stats(a, b, x, y) for (a, x), (b, y) in combinations(variants, 2) if x and y]
 
 
-def where_it_ended(row: Row) -> str:
+def mean_lap(row: Row) -> float:
+    """[s]; nan for a flight without laps."""
+    return fmean(row.result["laps"] or [nan])
+
+
+def thrust_tv(row: Row, of: str = "commanded") -> float:
+    """[m/s^2/s]; nan for a system without thrust. of: commanded, delivered"""
+    return row.result["thrust_tv"][of] if row.result["thrust_tv"] else nan
+
+
+def lap_limit(spec: dict) -> float:
+    """What a flight that does not finish counts as, a lap [s]; spec: the record of one."""
+    return spec["timeout"] / (spec.get("laps") or 1)
+
+
+def _where_it_ended(row: Row) -> str:
     crash = row.result["crash"]
     if crash is None:
         return row.outcome
     return f"gate {crash['gate']}" if crash["gate"] else crash["kind"]
 
 
-def lap_limit(variant: Variant) -> float:
-    """What a flight that does not finish counts as, a lap [s]."""
-    return variant.spec.timeout / variant.spec.laps
-
-
-def as_json(variants: Sequence[VariantStats], pairs: Sequence[PairStats], campaign: str) -> dict:
-    return {"variants": [asdict(a) for a in variants], "pairs": [asdict(p) for p in pairs], "campaign": campaign}
-
-
 def _median(values: Sequence[float]) -> float:
     return median(values) if values else nan
-
-
-def _ratio(pairs: Sequence[tuple[Row, Row]], number: Callable[[Row], float]) -> Mean:
-    """Of positive numbers, by their logarithms: a doubling and a halving cancel."""
-    logs = mean_interval([log(number(b) / number(a)) for a, b in pairs if number(a) > 0 < number(b)])
-    return Mean(exp(logs.mean), exp(logs.low), exp(logs.high), logs.n, logs.sd)

@@ -1,10 +1,11 @@
-"""A comparison as sheets of text, printed as tables or written as Markdown from the same cells."""
+"""A comparison as tables of text, printed or written as Markdown from the same cells."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
+from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
@@ -24,13 +25,10 @@ class TextTable:
     rows: tuple[tuple[str, ...], ...]
     folds: tuple[int, ...] = (0,)  # columns of text, which may fold in a narrow terminal
 
-
-def sheets(variants: Sequence[VariantStats], pairs: Sequence[PairStats]) -> Iterator[TextTable]:
-    """Of one course."""
-    yield _laps(variants)
-    yield _chatter(variants)
-    if pairs:
-        yield pair_sheet(pairs)
+    @classmethod
+    def of(cls, items: Sequence, columns: Mapping[str, Callable[[Any], str]], folds: tuple[int, ...] = (0,)):
+        """One row for each item; columns: head -> cell of an item."""
+        return cls(tuple(columns), tuple(tuple(cell(item) for cell in columns.values()) for item in items), folds)
 
 
 def as_table(sheet: TextTable) -> Table:
@@ -43,25 +41,33 @@ def as_table(sheet: TextTable) -> Table:
     return table
 
 
-def as_markdown(sheet: TextTable) -> str:
-    lines = [sheet.head, ("---", *["---:"] * (len(sheet.head) - 1)), *sheet.rows]
+def as_markdown(table: TextTable) -> str:
+    lines = [table.head, ("---", *["---:"] * (len(table.head) - 1)), *table.rows]
     return "\n".join("| " + " | ".join(cell.replace("\n", " ") for cell in line) + " |" for line in lines)
 
 
+def comparison_tables(variants: Sequence[VariantStats], pairs: Sequence[PairStats]) -> Iterator[TextTable]:
+    """Of one course."""
+    yield TextTable.of(variants, LAPS)
+    yield TextTable.of(variants, CHATTER, folds=(0, len(CHATTER) - 1))
+    if pairs:
+        yield TextTable.of(pairs, PAIRS)
+
+
 def notes(variants: Sequence[VariantStats], pairs: Sequence[PairStats], limit: float) -> Iterator[str]:
-    """What must not be overlooked."""
+    """What the tables must not be read without."""
     if any(a.finished < a.attempts for a in variants):
         yield f"Laps: of attempts that finished. Penalised: the others count as the time limit, {limit:.1f} s a lap."
     known = [p for p in pairs if isfinite(p.detectable)]
     if known:
         each = ", ".join(f"{p.b} - {p.a} {p.detectable:.3f} s" for p in known)
-        yield f"Lap differences that so many pairs show with power 80 %: {each}."
+        yield f"Lap differences that so many pairs detect with power 80 %: {each}."
     commits = sorted({c for a in variants for c in a.commits})
     if len(commits) > 1:
         each = "; ".join(f"{a.name}: {', '.join(map(short, a.commits))}" for a in variants)
         yield f"MIXED COMMITS: {each}. --this-commit counts only the present one's flights."
     if any(c.endswith("-dirty") for c in commits):
-        yield "Flown from files that differ from their commit (+): nobody else can repeat it."
+        yield "Flown from files that differ from their commit (+): the flights cannot be reproduced from it."
 
 
 def short(commit: str) -> str:
@@ -70,61 +76,39 @@ def short(commit: str) -> str:
     return digits[: None if " " in digits else SHOWN] + ("+" if dirty else "")
 
 
-def _laps(variants: Sequence[VariantStats]) -> TextTable:
-    head = ("variant", "finished", "CI [%]", "lap [s]", "sd", "best", "race", "flying", "penalised")
-    rows = [
-        (
-            a.name,
-            f"{a.finished}/{a.attempts}",
-            _percent(a.success_ci),
-            *map(_seconds, (a.lap_mean, a.lap_sd, a.lap_min, a.race_median, a.flying_median, a.penalised_mean)),
-        )
-        for a in variants
-    ]
-    return TextTable(head, tuple(rows))
+def number(value: float, form: str = ".3f") -> str:
+    """A dash for nan."""
+    return f"{value:{form}}" if isfinite(value) else "-"
 
 
-def _chatter(variants: Sequence[VariantStats]) -> TextTable:
-    head = ("variant", "thrust [m/s^2/s]", "delivered", "plan [ms]", "ended at")
-    rows = [
-        (
-            a.name,
-            f"{a.thrust_tv:.1f}",
-            f"{a.thrust_tv_delivered:.1f}",
-            f"{a.plan_ms:.1f}",
-            ", ".join(f"{n} {where}" for where, n in a.crashes.items()) or "-",
-        )
-        for a in variants
-    ]
-    return TextTable(head, tuple(rows), folds=(0, len(head) - 1))
+def interval(m: Mean, form: str) -> str:
+    """mean [low, high], as far as they are known."""
+    return number(m.mean, form) + (f" [{m.low:{form}}, {m.high:{form}}]" if isfinite(m.low) else "")
 
 
-def pair_sheet(pairs: Sequence[PairStats]) -> TextTable:
-    head = ("pair", "lap difference [s]", "pairs", "only one", "p", "thrust variation")
-    rows = [
-        (
-            f"{p.b} - {p.a}",
-            _interval(p.lap_difference, "+.3f"),
-            str(p.lap_difference.n),
-            f"{p.only_b} : {p.only_a}" if p.seeds else "-",
-            f"{p.success_p:.3g}",
-            f"x {_interval(p.thrust_tv_ratio, '.2f')}",
-        )
-        for p in pairs
-    ]
-    return TextTable(head, tuple(rows))
-
-
-def _seconds(t: float) -> str:
-    return f"{t:.3f}" if isfinite(t) else "-"
-
-
-def _percent(interval: tuple[float, float]) -> str:
-    return "{:.0f}-{:.0f}".format(*(100 * p for p in interval))
-
-
-def _interval(m: Mean, form: str) -> str:
-    if not isfinite(m.mean):
-        return "-"
-    known = isfinite(m.low)
-    return f"{m.mean:{form}} [{m.low:{form}}, {m.high:{form}}]" if known else f"{m.mean:{form}}"
+LAPS: dict[str, Callable[[VariantStats], str]] = {
+    "variant": lambda a: a.name,
+    "finished": lambda a: f"{a.finished}/{a.attempts}",
+    "CI [%]": lambda a: "{:.0f}-{:.0f}".format(*(100 * p for p in a.success_ci)),
+    "lap [s]": lambda a: number(a.lap_mean),
+    "sd": lambda a: number(a.lap_sd),
+    "best": lambda a: number(a.lap_min),
+    "race": lambda a: number(a.race_median),
+    "flying": lambda a: number(a.flying_median),
+    "penalised": lambda a: number(a.penalised_mean),
+}
+CHATTER: dict[str, Callable[[VariantStats], str]] = {
+    "variant": lambda a: a.name,
+    "thrust [m/s^2/s]": lambda a: number(a.thrust_tv, ".1f"),
+    "delivered": lambda a: number(a.thrust_tv_delivered, ".1f"),
+    "plan [ms]": lambda a: f"{a.plan_ms:.1f}",
+    "ended at": lambda a: ", ".join(f"{n} {where}" for where, n in a.crashes.items()) or "-",
+}
+PAIRS: dict[str, Callable[[PairStats], str]] = {
+    "pair": lambda p: f"{p.b} - {p.a}",
+    "lap difference [s]": lambda p: interval(p.lap_difference, "+.3f"),
+    "pairs": lambda p: str(p.lap_difference.n),
+    "only one": lambda p: f"{p.only_b} : {p.only_a}" if p.seeds else "-",
+    "p": lambda p: f"{p.success_p:.3g}",
+    "thrust variation": lambda p: f"x {interval(p.thrust_tv_ratio, '.2f')}",
+}

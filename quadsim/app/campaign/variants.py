@@ -1,25 +1,48 @@
-"""Variants: what a comparison compares. Each is a command line of `race fly`, said once and changed a little.
+"""Variants: what a comparison compares. Each is a command line of `race fly`, with changes of its own.
 
 gaussian                      a sampler, with the preset's numbers for it
 soft=race+target-ess=200      a name; then presets, samplers and flags of `race fly`, joined by +
 wild=gaussian+sigma=3:3:.6:6  several numbers are joined by colons
+
+Also the flags that `race compare`, `tune` and `regress` share.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any, TypeVar
 
 from msgspec import inspect
+from tyro.conf import DisallowNone, Suppress, arg
 
 from controllers.samplers import SAMPLERS
 from quadsim.app.campaign.attempt import variant_key
-from quadsim.app.flags import UsageError, flag_kinds, read
-from quadsim.app.flight_flags import FlightFlags
+from quadsim.app.campaign.pool import Cluster, Pool, Processes
+from quadsim.app.flags import UsageError, check, flag_kinds, otherwise, read
+from quadsim.app.flight_flags import Count, FlightFlags
 from quadsim.files.yaml_words import unless_null
 from quadsim.race.referee import Referee
 from quadsim.race.spec import Spec
+
+Campaign = Annotated[str, arg(metavar="FILE.sqlite")]
+CAMPAIGN = "campaigns/race.sqlite"
+INTERRUPTED = 130  # exit code
+Scheduler = Annotated[str | None, DisallowNone, arg(metavar="tcp://HOST:PORT"), otherwise("processes here")]
+FlightWords = Suppress[tuple[str, ...]]  # not read as the command's own: see read_with_flight
+Command = TypeVar("Command")
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Where attempts fly."""
+
+    jobs: Annotated[Count | None, DisallowNone, otherwise("every core")] = None  # attempts at once
+    scheduler: Scheduler = None  # of a Dask cluster
+
+    def start(self) -> Pool:
+        """Raises UsageError where there is no scheduler."""
+        return Cluster(self.scheduler) if self.scheduler else Processes(self.jobs)
 
 
 @dataclass(frozen=True)
@@ -33,18 +56,22 @@ class Variant:
     def key(self) -> str:
         return variant_key(self.spec)
 
+    @property
+    def course(self) -> str:
+        return self.spec.course.name
+
     def attempts(self, number: int) -> list[Spec]:
-        """Seeds in a row, from the one on the command line on."""
+        """Consecutive seeds, beginning with the spec's own."""
         return [replace(self.spec, seed=self.spec.seed + i) for i in range(number)]
 
 
-def parse_variants(said: str, courses: Sequence[str], flight: Sequence[str], prog: str) -> list[Variant]:
+def parse_variants(text: str, courses: Sequence[str], flight: Sequence[str], prog: str) -> list[Variant]:
     """Every variant on every course, course by course; `flight`: flags of `race fly` for all. Raises UsageError."""
-    named = [_argv(text.strip()) for text in said.split(",")]
+    named = [_argv(one.strip()) for one in text.split(",")]
     names = [name for name, _ in named]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise UsageError(f"--variants: expected different names, got {twice!r} twice; say NAME=...")
+        raise UsageError(f"--variants: expected different names, got {twice!r} twice; name them NAME=...")
     return [Variant(name, resolve([course, *flight, *argv], prog)) for course in courses for name, argv in named]
 
 
@@ -79,8 +106,16 @@ def _words(part: str) -> list[str]:
     return ["--sampler" if part in SAMPLERS else "--preset", part]
 
 
+def read_with_flight(command: type[Command], prog: str, argv: Sequence[str]) -> Command:
+    """The command's own flags, checked; those of `race fly` stay words, in its field `flight`. Raises UsageError."""
+    own, flight = split(argv)
+    flags = read(command, prog, own)
+    check(flags)
+    return replace(flags, flight=tuple(flight))  # pyright: ignore[reportArgumentType]
+
+
 def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
-    """(the rest, flags of `race fly` with their values): so that a command can hand the latter on."""
+    """(the command's own words, flags of `race fly` with their values)."""
     counts, own, flight = _counts(), [], []
     words = list(argv)
     while words:

@@ -1,9 +1,8 @@
-"""Many runs, each made once: those that are missing on every core, one thread each, kept as they finish."""
+"""Runs that are made once: the missing ones on every core, one thread each, kept as they finish."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
@@ -11,8 +10,8 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from quadsim.app.campaign.pool import Processes, fly_all
 from quadsim.app.paper.store import Store
-from quadsim.app.workers import cores, end_workers, finished, start_workers
 from quadsim.record.run import RunError
 
 Job = TypeVar("Job")
@@ -22,23 +21,18 @@ LINES = 10  # of progress where stderr is no terminal
 def gather(jobs: Mapping[str, Job], make: Callable[[Job], dict], path: Path) -> dict[str, dict]:
     """The record of every job by its key: from the file, else made now by `make`, a module's function.
 
-    Raises RunError where a worker process dies, and whatever `make` raises.
+    Raises RunError where a run is lost twice with its worker process, and whatever `make` raises.
     """
     store = Store(path)
     missing = {key: job for key, job in jobs.items() if key not in store.records}
     if missing:
-        with _progress(path.stem, len(jobs), len(jobs) - len(missing)) as advance:
-            pool = start_workers(min(len(missing), cores()))
-            try:
-                under_way = {pool.submit(make, job): key for key, job in missing.items()}
-                while under_way:
-                    for future in finished(under_way):
-                        store.add(under_way.pop(future), future.result())
-                        advance()
-            except BrokenExecutor:
-                raise RunError(f"{path}: a worker process has died; the same command goes on from here") from None
-            finally:
-                end_workers(pool)
+        key_of = {id(job): key for key, job in missing.items()}
+        with _progress(path.stem, len(jobs), len(jobs) - len(missing)) as advance, Processes() as pool:
+            for job, record in fly_all(pool, missing.values(), make):
+                if record is None:
+                    raise RunError(f"{path}: a worker process has died, twice; the same command goes on from here")
+                store.add(key_of[id(job)], record)
+                advance()
     return {key: store.records[key] for key in jobs}
 
 

@@ -1,4 +1,4 @@
-"""Rows of Table I: success and times of an variant's attempts, beside the paper's."""
+"""Rows of Table I: success and times of a variant's attempts, beside the paper's."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from quadsim.app.campaign.statistics import wilson
 from quadsim.app.lap_table import plain_table
 from quadsim.app.paper.published import TABLE1
-from quadsim.record.metrics import wilson
 
 VARIANTS = ("gaussian", "colored")
 

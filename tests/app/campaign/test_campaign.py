@@ -1,4 +1,4 @@
-"""Nothing lost: whatever ends a campaign, the same command goes on; two may write at once."""
+"""However a campaign ends, the same command continues it and nothing is lost; two may write at once."""
 
 import json
 import os
@@ -112,4 +112,4 @@ def test_results_lists_what_is_stored_and_compares_it_across_campaigns(tmp_path,
     (pair,) = json.loads(capsys.readouterr().out)["pairs"]
     assert pair["seeds"] == 5
     assert race(["results", "--campaigns", one, "--sampler", "smooth"]) == 0
-    assert "nothing stored that fits" in capsys.readouterr().out
+    assert "no stored attempt matches" in capsys.readouterr().out

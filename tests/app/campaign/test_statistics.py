@@ -1,4 +1,4 @@
-"""Intervals cover, tests keep their level, power is what it says: published values and seeded simulations."""
+"""Intervals cover, tests keep their level, power is as stated: published values and seeded simulations."""
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from quadsim.app.campaign.statistics import (
     proportion_difference,
     t_power,
     upper_bound,
+    wilson,
 )
 
 
@@ -51,7 +52,7 @@ def test_detectable_effect_is_seen_with_the_power_asked_for(n):
     assert t_power(detectable(0.3, n), 0.3, n) == pytest.approx(0.8, abs=1e-3)
 
 
-def test_upper_bound_misses_an_effect_as_rarely_as_it_says_and_cries_wolf_as_often():
+def test_upper_bound_has_the_miss_and_false_alarm_rates_that_are_stated():
     n, sd, effect = 12, 0.02, 0.03
     rng = np.random.default_rng(2)
     passes = np.mean([upper_bound(x) < effect for x in rng.normal(effect, sd, (4000, n))])
@@ -78,3 +79,18 @@ def test_mcnemar_counts_only_pairs_that_differ():
 )
 def test_difference_of_proportions_has_newcombe_s_published_interval(counts, low, high):
     assert proportion_difference(*counts) == pytest.approx((low, high), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("k", "n", "low", "high"),
+    [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)],
+)
+def test_wilson_gives_newcombe_s_published_intervals(k, n, low, high):
+    """Newcombe 1998, Statistics in Medicine 17, table I, method 3."""
+    assert wilson(k, n) == pytest.approx((low, high), abs=5e-5)
+
+
+def test_no_crash_in_ten_flights_says_under_28_percent_and_in_100_under_3_7():
+    assert wilson(0, 10) == (0.0, pytest.approx(0.2775, abs=1e-4))
+    assert wilson(0, 100)[1] == pytest.approx(0.037, abs=1e-4)
+    assert wilson(10, 10)[1] == 1.0

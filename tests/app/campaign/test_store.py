@@ -1,5 +1,6 @@
-"""The store: one row an attempt, telemetry before the row, two writers at once, one line for what goes wrong."""
+"""The store: one row for each attempt, telemetry before the row, two writers at once, one line for every error."""
 
+import math
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -7,11 +8,14 @@ from threading import Barrier
 
 import pytest
 
-from quadsim.app.campaign.attempt import attempt_key, fly_attempt
+from quadsim.app.campaign import attempt
+from quadsim.app.campaign.attempt import attempt_key, fly_attempt, result
 from quadsim.app.campaign.store import Store
+from quadsim.app.campaign.summary_stats import variant_stats
+from quadsim.app.campaign.tables import as_markdown, comparison_tables
 from quadsim.record.archive import list_runs, load_run
-from quadsim.record.run import RunError
-from tests.campaign_cases import specs
+from quadsim.record.run import Run, RunError
+from tests.campaign_cases import row, specs
 
 
 @pytest.fixture(scope="module")
@@ -21,16 +25,16 @@ def flown():
     return spec, fly_attempt(spec)
 
 
-def test_what_goes_in_comes_out_with_its_telemetry(tmp_path, flown):
+def test_a_stored_attempt_is_read_back_with_its_telemetry(tmp_path, flown):
     spec, flight = flown
     with Store(tmp_path / "c.sqlite") as store:
         assert store.add(spec, "mine", flight)
-        (row,) = store.rows([attempt_key(spec)])
-        assert store.spec(row.key)["seed"] == spec.seed
+        (kept,) = store.rows([attempt_key(spec)])
+        assert store.spec(kept.key)["seed"] == spec.seed
         assert store.rows(["another"]) == []
-    assert (row.name, row.outcome, row.seed) == ("mine", "timeout", 0)
-    run = load_run(tmp_path / row.folder)
-    assert run.digest() == flight.run.digest() == row.result["digest"]
+    assert (kept.name, kept.outcome, kept.seed) == ("mine", "timeout", 0)
+    run = load_run(tmp_path / kept.folder)
+    assert run.digest() == flight.run.digest() == kept.result["digest"]
 
 
 def test_the_same_attempt_of_the_same_commit_is_kept_once(tmp_path, flown):
@@ -59,30 +63,96 @@ def test_many_may_make_the_same_campaign_at_once(tmp_path):
         assert db.execute("PRAGMA journal_mode").fetchone() == ("wal",)
 
 
+def as_version_1(path, spec, flight):
+    """A campaign file as version 1 wrote it: another name of one column and of the index."""
+    with Store(path) as store:
+        store.add(spec, "mine", flight)
+        (kept,) = store.rows()
+    with sqlite3.connect(path) as db:
+        db.execute("DROP INDEX attempts_by_variant")
+        db.execute("ALTER TABLE attempts RENAME COLUMN variant TO arm")
+        db.execute("CREATE INDEX attempts_by_arm ON attempts (arm, seed)")
+        db.execute("PRAGMA user_version = 1")
+    return kept
+
+
+@pytest.mark.parametrize("create", [True, False], ids=["to write", "to read"])
+def test_a_file_of_version_1_is_brought_to_version_2_where_it_lies(tmp_path, flown, create):
+    kept = as_version_1(tmp_path / "c.sqlite", *flown)
+    with Store(tmp_path / "c.sqlite", create) as store:
+        assert store.rows() == [kept]
+        assert not store.add(flown[0], "again", flown[1]), "its attempts still count"
+    with sqlite3.connect(tmp_path / "c.sqlite") as db:
+        assert db.execute("PRAGMA user_version").fetchone() == (2,)
+        indices = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'index'")}
+    assert "attempts_by_variant" in indices
+    assert "attempts_by_arm" not in indices
+
+
+def test_many_may_bring_one_file_to_version_2_at_once(tmp_path, flown):
+    path = tmp_path / "c.sqlite"
+    kept = as_version_1(path, *flown)
+    at_once = Barrier(4)
+
+    def rows(_):
+        at_once.wait()
+        with Store(path) as store:
+            return store.rows()
+
+    with ThreadPoolExecutor(4) as readers:
+        assert list(readers.map(rows, range(4))) == [[kept]] * 4
+
+
+def test_an_upgrade_that_fails_leaves_the_file_as_it_was(tmp_path, flown):
+    path = tmp_path / "c.sqlite"
+    as_version_1(path, *flown)
+    with sqlite3.connect(path) as db:
+        db.execute("DROP INDEX attempts_by_arm")
+    with pytest.raises(RunError, match="no such index"):
+        Store(path)
+    with sqlite3.connect(path) as db:
+        assert db.execute("PRAGMA user_version").fetchone() == (1,)
+        assert db.execute("SELECT arm FROM attempts").fetchall()
+
+
+def test_the_result_of_a_system_without_thrust_has_no_thrust_variation(flown, monkeypatch):
+    """A vehicle in the plane: two coordinates and no thrust command."""
+    _, flight = flown
+    telemetry = {name: x for name, x in flight.run.telemetry.items() if name not in ("pz", "a_cmd")}
+    planar = replace(flight, run=replace(flight.run, telemetry=telemetry, outcome="crashed"))
+    monkeypatch.setattr(Run, "digest", lambda run: "")
+    numbers = result(planar)
+    assert numbers["thrust_tv"] is None
+    assert numbers["crash"]["position"] == [telemetry["px"][-1], telemetry["py"][-1]]
+    n = variant_stats("planar", [row(0, tv=None)], 20.0)
+    assert (n.lap_mean, math.isnan(n.thrust_tv)) == (4.5, True)
+    table = as_markdown(list(comparison_tables([n], []))[1])
+    assert "| planar | - | - | 1.0 | - |" in table
+
+
 def test_an_attempt_is_the_same_run_wherever_it_flies(flown):
     spec, flight = flown
     assert fly_attempt(spec).run.digest() == flight.run.digest()
     assert fly_attempt(replace(spec, seed=1)).run.digest() != flight.run.digest()
 
 
-def test_a_planner_that_gives_up_in_mid_flight_is_a_crash_with_its_reason(monkeypatch):
+def test_a_planner_that_raises_an_error_in_flight_is_a_crash_with_its_reason(monkeypatch):
     (spec,) = specs(1)
 
     def stall(spec, plant, controller, referee):
         yield from flights(spec, plant, controller, referee)
         raise FloatingPointError("no finite cost")
 
-    from quadsim.app.campaign import attempt
-
     flights = attempt.launch
     monkeypatch.setattr(attempt, "launch", stall)
     flight = fly_attempt(spec)
     assert (flight.run.outcome, flight.fault) == ("crashed", "no finite cost")
-    assert attempt.result(flight)["crash"]["kind"] == "planner"
+    assert result(flight)["crash"]["kind"] == "planner"
 
 
 @pytest.mark.parametrize(
-    ("content", "said"), [(b"not a database" * 100, "file is not a database"), (b"", None), (None, "version 1, got 99")]
+    ("content", "said"),
+    [(b"not a database" * 100, "file is not a database"), (b"", None), (None, "version 2 or older, got 99")],
 )
 def test_a_file_that_is_no_campaign_is_one_line(tmp_path, content, said):
     path = tmp_path / "c.sqlite"

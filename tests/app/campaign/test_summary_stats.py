@@ -1,11 +1,11 @@
-"""What attempts say together: pairs by seed, laps of finished attempts only, DNF never out of sight."""
+"""Summary statistics: pairs by seed, laps of finished attempts only, unfinished attempts always counted."""
 
 import math
 
 import pytest
 
 from quadsim.app.campaign.summary_stats import all_pairs, pair_stats, variant_stats
-from quadsim.app.campaign.tables import as_markdown, notes, sheets
+from quadsim.app.campaign.tables import as_markdown, comparison_tables, notes
 from tests.campaign_cases import row
 
 
@@ -19,7 +19,7 @@ def test_laps_are_of_finished_attempts_and_the_penalised_mean_is_of_all():
     assert n.crashes == {"gate 3": 1, "timeout": 1}
 
 
-def test_an_arm_that_never_finishes_has_no_laps_but_an_interval_of_success():
+def test_a_variant_that_never_finishes_has_no_laps_but_an_interval_of_success():
     n = variant_stats("a", [row(s, "crashed") for s in range(10)], 20.0)
     assert math.isnan(n.lap_mean)
     assert n.success_ci == (0.0, pytest.approx(0.2775, abs=1e-4))
@@ -27,9 +27,9 @@ def test_an_arm_that_never_finishes_has_no_laps_but_an_interval_of_success():
 
 
 def test_pairing_by_seed_removes_what_the_seeds_share():
-    day = [0.5 * s for s in range(8)]  # slow days and fast ones, for both
-    a = [row(s, laps=(5 + day[s],)) for s in range(8)]
-    b = [row(s, laps=(5.2 + day[s] + 0.01 * (-1) ** s,)) for s in reversed(range(8))]
+    shared = [0.5 * s for s in range(8)]  # what a seed adds to the lap of both
+    a = [row(s, laps=(5 + shared[s],)) for s in range(8)]
+    b = [row(s, laps=(5.2 + shared[s] + 0.01 * (-1) ** s,)) for s in reversed(range(8))]
     p = pair_stats("a", "b", a, b)
     assert p.lap_difference.mean == pytest.approx(0.2)
     assert p.lap_difference.low > 0.18, "unpaired, a standard deviation of 1.2 s would hide it"
@@ -45,7 +45,7 @@ def test_success_is_compared_on_pairs_and_laps_only_where_both_finish():
     assert p.success_p == pytest.approx(2 * (1 + 7) / 2**7)
 
 
-def test_arms_without_a_common_seed_are_compared_unpaired():
+def test_variants_without_a_common_seed_are_compared_unpaired():
     p = pair_stats("a", "b", [row(s) for s in range(5)], [row(s, "crashed") for s in range(5, 10)])
     assert (p.seeds, p.lap_difference.n) == (0, 0)
     assert p.success_p == pytest.approx(2 / 252), "Fisher's"
@@ -56,15 +56,15 @@ def test_ratio_of_chatter_is_symmetric():
     assert pair_stats("a", "b", a, b).thrust_tv_ratio.mean == pytest.approx(1.0)
 
 
-def test_report_warns_of_mixed_commits_and_dirty_ones_and_never_hides_a_dnf():
+def test_report_warns_of_mixed_commits_and_dirty_ones_and_always_counts_unfinished_attempts():
     rows = [[row(0), row(1, "crashed")], [row(0, code="b" * 40 + "-dirty"), row(1)]]
     variants = [variant_stats(name, r, 20.0) for name, r in zip("ab", rows, strict=True)]
     pairs = all_pairs("ab", rows)
     said = "\n".join(notes(variants, pairs, 20.0))
     assert "MIXED COMMITS: a: aaaaaaa; b: aaaaaaa, bbbbbbb+" in said
-    assert "nobody else can repeat" in said
+    assert "cannot be reproduced" in said
     assert "20.0 s a lap" in said
-    laps = as_markdown(next(iter(sheets(variants, pairs))))
+    laps = as_markdown(next(iter(comparison_tables(variants, pairs))))
     assert "| a | 1/2 |" in laps
     assert "| b | 2/2 |" in laps
     assert "MIXED" not in "\n".join(notes(variants[:1], [], 20.0)), "one commit is not mixed"

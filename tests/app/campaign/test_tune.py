@@ -1,4 +1,4 @@
-"""The search: what it writes is what flew, a kill loses nothing, nobody on the Pareto front is beaten."""
+"""The search: the preset file is the planner that flew, a kill loses no trial, no point of the front is dominated."""
 
 import json
 
@@ -9,8 +9,7 @@ pytest.importorskip("optuna", reason="extra 'tune'")
 from quadsim.app.preset_file import parse_planner
 
 from controllers.presets import PRESETS
-from quadsim.app.campaign.optuna_study import objective, open_study
-from quadsim.app.campaign.search import knobs, pareto, preset_text, turned
+from quadsim.app.campaign.search import Search, objective, parameters, pareto, preset_text, with_parameters
 from quadsim.app.campaign.summary_stats import variant_stats
 from quadsim.app.cli import race
 from tests.campaign_cases import FLIGHT, row
@@ -20,22 +19,22 @@ GROUPS = ("sigma", "gamma", "temperature", "cost", "margin", "horizon")
 
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("sampler", ["gaussian", "colored"])
-def test_preset_file_is_the_planner_that_flew_and_its_own_knobs_change_nothing(preset, sampler):
+def test_preset_file_is_the_planner_that_flew_and_its_own_parameters_change_nothing(preset, sampler):
     base = PRESETS[preset][sampler]
-    found = list(knobs(base, sampler, GROUPS))
-    assert turned(base, {k.name: k.base for k in found}) == base
-    planner = turned(base, {k.name: int(k.high) if k.step else (0.7 * k.low + 0.3 * k.high) for k in found})
+    found = list(parameters(base, sampler, GROUPS))
+    assert with_parameters(base, {p.name: p.base for p in found}) == base
+    planner = with_parameters(base, {p.name: int(p.high) if p.step else (0.7 * p.low + 0.3 * p.high) for p in found})
     assert planner != base
     assert parse_planner(preset_text(planner, preset, "two\nlines"), "tuned.yaml", sampler) == planner
 
 
-def test_gaussian_noise_has_no_exponents_to_turn():
-    assert not list(knobs(PRESETS["race"]["gaussian"], "gaussian", ["gamma"]))
+def test_gaussian_noise_has_no_exponents_to_search():
+    assert not list(parameters(PRESETS["race"]["gaussian"], "gaussian", ["gamma"]))
 
 
-def test_nobody_on_the_front_is_beaten_and_everyone_else_is():
+def test_the_front_is_the_points_that_no_other_dominates():
     points = [(5.0, -1.0, 30.0), (4.0, -0.9, 40.0), (5.1, -1.0, 30.0), (6.0, -1.0, 20.0), (4.0, -0.9, 40.0)]
-    assert pareto(points) == [0, 1, 3, 4], "equals do not beat each other"
+    assert pareto(points) == [0, 1, 3, 4], "equal points do not dominate each other"
 
 
 def test_below_the_floor_attempts_that_do_not_finish_count():
@@ -47,13 +46,13 @@ def test_below_the_floor_attempts_that_do_not_finish_count():
 
 def test_trials_that_a_kill_left_open_are_tried_again(tmp_path):
     planner = PRESETS["race"]["colored"]
-    found = list(knobs(planner, "colored", ["margin"]))
-    study = open_study(tmp_path / "s.journal", "s", found)
-    first, second = study.ask(2)
+    found = list(parameters(planner, "colored", ["margin"]))
+    search = Search(tmp_path / "s.journal", "s", found)
+    first, second = search.ask(2)
     own = {"margin": planner.cost.margin, "tighten": planner.mppi.tighten}
-    assert first.params == own, "begins with the planner one starts from"
-    study.tell(first, variant_stats("a", [row(0)], 20.0), 1.0)
-    again = open_study(tmp_path / "s.journal", "s", found)
+    assert first.params == own, "the first trial is the planner that the search begins with"
+    search.tell(first, variant_stats("a", [row(0)], 20.0), 1.0)
+    again = Search(tmp_path / "s.journal", "s", found)
     assert again.done == 1
     (retried,) = again.ask(1)
     assert retried.params == second.params

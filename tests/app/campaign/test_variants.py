@@ -1,4 +1,4 @@
-"""Variants are command lines: what `race fly` would fly with the same words."""
+"""Variants are command lines: what `race fly` would fly with the same flags."""
 
 import pytest
 
@@ -31,7 +31,7 @@ def test_an_arm_is_what_the_same_flags_fly():
     assert plain.spec == variant("colored").spec
 
 
-def test_every_course_meets_every_arm_in_order():
+def test_every_course_meets_every_variant_in_order():
     variants = parse_variants("gaussian,colored", ["figure8", "split_s_song"], ["--laps", "1"], "race")
     assert [(a.spec.course.name, a.name) for a in variants] == [
         (c, n) for c in ("figure8", "split_s_song") for n in ("gaussian", "colored")
@@ -60,6 +60,7 @@ WRONG = {
     "compare": "expected one COURSE or more, got none",
     "compare paper_fla": "no course 'paper_fla': did you mean 'paper_flat'?",
     "compare paper_flat --variants gaussian,gaussian": "--variants: expected different names, got 'gaussian' twice",
+    "compare paper_flat --arms gaussian,gaussian": "--variants: expected different names, got 'gaussian' twice",
     "compare paper_flat --variants gaussian,": "--variants: expected a sampler or NAME=part+part, got ''",
     "compare paper_flat --variants a=rac": "no preset 'rac': did you mean 'race'?",
     "compare paper_flat --variants a=race+es=3": "unrecognized options: --es 3",
