@@ -1,4 +1,4 @@
-"""What `race bench` prints. A step is one step of one sample, in one iteration."""
+"""The tables of `race bench`. A step is one step of one sample in one iteration."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Rows = list[dict]
 
 
 def tables(result: dict) -> Iterator[RenderableType]:
-    """Cases, how they grow, where the time goes, the machine, then the peers if they were timed."""
+    """Cases, their cost for each step, the stages, the machine, then the peers if they were timed."""
     machine = result["machine"]
     for system in dict.fromkeys(row["system"] for row in result["cases"]):
         yield cases_table(system, [row for row in result["cases"] if row["system"] == system])
@@ -46,7 +46,7 @@ def cases_table(system: str, rows: Rows) -> Table:
 
 
 def growth_table(rows: Rows, most: int) -> Table:
-    """ms for a million steps by size, on one thread and on all, and how many times as fast these are."""
+    """ms for a million steps by size, on one thread and on all, and the ratio of the two."""
     heads = ("1 thread", f"{most} threads", "ratio") if most > 1 else ("1 thread",)
     columns = [f"{sampler if i == 0 else ''}\n{head}" for sampler in SWEPT for i, head in enumerate(heads)]
     table = _table(("\nM x T x I",), tuple(columns))
