@@ -1,4 +1,4 @@
-"""Two streams: results on stdout, progress and errors on stderr."""
+"""Two streams: results on stdout, progress and errors on stderr; and the one look of tables."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import sys
 from math import isfinite
 
 from rich.console import Console, RenderableType
+from rich.table import Table
 
 COMPILING = "compiling the planner for this machine, once: some 20 s"
 
@@ -24,6 +25,11 @@ def emit(*parts: RenderableType) -> None:
 def width() -> int:
     """Columns of the terminal; 80 where stdout is none, unless COLUMNS says otherwise."""
     return Console(file=sys.stdout).width
+
+
+def plain_table() -> Table:
+    """Without lines, the head dimmed."""
+    return Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
 
 
 def emit_json(value: object) -> None:

@@ -8,8 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 from tyro.conf import FlagCreatePairsOff
 
-from quadsim.app.console import emit, emit_json, width
-from quadsim.app.lap_table import plain_table
+from quadsim.app.console import emit, emit_json, plain_table, width
 from quadsim.course import Course, course_names, load_course
 from quadsim.vehicle import GRAVITY, Vehicle, load_vehicle, vehicle_names
 

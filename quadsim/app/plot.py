@@ -9,12 +9,10 @@ from typing import Annotated
 from tyro.conf import DisallowNone, FlagCreatePairsOff, Positional, arg
 
 from quadsim.app.console import emit, emit_json
+from quadsim.app.figures.style import write_figure
 from quadsim.app.flags import otherwise
 from quadsim.app.stored import find_run
 from quadsim.record.archive import load_run
-from quadsim.record.run import RunError
-
-FORMATS = ("png", "svg")
 
 
 @dataclass(frozen=True)
@@ -32,18 +30,10 @@ class Plot:
     def run(self) -> int:
         folder = find_run(self.run_, self.runs_dir)
         run = load_run(folder)
-        from quadsim.app.figure import draw  # here, so that --help does not load matplotlib
+        from quadsim.app.figures.run_figure import draw  # here, so that --help does not load matplotlib
 
-        figure = draw(run)
-        out = Path(self.out or folder)
         stem = "plot" if self.out is None else folder.name
-        paths = [out / f"{stem}.{kind}" for kind in FORMATS]
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-            for path in paths:
-                figure.savefig(path)
-        except OSError as error:
-            raise RunError(f"{out}: cannot write the pictures: {error.strerror or error}") from error
+        paths = write_figure(draw(run), Path(self.out or folder), stem)
         if self.json:
             emit_json([str(path) for path in paths])
         else:

@@ -8,10 +8,9 @@ from campaign_cases import row
 from matplotlib.colors import to_hex
 from test_report import run
 
-from quadsim.app.campaign import figure as comparison
-from quadsim.app.campaign.report import Section
-from quadsim.app.campaign.summary_stats import variant_stats
-from quadsim.app.figure import draw
+from quadsim.app.campaign.summary_stats import Section, variant_stats
+from quadsim.app.figures import comparison
+from quadsim.app.figures.run_figure import draw
 from quadsim.app.paper import double_integrator
 from quadsim.course import load_course
 from quadsim.palette import OTHER, SPARE, STYLES, dotted, style, styles
@@ -20,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 NAMED = re.compile(r"""#[0-9a-fA-F]{6}\b|["']C\d["']|tab:""")  # a colour as matplotlib or HTML would have it
 
 
-def test_a_sampler_has_its_own_style_and_other_arms_the_spare_ones_in_order():
+def test_a_sampler_has_its_own_style_and_other_variants_the_spare_ones_in_order():
     found = styles(["soft", "gaussian", "wild", "colored"])
     assert found == [SPARE[0], STYLES["gaussian"], SPARE[1], STYLES["colored"]]
     assert styles([f"variant {k}" for k in range(2 * len(SPARE))]) == [*SPARE, *SPARE]
@@ -58,7 +57,7 @@ def bars(names):
     return dict(zip(names, (to_hex(patch.get_facecolor()) for patch in success.patches), strict=True))
 
 
-def test_an_arm_of_a_comparison_has_its_sampler_s_colour_in_any_place():
+def test_a_variant_of_a_comparison_has_its_sampler_s_colour_in_any_place():
     for names in (["gaussian", "colored"], ["colored", "soft", "gaussian"]):
         found = bars(names)
         assert found["gaussian"] == style("gaussian").colour

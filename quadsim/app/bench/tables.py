@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from quadsim.app.bench.cases import SWEPT, paper_case
-from quadsim.app.lap_table import plain_table
+from quadsim.app.console import plain_table
 
 Rows = list[dict]
 

@@ -3,32 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from rich.markup import escape
 from rich.padding import Padding
 
 from quadsim.app.campaign.store import Row
-from quadsim.app.campaign.summary_stats import PairStats, VariantStats, all_pairs, as_json, lap_limit, variant_stats
+from quadsim.app.campaign.summary_stats import Section, all_pairs, as_json, lap_limit, variant_stats
 from quadsim.app.campaign.tables import as_markdown, as_table, notes, sheets
 from quadsim.app.campaign.variants import Variant
 from quadsim.app.console import emit, emit_json
-from quadsim.course import Course
+from quadsim.app.figures.style import write_figure
 from quadsim.record.run import RunError
-
-
-@dataclass(frozen=True)
-class Section:
-    """All variants of one course."""
-
-    course: Course
-    setting: str
-    limit: float  # [s] a lap
-    variants: list[VariantStats]
-    pairs: list[PairStats]
-    rows: list[Sequence[Row]]  # of each variant
-    home: Path  # folder that their telemetry is relative to
 
 
 def sections(variants: Sequence[Variant], rows: Sequence[Sequence[Row]], campaign: Path) -> list[Section]:
@@ -67,20 +53,17 @@ def present(found: Sequence[Section], campaign: Path, folder: Path, to_json: boo
 
 def write(found: Sequence[Section], folder: Path) -> list[Path]:
     """Markdown, PNG and SVG, named after courses and variants."""
-    from quadsim.app.campaign.figure import draw  # here, so that --help does not load matplotlib
+    from quadsim.app.figures.comparison import draw  # here, so that --help does not load matplotlib
 
     names = dict.fromkeys(a.name for s in found for a in s.variants)
     stem = "_".join([*(s.course.name for s in found), *names])[:120].replace("/", "-")
-    paths = [folder / f"{stem}.{kind}" for kind in ("md", "png", "svg")]
+    pictures = write_figure(draw(found), folder, stem)
+    text = folder / f"{stem}.md"
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        paths[0].write_text(markdown(found, paths[1].name), encoding="utf-8")
-        figure = draw(found)
-        for path in paths[1:]:
-            figure.savefig(path)
+        text.write_text(markdown(found, pictures[0].name), encoding="utf-8")
     except OSError as error:
         raise RunError(f"{folder}: cannot write the report: {error.strerror or error}") from error
-    return paths
+    return [text, *pictures]
 
 
 def markdown(found: Sequence[Section], picture: str) -> str:

@@ -10,11 +10,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from itertools import combinations
 from math import exp, log, nan
+from pathlib import Path
 from statistics import fmean, median
 
 from quadsim.app.campaign.statistics import Mean, detectable, fisher, mcnemar, mean_interval
 from quadsim.app.campaign.store import Row
 from quadsim.app.campaign.variants import Variant
+from quadsim.course import Course
 from quadsim.record.metrics import wilson
 
 FINISHED = "finished"
@@ -56,6 +58,19 @@ class PairStats:
     success_p: float  # McNemar's exact p over the shared seeds, Fisher's where there are none
     thrust_tv_ratio: Mean  # b / a, the geometric mean over the shared seeds and its interval
     seeds: int  # that both flew
+
+
+@dataclass(frozen=True)
+class Section:
+    """All variants of one course."""
+
+    course: Course
+    setting: str
+    limit: float  # [s] a lap
+    variants: list[VariantStats]
+    pairs: list[PairStats]
+    rows: list[Sequence[Row]]  # of each variant
+    home: Path  # folder that their telemetry is relative to
 
 
 def variant_stats(name: str, rows: Sequence[Row], limit: float) -> VariantStats:

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from quadsim.app.campaign.statistics import Mean
 from quadsim.app.campaign.summary_stats import PairStats, VariantStats
-from quadsim.app.lap_table import plain_table
+from quadsim.app.console import plain_table
 
 SHOWN = 7  # hex digits of a commit
 

@@ -6,7 +6,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from quadsim.app.lap_table import plain_table
+from quadsim.app.console import plain_table
 from quadsim.app.paper.published import TABLE1
 from quadsim.record.metrics import wilson
 
