@@ -29,7 +29,7 @@ def width() -> int:
 
 def plain_table() -> Table:
     """Without lines, the head dimmed."""
-    return Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
+    return Table(box=None, header_style="dim", padding=(0, 2, 0, 0), pad_edge=False)
 
 
 def emit_json(value: object) -> None:
