@@ -11,7 +11,7 @@ from typing import Any
 COMMANDS = {  # name -> where its flags and its run() are, what it does
     "fly": ("quadsim.app.fly:Fly", "fly a course: laps, splits, crashes, chatter, plan time"),
     "show": ("quadsim.app.show:Show", "the report of a stored run"),
-    "plot": ("quadsim.app.plot:Plot", "a stored run as a picture: path, height, controls, spectrum"),
+    "plot": ("quadsim.app.show:Plot", "a stored run as a picture: path, height, controls, spectrum"),
     "web": ("quadsim.app.web:Web", "watch, tune, race ghosts and replay in a browser"),
     "export": ("quadsim.app.export:Export", "a stored run as a page that plays offline, as CSV, as a zip"),
     "courses": ("quadsim.app.listing:Courses", "the courses that come with the project"),

@@ -11,15 +11,8 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.padding import Padding
 
+from quadsim.app import report_tables as tables
 from quadsim.app.console import emit, emit_json, width
-from quadsim.app.report_tables import (
-    chatter_table,
-    incident_table,
-    lap_tables,
-    model_differences,
-    model_table,
-    published_table,
-)
 from quadsim.course import parse_course
 from quadsim.record.metrics import chatter, missed_deadlines, splits
 from quadsim.record.run import INTERACTIVE, Run, not_comparable
@@ -39,12 +32,12 @@ def report(run: Run, folder: Path | None, columns: int) -> Iterator[RenderableTy
     course = parse_course(run.spec["course_text"], run.spec["course"])
     yield from _head(run)
     for part in (
-        *lap_tables(run, len(course.gates), columns - 2),
-        incident_table(run),
-        chatter_table(run),
+        *tables.lap_tables(run, len(course.gates), columns - 2),
+        tables.incident_table(run),
+        tables.chatter_table(run),
         _planning(run),
-        model_table(run.spec),
-        published_table(run, course),
+        tables.model_table(run.spec),
+        tables.published_table(run, course),
     ):
         yield ""
         yield Padding(part, (0, 0, 0, 2), expand=False)
@@ -90,7 +83,7 @@ def summary(run: Run, folder: Path | None) -> dict:
         "gates": run.gates,
         "events": [asdict(e) for e in run.events],
         "chatter": chatter(run),
-        "model_differs": model_differences(spec),
+        "model_differs": tables.model_differences(spec),
         "clock": spec["clock"],
         INTERACTIVE: spec.get(INTERACTIVE, []),
         "missed_deadlines": missed_deadlines(run),

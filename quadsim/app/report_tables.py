@@ -40,7 +40,10 @@ def lap_tables(run: Run, gates: int, width: int) -> Iterator[Table | str]:
         for gate in range(first, min(first + fit, gates)):
             name = f"gate {gate + 1}\n[s]" if gate == first else str(gate + 1)
             columns[name] = _times([row[gate] if gate < len(row) else None for row in rows])
-        yield _side_by_side(columns)
+        table = plain_table(*columns, no_wrap=True)
+        for cells in zip(*columns.values(), strict=True):
+            table.add_row(*cells)
+        yield table
 
 
 def _whole_laps(run: Run, laps: int) -> dict[str, list[str]]:
@@ -61,22 +64,11 @@ def _times(times: list[float | None]) -> list[str]:
     return ["[dim]-[/]" if t is None else f"[green]{t:.3f}[/]" if t == best else f"{t:.3f}" for t in times]
 
 
-def _side_by_side(columns: dict[str, list[str]]) -> Table:
-    table = plain_table()
-    for name in columns:
-        table.add_column(escape(name), justify="right", no_wrap=True)
-    for cells in zip(*columns.values(), strict=True):
-        table.add_row(*cells)
-    return table
-
-
 def incident_table(run: Run) -> RenderableType:
     found = [e for e in run.events if e.kind in INCIDENTS]
     if not found:
         return "no hits, no misses"
-    table = plain_table()
-    for name in ("t [s]", "lap", "gate", "incident", "left [m]", "up [m]", "speed [m/s]"):
-        table.add_column(escape(name), justify="left" if name == "incident" else "right")
+    table = plain_table("t [s]", "lap", "gate", "incident", "left [m]", "up [m]", "speed [m/s]", left=(3,))
     for e in found:
         offset = [f"{v:+.2f}" for v in e.offset] if e.gate else ["", ""]
         kind = e.kind.replace("_", " ")
@@ -86,11 +78,7 @@ def incident_table(run: Run) -> RenderableType:
 
 def chatter_table(run: Run) -> Table:
     numbers = chatter(run)
-    table = plain_table()
-    table.add_column("thrust chatter")
-    table.add_column("commanded", justify="right")
-    table.add_column("delivered", justify="right")
-    table.add_column("")
+    table = plain_table("thrust chatter", "commanded", "delivered", "", left=(0, 3))
     for key, name, unit, factor in CHATTER:
         values = (f"{factor * numbers[of][key]:.1f}" for of in ("commanded", "delivered"))
         table.add_row(name.format(corner=numbers["motor_corner"], tau=numbers["motor_tau"]), *values, f"[dim]{unit}[/]")
@@ -104,9 +92,7 @@ def model_table(spec: dict) -> RenderableType:
     if not rows:
         learns = "; thrust, drag and limit are estimated in flight" if adapts else ""
         return f"[dim]model[/]  the planner's model has the vehicle's own lags, drag and limits{learns}"
-    table = plain_table()
-    for name in ("model", "planner's, at first" if adapts else "planner's", "vehicle's", ""):
-        table.add_column(name)
+    table = plain_table("model", "planner's, at first" if adapts else "planner's", "vehicle's", "", left=range(4))
     for name, unit, *values in rows:
         table.add_row(name, *(" ".join(f"{x:g}" for x in value) for value in values), f"[dim]{unit}[/]")
     return table
@@ -147,9 +133,7 @@ def published_table(run: Run, course: Course) -> RenderableType:
         times.append((min(run.laps), "this run, best lap", "bold"))
     if len(run.laps) > 1:
         times.append((sum(run.laps), f"this run, {len(run.laps)} laps", "bold"))
-    table = plain_table()
-    table.add_column(escape("time [s]"), justify="right")
-    table.add_column("published, each with its own dynamics")
+    table = plain_table("time [s]", "published, each with its own dynamics", left=(1,))
     for time, who, style in sorted(times):
         table.add_row(f"{time:.3f}", escape(who), style=style)
     return table

@@ -157,13 +157,11 @@ def draw_spectrum(axes: Axes, run: Run) -> None:
     axes.set(title="thrust, power spectral density [(m/s$^2$)$^2$/Hz]", xlabel="f [Hz]")
     if len(x["t"]) < FEWEST:
         return
-    commanded, delivered = line(style(run.spec["sampler"])), {"color": INK}
-    for column, look, width, name in (
-        ("a_cmd", commanded, COMMANDED, "commanded"),
-        ("a", delivered, DELIVERED, "delivered"),
-    ):
+    commanded = line(style(run.spec["sampler"])) | {"linewidth": COMMANDED, "label": "commanded"}
+    delivered = {"color": INK, "linewidth": DELIVERED, "label": "delivered"}
+    for column, look in (("a_cmd", commanded), ("a", delivered)):
         f, psd = thrust_psd(x["t"], x[column])
-        axes.loglog(f[1:], psd[1:], **look, linewidth=width, label=name)
+        axes.loglog(f[1:], psd[1:], **look)
     corner = motor_corner(tau)
     axes.axvline(corner, color=MARK, linestyle="--", linewidth=1.0, label=f"motors' corner, {corner:.1f} Hz")
     axes.grid(which="minor", color=FINE, linewidth=0.4)
