@@ -71,9 +71,7 @@ def summary(run: Run, folder: Path | None) -> dict:
     """Seconds, metres, m/s; `plan_ms` in milliseconds. run_dir is null when the run could not be stored."""
     spec = run.spec
     return {
-        "course": spec["course"],
-        "sampler": spec["sampler"],
-        "preset": spec["preset"],
+        **{name: spec[name] for name in ("course", "sampler", "preset")},
         "vehicle": spec["vehicle"]["name"],
         "seed": spec["seed"],
         "outcome": run.outcome,

@@ -87,7 +87,7 @@ def chatter_table(run: Run) -> Table:
 
 def model_table(spec: dict) -> RenderableType:
     """The numbers of the planner's model that differ from the vehicle's, or a line that none does."""
-    rows = [pair for pair in _pairs(spec) if pair[2] != pair[3]]
+    rows = _differing(spec)
     adapts = spec["planner"]["mppi"].get("adapt")
     if not rows:
         learns = "; thrust, drag and limit are estimated in flight" if adapts else ""
@@ -100,14 +100,14 @@ def model_table(spec: dict) -> RenderableType:
 
 def model_differences(spec: dict) -> dict[str, dict]:
     """The same as JSON: name of the number -> {model, vehicle}."""
-    return {name.replace(" ", "_"): {"model": m, "vehicle": v} for name, _, m, v in _pairs(spec) if m != v}
+    return {name.replace(" ", "_"): {"model": m, "vehicle": v} for name, _, m, v in _differing(spec)}
 
 
-def _pairs(spec: dict) -> list[tuple[str, str, list[float], list[float]]]:
+def _differing(spec: dict) -> list[tuple[str, str, list[float], list[float]]]:
     """(name, unit, of the planner's model, of the vehicle); one number stands for all axes that share it."""
     model, vehicle = spec["model"], spec["vehicle"]
     rotors = vehicle["rotors"]
-    pairs = [
+    numbers = [
         ("rate lag", "s", model["rate_tau"], vehicle["rate_tau"]),
         ("motor lag", "s", model["motor_tau"], rotors["tau"] if rotors else 0.0),
         ("latency", "s", 0.0, vehicle["latency"]),
@@ -115,7 +115,8 @@ def _pairs(spec: dict) -> list[tuple[str, str, list[float], list[float]]]:
         ("rate limit", "rad/s", model["rate_max"], vehicle["rate_max"]),
         ("thrust limit", "m/s^2", model["thrust_max"], vehicle["thrust_max"]),
     ]
-    return [(name, unit, _axes(of_model), _axes(of_vehicle)) for name, unit, of_model, of_vehicle in pairs]
+    rows = [(name, unit, _axes(of_model), _axes(of_vehicle)) for name, unit, of_model, of_vehicle in numbers]
+    return [row for row in rows if row[2] != row[3]]
 
 
 def _axes(numbers: float | list[float]) -> list[float]:

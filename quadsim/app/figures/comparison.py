@@ -103,11 +103,10 @@ def _draw_chatter(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
 def _draw_map(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     """The course from above, with some paths of each variant and the places of all crashes."""
     points = np.array([section.course.start.position, *(g.position for g in section.course.gates)])[:, :2]
-    for rows, look in zip(section.rows, looks, strict=True):
-        for path in _paths(section, rows):
-            axes.plot(*path.T, **line(look), linewidth=0.8, alpha=0.5, zorder=1)
     draw_gates(axes, section.course, (0, 1), arrow_scale(points))
     for rows, look, variant in zip(section.rows, looks, section.variants, strict=True):
+        for path in _paths(section, rows):
+            axes.plot(*path.T, **line(look), linewidth=0.8, alpha=0.5, zorder=1)
         ends = np.array([r.result["crash"]["position"][:2] for r in rows if r.result["crash"]]).reshape(-1, 2)
         style = {"markeredgecolor": "white", "markeredgewidth": 0.8, "alpha": 0.9, "zorder": 7}
         axes.plot(*ends.T, "X", color=look.colour, markersize=9, label=f"{variant.name}: {len(ends)} crashed", **style)
