@@ -1,12 +1,15 @@
-"""Two streams: results on stdout, progress and errors on stderr."""
+"""Two streams: results on stdout, progress and errors on stderr; and the one look of tables."""
 
 from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Collection
 from math import isfinite
 
 from rich.console import Console, RenderableType
+from rich.markup import escape
+from rich.table import Table
 
 COMPILING = "compiling the planner for this machine, once: some 20 s"
 
@@ -24,6 +27,14 @@ def emit(*parts: RenderableType) -> None:
 def width() -> int:
     """Columns of the terminal; 80 where stdout is none, unless COLUMNS says otherwise."""
     return Console(file=sys.stdout).width
+
+
+def plain_table(*heads: str, left: Collection[int] = (), no_wrap: bool = False) -> Table:
+    """Without lines, the head dimmed; the columns `left` are of text, the others of numbers."""
+    table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0), pad_edge=False)
+    for i, head in enumerate(heads):
+        table.add_column(escape(head), justify="left" if i in left else "right", no_wrap=no_wrap)
+    return table
 
 
 def emit_json(value: object) -> None:

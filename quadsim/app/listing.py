@@ -10,9 +10,8 @@ import yaml
 from rich.markup import escape
 from rich.table import Table
 
-from quadsim.app.console import complain, emit, emit_json, width
+from quadsim.app.console import complain, emit, emit_json, plain_table, width
 from quadsim.app.flags import Help, Json, UsageError
-from quadsim.app.report import plain_table
 from quadsim.course import Course
 from quadsim.files.data_files import locate, read_text
 from quadsim.files.strict_yaml import FileError, parse
@@ -115,7 +114,8 @@ def _say(result: dict) -> None:
 
 
 def _course_table(courses: list[Course]) -> Table:
-    table = _table("course", "gates", "lap [m]", "laps", "opening", "published times [s]")
+    heads = ("course", "gates", "lap [m]", "laps", "opening", "published times [s]")
+    table = plain_table(*heads, left=(0, 5), no_wrap=True)
     table.columns[-1].max_width = max(width() - LEFT, 12)
     for c in courses:
         laps = str(c.laps) if c.loop else "open"
@@ -126,19 +126,12 @@ def _course_table(courses: list[Course]) -> Table:
 
 
 def _vehicle_table(vehicles: list[Vehicle]) -> Table:
-    head = ("mass\n[kg]", "thrust/\nweight", "rate limit\n[rad/s]", "rate lag\n[s]", "motor\nlag [s]", "drag\n[1/s]")
-    table = _table("vehicle", *head)
+    numbers = ("mass\n[kg]", "thrust/\nweight", "rate limit\n[rad/s]", "rate lag\n[s]", "motor\nlag [s]", "drag\n[1/s]")
+    table = plain_table("vehicle", *numbers, left=(0, 6), no_wrap=True)
     for v in vehicles:
         motor = f"{v.rotors.tau:g}" if v.rotors else "[dim]none[/]"
         thrust = f"{v.thrust_max / GRAVITY:.2f}"
         table.add_row(v.name, f"{v.mass:g}", thrust, _axes(v.rate_max), _axes(v.rate_tau), motor, _axes(v.drag))
-    return table
-
-
-def _table(*columns: str) -> Table:
-    table = plain_table()
-    for i, name in enumerate(columns):
-        table.add_column(escape(name), justify="left" if i in (0, len(columns) - 1) else "right", no_wrap=True)
     return table
 
 

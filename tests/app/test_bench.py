@@ -1,8 +1,7 @@
-"""`race bench`: every case runs, parts add up to the whole. Nothing asks how long it takes."""
+"""`race bench`: every case runs, and each part has the time of its own calls. No test depends on how long they take."""
 
 import json
 from dataclasses import replace
-from itertools import count as numbers_from
 
 import pytest
 
@@ -10,9 +9,9 @@ from controllers import mppi as algorithm
 from controllers.rollout import layout
 from controllers.samplers import SAMPLERS
 from quadsim.app.bench import bench, stages, tables
-from quadsim.app.bench.cases import HORIZONS, SAMPLES, Case, cases, controller, measure, paper_case
-from quadsim.app.bench.systems import SYSTEMS
-from quadsim.app.bench.work import Machine
+from quadsim.app.bench import cases as bench_cases
+from quadsim.app.bench.cases import HORIZONS, SAMPLES, SYSTEMS, Case, cases, controller, measure, paper_case
+from quadsim.app.bench.machine import Machine
 from quadsim.app.cli import race
 
 MACHINE = Machine("any", 2, 100.0, 10.0, 20.0)
@@ -54,27 +53,51 @@ def test_cases_are_the_papers_budgets_and_the_sweeps_each_once_on_one_thread_and
 
 
 @pytest.mark.parametrize("sampler", PARTS)
-def test_parts_are_named_and_add_up_to_the_whole(sampler):
-    before = algorithm.shares, algorithm.weighted_mean
+def test_stages_are_named_and_every_function_is_put_back(sampler):
+    before = algorithm.shares, algorithm.weights, algorithm.weighted_mean
     rows = list(stages.stages(small("quadrotor", sampler), SHORT, MACHINE))
-    ms = {row["part"]: row["ms"] for row in rows}
-    assert list(ms) == PARTS[sampler]
-    assert sum(ms.values()) == pytest.approx(2 * ms["whole"])
+    assert [row["part"] for row in rows] == PARTS[sampler]
     assert {row["part"] for row in rows if "roofline" in row} == {*PARTS[sampler]} - {"weights", "rest", "whole"}
-    assert (algorithm.shares, algorithm.weighted_mean) == before
+    assert (algorithm.shares, algorithm.weights, algorithm.weighted_mean) == before
 
 
 @pytest.mark.parametrize(("samples", "chunks"), [(1100, 3), (512, 1)])
-def test_parts_are_timed_over_every_chunk_of_an_iteration(samples, chunks, monkeypatch):
-    """A clock that moves on by 1 ms whenever it is read tells calls."""
+@pytest.mark.parametrize("sampler", PARTS)
+def test_each_part_has_the_time_of_its_calls_in_one_iteration_and_rest_what_remains(
+    sampler, samples, chunks, monkeypatch
+):
+    """By a clock that stands still except in these functions."""
+    clock = [0.0]
+
+    def lasting(ms, call):
+        def call_and_wait(*arguments):
+            clock[0] += 1e-3 * ms
+            return call(*arguments)
+
+        return call_and_wait
+
+    for module in (stages, bench_cases):
+        monkeypatch.setattr(module, "perf_counter", lambda: clock[0])
     monkeypatch.setattr(layout, "CHUNK", 512)
-    ticks = numbers_from()
-    monkeypatch.setattr(stages, "perf_counter", lambda: next(ticks) / 1e3)
-    mppi, x = controller(small("double_integrator", "gaussian", samples, iterations=2))
-    ms = stages.parts_ms(mppi, x, "gaussian", SHORT)
-    once_more = 1  # the weights of all samples together
-    assert [ms[part] for part in ("normals", "rollouts", "weighted mean")] == pytest.approx([chunks] * 3)
-    assert ms["weights"] == pytest.approx(chunks + once_more)
+    mppi, x = controller(small("double_integrator", sampler, samples, iterations=2))
+    mppi.sampler = replace(mppi.sampler, sample=lasting(40.0, mppi.sampler.sample))
+    mppi.rollout = lasting(3.0, mppi.rollout)
+    for name, ms in {"shares": 1.0, "weights": 7.0, "weighted_mean": 2.0, "steer": 11.0}.items():
+        monkeypatch.setattr(algorithm, name, lasting(ms, getattr(algorithm, name)))
+    monkeypatch.setattr(stages, "fill_normals", lasting(30.0, stages.fill_normals))
+
+    noise = (
+        {"normals": 40.0 * chunks} if sampler == "gaussian" else {"normals": 30.0 * chunks, "transform": 10.0 * chunks}
+    )
+    parts = noise | {
+        "rollouts": 3.0 * chunks,
+        "weights": 1.0 * chunks + 7.0,
+        "weighted mean": 2.0 * chunks,
+        "rest": 11.0,
+    }
+    found = stages.parts_ms(mppi, x, sampler, SHORT)
+    assert found == pytest.approx(parts | {"whole": sum(parts.values())})
+    assert list(found) == PARTS[sampler]
 
 
 def test_normals_of_colored_noise_are_as_many_as_its_numbers(monkeypatch):
@@ -104,7 +127,7 @@ def test_growth_is_ms_for_a_million_steps_and_all_threads_beside_one():
 
 @pytest.fixture
 def quick(monkeypatch):
-    """Small cases, and a machine that is not measured."""
+    """Small cases, and a machine with given rates instead of measured ones."""
     few = [replace(small(system, "gaussian"), threads=1) for system in SYSTEMS]
     monkeypatch.setattr(bench, "cases", lambda most: few)
     monkeypatch.setattr(bench, "paper_case", small)

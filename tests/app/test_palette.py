@@ -8,10 +8,9 @@ from campaign_cases import row
 from matplotlib.colors import to_hex
 from test_report import run
 
-from quadsim.app.campaign import figure as comparison
-from quadsim.app.campaign.compare import Section
-from quadsim.app.campaign.summary_stats import variant_stats
-from quadsim.app.figure import draw
+from quadsim.app.campaign.summary_stats import Section, variant_stats
+from quadsim.app.figures import comparison
+from quadsim.app.figures.run_figure import draw
 from quadsim.app.paper import double_integrator
 from quadsim.course import load_course
 from quadsim.palette import OTHER, SPARE, STYLES, dotted, style, styles

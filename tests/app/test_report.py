@@ -6,13 +6,12 @@ from io import StringIO
 
 import numpy as np
 import pytest
-from quadsim.app.flight_flags import FlightFlags
 from rich.console import Console
 
-from quadsim.app.figure import title
-from quadsim.app.model_differences import differences
-from quadsim.app.report import report
-from quadsim.app.summary import summary
+from quadsim.app.figures.run_figure import title
+from quadsim.app.flight_flags import FlightFlags
+from quadsim.app.report import report, summary
+from quadsim.app.report_tables import model_differences
 from quadsim.race.events import Event, Frame
 from quadsim.record.metrics import splits
 from quadsim.record.run import Run
@@ -111,9 +110,9 @@ def test_a_run_changed_in_flight_is_named_so_in_one_line_and_no_other_is():
     assert summary(run(), None)["interactive"] == []
 
 
-def test_only_beliefs_that_differ_are_listed():
-    assert differences(run().spec) == {}
-    assert differences(run(drag=0.1).spec) == {"drag": {"believed": [0.1], "real": [0.4]}}
+def test_only_numbers_of_the_model_that_differ_from_the_vehicle_are_listed():
+    assert model_differences(run().spec) == {}
+    assert model_differences(run(drag=0.1).spec) == {"drag": {"model": [0.1], "vehicle": [0.4]}}
     assert re.search(r"drag +0\.1 +0\.4 +1/s", printed(run(drag=0.1)))
 
 

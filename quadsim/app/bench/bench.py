@@ -12,16 +12,17 @@ from tyro.conf import FlagCreatePairsOff
 
 from controllers.rollout.threads import use_threads
 from quadsim.app.bench.cases import SWEPT, cases, measure, paper_case
+from quadsim.app.bench.machine import measure_machine
 from quadsim.app.bench.stages import stages
 from quadsim.app.bench.tables import tables
-from quadsim.app.bench.work import measure_machine
 from quadsim.app.console import emit, emit_json
 from quadsim.app.flags import check
 
 
 @dataclass(frozen=True)
 class Bench:
-    """Time whole control steps on this machine: every system at the paper's budget, then sweeps. Keep it quiet.
+    """Time whole control steps on this machine, which should do nothing else meanwhile: every system at the paper's
+    budget, then sweeps over samples and horizon.
 
     race bench --peers     the same model through pytorch-mppi and JAX, in the same run
     """

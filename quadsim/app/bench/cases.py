@@ -1,21 +1,65 @@
-"""The cases of `race bench`: whole control steps, noise to updated plan."""
+"""The cases of `race bench`: whole control steps, from the noise to the updated plan, of every system."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
+from time import perf_counter
 
 import numpy as np
 
+from controllers.config import MPPIConfig
+from controllers.mppi import MPPI
+from controllers.presets import PRESETS
 from controllers.rollout.threads import use_threads
 from controllers.samplers import SAMPLERS
-from quadsim.app.bench.systems import SYSTEMS, Built
-from quadsim.app.bench.timing import times_ms
-from quadsim.app.bench.work import Machine, floor_ns, work
+from quadsim.app.bench.machine import Machine, floor_ns, work
+from quadsim.app.paper import integrator, vehicle
+from quadsim.app.paper.table2 import variant
+from quadsim.course import load_course
+from quadsim.physics.plant import start_state
+from quadsim.race.spec import Spec, controller_of, streams
+from quadsim.systems.quadrotor import ModelParams
+from quadsim.vehicle import load_vehicle
 
 SAMPLES = (256, 1024, 4096, 16384, 65536)
 HORIZONS = (25, 75, 150, 300)
-SWEPT = ("gaussian", "colored")  # samplers beyond the quadrotor at the paper's budget
+SWEPT = ("gaussian", "colored")  # samplers that are timed beyond the quadrotor at the paper's budget
+WARM_UP = 3  # calls that are not timed
+LEAST = 15  # calls that are timed, however long they take
+KEY = np.random.SeedSequence(0).generate_state(2, np.uint32)
+
+Budget = dict[str, int]  # samples, horizon, iterations
+Built = tuple[MPPI, np.ndarray]  # the controller, and the state (n_x,) that it plans from
+
+
+def _quadrotor(sampler: str, budget: Budget) -> Built:
+    """On paper_flat, with its gates."""
+    preset = PRESETS["paper"][sampler]
+    course, frame = load_course("paper_flat"), load_vehicle(preset.vehicle)
+    planner = replace(preset, mppi=replace(preset.mppi, **budget))
+    spec = Spec(course, frame, sampler, "paper", planner, ModelParams.of(frame), 0, 1, 60.0, False, 1 / 400)
+    return controller_of(spec, streams(0)[0]), np.array(start_state(course.start, frame.radius))
+
+
+def _double_integrator(sampler: str, budget: Budget) -> Built:
+    """As in Table II at sigma 1.5, with the exact law where the sampler is colored."""
+    sampling = variant("colored_1_exact", 1.5).sampling
+    config = replace(integrator.MPPI_CONFIG, **budget)
+    return integrator.controller(sampler, sampling, config, KEY), np.array(integrator.START)
+
+
+def _offroad(sampler: str, budget: Budget) -> Built:
+    """At rest at the start of the corridor."""
+    return vehicle.controller(sampler, replace(vehicle.MPPI_CONFIG, **budget), KEY), np.array(vehicle.start())
+
+
+# name -> the paper's budget; the controller, at any budget, as the paper's experiments build it
+SYSTEMS: dict[str, tuple[MPPIConfig, Callable[[str, Budget], Built]]] = {
+    "quadrotor": (PRESETS["paper"]["gaussian"].mppi, _quadrotor),
+    "double_integrator": (integrator.MPPI_CONFIG, _double_integrator),
+    "offroad": (vehicle.MPPI_CONFIG, _offroad),
+}
 
 
 @dataclass(frozen=True)
@@ -27,15 +71,19 @@ class Case:
     samples: int
     horizon: int
     iterations: int
-    threads: int = 0  # 0: all
+    threads: int | None = None  # None: all
 
     @property
     def size(self) -> str:
         return f"{self.samples} x {self.horizon} x {self.iterations}"
 
     @property
+    def name(self) -> str:
+        return f"{self.system} {self.size}"
+
+    @property
     def steps(self) -> int:
-        """Sample steps, M T I."""
+        """Steps of all samples in all iterations, M T I."""
         return self.samples * self.horizon * self.iterations
 
 
@@ -46,7 +94,7 @@ def paper_case(system: str, sampler: str) -> Case:
 
 
 def cases(most: int) -> Iterator[Case]:
-    """The paper's budgets, then sweeps over samples and horizon; one thread right before all."""
+    """The paper's budgets, then sweeps over samples and horizon; each on one thread, then on `most`."""
     for case in _sizes():
         for threads in sorted({1, most}):
             yield replace(case, threads=threads)
@@ -62,7 +110,6 @@ def _sizes() -> Iterator[Case]:
 
 
 def controller(case: Case) -> Built:
-    """MPPI at this budget, and the state that it plans from."""
     budget = {"samples": case.samples, "horizon": case.horizon, "iterations": case.iterations}
     return SYSTEMS[case.system][1](case.sampler, budget)
 
@@ -70,11 +117,28 @@ def controller(case: Case) -> Built:
 def measure(case: Case, seconds: float, machine: Machine) -> dict:
     """{name, system, sampler, samples, horizon, iterations, threads, ms_p50, ms_p95, steps_per_s, roofline}
 
-    roofline: share of the time that this machine's arithmetic and memory need at least, on so many of its threads.
+    roofline: the least time that this machine's arithmetic and memory need on so many threads, as a share of ms_p50.
     """
-    threads = use_threads(case.threads or None)
+    threads = use_threads(case.threads)
     mppi, x = controller(case)
     p50, p95 = (float(ms) for ms in np.percentile(times_ms(lambda: mppi.control(x), seconds), [50, 95]))
     floor_ms = 1e-6 * case.steps * sum(floor_ns(part, machine) for part in work(mppi, case.sampler).values())
-    row = {"name": f"{case.system} {case.size}", **asdict(case), "threads": threads, "ms_p50": p50, "ms_p95": p95}
+    row = {"name": case.name, **asdict(case), "threads": threads, "ms_p50": p50, "ms_p95": p95}
     return row | {"steps_per_s": 1e3 * case.steps / p50, "roofline": floor_ms * machine.threads / threads / p50}
+
+
+def times_ms(call: Callable[[], object], seconds: float) -> np.ndarray:
+    """Wall-clock time of each call, for about so many seconds after the warm-up [ms].  (calls,)"""
+    for _ in range(WARM_UP):
+        call()
+    taken: list[float] = []
+    until = perf_counter() + seconds
+    while len(taken) < LEAST or perf_counter() < until:
+        began = perf_counter()
+        call()
+        taken.append(1e3 * (perf_counter() - began))
+    return np.array(taken)
+
+
+def median_ms(call: Callable[[], object], seconds: float) -> float:
+    return float(np.median(times_ms(call, seconds)))

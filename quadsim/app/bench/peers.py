@@ -1,59 +1,57 @@
-"""The same model and cost, without gates, through pytorch-mppi and through JAX, in the same run as ours.
+"""The same model and cost, without gates, through pytorch-mppi and through JAX, timed in the same run as ours.
 
-Before anything is timed, every one of them must find the same costs for the same noise.
+Nothing is timed before a library has found the same costs as ours for the same noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
+from types import FunctionType, ModuleType
 
 import numpy as np
+from numpy import sqrt
 
+from controllers.costs import Cost
 from controllers.mppi import MPPI
+from controllers.rollout.inline import WORDS
 from controllers.presets import preset
 from controllers.rollout.lanes import Rollout
 from controllers.rollout.layout import LANES
-from quadsim.app.bench.cases import controller, paper_case
-from quadsim.app.bench.jax_peer import JaxPeer
-from quadsim.app.bench.point_cost import point_cost
-from quadsim.app.bench.timing import median_ms
-from quadsim.app.bench.torch_peer import TorchPeer
+from controllers.rollout.threads import threads
+from quadsim.app.bench.cases import controller, median_ms, paper_case
 from quadsim.app.flags import UsageError
 
 AGREEMENT = 1e-3  # relative, of float32 costs over 150 steps
+SIGMA = (0.3, 0.3, 0.3, 3.5)  # of the noise that the other libraries draw [rad/s, rad/s, rad/s, m/s^2]
+POINT = (50.0, 0.0, 2.0)  # [m]
 
 
 def require_peers() -> None:
-    """Raises UsageError without the extra, before minutes of timing."""
+    """Raises UsageError where the extra is not installed, before minutes of timing."""
     for name in ("torch", "pytorch_mppi", "jax"):
         if find_spec(name) is None:
             raise UsageError(f"--peers: {name} is not installed: pip install 'quadsim[peers]'")
 
 
 def compare(seconds: float) -> list[dict]:
-    """One row a peer: {name, ms_p50, ours_ms, ratio, largest_difference}."""
+    """One row for each library: {name, ms_p50, ours_ms, ratio, largest_difference}."""
     mppi, x = controller(paper_case("quadrotor", "gaussian"))
-    sampling = preset("paper", "gaussian").sampling
-    ours = MPPI(mppi.system, point_cost(), sampling, replace(mppi.config, rest_fraction=0.0))
-    return [
-        _against(ours, x, name, load(ours.system, ours.cost, ours), seconds)
-        for name, load in {"pytorch-mppi": TorchPeer, "JAX": JaxPeer}.items()
-    ]
-
-
-def _against(ours: MPPI, x: np.ndarray, name: str, peer: TorchPeer | JaxPeer, seconds: float) -> dict:
-    """Costs first, then one after the other in one run, ours again beside each."""
-    difference = largest_difference(ours, peer.costs, x)
-    ours_ms = median_ms(lambda: ours.control(x), seconds)
-    theirs = median_ms(lambda: peer.control(x), seconds)
-    row = {"name": name, "ms_p50": theirs, "ours_ms": ours_ms, "ratio": theirs / ours_ms}
-    return row | {"largest_difference": difference}
+    ours = MPPI(mppi.system, point_cost(), preset("paper", "gaussian").sampling, replace(mppi.config, rest_fraction=0.0))
+    rows = []
+    for name, load in PEERS.items():
+        peer = load(ours)
+        difference = largest_difference(ours, peer.costs, x)
+        ours_ms, peer_ms = (median_ms(partial(planner.control, x), seconds) for planner in (ours, peer))
+        row = {"name": name, "ms_p50": peer_ms, "ours_ms": ours_ms, "ratio": peer_ms / ours_ms}
+        rows.append(row | {"largest_difference": difference})
+    return rows
 
 
 def largest_difference(ours: MPPI, costs: Callable, x: np.ndarray) -> float:
-    """Between their costs and ours for the same noise, relative. Raises ValueError beyond AGREEMENT."""
+    """Between their costs(x, v) and ours for the same noise, relative. Raises ValueError beyond AGREEMENT."""
     z = ours.sampler.sample(7).copy()  # (blocks, n_u, T, LANES)
     mine = np.empty((len(z), LANES), np.float32)
     Rollout(ours.system, ours.cost)(x, ours.plan, z, 0, mine)
@@ -63,3 +61,161 @@ def largest_difference(ours: MPPI, costs: Callable, x: np.ndarray) -> float:
     if difference > AGREEMENT:
         raise ValueError(f"bench: expected equal costs for equal noise, got a relative difference of {difference:g}")
     return difference
+
+
+def point_cost() -> Cost:
+    """Eq. (8) without gates: fly to a point at a height and a speed."""
+    params = (*POINT, 8.0, 40.0, 4.0, 0.5, 10.0, 9.0)
+    return Cost("point", ("progress", "heading", "height", "speed", "stabilize"), terms, params, np.zeros((1, 1)))
+
+
+def terms(x, x_next, u, target, crashed, p):
+    """Distance to the point, heading, height, speed and tilt of x_next; no target is reached, nothing crashes."""
+    gx, gy, gz, a_0, a_1, a_2, a_3, a_4, v_des = p
+    px, py, pz, vx, vy, qx, qy = x_next[0], x_next[1], x_next[2], x_next[3], x_next[4], x_next[7], x_next[8]
+    dx, dy, dz = px - gx, py - gy, pz - gz
+    d = sqrt(dx * dx + dy * dy + dz * dz + 1e-6)
+    d_xy = sqrt(dx * dx + dy * dy + 1e-6)
+    v_xy = sqrt(vx * vx + vy * vy + 1e-6)
+    off = v_xy - v_des
+    return (
+        a_0 * d,
+        a_1 * (1.0 + (vx * dx + vy * dy) / (v_xy * d_xy)),
+        a_2 * dz * dz,
+        a_3 * off * off,
+        a_4 * 2.0 * (qx * qx + qy * qy),
+        px > 1e6,
+        crashed,
+    )
+
+
+def array_backend(library: ModuleType) -> dict[str, Callable]:
+    """Name -> the library's own function, for every function of numpy that a step() or terms() may call."""
+    functions = {name: getattr(library, name) for name in WORDS}
+    if library.__name__ == "torch":  # whose minimum and maximum take no plain numbers
+        functions |= {name: _of_tensors(library, functions[name]) for name in ("minimum", "maximum")}
+    return functions
+
+
+def _of_tensors(torch: ModuleType, choose: Callable) -> Callable:
+    return lambda a, b: choose(torch.as_tensor(a), torch.as_tensor(b))
+
+
+def rebind(function: Callable, backend: dict[str, Callable]) -> FunctionType:
+    """The same function with the backend's functions in place of those of the same name."""
+    assert isinstance(function, FunctionType)
+    return FunctionType(function.__code__, {**function.__globals__, **backend})
+
+
+def model(ours: MPPI, library: ModuleType) -> tuple[Callable, Callable]:
+    """(x, u) -> the next state; (x, u) -> the cost of x. Both take and return sequences with one array a component."""
+    system, cost, backend = ours.system, ours.cost, array_backend(library)
+    step, all_terms, n = rebind(system.step, backend), rebind(cost.terms, backend), len(cost.term_names)
+    return (
+        lambda x, u: step(x, u, system.params, system.dt),
+        lambda x, u: sum(all_terms(None, x, u, (), 0.0, cost.params)[:n]),
+    )
+
+
+class TorchPeer:
+    """pytorch_mppi.MPPI as its users call it: float32, batched dynamics, as many threads as ours."""
+
+    def __init__(self, ours: MPPI):
+        import pytorch_mppi
+        import torch
+
+        torch.set_num_threads(threads())
+        system, config = ours.system, ours.config
+        step, state_cost = model(ours, torch)
+        self._torch, self._config = torch, config
+        self._dynamics = lambda x, u: torch.stack(step(x.unbind(1), u.unbind(1)), dim=1)
+        self._cost = lambda x, u: state_cost(x.unbind(1), u.unbind(1))
+        self._mppi = pytorch_mppi.MPPI(
+            self._dynamics,
+            self._cost,
+            len(system.states),
+            torch.diag(torch.tensor(SIGMA) ** 2),
+            num_samples=config.samples,
+            horizon=config.horizon,
+            lambda_=config.temperature * config.horizon,  # on the summed cost
+            u_min=torch.tensor(system.low, dtype=torch.float32),
+            u_max=torch.tensor(system.high, dtype=torch.float32),
+            u_init=torch.tensor(system.rest, dtype=torch.float32),
+        )
+
+    def control(self, x: np.ndarray) -> object:
+        state = self._torch.tensor(x, dtype=self._torch.float32)
+        for i in range(self._config.iterations):
+            u = self._mppi.command(state, shift_nominal_trajectory=i == 0)
+        return u
+
+    def costs(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """x (n_x,), v (M, T, n_u) -> J (M,), the mean over the states that the steps lead to, as ours counts it."""
+        torch = self._torch
+        state = torch.tensor(x, dtype=torch.float32).expand(len(v), -1)
+        total = torch.zeros(len(v))
+        for t in range(self._config.horizon):
+            u = torch.from_numpy(np.ascontiguousarray(v[:, t]))
+            state = self._dynamics(state, u)
+            total = total + self._cost(state, u)
+        return (total / self._config.horizon).numpy()
+
+
+class JaxPeer:
+    """The same algorithm in JAX: one compiled function, a scan over the horizon, rows of samples."""
+
+    def __init__(self, ours: MPPI):
+        import jax
+
+        self._jax = jax
+        self._key = jax.random.PRNGKey(0)
+        self._plan = np.tile(np.array(ours.system.rest, np.float32), (ours.config.horizon, 1))
+        rollout = jax_rollout(jax, ours)
+        self._costs = jax.jit(rollout)
+        self._step = jax.jit(jax_control(jax, rollout, ours))
+
+    def control(self, x: np.ndarray) -> object:
+        self._plan, self._key = self._step(np.float32(x), self._plan, self._key)
+        return self._jax.block_until_ready(self._plan)
+
+    def costs(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """x (n_x,), v (M, T, n_u) -> J (M,)"""
+        return np.asarray(self._costs(np.float32(x), v.transpose(1, 2, 0)))
+
+
+def jax_rollout(jax: ModuleType, ours: MPPI) -> Callable:
+    """x (n_x,), v (T, n_u, M) -> J (M,)"""
+    step, state_cost = model(ours, jax.numpy)
+
+    def advance(x, u):
+        x_next = step(x, tuple(u))
+        return x_next, state_cost(x_next, tuple(u))
+
+    def rollout(x, v):
+        start = tuple(jax.numpy.full(v.shape[2], xi) for xi in x)
+        return jax.lax.scan(advance, start, v)[1].mean(axis=0)
+
+    return rollout
+
+
+def jax_control(jax: ModuleType, rollout: Callable, ours: MPPI) -> Callable:
+    """(x, plan, key) -> (plan, key): shift, then the iterations of Algorithm 1."""
+    jnp, system, config = jax.numpy, ours.system, ours.config
+    low, high, rest = (jnp.float32(jnp.array(a)) for a in (system.low, system.high, system.rest))
+    sigma = jnp.array(SIGMA)
+
+    def control(x, plan, key):
+        plan = jnp.vstack([plan[1:], rest])
+        for _ in range(config.iterations):
+            key, now = jax.random.split(key)
+            z = sigma[:, None] * jax.random.normal(now, (config.horizon, len(system.low), config.samples))
+            v = jnp.clip(plan[:, :, None] + z, low[:, None], high[:, None])
+            J = rollout(x, v)
+            w = jax.nn.softmax(-J / config.temperature)
+            plan = plan + config.step_size * jnp.einsum("m,tum->tu", w, v - plan[:, :, None])
+        return plan, key
+
+    return control
+
+
+PEERS = {"pytorch-mppi": TorchPeer, "JAX": JaxPeer}

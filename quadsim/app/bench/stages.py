@@ -1,11 +1,12 @@
-"""Where the time of a control step goes, beside what the machine needs for it at least."""
+"""Where the time of a control step goes, beside the least time that this machine needs for each part."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from time import perf_counter
+from unittest.mock import patch
 
 import numpy as np
 
@@ -13,9 +14,8 @@ from controllers import mppi as algorithm
 from controllers.mppi import MPPI
 from controllers.rollout.layout import chunks
 from controllers.rollout.normals import fill_normals
-from quadsim.app.bench.cases import Case, controller
-from quadsim.app.bench.timing import median_ms, times_ms
-from quadsim.app.bench.work import Machine, floor_ns, work
+from quadsim.app.bench.cases import Case, controller, median_ms, times_ms
+from quadsim.app.bench.machine import Machine, floor_ns, work
 
 
 def stages(case: Case, seconds: float, machine: Machine) -> Iterator[dict]:
@@ -23,7 +23,7 @@ def stages(case: Case, seconds: float, machine: Machine) -> Iterator[dict]:
     mppi, x = controller(case)
     todo = work(mppi, case.sampler)
     for part, ms in parts_ms(mppi, x, case.sampler, seconds).items():
-        row = {"name": f"{case.system} {case.size}", "sampler": case.sampler, "part": part, "ms": ms}
+        row = {"name": case.name, "sampler": case.sampler, "part": part, "ms": ms}
         if part in todo:
             floor_ms = 1e-6 * case.samples * case.horizon * floor_ns(todo[part], machine)
             row |= {"operations": todo[part].operations, "bytes": todo[part].bytes, "roofline": floor_ms / ms}
@@ -33,15 +33,17 @@ def stages(case: Case, seconds: float, machine: Machine) -> Iterator[dict]:
 def parts_ms(mppi: MPPI, x: np.ndarray, sampler: str, seconds: float) -> dict[str, float]:
     """Of one iteration, medians. `rest` is the whole less its parts; below zero where their medians do not agree.
 
-    Colored noise comes from one loop, of which as many normals made alone are a part, the transform the rest.
+    Colored noise is made in one loop: the time of as many normals alone is given as `normals`, the rest of the
+    loop's time as `transform`.
     """
     normals = {"normals": normals_ms(mppi, seconds)} if sampler == "colored" else {}
     taken: list[list[float]] = []
     with timed_parts(mppi) as parts:
 
         def control() -> None:
+            parts.update(dict.fromkeys(parts, 0.0))
             mppi.control(x)
-            taken.append([part.read() for part in parts.values()])
+            taken.append(list(parts.values()))
 
         whole = times_ms(control, seconds)
     medians = np.median(taken[-len(whole) :], axis=0) / mppi.config.iterations
@@ -51,48 +53,36 @@ def parts_ms(mppi: MPPI, x: np.ndarray, sampler: str, seconds: float) -> dict[st
     return noise_ms | ms | {"rest": total - noise - sum(ms.values()), "whole": total}
 
 
-class Clock:
-    """How long the functions that it was put around have taken."""
+@contextmanager
+def timed_parts(mppi: MPPI) -> Iterator[dict[str, float]]:
+    """The time spent in each part since the dictionary's values were last set to 0 [ms].
 
-    def __init__(self) -> None:
-        self._ms = 0.0
+    The functions are timed where an iteration calls them: over all its chunks, with the caches as they are there.
+    """
+    ms: dict[str, float] = {}
 
-    def around(self, call: Callable) -> Callable:
-        def timed(*arguments: object) -> object:
+    def timed(part: str, call: Callable) -> Callable:
+        ms[part] = 0.0
+
+        def call_and_add(*arguments: object) -> object:
             began = perf_counter()
             result = call(*arguments)
-            self._ms += 1e3 * (perf_counter() - began)
+            ms[part] += 1e3 * (perf_counter() - began)
             return result
 
-        return timed
+        return call_and_add
 
-    def read(self) -> float:
-        """Since the last reading [ms]."""
-        ms, self._ms = self._ms, 0.0
-        return ms
-
-
-@contextmanager
-def timed_parts(mppi: MPPI) -> Iterator[dict[str, Clock]]:
-    """What an iteration calls, timed where it is called: over all its chunks, with the caches as they are there."""
-    places = [
-        ("rollouts", mppi, "rollout"),
-        ("weights", algorithm, "shares"),
-        ("weights", algorithm, "weights"),
-        ("weighted mean", algorithm, "weighted_mean"),
-    ]
-    plain = [getattr(owner, name) for _, owner, name in places]
-    clocks = {part: Clock() for part in ("noise", *(part for part, _, _ in places))}
-    sampler = mppi.sampler
-    mppi.sampler = replace(sampler, sample=clocks["noise"].around(sampler.sample))
-    for (part, owner, name), call in zip(places, plain, strict=True):
-        setattr(owner, name, clocks[part].around(call))
-    try:
-        yield clocks
-    finally:
-        mppi.sampler = sampler
-        for (_, owner, name), call in zip(places, plain, strict=True):
-            setattr(owner, name, call)
+    sampler = replace(mppi.sampler, sample=timed("noise", mppi.sampler.sample))
+    with ExitStack() as patches:
+        patches.enter_context(patch.object(mppi, "sampler", sampler))
+        for part, owner, name in (
+            ("rollouts", mppi, "rollout"),
+            ("weights", algorithm, "shares"),
+            ("weights", algorithm, "weights"),
+            ("weighted mean", algorithm, "weighted_mean"),
+        ):
+            patches.enter_context(patch.object(owner, name, timed(part, getattr(owner, name))))
+        yield ms
 
 
 def normals_ms(mppi: MPPI, seconds: float) -> float:

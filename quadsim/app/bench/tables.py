@@ -1,21 +1,21 @@
-"""What `race bench` prints. A step is one step of one sample, in one iteration."""
+"""The tables of `race bench`. A step is one step of one sample in one iteration."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from rich.console import RenderableType
-from rich.markup import escape
 from rich.table import Table
 
 from quadsim.app.bench.cases import SWEPT, paper_case
-from quadsim.app.lap_table import plain_table
+from quadsim.app.console import plain_table
 
 Rows = list[dict]
+ROOFLINE = "of the\nroofline"
 
 
 def tables(result: dict) -> Iterator[RenderableType]:
-    """Cases, how they grow, where the time goes, the machine, then the peers if they were timed."""
+    """Cases, their cost for each step, the stages, the machine, then the peers if they were timed."""
     machine = result["machine"]
     for system in dict.fromkeys(row["system"] for row in result["cases"]):
         yield cases_table(system, [row for row in result["cases"] if row["system"] == system])
@@ -37,8 +37,8 @@ def tables(result: dict) -> Iterator[RenderableType]:
 
 
 def cases_table(system: str, rows: Rows) -> Table:
-    left = (f"{system}\nM x T x I", "\nsampler")
-    table = _table(left, ("\nthreads", "p50\n[ms]", "p95\n[ms]", "\nsteps/s", "of the\nroofline"))
+    heads = (f"{system}\nM x T x I", "\nsampler", "\nthreads", "p50\n[ms]", "p95\n[ms]", "\nsteps/s", ROOFLINE)
+    table = plain_table(*heads, left=(0, 1), no_wrap=True)
     for row in rows:
         numbers = (f"{row['ms_p50']:.2f}", f"{row['ms_p95']:.2f}", f"{row['steps_per_s']:.2e}", _share(row["roofline"]))
         table.add_row(_size(row), row["sampler"], str(row["threads"]), *numbers)
@@ -46,10 +46,10 @@ def cases_table(system: str, rows: Rows) -> Table:
 
 
 def growth_table(rows: Rows, most: int) -> Table:
-    """ms for a million steps by size, on one thread and on all, and how many times as fast these are."""
+    """ms for a million steps by size, on one thread and on all, and the ratio of the two."""
     heads = ("1 thread", f"{most} threads", "ratio") if most > 1 else ("1 thread",)
     columns = [f"{sampler if i == 0 else ''}\n{head}" for sampler in SWEPT for i, head in enumerate(heads)]
-    table = _table(("\nM x T x I",), tuple(columns))
+    table = plain_table("\nM x T x I", *columns, left=(0,), no_wrap=True)
     cost = {(row["name"], row["sampler"], row["threads"]): 1e9 / row["steps_per_s"] for row in rows}
     for name, row in {row["name"]: row for row in sorted(rows, key=_order)}.items():
         cells: list[str] = []
@@ -62,19 +62,13 @@ def growth_table(rows: Rows, most: int) -> Table:
 
 def stages_table(rows: Rows, threads: int) -> Table:
     """A block of parts for each sampler."""
-    left = (f"{rows[0]['name']}\none iteration, {threads} threads", "\nsampler")
-    table = _table(left, ("\nms", "operations\na step", "bytes\na step", "of the\nroofline"))
+    first = f"{rows[0]['name']}\none iteration, {threads} threads"
+    heads = (first, "\nsampler", "\nms", "operations\na step", "bytes\na step", ROOFLINE)
+    table = plain_table(*heads, left=(0, 1), no_wrap=True)
     for row in rows:
         known = "operations" in row
         counted = (f"{row['operations']:.0f}", f"{row['bytes']:.0f}", _share(row["roofline"])) if known else ()
         table.add_row(row["part"], row["sampler"], f"{row['ms']:.2f}", *counted)
-    return table
-
-
-def _table(left: tuple[str, ...], right: tuple[str, ...]) -> Table:
-    table = plain_table()
-    for name in (*left, *right):
-        table.add_column(escape(name), justify="left" if name in left else "right", no_wrap=True)
     return table
 
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import nan
+from pathlib import Path
 from statistics import fmean, median
 
 from quadsim.app.campaign.statistics import (
@@ -22,6 +23,8 @@ from quadsim.app.campaign.statistics import (
     wilson,
 )
 from quadsim.app.campaign.store import Row
+from quadsim.app.campaign.variants import Variant
+from quadsim.course import Course
 
 FINISHED = "finished"
 
@@ -62,6 +65,19 @@ class PairStats:
     success_p: float  # McNemar's exact p over the shared seeds, Fisher's where there are none
     thrust_tv_ratio: Mean  # b / a, the geometric mean over the shared seeds and its interval
     seeds: int  # that both flew
+
+
+@dataclass(frozen=True)
+class Section:
+    """All variants of one course."""
+
+    course: Course
+    setting: str
+    limit: float  # [s] a lap
+    variants: list[VariantStats]
+    pairs: list[PairStats]
+    rows: list[Sequence[Row]]  # of each variant
+    home: Path  # folder that their telemetry is relative to
 
 
 def variant_stats(name: str, rows: Sequence[Row], limit: float) -> VariantStats:

@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
+from rich.console import Group, RenderableType
 from rich.markup import escape
-from rich.table import Table
 
 from quadsim.app.campaign.statistics import Mean
 from quadsim.app.campaign.summary_stats import PairStats, VariantStats
-from quadsim.app.lap_table import plain_table
+from quadsim.app.console import plain_table, width
 
 SHOWN = 7  # hex digits of a commit
+INDENT, GAP, TEXT = 2, 2, 24  # of a table; between its columns; least width of a text that wraps [terminal columns]
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class TextTable:
 
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    folds: tuple[int, ...] = (0,)  # columns of text, which may fold in a narrow terminal
+    folds: tuple[int, ...] = (0,)  # columns of text; those but the first of them may wrap at spaces
 
     @classmethod
     def of(cls, items: Sequence, columns: Mapping[str, Callable[[Any], str]], folds: tuple[int, ...] = (0,)):
@@ -31,14 +32,39 @@ class TextTable:
         return cls(tuple(columns), tuple(tuple(cell(item) for cell in columns.values()) for item in items), folds)
 
 
-def as_table(sheet: TextTable) -> Table:
-    table = plain_table()
-    for i, name in enumerate(sheet.head):
-        fold = i in sheet.folds
-        table.add_column(escape(name), justify="left" if fold else "right", no_wrap=not fold, overflow="fold")
-    for row in sheet.rows:
-        table.add_row(*map(escape, row))
-    return table
+def as_table(sheet: TextTable, columns: int | None = None) -> Group:
+    """One table, or where that is too wide several below each other, each with the first column. No word is broken.
+
+    columns: of the terminal; None: of this one.
+    """
+    room = (width() if columns is None else columns) - INDENT
+    name, *others = (_least_width(sheet, i) for i in range(len(sheet.head)))
+    widths = [min(name, max(TEXT, room - GAP - max(others))), *others]  # only a longer name is broken
+    parts = [[0]]
+    for i in range(1, len(widths)):
+        if len(parts[-1]) > 1 and sum(widths[k] + GAP for k in (*parts[-1], i)) - GAP > room:
+            parts.append([0])
+        parts[-1].append(i)
+    shown: list[RenderableType] = []
+    for part in parts:
+        table = plain_table()
+        for i in part:
+            text, head = i in sheet.folds, escape(sheet.head[i])
+            side = "left" if text else "right"
+            table.add_column(head, justify=side, no_wrap=not text, overflow="fold", min_width=widths[i])
+        for row in sheet.rows:
+            table.add_row(*(escape(row[i]) for i in part))
+        shown += ["", table]
+    return Group(*shown[1:])
+
+
+def _least_width(sheet: TextTable, i: int) -> int:
+    """Columns of the terminal that column i takes: its longest line, less where it is a text that wraps."""
+    texts = [*sheet.head[i].split("\n"), *(row[i] for row in sheet.rows)]
+    whole = max(map(len, texts))
+    if i not in sheet.folds[1:]:
+        return whole
+    return min(whole, max(TEXT, *(len(word) for text in texts for word in text.split())))
 
 
 def as_markdown(table: TextTable) -> str:
@@ -88,9 +114,9 @@ def interval(m: Mean, form: str) -> str:
 
 LAPS: dict[str, Callable[[VariantStats], str]] = {
     "variant": lambda a: a.name,
-    "finished": lambda a: f"{a.finished}/{a.attempts}",
-    "CI [%]": lambda a: "{:.0f}-{:.0f}".format(*(100 * p for p in a.success_ci)),
-    "lap [s]": lambda a: number(a.lap_mean),
+    "done": lambda a: f"{a.finished}/{a.attempts}",
+    "CI\n[%]": lambda a: "{:.0f}-{:.0f}".format(*(100 * p for p in a.success_ci)),
+    "lap\n[s]": lambda a: number(a.lap_mean),
     "sd": lambda a: number(a.lap_sd),
     "best": lambda a: number(a.lap_min),
     "race": lambda a: number(a.race_median),

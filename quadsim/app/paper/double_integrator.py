@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from quadsim.app.figure_style import STYLE, line
+from quadsim.app.figures.style import STYLE, line, write_figure
 from quadsim.app.paper.integrator import GOAL, MPPI_CONFIG, frames
-from quadsim.app.paper.result import Result, write_csv, write_figure
+from quadsim.app.paper.result import Result, write_csv
 from quadsim.app.paper.table2 import costs, variant
 from quadsim.palette import MARK, dotted, style
 

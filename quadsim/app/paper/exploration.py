@@ -9,8 +9,8 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from controllers.samplers import Colored, Gaussian, Sampling
-from quadsim.app.figure_style import STYLE, line
-from quadsim.app.paper.result import Result, write_csv, write_figure
+from quadsim.app.figures.style import STYLE, line, write_figure
+from quadsim.app.paper.result import Result, write_csv
 from quadsim.app.paper.sampled import DT, draw, paths
 from quadsim.palette import dotted, style
 

@@ -9,8 +9,8 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from controllers.samplers import Colored, Gaussian
-from quadsim.app.figure_style import STYLE
-from quadsim.app.paper.result import Result, write_csv, write_figure
+from quadsim.app.figures.style import STYLE, write_figure
+from quadsim.app.paper.result import Result, write_csv
 from quadsim.app.paper.sampled import DT, draw
 from quadsim.palette import style
 

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from quadsim.app.figure_style import STYLE, line
+from quadsim.app.figures.style import STYLE, line, write_figure
 from quadsim.app.paper.gather import gather
-from quadsim.app.paper.result import Result, write_csv, write_figure
+from quadsim.app.paper.result import Result, write_csv
 from quadsim.app.paper.variants import VARIANTS, variant_stats, variant_table
 from quadsim.app.paper.vehicle import COLUMNS, CORRIDOR, Drive, record
 from quadsim.course.corridor import load_corridor

@@ -12,10 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from quadsim.app.figure_style import STYLE
+from quadsim.app.figures.style import STYLE, write_figure
 from quadsim.app.flight_flags import FlightFlags
 from quadsim.app.paper.gather import gather
-from quadsim.app.paper.result import Result, write_csv, write_figure
+from quadsim.app.paper.result import Result, write_csv
 from quadsim.app.paper.store import run_key
 from quadsim.app.paper.variants import VARIANTS, variant_stats, variant_table
 from quadsim.course import load_course

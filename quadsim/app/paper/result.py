@@ -6,16 +6,10 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rich.console import RenderableType
 
 from quadsim.record.run import RunError
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure  # loaded by those who draw
-
-FORMATS = ("png", "svg")
 
 
 @dataclass(frozen=True)
@@ -38,15 +32,3 @@ def write_csv(path: Path, rows: Sequence[dict]) -> Path:
     except OSError as error:
         raise RunError(f"{path}: cannot write: {error.strerror or error}") from error
     return path
-
-
-def write_figure(figure: Figure, folder: Path, name: str) -> tuple[Path, ...]:
-    """PNG and SVG."""
-    paths = tuple(folder / f"{name}.{kind}" for kind in FORMATS)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for path in paths:
-            figure.savefig(path)
-    except OSError as error:
-        raise RunError(f"{folder}: cannot write the pictures: {error.strerror or error}") from error
-    return paths

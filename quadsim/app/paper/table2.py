@@ -10,7 +10,7 @@ import numpy as np
 from rich.table import Table
 
 from controllers.samplers import make_sampler
-from quadsim.app.lap_table import plain_table
+from quadsim.app.console import plain_table
 from quadsim.app.paper.gather import gather
 from quadsim.app.paper.integrator import Variant, record
 from quadsim.app.paper.published import TABLE2

@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from quadsim.app.campaign.statistics import wilson
-from quadsim.app.lap_table import plain_table
+from quadsim.app.console import plain_table
 from quadsim.app.paper.published import TABLE1
 
 VARIANTS = ("gaussian", "colored")

@@ -1,27 +1,35 @@
-"""A comparison on one page, one row a course: laps, success, chatter, and where on the course flights ended."""
+"""A comparison on one page, one row for each course: lap times, success, chatter, and a map with the crashes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from statistics import fmean
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
-from quadsim.app.campaign.figure_map import draw_map
 from quadsim.app.campaign.statistics import mean_interval
-from quadsim.app.campaign.summary_stats import FINISHED
-from quadsim.app.figure_style import STYLE, line
+from quadsim.app.campaign.store import Row
+from quadsim.app.campaign.summary_stats import FINISHED, Section
+from quadsim.app.figures.run_figure import arrow_scale, draw_gates
+from quadsim.app.figures.style import STYLE, line
 from quadsim.palette import Style, styles
+from quadsim.record.archive import load_run
+from quadsim.record.run import RunError
 
+<<<<<<< HEAD:quadsim/app/campaign/figure.py
 if TYPE_CHECKING:
     from quadsim.app.campaign.compare import Section
 
 JITTER = 0.1  # of the lap strips
+=======
+PATHS = 6  # of each variant on the map
+JITTER = 0.1  # vertical, of the dots of a variant
+>>>>>>> bench:quadsim/app/figures/comparison.py
 
 
 def draw(sections: Sequence[Section]) -> Figure:
@@ -34,14 +42,14 @@ def draw(sections: Sequence[Section]) -> Figure:
     return figure
 
 
-def _draw_course(figure, section: Section) -> None:
+def _draw_course(figure: SubFigure, section: Section) -> None:
     names = [a.name for a in section.variants]
     looks = styles(names)
     laps, success, chatter, above = figure.subplots(1, 4, width_ratios=(2.1, 1.0, 1.1, 1.7))
-    _laps(laps, section, looks)
-    _success(success, section, looks)
-    _chatter(chatter, section, looks)
-    draw_map(above, section, looks)
+    _draw_laps(laps, section, looks)
+    _draw_success(success, section, looks)
+    _draw_chatter(chatter, section, looks)
+    _draw_map(above, section, looks)
     for axes in (laps, success, chatter):
         axes.set(yticks=range(len(names)), yticklabels=names if axes is laps else [], ylim=(len(names) - 0.4, -0.6))
         axes.grid(visible=False, axis="y")
@@ -49,13 +57,13 @@ def _draw_course(figure, section: Section) -> None:
     figure.suptitle(f"{section.course.name}: {section.setting}", x=0.008, ha="left", fontsize=11)
 
 
-def _laps(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
+def _draw_laps(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     """Every attempt's mean lap, a box of the quartiles, and the mean with its interval."""
     for y, (rows, look) in enumerate(zip(section.rows, looks, strict=True)):
         colour = look.colour
         laps = np.array([fmean(r.result["laps"]) for r in rows if r.outcome == FINISHED])
         if not len(laps):
-            axes.text(0.5, y, "nobody finished", transform=axes.get_yaxis_transform(), ha="center", color=colour)
+            axes.text(0.5, y, "none finished", transform=axes.get_yaxis_transform(), ha="center", color=colour)
             continue
         spread = np.random.default_rng(0).uniform(-JITTER, JITTER, len(laps))
         axes.plot(laps, y + 0.16 + spread, "o", color=colour, markersize=4, alpha=0.55, markeredgewidth=0)
@@ -66,19 +74,13 @@ def _laps(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
         if mean.n > 1:
             axes.plot([mean.low, mean.high], [y - 0.16] * 2, color="black", linewidth=1.6)
         axes.plot(mean.mean, y - 0.16, "D", color="black", markersize=5)
-        axes.annotate(
-            f"{mean.mean:.3f}",
-            (mean.mean, y - 0.3),
-            ha="center",
-            va="bottom",
-            fontsize=9,
-        )
+        axes.annotate(f"{mean.mean:.3f}", (mean.mean, y - 0.3), ha="center", va="bottom", fontsize=9)
     axes.use_sticky_edges = False  # of the boxes, which would cut a point at the edge
     axes.margins(x=0.08)
     axes.set_title("mean lap of an attempt [s]: dots, quartiles, mean with 95 % interval")
 
 
-def _success(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
+def _draw_success(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     for y, (variant, look) in enumerate(zip(section.variants, looks, strict=True)):
         low, high = (100 * p for p in variant.success_ci)
         share = 100 * variant.finished / variant.attempts
@@ -88,7 +90,7 @@ def _success(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     axes.set(xlim=(0, 103), title="finished [%], 95 % interval")
 
 
-def _chatter(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
+def _draw_chatter(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     """Logarithmic: samplers differ by factors."""
     for y, (variant, look) in enumerate(zip(section.variants, looks, strict=True)):
         axes.plot([variant.thrust_tv_delivered, variant.thrust_tv], [y, y], **line(look), linewidth=2.5, alpha=0.5)
@@ -103,3 +105,27 @@ def _chatter(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     axes.xaxis.set_major_formatter(ScalarFormatter())
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_title("thrust variation [m/s$^2$/s]\nfull: commanded, hollow: delivered")
+
+
+def _draw_map(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
+    """The course from above, with some paths of each variant and the places of all crashes."""
+    points = np.array([section.course.start.position, *(g.position for g in section.course.gates)])[:, :2]
+    draw_gates(axes, section.course, (0, 1), arrow_scale(points))
+    for rows, look, variant in zip(section.rows, looks, section.variants, strict=True):
+        for path in _paths(section, rows):
+            axes.plot(*path.T, **line(look), linewidth=0.8, alpha=0.5, zorder=1)
+        ends = np.array([r.result["crash"]["position"][:2] for r in rows if r.result["crash"]]).reshape(-1, 2)
+        style = {"markeredgecolor": "white", "markeredgewidth": 0.8, "alpha": 0.9, "zorder": 7}
+        axes.plot(*ends.T, "X", color=look.colour, markersize=9, label=f"{variant.name}: {len(ends)} crashed", **style)
+    axes.plot(*points[0], "o", color="white", markeredgecolor="black", markersize=5, zorder=6)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_title("from above [m]: some paths, crosses where flights crashed")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.05), ncols=2, fontsize=8)
+
+
+def _paths(section: Section, rows: Sequence[Row]) -> Iterator[np.ndarray]:
+    """Of the first attempts, finished ones before others.  (frames, 2)"""
+    for row in sorted(rows, key=lambda r: (r.outcome != FINISHED, r.seed))[:PATHS]:
+        with suppress(RunError):  # telemetry may have been removed
+            x = load_run(section.home / row.folder).telemetry
+            yield np.column_stack([x["px"], x["py"]])

@@ -1,6 +1,6 @@
-"""What a control step has to do at least, and the time that a machine's arithmetic and memory need for it.
+"""The work that a control step needs at least, and the time that this machine needs for it: a roofline.
 
-Operations are counted in the texts of the plain functions: additions, multiplications, divisions, comparisons, bit
+Operations are counted in the source of the plain functions: additions, multiplications, divisions, comparisons, bit
 operations, roots and selects are one each. A machine is measured by a matrix product, which counts a fused
 multiply-add as two: code that has nothing to fuse reaches half of its roofline.
 """
@@ -13,12 +13,15 @@ import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import log2
+from time import perf_counter
+
+import numpy as np
+from numba import njit, prange
 
 from controllers.mppi import MPPI
 from controllers.rollout.inline import WORDS
 from controllers.rollout.layout import CHUNK
 from controllers.rollout.normals import box_muller, philox
-from quadsim.app.bench.roofline import bandwidth_gb, peak_gflops
 from quadsim.record.provenance import cpu_name
 
 CONSTANT = {"F", "U4", "U8", "math", "np"}  # names in arithmetic that is done before the loop
@@ -35,7 +38,7 @@ class Work:
 
 @dataclass(frozen=True)
 class Machine:
-    """What this one does at most, on all threads in use."""
+    """What the arithmetic and the memory reach at most, on all threads in use."""
 
     cpu: str
     threads: int
@@ -49,17 +52,47 @@ def measure_machine(threads: int) -> Machine:
     return Machine(cpu_name(), threads, peak_gflops(), bandwidth_gb(), bandwidth_gb(chunk // 3))
 
 
+def peak_gflops(size: int = 2048) -> float:
+    """float32 matrix product by numpy's BLAS on all cores, the highest rate of arithmetic in practice [GFLOP/s]."""
+    a = np.ones((size, size), np.float32)
+    out = np.empty_like(a)
+    return 2 * size**3 / _fastest(lambda: np.matmul(a, a, out=out)) / 1e9
+
+
+def bandwidth_gb(size: int = 20_000_000) -> float:
+    """Triad a = b + 3 c over arrays, by default far larger than the caches; three arrays are moved [GB/s]."""
+    a, b, c = (np.ones(size, np.float32) for _ in range(3))
+    return 3 * a.nbytes / _fastest(lambda: triad(a, b, c)) / 1e9
+
+
+@njit(parallel=True, cache=True)
+def triad(a, b, c):
+    for i in prange(a.size):
+        a[i] = b[i] + np.float32(3) * c[i]
+
+
+def _fastest(call: Callable[[], object], repeats: int = 5) -> float:
+    """The shortest of some calls after a first one that is not timed [s]."""
+    call()
+    seconds = []
+    for _ in range(repeats):
+        began = perf_counter()
+        call()
+        seconds.append(perf_counter() - began)
+    return min(seconds)
+
+
 def floor_ns(work: Work, machine: Machine) -> float:
     """The roofline: arithmetic and traffic overlap, the longer of both counts. Chunks of samples stay in the caches."""
     return max(work.operations / machine.peak_gflops, work.bytes / machine.chunk_bandwidth_gb)
 
 
 def work(mppi: MPPI, sampler: str) -> dict[str, Work]:
-    """Of each part of an iteration. Weights are a few operations a sample, not a step: left out."""
+    """Of each part of an iteration. Weights are a few operations for each sample, not for each step: left out."""
     n_u, terms = len(mppi.system.controls), len(mppi.cost.term_names)
     # clip(U + z) is three operations a control; every term is added to the sum
     rollouts = count(mppi.system.step) + count(mppi.cost.terms) + terms + 3 * n_u
-    mean = 6 * n_u  # s += w (clip(U + z) - U); fewer where a block of samples weighs nothing
+    mean = 6 * n_u  # s += w (clip(U + z) - U); fewer where all weights of a block of samples are 0
     noise = _noise(sampler, n_u, mppi.config.horizon)
     return noise | {"rollouts": Work(rollouts, FLOAT * n_u), "weighted mean": Work(mean, FLOAT * n_u)}
 
@@ -78,7 +111,7 @@ def _noise(sampler: str, n_u: int, horizon: int) -> dict[str, Work]:
 
 
 def count(function: Callable) -> int:
-    """Operations of a plain function, of every call it makes and every turn of its loops."""
+    """Operations of a plain function, with the functions that it calls and every pass through its loops."""
     plain = inspect.unwrap(function)
     tree = ast.parse(textwrap.dedent(inspect.getsource(plain))).body[0]
     assert isinstance(tree, ast.FunctionDef)

@@ -1,0 +1,168 @@
+"""A run on one page: the path from above and from the side, thrust, body rates, and the spectrum of the thrust."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.patheffects import withStroke
+
+from quadsim.app.figures.style import STYLE, line
+from quadsim.course import Course, Gate, parse_course
+from quadsim.palette import FINE, FRAME, HIT, INK, LIMIT, MARK, style
+from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
+from quadsim.record.run import Run, not_comparable
+
+MARKS = {  # event -> marker, colour, label
+    "hit": ("X", HIT, "hit"),
+    "ground": ("P", HIT, "ground"),
+    "bounds": ("s", HIT, "out of bounds"),
+    "miss": ("v", INK, "miss"),
+    "wrong_way": ("<", INK, "wrong way"),
+    "pass": (".", INK, "passed"),
+}
+NUMBER: dict[str, Any] = {"ha": "center", "va": "center", "weight": "bold", "zorder": 6}
+NUMBER["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]
+COMMANDED, DELIVERED = 2.0, 0.8  # line widths, so that both are seen where they agree
+FEWEST = 16  # frames of a spectrum
+
+
+def draw(run: Run) -> Figure:
+    with rc_context(STYLE):
+        figure = Figure(figsize=(15, 9.5), dpi=130, layout="constrained")
+        left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1), squeeze=False)[0]
+        draw_views(left, run, parse_course(run.spec["course_text"], run.spec["course"]))
+        over_time, over_frequency = right.subfigures(2, 1, height_ratios=(3.9, 1.8), squeeze=False)[:, 0]
+        thrust, *rates = over_time.subplots(4, 1, height_ratios=(1.5, 0.8, 0.8, 0.8), sharex=True)
+        draw_thrust(thrust, run)
+        draw_rates(rates, run)
+        draw_spectrum(over_frequency.subplots(), run)
+        figure.suptitle(title(run), x=0.012, ha="left", fontsize=12)
+    return figure
+
+
+def title(run: Run) -> str:
+    spec = run.spec
+    laps = ", ".join(f"{t:.3f} s" for t in run.laps[:6]) + (", ..." if len(run.laps) > 6 else "")
+    what = f"{spec['course']}: {run.outcome}" + (f", laps {laps}" if laps else "")
+    how = f"{spec['sampler']} sampling, preset {spec['preset']}, vehicle {spec['vehicle']['name']}, seed {spec['seed']}"
+    return "\n".join(text for text in (what, how, not_comparable(spec)) if text)
+
+
+def draw_views(figure: SubFigure, run: Run, course: Course) -> None:
+    """Above, x and y to scale; below, the longer of both and the height."""
+    points = np.stack([run.telemetry[k] for k in ("px", "py", "pz")], axis=1)  # (frames, 3)
+    extent = np.vstack([points, [course.start.position], *(g.corners(g.frame_width) for g in course.gates)])
+    side = int(np.argmax(np.ptp(extent[:, :2], axis=0)))
+    scale = arrow_scale(extent[:, :2])
+    top, below = figure.subplots(2, 1, height_ratios=(2.7, 1.0))
+    for axes, plane, name in ((top, (0, 1), "from above"), (below, (side, 2), "from the side, height stretched")):
+        lines = _draw_path(axes, run, points[:, plane])
+        draw_gates(axes, course, plane, scale)
+        _draw_events(axes, run, plane)
+        axes.set(title=name, xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
+        axes.margins(0.07)
+    top.set_aspect("equal", adjustable="datalim")
+    top.legend(loc="best")
+    below.axhline(0.0, color=MARK, linewidth=1.0)
+    below.set_ylim(-0.3, float(extent[:, 2].max()) + 0.8)
+    figure.colorbar(lines, ax=[top, below], label="speed [m/s]", aspect=50, pad=0.01)
+
+
+def arrow_scale(points: np.ndarray) -> float:
+    """Length of arrows and distance of labels in a picture of these points (n, axes) [m]."""
+    return max(float(np.ptp(points, axis=0).max()) / 20.0, 0.3)
+
+
+def _draw_path(axes: Axes, run: Run, points: np.ndarray) -> LineCollection:
+    """points: (frames, 2). Coloured by speed, fast is bright, with one scale for all laps."""
+    x = run.telemetry
+    speed = np.sqrt(x["vx"] ** 2 + x["vy"] ** 2 + x["vz"] ** 2)
+    segments = np.stack([points[:-1], points[1:]], axis=1)  # (frames - 1, 2, 2)
+    lines = LineCollection(list(segments), cmap="plasma", linewidths=1.8, capstyle="round")
+    lines.set_array(speed[:-1])
+    lines.set_clim(0.0, max(float(speed.max(initial=0.0)), 1.0))
+    axes.add_collection(lines)
+    axes.plot(*points[:1].T, marker="o", color="white", markeredgecolor="black", markersize=6, label="start")
+    return lines
+
+
+def draw_gates(axes: Axes, course: Course, plane: tuple[int, int], scale: float) -> None:
+    """Frame, opening, an arrow along the passage, and the gate's number. plane: world axes; scale: see arrow_scale."""
+    for number, gate in enumerate(course.gates, start=1):
+        for border, colour, width in ((gate.frame_width, FRAME, 4.0), (0.0, INK, 2.0)):
+            ring = gate.corners(border)[[0, 1, 3, 2, 0]][:, plane]
+            axes.plot(*ring.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=3)
+        (x, y), (dx, dy) = (np.array(v)[list(plane)] for v in (gate.position, 1.2 * scale * gate.rotation[:, 0]))
+        arrow = {"arrowstyle": "->", "color": INK, "lw": 1.3}
+        axes.annotate("", (x + dx, y + dy), (x, y), arrowprops=arrow, zorder=3)
+        left, up = _label(gate, plane, scale)
+        axes.text(left, up, str(number), **NUMBER)
+
+
+def _label(gate: Gate, plane: tuple[int, int], scale: float) -> np.ndarray:
+    """Position of the number, outside the frame: from above, before the gate and to its left; from the side, above
+    the gate, or before it where its opening is seen edge on.
+    """
+    passage, left, _ = gate.rotation.T
+    width, height = (size / 2 + gate.frame_width for size in gate.opening)
+    if plane == (0, 1):
+        return (gate.position + left * (width + 0.5 * scale) - 0.5 * scale * passage)[:2]
+    beside, above = -0.7 * scale * passage, np.array([0.0, 0.0, height + 0.3])
+    return (gate.position + (beside if abs(passage[plane[0]]) > 0.9 else above))[list(plane)]
+
+
+def _draw_events(axes: Axes, run: Run, plane: tuple[int, int]) -> None:
+    for kind, (marker, colour, name) in MARKS.items():
+        at = np.array([e.position for e in run.events if e.kind == kind])
+        if len(at):
+            look = {"markersize": 7 if kind == "pass" else 11, "markeredgecolor": "white", "zorder": 5}
+            axes.plot(*at[:, plane].T, marker, color=colour, label=name, **look)
+
+
+def draw_thrust(axes: Axes, run: Run) -> None:
+    x, limit = run.telemetry, run.spec["vehicle"]["thrust_max"]
+    _draw_pair(axes, run, "a_cmd", "a")
+    axes.axhline(limit, color=LIMIT, linestyle=":", linewidth=1.2)
+    axes.set(title="thrust, mass-normalised [m/s$^2$]", ylim=(-0.5, 1.05 * max(limit, x["a"].max(initial=1.0))))
+    axes.legend(loc="lower right", ncols=2)
+
+
+def draw_rates(rows: Sequence[Axes], run: Run) -> None:
+    for axes, name, axis in zip(rows, ("roll", "pitch", "yaw"), "xyz", strict=True):
+        _draw_pair(axes, run, f"w{axis}_cmd", f"w{axis}")
+        axes.set_ylabel(name)
+        axes.label_outer()
+    rows[0].set_title("body rates [rad/s]")
+    rows[-1].set_xlabel("t [s]")
+
+
+def _draw_pair(axes: Axes, run: Run, commanded: str, delivered: str) -> None:
+    x, colour = run.telemetry, style(run.spec["sampler"]).colour
+    axes.step(x["t"], x[commanded], where="post", color=colour, linewidth=COMMANDED, label="commanded")
+    axes.plot(x["t"], x[delivered], color=INK, linewidth=DELIVERED, label="delivered")
+    for end in np.cumsum(run.laps):
+        axes.axvline(end, color=LIMIT, linewidth=0.8)
+    axes.margins(x=0.01)
+
+
+def draw_spectrum(axes: Axes, run: Run) -> None:
+    """Power spectral density of the thrust, with the frequency above which the motors attenuate."""
+    x, tau = run.telemetry, motor_tau(run.spec["vehicle"])
+    axes.set(title="thrust, power spectral density [(m/s$^2$)$^2$/Hz]", xlabel="f [Hz]")
+    if len(x["t"]) < FEWEST:
+        return
+    commanded = line(style(run.spec["sampler"])) | {"linewidth": COMMANDED, "label": "commanded"}
+    delivered = {"color": INK, "linewidth": DELIVERED, "label": "delivered"}
+    for column, look in (("a_cmd", commanded), ("a", delivered)):
+        f, psd = thrust_psd(x["t"], x[column])
+        axes.loglog(f[1:], psd[1:], **look)
+    corner = motor_corner(tau)
+    axes.axvline(corner, color=MARK, linestyle="--", linewidth=1.0, label=f"motors' corner, {corner:.1f} Hz")
+    axes.grid(which="minor", color=FINE, linewidth=0.4)
+    axes.legend(loc="lower left")

@@ -1,0 +1,140 @@
+"""The tables in the report of a run: laps and splits, incidents, chatter, the planner's model, published times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.console import RenderableType
+from rich.markup import escape
+from rich.table import Table
+
+from quadsim.app.console import plain_table
+from quadsim.course import Course
+from quadsim.record.metrics import chatter, splits
+from quadsim.record.run import Run
+
+LEFT, PENALTY = 23, 9  # columns of the terminal for lap, time, top speed and the word "gate"; for penalties
+INCIDENTS = ("hit", "miss", "wrong_way", "ground", "bounds", "unseen_contact")
+CHATTER = (  # key, what it is, unit, factor
+    ("thrust_tv", "total variation", "m/s^2/s", 1.0),
+    ("thrust_slew_max", "largest slew", "m/s^2/s", 1.0),
+    ("high_frequency_fraction", "power above {corner:.1f} Hz, the motors' corner", "%", 100.0),
+    ("motor_residual", "beyond a motor of {tau:g} s, RMS", "m/s^2", 1.0),
+)
+
+
+def lap_tables(run: Run, gates: int, width: int) -> Iterator[Table | str]:
+    """One table for every range of gates that fits side by side; the best of each column in green."""
+    rows = splits(run)
+    if not rows:
+        yield "no gate passed"
+        return
+    cell = max(len(f"{t:.3f}") for row in rows for t in row) + 2
+    left = LEFT + (PENALTY if any(run.penalties) else 0)
+    parts = -(-gates // max(1, (width - left) // cell))
+    fit = -(-gates // parts)
+    for first in range(0, gates, fit):
+        columns = {"lap": [str(i + 1) for i in range(len(rows))]}
+        if first == 0:
+            columns |= _whole_laps(run, len(rows))
+        for gate in range(first, min(first + fit, gates)):
+            name = f"gate {gate + 1}\n[s]" if gate == first else str(gate + 1)
+            columns[name] = _times([row[gate] if gate < len(row) else None for row in rows])
+        table = plain_table(*columns, no_wrap=True)
+        for cells in zip(*columns.values(), strict=True):
+            table.add_row(*cells)
+        yield table
+
+
+def _whole_laps(run: Run, laps: int) -> dict[str, list[str]]:
+    """Time and top speed of each lap, and the penalties in it where there are any."""
+    x, unfinished = run.telemetry, [None] * (laps - len(run.laps))
+    speed = (x["vx"] ** 2 + x["vy"] ** 2 + x["vz"] ** 2) ** 0.5
+    columns = {"time\n[s]": _times([*run.laps, *unfinished])}
+    if any(run.penalties):
+        columns["penalty\n[s]"] = [f"{t:.0f}" if t else "" for t in (*run.penalties, *unfinished)]
+    top_speeds = [speed[x["lap"] == lap].max(initial=0.0) for lap in range(1, laps + 1)]
+    return columns | {"top\n[m/s]": [f"{v:.1f}" for v in top_speeds]}
+
+
+def _times(times: list[float | None]) -> list[str]:
+    """The shortest in green if there are several; a dash for what was not completed."""
+    known = [t for t in times if t is not None]
+    best = min(known) if len(known) > 1 else None
+    return ["[dim]-[/]" if t is None else f"[green]{t:.3f}[/]" if t == best else f"{t:.3f}" for t in times]
+
+
+def incident_table(run: Run) -> RenderableType:
+    found = [e for e in run.events if e.kind in INCIDENTS]
+    if not found:
+        return "no hits, no misses"
+    table = plain_table("t [s]", "lap", "gate", "incident", "left [m]", "up [m]", "speed [m/s]", left=(3,))
+    for e in found:
+        offset = [f"{v:+.2f}" for v in e.offset] if e.gate else ["", ""]
+        kind = e.kind.replace("_", " ")
+        table.add_row(f"{e.t:.3f}", str(e.lap), str(e.gate or ""), f"[red]{kind}[/]", *offset, f"{e.speed:.1f}")
+    return table
+
+
+def chatter_table(run: Run) -> Table:
+    numbers = chatter(run)
+    table = plain_table("thrust chatter", "commanded", "delivered", "", left=(0, 3))
+    for key, name, unit, factor in CHATTER:
+        values = (f"{factor * numbers[of][key]:.1f}" for of in ("commanded", "delivered"))
+        table.add_row(name.format(corner=numbers["motor_corner"], tau=numbers["motor_tau"]), *values, f"[dim]{unit}[/]")
+    return table
+
+
+def model_table(spec: dict) -> RenderableType:
+    """The numbers of the planner's model that differ from the vehicle's, or a line that none does."""
+    rows = _differing(spec)
+    adapts = spec["planner"]["mppi"].get("adapt")
+    if not rows:
+        learns = "; thrust, drag and limit are estimated in flight" if adapts else ""
+        return f"[dim]model[/]  the planner's model has the vehicle's own lags, drag and limits{learns}"
+    table = plain_table("model", "planner's, at first" if adapts else "planner's", "vehicle's", "", left=range(4))
+    for name, unit, *values in rows:
+        table.add_row(name, *(" ".join(f"{x:g}" for x in value) for value in values), f"[dim]{unit}[/]")
+    return table
+
+
+def model_differences(spec: dict) -> dict[str, dict]:
+    """The same as JSON: name of the number -> {model, vehicle}."""
+    return {name.replace(" ", "_"): {"model": m, "vehicle": v} for name, _, m, v in _differing(spec)}
+
+
+def _differing(spec: dict) -> list[tuple[str, str, list[float], list[float]]]:
+    """(name, unit, of the planner's model, of the vehicle); one number stands for all axes that share it."""
+    model, vehicle = spec["model"], spec["vehicle"]
+    rotors = vehicle["rotors"]
+    numbers = [
+        ("rate lag", "s", model["rate_tau"], vehicle["rate_tau"]),
+        ("motor lag", "s", model["motor_tau"], rotors["tau"] if rotors else 0.0),
+        ("latency", "s", 0.0, vehicle["latency"]),
+        ("drag", "1/s", model["drag"], vehicle["drag"]),
+        ("rate limit", "rad/s", model["rate_max"], vehicle["rate_max"]),
+        ("thrust limit", "m/s^2", model["thrust_max"], vehicle["thrust_max"]),
+    ]
+    rows = [(name, unit, _axes(of_model), _axes(of_vehicle)) for name, unit, of_model, of_vehicle in numbers]
+    return [row for row in rows if row[2] != row[3]]
+
+
+def _axes(numbers: float | list[float]) -> list[float]:
+    """One number where all axes have the same. Rounded: a mean of three may differ in its last digit."""
+    values = [float(f"{x:.9g}") for x in (numbers if isinstance(numbers, list) else [numbers])]
+    return values[:1] if len(set(values)) == 1 else values
+
+
+def published_table(run: Run, course: Course) -> RenderableType:
+    """The run's times among the published ones, in order."""
+    times = [(p.time, p.who, "") for p in course.published]
+    if not times:
+        return "[dim]no times are published for this course[/]"
+    if run.laps:
+        times.append((min(run.laps), "this run, best lap", "bold"))
+    if len(run.laps) > 1:
+        times.append((sum(run.laps), f"this run, {len(run.laps)} laps", "bold"))
+    table = plain_table("time [s]", "published, each with its own dynamics", left=(1,))
+    for time, who, style in sorted(times):
+        table.add_row(f"{time:.3f}", escape(who), style=style)
+    return table
