@@ -41,6 +41,13 @@ cart = System(
 cost = Cost("swing_up", ("upright", "middle", "calm"), terms, (10.0, 1.0, 0.05), np.zeros((1, 1)))
 hanging = (0.0, 0.0, -1.0, 0.0, 0.1)
 run = quadsim.fly(
-    system=cart, cost=cost, sampler=Colored((8.0,), (1.0,)), start=hanging, timeout=5.0, samples=2048, horizon=75, target_ess=50.0
+    system=cart,
+    cost=cost,
+    sampler=Colored((8.0,), (1.0,)),
+    start=hanging,
+    timeout=5.0,
+    samples=2048,
+    horizon=75,
+    target_ess=50.0,
 )
 print(run.outcome, "angle from upright at the end:", np.degrees(np.arccos(run.telemetry["cos"][-1])).round(1), "deg")

@@ -46,6 +46,8 @@ Json = Annotated[bool, Help("one JSON value instead of tables", negative="")]
 RunsDir = Annotated[str, Help("where runs are kept")]
 Stored = Annotated[str, Help("a run: its folder, a part of its name, or last")]
 Given = dict[str, Any] | None  # settings that were given on the command line, by name
+
+
 class N(str):
     """A whole number, as a word."""
 

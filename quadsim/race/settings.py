@@ -233,7 +233,9 @@ def _planned(planner: Planner, model: Any, given: Mapping[str, Any], entry: Syst
         group, key = homes[name]
         units = ", ".join(entry.controls.values()) if key == "sigma" else ""
         try:
-            changes[group][key] = checked(type(model if group == "model" else getattr(planner, group)), key, said, units)
+            changes[group][key] = checked(
+                type(model if group == "model" else getattr(planner, group)), key, said, units
+            )
         except SettingError as error:
             raise SettingError(name, error.problem) from None
     groups = {group: replace(getattr(planner, group), **changes[group]) for group in GROUPS if changes[group]}

@@ -6,10 +6,10 @@ from io import StringIO
 
 import numpy as np
 import pytest
+from quadsim.app.flight_flags import FlightFlags
 from rich.console import Console
 
 from quadsim.app.figures.run_figure import title
-from quadsim.app.flight_flags import FlightFlags
 from quadsim.app.report import report, summary
 from quadsim.app.report_tables import model_differences
 from quadsim.race.events import Event, Frame

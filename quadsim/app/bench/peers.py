@@ -16,8 +16,8 @@ from numpy import sqrt
 
 from controllers.costs import Cost
 from controllers.mppi import MPPI
-from controllers.rollout.inline import WORDS
 from controllers.presets import preset
+from controllers.rollout.inline import WORDS
 from controllers.rollout.lanes import Rollout
 from controllers.rollout.layout import LANES
 from controllers.rollout.threads import threads
@@ -39,7 +39,9 @@ def require_peers() -> None:
 def compare(seconds: float) -> list[dict]:
     """One row for each library: {name, ms_p50, ours_ms, ratio, largest_difference}."""
     mppi, x = controller(paper_case("quadrotor", "gaussian"))
-    ours = MPPI(mppi.system, point_cost(), preset("paper", "gaussian").sampling, replace(mppi.config, rest_fraction=0.0))
+    ours = MPPI(
+        mppi.system, point_cost(), preset("paper", "gaussian").sampling, replace(mppi.config, rest_fraction=0.0)
+    )
     rows = []
     for name, load in PEERS.items():
         peer = load(ours)

@@ -23,7 +23,6 @@ from quadsim.app.campaign.statistics import (
     wilson,
 )
 from quadsim.app.campaign.store import Row
-from quadsim.app.campaign.variants import Variant
 from quadsim.course import Course
 
 FINISHED = "finished"
