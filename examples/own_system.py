@@ -10,7 +10,7 @@ DT = 0.02
 
 
 def step(x, u, p, dt):
-    """x: position, velocity, (cos, sin) of the angle from upright, angular rate; u: acceleration of the cart [m/s^2]."""
+    """x: position, velocity, cos and sin of the angle from upright, angular rate; u: the cart's acceleration."""
     pos, v, c, s, w = x
     (a,) = u
     gravity, length = p
@@ -22,7 +22,7 @@ def step(x, u, p, dt):
 
 def terms(x, x_next, u, target, crashed, p):
     """Upright, in the middle, at rest. Nothing is reached, nothing crashes."""
-    pos, v, c, s, w = x_next
+    pos, v, c, _, w = x_next
     upright, middle, calm = p
     return upright * (1.0 - c), middle * pos * pos, calm * (w * w + v * v), False, crashed
 

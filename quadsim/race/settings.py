@@ -139,7 +139,7 @@ def resolve(course: Any = None, **given: Any) -> Spec:
         vehicle = with_thrust_to_weight(vehicle, f.thrust_to_weight)
     planner = replace(planner, vehicle=vehicle.name)
     planner, model = _planned(planner, entry.model_of(vehicle), given, entry)
-    where = entry.load_course(course or entry.default_course) if isinstance(course, str | Path | None) else course
+    where = entry.load_course(str(course or entry.default_course)) if isinstance(course, str | Path | None) else course
     plant_dt = f.plant_dt or entry.plant_dt or planner.mppi.dt
     laps = f.laps or where.laps
     try:

@@ -116,8 +116,8 @@ def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
 
     mppi = spec.planner.mppi
     cost, own = spec.entry.cost(spec), spec.own.cost
-    if own is not None and own is not cost:
-        cost = own(cost) if callable(own) else own
+    if own is not None:
+        cost = own(cost) if isinstance(own, FunctionType) else own
     adaptation = Adaptation(spec.model, mppi.dt) if mppi.adapt and spec.system == "quadrotor" else None
     system = spec.entry.system(spec.model, mppi.dt)
     return MPPI(system, cost, spec.planner.sampling, mppi, stream, adaptation)

@@ -142,9 +142,9 @@ def _check(columns: dict[str, np.ndarray], wanted: dict[str, str], path: object)
         raise RunError(f"{path}: expected the columns of the run's system, missing or unknown: {', '.join(wrong)}")
     frames = columns["t"].shape
     for name, column in columns.items():
-        wanted = np.dtype(np.int64 if name in COUNTS else np.float64)
-        if column.dtype != wanted or column.ndim != 1 or column.shape != frames:
-            raise RunError(f"{path}: {name}: expected {wanted} {frames}, got {column.dtype} {column.shape}")
+        kind = np.dtype(np.int64 if name in COUNTS else np.float64)
+        if column.dtype != kind or column.ndim != 1 or column.shape != frames:
+            raise RunError(f"{path}: {name}: expected {kind} {frames}, got {column.dtype} {column.shape}")
 
 
 def _check_pictures(pictures: PlannerSnapshots, frames: int, path: object) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import multiprocessing as mp
+import sys
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -38,8 +40,9 @@ def variant_key(spec: Spec) -> str:
 
 
 def fly_attempt(spec: Spec) -> Flown:
-    """One flight on one thread. A planner that raises an error in flight counts as a crash."""
-    use_threads(1)
+    """One flight, in a worker on one thread. A planner that raises an error in flight counts as a crash."""
+    if mp.parent_process() or "distributed.worker" in sys.modules:
+        use_threads(1)
     flown_by = this_provenance()  # before the flight: of the code that flies
     plant, controller, referee = build(spec)
     recorder = Recorder()

@@ -1,39 +1,53 @@
-"""`race compare`: variants against each other on courses, paired by seed; tables or JSON, Markdown and figures."""
+"""`race compare` and quadsim.compare: variants against each other on courses, paired by seed, with intervals."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Any
 
 from msgspec import Meta
+from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.padding import Padding
-from tyro.conf import DisallowNone, FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
 
 from quadsim.app.campaign.runner import Runner
 from quadsim.app.campaign.store import Row
-from quadsim.app.campaign.summary_stats import PairStats, VariantStats, all_pairs, lap_limit, variant_stats
+from quadsim.app.campaign.summary_stats import PairStats, Section, VariantStats, all_pairs, lap_limit, variant_stats
 from quadsim.app.campaign.tables import as_markdown, as_table, comparison_tables, notes
 from quadsim.app.campaign.variants import (
     CAMPAIGN,
     INTERRUPTED,
     Campaign,
-    FlightWords,
+    Jobs,
+    Scheduler,
     Variant,
     Workers,
+    make_variants,
     parse_variants,
-    read_with_flight,
 )
 from quadsim.app.console import emit, emit_json
-from quadsim.app.flags import UsageError, otherwise
-from quadsim.course import Course
+from quadsim.app.flags import Given, Help, Json, UsageError
 from quadsim.record.run import RunError
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-@dataclass(frozen=True)
-class Compare:
+
+def compare_command(
+    *courses: Annotated[str, Help("see `race courses`, or FILE.yaml")],
+    variants: Annotated[str, Help("samplers, or NAME=preset+flag=value+...", alias="--arms")] = "gaussian,colored",
+    attempts: Annotated[int, Meta(ge=1, le=100_000), Help("of each variant on each course")] = 10,
+    jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    campaign: Campaign = CAMPAIGN,
+    this_commit: Annotated[bool, Help("count only attempts that this commit has flown", negative="")] = False,
+    out: Annotated[str | None, Help("folder of Markdown and figures; left out: beside the campaign")] = None,
+    json: Json = False,
+    settings: Given = None,
+) -> int:
     """Fly variants against each other and report which is faster, safer, smoother, and by how much.
 
     Attempt i of every variant flies seed --seed + i: the same start, gusts and vehicle under --randomize.
@@ -43,60 +57,83 @@ class Compare:
 
     race compare split_s_swift --variants colored,soft=race+target-ess=200,wild=gaussian+sigma=3:3:.6:6
     """
-
-    courses: Annotated[tuple[str, ...], Positional, arg(metavar="COURSE")] = ()  # see `race courses`, or FILE.yaml
-    variants: Annotated[str, arg(metavar="NAME,NAME", aliases=("--arms",))] = (
-        "gaussian,colored"  # samplers, or NAME=preset+flag=value+...
-    )
-    attempts: Annotated[int, Meta(ge=1, le=100_000)] = 10  # of each variant on each course
-    workers: OmitArgPrefixes[Workers] = field(default_factory=Workers)
-    campaign: Campaign = CAMPAIGN  # where attempts are kept
-    this_commit: FlagCreatePairsOff[bool] = False  # count only attempts that this commit has flown
-    out: Annotated[str | None, DisallowNone, otherwise("beside the campaign")] = None  # folder of Markdown and figures
-    json: FlagCreatePairsOff[bool] = False  # one JSON object instead of tables
-    flight: FlightWords = ()
-
-    @classmethod
-    def from_argv(cls, argv: Sequence[str]) -> Compare:
-        flags = read_with_flight(cls, "race compare", argv)
-        if not flags.courses:
-            raise UsageError("expected one COURSE or more, got none (race courses lists them)")
-        return flags
-
-    def run(self) -> int:
-        variants = parse_variants(self.variants, self.courses, self.flight, "race compare")
-        campaign = Path(self.campaign)
-        try:
-            with Runner(campaign, self.workers, self.this_commit) as runner:
-                rows = runner(variants, self.attempts)
-        except KeyboardInterrupt:
-            return INTERRUPTED
-        found = sections(variants, rows, campaign.parent)
-        if self.json:
-            stats = {"variants": [a for s in found for a in s.variants], "pairs": [p for s in found for p in s.pairs]}
-            emit_json(
-                {name: [asdict(x) for x in of_all] for name, of_all in stats.items()} | {"campaign": self.campaign}
-            )
-        else:
-            for s in found:
-                _print(s)
-        written = write(found, Path(self.out) if self.out else campaign.with_suffix(".report"))
-        if not self.json:
-            emit("", *(f"[dim]{escape(str(path))}[/]" for path in written))
-        return 0 if all(len(flown) == self.attempts for flown in rows) else 1
+    if not courses:
+        raise UsageError("expected one COURSE or more, got none (race courses lists them)")
+    made = make_variants(courses, parse_variants(variants), settings or {})
+    path = Path(campaign)
+    try:
+        with Runner(path, Workers(jobs, scheduler), this_commit) as runner:
+            rows = runner(made, attempts)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    comparison = Comparison(sections(made, rows, path.parent))
+    if json:
+        emit_json(comparison.as_json() | {"campaign": campaign})
+    else:
+        emit(*comparison.renderables())
+    written = write(comparison.sections, Path(out) if out else path.with_suffix(".report"))
+    if not json:
+        emit("", *(f"[dim]{escape(str(file))}[/]" for file in written))
+    return 0 if all(len(flown) == attempts for flown in rows) else 1
 
 
 @dataclass(frozen=True)
-class Section:
-    """All variants of one course."""
+class Comparison:
+    """What variants did against each other; `print` it for tables."""
 
-    course: Course
-    setting: str
-    limit: float  # [s] a lap
-    variants: list[VariantStats]
-    pairs: list[PairStats]
-    rows: list[Sequence[Row]]  # of each variant
-    home: Path  # folder that their telemetry is relative to
+    sections: list[Section]  # one for each course
+    _folder: TemporaryDirectory | None = None  # of the telemetry, where no campaign keeps it
+
+    @property
+    def variants(self) -> list[VariantStats]:
+        """The numbers of each variant on each course."""
+        return [v for s in self.sections for v in s.variants]
+
+    @property
+    def pairs(self) -> list[PairStats]:
+        """The differences of each two variants on each course, with intervals."""
+        return [p for s in self.sections for p in s.pairs]
+
+    def as_json(self) -> dict[str, list[dict]]:
+        return {"variants": [asdict(v) for v in self.variants], "pairs": [asdict(p) for p in self.pairs]}
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Laps, success, chatter and paths on one page; written to `path` where given."""
+        from quadsim.app.figures.comparison import draw  # which loads matplotlib
+
+        figure = draw(self.sections)
+        if path is not None:
+            figure.savefig(path)
+        return figure
+
+    def renderables(self) -> list[RenderableType]:
+        """For the terminal."""
+        return [part for s in self.sections for part in _shown(s)]
+
+    def __str__(self) -> str:
+        console = Console(width=100, color_system=None, highlight=False)
+        with console.capture() as text:
+            console.print(*self.renderables(), sep="\n")
+        return text.get().rstrip()
+
+
+def compare(
+    courses: Any,
+    variants: Mapping[str, Mapping[str, Any]] | Sequence[str],
+    attempts: int,
+    jobs: int | None,
+    campaign: str | Path | None,
+    settings: Mapping[str, Any],
+) -> Comparison:
+    """See quadsim.compare."""
+    each = variants if isinstance(variants, Mapping) else {name: {"sampler": name} for name in variants}
+    several = courses if isinstance(courses, list | tuple) else [courses]
+    made = make_variants(several, each, settings)
+    folder = None if campaign else TemporaryDirectory(prefix="quadsim-")
+    path = Path(campaign) if campaign else Path(str(folder and folder.name)) / "campaign.sqlite"
+    with Runner(path, Workers(jobs or 0)) as runner:
+        rows = runner(made, attempts)
+    return Comparison(sections(made, rows, path.parent), folder)
 
 
 def sections(variants: Sequence[Variant], rows: Sequence[Sequence[Row]], home: Path) -> list[Section]:
@@ -120,7 +157,7 @@ def _section(flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path) -> Sect
 
 def write(found: Sequence[Section], folder: Path) -> list[Path]:
     """Markdown, PNG and SVG, named after courses and variants. Raises RunError."""
-    from quadsim.app.campaign.figure import draw  # here, so that --help does not load matplotlib
+    from quadsim.app.figures.comparison import draw  # here, so that --help does not load matplotlib
 
     names = dict.fromkeys(a.name for s in found for a in s.variants)
     stem = "_".join([*(s.course.name for s in found), *names])[:120].replace("/", "-")
@@ -145,8 +182,7 @@ def markdown(found: Sequence[Section], picture: str) -> str:
     return "\n\n".join([*parts, f"![]({picture})"]) + "\n"
 
 
-def _print(s: Section) -> None:
-    emit(f"[bold]{escape(s.course.name)}[/]  {escape(s.setting)}")
-    for table in comparison_tables(s.variants, s.pairs):
-        emit("", Padding(as_table(table), (0, 0, 0, 2), expand=False))
-    emit("", *(f"  [dim]{escape(note)}[/]" for note in notes(s.variants, s.pairs, s.limit)), "")
+def _shown(s: Section) -> list[RenderableType]:
+    tables = [Padding(as_table(t), (1, 0, 0, 2), expand=False) for t in comparison_tables(s.variants, s.pairs)]
+    remarks = [f"  [dim]{escape(note)}[/]" for note in notes(s.variants, s.pairs, s.limit)]
+    return [f"[bold]{escape(s.course.name)}[/]  {escape(s.setting)}", *tables, "", *remarks, ""]

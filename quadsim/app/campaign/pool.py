@@ -91,7 +91,28 @@ class Cluster:
         self._client.close()
 
 
-Pool = Processes | Cluster
+class InProcess:
+    """This process, one attempt after the other, each on every thread: for a script or a notebook."""
+
+    size = window = 1
+    lost: tuple[type[BaseException], ...] = ()
+
+    def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
+        done: Future = Future()
+        try:
+            done.set_result(fly(job))
+        except Exception as error:
+            done.set_exception(error)
+        return done
+
+    def __enter__(self) -> InProcess:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+Pool = Processes | Cluster | InProcess
 
 
 def fly_all(pool: Pool, jobs: Iterable[Job], fly: Callable[[Job], Any] = fly_attempt) -> Iterator[tuple[Job, Any]]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from statistics import fmean
-from typing import Annotated
+from typing import Annotated, Any
 
 from rich.markup import escape
-from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes, Positional, arg
 
 from quadsim.app.campaign.attempt import Flown, result
 from quadsim.app.campaign.baseline import Baseline, Stored, Verdict, baseline_text, judge, load_baseline
@@ -18,9 +17,9 @@ from quadsim.app.campaign.pool import Pool
 from quadsim.app.campaign.runner import Tally, fly_variants
 from quadsim.app.campaign.store import code_of
 from quadsim.app.campaign.tables import TextTable, as_table
-from quadsim.app.campaign.variants import INTERRUPTED, FlightWords, Variant, Workers, read_with_flight, resolve
+from quadsim.app.campaign.variants import INTERRUPTED, Jobs, Scheduler, Variant, Workers, resolve, words_as_settings
 from quadsim.app.console import emit, emit_json
-from quadsim.app.flags import UsageError
+from quadsim.app.flags import Given, Help, Json, UsageError
 from quadsim.record.archive import write_whole
 from quadsim.record.run import RunError
 
@@ -36,8 +35,14 @@ COLUMNS = {
 }
 
 
-@dataclass(frozen=True)
-class Regress:
+def regress(
+    *baselines: Annotated[str, Help("FILE.yaml")],
+    regen: Annotated[bool, Help("store what is flown now, and print what changed", negative="")] = False,
+    jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    json: Json = False,
+    settings: Given = None,
+) -> int:
     """Fly what baseline files describe, with the code as it is now, and fail where success, lap time or chatter got
     worse by more than the file's effects. Flags of `race fly` are added: does this change make it slower?
 
@@ -47,60 +52,52 @@ class Regress:
 
     A new one: write FILE.yaml with one line, flight: figure8 --laps 1, then race regress FILE.yaml --regen
     """
+    if not baselines:
+        raise UsageError("expected one FILE.yaml or more, got none")
+    files = [(Path(name), load_baseline(Path(name))) for name in baselines]
+    variants = [baseline_variant(path, b, settings or {}) for path, b in files]
+    for path, baseline in files:
+        if baseline.stored is None and not regen:
+            raise UsageError(f"{path}: nothing stored yet: race regress {path} --regen")
+    try:
+        with Workers(jobs, scheduler).start() as pool:
+            flown = fly_baselines(pool, variants, [b.attempts for _, b in files])
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    found = [
+        (path, b, now, judge(b.stored, now, b.effects) if b.stored else [])
+        for (path, b), now in zip(files, flown, strict=True)
+    ]
+    _present(found, json)
+    if regen:
+        for path, baseline, now, _ in found:
+            write_whole(path, baseline_text(baseline, now).encode())
+        return 0
+    return 0 if all(v.ok for *_, verdicts in found for v in verdicts) else 1
 
-    baselines: Annotated[tuple[str, ...], Positional, arg(metavar="FILE.yaml")] = ()
-    regen: FlagCreatePairsOff[bool] = False  # store what is flown now, and print what changed
-    workers: OmitArgPrefixes[Workers] = field(default_factory=Workers)
-    json: FlagCreatePairsOff[bool] = False  # one JSON list instead of tables
-    flight: FlightWords = ()
 
-    @classmethod
-    def from_argv(cls, argv: Sequence[str]) -> Regress:
-        flags = read_with_flight(cls, "race regress", argv)
-        if not flags.baselines:
-            raise UsageError("expected one FILE.yaml or more, got none")
-        return flags
+def baseline_variant(path: Path, baseline: Baseline, settings: Mapping[str, Any]) -> Variant:
+    """What the file's `flight` flies, with these settings on top. Raises UsageError, FileError."""
+    try:
+        course, flight = words_as_settings(shlex.split(baseline.flight))
+    except ValueError as error:
+        raise UsageError(f"{path}: flight: {error}") from None
+    return Variant(path.stem, resolve(course, flight | dict(settings)))
 
-    def run(self) -> int:
-        """0: no worse, 1: worse."""
-        files = [(Path(name), load_baseline(Path(name))) for name in self.baselines]
-        variants = [
-            Variant(path.stem, resolve([*shlex.split(b.flight), *self.flight], "race regress")) for path, b in files
-        ]
-        for path, baseline in files:
-            if baseline.stored is None and not self.regen:
-                raise UsageError(f"{path}: nothing stored yet: race regress {path} --regen")
-        try:
-            with self.workers.start() as pool:
-                flown = fly_baselines(pool, variants, [b.attempts for _, b in files])
-        except KeyboardInterrupt:
-            return INTERRUPTED
-        found = [
-            (path, b, now, judge(b.stored, now, b.effects) if b.stored else [])
-            for (path, b), now in zip(files, flown, strict=True)
-        ]
-        self._present(found)
-        if self.regen:
-            for path, baseline, now, _ in found:
-                write_whole(path, baseline_text(baseline, now).encode())
-            return 0
-        return 0 if all(v.ok for *_, verdicts in found for v in verdicts) else 1
 
-    def _present(self, found: Sequence[tuple[Path, Baseline, Stored, list[Verdict]]]) -> None:
-        if self.json:
-            emit_json(
-                [{"file": str(path), "verdicts": [asdict(v) | {"ok": v.ok} for v in vs]} for path, *_, vs in found]
-            )
-            return
-        for path, baseline, now, verdicts in found:
-            emit(f"[bold]{escape(str(path))}[/]  {escape(baseline.flight)}")
-            if verdicts:
-                words = " ".join(f"{v.name} {CHANGED[v.ok]}" for v in verdicts)
-                emit(as_table(TextTable.of(verdicts, COLUMNS)), words, "")
-            else:
-                done = [t for t in now.laps if t is not None]
-                lap = f", lap {fmean(done):.3f} s" if done else ""
-                emit(f"new: {len(done)}/{len(now.laps)} finished{lap}", "")
+def _present(found: Sequence[tuple[Path, Baseline, Stored, list[Verdict]]], json: bool) -> None:
+    if json:
+        emit_json([{"file": str(path), "verdicts": [asdict(v) | {"ok": v.ok} for v in vs]} for path, *_, vs in found])
+        return
+    for path, baseline, now, verdicts in found:
+        emit(f"[bold]{escape(str(path))}[/]  {escape(baseline.flight)}")
+        if verdicts:
+            words = " ".join(f"{v.name} {CHANGED[v.ok]}" for v in verdicts)
+            emit(as_table(TextTable.of(verdicts, COLUMNS)), words, "")
+        else:
+            done = [t for t in now.laps if t is not None]
+            lap = f", lap {fmean(done):.3f} s" if done else ""
+            emit(f"new: {len(done)}/{len(now.laps)} finished{lap}", "")
 
 
 def fly_baselines(pool: Pool, variants: Sequence[Variant], attempts: Sequence[int]) -> list[Stored]:

@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import Annotated
 
 from rich.markup import escape
-from tyro.conf import FlagCreatePairsOff, Positional, arg
 
 from quadsim.app.campaign.store import Row, Store
 from quadsim.app.campaign.summary_stats import VariantStats, lap_limit, pair_stats, variant_stats
 from quadsim.app.campaign.tables import PAIRS, TextTable, as_table, number, short
 from quadsim.app.campaign.variants import CAMPAIGN
 from quadsim.app.console import emit, emit_json
-from quadsim.app.flags import UsageError
+from quadsim.app.flags import Help, Json, UsageError
 
 ID = 6  # hex digits of a variant that are shown
 
@@ -65,48 +64,40 @@ COLUMNS = {
 }
 
 
-@dataclass(frozen=True)
-class Results:
+def results(
+    *ids: Annotated[str, Help("first digits of variants; ID@COMMIT is one commit's")],
+    campaigns: Annotated[tuple[str, ...], Help("files to look in", consume_multiple=True)] = (CAMPAIGN,),
+    course: Annotated[str, Help("only of courses like this")] = "*",
+    sampler: Annotated[str, Help("only of samplers like this")] = "*",
+    vehicle: Annotated[str, Help("only of vehicles like this")] = "*",
+    commit: Annotated[str, Help("only flown by commits that begin like this")] = "*",
+    json: Json = False,
+) -> int:
     """What is stored: one line for each variant and the commit that flew it. Two or more ids compare them.
 
     race results --course split_s* --sampler colored
 
     race results 3fa91c 8b02d7 --campaigns campaigns/monday.sqlite campaigns/race.sqlite
     """
-
-    ids: Annotated[
-        tuple[str, ...], Positional, arg(metavar="ID")
-    ] = ()  # first digits of variants; ID@COMMIT is one commit's
-    campaigns: Annotated[tuple[str, ...], arg(metavar="FILE")] = (CAMPAIGN,)  # where to look
-    course: str = "*"  # only of courses like this
-    sampler: str = "*"
-    vehicle: str = "*"
-    commit: str = "*"  # only flown by commits that begin like this
-    json: FlagCreatePairsOff[bool] = False  # one JSON object instead of a table
-
-    def run(self) -> int:
-        groups = [g for g in stored(self.campaigns) if self._wanted(g.first)]
-        if self.ids:
-            groups = [_find(groups, id_) for id_ in self.ids]
-        pairs = [
-            pair_stats(a.label, b.label, a.rows, b.rows)
-            for a, b in combinations(groups if self.ids else [], 2)
-            if a.first.course == b.first.course
-        ]
-        if self.json:
-            variants = [asdict(g.stats) | {"id": g.id, "seeds": g.seeds} for g in groups]
-            emit_json({"variants": variants, "pairs": [asdict(p) for p in pairs], "campaigns": list(self.campaigns)})
-            return 0
-        emit(as_table(TextTable.of(groups, COLUMNS, folds=(1, 2, 3))) if groups else "no stored attempt matches")
-        if pairs:
-            emit("", as_table(TextTable.of(pairs, PAIRS)))
-        if len({g.first.code for g in groups}) > 1 and pairs:
-            emit("", escape("MIXED COMMITS: " + ", ".join(g.label for g in groups)))
+    patterns = {"course": course, "sampler": sampler, "vehicle": vehicle, "code": f"{commit}*"}
+    groups = [g for g in stored(campaigns) if all(fnmatch(getattr(g.first, k), p) for k, p in patterns.items())]
+    if ids:
+        groups = [_find(groups, id_) for id_ in ids]
+    pairs = [
+        pair_stats(a.label, b.label, a.rows, b.rows)
+        for a, b in combinations(groups if ids else [], 2)
+        if a.first.course == b.first.course
+    ]
+    if json:
+        variants = [asdict(g.stats) | {"id": g.id, "seeds": g.seeds} for g in groups]
+        emit_json({"variants": variants, "pairs": [asdict(p) for p in pairs], "campaigns": list(campaigns)})
         return 0
-
-    def _wanted(self, row: Row) -> bool:
-        patterns = {"course": self.course, "sampler": self.sampler, "vehicle": self.vehicle, "code": f"{self.commit}*"}
-        return all(fnmatch(getattr(row, column), pattern) for column, pattern in patterns.items())
+    emit(as_table(TextTable.of(groups, COLUMNS, folds=(1, 2, 3))) if groups else "no stored attempt matches")
+    if pairs:
+        emit("", as_table(TextTable.of(pairs, PAIRS)))
+    if len({g.first.code for g in groups}) > 1 and pairs:
+        emit("", escape("MIXED COMMITS: " + ", ".join(g.label for g in groups)))
+    return 0
 
 
 def stored(campaigns: Sequence[str]) -> Iterator[Group]:

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import yaml
 
@@ -21,6 +21,7 @@ from quadsim.app.flags import UsageError
 from quadsim.record.run import RunError
 
 Group = Literal["sigma", "gamma", "temperature", "cost", "margin", "horizon"]
+GROUPS: tuple[Group, ...] = get_args(Group)
 FACTOR = 4.0  # sigmas and weights: from a quarter of the base's to four times
 GAMMA = (0.0, 4.0)
 ESS = (4.0, 800.0)

@@ -1,48 +1,44 @@
-"""Variants: what a comparison compares. Each is a command line of `race fly`, with changes of its own.
+"""Variants: what a comparison compares, each a set of settings of a flight; and the flags that campaigns share.
 
 gaussian                      a sampler, with the preset's numbers for it
-soft=race+target-ess=200      a name; then presets, samplers and flags of `race fly`, joined by +
+soft=race+target-ess=200      a name; then presets, samplers and settings of `race fly`, joined by +
 wild=gaussian+sigma=3:3:.6:6  several numbers are joined by colons
-
-Also the flags that `race compare`, `tune` and `regress` share.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
-from msgspec import inspect
-from tyro.conf import DisallowNone, Suppress, arg
+from msgspec import Meta
 
 from controllers.samplers import SAMPLERS
 from quadsim.app.campaign.attempt import variant_key
-from quadsim.app.campaign.pool import Cluster, Pool, Processes
-from quadsim.app.flags import UsageError, check, flag_kinds, otherwise, read
-from quadsim.app.flight_flags import Count, FlightFlags
-from quadsim.files.yaml_words import unless_null
-from quadsim.race.referee import Referee
+from quadsim.app.campaign.pool import Cluster, InProcess, Pool, Processes
+from quadsim.app.flags import Given, Help, UsageError, flag, from_words
+from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
 
-Campaign = Annotated[str, arg(metavar="FILE.sqlite")]
 CAMPAIGN = "campaigns/race.sqlite"
 INTERRUPTED = 130  # exit code
-Scheduler = Annotated[str | None, DisallowNone, arg(metavar="tcp://HOST:PORT"), otherwise("processes here")]
-FlightWords = Suppress[tuple[str, ...]]  # not read as the command's own: see read_with_flight
-Command = TypeVar("Command")
+Campaign = Annotated[str, Help("FILE.sqlite where attempts are kept")]
+Jobs = Annotated[int | None, Meta(ge=1), Help("attempts at once; left out: one for each core")]
+Scheduler = Annotated[str | None, Help("tcp://HOST:PORT of a Dask cluster; left out: processes here")]
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Where attempts fly."""
+    """Where attempts fly: a Dask cluster, worker processes (None: one for each core), or 0: this process."""
 
-    jobs: Annotated[Count | None, DisallowNone, otherwise("every core")] = None  # attempts at once
-    scheduler: Scheduler = None  # of a Dask cluster
+    jobs: int | None = None
+    scheduler: str | None = None
 
     def start(self) -> Pool:
         """Raises UsageError where there is no scheduler."""
-        return Cluster(self.scheduler) if self.scheduler else Processes(self.jobs)
+        if self.scheduler:
+            return Cluster(self.scheduler)
+        return InProcess() if self.jobs == 0 else Processes(self.jobs)
 
 
 @dataclass(frozen=True)
@@ -65,86 +61,76 @@ class Variant:
         return [replace(self.spec, seed=self.spec.seed + i) for i in range(number)]
 
 
-def parse_variants(text: str, courses: Sequence[str], flight: Sequence[str], prog: str) -> list[Variant]:
-    """Every variant on every course, course by course; `flight`: flags of `race fly` for all. Raises UsageError."""
-    named = [_argv(one.strip()) for one in text.split(",")]
-    names = [name for name, _ in named]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise UsageError(f"--variants: expected different names, got {twice!r} twice; name them NAME=...")
-    return [Variant(name, resolve([course, *flight, *argv], prog)) for course in courses for name, argv in named]
+def parse_variants(text: str) -> dict[str, dict[str, Any]]:
+    """{name: settings} of "gaussian,soft=race+target-ess=200". Raises UsageError."""
+    found: dict[str, dict[str, Any]] = {}
+    for one in text.split(","):
+        name, named, parts = one.strip().partition("=")
+        if not name or (named and not parts):
+            raise UsageError(f"--variants: expected a sampler or NAME=part+part, got {one.strip()!r}")
+        if name in found:
+            raise UsageError(f"--variants: expected different names, got {name!r} twice; name them NAME=...")
+        found[name] = dict(_setting(part) for part in (parts if named else name).split("+"))
+    return found
 
 
-def resolve(argv: Sequence[str], prog: str) -> Spec:
-    """What `race fly` would fly. Raises UsageError, FileError."""
-    if any(word.startswith("--threads") for word in argv):
+def make_variants(
+    courses: Sequence[Any], variants: Mapping[str, Mapping[str, Any]], settings: Mapping[str, Any]
+) -> list[Variant]:
+    """Every variant on every course, course by course; `settings` hold for all. Raises UsageError, FileError."""
+    made = []
+    for course in courses:
+        for name, own in variants.items():
+            sampler = own.get("sampler", settings.get("sampler", "colored"))
+            shared = {k: v for k, v in settings.items() if not _of_other_samplers(k, sampler)}
+            made.append(Variant(name, resolve(course, shared | dict(own))))
+    return made
+
+
+def resolve(course: Any, settings: Mapping[str, Any] | Given) -> Spec:
+    """What `race fly` would fly, on one thread. Raises UsageError, FileError."""
+    if settings and settings.get("threads"):
         raise UsageError("--threads: attempts fly on one thread each; --jobs says how many at once")
-    spec = read(FlightFlags, prog, argv, FlightFlags.defaults(argv)).spec()
     try:
-        Referee(spec.course, spec.vehicle.radius, spec.laps, spec.timeout)
+        spec = Spec.of(course, **(settings or {}))
+        spec.entry.referee(spec)
+    except SettingError as error:
+        raise UsageError(f"{flag(error.name)}: {error.problem}" if error.name else error.problem) from None
     except ValueError as error:  # laps on an open course, a gate too small for the vehicle
+        if type(error) is not ValueError:
+            raise
         raise UsageError(str(error)) from None
     return spec
 
 
-def _argv(text: str) -> tuple[str, list[str]]:
-    """One variant's name and flags."""
-    name, named, parts = text.partition("=")
-    if not name or (named and not parts):
-        raise UsageError(f"--variants: expected a sampler or NAME=part+part, got {text!r}")
-    return name, [word for part in (parts if named else name).split("+") for word in _words(part)]
+def words_as_settings(words: Sequence[str]) -> tuple[str, dict[str, Any]]:
+    """(course, settings) of a command line of `race fly` that stands in a file. Raises UsageError."""
+    from quadsim.app.flags import run_command
+
+    found: list[tuple[str, dict[str, Any]]] = []
+
+    def flight(course: str = "split_s_swift", /, *, settings: Given = None) -> int:
+        found.append((course, settings or {}))
+        return 0
+
+    run_command(flight, "flight", words)
+    if not found:
+        raise UsageError(f"flight: expected what `race fly` flies, got {' '.join(words)!r}")
+    return found[0]
 
 
-def _words(part: str) -> list[str]:
-    key, has_value, values = part.partition("=")
-    if has_value and _counts().get(f"--{key}") == 0:
-        if values not in ("yes", "no"):
-            raise UsageError(f"--variants: {key}: expected yes or no, got {values!r}")
-        return [f"--{key}" if values == "yes" else f"--no-{key}"]
-    if has_value:
-        return [f"--{key}", *values.split(":")]
-    return ["--sampler" if part in SAMPLERS else "--preset", part]
+def _setting(part: str) -> tuple[str, Any]:
+    name, has_value, text = part.partition("=")
+    if not has_value:
+        return ("sampler" if part in SAMPLERS or ":" in part else "preset"), part
+    numbers = [from_words(None, word) for word in text.split(":")]
+    if text in ("yes", "no"):
+        return name.replace("-", "_"), text == "yes"
+    return name.replace("-", "_"), numbers if len(numbers) > 1 else numbers[0]
 
 
-def read_with_flight(command: type[Command], prog: str, argv: Sequence[str]) -> Command:
-    """The command's own flags, checked; those of `race fly` stay words, in its field `flight`. Raises UsageError."""
-    own, flight = split(argv)
-    flags = read(command, prog, own)
-    check(flags)
-    return replace(flags, flight=tuple(flight))  # pyright: ignore[reportArgumentType]
-
-
-def split(argv: Sequence[str]) -> tuple[list[str], list[str]]:
-    """(the command's own words, flags of `race fly` with their values)."""
-    counts, own, flight = _counts(), [], []
-    words = list(argv)
-    while words:
-        word = words.pop(0)
-        name, has_value, _ = word.partition("=")
-        count = counts.get(name.replace("_", "-"))
-        if count is None:
-            own.append(word)
-            continue
-        flight.append(word)
-        for _ in range(0 if has_value else count):
-            if words:
-                flight.append(words.pop(0))
-    return own, flight
-
-
-def _counts() -> dict[str, int]:
-    """Flag of `race fly` -> how many values follow it."""
-    counts = {}
-    for name, kind in flag_kinds(FlightFlags):
-        counts[name] = _values(kind)
-        if counts[name] == 0:
-            counts[f"--no-{name[2:]}"] = 0
-    return counts
-
-
-def _values(kind: Any) -> int:
-    while isinstance(kind, inspect.Metadata | inspect.UnionType):
-        kind = kind.type if isinstance(kind, inspect.Metadata) else unless_null(kind)
-    if isinstance(kind, inspect.TupleType):
-        return len(kind.item_types)
-    return 0 if isinstance(kind, inspect.BoolType) else 1
+def _of_other_samplers(setting: str, sampler: Any) -> bool:
+    """Such as gamma, for a Gaussian sampler."""
+    known = {name for cls in SAMPLERS.values() for name in cls.__dataclass_fields__}
+    cls = SAMPLERS.get(sampler) if isinstance(sampler, str) else type(sampler)
+    return setting in known and setting not in getattr(cls, "__dataclass_fields__", ())
