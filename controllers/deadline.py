@@ -8,7 +8,7 @@ import numpy as np
 
 from controllers.mppi import MPPI
 from controllers.plan import PlanStats
-from controllers.rollout.lanes import LANES
+from controllers.rollout.layout import LANES
 
 ROOM = 0.8  # of the deadline; below it the samples may grow again
 SHRINK, GROW = 0.8, 1.05

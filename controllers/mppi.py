@@ -1,4 +1,4 @@
-"""Model predictive path integral control: Algorithm 1 of Vlahov et al. 2024.
+"""Model Predictive Path Integral control (MPPI): Algorithm 1 of Vlahov et al. 2024.
 
     for i in 1..I:
         z^m   <- the sampler                          m = 1..M
@@ -7,7 +7,8 @@
         w^m   <- exp(-(J^m - min J) / lambda) / eta
         U     <- U + alpha sum_m w^m (v^m - U)
 
-The temperature acts on the horizon's mean cost, as in the authors' public library.
+The temperature acts on the horizon's mean cost, as in the authors' public library. How samples lie in memory, and why
+they are drawn in chunks, is said in controllers.rollout.layout.
 """
 
 from __future__ import annotations
@@ -20,11 +21,12 @@ import numpy as np
 from controllers.config import MPPIConfig
 from controllers.costs import Cost
 from controllers.plan import PlanStats
+from controllers.rollout import layout
 from controllers.rollout.compiled import is_cached
-from controllers.rollout.lanes import CHUNK, LANES, Rollout
+from controllers.rollout.lanes import Rollout
 from controllers.rollout.reduce import weighted_mean
-from controllers.samplers import SAMPLERS, Sampler, Sampling
-from controllers.update import padded, savitzky_golay, shares, steer, weights
+from controllers.samplers import PlainSampler, Sampling, build_lanes, stream_key
+from controllers.update import savitzky_golay, shares, steer, weights
 from quadsim.systems import System
 
 
@@ -36,7 +38,7 @@ class Iteration:
     target: int
     call: int  # of the sampler
     centre: np.ndarray  # (T, n_u) what the samples perturbed
-    aside: np.ndarray  # (T, n_u) from the centre to what the last ones perturbed, the share `rest_fraction`
+    rest_offset: np.ndarray  # (T, n_u) from the centre to what the last ones perturbed, the share `rest_fraction`
     J: np.ndarray  # (M,)
 
 
@@ -44,18 +46,39 @@ class Adaptation(Protocol):
     """Learns the system from its states; see controllers.adaptation."""
 
     def observe(self, x: np.ndarray, u: np.ndarray, elapsed: int) -> System:
-        """The system as it is believed now, at x (n_x,), `elapsed` control periods of u (n_u,) after the last state."""
+        """The system as estimated at x (n_x,), `elapsed` control periods of u (n_u,) after the last state."""
         ...
 
 
 class MPPI:
-    """Receding-horizon controller. Keeps the plan U (T, n_u) between calls."""
+    """Receding-horizon controller. Keeps the plan U (T, n_u) between calls.
+
+    >>> system, cost = double_integrator(dt=0.05), quadratic_cost(goal=(0.0, 0.0))
+    >>> mppi = MPPI(system, cost, Gaussian(sigma=(1.0, 1.0)), MPPIConfig(samples=512, horizon=40, dt=0.05))
+    >>> x = np.array([2.0, -1.0, 0.0, 0.0])
+    >>> for _ in range(100):
+    ...     u, stats = mppi.control(x)
+    ...     x = np.array(system.step(x, u, system.params, system.dt))
+
+    The sampler is one of controllers.samplers or an object of one's own, see controllers.samplers.plain.
+    Raises ValueError where the numbers of sampler, system and configuration do not go together.
+    """
 
     def __init__(
-        self, system: System, cost: Cost, sampler: Sampler, config: MPPIConfig, adaptation: Adaptation | None = None
+        self,
+        system: System,
+        cost: Cost,
+        sampler: Sampling | PlainSampler,
+        config: MPPIConfig = MPPIConfig(),  # noqa: B008 (frozen)
+        seed: int | np.random.SeedSequence = 0,
+        adaptation: Adaptation | None = None,
     ):
-        self.cost, self.sampler, self.config, self.adaptation = cost, sampler, config, adaptation
+        if config.dt != system.dt:
+            raise ValueError(f"dt: expected the system's {system.dt:g} s, got {config.dt:g}")
+        self.cost, self.config, self.adaptation = cost, config, adaptation
         self.use_model(system)
+        held, n_u = min(config.samples, layout.CHUNK), len(system.controls)
+        self.sampler = build_lanes(sampler, n_u, held, config.horizon, stream_key(seed), config.dt)
         self.rest = np.array(system.rest)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
         self.executed = np.tile(self.rest, (2, 1))  # the last two controls, left padding of the filter
@@ -67,7 +90,7 @@ class MPPI:
     @property
     def is_cached(self) -> bool:
         """Whether its loops were compiled on this machine before; else the first plan takes some 20 s."""
-        return self.rollout.is_cached and is_cached(self.sampler.loop)
+        return self.rollout.is_cached and (self.sampler.loop is None or is_cached(self.sampler.loop))
 
     def use_model(self, system: System) -> None:
         """Plan with this system from now on: the same states and controls, other numbers."""
@@ -83,7 +106,7 @@ class MPPI:
             self.sampler.momentum.change = other.sampler.momentum.change
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
-        """The control to apply at state x (n_x,) on the way to row `target` of the targets.  -> (n_u,)
+        """The control to apply at state x (n_x,) on the way to row `target` of the cost's targets.  -> (n_u,)
 
         `elapsed` control periods have passed since the last call: the plan is shifted by them.
         Raises ValueError for a state that is no state, e.g. of a plant that has diverged.
@@ -108,33 +131,19 @@ class MPPI:
     def improve(self, x: np.ndarray, target: int) -> PlanStats:
         """One iteration of Algorithm 1 on the plan."""
         self._calls += 1
-        centre, other = self.centres()
-        self.last = i = Iteration(x, target, self._calls, centre, other - centre, np.empty(self.samples))
-        starts = range(0, self.samples, CHUNK)
-        means = [self._chunk(i, first) for first in starts]
-        w = weights(i.J, self.temperature)
-        mean = np.tensordot(np.add.reduceat(w, starts), means, axes=1)
-        plan = np.clip(centre + self.config.step_size * mean, self.low, self.high)
-        if self.sampler.momentum:
-            self.sampler.momentum.change = plan - self.plan
-        self.plan = plan
-        if self.config.smooth:
-            self.plan = np.clip(savitzky_golay(self.plan, self.executed), self.low, self.high)
-        stats = PlanStats(float(i.J[0]), float(1 / np.sum(w * w)), self.temperature)
-        self.temperature = steer(self.temperature, stats.ess, self.config.ess)
+        U, other = self.centres()
+        J = np.empty(self.samples)
+        self.last = Iteration(x, target, self._calls, U, other - U, J)
+        means = []
+        for chunk in layout.chunks(self.samples):
+            z = self.perturbations(self.last, chunk)
+            J[chunk] = self.costs(self.last, z, len(J[chunk]))
+            means.append(weighted_mean(z, U, self.low, self.high, shares(J[chunk], self.temperature)))
+        w = weights(J, self.temperature)
+        self.update(U + self.config.step_size * layout.mean_of_chunks(means, w))
+        stats = PlanStats(float(J[0]), float(1 / np.sum(w * w)), self.temperature)
+        self.temperature = steer(self.temperature, stats.ess, self.config.target_ess)
         return stats
-
-    def _chunk(self, i: Iteration, first: int) -> np.ndarray:
-        """Roll out the samples of one chunk into i.J and return the weighted mean of v - U among them.  (T, n_u)
-
-        Their shares of all the weight put the chunks together: the mean of means, so weighted, is the mean.
-        """
-        J = i.J[first : first + CHUNK]
-        z = self.perturbations(i, first, len(J))
-        costs = np.empty((-(-len(J) // LANES), LANES), z.dtype)  # padded to whole blocks
-        self.rollout(i.x, i.centre, z, i.target, costs)
-        J[:] = costs.ravel()[: len(J)]
-        return weighted_mean(z, i.centre, self.low, self.high, padded(shares(J, self.temperature)))
 
     def centres(self) -> tuple[np.ndarray, np.ndarray]:
         """What samples perturb, and what the last ones do, the share `rest_fraction`.  (T, n_u) each
@@ -144,36 +153,29 @@ class MPPI:
         momentum = self.sampler.momentum
         return (self.plan + momentum.change, self.plan) if momentum else (self.plan, self.rest)
 
-    def perturbations(self, i: Iteration, first: int, count: int) -> np.ndarray:
-        """z of the samples from `first` on, around the centre: sample 0 is the centre itself."""
-        z = self.sampler.sample(i.call, first, count)
-        T, M = self.config.horizon, len(i.J)
-        rest = max(M - int(self.config.rest_fraction * M) - first, 0)
-        for b in range(rest // LANES, -(-count // LANES)):
-            block_of(z, b, T)[:, :, max(rest - b * LANES, 0) :] += i.aside.T[:, :, None]
+    def perturbations(self, i: Iteration, chunk: slice) -> np.ndarray:
+        """z of these samples, around the centre: sample 0 is the centre itself.  (series, n_u, halves * T, LANES)"""
+        count, T, M = chunk.stop - chunk.start, self.config.horizon, len(i.J)
+        z = self.sampler.sample(i.call, chunk.start, count)
+        at_rest = M - int(self.config.rest_fraction * M)  # the first sample around the rest control
+        layout.add_from(z, max(at_rest - chunk.start, 0), count, i.rest_offset)
         if self.config.freeze_first:
-            z[:, :, ::T] = 0
-        if first == 0:
-            block_of(z, 0, T)[:, :, 0] = 0
+            layout.first_steps(z, T)[:] = 0
+        if chunk.start == 0:
+            layout.sample(z, 0, T)[:] = 0
         return z
 
+    def costs(self, i: Iteration, z: np.ndarray, count: int) -> np.ndarray:
+        """J of the first `count` samples of z, flown from x.  (count,)"""
+        J = np.empty((layout.blocks(count), layout.LANES), z.dtype)
+        self.rollout(i.x, i.centre, z, i.target, J)
+        return J.ravel()[:count]
 
-def build_mppi(
-    system: System,
-    cost: Cost,
-    sampler: str,
-    sampling: Sampling,
-    config: MPPIConfig,
-    key: np.ndarray,
-    adaptation: Adaptation | None = None,
-) -> MPPI:
-    """MPPI with the sampler of this name, whose perturbations are a function of the key (2,) uint32."""
-    held = min(config.samples, CHUNK)
-    return MPPI(system, cost, SAMPLERS[sampler](sampling, held, config.horizon, key, config.dt), config, adaptation)
-
-
-def block_of(z: np.ndarray, b: int, horizon: int) -> np.ndarray:
-    """The perturbations of block b, a view.  (series, n_u, halves * T, LANES) -> (n_u, T, LANES)"""
-    halves = z.shape[2] // horizon
-    t0 = (b % halves) * horizon
-    return z[b // halves, :, t0 : t0 + horizon]
+    def update(self, plan: np.ndarray) -> None:
+        """The new plan within the limits, filtered where that is wanted, and the momentum that led to it."""
+        plan = np.clip(plan, self.low, self.high)
+        if self.sampler.momentum:
+            self.sampler.momentum.change = plan - self.plan
+        self.plan = plan
+        if self.config.smooth:
+            self.plan = np.clip(savitzky_golay(self.plan, self.executed), self.low, self.high)

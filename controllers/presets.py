@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 
 from controllers.config import MPPIConfig
 from controllers.costs.race import RaceWeights
-from controllers.samplers import SamplerConfig
+from controllers.samplers import Colored, Gaussian, LogNormal, Sampling, Smooth, SmoothStar
+from quadsim.files.strict_yaml import FileError
+from quadsim.files.yaml_words import did_you_mean
 
 STEPS_MAX = 10**8  # samples x horizon of one iteration: more than half a second on two fast cores
 
@@ -17,7 +19,7 @@ class Planner:
     """Everything that MPPI is given besides the course and the model."""
 
     vehicle: str  # flown unless another is asked for
-    sampling: SamplerConfig
+    sampling: Sampling
     mppi: MPPIConfig
     cost: RaceWeights
 
@@ -29,7 +31,7 @@ class Planner:
 # both samplers pass every gate at about the paper's lap times, and for both alike.
 _PAPER = Planner(
     vehicle="paper",
-    sampling=SamplerConfig(sigma=(0.3, 0.3, 0.3, 3.5)),
+    sampling=Gaussian(sigma=(0.3, 0.3, 0.3, 3.5)),
     mppi=MPPIConfig(samples=4096, horizon=150, iterations=2, dt=0.01, temperature=0.3),
     cost=RaceWeights(
         progress=8,
@@ -47,9 +49,9 @@ _PAPER = Planner(
 # have a horizon of 1.2 s, too short to brake from 38 m/s on alphapilot. See docs/results.md.
 _RACE = Planner(
     vehicle="swift",
-    sampling=SamplerConfig(sigma=(0.86, 0.86, 0.5, 4.4), gamma=(0.8, 0.8, 0.8, 2.0)),
+    sampling=Colored(sigma=(0.86, 0.86, 0.5, 4.4), gamma=(0.8, 0.8, 0.8, 2.0)),
     mppi=MPPIConfig(
-        samples=4096, horizon=150, iterations=2, dt=0.01, temperature=1.0, ess=27, tighten=0.01, adapt=True
+        samples=4096, horizon=150, iterations=2, dt=0.01, temperature=1.0, target_ess=27, tighten=0.01, adapt=True
     ),
     cost=RaceWeights(progress=1.0, crash=1000.0, clearance=300.0, margin=0.2),
 )
@@ -61,36 +63,45 @@ _RACE = Planner(
 # changes dt.
 
 
-def _smooth(base: Planner, sigma: tuple[float, float, float, float]) -> Planner:
-    return replace(base, sampling=SamplerConfig(sigma), mppi=replace(base.mppi, smooth=True))
+def _smooth(base: Planner, sampling: Smooth | SmoothStar) -> Planner:
+    return replace(base, sampling=sampling, mppi=replace(base.mppi, smooth=True))
+
+
+def _race(sampling: Sampling, target_ess: float) -> Planner:
+    return replace(_RACE, sampling=sampling, mppi=replace(_RACE.mppi, target_ess=target_ess))
 
 
 PRESETS: dict[str, dict[str, Planner]] = {
     "paper": {
         "gaussian": _PAPER,
-        "colored": replace(_PAPER, sampling=SamplerConfig((0.2, 0.2, 0.2, 0.5), (0.01, 0.01, 0.01, 0.5))),
-        "log_normal": replace(_PAPER, sampling=SamplerConfig((0.28, 0.28, 0.28, 1.08))),
-        "smooth": _smooth(_PAPER, (6.0, 6.0, 6.0, 70.0)),
-        "smooth_star": _smooth(_PAPER, (0.06, 0.06, 0.06, 0.7)),
+        "colored": replace(_PAPER, sampling=Colored((0.2, 0.2, 0.2, 0.5), (0.01, 0.01, 0.01, 0.5))),
+        "log_normal": replace(_PAPER, sampling=LogNormal((0.28, 0.28, 0.28, 1.08))),
+        "smooth": _smooth(_PAPER, Smooth((6.0, 6.0, 6.0, 70.0))),
+        "smooth_star": _smooth(_PAPER, SmoothStar((0.06, 0.06, 0.06, 0.7))),
     },
     "race": {
-        "gaussian": replace(
-            _RACE, sampling=SamplerConfig(sigma=(1.12, 1.12, 1.98, 4.8)), mppi=replace(_RACE.mppi, ess=30)
-        ),
+        "gaussian": _race(Gaussian((1.12, 1.12, 1.98, 4.8)), target_ess=30),
         "colored": _RACE,
-        "log_normal": replace(
-            _RACE, sampling=SamplerConfig((0.69, 0.69, 0.89, 1.18)), mppi=replace(_RACE.mppi, ess=60)
-        ),
-        "smooth": _smooth(_RACE, (60.0, 60.0, 12.0, 120.0)),
-        "smooth_star": _smooth(_RACE, (0.6, 0.6, 0.12, 1.2)),
+        "log_normal": _race(LogNormal((0.69, 0.69, 0.89, 1.18)), target_ess=60),
+        "smooth": _smooth(_RACE, Smooth((60.0, 60.0, 12.0, 120.0))),
+        "smooth_star": _smooth(_RACE, SmoothStar((0.6, 0.6, 0.12, 1.2))),
     },
 }
 
 
+def preset(name: str, sampler: str) -> Planner:
+    """The preset's numbers for this sampler. Raises FileError where there are none."""
+    if name not in PRESETS:
+        raise FileError(f"no preset {name!r}: {did_you_mean(name, PRESETS)}")
+    if sampler not in PRESETS[name]:
+        raise FileError(f"preset {name!r} has no sampler {sampler!r}: {did_you_mean(sampler, PRESETS[name])}")
+    return PRESETS[name][sampler]
+
+
 def faults(planner: Planner) -> Iterator[tuple[str, str]]:
-    """What no single number shows, as (key, problem)."""
+    """What is wrong between several numbers, as (key, problem)."""
     mppi = planner.mppi
-    if mppi.ess is not None and mppi.ess >= mppi.samples:
-        yield "mppi.ess", f"expected less than samples = {mppi.samples}, got {mppi.ess:g}"
+    if mppi.target_ess is not None and mppi.target_ess >= mppi.samples:
+        yield "mppi.target_ess", f"expected less than samples = {mppi.samples}, got {mppi.target_ess:g}"
     if mppi.samples * mppi.horizon > STEPS_MAX:
         yield "mppi.samples", f"expected samples x horizon <= {STEPS_MAX:g}, got {mppi.samples} x {mppi.horizon}"

@@ -1,4 +1,4 @@
-"""What the planner saw in its last iteration, for the eye: its best samples, the plan it chose and its cost."""
+"""The planner's last iteration, for display: its best samples, the plan after the update and the terms of its cost."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.mppi import MPPI, Iteration, block_of
+from controllers.mppi import MPPI, Iteration
 from controllers.plan import PlannerSnapshot
-from controllers.rollout.lanes import CHUNK, LANES
+from controllers.rollout.layout import LANES, chunks, sample
 
 MOST = LANES - 1  # samples; the plan takes the last lane of the block
 
@@ -24,7 +24,7 @@ class SampledTrajectories:
 
 
 def sampled_trajectories(mppi: MPPI, samples: int = MOST, points: int = 25) -> SampledTrajectories | None:
-    """None before the first plan. Drawn and flown anew, which changes nothing that the planner uses."""
+    """None before the first plan. Drawn and rolled out anew, which changes nothing that the planner uses."""
     if mppi.last is None:
         return None
     last = mppi.last
@@ -41,11 +41,12 @@ def sampled_trajectories(mppi: MPPI, samples: int = MOST, points: int = 25) -> S
 def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:
     """v of these samples of the iteration.  (samples,) -> (samples, n_u, T)"""
     U, v = last.centre.T, np.empty((len(which), *last.centre.T.shape))
-    for first in np.unique(which // CHUNK * CHUNK):
-        z = mppi.perturbations(last, first, min(CHUNK, len(last.J) - first))
-        for k in np.flatnonzero(which // CHUNK * CHUNK == first):
-            m = which[k] - first
-            v[k] = U + block_of(z, m // LANES, len(last.centre))[:, :, m % LANES]
+    for chunk in chunks(len(last.J)):
+        inside = np.flatnonzero((which >= chunk.start) & (which < chunk.stop))
+        if len(inside):
+            z = mppi.perturbations(last, chunk)
+        for k in inside:
+            v[k] = U + sample(z, which[k] - chunk.start, len(last.centre))
     return np.clip(v, mppi.low[:, None], mppi.high[:, None])
 
 
@@ -56,6 +57,6 @@ def cheapest(J: np.ndarray, n: int) -> np.ndarray:
 
 
 def take_snapshot(mppi: MPPI, samples: int = 8, points: int = 16) -> PlannerSnapshot | None:
-    """What a run keeps; the paths to the centimetre, which packs well."""
+    """What a run keeps; the paths rounded to a centimetre, which compresses well."""
     seen = sampled_trajectories(mppi, samples, points)
     return None if seen is None else PlannerSnapshot(np.round(seen.paths, 2), seen.terms)

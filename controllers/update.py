@@ -1,12 +1,10 @@
-"""What a sample counts for: the softmax of its cost, and the temperature that decides how sharply."""
+"""From costs to weights, the temperature that decides how sharply, and a filter over the updated plan."""
 
 from __future__ import annotations
 
 from math import isfinite
 
 import numpy as np
-
-from controllers.rollout.lanes import LANES
 
 TEMPERATURE_STEP = 1.1  # factor per iteration when steering to an effective sample size
 TEMPERATURE_RANGE = (1e-4, 1e4)
@@ -34,18 +32,11 @@ def shares(J: np.ndarray, temperature: float) -> np.ndarray:
 
 
 def steer(temperature: float, ess: float, target: float | None) -> float:
-    """The next temperature: a fixed factor up or down towards the wanted effective sample size."""
+    """The next temperature: a fixed factor up or down towards the target effective sample size."""
     if target is None:
         return temperature
     low, high = TEMPERATURE_RANGE
     return min(max(temperature * TEMPERATURE_STEP ** (1 if ess < target else -1), low), high)
-
-
-def padded(w: np.ndarray) -> np.ndarray:
-    """Weights in whole blocks of lanes; the lanes beyond M weigh nothing.  (M,) -> (blocks, LANES)"""
-    blocks = np.zeros(-(-len(w) // LANES) * LANES)
-    blocks[: len(w)] = w
-    return blocks.reshape(-1, LANES)
 
 
 def savitzky_golay(plan: np.ndarray, executed: np.ndarray) -> np.ndarray:

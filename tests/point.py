@@ -7,15 +7,25 @@ from oracle import from_lanes
 
 from controllers.config import MPPIConfig
 from controllers.costs import Cost
-from controllers.mppi import Iteration, build_mppi
-from controllers.samplers import SamplerConfig
+from controllers.mppi import MPPI, Iteration
+from controllers.samplers import make_sampler
 from quadsim.systems import System
 
 T = 20
 START = np.array([1.0, -0.5, 0.2, 0.0])
 REST = np.array([0.0, 0.5])
-SAMPLING = SamplerConfig(sigma=(0.8, 0.5), gamma=(1.0, 0.5))
+SAMPLING = {"sigma": (0.8, 0.5), "gamma": (1.0, 0.5)}  # of every sampler that has them
 PLAIN = MPPIConfig(samples=200, horizon=T, iterations=1, dt=0.1, temperature=0.1, rest_fraction=0.1)
+
+
+class White:
+    """A sampler of one's own: Gaussian, in plain numpy."""
+
+    def __init__(self, sd):
+        self.sd = sd
+
+    def sample(self, rng, samples, horizon, controls):
+        return rng.normal(size=(samples, horizon, controls)) * self.sd
 
 
 def step(x, u, p, dt):
@@ -35,9 +45,11 @@ POINT = System(
 GOAL = Cost("goal", ("distance", "effort"), terms, (1.0, 0.05), np.zeros((1, 2)))
 
 
-def make(key=(1, 2), sampler="gaussian", sampling=SAMPLING, system=POINT, **changes):
+def make(seed=12, sampler="gaussian", system=POINT, sigma=SAMPLING["sigma"], **changes):
+    """sampler: a name, or an object of one's own."""
     config = replace(PLAIN, **changes)
-    mppi = build_mppi(system, GOAL, sampler, sampling, config, np.array(key, np.uint32))
+    named = isinstance(sampler, str)
+    mppi = MPPI(system, GOAL, make_sampler(sampler, **SAMPLING | {"sigma": sigma}) if named else sampler, config, seed)
     mppi.plan = REST + 0.3 * np.sin(np.arange(2 * config.horizon)).reshape(-1, 2)  # any plan but rest
     return mppi
 
@@ -69,4 +81,4 @@ def perturbed(mppi):
     """What the first iteration perturbs the present plan by.  (M, n_u, T)"""
     centre, other = mppi.centres()
     first = Iteration(START, 0, 1, centre, other - centre, np.empty(mppi.samples))
-    return from_lanes(mppi.perturbations(first, 0, mppi.samples), mppi.samples, mppi.config.horizon)
+    return from_lanes(mppi.perturbations(first, slice(0, mppi.samples)), mppi.samples, mppi.config.horizon)

@@ -21,7 +21,7 @@ class Numbers:
     gamma_rates: float = 2.0  # colour exponent of the body rates
     gamma_thrust: float = 2.0  # and of the thrust
     temperature: float = 1.0
-    ess: float = 50.0  # effective sample size the temperature is steered to; 0: the temperature stays
+    target_ess: float = 50.0  # effective sample size the temperature is steered to; 0: the temperature stays
     samples: int = 4096
 
 
@@ -30,7 +30,7 @@ RANGES = {  # name -> lowest, highest, step
     "gamma_rates": (0.0, 6.0, 0.05),
     "gamma_thrust": (0.0, 6.0, 0.05),
     "temperature": (0.01, 10.0, 0.01),
-    "ess": (0.0, 400.0, 5.0),
+    "target_ess": (0.0, 400.0, 5.0),
     "samples": (256, 8192, 256),
 }
 

@@ -15,7 +15,7 @@ from web.session import Session
 
 HAND = 0.4  # [s] that the time slider stays where a hand has put it
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
-NAMES = {"sigma": "sigma x", "gamma_rates": "gamma rates", "gamma_thrust": "gamma thrust", "ess": "ESS target"}
+NAMES = {"sigma": "sigma x", "gamma_rates": "gamma rates", "gamma_thrust": "gamma thrust", "target_ess": "ESS target"}
 
 
 class SamplerPanel:

@@ -13,8 +13,8 @@ from web.lap_timing import LapTiming
 
 def planner(s: LapTiming) -> str:
     x, mppi = s.competitor.x, s.competitor.spec["planner"]["mppi"]
-    ess, target = float(x["ess"][s.i]), mppi["ess"]
-    target = f"targets at {target:g}" if target else "temperature fixed"
+    ess, target = float(x["ess"][s.i]), mppi.get("target_ess", mppi.get("ess"))  # older runs say "ess"
+    target = f"target {target:g}" if target else "temperature fixed"
     meter = bar(ess / max(mppi["samples"] * 0.1, 1.0), NEXT if ess > 5 else HIT, 8)
     words = (
         f"<b>{ess:.0f}</b> effective of {mppi['samples']} samples, {target}; "

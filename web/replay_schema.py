@@ -9,7 +9,8 @@ import msgspec
 
 class ShownMPPI(msgspec.Struct):
     samples: int
-    ess: float | None
+    target_ess: float | None = None
+    ess: float | None = None  # the name of the same in older runs
 
 
 class ShownPlanner(msgspec.Struct):

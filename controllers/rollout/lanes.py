@@ -1,7 +1,7 @@
 """The rollout of Algorithm 1 as a generated, vectorised loop over lanes of samples.
 
-A block is LANES samples that advance together, every state and every number of their targets in an
-array of its own, so that LLVM vectorises the step and the cost, inlined from their plain functions.
+A block of LANES samples (see controllers.rollout.layout) advances together, every state and every number of its targets
+in an array of its own, so that LLVM vectorises the step and the cost, inlined from their plain functions.
 """
 
 from __future__ import annotations
@@ -16,11 +16,9 @@ import numpy as np
 
 from controllers.costs import Cost
 from controllers.rollout.compiled import is_cached, load_module
+from controllers.rollout.layout import LANES
 from controllers.rollout.templates import module_source
 from quadsim.systems import System
-
-LANES = 64
-CHUNK = 2048  # samples whose perturbations are held at a time: 5 MB at the paper's horizon
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,7 @@ class Rollout:
     def __call__(self, x0: np.ndarray, U: np.ndarray, noise: np.ndarray, target: int, J: np.ndarray) -> None:
         """Fill J (blocks, LANES) with the horizon mean of the cost of v = clip(U + noise).
 
-        x0 (n_x,), U (T, n_u), noise (series, n_u, halves * T, LANES): a series holds `halves` samples.
+        x0 (n_x,), U (T, n_u), noise (series, n_u, halves * T, LANES).
         """
         d = self.dtype
         self._module.rollout(np.asarray(x0, d), U.astype(d), noise, J, *self._numbers(x0, target))

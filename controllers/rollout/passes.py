@@ -11,7 +11,7 @@ from __future__ import annotations
 from cmath import exp
 from math import cos, pi, sin
 
-WRITTEN_OUT = 13  # the largest such radix; a larger prime takes r^2 steps in a loop
+WRITTEN_OUT = 13  # the largest radix whose sums are written out; a larger prime takes r^2 steps in a loop
 
 PASS = """
 for p in range({m}):
@@ -51,6 +51,11 @@ def passes(n: int, lanes: int) -> tuple[str, str, list[complex]]:
             turns += [exp(2j * pi * k / (r * m)) for k in range(r * m)]
         s, x, y = s * r, y, x
     return text, x, turns
+
+
+def fast_length(n: int) -> int:
+    """The first length from n on whose passes are all written out."""
+    return n if max(radices(n), default=1) <= WRITTEN_OUT else fast_length(n + 1)
 
 
 def radices(n: int) -> list[int]:

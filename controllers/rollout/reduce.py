@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit, prange
 
 from controllers.rollout import FAST
+from controllers.rollout.layout import in_blocks
 
 CHUNK = 25  # steps a thread sums at a time: 6 kB of partial sums
 
@@ -35,11 +36,8 @@ def _lane_sums(noise, U, low, high, weights, sums):
 
 
 def weighted_mean(noise: np.ndarray, U: np.ndarray, low: np.ndarray, high: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """sum_m w_m (v^m - U), v = clip(U + noise).
-
-    noise (series, n_u, halves * T, LANES), w (blocks, LANES) -> (T, n_u)
-    """
-    d = noise.dtype
+    """sum_m w_m (v^m - U), v = clip(U + noise).  noise (series, n_u, halves * T, LANES), w (M,) -> (T, n_u)"""
+    d, w = noise.dtype, in_blocks(w)
     sums = np.empty((U.shape[1], U.shape[0], w.shape[1]), d)
     _lane_sums(noise, U.astype(d), low.astype(d), high.astype(d), w.astype(d), sums)
     return sums.sum(axis=2, dtype=np.float64).T

@@ -2,9 +2,10 @@
 
 Timmer and Koenig 1995; Vlahov et al. 2024, section III-A and Algorithm 1. Three laws go by this name:
 
-exact    a transform of length 2T whose halves are two samples of length T. The periodic wrap of the
+exact    a transform of length n >= 2T whose steps 0..T-1 and T..2T-1 are two samples. The periodic wrap of the
          transform falls outside both, and the variance is sigma^2 at every t. The two are antithetic
-         rather than independent: at one t they correlate by -.08, -.30, -.52 for gamma 1, 2, 4.
+         rather than independent: at one t they correlate by -.08, -.30, -.52 for gamma 1, 2, 4 and n = 2T.
+         n is the first such length without a prime factor above 13; a large one would take many times as long.
 paper    the published formula to the letter: length T (so z_0 and z_{T-1} are neighbours), divided by
          zeta = T^-2 N^gamma (1 + 4 sum_{n=1}^{N-1} n^-gamma).
 library  the authors' public CUDA code: length 2T with the first half kept, normalised without the DC
@@ -13,18 +14,27 @@ library  the authors' public CUDA code: length 2T with the first half kept, norm
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 
-from controllers.rollout.lanes import LANES
+from controllers.rollout.layout import LANES
+from controllers.rollout.passes import fast_length
 from controllers.rollout.transform import fill_transformed, transform_loop
+from controllers.samplers.lane_sampler import Gamma, LaneSampler, Sigma
 
-LAWS = ("exact", "paper", "library")
+Law = Literal["exact", "paper", "library"]
+LAWS: tuple[Law, ...] = get_args(Law)
 OFFSET_DECAY = 0.97  # per step; law "library" only
 
 
-def spectrum(n: int, gamma: float, law: str) -> np.ndarray:
+def transform_length(horizon: int, law: Law) -> int:
+    """n of the law: for `exact` any length that holds two samples will do, so one whose transform is fast."""
+    return {"exact": fast_length(2 * horizon), "paper": horizon, "library": 2 * horizon}[law]
+
+
+def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
     """Standard deviation of the real and of the imaginary part of Z_k, for unit variance of z.  (n,)
 
     z_t = sum_k Z_k e^{2 pi i k t / n} has two independent real parts of variance sum_k s_k^2. As a real
@@ -42,32 +52,31 @@ def spectrum(n: int, gamma: float, law: str) -> np.ndarray:
     return np.sqrt(power / counted.sum())
 
 
+@dataclass(frozen=True)
 class Colored:
-    """v = u + sigma z, z of the law, independent for every control channel."""
+    """v = u + sigma z, z of the law, independent for every control."""
 
-    def __init__(
-        self,
-        sigma: tuple[float, ...],
-        gamma: tuple[float, ...],
-        law: str,
-        samples: int,
-        horizon: int,
-        key: np.ndarray,
-    ):
-        n = horizon if law == "paper" else 2 * horizon  # length of the transform
-        steps = n if law == "exact" else horizon  # of it that are used
-        self._held = 2 * LANES if law == "exact" else LANES  # samples in one series of lanes
-        self._noise = np.empty((-(-samples // self._held), len(sigma), steps, LANES), np.float32)
-        scale = [s * np.tile(spectrum(n, g, law), 2) for s, g in zip(sigma, gamma, strict=True)]
-        self._scale = np.array(scale, np.float32)  # (n_u, 2 n): real parts, imaginary parts
-        decay = OFFSET_DECAY ** np.arange(steps) if law == "library" else np.zeros(steps)
-        self._offset, self._samples, self._key = decay.astype(np.float32), samples, key
+    sigma: Sigma
+    gamma: Gamma
+    law: Law = "exact"
 
-    @property
-    def loop(self) -> Callable:
-        return transform_loop(self._scale.shape[1] // 2)
+    def __post_init__(self) -> None:
+        if len(self.gamma) != len(self.sigma):
+            raise ValueError(f"gamma: expected {len(self.sigma)} numbers, as sigma has, got {len(self.gamma)}")
 
-    def sample(self, call: int, first: int = 0, samples: int | None = None) -> np.ndarray:
-        z = self._noise[: -(-(samples or self._samples) // self._held)]
-        fill_transformed(z, self._scale, self._offset, self._key, call, first // self._held // 2)
-        return z
+    def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+        n, halves = transform_length(horizon, self.law), 2 if self.law == "exact" else 1
+        held, steps = halves * LANES, halves * horizon  # samples and time steps of one series
+        noise = np.empty((-(-samples // held), len(self.sigma), steps, LANES), np.float32)
+        channels = zip(self.sigma, self.gamma, strict=True)
+        # (n_u, 2 n): real parts, imaginary parts
+        scale = np.array([s * np.tile(spectrum(n, g, self.law), 2) for s, g in channels], np.float32)
+        decay = OFFSET_DECAY ** np.arange(steps) if self.law == "library" else np.zeros(steps)
+        offset = decay.astype(np.float32)
+
+        def sample(call: int, first: int = 0, samples: int = samples) -> np.ndarray:
+            z = noise[: -(-samples // held)]
+            fill_transformed(z, scale, offset, key, call, first // held // 2)
+            return z
+
+        return LaneSampler(sample, transform_loop(n))

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from controllers.rollout.lanes import LANES
+from controllers.rollout.layout import LANES, blocks
 from controllers.rollout.normals import fill_normals
+from controllers.samplers.lane_sampler import LaneSampler, Sigma
 
 
+@dataclass(frozen=True)
 class Gaussian:
     """v = u + sigma xi, xi ~ N(0, 1)."""
 
-    def __init__(self, sigma: tuple[float, ...], samples: int, horizon: int, key: np.ndarray):
-        self._noise = np.empty((-(-samples // LANES), len(sigma), horizon, LANES), np.float32)
-        self._scale = np.repeat(np.array(sigma, np.float32), horizon)  # (n_u * T,)
-        self._samples, self._key = samples, key
+    sigma: Sigma
 
-    def sample(self, call: int, first: int = 0, samples: int | None = None) -> np.ndarray:
-        noise = self._noise[: -(-(samples or self._samples) // LANES)]
-        fill_normals(noise.reshape(len(noise), -1, LANES), self._scale, self._key, call, first // LANES)
-        return noise
+    def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+        noise = np.empty((blocks(samples), len(self.sigma), horizon, LANES), np.float32)
+        scale = np.repeat(np.array(self.sigma, np.float32), horizon)  # (n_u * T,)
+
+        def sample(call: int, first: int = 0, samples: int = samples) -> np.ndarray:
+            z = noise[: blocks(samples)]
+            fill_normals(z.reshape(len(z), -1, LANES), scale, key, call, first // LANES)
+            return z
+
+        return LaneSampler(sample, fill_normals)

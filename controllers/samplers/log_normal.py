@@ -1,35 +1,41 @@
 """Log-MPPI (Mohamed et al. 2022): the product of a normal and a log-normal, white like the Gaussian but with
 heavy tails.
 
-    z = sigma xi exp(sigma eta),  xi, eta ~ N(0, 1) independent for every sample, time and channel
+    z = sigma xi exp(sigma eta),  xi, eta ~ N(0, 1) independent for every sample, time and control
 
 Its standard deviation is sigma exp(sigma^2), its kurtosis 3 exp(4 sigma^2).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from controllers.rollout.lanes import LANES
+from controllers.rollout.layout import LANES, blocks
 from controllers.rollout.normals import fill_normals
+from controllers.samplers.lane_sampler import LaneSampler, Sigma
 
-CEILING = np.float32(60.0)  # of the exponent: exp(60) is far beyond any control and far below float32's end
+CEILING = np.float32(60.0)  # of the exponent: exp(60) is far beyond any control and far below float32's largest number
 
 
+@dataclass(frozen=True)
 class LogNormal:
     """v = u + sigma xi exp(sigma eta)."""
 
-    def __init__(self, sigma: tuple[float, ...], samples: int, horizon: int, key: np.ndarray):
-        blocks = -(-samples // LANES)
-        self._normals = np.empty((blocks, 2, len(sigma), horizon, LANES), np.float32)  # sigma xi, sigma eta
-        self._noise = np.empty((blocks, len(sigma), horizon, LANES), np.float32)
-        self._scale = np.tile(np.repeat(np.array(sigma, np.float32), horizon), 2)  # (2 * n_u * T,)
-        self._samples, self._key = samples, key
+    sigma: Sigma
 
-    def sample(self, call: int, first: int = 0, samples: int | None = None) -> np.ndarray:
-        blocks = -(-(samples or self._samples) // LANES)
-        normals, noise = self._normals[:blocks], self._noise[:blocks]
-        fill_normals(normals.reshape(blocks, -1, LANES), self._scale, self._key, call, first // LANES)
-        np.minimum(normals[:, 1], CEILING, out=noise)
-        np.exp(noise, out=noise)
-        return np.multiply(noise, normals[:, 0], out=noise)
+    def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+        shape = (len(self.sigma), horizon, LANES)
+        normals = np.empty((blocks(samples), 2, *shape), np.float32)  # sigma xi, sigma eta
+        noise = np.empty((blocks(samples), *shape), np.float32)
+        scale = np.tile(np.repeat(np.array(self.sigma, np.float32), horizon), 2)  # (2 * n_u * T,)
+
+        def sample(call: int, first: int = 0, samples: int = samples) -> np.ndarray:
+            n, z = normals[: blocks(samples)], noise[: blocks(samples)]
+            fill_normals(n.reshape(len(n), -1, LANES), scale, key, call, first // LANES)
+            np.minimum(n[:, 1], CEILING, out=z)
+            np.exp(z, out=z)
+            return np.multiply(z, n[:, 0], out=z)
+
+        return LaneSampler(sample, fill_normals)

@@ -7,25 +7,38 @@
 So D dt is what the plan U changed by in the last iteration, and sampling is centred on U plus that
 change: Gaussian sampling with sigma dt and a momentum. Smooth-MPPI* (Vlahov et al. 2024, section
 IV-C) is the same with sigma / dt. There, when time moves on by one period, D moves with the plan
-(`corrected`) or, by a slip of the authors' public CUDA code that its tables rest on, every derivative
+(`corrected`) or, by an error of the authors' public CUDA code that its tables rest on, every derivative
 becomes the one at index 1 (`published`).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
-SHIFTS = ("corrected", "published")
+from controllers.samplers.gaussian import Gaussian
+from controllers.samplers.lane_sampler import LaneSampler, Momentum, Shift, Sigma
 
 
-class Momentum:
-    """D dt, what the last iteration changed the plan by.  `change` (T, n_u)"""
+@dataclass(frozen=True)
+class SmoothStar:
+    """Smooth-MPPI*: sigma is that of the controls, as in Gaussian sampling."""
 
-    def __init__(self, horizon: int, channels: int, shift: str):
-        self.change = np.zeros((horizon, channels))
-        self._shift = shift
+    sigma: Sigma
+    shift: Shift = "corrected"  # of the momentum with time
 
-    def shift(self, steps: int) -> None:
-        """Time has moved on by so many control periods; beyond the horizon the last change goes on."""
-        moved = np.minimum(np.arange(len(self.change)) + steps, len(self.change) - 1)
-        self.change = self.change[moved if self._shift == "corrected" else np.full_like(moved, moved[0])]
+    def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+        momentum = Momentum(horizon, len(self.sigma), self.shift)
+        return replace(Gaussian(self.sigma).build(samples, horizon, key, dt), momentum=momentum)
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """Smooth-MPPI: sigma is that of the controls' derivatives, per second."""
+
+    sigma: Sigma
+    shift: Shift = "corrected"  # of the momentum with time
+
+    def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+        return SmoothStar(tuple(s * dt for s in self.sigma), self.shift).build(samples, horizon, key, dt)

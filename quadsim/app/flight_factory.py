@@ -10,8 +10,9 @@ import numpy as np
 from controllers.plan import PlannerSnapshot, PlanStats
 from controllers.presets import Planner
 from controllers.sampled_trajectories import SampledTrajectories, sampled_trajectories, take_snapshot
+from controllers.samplers import Colored
 from quadsim.app.flight_flags import FlightFlags
-from quadsim.app.preset_file import load_planner
+from quadsim.app.preset_file import SamplingNumbers, load_planner
 from quadsim.race.events import Frame
 from quadsim.race.flight import fly
 from quadsim.race.spec import Spec, build, controller_of, streams
@@ -23,8 +24,8 @@ class FlightFactory:
 
     def numbers(self, preset: str, sampler: str) -> Numbers:
         p = load_planner(preset, sampler)
-        rates, thrust = p.sampling.gamma[0], p.sampling.gamma[3]
-        return Numbers(1.0, rates, thrust, p.mppi.temperature, p.mppi.ess or 0.0, p.mppi.samples)
+        gamma = p.sampling.gamma if isinstance(p.sampling, Colored) else (0.0, 0.0, 0.0, 0.0)
+        return Numbers(1.0, gamma[0], gamma[3], p.mppi.temperature, p.mppi.target_ess or 0.0, p.mppi.samples)
 
     def flight(self, choices: Choices) -> LiveFlight:
         base = load_planner(choices.preset, choices.sampler)
@@ -36,7 +37,7 @@ class FlightFactory:
             vehicle=choices.vehicle,
             laps=choices.laps or None,
             seed=choices.seed,
-            sampling=p.sampling,
+            sampling=SamplingNumbers.of(p.sampling),
             mppi=p.mppi,
             cost=p.cost,
         )
@@ -80,11 +81,12 @@ class LiveFlight:
 def planner(base: Planner, numbers: Numbers) -> Planner:
     """The preset with the page's numbers."""
     n = clamped(numbers)
-    sigma = tuple(n.sigma * s for s in base.sampling.sigma)
-    gamma = (n.gamma_rates, n.gamma_rates, n.gamma_rates, n.gamma_thrust)
-    ess = min(n.ess, n.samples / 2) if n.ess >= 1 else None
-    mppi = replace(base.mppi, temperature=n.temperature, ess=ess, samples=n.samples)
-    return replace(base, sampling=replace(base.sampling, sigma=sigma, gamma=gamma), mppi=mppi)
+    sampling = replace(base.sampling, sigma=tuple(n.sigma * s for s in base.sampling.sigma))
+    if isinstance(sampling, Colored):
+        sampling = replace(sampling, gamma=(n.gamma_rates, n.gamma_rates, n.gamma_rates, n.gamma_thrust))
+    target_ess = min(n.target_ess, n.samples / 2) if n.target_ess >= 1 else None
+    mppi = replace(base.mppi, temperature=n.temperature, target_ess=target_ess, samples=n.samples)
+    return replace(base, sampling=sampling, mppi=mppi)
 
 
 def clamped(numbers: Numbers) -> Numbers:

@@ -13,11 +13,11 @@ from tyro.extras import literal_type_from_choices
 
 from controllers.config import MPPIConfig
 from controllers.costs.race import RaceWeights
-from controllers.presets import PRESETS, Planner, faults
+from controllers.presets import PRESETS, Planner, faults, preset
 from controllers.rollout.threads import use_threads
-from controllers.samplers import SAMPLERS, SamplerConfig
+from controllers.samplers import SAMPLERS
 from quadsim.app.flags import UsageError, check, flag, otherwise
-from quadsim.app.preset_file import load_planner
+from quadsim.app.preset_file import SamplingNumbers, load_planner
 from quadsim.course import Course, load_course
 from quadsim.files.strict_yaml import unit
 from quadsim.files.yaml_words import did_you_mean
@@ -37,6 +37,7 @@ Ratio = Annotated[float, Meta(gt=1, le=20)]
 Size = Annotated[float, Meta(ge=0, le=3)]
 Millis = Annotated[float, unit("ms", gt=0, le=1e4)]
 THE_VEHICLES = otherwise("the vehicle's")
+_SAMPLING = SamplingNumbers.of(preset("race", "colored").sampling)
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class FlightFlags:
     plant_dt: Annotated[float, unit("s", gt=0, le=0.02)] = 0.0025  # step of the simulated world [s]
     clock: Literal["simulated", "wall"] = "simulated"  # wall: the world does not wait for the planner
     deadline_ms: Annotated[Millis | None, DisallowNone, otherwise("none")] = None  # shrink the samples to hold it [ms]
-    sampling: OmitArgPrefixes[SamplerConfig] = field(default_factory=SamplerConfig)
+    sampling: OmitArgPrefixes[SamplingNumbers] = field(default_factory=lambda: _SAMPLING)
     mppi: OmitArgPrefixes[MPPIConfig] = field(default_factory=MPPIConfig)
     cost: OmitArgPrefixes[RaceWeights] = field(default_factory=RaceWeights)
     model: DisallowNone[ModelFlags] = field(default_factory=ModelFlags)
@@ -77,11 +78,12 @@ class FlightFlags:
     @classmethod
     def defaults(cls, argv: Sequence[str]) -> FlightFlags:
         """The numbers of the preset and sampler that argv asks for. Raises UsageError, FileError."""
-        sampler, preset = _last(argv, "--sampler", cls.sampler), _last(argv, "--preset", cls.preset)
+        sampler, name = _last(argv, "--sampler", cls.sampler), _last(argv, "--preset", cls.preset)
         if sampler not in SAMPLERS:
             raise UsageError(f"--sampler: no sampler {sampler!r}: {did_you_mean(sampler, SAMPLERS)}")
-        p = load_planner(preset, sampler)
-        return cls(sampler=sampler, preset=preset, vehicle=p.vehicle, sampling=p.sampling, mppi=p.mppi, cost=p.cost)
+        p = load_planner(name, sampler)
+        sampling = SamplingNumbers.of(p.sampling)
+        return cls(sampler=sampler, preset=name, vehicle=p.vehicle, sampling=sampling, mppi=p.mppi, cost=p.cost)
 
     def spec(self) -> Spec:
         """Names resolved, numbers checked. Raises UsageError, FileError."""
@@ -89,7 +91,7 @@ class FlightFlags:
         course, vehicle = load_course(self.course), load_vehicle(self.vehicle)
         if self.thrust_to_weight:
             vehicle = with_thrust_to_weight(vehicle, self.thrust_to_weight)
-        planner = Planner(self.vehicle, self.sampling, self.mppi, self.cost)
+        planner = Planner(self.vehicle, self.sampling.of_sampler(self.sampler), self.mppi, self.cost)
         for path, problem in faults(planner):
             raise UsageError(f"{flag(path)}: {problem}")
         try:

@@ -10,7 +10,7 @@ from typing import Annotated
 from msgspec import Meta
 from tyro.conf import FlagCreatePairsOff, Positional, arg
 
-from controllers.presets import PRESETS
+from controllers.presets import PRESETS, preset
 from controllers.samplers import SAMPLERS
 from quadsim.app.console import complain, emit, emit_json
 from quadsim.app.flags import UsageError, check
@@ -58,7 +58,7 @@ class Web:
         except ValueError as error:  # "port: ..."
             raise UsageError(f"--{error}") from None
         courses = tuple(dict.fromkeys((*course_names(), self.course)))
-        presets = {name: planners["colored"].vehicle for name, planners in PRESETS.items()}
+        presets = {name: preset(name, "colored").vehicle for name in PRESETS}
         menu = Menu(courses, vehicle_names(), presets, tuple(SAMPLERS))
         session = Session(FlightFactory(), self.runs_dir)
         page = Dashboard(server, session, FlightFactory(), menu, Choices(course=self.course))

@@ -11,7 +11,7 @@ import numpy as np
 from controllers.adaptation import Adaptation
 from controllers.costs.race import race_cost
 from controllers.deadline import Deadline
-from controllers.mppi import MPPI, build_mppi
+from controllers.mppi import MPPI
 from controllers.presets import Planner
 from controllers.sampled_trajectories import take_snapshot
 from quadsim.course import Course
@@ -71,9 +71,8 @@ def controller_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
     """The planner alone, drawing from this stream."""
     mppi = spec.planner.mppi
     cost = race_cost(spec.course, spec.vehicle.radius, spec.planner.cost, spec.laps)
-    key = stream.generate_state(2, np.uint32)
     system, adaptation = quadrotor(spec.model, mppi.dt), Adaptation(spec.model, mppi.dt) if mppi.adapt else None
-    return build_mppi(system, cost, spec.sampler, spec.planner.sampling, mppi, key, adaptation)
+    return MPPI(system, cost, spec.planner.sampling, mppi, stream, adaptation)
 
 
 def streams(seed: int) -> tuple[np.random.SeedSequence, ...]:

@@ -7,6 +7,7 @@ from itertools import count as numbers_from
 import pytest
 
 from controllers import mppi as algorithm
+from controllers.rollout import layout
 from controllers.samplers import SAMPLERS
 from quadsim.app.bench import bench, stages, tables
 from quadsim.app.bench.cases import HORIZONS, SAMPLES, Case, cases, controller, measure, paper_case
@@ -66,7 +67,7 @@ def test_parts_are_named_and_add_up_to_the_whole(sampler):
 @pytest.mark.parametrize(("samples", "chunks"), [(1100, 3), (512, 1)])
 def test_parts_are_timed_over_every_chunk_of_an_iteration(samples, chunks, monkeypatch):
     """A clock that moves on by 1 ms whenever it is read tells calls."""
-    monkeypatch.setattr(algorithm, "CHUNK", 512)
+    monkeypatch.setattr(layout, "CHUNK", 512)
     ticks = numbers_from()
     monkeypatch.setattr(stages, "perf_counter", lambda: next(ticks) / 1e3)
     mppi, x = controller(small("double_integrator", "gaussian", samples, iterations=2))
@@ -77,7 +78,7 @@ def test_parts_are_timed_over_every_chunk_of_an_iteration(samples, chunks, monke
 
 
 def test_normals_of_colored_noise_are_as_many_as_its_numbers(monkeypatch):
-    monkeypatch.setattr(algorithm, "CHUNK", 512)
+    monkeypatch.setattr(layout, "CHUNK", 512)
     filled = []
     monkeypatch.setattr(stages, "fill_normals", lambda out, *_: filled.append(out.size))
     mppi, _ = controller(small("quadrotor", "colored", samples=1024))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from controllers.mppi import MPPI
+from controllers.presets import preset
 from quadsim.app.bench import bench, peers
 from quadsim.app.bench.cases import Case, controller, paper_case
 from quadsim.app.bench.point_cost import point_cost
@@ -52,7 +53,7 @@ def test_a_machine_is_measured():
 
 def test_a_peer_that_finds_other_costs_is_refused():
     mppi, x = controller(Case("quadrotor", "gaussian", 128, 20, 1))
-    ours = MPPI(mppi.system, point_cost(), mppi.sampler, mppi.config)
+    ours = MPPI(mppi.system, point_cost(), preset("paper", "gaussian").sampling, mppi.config)
 
     def costs(x, v, factor=1.0):
         state, total = tuple(np.full(len(v), value) for value in x), 0.0

@@ -5,16 +5,18 @@ import numpy as np
 import pytest
 from scipy.linalg import cholesky, solve_triangular, toeplitz
 
-from controllers.samplers.colored import LAWS, Colored, spectrum
+from controllers.samplers.colored import LAWS, Colored, spectrum, transform_length
 
 GAMMA = (0.0, 0.5, 1.0, 2.0, 4.0)
+LENGTHS = {145: 294, 149: 300, 155: 312}  # T -> n of law exact, where a prime factor of 2 T is above 13
 LIMIT = 5.5  # standard errors, the worst of some ten thousand numbers
 M = 8192
 
 
 def draw(key, law, T, gamma=GAMMA, call=1):
-    """Unit-variance samples of one series each: its first T steps, and all of it.  (M, channels, T or n)"""
-    z = Colored((1.0,) * len(gamma), gamma, law, M if law != "exact" else 2 * M, T, key).sample(call)
+    """Unit-variance samples of one series each, of law exact its two one after the other.  (M, channels, steps)"""
+    samples = 2 * M if law == "exact" else M
+    z = Colored((1.0,) * len(gamma), gamma, law).build(samples, T, key, dt=0.1).sample(call)
     return z.transpose(0, 3, 1, 2).reshape(M, len(gamma), -1).astype(float)
 
 
@@ -36,7 +38,8 @@ def autocovariance(n, gamma, law):
 
 def covariance(T, gamma, law):
     """Of one sample.  (T, T)"""
-    C = toeplitz(autocovariance(T if law == "paper" else 2 * T, gamma, law)[:T])
+    n = {"exact": LENGTHS.get(T, 2 * T), "paper": T, "library": 2 * T}[law]
+    C = toeplitz(autocovariance(n, gamma, law)[:T])
     if law == "library":
         A = np.eye(T)
         A[:, 1] -= 0.97 ** np.arange(T)
@@ -96,14 +99,38 @@ def test_gamma_zero_is_white(key, law):
     assert misfit(white, np.eye(65)) < LIMIT < misfit(tinted, np.eye(65))
 
 
-def test_exact_variance_is_one_at_every_time(key):
+@pytest.mark.parametrize("T", [150, *LENGTHS])
+def test_exact_variance_is_one_at_every_time(key, T):
     error = np.sqrt(2 / M)
-    assert abs((draw(key, "exact", 150) ** 2).mean(axis=0) - 1).max() < LIMIT * error
+    assert abs((draw(key, "exact", T) ** 2).mean(axis=0) - 1).max() < LIMIT * error
     assert abs((draw(key, "paper", 150)[:, 0] ** 2).mean() - 1) > LIMIT * error / np.sqrt(150)
 
 
+@pytest.mark.parametrize("T", LENGTHS)
+def test_both_samples_of_a_longer_transform_have_its_law(key, T):
+    """The last step of the second is not the periodic neighbour of the first: n - 2 T steps without use part them."""
+    colours, limit = (0.0, 1.0, 2.0), LIMIT + 0.5  # the worst of 200 000 numbers
+    for series, gamma in zip(draw(key, "exact", T, colours).swapaxes(0, 1), colours, strict=True):
+        first, second = series[:, :T], series[:, T:]
+        for z in (first, second):
+            assert misfit(z, covariance(T, gamma, "exact")) < limit < misfit(z, covariance(T, gamma + 0.1, "exact"))
+        c = autocovariance(LENGTHS[T], gamma, "exact")
+        wrap, error = correlation(second[:, -1], first[:, 0]), LIMIT * (1 - c[2 * T - 1] ** 2) / np.sqrt(M)
+        assert wrap == pytest.approx(c[2 * T - 1], abs=error)
+        assert gamma == 0 or wrap < c[1] - error
+
+
+SAME = {T: 2 * T for T in (20, 40, 65, 80, 100, 150, 250)}
+
+
+@pytest.mark.parametrize(("T", "n"), (LENGTHS | SAME).items())
+def test_transform_of_law_exact_is_twice_the_horizon_unless_a_prime_factor_is_large(T, n):
+    assert transform_length(T, "exact") == n
+    assert (transform_length(T, "paper"), transform_length(T, "library")) == (T, 2 * T)
+
+
 def test_sigma_scales_a_channel(key):
-    one, two = (Colored((s, 1.0), (2.0, 1.0), "exact", 64, 33, key).sample(1) for s in (1.0, 2.0))
+    one, two = (Colored((s, 1.0), (2.0, 1.0)).build(64, 33, key, dt=0.1).sample(1) for s in (1.0, 2.0))
     np.testing.assert_allclose(two[:, 0], 2 * one[:, 0], rtol=1e-6)
     np.testing.assert_array_equal(two[:, 1], one[:, 1])
 

@@ -38,7 +38,7 @@ def test_steering_reaches_its_effective_sample_size_and_stays(start):
 
 
 def test_plan_with_steering_has_its_effective_sample_size():
-    mppi = make(samples=512, ess=40.0, temperature=1e-3)
+    mppi = make(samples=512, target_ess=40.0, temperature=1e-3)
     sizes = [mppi.improve(START, 0).ess for _ in range(200)]
     assert sizes[0] < 10
     assert np.median(sizes[-50:]) == pytest.approx(40, rel=0.25)

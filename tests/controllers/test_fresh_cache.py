@@ -13,16 +13,15 @@ import numpy as np
 from controllers.costs.race import RaceWeights, race_cost
 from controllers.config import MPPIConfig
 from controllers.mppi import MPPI
-from controllers.samplers import SAMPLERS, SamplerConfig
+from controllers.samplers import Colored
 from quadsim.course import load_course
 from quadsim.physics.plant import start_state
 from quadsim.systems.quadrotor import ModelParams, quadrotor
 
-course, config = load_course("paper_flat"), MPPIConfig(samples=500, horizon=60, ess=20.0)
+course, config = load_course("paper_flat"), MPPIConfig(samples=500, horizon=60, target_ess=20.0)
 system = quadrotor(ModelParams((0.1, 0.12, 0.2), 0.04, 0.3, (8.0, 8.0, 4.0), 36.0), config.dt)
-key = np.array([1, int(sys.argv[1])], np.uint32)
-sampler = SAMPLERS["colored"](SamplerConfig((1.5, 1.5, 0.3, 3.0)), config.samples, config.horizon, key, config.dt)
-mppi = MPPI(system, race_cost(course, 0.1, RaceWeights(), 1), sampler, config)
+sampler = Colored((1.5, 1.5, 0.3, 3.0), (0.01, 0.01, 0.01, 0.5))
+mppi = MPPI(system, race_cost(course, 0.1, RaceWeights(), 1), sampler, config, seed=int(sys.argv[1]))
 x = start_state(course.start, 0.1)
 print(mppi.is_cached, file=sys.stderr)
 for _ in range(20):

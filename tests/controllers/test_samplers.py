@@ -1,21 +1,42 @@
-"""What every registered sampler promises, whatever its law. The laws of colored noise are in test_colored."""
+"""What every registered sampler promises, whatever its law. The laws of colored noise are in test_colored.
+
+A new sampler is found by its line in SAMPLERS: numbers per control are given to it by the name of the field, every
+choice of its further fields is a case.
+"""
+
+from dataclasses import fields
+from itertools import product
+from typing import Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pytest
 from oracle import from_lanes
+from point import White
 
-from controllers.rollout.lanes import LANES
-from controllers.samplers import SAMPLERS, SamplerConfig
-from controllers.samplers.colored import LAWS
+from controllers.rollout.layout import CHUNK, LANES
+from controllers.samplers import SAMPLERS, Gaussian, build_lanes, make_sampler, stream_key
 
-CASES = [(name, law) for name in SAMPLERS for law in (LAWS if name == "colored" else ("exact",))]
+
+def choices(name):
+    """Every combination of the sampler's literal fields."""
+    hints = get_type_hints(SAMPLERS[name])
+    options = {f: get_args(hint) for f, hint in hints.items() if get_origin(hint) is Literal}
+    return [dict(zip(options, chosen, strict=True)) for chosen in product(*options.values())]
+
+
+CASES = [(name, chosen) for name in SAMPLERS for chosen in choices(name)] + [("own", {})]
 LIMIT = 5.0  # standard errors
-every_sampler = pytest.mark.parametrize("case", CASES, ids="-".join)
+every_sampler = pytest.mark.parametrize("case", CASES, ids=lambda c: "-".join((c[0], *c[1].values())))
 
 
-def make(case, key, samples=4096, horizon=20, sigma=(0.4, 0.8), gamma=(2.0, 0.5)):
-    name, law = case
-    return SAMPLERS[name](SamplerConfig(sigma, gamma, law), samples, horizon, key, 0.1)
+def make(case, key, samples=4096, horizon=20, sigma=(0.4, 0.8)):
+    """Every further number per control is .5 and up."""
+    name, chosen = case
+    if name == "own":
+        return build_lanes(White(sigma), len(sigma), samples, horizon, key, 0.1)
+    numbers = {f.name: tuple(0.5 + k for k in range(len(sigma))) for f in fields(SAMPLERS[name])}
+    sampler = make_sampler(name, **numbers | {"sigma": sigma} | chosen)
+    return build_lanes(sampler, len(sigma), samples, horizon, key, 0.1)
 
 
 def draw(case, key, call=1, samples=4096, horizon=20, **options):
@@ -48,6 +69,20 @@ def test_sample_is_a_function_of_key_and_call(case, key):
     first, second = (sampler.sample(call).copy() for call in (1, 2))
     np.testing.assert_array_equal(make(case, key).sample(2), second)
     np.testing.assert_array_equal(sampler.sample(1), first)
+    assert not np.array_equal(first, second)
+
+
+@every_sampler
+def test_chunk_drawn_alone_is_that_of_the_whole(case, key):
+    """A sampler of one's own draws chunk by chunk; the others, any part that begins with a pair of series."""
+    sampler = make(case, key, samples=CHUNK)
+    chunks = [sampler.sample(7, first, count).copy() for first, count in ((0, CHUNK), (CHUNK, CHUNK), (2 * CHUNK, 100))]
+    np.testing.assert_array_equal(make(case, key, samples=CHUNK).sample(7, 2 * CHUNK, 100), chunks[2])
+    np.testing.assert_array_equal(sampler.sample(7, CHUNK, CHUNK), chunks[1])
+    assert not np.array_equal(chunks[0], chunks[1])
+    if case[0] != "own":
+        whole = make(case, key, samples=2 * CHUNK + 100).sample(7)
+        np.testing.assert_array_equal(whole, np.concatenate(chunks))
 
 
 @every_sampler
@@ -65,10 +100,12 @@ def test_mean_is_zero_at_every_time(case, key):
 
 
 @every_sampler
-def test_sigma_belongs_to_its_channel(case, key):
-    spread = draw(case, key, sigma=(0.2, 0.0, 0.4), gamma=(1.0, 1.0, 1.0)).std(axis=(0, 2))
-    assert spread[1] == 0.0
-    assert spread[2] > 1.9 * spread[0] > 0.0
+def test_each_channel_scales_with_its_sigma(case, key):
+    """Small sigma, where the log-normal's factor exp(sigma eta) is nearly one."""
+    one, other = (draw(case, key, sigma=sigma) for sigma in ((0.01, 0.02), (0.02, 0.02)))
+    ratio = other.std(axis=(0, 2)) / one.std(axis=(0, 2))
+    np.testing.assert_allclose(ratio, (2.0, 1.0), rtol=2e-3)
+    assert abs(one.std(axis=(0, 2)) / one.std() - 1).max() > 0.1
 
 
 @every_sampler
@@ -93,7 +130,7 @@ def test_series_and_lanes_are_independent(case, key):
 def test_gaussian_is_white_with_the_variance_asked_for(key):
     """Covariance over channels and times against sigma^2 on the diagonal and zero elsewhere."""
     sigma = np.repeat((0.4, 0.8), 20)
-    z = draw(("gaussian", "exact"), key).reshape(-1, 40)
+    z = draw(("gaussian", {}), key).reshape(-1, 40)
     error = np.sqrt((1 + np.eye(40)) / len(z))
 
     def worst(z):
@@ -102,3 +139,35 @@ def test_gaussian_is_white_with_the_variance_asked_for(key):
     assert worst(z / sigma) < LIMIT
     assert worst(1.06 * z / sigma) > LIMIT
     assert worst(z / sigma + 0.1 * np.roll(z / sigma, 1, axis=1)) > LIMIT
+
+
+@pytest.mark.parametrize(
+    ("drawn", "found"),
+    [
+        (lambda *shape: np.zeros((shape[0], shape[2], shape[1])), r"shape \(64, 20, 2\), .*, got shape \(64, 2, 20\)$"),
+        (lambda *shape: np.full(shape, np.nan), "got 2560 that are not finite"),
+        (lambda *shape: np.full(shape, 1e300), "got 2560 that are not finite"),
+    ],
+)
+def test_draws_of_ones_own_sampler_that_do_not_fit_are_refused_in_one_line(key, drawn, found):
+    class Mine:
+        def sample(self, rng, samples, horizon, controls):
+            return drawn(samples, horizon, controls)
+
+    with pytest.raises(ValueError, match=found) as caught:
+        build_lanes(Mine(), 2, 64, 20, key, 0.1).sample(1)
+    assert str(caught.value).startswith("Mine.sample: expected ")
+    assert "\n" not in str(caught.value)
+
+
+def test_numbers_that_do_not_fit_are_refused(key):
+    with pytest.raises(ValueError, match="sigma: expected 4 numbers, one per control, got 2"):
+        build_lanes(Gaussian((1.0, 1.0)), 4, 64, 20, key, 0.1)
+    with pytest.raises(ValueError, match="gamma: expected 2 numbers, as sigma has, got 1"):
+        make_sampler("colored", sigma=(1.0, 1.0), gamma=(1.0,))
+
+
+def test_streams_of_one_seed_have_keys_of_their_own():
+    one, two = np.random.SeedSequence(3).spawn(2)
+    np.testing.assert_array_equal(stream_key(3), stream_key(np.random.SeedSequence(3)))
+    assert len({tuple(stream_key(s)) for s in (3, 4, one, two)}) == 4

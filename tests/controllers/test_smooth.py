@@ -1,14 +1,15 @@
 """Smooth-MPPI and Log-MPPI: their laws, each beside a version that the test rejects."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from oracle import from_lanes
 from point import POINT, REST, START, T, drawn, make, naive_cost, perturbed
 
 from controllers.presets import PRESETS
-from controllers.samplers import SAMPLERS, SamplerConfig
-from controllers.samplers.log_normal import LogNormal
-from controllers.samplers.smooth import SHIFTS, Momentum
+from controllers.samplers import SAMPLERS, LogNormal, Momentum
+from controllers.samplers.lane_sampler import Shift
 from controllers.update import weights
 
 FREE = {"system": POINT.__class__(**vars(POINT) | {"low": (-1e9,) * 2, "high": (1e9,) * 2})}
@@ -63,14 +64,14 @@ def test_last_samples_perturb_the_plan_without_its_momentum():
 
 
 def test_momentum_does_not_wind_up_at_the_limits():
-    mppi = make(sampler="smooth_star", sampling=SamplerConfig((5.0, 5.0), (0.0, 0.0)))
+    mppi = make(sampler="smooth_star", sigma=(5.0, 5.0))
     for _ in range(20):
         mppi.improve(START, 0)
         reach = np.subtract(POINT.high, POINT.low)
         assert np.all(abs(mppi.sampler.momentum.change) <= reach)
 
 
-@pytest.mark.parametrize("shift", SHIFTS)
+@pytest.mark.parametrize("shift", get_args(Shift))
 @pytest.mark.parametrize("steps", [1, 3, T, T + 5])
 def test_momentum_shifts_with_the_plan_or_by_the_published_slip(shift, steps):
     momentum, D = Momentum(T, 2, shift), np.arange(2.0 * T).reshape(T, 2)
@@ -91,7 +92,7 @@ def test_plan_takes_its_momentum_along_when_time_moves_on():
 
 
 def log_normal(key, sigma, samples=65536):
-    z = LogNormal((sigma, sigma), samples, 4, key).sample(1)
+    z = LogNormal((sigma, sigma)).build(samples, 4, key, dt=0.1).sample(1)
     return from_lanes(z, samples, 4).astype(float)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from controllers.presets import PRESETS
+from controllers.presets import PRESETS, preset
 from quadsim.app.flight_flags import FlightFlags, default_timeout
 from quadsim.app.preset_file import parse_planner
 from quadsim.files.strict_yaml import FileError
@@ -70,7 +70,7 @@ PRESET = """
 base: race
 vehicle: kingfisher
 sampling: {gamma: [3, 3, 3, 2]}
-mppi: {samples: 2048, ess: null}
+mppi: {samples: 2048, target_ess: null}
 """
 
 
@@ -79,8 +79,9 @@ def test_preset_file_changes_what_it_says_and_nothing_else(sampler):
     base = PRESETS["race"][sampler]
     planner = parse_planner(PRESET, "mine.yaml", sampler)
     assert planner.vehicle == "kingfisher"
-    assert planner.sampling == replace(base.sampling, gamma=(3.0, 3.0, 3.0, 2.0))
-    assert planner.mppi == replace(base.mppi, samples=2048, ess=None)
+    colored = replace(base.sampling, gamma=(3.0, 3.0, 3.0, 2.0)) if sampler == "colored" else base.sampling
+    assert planner.sampling == colored, "a number of another sampler is skipped"
+    assert planner.mppi == replace(base.mppi, samples=2048, target_ess=None)
     assert planner.cost == base.cost
 
 
@@ -89,9 +90,10 @@ def test_preset_file_changes_what_it_says_and_nothing_else(sampler):
     [
         ("base: rase\n", "p.yaml:1:7: base: no preset 'rase': did you mean 'race'?"),
         ("mppi: {samples: 9}\n", "base: missing"),
+        ("base: race\nmppi: {ess: 9}\n", "p.yaml:2:8: mppi.ess: unknown key, known are samples, "),
         ("base: race\nmpi: {samples: 9}\n", "p.yaml:2:1: mpi: unknown key, did you mean 'mppi'?"),
         ("base: race\nmppi: {dt: 1e-2, dt: 2}\n", "mppi.dt: duplicate key"),
-        ("base: race\nmppi: {samples: 20}\n", "p.yaml:2:7: mppi.ess: expected less than samples = 20, got 27"),
+        ("base: race\nmppi: {samples: 20}\n", "p.yaml:2:7: mppi.target_ess: expected less than samples = 20, got 27"),
         ("base: race\nsampling: {sigma: [1, 1, 1, 0]}\n", "expected a number [rad/s, rad/s, rad/s, m/s^2] > 0"),
         ("base: race\nsampling: {sigma: [1, 1, 1]}\n", "expected 4 numbers"),
         ("base: race\nsampling: {law: pink}\n", "expected 'exact' or 'library' or 'paper', got 'pink'"),
@@ -101,3 +103,13 @@ def test_preset_file_errors_name_the_place(text, problem):
     with pytest.raises(FileError) as caught:
         parse_planner(text, "p.yaml", "colored")
     assert problem in str(caught.value)
+
+
+def test_missing_preset_is_named_with_its_sampler_and_what_there_is(monkeypatch):
+    with pytest.raises(FileError, match=r"^no preset 'rase': did you mean 'race'\?$"):
+        preset("rase", "gaussian")
+    monkeypatch.delitem(PRESETS["race"], "smooth_star")
+    with pytest.raises(FileError, match=r"^preset 'race' has no sampler 'smooth_star': did you mean 'smooth'\?$"):
+        preset("race", "smooth_star")
+    with pytest.raises(FileError, match=r"^p.yaml:1:7: base: preset 'race' has no sampler 'smooth_star'"):
+        parse_planner("base: race\n", "p.yaml", "smooth_star")

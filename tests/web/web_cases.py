@@ -30,7 +30,7 @@ class Glider:
             "seed": choices.seed,
             "laps": self.laps,
             "vehicle": {"name": choices.vehicle, "rotors": {"tau": 0.033}, "thrust_max": 40.0},
-            "planner": {"mppi": {"samples": 64, "ess": 10.0}},
+            "planner": {"mppi": {"samples": 64, "target_ess": 10.0}},
             "host": {},
         }
         self.tuned: list[Numbers] = []

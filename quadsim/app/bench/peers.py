@@ -12,7 +12,9 @@ from importlib.util import find_spec
 import numpy as np
 
 from controllers.mppi import MPPI
-from controllers.rollout.lanes import LANES, Rollout
+from controllers.presets import preset
+from controllers.rollout.lanes import Rollout
+from controllers.rollout.layout import LANES
 from quadsim.app.bench.cases import controller, paper_case
 from quadsim.app.bench.jax_peer import JaxPeer
 from quadsim.app.bench.point_cost import point_cost
@@ -33,7 +35,8 @@ def require_peers() -> None:
 def compare(seconds: float) -> list[dict]:
     """One row a peer: {name, ms_p50, ours_ms, ratio, largest_difference}."""
     mppi, x = controller(paper_case("quadrotor", "gaussian"))
-    ours = MPPI(mppi.system, point_cost(), mppi.sampler, replace(mppi.config, rest_fraction=0.0))
+    sampling = preset("paper", "gaussian").sampling
+    ours = MPPI(mppi.system, point_cost(), sampling, replace(mppi.config, rest_fraction=0.0))
     return [
         _against(ours, x, name, load(ours.system, ours.cost, ours), seconds)
         for name, load in {"pytorch-mppi": TorchPeer, "JAX": JaxPeer}.items()

@@ -11,6 +11,7 @@ import numpy as np
 
 from controllers import mppi as algorithm
 from controllers.mppi import MPPI
+from controllers.rollout.layout import chunks
 from controllers.rollout.normals import fill_normals
 from quadsim.app.bench.cases import Case, controller
 from quadsim.app.bench.timing import median_ms, times_ms
@@ -99,8 +100,8 @@ def normals_ms(mppi: MPPI, seconds: float) -> float:
 
     Law exact: two series of n = 2 T steps come from 2 n normals a channel.
     """
-    M, chunk, key = mppi.samples, algorithm.CHUNK, np.zeros(2, np.uint32)
-    chunks = [mppi.sampler.sample(0, first, min(chunk, M - first)) for first in range(0, M, chunk)]
-    rows = [z.reshape(len(z), -1, z.shape[-1]) for z in chunks]  # views
+    key, parts = np.zeros(2, np.uint32), chunks(mppi.samples)
+    noise = [mppi.sampler.sample(0, part.start, part.stop - part.start) for part in parts]
+    rows = [z.reshape(len(z), -1, z.shape[-1]) for z in noise]  # views
     scale = np.ones(rows[0].shape[1], np.float32)
     return median_ms(lambda: [fill_normals(out, scale, key, 0, 0) for out in rows], seconds)

@@ -16,7 +16,7 @@ from math import log2
 
 from controllers.mppi import MPPI
 from controllers.rollout.inline import WORDS
-from controllers.rollout.lanes import CHUNK
+from controllers.rollout.layout import CHUNK
 from controllers.rollout.normals import box_muller, philox
 from quadsim.app.bench.roofline import bandwidth_gb, peak_gflops
 from quadsim.record.provenance import cpu_name

@@ -33,7 +33,7 @@ class Compare:
 
     race compare paper_flat --preset paper --variants gaussian,colored --attempts 100 --randomize 1
 
-    race compare split_s_swift --variants colored,soft=race+ess=200,wild=gaussian+sigma=3:3:.6:6
+    race compare split_s_swift --variants colored,soft=race+target-ess=200,wild=gaussian+sigma=3:3:.6:6
     """
 
     courses: Annotated[tuple[str, ...], Positional, arg(metavar="COURSE")] = ()  # see `race courses`, or FILE.yaml

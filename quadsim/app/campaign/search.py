@@ -10,6 +10,7 @@ import yaml
 
 from controllers.costs.race import RaceWeights
 from controllers.presets import PRESETS, Planner
+from controllers.samplers import Colored
 
 Group = Literal["sigma", "gamma", "temperature", "cost", "margin", "horizon"]
 FACTOR = 4.0  # sigmas and weights: from a quarter of the base's to four times
@@ -41,14 +42,14 @@ def knobs(planner: Planner, sampler: str, groups: Sequence[str]) -> Iterator[Kno
     if "sigma" in groups:
         for name, base in (("sigma_rates", s.sigma[0]), ("sigma_yaw", s.sigma[2]), ("sigma_thrust", s.sigma[3])):
             yield Knob(name, base / FACTOR, base * FACTOR, base, log=True)
-    if "gamma" in groups and sampler == "colored":
+    if "gamma" in groups and isinstance(s, Colored):
         yield Knob("gamma_rates", *GAMMA, s.gamma[0])
         yield Knob("gamma_thrust", *GAMMA, s.gamma[3])
     if "temperature" in groups:
-        if m.ess is None:
+        if m.target_ess is None:
             yield Knob("temperature", *TEMPERATURE, m.temperature, log=True)
         else:
-            yield Knob("ess", ESS[0], min(ESS[1], m.samples / 2), m.ess, log=True)
+            yield Knob("target_ess", ESS[0], min(ESS[1], m.samples / 2), m.target_ess, log=True)
     if "margin" in groups:
         yield Knob("margin", *MARGIN, c.margin)
         yield Knob("tighten", *TIGHTEN, m.tighten)
@@ -63,16 +64,18 @@ def knobs(planner: Planner, sampler: str, groups: Sequence[str]) -> Iterator[Kno
 def turned(planner: Planner, values: dict[str, float]) -> Planner:
     """The planner with these knobs turned, to three digits: what a file says is what was flown."""
     v = {k: x if isinstance(x, int) else float(f"{x:.3g}") for k, x in values.items()}
-    s, g = planner.sampling.sigma, planner.sampling.gamma
+    s = planner.sampling.sigma
     rates = v.get("sigma_rates", s[0])
     sigma = (rates, rates, v.get("sigma_yaw", s[2]), v.get("sigma_thrust", s[3])) if _any(v, "sigma") else s
-    color = v.get("gamma_rates", g[0])
-    gamma = (color, color, color, v.get("gamma_thrust", g[3])) if _any(v, "gamma") else g
-    mppi = {k: v[k] for k in ("temperature", "ess", "horizon", "tighten") if k in v}
+    sampling = replace(planner.sampling, sigma=sigma)
+    if isinstance(sampling, Colored) and _any(v, "gamma"):
+        color = v.get("gamma_rates", sampling.gamma[0])
+        sampling = replace(sampling, gamma=(color, color, color, v.get("gamma_thrust", sampling.gamma[3])))
+    mppi = {k: v[k] for k in ("temperature", "target_ess", "horizon", "tighten") if k in v}
     cost = {k: v[k] for k in (*WEIGHTS, "margin") if k in v}
     return replace(
         planner,
-        sampling=replace(planner.sampling, sigma=sigma, gamma=gamma),
+        sampling=sampling,
         mppi=replace(planner.mppi, **mppi),
         cost=replace(planner.cost, **cost),
     )

@@ -1,7 +1,7 @@
 """Variants: what a comparison compares. Each is a command line of `race fly`, said once and changed a little.
 
 gaussian                      a sampler, with the preset's numbers for it
-soft=race+ess=200             a name; then presets, samplers and flags of `race fly`, joined by +
+soft=race+target-ess=200      a name; then presets, samplers and flags of `race fly`, joined by +
 wild=gaussian+sigma=3:3:.6:6  several numbers are joined by colons
 """
 

@@ -8,30 +8,25 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from controllers.samplers import Channels
+from controllers.samplers import Colored, Gaussian, Sampling
 from quadsim.app.figure_style import STYLE, line
 from quadsim.app.paper.result import Result, write_csv, write_figure
 from quadsim.app.paper.sampled import DT, draw, paths
 from quadsim.palette import dotted, style
 
 SAMPLES = 300
-CASES = {  # name -> sampler, sigma; both channels have gamma 4 where it counts
-    "colored, sigma 0.4": ("colored", 0.4),
-    "gaussian, sigma 0.4": ("gaussian", 0.4),
-    "gaussian, sigma 2.0": ("gaussian", 2.0),
+CASES: dict[str, Sampling] = {
+    "colored, sigma 0.4": Colored((0.4, 0.4), (4.0, 4.0)),
+    "gaussian, sigma 0.4": Gaussian((0.4, 0.4)),
+    "gaussian, sigma 2.0": Gaussian((2.0, 2.0)),
 }
 LOOKS = dict(zip(CASES, (style("colored"), style("gaussian"), dotted(style("gaussian"))), strict=True))
 RUNS = 1
 
 
-def spread(sampler: str, sigma: float) -> np.ndarray:
-    """Paths of the samples.  (SAMPLES, steps + 1, 2) [m]"""
-    return paths(draw(sampler, Channels((sigma,) * 2, (4.0, 4.0)), SAMPLES))
-
-
 def run(runs: int, folder: Path) -> Result:
     """One run: nothing in it is repeated."""
-    cases = {name: spread(*case) for name, case in CASES.items()}
+    cases = {name: paths(draw(sampling, SAMPLES)) for name, sampling in CASES.items()}  # (SAMPLES, steps + 1, 2) [m]
     t = np.arange(next(iter(cases.values())).shape[1]) * DT
     variance = {name: p[:, :, 0].var(axis=0) for name, p in cases.items()}
     rows = [{"t": float(t[k])} | {f"var x, {n}": float(v[k]) for n, v in variance.items()} for k in range(len(t))]

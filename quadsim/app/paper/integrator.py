@@ -13,8 +13,8 @@ import numpy as np
 
 from controllers.config import MPPIConfig
 from controllers.costs.quadratic import quadratic_cost
-from controllers.mppi import MPPI, build_mppi
-from controllers.samplers import Channels
+from controllers.mppi import MPPI
+from controllers.samplers import Sampling
 from quadsim.app.paper.store import run_key
 from quadsim.course import Vec3
 from quadsim.physics.plant import ModelPlant
@@ -43,7 +43,7 @@ class Variant:
 
     name: str
     sampler: str
-    sampling: Channels
+    sampling: Sampling
 
     def key(self, seed: int) -> str:
         settings = {"sampler": self.sampler, "sampling": asdict(self.sampling), "mppi": asdict(MPPI_CONFIG)}
@@ -67,16 +67,14 @@ class Stopwatch:
 def frames(variant: Variant, seed: int) -> list[Frame]:
     """One run: STEPS + 1 states and the controls between them."""
     c = MPPI_CONFIG
-    planner = controller(
-        variant.sampler, variant.sampling, c, np.random.SeedSequence(seed).generate_state(2, np.uint32)
-    )
+    planner = controller(variant.sampling, c, seed)
     plant = ModelPlant(planner.system.step, planner.system.params, START, c.dt)
     return list(fly(plant, planner, Stopwatch((STEPS - 0.5) * c.dt), c.dt))
 
 
-def controller(sampler: str, sampling: Channels, config: MPPIConfig, key: np.ndarray) -> MPPI:
-    """To the goal; key (2,) uint32."""
-    return build_mppi(double_integrator(config.dt), quadratic_cost(GOAL), sampler, sampling, config, key)
+def controller(sampling: Sampling, config: MPPIConfig, seed: int = 0) -> MPPI:
+    """To the goal."""
+    return MPPI(double_integrator(config.dt), quadratic_cost(GOAL), sampling, config, seed)
 
 
 def record(job: tuple[Variant, int]) -> dict:

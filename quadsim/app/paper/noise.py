@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from controllers.samplers import Channels
+from controllers.samplers import Colored, Gaussian
 from quadsim.app.figure_style import STYLE
 from quadsim.app.paper.result import Result, write_csv, write_figure
 from quadsim.app.paper.sampled import DT, draw
@@ -22,9 +22,8 @@ RUNS = 1
 
 def run(runs: int, folder: Path) -> Result:
     """One run: nothing in it is repeated."""
-    one = Channels((1.0,), (0.0,))
-    rows = {GAUSSIAN: draw("gaussian", one, SHOWN)[:, 0]}
-    rows |= {f"gamma = {g:g}": draw("colored", Channels((1.0,), (g,)), SHOWN, seed=1)[:, 0] for g in GAMMAS}
+    rows = {GAUSSIAN: draw(Gaussian((1.0,)), SHOWN)[:, 0]}
+    rows |= {f"gamma = {g:g}": draw(Colored((1.0,), (g,)), SHOWN, seed=1)[:, 0] for g in GAMMAS}
     t = np.arange(next(iter(rows.values())).shape[1]) * DT
     with rc_context(STYLE):
         figure = Figure(figsize=(9, 8), dpi=110, layout="constrained")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.rollout.lanes import LANES
-from controllers.samplers import SAMPLERS, Channels
+from controllers.rollout.layout import from_lanes
+from controllers.samplers import Sampling, stream_key
 from quadsim.systems.offroad import BELIEVED, offroad
 
 DT = 0.02  # [s]
@@ -13,13 +13,10 @@ HORIZON = 250  # steps
 SPEED = 5.0  # of the vehicle at the start [m/s]
 
 
-def draw(sampler: str, sampling: Channels, samples: int, horizon: int = HORIZON, seed: int = 0) -> np.ndarray:
+def draw(sampling: Sampling, samples: int, horizon: int = HORIZON, seed: int = 0) -> np.ndarray:
     """Perturbations, one row a sample.  (samples, n_u, horizon)"""
-    key = np.random.SeedSequence(seed).generate_state(2, np.uint32)
-    z = SAMPLERS[sampler](sampling, samples, horizon, key, DT).sample(1)
-    series, n_u, steps, _ = z.shape
-    apart = z.reshape(series, n_u, steps // horizon, horizon, LANES).transpose(0, 2, 4, 1, 3)
-    return apart.reshape(-1, n_u, horizon)[:samples]
+    z = sampling.build(samples, horizon, stream_key(seed), DT).sample(1)
+    return from_lanes(z, samples, horizon)
 
 
 def paths(controls: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from controllers.samplers import Channels
+from controllers.samplers import make_sampler
 from quadsim.app.lap_table import plain_table
 from quadsim.app.paper.gather import gather
 from quadsim.app.paper.integrator import Variant, record
@@ -51,7 +51,8 @@ class Cell:
 
 def variant(name: str, sigma: float) -> Variant:
     sampler, gamma, law, shift = CHOICES[name]
-    return Variant(name, sampler, Channels((sigma,) * 2, (gamma,) * 2, law, shift))
+    numbers = {"sigma": (sigma,) * 2, "gamma": (gamma,) * 2, "law": law, "shift": shift}
+    return Variant(name, sampler, make_sampler(sampler, **numbers))
 
 
 def costs(names: tuple[str, ...], sigmas: tuple[float, ...], runs: int, folder: Path) -> dict[tuple[str, float], list]:

@@ -12,8 +12,8 @@ import numpy as np
 
 from controllers.config import MPPIConfig
 from controllers.costs.corridor import CorridorWeights, corridor_cost
-from controllers.mppi import MPPI, build_mppi
-from controllers.samplers import Channels
+from controllers.mppi import MPPI
+from controllers.samplers import make_sampler
 from quadsim.app.paper.store import run_key
 from quadsim.course.corridor import load_corridor
 from quadsim.physics.plant import ModelPlant, diffusion
@@ -29,7 +29,7 @@ PLANT_DT = 0.005  # [s]
 DISTURBANCE = {"hx": 0.01, "hy": 0.01, "v": 0.2, "r": 0.04}  # standard deviation after 1 s of it [1, m/s, rad/s]
 MPPI_CONFIG = MPPIConfig(samples=6144, horizon=250, iterations=3, dt=0.02, temperature=0.1, smooth=True)
 WEIGHTS = CorridorWeights()
-SAMPLING = Channels(sigma=(0.8, 0.8), gamma=(10.0, 4.0))
+SAMPLING = {"sigma": (0.8, 0.8), "gamma": (10.0, 4.0)}
 COLUMNS = ("t", *STATES, "drive_cmd", "steer_cmd")
 
 
@@ -43,7 +43,7 @@ class Drive:
 
     @property
     def key(self) -> str:
-        fixed = {"vehicle": [asdict(BELIEVED), asdict(DRIVEN)], "sampling": asdict(SAMPLING), "disturbed": DISTURBANCE}
+        fixed = {"vehicle": [asdict(BELIEVED), asdict(DRIVEN)], "sampling": SAMPLING, "disturbed": DISTURBANCE}
         corridor = load_corridor(CORRIDOR)
         fixed |= {"mppi": asdict(MPPI_CONFIG), "weights": asdict(WEIGHTS)}
         fixed |= {"points": corridor.points, "width": corridor.width, "timeout": TIMEOUT, "plant_dt": PLANT_DT}
@@ -53,16 +53,16 @@ class Drive:
 def frames(drive: Drive) -> tuple[list[Frame], CorridorReferee]:
     """From standing at the corridor's start until the judge ends it."""
     c = replace(MPPI_CONFIG, temperature=drive.temperature)
-    key, world = np.random.SeedSequence(drive.seed).spawn(2)
-    planner = controller(drive.sampler, c, key.generate_state(2, np.uint32))
+    stream, world = np.random.SeedSequence(drive.seed).spawn(2)
+    planner = controller(drive.sampler, c, stream)
     judge = CorridorReferee(load_corridor(CORRIDOR), HALF_WIDTH, TIMEOUT)
     return list(fly(plant(np.random.default_rng(world)), planner, judge, c.dt)), judge
 
 
-def controller(sampler: str, config: MPPIConfig, key: np.ndarray) -> MPPI:
-    """Along the corridor, by what is believed; key (2,) uint32."""
+def controller(sampler: str, config: MPPIConfig, seed: int | np.random.SeedSequence = 0) -> MPPI:
+    """Along the corridor, by the estimated model."""
     cost = corridor_cost(load_corridor(CORRIDOR), HALF_WIDTH, WEIGHTS, config.dt)
-    return build_mppi(offroad(BELIEVED, config.dt), cost, sampler, SAMPLING, config, key)
+    return MPPI(offroad(BELIEVED, config.dt), cost, make_sampler(sampler, **SAMPLING), config, seed)
 
 
 def start() -> tuple[float, ...]:

@@ -11,8 +11,10 @@ COURSE, *FLAGS = FLIGHT
 
 
 def test_an_arm_is_what_the_same_flags_fly():
-    soft, plain = parse_variants("soft=race+gaussian+ess=20+sigma=2:2:.3:4+smooth=yes,colored", [COURSE], FLAGS, "race")
-    argv = ["--preset", "race", "--sampler", "gaussian", "--ess", "20", "--sigma", "2", "2", ".3", "4", "--smooth"]
+    said = "soft=race+gaussian+target-ess=20+sigma=2:2:.3:4+smooth=yes,colored"
+    soft, plain = parse_variants(said, [COURSE], FLAGS, "race")
+    argv = ["--preset", "race", "--sampler", "gaussian", "--target-ess", "20"]
+    argv += ["--sigma", "2", "2", ".3", "4", "--smooth"]
     assert soft.spec == resolve([*FLIGHT, *argv], "race")
     assert plain.spec == variant("colored").spec
 
@@ -50,7 +52,7 @@ WRONG = {
     "compare paper_flat --variants a=rac": "no preset 'rac': did you mean 'race'?",
     "compare paper_flat --variants a=race+es=3": "unrecognized options: --es 3",
     "compare paper_flat --variants a=race+smooth=3": "--variants: smooth: expected yes or no, got '3'",
-    "compare paper_flat --variants a=race+ess=x": "--ess: expected a number, got 'x'",
+    "compare paper_flat --variants a=race+target-ess=x": "--target-ess: expected a number, got 'x'",
     "compare paper_flat --attempts 0": "--attempts: expected a whole number >= 1",
     "compare paper_flat --laps 2": "paper_flat: expected 1 lap, as the course is open, got 2",
     "compare paper_flat --threads 1": "--threads: attempts fly on one thread each; --jobs says how many at once",
