@@ -14,7 +14,8 @@ from oracle import from_lanes
 from point import White
 
 from controllers.rollout.layout import CHUNK, LANES
-from controllers.samplers import SAMPLERS, Gaussian, build_lanes, make_sampler, stream_key
+from controllers.samplers import SAMPLERS, Gaussian, build_lanes, make_sampler
+from controllers.samplers.lane_sampler import stream_key
 
 
 def choices(name):
