@@ -25,7 +25,8 @@ from controllers.rollout import layout
 from controllers.rollout.compiled import is_cached
 from controllers.rollout.lanes import Rollout
 from controllers.rollout.reduce import weighted_mean
-from controllers.samplers import PlainSampler, Sampling, build_lanes, stream_key
+from controllers.samplers import PlainSampler, Sampling, build_lanes
+from controllers.samplers.lane_sampler import stream_key
 from controllers.update import savitzky_golay, shares, steer, weights
 from quadsim.systems import System
 

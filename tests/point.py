@@ -18,6 +18,16 @@ SAMPLING = {"sigma": (0.8, 0.5), "gamma": (1.0, 0.5)}  # of every sampler that h
 PLAIN = MPPIConfig(samples=200, horizon=T, iterations=1, dt=0.1, temperature=0.1, rest_fraction=0.1)
 
 
+class White:
+    """A sampler of one's own: Gaussian, in plain numpy."""
+
+    def __init__(self, sd):
+        self.sd = sd
+
+    def sample(self, rng, samples, horizon, controls):
+        return rng.normal(size=(samples, horizon, controls)) * self.sd
+
+
 def step(x, u, p, dt):
     px, py, vx, vy = x
     ax, ay = u

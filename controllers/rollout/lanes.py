@@ -38,7 +38,7 @@ class Rollout:
         self._module.rollout(np.asarray(x0, d), U.astype(d), noise, J, *self._numbers(x0, target))
 
     def paths(self, x0: np.ndarray, v: np.ndarray, target: int) -> tuple[np.ndarray, np.ndarray]:
-        """Where at most LANES sampled controls lead, and the horizon mean of each term of their cost.
+        """The positions under at most LANES sampled controls, and the horizon mean of each term of their cost.
 
         x0 (n_x,), v (samples, n_u, T) -> the first three states (samples, T, 3), terms (samples, n_terms).
         One block on one thread.

@@ -1,6 +1,6 @@
 """The text of a generated module: a system's step and a cost's terms, inlined into two loops over lanes of samples.
 
-`rollout` flies every block of samples and keeps their costs; `paths` flies one block and keeps where it went.
+`rollout` computes the costs of every block of samples; `paths` computes the positions of one block.
 No gather and no data-dependent branch stands in the lane loop: when some sample reaches its target,
 a flag is set and a rare second loop moves those lanes to their next row of targets. Everything in the lane loop
 is as wide as a float: one 64-bit integer among the lanes would halve the width of all vectors.

@@ -12,26 +12,10 @@ import numpy as np
 
 from controllers.samplers.colored import Colored
 from controllers.samplers.gaussian import Gaussian
-from controllers.samplers.lane_sampler import LaneSampler, Momentum, Sampling, stream_key
+from controllers.samplers.lane_sampler import LaneSampler, Sampling
 from controllers.samplers.log_normal import LogNormal
 from controllers.samplers.plain import PlainSampler, lanes_of
 from controllers.samplers.smooth import Smooth, SmoothStar
-
-__all__ = [
-    "SAMPLERS",
-    "Colored",
-    "Gaussian",
-    "LaneSampler",
-    "LogNormal",
-    "Momentum",
-    "PlainSampler",
-    "Sampling",
-    "Smooth",
-    "SmoothStar",
-    "build_lanes",
-    "make_sampler",
-    "stream_key",
-]
 
 SAMPLERS: dict[str, type[Sampling]] = {
     "gaussian": Gaussian,

@@ -17,17 +17,6 @@ Gamma = tuple[Annotated[float, Meta(ge=0, le=10)], ...]  # exponent of each cont
 Shift = Literal["corrected", "published"]
 
 
-class Sample(Protocol):
-    """Perturbations of T steps, a function of (key, call, number of the sample) alone."""
-
-    def __call__(self, call: int, first: int = 0, samples: int = ...) -> np.ndarray:
-        """eps (series, n_u, halves * T, LANES) of the samples from `first` on, a multiple of 4 LANES.
-
-        As many as were asked for when it was built, or fewer; the next call writes into the same memory.
-        """
-        ...
-
-
 class Momentum:
     """D dt, what the last iteration changed the plan by; see controllers.samplers.smooth.  `change` (T, n_u)"""
 
@@ -43,9 +32,13 @@ class Momentum:
 
 @dataclass(frozen=True)
 class LaneSampler:
-    """What MPPI draws from: perturbations of its plan, or of its plan and the momentum that this has."""
+    """What MPPI draws from: perturbations of its plan, or of its plan and the momentum that this has.
 
-    sample: Sample
+    sample(call, first=0, samples=as built) -> eps (series, n_u, halves * T, LANES) of the samples from `first` on, a
+    multiple of 4 LANES: a function of (key, call, number of the sample) alone. The next call writes to the same memory.
+    """
+
+    sample: Callable[..., np.ndarray]
     loop: Callable | None  # the compiled one behind it, if any
     momentum: Momentum | None = None
 

@@ -11,9 +11,11 @@ from typing import Literal, get_args, get_origin, get_type_hints
 import numpy as np
 import pytest
 from oracle import from_lanes
+from point import White
 
 from controllers.rollout.layout import CHUNK, LANES
-from controllers.samplers import SAMPLERS, Gaussian, build_lanes, make_sampler, stream_key
+from controllers.samplers import SAMPLERS, Gaussian, build_lanes, make_sampler
+from controllers.samplers.lane_sampler import stream_key
 
 
 def choices(name):
@@ -21,16 +23,6 @@ def choices(name):
     hints = get_type_hints(SAMPLERS[name])
     options = {f: get_args(hint) for f, hint in hints.items() if get_origin(hint) is Literal}
     return [dict(zip(options, chosen, strict=True)) for chosen in product(*options.values())]
-
-
-class White:
-    """A sampler of one's own: Gaussian, in plain numpy."""
-
-    def __init__(self, sigma):
-        self.sigma_of_channel = sigma
-
-    def sample(self, rng, samples, horizon, controls):
-        return rng.normal(size=(samples, horizon, controls)) * self.sigma_of_channel
 
 
 CASES = [(name, chosen) for name in SAMPLERS for chosen in choices(name)] + [("own", {})]

@@ -8,8 +8,8 @@ from oracle import from_lanes
 from point import POINT, REST, START, T, drawn, make, naive_cost, perturbed
 
 from controllers.presets import PRESETS
-from controllers.samplers import SAMPLERS, LogNormal, Momentum
-from controllers.samplers.lane_sampler import Shift
+from controllers.samplers import SAMPLERS, LogNormal
+from controllers.samplers.lane_sampler import Momentum, Shift
 from controllers.update import weights
 
 FREE = {"system": POINT.__class__(**vars(POINT) | {"low": (-1e9,) * 2, "high": (1e9,) * 2})}

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from controllers.rollout.layout import from_lanes
-from controllers.samplers import Sampling, stream_key
+from controllers.samplers import Sampling
+from controllers.samplers.lane_sampler import stream_key
 from quadsim.systems.offroad import BELIEVED, offroad
 
 DT = 0.02  # [s]
