@@ -16,7 +16,7 @@ from controllers.presets import Planner
 from controllers.sampled_trajectories import take_snapshot
 from quadsim.course import Course
 from quadsim.physics.domain_randomization import draw, gusts
-from quadsim.physics.plant import BulletPlant
+from quadsim.physics.plant import PLANTS, Plant, default_plant
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
 from quadsim.race.flight import fly
@@ -40,31 +40,31 @@ class Spec:
     timeout: float  # [s]
     penalties: bool
     plant_dt: float  # [s]
-    randomize: float = 0.0  # size of the day's variation, see quadsim.physics.domain_randomization
-    clock: str = "simulated"  # see quadsim.race.flight.CLOCKS
+    randomize: float = 0.0  # size of the domain randomization, see quadsim.physics.domain_randomization
+    clock: str = "simulated"  # see quadsim.race.clock.CLOCKS
     deadline_ms: float | None = None  # shrink the samples so that a plan takes no longer
     host: dict = field(default_factory=dict)  # what must not change a flight: threads, folders
 
     def record(self) -> dict:
         """The JSON that a run keeps."""
         spec = asdict(self)
-        variation = asdict(draw(streams(self.seed)[1], self.randomize))
+        variation = asdict(draw(streams(self.seed)[1], self.randomize))  # stored runs have it under this key
         spec.update(course=self.course.name, course_text=self.course.text, variation=variation)
         return spec
 
 
-def launch(spec: Spec, plant: BulletPlant, controller: MPPI, referee: Referee) -> Iterator[Frame]:
+def launch(spec: Spec, plant: Plant, controller: MPPI, referee: Referee) -> Iterator[Frame]:
     """The frames of a flight that `build` made ready."""
     pilot = Deadline(controller, spec.deadline_ms) if spec.deadline_ms else controller
     picture = partial(take_snapshot, controller)
     return fly(plant, pilot, referee, spec.planner.mppi.dt, CLOCKS[spec.clock](), picture)
 
 
-def build(spec: Spec) -> tuple[BulletPlant, MPPI, Referee]:
-    """The world, the controller and the judge of one flight. The caller closes the plant."""
-    stream, day, wind = streams(spec.seed)
+def build(spec: Spec) -> tuple[Plant, MPPI, Referee]:
+    """The plant, the controller and the referee of one flight. The caller closes the plant."""
+    stream, disturbance, wind = streams(spec.seed)
     referee = Referee(spec.course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties)
-    return _plant(spec, day, wind), controller_of(spec, stream), referee
+    return _plant(spec, disturbance, wind), controller_of(spec, stream), referee
 
 
 def controller_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
@@ -77,20 +77,22 @@ def controller_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
 
 
 def streams(seed: int) -> tuple[np.random.SeedSequence, ...]:
-    """The planner's random stream, the day's and the wind's: independent, so that every planner meets the same day."""
+    """The random streams of the planner, the domain randomization and the gusts: independent, so that every planner
+    flies a seed under the same disturbances."""
     planner, plant = np.random.SeedSequence(seed).spawn(2)
     return planner, *plant.spawn(2)
 
 
-def _plant(spec: Spec, day: np.random.SeedSequence, wind: np.random.SeedSequence) -> BulletPlant:
+def _plant(spec: Spec, disturbance: np.random.SeedSequence, wind: np.random.SeedSequence) -> Plant:
+    plant = PLANTS[default_plant()]
     if spec.randomize == 0:
-        return BulletPlant(spec.course, spec.vehicle, spec.plant_dt)
-    today = draw(day, spec.randomize)
-    return BulletPlant(
+        return plant(spec.course, spec.vehicle, spec.plant_dt)
+    drawn = draw(disturbance, spec.randomize)
+    return plant(
         spec.course,
-        today.vehicle(spec.vehicle),
+        drawn.vehicle(spec.vehicle),
         spec.plant_dt,
-        start=today.start(spec.course.start),
-        body=today.body(spec.vehicle),
-        gusts=gusts(wind, today.gust, spec.plant_dt),
+        start=drawn.start(spec.course.start),
+        body=drawn.body(spec.vehicle),
+        gusts=gusts(wind, drawn.gust, spec.plant_dt),
     )

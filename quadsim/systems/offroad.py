@@ -17,14 +17,14 @@ from dataclasses import dataclass
 from numpy import maximum, minimum, sqrt, where
 
 from quadsim.systems import System
-from quadsim.systems.quadrotor import gain
+from quadsim.systems.first_order import response
 
 STATES = ("px", "py", "hx", "hy", "v", "r", "steer", "drive")
 CONTROLS = ("drive_cmd", "steer_cmd")  # both in -1..1
 
 
 def step(x, u, p, dt):
-    """x: STATES [m, 1, m/s, rad/s, 1]. u: CONTROLS. p: OffroadVehicle's numbers, lags as gains in one dt."""
+    """x: STATES [m, 1, m/s, rad/s, 1]. u: CONTROLS. p: OffroadVehicle's numbers, lags as responses in one dt."""
     px, py, hx, hy, v, r, steer, drive = x
     drive_cmd, steer_cmd = u
     k_steer, rate, k_drive, accel, brake, drag, kappa, grip, k_yaw, slip = p
@@ -61,14 +61,14 @@ class OffroadVehicle:
 
     def params(self, dt: float) -> tuple[float, ...]:
         """For steps of dt [s]."""
-        lags = (gain(tau, dt) for tau in (self.steer_tau, self.drive_tau, self.yaw_tau))
+        lags = (response(tau, dt) for tau in (self.steer_tau, self.drive_tau, self.yaw_tau))
         k_steer, k_drive, k_yaw = lags
         force = (self.accel, self.brake, self.drag, self.curvature, self.grip)
         return (k_steer, self.steer_rate, k_drive, *force, k_yaw, self.slip)
 
 
-# What is driven is slower, slides and grips less than what is believed.
-BELIEVED = OffroadVehicle()
+# The vehicle that is driven is slower, slides more and grips less than the one that is planned with.
+NOMINAL = OffroadVehicle()
 DRIVEN = OffroadVehicle(
     steer_tau=0.2, steer_rate=0.95, drive_tau=0.5, accel=3.2, curvature=0.17, grip=5.5, yaw_tau=0.2, slip=0.01
 )

@@ -7,18 +7,13 @@ import numpy as np
 import pytest
 from run_cases import SPEC, frame, two_laps
 
-from quadsim.race.events import PENALTY
 from quadsim.record.metrics import (
     MOTOR_TAU,
     chatter,
-    crashes,
     high_frequency_fraction,
-    lap_table,
-    max_speed,
     motor_corner,
     motor_residual,
     smoothness,
-    splits,
     thrust_psd,
     total_variation,
     wilson,
@@ -153,17 +148,3 @@ def test_no_crash_in_ten_flights_says_under_28_percent_and_in_100_under_3_7():
     assert wilson(0, 10) == (0.0, pytest.approx(0.2775, abs=1e-4))
     assert wilson(0, 100)[1] == pytest.approx(0.037, abs=1e-4)
     assert wilson(10, 10)[1] == 1.0
-
-
-def test_lap_table_adds_up():
-    run = two_laps()
-    table = lap_table(run)
-    assert [row["lap"] for row in table] == [1, 2]
-    assert [row["penalty"] for row in table] == [0.0, PENALTY]
-    assert all(row["time"] == pytest.approx(sum(row["splits"]) + row["penalty"]) for row in table)
-    assert [row["splits"] for row in table] == splits(run)
-    assert {row["max_speed"] for row in table} == {max_speed(run)} == {5.0}
-
-
-def test_crashes_are_counted_by_kind():
-    assert crashes(two_laps()) == {"hit": 1, "ground": 0, "bounds": 0}
