@@ -6,10 +6,13 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
+from plant_cases import NO_BULLET
 
 from quadsim.course import Course, Gate, Start
-from quadsim.physics.world import World, bullet
 from quadsim.vehicle import GRAVITY, Vehicle
+
+bullet = pytest.importorskip("pybullet", reason=NO_BULLET)
+from quadsim.physics.world import World  # noqa: E402
 
 DT, DEPTH, RADIUS = 1 / 400, 0.1, 0.1
 LEVEL, REST = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)

@@ -10,11 +10,14 @@ from math import exp, log, sqrt
 
 import numpy as np
 import pytest
+from plant_cases import NO_BULLET
 from referee_cases import DT, HALF, WIDTH, R, course, gate
 
-from quadsim.physics.world import World
 from quadsim.race.referee import Referee
 from quadsim.vehicle import GRAVITY, Vehicle
+
+pytest.importorskip("pybullet", reason=NO_BULLET)
+from quadsim.physics.world import World
 
 GATE = gate((0.0, 0.0, 10.0), yaw=0.7, pitch=-0.4, roll=0.2)
 PROBE = Vehicle("probe", "", 1.0, (1e-3,) * 3, R, (0.05,) * 3, (10.0,) * 3, 40.0, (0.0,) * 3, 0.0, None)

@@ -6,7 +6,7 @@ import numpy as np
 
 from controllers.rollout.lanes import LANES
 from controllers.samplers import SAMPLERS, Channels
-from quadsim.systems.offroad import BELIEVED, offroad
+from quadsim.systems.offroad import NOMINAL, offroad
 
 DT = 0.02  # [s]
 HORIZON = 250  # steps
@@ -24,7 +24,7 @@ def draw(sampler: str, sampling: Channels, samples: int, horizon: int = HORIZON,
 
 def paths(controls: np.ndarray) -> np.ndarray:
     """Where they lead from the origin, driving east.  (samples, 2, horizon) -> (samples, horizon + 1, 2) [m]"""
-    system = offroad(BELIEVED, DT)
+    system = offroad(NOMINAL, DT)
     u = np.clip(controls, -1.0, 1.0)
     x = tuple(np.full(len(u), v) for v in (0.0, 0.0, 1.0, 0.0, SPEED, 0.0, 0.0, 0.0))
     places = [np.stack(x[:2], axis=1)]
