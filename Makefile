@@ -1,5 +1,6 @@
 # Everything a checkout needs: `make race` flies, `make test` checks; both make .venv when it is missing.
-PYTHON ?= python3
+# The first of these that is Python 3.11 or newer makes .venv; 3.11 comes first, as PyBullet has wheels for it.
+PYTHON ?= python3.11 python3.12 python3.13 python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
@@ -28,7 +29,11 @@ lint: $(VENV)/.dev
 	$(BIN)/lint-imports
 
 $(VENV)/.app: pyproject.toml
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@test -x $(BIN)/python || { \
+	for python in $(PYTHON); do \
+		$$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && exec $$python -m venv $(VENV); \
+	done; \
+	echo "needs Python 3.11 or newer, tried: $(PYTHON); name one with PYTHON=/path/to/python3.11" >&2; exit 1; }
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	touch $@
 

@@ -1,7 +1,8 @@
-"""A budget that holds a deadline: fewer samples when planning was too slow, more when there is room."""
+"""A deadline for plans: fewer samples after a plan that took too long, more after one that took much less."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
@@ -15,10 +16,11 @@ SHRINK, GROW = 0.8, 1.05
 
 
 class Deadline:
-    """An MPPI whose samples follow the clock, between one block of lanes and what its configuration asks for."""
+    """An MPPI whose number of samples follows its planning time, between one block of lanes and its configuration's."""
 
-    def __init__(self, mppi: MPPI, deadline_ms: float):
-        self.mppi, self.deadline_ms = mppi, deadline_ms
+    def __init__(self, mppi: MPPI, deadline_ms: float, time: Callable[[], float] = perf_counter):
+        """deadline_ms: for one plan [ms]. time: [s] from any instant on."""
+        self.mppi, self.deadline_ms, self._time = mppi, deadline_ms, time
         self._warm = False  # the first plan may have to compile
 
     @property
@@ -26,10 +28,10 @@ class Deadline:
         return self.mppi.rest
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
-        began = perf_counter()
+        began = self._time()
         answer = self.mppi.control(x, target, elapsed)
         if self._warm:
-            self.mppi.samples = self.next_samples(1e3 * (perf_counter() - began))
+            self.mppi.samples = self.next_samples(1e3 * (self._time() - began))
         self._warm = True
         return answer
 

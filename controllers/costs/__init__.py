@@ -1,8 +1,8 @@
 """Costs q(x): plain functions over tuples of scalars, like the systems (see quadsim.systems).
 
 A cost is `terms(x, x_next, u, target, crashed, p)`: one flat tuple of its weighted terms, then whether
-this sample has reached its target and has crashed. `target` is the row of numbers of the next target; when
-a sample reaches it, the rollout moves that sample to the next row. `crashed`, 0.0 or 1.0, is latched.
+this sample has reached its target and has crashed. `target` is the sample's target row, the numbers that describe
+what it flies to; when it is reached, the rollout moves that sample to the next row. `crashed`, 0.0 or 1.0, is latched.
 """
 
 from collections.abc import Callable
@@ -19,10 +19,9 @@ class Cost:
     term_names: tuple[str, ...]
     terms: Callable  # -> (*n_terms, reached, crashed)
     params: tuple[float, ...]
-    targets: np.ndarray  # (targets, n_target) every target from the first on
+    targets: np.ndarray  # (targets, n_target) the target rows, from the first target on
     to_go: int | None = None  # column of targets that counts distance still to fly, if any
-
-    holds: Callable | None = None  # (x, row, params) -> whether x, past this target, must still mind it
+    holds: Callable | None = None  # (x, row, params) -> whether this target, just reached, can still be hit from x
 
     def targets_from(self, target: int, x: np.ndarray, dtype: type = np.float32) -> np.ndarray:
         """Rows from the current target on, the distance to go counted from it (small numbers for float32)."""

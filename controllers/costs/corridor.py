@@ -19,7 +19,7 @@ from quadsim.course.corridor import Corridor
 
 TERMS = ("to_go", "lethal", "rollover", "speed")
 TO_GO = 6  # column of the target rows
-RUN_OUT = 100.0  # [m] a last leg behind the goal: drive on through it
+RUN_OUT = 100.0  # [m] a last leg behind the goal, so that plans do not end there
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class CorridorWeights:
     """Weights a_0..a_3, and the numbers they refer to."""
 
     to_go: float = 0.2  # per metre still to drive
-    lethal: float = 500.0  # per metre travelled at a wall; grows evenly from none at the margin on
+    lethal: float = 500.0  # per metre travelled at a wall; falls linearly to none at the margin
     rollover: float = 10.0  # per metre travelled and (m/s^2)^2 of lateral acceleration above lateral_max
     speed: float = 2.0  # per metre travelled and (m/s)^2 above speed_max
     lateral_max: float = 4.0  # [m/s^2]
@@ -64,7 +64,8 @@ def corridor_cost(corridor: Corridor, half_width: float, weights: CorridorWeight
 
 
 def targets(corridor: Corridor) -> np.ndarray:
-    """A row for each leg: its end, direction, the normal of its end line, what follows [m]; one behind the goal."""
+    """A target row for each leg: its end, direction, the normal of its end line, the length of all that follows [m];
+    and one for a last leg behind the goal.  (legs + 1, 7)"""
     e, m = corridor.directions, corridor.ends
     ends = np.array(corridor.points[1:])
     rows = np.column_stack([ends, e, m])

@@ -3,11 +3,11 @@
     q = a_0 Progress + a_1 Heading + a_2 Height + a_3 Speed + a_4 Stabilize + a_5 Crash + a_6 Waypoint + a_7 Path
       + a_8 Clearance
 
-Unlike the paper's implementation, the target advances inside the rollout: a sample that flies through
-a gate is drawn to the next one from there on. A gate counts when the segment x -> x_next crosses its
-exit plane inside the free opening, which is the opening less the vehicle's radius and a skin; the frame,
-all of its depth, the ground and the bounds crash the sample for the rest of its rollout. The exit plane
-stands where the vehicle is clear of the frame behind it, the entry plane as far in front of the gate.
+Unlike the paper's implementation, the target advances inside the rollout: once a sample has flown through a gate, its
+progress is measured to the next one. A gate counts as passed when the segment x -> x_next crosses its exit plane inside
+the free opening, which is the opening less the vehicle's radius and a safety margin; the frame in all of its depth, the
+ground and the bounds crash the sample for the rest of its rollout. The exit plane lies where the vehicle is clear of
+the frame behind it, the entry plane as far in front of the gate.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from msgspec import Meta
 from numpy import maximum, minimum, sqrt, where
 
 from controllers.costs import Cost
-from quadsim.course import FRAME_DEPTH, Course, Gate
+from quadsim.course import FRAME_DEPTH, Course, Gate, in_frame
 from quadsim.files.strict_yaml import unit
 
 TERMS = ("progress", "heading", "height", "speed", "stabilize", "crash", "waypoint", "path", "clearance")
 TO_GO = 12  # column of the target rows
-SAFETY_MARGIN = 0.02  # [m] of air kept around the frame, or half of the room where a gate is that narrow
-RUN_OUT = 100.0  # [m] a last target this far behind the last gate: fly on through it
+SAFETY_MARGIN = 0.02  # [m] kept between vehicle and frame; where a gate is narrow, at most half of the room there is
+RUN_OUT = 100.0  # [m] from the last gate to a last target behind it, so that plans do not end at the finish
 
 Weight = Annotated[float, Meta(ge=0, le=1e6)]
 
@@ -43,10 +43,15 @@ class RaceWeights:
     crash: Weight = 1000.0  # per step after a crash
     waypoint: Weight = 0.0  # reward per step within waypoint_radius of the gate's exit
     path: Weight = 0.0  # per m^2 off the straight leg
-    clearance: Weight = 200.0  # per metre short of the margin, per step within a gate's depth
+    clearance: Weight = 200.0  # per metre by which the margin is not kept, per step within a gate's depth
     desired_speed: Annotated[float, unit("m/s", ge=0, le=100)] = 9.0  # horizontal, of the speed term [m/s]
     waypoint_radius: Annotated[float, unit("m", gt=0, le=100)] = 0.5  # around a gate's exit [m]
     margin: Annotated[float, unit("m", ge=0, le=10)] = 0.25  # wanted between vehicle and frame, within a gate [m]
+
+
+def cross(a, b):
+    """a x b of three numbers each."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def terms(x, x_next, u, target, crashed, p):
@@ -58,11 +63,9 @@ def terms(x, x_next, u, target, crashed, p):
 
     # position relative to the gate's exit, before and after: s along the passage, y left, z up
     dx, dy, dz = px - gx, py - gy, pz - gz
-    bx, by, bz = x[0] - gx, x[1] - gy, x[2] - gz
-    ux, uy, uz = ny * lz - nz * ly, nz * lx - nx * lz, nx * ly - ny * lx
-    s0, s1 = bx * nx + by * ny + bz * nz, dx * nx + dy * ny + dz * nz
-    y0, y1 = bx * lx + by * ly + bz * lz, dx * lx + dy * ly + dz * lz
-    z0, z1 = bx * ux + by * uy + bz * uz, dx * ux + dy * uy + dz * uz
+    n, left = (nx, ny, nz), (lx, ly, lz)
+    s0, y0, z0 = in_frame((x[0] - gx, x[1] - gy, x[2] - gz), n, left, cross(n, left))
+    s1, y1, z1 = in_frame((dx, dy, dz), n, left, cross(n, left))
     forward = (s0 < 0.0) & (s1 >= 0.0)
     backward = (s0 >= 0.0) & (s1 < 0.0)
     # how far beside the free opening the step goes through the exit and the entry, both times |s1 - s0| (no division),
@@ -81,7 +84,7 @@ def terms(x, x_next, u, target, crashed, p):
     out_of_bounds = (px < x_lo) | (px > x_hi) | (py < y_lo) | (py > y_hi) | (pz > z_hi)
     crashed = where(clipped | below_floor | out_of_bounds, 1.0, crashed)
 
-    # behind the exit without having passed, the way leads round to a point in front of the gate
+    # for a sample behind the exit that has not passed, the way leads round to a point in front of the gate
     rx, ry, rz = dx + approach * nx, dy + approach * ny, dz + approach * nz
     d2 = dx * dx + dy * dy + dz * dz
     past_exit = s1 > 0.0
@@ -122,21 +125,21 @@ def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) ->
 
 
 def clear_of_frame(radius: float) -> float:
-    """From the gate's plane to where the vehicle touches the frame no more [m]."""
+    """From the gate's plane to the exit plane, where the vehicle is clear of the frame [m]."""
     return FRAME_DEPTH / 2 + radius + SAFETY_MARGIN
 
 
 def is_inside(x: np.ndarray, row: np.ndarray, params: tuple[float, ...]) -> bool:
     """Whether x is past the gate's plane, within its outline, but not yet clear of its frame."""
     depth = params[len(TERMS) + 3]
-    d, passage, left = x[:3] - row[:3], row[3:6], row[6:9]
-    s, y, z = d @ passage, d @ left, d @ np.cross(passage, left)
+    passage, left = row[3:6], row[6:9]
+    s, y, z = in_frame(x[:3] - row[:3], passage, left, cross(passage, left))
     free_y, free_z, bar = row[9:12]
     return bool(-depth / 2 <= s < 0.0 and max(abs(y) - free_y, abs(z) - free_z) < bar)
 
 
 def targets(course: Course, radius: float, laps: int) -> np.ndarray:
-    """One row a gate of every lap, at its exit, and a last one far behind the finish.  (laps * gates + 1, 18)"""
+    """Target rows: one for each gate of every lap, at its exit, and one behind the finish.  (laps * gates + 1, 18)"""
     gates = course.gates * laps
     run_out = np.add(gates[-1].position, RUN_OUT * gates[-1].rotation[:, 0])
     exits = [g.position + clear_of_frame(radius) * g.rotation[:, 0] for g in gates]
@@ -147,7 +150,7 @@ def targets(course: Course, radius: float, laps: int) -> np.ndarray:
     rows[:, :3] = centres[1:]
     rows[-1, 9:11] = RUN_OUT  # no frame stands there
     approach = np.array([max(g.opening) for g in (*gates, gates[-1])])
-    # the way from gate to gate as terms() measures it, round a gate that faces away: passing a gate is no jump
+    # the way from gate to gate as terms() measures it, round a gate that faces away: no jump of the cost at a gate
     faces_away = (legs * rows[:, 3:6]).sum(axis=1) < 0
     ways_round = np.linalg.norm(approach[:, None] * rows[:, 3:6] - legs, axis=1) + approach
     ways = np.where(faces_away, ways_round, lengths)
@@ -158,6 +161,6 @@ def targets(course: Course, radius: float, laps: int) -> np.ndarray:
 def _target_row(gate: Gate, radius: float) -> np.ndarray:
     """Centre, passage, left axis, half the free opening, thickness of the bars around it.  (12,)"""
     half = np.array(gate.opening) / 2
-    skin = min(SAFETY_MARGIN, (half.min() - radius) / 2)
-    bar = gate.frame_width + 2 * radius + SAFETY_MARGIN + skin
-    return np.array([*gate.position, *gate.rotation.T[:2].ravel(), *(half - radius - skin), bar])
+    inner = min(SAFETY_MARGIN, (half.min() - radius) / 2)  # the safety margin inside the opening
+    bar = gate.frame_width + 2 * radius + SAFETY_MARGIN + inner
+    return np.array([*gate.position, *gate.rotation.T[:2].ravel(), *(half - radius - inner), bar])

@@ -1,6 +1,6 @@
 """Courses: where the gates stand, read from YAML files and checked."""
 
-from quadsim.course.course import FRAME_DEPTH, Course, Gate, Published, Start, Vec3
+from quadsim.course.course import FRAME_DEPTH, Course, Gate, Published, Start, Vec3, in_frame
 from quadsim.course.course_file import COURSES, course_names, load_course, parse_course
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "Start",
     "Vec3",
     "course_names",
+    "in_frame",
     "load_course",
     "parse_course",
 ]

@@ -15,6 +15,18 @@ FRAME_DEPTH = 0.1  # of a gate's bars along its passage [m]
 Vec3 = tuple[float, float, float]
 
 
+def in_frame(d, passage, left, up):
+    """Components of the vector d along the axes of a gate's frame.  Each (3,), scalars or rows of numbers.
+
+    A plain function, as the compiled lanes inline it.
+    """
+    return (
+        passage[0] * d[0] + passage[1] * d[1] + passage[2] * d[2],
+        left[0] * d[0] + left[1] * d[1] + left[2] * d[2],
+        up[0] * d[0] + up[1] * d[1] + up[2] * d[2],
+    )
+
+
 @dataclass(frozen=True)
 class Gate:
     """A rectangular opening in a flat frame. Gate frame: x along the legal passage, y left, z up."""
@@ -47,13 +59,16 @@ class Gate:
     def to_local(self, p: Vec3) -> Vec3:
         """A point of the world in the gate frame: along the passage, left, up [m]."""
         c = self.position
-        x, y, z = p[0] - c[0], p[1] - c[1], p[2] - c[2]
-        f, l, u = self.axes  # noqa: E741
-        return (
-            f[0] * x + f[1] * y + f[2] * z,
-            l[0] * x + l[1] * y + l[2] * z,
-            u[0] * x + u[1] * y + u[2] * z,
-        )
+        return in_frame((p[0] - c[0], p[1] - c[1], p[2] - c[2]), *self.axes)
+
+    @property
+    def bars(self) -> tuple[tuple[Vec3, Vec3], ...]:
+        """Four bars (centre, half extents) in the gate frame [m]: top and bottom span the corners."""
+        (width, height), bar = self.opening, self.frame_width
+        across, up = (width + bar) / 2, (height + bar) / 2
+        beam = (FRAME_DEPTH / 2, width / 2 + bar, bar / 2)
+        post = (FRAME_DEPTH / 2, bar / 2, height / 2)
+        return ((0.0, 0.0, up), beam), ((0.0, 0.0, -up), beam), ((0.0, across, 0.0), post), ((0.0, -across, 0.0), post)
 
     def corners(self, border: float = 0.0) -> np.ndarray:
         """Corners of the opening, `border` [m] farther out, in the world.  (4, 3)"""
@@ -79,7 +94,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Published:
-    """A time that somebody else flew on these gates."""
+    """A time on these gates that others have published."""
 
     who: str
     time: float  # [s]

@@ -17,7 +17,7 @@ from quadsim.files.strict_yaml import parse, unit
 
 COURSES = Path(__file__).parents[2] / "courses"
 MARGIN = 10.0  # of default bounds around start and gates [m]
-BELOW_GROUND = 1.0  # of default bounds below the ground, which is judged by itself [m]
+BELOW_GROUND = 1.0  # of default bounds below the ground [m]: there the ground ends a flight, not the bounds
 
 Metre = Annotated[float, unit("m", ge=-1e4, le=1e4)]
 Size = Annotated[float, unit("m", gt=0, le=100)]

@@ -1,7 +1,8 @@
-"""Randomised flights: start pose, vehicle tolerances and gusts, drawn from the plant's own random stream.
+"""Domain randomization: start pose, vehicle tolerances and gusts, drawn from the plant's own random stream.
 
-The size is a dial: 0 changes nothing, 1 is a careful outdoor day, everything in proportion. What a seed draws depends
-on nothing else, so two planners that fly the same seed meet the same day. The planner believes the nominal vehicle.
+Everything is in proportion to a size: 0 changes nothing, 1 is a careful outdoor flight. What is drawn depends on seed
+and size alone, so that two planners with the same seed fly under the same disturbances. The planner's model remains
+that of the nominal vehicle.
 """
 
 from __future__ import annotations
@@ -9,17 +10,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import repeat
-from math import exp, radians, sqrt
+from math import radians, sqrt
 
 import numpy as np
 
 from quadsim.course import Start
+from quadsim.systems.first_order import remaining
 from quadsim.vehicle import Vec3, Vehicle, scale_thrust
 
 # Half widths of the uniform laws at size 1.
 OFFSET = 0.2  # of the start, per axis [m]
 TURN = radians(10)  # of its yaw [rad]
-MASS = 0.05  # share: a battery more or less, not told to the flight controller
+MASS = 0.05  # share: a battery more or less, which the flight controller is not told
 THRUST = 0.05  # share of the full thrust: the battery's charge
 LAG = 0.2  # share of the lags of body rates and rotors
 DRAG = 0.25  # share
@@ -28,8 +30,8 @@ GUST_TAU = 0.5  # correlation time [s]
 
 
 @dataclass(frozen=True)
-class Variation:
-    """One day: what differs from the nominal start and vehicle. Shares are relative, 0.03 is 3 % more."""
+class Randomization:
+    """What one randomized seed changes of the nominal start and vehicle. Shares are relative, 0.03 is 3 % more."""
 
     offset: Vec3 = (0.0, 0.0, 0.0)  # [m]
     turn: float = 0.0  # [rad]
@@ -45,24 +47,24 @@ class Variation:
         return Start((x + dx, y + dy, z + dz), start.yaw + self.turn)
 
     def vehicle(self, vehicle: Vehicle) -> Vehicle:
-        """What stands between command and wrench: lags, drag and full thrust as they are today."""
+        """The vehicle whose actuators fly, with its lags, drag and full thrust."""
         lags = tuple(tau * (1 + self.rate_lag) for tau in vehicle.rate_tau)
         rotors = vehicle.rotors and replace(vehicle.rotors, tau=vehicle.rotors.tau * (1 + self.motor_lag))
         drag = tuple(d * (1 + self.drag) for d in vehicle.drag)
         return scale_thrust(replace(vehicle, rate_tau=lags, rotors=rotors, drag=drag), 1 + self.thrust)
 
     def body(self, vehicle: Vehicle) -> Vehicle:
-        """What the wrench acts on: mass and inertia as they are, which the flight controller does not know."""
+        """The body that the wrench acts on, with its mass and inertia, which the flight controller does not know."""
         inertia = tuple(j * (1 + self.mass) for j in vehicle.inertia)
         return replace(vehicle, mass=vehicle.mass * (1 + self.mass), inertia=inertia)
 
 
-def draw(seeds: np.random.SeedSequence, size: float) -> Variation:
-    """The day of a seed."""
+def draw(seeds: np.random.SeedSequence, size: float) -> Randomization:
+    """What these seeds change at this size: uniform laws, all independent."""
     if size == 0:
-        return Variation()
+        return Randomization()
     x = (size * np.random.default_rng(seeds).uniform(-1, 1, 9)).tolist()
-    return Variation(
+    return Randomization(
         offset=(OFFSET * x[0], OFFSET * x[1], OFFSET * x[2]),
         turn=TURN * x[3],
         mass=MASS * x[4],
@@ -75,13 +77,14 @@ def draw(seeds: np.random.SeedSequence, size: float) -> Variation:
 
 
 def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3]:
-    """Acceleration [m/s^2] of every physics step: an Ornstein-Uhlenbeck process, exact for any dt, from its own law on.
+    """Acceleration [m/s^2] of every physics step: an Ornstein-Uhlenbeck process, exact for any dt, stationary from the
+    first step on.
 
     w <- exp(-dt / tau) w + std sqrt(1 - exp(-2 dt / tau)) N(0, 1)
     """
     if std == 0:
         yield from repeat((0.0, 0.0, 0.0))
-    keep = exp(-dt / GUST_TAU)
+    keep = remaining(GUST_TAU, dt)
     fresh = std * sqrt(1 - keep * keep)
     rng = np.random.default_rng(seeds)
     x, y, z = (std * rng.standard_normal(3)).tolist()

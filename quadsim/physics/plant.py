@@ -1,16 +1,22 @@
-"""Plant: the world that is flown. The controller only believes; the plant is."""
+"""Plants: what is flown. The controller plans with a model of it, which may differ.
+
+A quadrotor is a rigid body behind its actuators; two worlds move the rigid body, PyBullet's and our own. Any other
+system is flown by its own step.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
 from math import cos, sin
 from typing import Protocol
 
 import numpy as np
 
-from quadsim.course import FRAME_DEPTH, Course, Start
+from quadsim.course import Course, Start
 from quadsim.physics.actuators import Actuators, Vector, to_body
+from quadsim.physics.rigid_body import RigidBody
 from quadsim.vehicle import GRAVITY, Vehicle
 
 CLEARANCE = 1e-3  # between the ground and a vehicle that starts on it [m]
@@ -18,7 +24,7 @@ CLEARANCE = 1e-3  # between the ground and a vehicle that starts on it [m]
 
 @dataclass(frozen=True, slots=True)
 class PlantState:
-    """What one physics step left behind."""
+    """The state after a physics step."""
 
     t: float  # [s]
     x: Vector  # STATE
@@ -32,7 +38,7 @@ class PlantState:
 
 
 class Plant(Protocol):
-    """A world with its own clock of fixed physics steps. One per flight; close() frees it."""
+    """A system with its own fixed physics step. One for each flight; close() frees it."""
 
     dt: float  # physics step [s]
 
@@ -54,8 +60,19 @@ def start_state(start: Start, radius: float) -> Vector:
     return (*p, 0.0, 0.0, 0.0, cos(half), 0.0, 0.0, sin(half), 0.0, 0.0, 0.0, GRAVITY, 0.0, 0.0, 0.0)
 
 
-class BulletPlant:
-    """A rigid body in PyBullet behind the vehicle's actuators. Deterministic: each plant has a fresh client."""
+class World(Protocol):
+    """A rigid body among a course's gates; see quadsim.physics.rigid_body.RigidBody."""
+
+    def place(self, p: Vector, q: Vector) -> None: ...
+    def apply(self, force_body: Vector, torque_body: Vector) -> None: ...
+    def step(self) -> None: ...
+    def read(self) -> tuple[Vector, Vector, Vector, Vector]: ...
+    def contacts(self) -> tuple[str, ...]: ...
+    def close(self) -> None: ...
+
+
+class QuadrotorPlant:
+    """A rigid body behind the vehicle's actuators. Deterministic: each plant has a world of its own."""
 
     def __init__(
         self,
@@ -66,18 +83,20 @@ class BulletPlant:
         body: Vehicle | None = None,
         gusts: Iterator[Vector] | None = None,
     ):
-        """start: where to stand instead of on the course's own start. body: whose mass and inertia the actuators, who
-        know only the vehicle, really move. gusts: acceleration of each physics step, world frame [m/s^2]."""
-        from quadsim.physics.world import World  # here, so that models and referees do not load pybullet
-
+        """start: in place of the course's own. body: whose mass and inertia the world has, in place of the vehicle's,
+        by which the actuators are controlled. gusts: acceleration of each physics step, world frame [m/s^2]."""
         self.dt = dt
         self._actuators = Actuators(vehicle, dt)
-        self._world = World(course, body or vehicle, dt, FRAME_DEPTH)
+        self._world = self._new_world(course, body or vehicle, dt)
         self._mass, self._gusts = (body or vehicle).mass, gusts
         x = start_state(start or course.start, vehicle.radius)
         self._world.place(x[0:3], x[6:10])
         self._steps = 0
         self._state = self._read()
+
+    @staticmethod
+    def _new_world(course: Course, body: Vehicle, dt: float) -> World:
+        raise NotImplementedError
 
     @property
     def state(self) -> PlantState:
@@ -104,8 +123,41 @@ class BulletPlant:
         self._world.close()
 
 
+class BulletPlant(QuadrotorPlant):
+    """In PyBullet. Raises ValueError where that is not installed."""
+
+    @staticmethod
+    def _new_world(course: Course, body: Vehicle, dt: float) -> World:
+        if not has_bullet():
+            raise ValueError("plant: 'bullet' needs PyBullet, which is not installed: install it, or fly 'rigid'")
+        from quadsim.physics import world  # here, so that models and referees do not load pybullet
+
+        return world.World(course, body, dt)
+
+
+class RigidPlant(QuadrotorPlant):
+    """In quadsim.physics.rigid_body, which needs nothing but Python."""
+
+    @staticmethod
+    def _new_world(course: Course, body: Vehicle, dt: float) -> World:
+        return RigidBody(course, body, dt)
+
+
+PLANTS: dict[str, type[QuadrotorPlant]] = {"bullet": BulletPlant, "rigid": RigidPlant}
+
+
+def has_bullet() -> bool:
+    """Whether PyBullet can be imported; it is not, as that takes a while."""
+    return find_spec("pybullet") is not None
+
+
+def default_plant() -> str:
+    """The plant that is flown unless another is asked for: "bullet" where PyBullet is installed, else "rigid"."""
+    return "bullet" if has_bullet() else "rigid"
+
+
 class ModelPlant:
-    """A system's own step as the world, with an optional disturbance. Touches nothing."""
+    """A system flown by its own step, with an optional disturbance. Touches nothing."""
 
     def __init__(
         self,
@@ -115,7 +167,7 @@ class ModelPlant:
         dt: float,
         disturb: Callable[[Vector], Vector] | None = None,
     ):
-        """disturb: what the world does to the state after each step, e.g. `diffusion`."""
+        """disturb: a change of the state after each step, e.g. `diffusion`."""
         self.dt = dt
         self._step, self._params, self._disturb = step, params, disturb
         self._steps = 0

@@ -1,6 +1,6 @@
-"""The PyBullet world: the only file that knows pybullet. Its frames and its xyzw quaternions end here.
+"""The PyBullet world: the only file that imports pybullet. Its frames and its xyzw quaternions end here.
 
-PyBullet caps velocities at 100 (m/s, rad/s) per coordinate, silently; no vehicle here comes near.
+PyBullet caps velocities at 100 (m/s, rad/s) per coordinate, silently; no vehicle here gets near that.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 
 def _import_quietly(name: str) -> Any:
-    """Import a module that greets from C on file descriptor 2, past sys.stderr: a progress line lives there."""
+    """Import a module that prints from C to file descriptor 2, where sys.stderr cannot catch it."""
     stderr, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
     try:
@@ -31,19 +31,10 @@ def _import_quietly(name: str) -> Any:
 bullet = _import_quietly("pybullet")
 
 
-def gate_bars(gate: Gate, depth: float) -> tuple[tuple[Vector, Vector], ...]:
-    """Four bars (centre, half extents) in the gate frame [m]: top and bottom span the corners."""
-    (width, height), bar = gate.opening, gate.frame_width
-    across, up = (width + bar) / 2, (height + bar) / 2
-    beam = (depth / 2, width / 2 + bar, bar / 2)
-    post = (depth / 2, bar / 2, height / 2)
-    return ((0.0, 0.0, up), beam), ((0.0, 0.0, -up), beam), ((0.0, across, 0.0), post), ((0.0, -across, 0.0), post)
-
-
 class World:
     """A rigid sphere with its own inertia, the ground at z = 0 and static gate frames, in a client of its own."""
 
-    def __init__(self, course: Course, vehicle: Vehicle, dt: float, frame_depth: float):
+    def __init__(self, course: Course, vehicle: Vehicle, dt: float):
         self._client = bullet.connect(bullet.DIRECT)
         self._at: dict[str, int] = {"physicsClientId": self._client}
         bullet.setTimeStep(dt, **self._at)
@@ -51,12 +42,12 @@ class World:
         plane = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], **self._at)
         self._names = {bullet.createMultiBody(0.0, plane, **self._at): "ground"}
         for number, gate in enumerate(course.gates, start=1):
-            self._names[self._add_gate(gate, frame_depth)] = f"gate {number}"
+            self._names[self._add_gate(gate)] = f"gate {number}"
         self._body = self._add_vehicle(vehicle)
 
-    def _add_gate(self, gate: Gate, depth: float) -> int:
+    def _add_gate(self, gate: Gate) -> int:
         """One static compound of boxes. Not a mesh, whose collision shape is its hull: a solid opening."""
-        centres, halves = map(list, zip(*gate_bars(gate, depth), strict=True))  # a tuple of rows crashes pybullet
+        centres, halves = map(list, zip(*gate.bars, strict=True))  # a tuple of rows crashes pybullet
         frame = bullet.createCollisionShapeArray(
             shapeTypes=[bullet.GEOM_BOX] * 4, halfExtents=halves, collisionFramePositions=centres, **self._at
         )
@@ -70,7 +61,7 @@ class World:
             body,
             -1,
             localInertiaDiagonal=vehicle.inertia,
-            linearDamping=0.0,  # the default 0.04 would brake 12 m/s with 6 m/s^2
+            linearDamping=0.0,  # the default 0.04 would slow 12 m/s down by 6 m/s^2
             angularDamping=0.0,
             restitution=0.0,
             **self._at,
@@ -84,7 +75,7 @@ class World:
         bullet.resetBaseVelocity(self._body, v, omega, **self._at)
 
     def apply(self, force_body: Vector, torque_body: Vector) -> None:
-        """Act for the next step only [N, N m]; gravity is the world's own."""
+        """Act for the next step only [N, N m]; gravity is added by Bullet."""
         bullet.applyExternalForce(self._body, -1, force_body, ORIGIN, bullet.LINK_FRAME, **self._at)
         bullet.applyExternalTorque(self._body, -1, torque_body, bullet.LINK_FRAME, **self._at)
 
@@ -101,7 +92,7 @@ class World:
         return p, v, q, to_body(q, omega)
 
     def contacts(self) -> tuple[str, ...]:
-        """What the vehicle touches now. Bullet also lists near pairs, at positive distance: those do not count."""
+        """What the vehicle touches now. Bullet also lists near pairs, at positive distance: those are left out."""
         points = bullet.getContactPoints(bodyA=self._body, **self._at)
         return tuple(dict.fromkeys(self._names[c[2]] for c in points if c[8] <= 0.0))
 

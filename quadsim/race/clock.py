@@ -1,16 +1,17 @@
-"""What time does while a plan is made: the simulated world waits, or it does not."""
+"""Clocks: whether simulated time passes while a plan is made."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from time import perf_counter, sleep
 from typing import Protocol
 
 
 class Clock(Protocol):
-    """What time does while a plan is made; t counts from the start of the flight [s]."""
+    """Relates simulated time t, which counts from the start of the flight [s], to the time that planning takes."""
 
     def now(self, t: float) -> float:
-        """The time at which whatever began at t is done."""
+        """The simulated time at which a plan that was begun at t is ready."""
         ...
 
     def wait(self, t: float) -> None:
@@ -19,7 +20,7 @@ class Clock(Protocol):
 
 
 class SimulatedClock:
-    """The world stands still while the controller thinks: every flight is reproducible to the last bit."""
+    """A plan takes no simulated time: every flight is reproducible to the last bit."""
 
     def now(self, t: float) -> float:
         return t
@@ -29,18 +30,20 @@ class SimulatedClock:
 
 
 class WallClock:
-    """The world does not wait: a plan acts when it is ready, and simulated seconds are real ones."""
+    """Simulated seconds are real ones: a plan acts once it is ready."""
 
-    def __init__(self) -> None:
+    def __init__(self, time: Callable[[], float] = perf_counter, sleep: Callable[[float], None] = sleep):
+        """time: [s] from any instant on. sleep: passes so many seconds of it."""
+        self._time, self._sleep = time, sleep
         self._began: float | None = None
 
     def now(self, t: float) -> float:
-        if self._began is None:  # the first plan is made before the start signal; compiling is not racing
-            self._began = perf_counter() - t
-        return perf_counter() - self._began
+        if self._began is None:  # the flight begins when the first plan is ready, which may have had to compile
+            self._began = self._time() - t
+        return self._time() - self._began
 
     def wait(self, t: float) -> None:
-        sleep(max(t - self.now(t), 0.0))
+        self._sleep(max(t - self.now(t), 0.0))
 
 
 CLOCKS = {"simulated": SimulatedClock, "wall": WallClock}

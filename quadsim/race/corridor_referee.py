@@ -11,7 +11,7 @@ from quadsim.course import Vec3
 from quadsim.course.corridor import Corridor
 from quadsim.race.events import Event
 
-STUCK = 5.0  # [s] within a metre
+STUCK = 5.0  # [s] within a metre of one place
 
 
 class CorridorReferee:
@@ -25,10 +25,11 @@ class CorridorReferee:
         self.passed = 0  # legs
         self._corridor, self._timeout = corridor, timeout
         self._room = corridor.width / 2 - half_width
-        self._moved = (0.0, np.array(corridor.points[0]))  # when and where it was a metre from where it was before
+        self._moved = (0.0, np.array(corridor.points[0]))  # time and place of the last metre made
 
     @property
     def next_gate(self) -> int:
+        """Index of the leg that is driven."""
         return self.passed
 
     def observe(self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()) -> list[Event]:

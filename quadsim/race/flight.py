@@ -1,4 +1,4 @@
-"""fly(): the one loop. The controller plans, the plant moves, the referee judges; each control step is a Frame.
+"""fly(): the one loop. The controller plans, the plant moves, the referee watches; each control step is a Frame.
 
 A generator, so that whoever asks for frames sets the pace: the command line collects them, a page draws
 while it asks, a test takes them all, and pausing is not asking for the next one.
@@ -108,7 +108,7 @@ def fly(
 
 
 def hold(plant: Plant, referee: RefereeProtocol, u: tuple[float, ...], until: float) -> list[Event]:
-    """Apply u until the given time, to the nearest physics step; every step is judged."""
+    """Apply u until the given time, to the nearest physics step; the referee sees every step."""
     events: list[Event] = []
     while plant.state.t < until - plant.dt / 2 and referee.outcome is None:
         before = plant.state

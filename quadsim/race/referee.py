@@ -1,4 +1,4 @@
-"""Referee: every physics step against every gate -> pass, hit, miss, wrong_way; laps; the end of the flight.
+"""The referee: every physics step against every gate -> pass, hit, miss, wrong_way; the end of the flight.
 
 pass       the next gate's plane crossed forward, free of the frame
 hit        first contact with a frame: any gate, any direction, before a bounce
@@ -13,16 +13,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import dist, inf, isfinite
 
-import numpy as np
-
-from quadsim.course import Course
-from quadsim.race.events import Event, flown_laps, lap_penalties, sector_times
-from quadsim.race.swept import Incident, SweptGate, Vec3, clip, lerp
+from quadsim.course import Course, Vec3
+from quadsim.course.swept import Incident, SweptGates, clip, lerp
+from quadsim.race.events import Event
 
 GROUND_MARGIN = 1e-3  # [m] a sphere this close to the ground is on it
-TAKE_OFF = 0.1  # [m] of air below the sphere that arm the ground, so that a flight may start on it
-CLEAR = 0.5  # [s] away from a gate, after which touching it again is a new hit
-WITNESS = 0.02  # [s] between the referee's contact and the plant's, at most, for one to confirm the other
+TAKE_OFF = 0.1  # [m] between sphere and ground; only after that is the ground a crash, as a flight may start on it
+CLEAR = 0.5  # [s] without contact, after which touching the same gate again is a new hit
+CONFIRMS = 0.02  # [s] between the referee's contact and the plant's, at most, for one to confirm the other
 
 
 class Referee:
@@ -33,10 +31,9 @@ class Referee:
         self.passed = 0  # gates since the start
         self.outcome: str | None = None  # None while flying; finished, crashed, timeout
         self.events: list[Event] = []
-        self._gates = [SweptGate(g, i, radius) for i, g in enumerate(course.gates)]
+        self._swept = SweptGates(course.gates, radius)
+        self._gates = self._swept.all
         self._check()
-        self._centres = np.array([g.position for g in course.gates])  # (gates, 3)
-        self._reach = np.array([g.reach for g in self._gates])  # (gates,)
         self._touched = [-inf] * len(self._gates)  # when the referee last saw contact [s]
         self._reported = [-inf] * len(self._gates)  # when the plant last reported contact [s]
         self._airborne = False
@@ -50,34 +47,19 @@ class Referee:
     def lap(self) -> int:
         return min(self.passed // len(self._gates) + 1, self.laps)
 
-    @property
-    def lap_times(self) -> list[float]:
-        """Completed laps with their penalties [s]; without hits they sum to the time of the race."""
-        return [t + p for t, p in zip(flown_laps(self.events, self._completed), self.penalties, strict=True)]
-
-    @property
-    def penalties(self) -> list[float]:
-        """What hits added to each completed lap [s]."""
-        return lap_penalties(self.events, self._completed)
-
-    @property
-    def splits(self) -> list[list[float]]:
-        """Flown seconds from gate to gate, one list a lap."""
-        return sector_times(self.events)
-
     def observe(self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()) -> list[Event]:
-        """Judge one physics step, its incidents in the order they happened; nothing more once the flight has ended."""
+        """The events of one physics step in the order of their instants; none once the flight has ended."""
         if self.outcome is not None:
             return []
         before, speed = len(self.events), dist(p0, p1) / (t1 - t0)
         if isfinite(speed):
-            self._judge(t0, p0, t1, p1, speed)
+            self._apply_rules(t0, p0, t1, p1, speed)
             self._compare(t1, p1, speed, contacts)
-        else:  # a plant that has blown up is nowhere
+        else:  # a plant that has diverged has no position
             self._call("bounds", t1, p0, 0.0, Incident(1.0, "bounds"))
         return self.events[before:]
 
-    def _judge(self, t0: float, p0: Vec3, t1: float, p1: Vec3, speed: float) -> None:
+    def _apply_rules(self, t0: float, p0: Vec3, t1: float, p1: Vec3, speed: float) -> None:
         target = self.next_gate
         for incident in sorted(self._incidents(t0, p0, t1, p1), key=lambda i: i.s):
             t = t0 + incident.s * (t1 - t0)
@@ -86,9 +68,7 @@ class Referee:
                 self._call(verdict, t, lerp(p0, p1, incident.s), speed, incident)
 
     def _incidents(self, t0: float, p0: Vec3, t1: float, p1: Vec3) -> list[Incident]:
-        middle = lerp(p0, p1, 0.5)
-        near = ((self._centres - middle) ** 2).sum(axis=1) <= (self._reach + dist(p0, p1) / 2) ** 2
-        found = [i for k in np.flatnonzero(near) for i in self._gates[k].incidents(p0, p1)]
+        found = [incident for gate in self._swept.near(p0, p1) for incident in gate.incidents(p0, p1)]
         floor = self.radius + GROUND_MARGIN
         self._airborne |= max(p0[2], p1[2]) > self.radius + TAKE_OFF
         if self._airborne and p1[2] <= floor:
@@ -102,8 +82,11 @@ class Referee:
         return found
 
     def _verdict(self, incident: Incident, target: int, t: float, t1: float) -> str | None:
-        """What the rules call an incident, None if nothing. `target` was next when the step began: the plane of a gate
-        that only became next within the step is no miss, or coplanar gates would be missed whenever one is passed."""
+        """The kind of event that an incident is by the rules, None if it is none.
+
+        `target` was next when the step began: the plane of a gate that only became next within the step is no miss,
+        or coplanar gates would be missed whenever one is passed.
+        """
         _, kind, k, offset = incident
         if k < 0:
             return kind
@@ -131,17 +114,13 @@ class Referee:
             self.outcome = "timeout"
 
     def _compare(self, t: float, position: Vec3, speed: float, contacts: Sequence[str]) -> None:
-        """The plant's contacts are the second witness: one that the referee did not see is put on record, once."""
+        """Record once a contact that the plant reports and the swept test did not find: one of the two is wrong."""
         touched = {int(name.removeprefix("gate ")) - 1 for name in contacts if name.startswith("gate ")}
         for k in sorted(touched) if self.outcome is None else ():
-            if t - self._touched[k] > WITNESS and t - self._reported[k] >= CLEAR:
+            if t - self._touched[k] > CONFIRMS and t - self._reported[k] >= CLEAR:
                 _, left, up = self._gates[k].gate.to_local(position)
                 self._call("unseen_contact", t, position, speed, Incident(1.0, "contact", k, (left, up)))
             self._reported[k] = t
-
-    @property
-    def _completed(self) -> int:
-        return self.passed // len(self._gates)
 
     def _check(self) -> None:
         most = self.laps if self.course.loop else 1

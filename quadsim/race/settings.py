@@ -30,6 +30,7 @@ from quadsim.course.point_goal import PointGoal
 from quadsim.files.strict_yaml import parse, unit
 from quadsim.files.yaml_values import Misfit, value
 from quadsim.files.yaml_words import did_you_mean, unless_null
+from quadsim.physics.plant import default_plant
 from quadsim.race.flight import whole_multiple
 from quadsim.race.preset_file import load_planner
 from quadsim.race.spec import OwnParts, Spec
@@ -159,7 +160,7 @@ def resolve(course: Any = None, **given: Any) -> Spec:
         timeout=f.timeout or entry.timeout(where, laps),
         penalties=f.penalties,
         plant_dt=plant_dt,
-        plant=f.plant or "bullet",
+        plant=f.plant or default_plant() if system == "quadrotor" else "model",
         randomize=f.randomize,
         clock=f.clock,
         deadline_ms=f.deadline_ms,

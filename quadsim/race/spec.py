@@ -63,7 +63,7 @@ class Spec:
     timeout: float  # [s]
     penalties: bool
     plant_dt: float  # [s]
-    plant: str = "bullet"  # of physics.PLANTS; other systems are their own world
+    plant: str = "model"  # of physics.plant.PLANTS; model: the system is its own world
     randomize: float = 0.0  # size of domain randomization and disturbance, see quadsim.physics.domain_randomization
     clock: str = "simulated"  # of CLOCKS
     deadline_ms: float | None = None  # shrink the samples so that a plan takes no longer

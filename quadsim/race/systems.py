@@ -26,7 +26,7 @@ from quadsim.files.data_files import names
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_words import did_you_mean
 from quadsim.physics.domain_randomization import draw, gusts
-from quadsim.physics.plant import BulletPlant, ModelPlant, Plant, diffusion, start_state
+from quadsim.physics.plant import PLANTS, ModelPlant, Plant, diffusion, start_state
 from quadsim.race.corridor_referee import CorridorReferee
 from quadsim.race.duration_referee import DurationReferee
 from quadsim.race.referee import Referee
@@ -89,7 +89,7 @@ def random_streams(seed: int) -> Streams:
 
 def _race_plant(spec: Spec, streams: Streams) -> Plant:
     """A quadrotor among gates, its vehicle, start and gusts randomized by the seed."""
-    build = BulletPlant
+    build = PLANTS[spec.plant]
     if spec.randomize == 0:
         return build(spec.course, spec.vehicle, spec.plant_dt)
     varied = draw(streams[1], spec.randomize)

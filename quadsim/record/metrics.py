@@ -5,13 +5,13 @@ Chatter is measured on the commanded thrust (held over each control period) and 
 
 from __future__ import annotations
 
-from collections import Counter
-from math import exp, pi, sqrt
+from math import pi, sqrt
 
 import numpy as np
 
 from quadsim.race.events import sector_times
 from quadsim.record.run import Run, controls_of
+from quadsim.systems.first_order import remaining
 
 MOTOR_TAU = 0.033  # [s] a racing quadrotor's, for vehicles whose thrust acts at once
 WELCH_SEGMENT = 256  # samples
@@ -67,7 +67,7 @@ def motor_residual(t: np.ndarray, u: np.ndarray, tau: float) -> float:
     e^2 tau (1 - exp(-2h/tau)) / 2h: exact in continuous time, whatever the period.
     """
     h = (t[-1] - t[0]) / (len(t) - 1)
-    keep, y, total = exp(-h / tau), float(u[0]), 0.0
+    keep, y, total = remaining(tau, h), float(u[0]), 0.0
     for v in u.tolist():
         total += (v - y) ** 2
         y = v + keep * (y - v)
@@ -108,36 +108,11 @@ def splits(run: Run) -> list[list[float]]:
     return sector_times(run.events)
 
 
-def crashes(run: Run) -> dict[str, int]:
-    """How often each kind of collision happened."""
-    kinds = Counter(e.kind for e in run.events)
-    return {kind: kinds[kind] for kind in ("hit", "ground", "bounds")}
-
-
-def max_speed(run: Run) -> float:
-    """[m/s]"""
-    return float(_speed(run.telemetry).max(initial=0.0))
-
-
 def missed_deadlines(run: Run) -> int:
     """Control periods that came late because a plan was not ready; none under the simulated clock."""
     period = run.spec["planner"]["mppi"]["dt"]
     gaps = np.diff(run.telemetry["t"])
     return int(np.sum(gaps > period + 0.5 * run.spec["plant_dt"]))
-
-
-def lap_table(run: Run) -> list[dict]:
-    """One row a completed lap: lap, time and penalty in it [s], splits [s], max_speed [m/s]."""
-    x, sectors = run.telemetry, splits(run)
-    table = []
-    for i, (time, penalty) in enumerate(zip(run.laps, run.penalties, strict=True)):
-        fastest = float(_speed(x)[x["lap"] == i + 1].max(initial=0.0))
-        table.append({"lap": i + 1, "time": time, "penalty": penalty, "splits": sectors[i], "max_speed": fastest})
-    return table
-
-
-def _speed(x: dict[str, np.ndarray]) -> np.ndarray:
-    return np.sqrt(x["vx"] ** 2 + x["vy"] ** 2 + x["vz"] ** 2)  # (frames,)
 
 
 def _rows(x: dict[str, np.ndarray], *names: str) -> np.ndarray:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from numpy import maximum, minimum, sqrt, where
 
 from quadsim.systems import System
-from quadsim.systems.quadrotor import gain
+from quadsim.systems.first_order import response
 
 STATE_UNITS = {"px": "m", "py": "m", "hx": "1", "hy": "1", "v": "m/s", "r": "rad/s", "steer": "1", "drive": "1"}
 CONTROL_UNITS = {"drive_cmd": "1", "steer_cmd": "1"}  # both in -1..1
@@ -64,7 +64,7 @@ class OffroadVehicle:
 
     def params(self, dt: float) -> tuple[float, ...]:
         """For steps of dt [s]."""
-        lags = (gain(tau, dt) for tau in (self.steer_tau, self.drive_tau, self.yaw_tau))
+        lags = (response(tau, dt) for tau in (self.steer_tau, self.drive_tau, self.yaw_tau))
         k_steer, k_drive, k_yaw = lags
         force = (self.accel, self.brake, self.drag, self.curvature, self.grip)
         return (k_steer, self.steer_rate, k_drive, *force, k_yaw, self.slip)

@@ -1,4 +1,4 @@
-"""The quadrotor that MPPI believes in: first-order body rates behind rotors that lag, linear drag.
+"""The quadrotor that MPPI plans with: first-order body rates behind rotors that lag, linear drag.
 
     p' = v
     v' = k R(q) e_z a - g e_z - d v
@@ -15,7 +15,6 @@ add. With tau_m = c = 0, the paper's model, thrust and rates' accelerations foll
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp
 from typing import Annotated
 
 from msgspec import Meta
@@ -23,6 +22,7 @@ from numpy import maximum, minimum
 
 from quadsim.files.strict_yaml import unit
 from quadsim.systems import System
+from quadsim.systems.first_order import response
 from quadsim.vehicle import GRAVITY, Vehicle
 
 # Everywhere: p and v in the world, q wxyz world from body, omega in the body frame, and what the rotors deliver now:
@@ -39,19 +39,29 @@ CONTROL_UNITS = {**dict.fromkeys(("wx_cmd", "wy_cmd", "wz_cmd"), "rad/s"), "a_cm
 STATE, CONTROL = tuple(STATE_UNITS), tuple(CONTROL_UNITS)
 
 
+def thrust_axis(qw, qx, qy, qz):
+    """R(q) e_z: the body's z axis, along which the thrust acts, in the world.  (3,)"""
+    return 2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)
+
+
+def tilt_reserve(c_x, c_y, bx, by):
+    """r = c_x |beta_x| + c_y |beta_y|: the thrust kept free for these angular accelerations [m/s^2]."""
+    return c_x * abs(bx) + c_y * abs(by)
+
+
 def step(x, u, p, dt):
     """x, u: STATE and CONTROL.
 
-    p: rate gains (3) [1/s], the rotors' gain in one dt, k, drag d [1/s], c_x, c_y [m], a_max [m/s^2].
+    p: gains of the rates (3) [1/s], response of the rotors in one dt, k, drag d [1/s], c_x, c_y [m], a_max [m/s^2].
     """
     px, py, pz, vx, vy, vz, qw, qx, qy, qz, wx, wy, wz, a, bx, by, bz = x
     wx_cmd, wy_cmd, wz_cmd, a_cmd = u
     k_x, k_y, k_z, k_m, k, drag, c_x, c_y, a_max = p
     half, eighth = 0.5 * dt, 0.125 * dt
-    # what the rotors deliver moves towards what is asked for, as far as they can: roll and pitch first
+    # what the rotors deliver moves towards the command, as far as their limits allow: roll and pitch first
     bx_cmd, by_cmd, bz_cmd = (wx_cmd - wx) * k_x, (wy_cmd - wy) * k_y, (wz_cmd - wz) * k_z
-    room = c_x * abs(bx_cmd) + c_y * abs(by_cmd)
-    a2 = a + (minimum(maximum(a_cmd, room), a_max - room) - a) * k_m
+    reserve = tilt_reserve(c_x, c_y, bx_cmd, by_cmd)
+    a2 = a + (minimum(maximum(a_cmd, reserve), a_max - reserve) - a) * k_m
     bx2, by2, bz2 = bx + (bx_cmd - bx) * k_m, by + (by_cmd - by) * k_m, bz + (bz_cmd - bz) * k_m
     wx2 = wx + bx2 * dt
     wy2 = wy + by2 * dt
@@ -63,11 +73,10 @@ def step(x, u, p, dt):
     dy = qw * my - qx * mz + qz * mx
     dz = qw * mz + qx * my - qy * mx
     hw, hx, hy, hz = qw + dw, qx + dx, qy + dy, qz + dz
-    # thrust acts along the body's z axis in mid-step, R(q) e_z
+    # the thrust of the new step acts along the body's z axis in mid-step
+    zx, zy, zz = thrust_axis(hw, hx, hy, hz)
     lift = k * a2
-    ax = 2.0 * (hx * hz + hw * hy) * lift - drag * vx
-    ay = 2.0 * (hy * hz - hw * hx) * lift - drag * vy
-    az = (1.0 - 2.0 * (hx * hx + hy * hy)) * lift - drag * vz - GRAVITY
+    ax, ay, az = zx * lift - drag * vx, zy * lift - drag * vy, zz * lift - drag * vz - GRAVITY
     vx2, vy2, vz2 = vx + ax * dt, vy + ay * dt, vz + az * dt
     qw2, qx2, qy2, qz2 = hw + dw, hx + dx, hy + dy, hz + dz
     # one Newton step on 1 / |q| renormalises
@@ -135,14 +144,9 @@ def tilt_cost(vehicle: Vehicle) -> tuple[float, float]:
     return vehicle.inertia[0] / (vehicle.mass * y), vehicle.inertia[1] / (vehicle.mass * x)
 
 
-def gain(tau: float, dt: float) -> float:
-    """Share of a first-order step done after dt: 1 - exp(-dt / tau), all of it for tau = 0."""
-    return 1.0 - exp(-dt / tau) if tau > 0 else 1.0
-
-
 def quadrotor(model: ModelParams, dt: float) -> System:
     """The system MPPI plans with, at control period dt [s]."""
-    gains = (gain(tau, dt) / dt for tau in model.rate_tau)
+    gains = (response(tau, dt) / dt for tau in model.rate_tau)
     return System(
         name="quadrotor",
         states=STATE,
@@ -150,7 +154,7 @@ def quadrotor(model: ModelParams, dt: float) -> System:
         step=step,
         params=(
             *gains,
-            gain(model.motor_tau, dt),
+            response(model.motor_tau, dt),
             model.thrust_gain,
             model.drag,
             *model.tilt_cost,

@@ -1,17 +1,7 @@
-"""Vehicles: the numbers of a quadrotor, read from YAML files with Flightmare's key names."""
+"""Vehicles: the numbers of a quadrotor, read from YAML files with Flightmare's key names and checked."""
 
-from quadsim.vehicle.vehicle import (
-    GRAVITY,
-    VEHICLES,
-    Rotors,
-    Vec3,
-    Vehicle,
-    load_vehicle,
-    parse_vehicle,
-    scale_thrust,
-    vehicle_names,
-    with_thrust_to_weight,
-)
+from quadsim.vehicle.vehicle import GRAVITY, Rotors, Vec3, Vehicle, scale_thrust, with_thrust_to_weight
+from quadsim.vehicle.vehicle_file import VEHICLES, load_vehicle, parse_vehicle, vehicle_names
 
 __all__ = [
     "GRAVITY",

@@ -1,4 +1,4 @@
-"""What a flight tells about its vehicle: the filter's errors are as large as it says, and small after two seconds."""
+"""Adaptation: the errors of the estimates are as large as their deviations say, and small after two seconds."""
 
 from contextlib import closing
 from dataclasses import replace
@@ -8,8 +8,8 @@ import pytest
 
 from controllers.adaptation import Adaptation
 from quadsim.course import load_course
-from quadsim.physics.domain_randomization import DRAG, GUST, MASS, Variation, gusts
-from quadsim.physics.plant import BulletPlant, start_state
+from quadsim.physics.domain_randomization import DRAG, GUST, MASS, Randomization, gusts
+from quadsim.physics.plant import PLANTS, default_plant, start_state
 from quadsim.race.spec import build, controller_of, launch, streams
 from quadsim.systems.quadrotor import ModelParams
 from quadsim.vehicle import GRAVITY, load_vehicle
@@ -17,13 +17,13 @@ from tests.campaign_cases import variant
 
 DT = 0.01
 SWIFT = load_vehicle("swift")
-BELIEF = ModelParams.of(SWIFT)
+NOMINAL = ModelParams.of(SWIFT)
 
 
-def day(seed, gust=GUST, steps=200):
+def simulated(seed, gust=GUST, steps=200):
     """States of a vehicle that tumbles at changing thrust, by the law that the filter assumes, and its true k and d."""
     rng = np.random.default_rng(seed)
-    k, d = 1 + MASS * rng.uniform(-1, 1), BELIEF.drag * (1 + DRAG * rng.uniform(-1, 1))
+    k, d = 1 + MASS * rng.uniform(-1, 1), NOMINAL.drag * (1 + DRAG * rng.uniform(-1, 1))
     wind = gusts(np.random.SeedSequence(seed), gust, DT)
     x = np.array(start_state(load_course("figure8").start, 0.1))
     a0, phase = 20.0, rng.uniform(0, 6, 2)
@@ -49,8 +49,8 @@ def errors(gust, seeds=40):
     """Of k and d after 2 s, in standard deviations as the filter has them, and of k as a share.  (seeds, 3)"""
     found = []
     for seed in range(seeds):
-        states, k, d = day(seed, gust)
-        adaptation = Adaptation(BELIEF, DT)
+        states, k, d = simulated(seed, gust)
+        adaptation = Adaptation(NOMINAL, DT)
         for i, x in enumerate(states):
             adaptation.observe(x, np.zeros(4), int(i > 0))
         off = np.array([adaptation.model.thrust_gain - k, adaptation.model.drag - d])
@@ -65,25 +65,25 @@ def test_errors_are_as_large_as_the_filter_says():
     assert np.abs(off[:, 2]).max() < 0.02 < MASS
 
 
-def test_a_wind_beyond_what_it_expects_shows():
+def test_a_wind_beyond_its_prior_makes_errors_beyond_its_deviations():
     assert np.mean(errors(4 * GUST)[:, :2] ** 2) > 4
 
 
 @pytest.mark.parametrize("share", [-0.05, 0.0])
 def test_the_highest_thrust_is_what_the_rotors_gave_when_asked_for_more(share):
-    full = np.array([0.0, 0.0, 0.0, BELIEF.thrust_max])
-    assert _highest(share, full) == pytest.approx((1 + share) * BELIEF.thrust_max, rel=0.01)
+    full = np.array([0.0, 0.0, 0.0, NOMINAL.thrust_max])
+    assert _highest(share, full) == pytest.approx((1 + share) * NOMINAL.thrust_max, rel=0.01)
 
 
 def test_rotors_that_follow_say_nothing_about_their_limit():
-    assert _highest(-0.05, np.array([0.0, 0.0, 0.0, 0.9 * BELIEF.thrust_max])) == BELIEF.thrust_max
+    assert _highest(-0.05, np.array([0.0, 0.0, 0.0, 0.9 * NOMINAL.thrust_max])) == NOMINAL.thrust_max
 
 
 def _highest(share, u):
-    """Believed after half a second straight up [m/s^2]."""
-    adaptation = Adaptation(BELIEF, DT)
+    """Estimated after half a second straight up [m/s^2]."""
+    adaptation = Adaptation(NOMINAL, DT)
     course = replace(load_course("figure8"), bounds=((-99, 99), (-99, 99), (-1, 99)))
-    with closing(BulletPlant(course, Variation(thrust=share).vehicle(SWIFT))) as plant:
+    with closing(PLANTS[default_plant()](course, Randomization(thrust=share).vehicle(SWIFT))) as plant:
         for i in range(50):
             adaptation.observe(np.array(plant.state.x), u, int(i > 0))
             for _ in range(4):
@@ -104,4 +104,4 @@ def test_a_flight_with_a_vehicle_too_heavy_learns_it():
     assert mppi.system.params == mppi.adaptation.observe(np.array(last.x), mppi.plan[0], 0).params
     successor = controller_of(spec, streams(spec.seed)[0])
     successor.take_over(mppi)
-    assert successor.adaptation is mppi.adaptation, "numbers changed in flight forget nothing"
+    assert successor.adaptation is mppi.adaptation, "a planner that takes over keeps the estimates"

@@ -27,7 +27,7 @@ def beside(axis, offset):
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("margin", [0.0, 0.2])
 def test_a_millimetre_decides_and_the_margin_does_not(angles, side, axis, margin):
-    """Free opening: half - radius - skin. Frame: half + width + radius + skin."""
+    """Free opening: half - radius - safety margin. Frame: half + width + radius + safety margin."""
     g = gate(5.0, 1.0, 20.0, *angles)
     cost, half = race_cost(course(g), RADIUS, replace(ALL, margin=margin), 1), g.opening[axis] / 2
     forth, back = [], []
@@ -61,7 +61,7 @@ def test_frame_is_hit_anywhere_in_its_depth(angles, side, axis):
 
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_slanted_step_over_the_whole_frame_is_judged_at_its_entry_and_its_exit(axis, side):
+def test_slanted_step_over_the_whole_frame_counts_at_its_entry_and_its_exit(axis, side):
     """Steps of .4 m along the passage, at either plane .1 or .2 m off the edge of the free opening."""
     cost, edge = race_cost(ROW, RADIUS, ALL, 1), ROW.gates[0].opening[axis] / 2 - GAP
     crashed = {}
@@ -75,8 +75,8 @@ def test_slanted_step_over_the_whole_frame_is_judged_at_its_entry_and_its_exit(a
 def test_backing_out_in_front_of_the_gate_past_a_bar_is_a_crash():
     cost, edge = race_cost(ROW, RADIUS, ALL, 1), 1.0 - GAP
     step = [(5.0 - EXIT + 0.1, edge - 0.05, 20.0), (5.0 - EXIT - 0.1, edge + 0.15, 20.0)]  # .05 m beyond at the entry
-    aside = [(x, y - 0.1, z) for x, y, z in step]
-    assert [fly(cost, points)[2][0] for points in (step, aside)] == [1.0, 0.0]
+    beside = [(x, y - 0.1, z) for x, y, z in step]
+    assert [fly(cost, points)[2][0] for points in (step, beside)] == [1.0, 0.0]
 
 
 def verdicts(one, radius, points):
@@ -88,7 +88,7 @@ def verdicts(one, radius, points):
 
 
 @pytest.mark.parametrize("slant", [0.0, 1.0])
-def test_rollout_is_never_laxer_than_the_referee_and_at_most_a_skin_stricter(slant):
+def test_rollout_is_never_laxer_than_the_referee_and_at_most_the_safety_margin_stricter(slant):
     """Straight flights at 38 m/s at a tilted gate, up to 45 degrees aslant either way, at random places and phases."""
     rng, g = np.random.default_rng(0), gate(5.0, 1.0, 20.0, 40, 20, 15)
     one, seen = course(g, gate(500.0)), {}
@@ -98,19 +98,19 @@ def test_rollout_is_never_laxer_than_the_referee_and_at_most_a_skin_stricter(sla
         way = np.array((1.0, *slant * rng.uniform(-1.0, 1.0, 2)))
         along = STEP * (np.arange(-3, 4) + phase - 0.5) / np.linalg.norm(way)
         points = [at(g, *(s * way + (0.0, y, z))) for s in along]
-        is_hit, skinned = (verdicts(one, r, points) for r in (RADIUS, RADIUS + SAFETY_MARGIN))
+        is_hit, with_margin = (verdicts(one, r, points) for r in (RADIUS, RADIUS + SAFETY_MARGIN))
         _, rows, crashed = fly(cost, points)
         rollout = "hit" if crashed[-1] else "pass" if rows[-1] else "neither"
-        assert rollout in (is_hit, skinned)
+        assert rollout in (is_hit, with_margin)
         if is_hit == "hit" or slant == 0.0:
-            assert rollout == skinned
+            assert rollout == with_margin
         seen[is_hit, rollout] = seen.get((is_hit, rollout), 0) + 1
     assert set(seen) == {("hit", "hit"), ("pass", "pass"), ("pass", "hit"), ("neither", "neither"), ("neither", "hit")}
 
 
 @pytest.mark.parametrize("room", [1e-3, 0.01, 0.03, 0.05, 0.3])
 def test_gate_that_is_wide_enough_for_the_referee_has_a_free_opening(room):
-    """The skin is given up to half of the room on either side, so that the vehicle fits in the rollout too."""
+    """The safety margin is given up to half of the room on either side, so that the vehicle fits in the rollout too."""
     g = gate(5.0, opening=(2 * (RADIUS + room), 2.0))
     cost, free = race_cost(course(g), RADIUS, ALL, 1), max(room - SAFETY_MARGIN, room / 2)
     assert Referee(course(g), RADIUS, 1, 9.0).outcome is None

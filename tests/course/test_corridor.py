@@ -1,4 +1,4 @@
-"""The corridor: what its file may say, its walls, its cost, its judge."""
+"""The corridor: what its file may say, its walls, its cost, its referee."""
 
 import numpy as np
 import pytest
@@ -23,11 +23,11 @@ def terms(x, leg=0):
     return dict(zip(names, COST.terms(x, x, (0.0, 0.0), target, 0.0, COST.params), strict=True))
 
 
-def judged(*places, judge=None, dt=0.1):
-    judge = judge or CorridorReferee(CORNER, 0.8, 60.0)
+def driven(*places, referee=None, dt=0.1):
+    referee = referee or CorridorReferee(CORNER, 0.8, 60.0)
     for i, (x, y) in enumerate(places):
-        judge.observe(i * dt, (0.0, 0.0, 0.0), (i + 1) * dt, (x, y, 0.0))
-    return judge
+        referee.observe(i * dt, (0.0, 0.0, 0.0), (i + 1) * dt, (x, y, 0.0))
+    return referee
 
 
 def test_corridors_are_no_race_courses():
@@ -96,21 +96,21 @@ def test_rollover_and_speed_count_only_what_is_above_their_limits():
     assert wild["speed"] == pytest.approx(w.speed * 8 * 0.02 * (8 - w.speed_max) ** 2)
 
 
-def test_judge_sees_the_goal_the_wall_and_each_bend():
+def test_referee_sees_the_goal_the_wall_and_each_bend():
     along = [(x, 0.0) for x in range(2, 20, 2)]
     up = [(20.0, y) for y in range(1, 20, 2)]
-    assert judged(*along).outcome is None
-    assert judged(*along, *up).passed == 1
-    assert judged(*along, *up, (20.0, 20.5)).outcome == "finished"
-    assert judged((5.0, 2.1)).outcome is None
-    assert judged((5.0, 2.3)).outcome == "crashed", "the vehicle's side is .8 m from its middle"
-    assert judged(*along, (20.0, 1.0), (17.7, 2.0)).outcome == "crashed", "the wall of the next leg"
+    assert driven(*along).outcome is None
+    assert driven(*along, *up).passed == 1
+    assert driven(*along, *up, (20.0, 20.5)).outcome == "finished"
+    assert driven((5.0, 2.1)).outcome is None
+    assert driven((5.0, 2.3)).outcome == "crashed", "the vehicle's side is .8 m from its middle"
+    assert driven(*along, (20.0, 1.0), (17.7, 2.0)).outcome == "crashed", "the wall of the next leg"
 
 
-def test_judge_ends_a_drive_that_stands_or_lasts():
+def test_referee_ends_a_drive_that_stands_or_lasts():
     standing = [(2.0, 0.0)] * round(STUCK / 0.1 + 2)
-    assert judged(*standing[:-4]).outcome is None
-    assert judged(*standing).outcome == "stuck"
+    assert driven(*standing[:-4]).outcome is None
+    assert driven(*standing).outcome == "stuck"
     creeping = [(0.05 * i, 0.0) for i in range(100)]
-    assert judged(*creeping).outcome is None
-    assert judged(*creeping, judge=CorridorReferee(CORNER, 0.8, 9.0)).outcome == "timeout"
+    assert driven(*creeping).outcome is None
+    assert driven(*creeping, referee=CorridorReferee(CORNER, 0.8, 9.0)).outcome == "timeout"

@@ -1,4 +1,4 @@
-"""A course nobody has tuned anything for flies from its YAML alone: a climb, a gate that looks up, a stacked pair."""
+"""A course that nothing was tuned for is flown from its YAML alone: a climb, a gate that looks up, a stacked pair."""
 
 import json
 import subprocess

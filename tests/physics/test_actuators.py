@@ -5,22 +5,13 @@ from math import exp
 
 import numpy as np
 import pytest
+from plant_cases import FULL, ROTORS
 from scipy.spatial.transform import Rotation
 
-from quadsim.physics.actuators import HOVER, Actuators, allocate, mixer, rotor_speed, rotor_thrust, shares, to_body
-from quadsim.vehicle import GRAVITY, Rotors, Vehicle
+from quadsim.physics.actuators import HOVER, Actuators, to_body, to_world
+from quadsim.vehicle import GRAVITY, Vehicle
 
 REST = (0.0, 0.0, 0.0)
-FULL = 8.5  # strongest rotor thrust of RACER [N]
-ROTORS = Rotors(
-    positions=((0.0775, -0.1), (-0.0775, 0.1), (0.0775, 0.1), (-0.0775, -0.1)),
-    spin=(-1, -1, 1, 1),
-    thrust_map=(FULL / 3000.0**2, 0.0, 0.0),
-    omega_min=0.0,
-    omega_max=3000.0,
-    tau=0.04,
-    kappa=0.014,
-)
 POINT = Vehicle(
     name="point",
     source="test",
@@ -35,13 +26,6 @@ POINT = Vehicle(
     rotors=None,
 )
 RACER = replace(POINT, mass=0.75, thrust_max=4 * FULL / 0.75, rate_tau=(0.06, 0.06, 0.2), rotors=ROTORS)
-MIXER, SHARES = np.array(mixer(ROTORS)), shares(ROTORS)
-
-
-def demands(n=300, scale=1.0):
-    """Random collectives [N] and torques [N m], the larger ones beyond what the rotors can give."""
-    rng = np.random.default_rng(1)
-    return zip(rng.uniform(0, 4 * FULL, n), rng.normal(scale=[0.8, 0.6, 0.3], size=(n, 3)) * scale, strict=True)
 
 
 @pytest.mark.parametrize("vehicle", [POINT, RACER])
@@ -100,18 +84,12 @@ def test_drag_opposes_each_body_axis_by_its_own_coefficient():
     np.testing.assert_allclose(np.subtract(with_drag, without), [-1.3 * d * u for d, u in zip(drag, v, strict=True)])
 
 
-def test_to_body_undoes_the_attitude():
+def test_to_body_undoes_the_attitude_and_to_world_applies_it():
     rng = np.random.default_rng(2)
     for q, v in zip(rng.normal(size=(50, 4)), rng.normal(size=(50, 3)), strict=True):
         w, x, y, z = q / np.linalg.norm(q)
         np.testing.assert_allclose(to_body((w, x, y, z), v), Rotation([x, y, z, w]).inv().apply(v), atol=1e-12)
-
-
-def test_rotor_speed_inverts_a_thrust_map_that_is_negative_at_idle():
-    flightmare = (1.3298253500372892e-6, 0.0038360810526746033, -1.7689986848125325)
-    assert rotor_thrust(150.0, flightmare) < 0
-    for thrust in (0.0, 1.79, 11.22):
-        assert rotor_thrust(rotor_speed(thrust, flightmare), flightmare) == pytest.approx(thrust, abs=1e-12)
+        np.testing.assert_allclose(to_world((w, x, y, z), v), Rotation([x, y, z, w]).apply(v), atol=1e-12)
 
 
 def test_rotors_never_pull_downwards():
@@ -119,7 +97,7 @@ def test_rotors_never_pull_downwards():
     motors = Actuators(replace(RACER, rotors=idling), 1 / 400).motors
     for _ in range(400):
         motors.drive(0.0, (9.0, 0.0, 0.0))
-    thrusts = [rotor_thrust(speed, idling.thrust_map) for speed in motors.speeds]
+    thrusts = [idling.thrust(speed) for speed in motors.speeds]
     assert min(thrusts) == pytest.approx(0.0, abs=1e-9)
     assert max(thrusts) > 5.0
 
@@ -129,53 +107,8 @@ def test_rotor_speed_is_63_percent_of_the_way_at_tau():
     before = np.array(motors.speeds)
     for _ in range(round(ROTORS.tau / dt)):
         motors.drive(4 * 6.0, REST)
-    goal = rotor_speed(6.0, ROTORS.thrust_map)
-    np.testing.assert_allclose((motors.speeds - before) / (goal - before), 1 - exp(-1), rtol=1e-12)
-
-
-def test_mixing_returns_every_demand_the_rotors_can_give():
-    for collective, torque in demands(scale=0.02):
-        thrusts = allocate(SHARES, collective, torque, -np.inf, np.inf)
-        np.testing.assert_allclose(MIXER @ thrusts, (collective, *torque), atol=1e-12)
-
-
-def test_torques_about_body_axes_load_the_rotors_of_the_right_side():
-    x, y = np.array(ROTORS.positions).T
-    for axis, louder in enumerate([y > 0, x < 0, np.array(ROTORS.spin) > 0]):
-        thrusts = np.array(allocate(SHARES, 4.0, np.eye(3)[axis] * 0.01, 0.0, FULL))
-        assert (thrusts[louder] > 1.0).all()
-        assert (thrusts[~louder] < 1.0).all()
-
-
-def test_no_demand_drives_a_rotor_out_of_its_range():
-    thrusts = np.array([allocate(SHARES, c, torque, 0.2, FULL) for c, torque in demands()])
-    assert thrusts.min() >= 0.2
-    assert thrusts.max() <= FULL
-    saturated = (np.isclose(thrusts, 0.2) | np.isclose(thrusts, FULL)).any(axis=1)
-    assert 0.3 < saturated.mean() < 1.0  # the demands do test the limits, and not only those
-
-
-def test_yaw_is_given_up_before_anything_else():
-    demand = (12.0, 0.3, -0.2, 5.0)
-    thrusts = allocate(SHARES, demand[0], demand[1:], 0.0, FULL)
-    collective, *torque = MIXER @ thrusts
-    np.testing.assert_allclose((collective, *torque[:2]), demand[:3], atol=1e-12)
-    assert 0.0 < torque[2] < 5.0
-    assert min(thrusts) == pytest.approx(0.0) or max(thrusts) == pytest.approx(FULL)  # and no more than needed
-
-
-@pytest.mark.parametrize(("collective", "moves"), [(4 * FULL, -1), (0.0, 1)])
-def test_the_collective_gives_way_to_roll_and_pitch(collective, moves):
-    delivered, *torque = MIXER @ allocate(SHARES, collective, (0.5, 0.3, 0.0), 0.0, FULL)
-    np.testing.assert_allclose(torque, (0.5, 0.3, 0.0), atol=1e-12)
-    assert moves * (delivered - collective) > 1.0
-
-
-def test_an_impossible_tilt_keeps_its_direction():
-    _, roll, pitch, yaw = MIXER @ allocate(SHARES, 20.0, (9.0, 6.0, 1.0), 0.0, FULL)
-    assert roll / pitch == pytest.approx(1.5)
-    assert 0.5 < roll < 9.0
-    assert yaw == pytest.approx(0.0, abs=1e-12)
+    command = ROTORS.speed(6.0)
+    np.testing.assert_allclose((motors.speeds - before) / (command - before), 1 - exp(-1), rtol=1e-12)
 
 
 def test_delivered_thrust_stays_within_zero_and_thrust_max():
@@ -189,9 +122,3 @@ def test_delivered_thrust_stays_within_zero_and_thrust_max():
         thrusts.append(actuators.thrust)
     assert min(thrusts) >= 0.0
     assert 0.9 * RACER.thrust_max < max(thrusts) <= RACER.thrust_max + 1e-9
-
-
-@pytest.mark.parametrize("wrong", [{"positions": ((0.2, -0.1), *ROTORS.positions[1:])}, {"spin": (1, 1, 1, 1)}])
-def test_rotors_that_are_lopsided_or_cannot_yaw_are_refused(wrong):
-    with pytest.raises(ValueError, match=r"rotors: expected four, mirrored .* diagonal pairs of equal spin"):
-        Actuators(replace(RACER, rotors=replace(ROTORS, **wrong)), 1 / 400)

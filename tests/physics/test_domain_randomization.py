@@ -1,4 +1,4 @@
-"""Randomised flights: the same seed is the same day for every planner, size 0 is no change, the laws are as written."""
+"""Domain randomization: a seed is one disturbance for every planner, size 0 is no change, the laws hold."""
 
 from dataclasses import replace
 from itertools import islice
@@ -8,8 +8,8 @@ import pytest
 from quadsim.app.flight_flags import FlightFlags
 
 from quadsim.course import load_course
-from quadsim.physics.domain_randomization import GUST_TAU, Variation, draw, gusts
-from quadsim.physics.plant import BulletPlant
+from quadsim.physics.domain_randomization import GUST_TAU, Randomization, draw, gusts
+from quadsim.physics.plant import PLANTS, default_plant
 from quadsim.race.spec import build, streams
 from quadsim.systems.quadrotor import ModelParams
 from quadsim.vehicle import GRAVITY, load_vehicle, with_thrust_to_weight
@@ -31,20 +31,20 @@ def drift(one):
     return np.array(states)
 
 
-def test_same_seed_is_the_same_day_for_every_planner():
+def test_same_seed_is_the_same_disturbance_for_every_planner():
     a, b = (spec("--sampler", s, sampler=s, randomize=1.0, seed=7) for s in ("gaussian", "colored"))
     assert a.record()["variation"] == b.record()["variation"]
     assert np.array_equal(drift(a), drift(b))
-    assert not np.array_equal(drift(a), drift(replace(a, seed=8))), "another seed is another day"
+    assert not np.array_equal(drift(a), drift(replace(a, seed=8))), "another seed draws other numbers"
 
 
 def test_size_zero_is_the_plant_as_it_was():
     one = spec(seed=3)
-    plant = BulletPlant(one.course, one.vehicle, one.plant_dt)
+    plant = PLANTS[default_plant()](one.course, one.vehicle, one.plant_dt)
     assert np.array_equal(drift(one), [plant.step(HOVER).x for _ in range(40)])
 
 
-def test_planner_draws_the_same_samples_and_believes_the_nominal_vehicle_on_any_day():
+def test_randomization_changes_neither_the_planners_samples_nor_its_nominal_model():
     calm, rough = spec(randomize=0.0), spec(randomize=2.0)
     z = []
     for one in (calm, rough):
@@ -55,13 +55,13 @@ def test_planner_draws_the_same_samples_and_believes_the_nominal_vehicle_on_any_
     assert rough.model == ModelParams.of(rough.vehicle) == ModelParams.of(load_vehicle("swift"))
 
 
-def test_variation_is_in_proportion_to_its_size():
+def test_randomization_is_in_proportion_to_its_size():
     one, two = (draw(streams(5)[1], size) for size in (1.0, 2.0))
     assert two.offset == pytest.approx([2 * x for x in one.offset])
     assert (two.mass, two.drag, two.gust) == pytest.approx((2 * one.mass, 2 * one.drag, 2 * one.gust))
-    days = [draw(streams(seed)[1], 1.0) for seed in range(200)]
-    assert max(abs(d.mass) for d in days) <= 0.05 < 1.1 * max(abs(d.mass) for d in days), "uniform up to 5 %"
-    assert abs(np.corrcoef([d.mass for d in days], [d.thrust for d in days])[0, 1]) < 0.2, "drawn independently"
+    drawn = [draw(streams(seed)[1], 1.0) for seed in range(200)]
+    assert max(abs(d.mass) for d in drawn) <= 0.05 < 1.1 * max(abs(d.mass) for d in drawn), "uniform up to 5 %"
+    assert abs(np.corrcoef([d.mass for d in drawn], [d.thrust for d in drawn])[0, 1]) < 0.2, "drawn independently"
 
 
 @pytest.mark.parametrize("dt", [0.0025, 0.02])
@@ -74,7 +74,7 @@ def test_gusts_have_their_deviation_and_correlation_time_for_any_step(dt):
 
 def test_a_heavier_body_sinks_under_the_nominal_hover_command():
     vehicle, course = load_vehicle("paper"), load_course("paper_flat")
-    plant = BulletPlant(course, vehicle, body=Variation(mass=0.05).body(vehicle))
+    plant = PLANTS[default_plant()](course, vehicle, body=Randomization(mass=0.05).body(vehicle))
     for _ in range(400):
         state = plant.step(HOVER)
     assert state.x[5] == pytest.approx(GRAVITY / 1.05 - GRAVITY, rel=1e-3), "1 s of the missing 5 % [m/s]"
@@ -86,6 +86,4 @@ def test_thrust_to_weight_scales_map_and_limit_alike(name):
     assert v.thrust_max == pytest.approx(3.3 * GRAVITY)
     assert v.name == f"{name}-twr3.3"
     if v.rotors:
-        c2, c1, c0 = v.rotors.thrust_map
-        full = (c2 * v.rotors.omega_max + c1) * v.rotors.omega_max + c0
-        assert 4 * full / v.mass == pytest.approx(v.thrust_max)
+        assert 4 * v.rotors.thrust(v.rotors.omega_max) / v.mass == pytest.approx(v.thrust_max)

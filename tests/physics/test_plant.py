@@ -7,19 +7,16 @@ from math import exp, pi
 
 import numpy as np
 import pytest
+from plant_cases import DT, HOVER, SKY, both_plants
 
-from quadsim.course import Course, Gate, Start, course_names, load_course
-from quadsim.physics.plant import CLEARANCE, BulletPlant, ModelPlant, diffusion
+from quadsim.course import Start, course_names, load_course
+from quadsim.physics.plant import CLEARANCE, ModelPlant, diffusion
 from quadsim.systems.quadrotor import STATE, ModelParams, quadrotor
 from quadsim.vehicle import GRAVITY, load_vehicle, vehicle_names
 
-DT = 1 / 400
-HOVER = (0.0, 0.0, 0.0, GRAVITY)
 FALL = (0.0, 0.0, 0.0, 0.0)
 PAPER = replace(load_vehicle("paper"), inertia=(0.0025, 0.0021, 0.0043), rate_tau=(0.25, 0.2, 0.3))
 SWIFT = load_vehicle("swift")
-GATE = Gate((50.0, 0.0, 200.0), 0.0, 0.0, 0.0, (2.4, 2.4), 0.3)
-SKY = Course("sky", "test", (GATE,), Start((1.0, 2.0, 200.0), 0.0), ((-99, 99),) * 3, False, 1, (), "")
 
 
 def column(state, *names):
@@ -38,12 +35,13 @@ def weave(t):
     return 2.0 * np.sin(7 * t), 1.5 * np.cos(5 * t), np.sin(3 * t), GRAVITY + 4.0 * np.sin(9 * t)
 
 
-@pytest.fixture
-def launch():
+@pytest.fixture(params=both_plants)
+def launch(request):
+    """launch(vehicle, ...): a plant in the sky, of each kind in turn."""
     plants = []
 
-    def make(vehicle=PAPER, **options):
-        plants.append(BulletPlant(SKY, vehicle, **options))
+    def make(vehicle=PAPER, course=SKY, **options):
+        plants.append(request.param(course, vehicle, **options))
         return plants[-1]
 
     yield make
@@ -66,10 +64,8 @@ def test_a_start_on_the_ground_stands_just_clear_of_it(launch):
 
 
 @pytest.mark.parametrize("course", course_names())
-def test_every_course_starts_clear_of_ground_and_gates(course):
-    plant = BulletPlant(load_course(course), PAPER)
-    assert fly(plant, 0.1, HOVER).contacts == ()
-    plant.close()
+def test_every_course_starts_clear_of_ground_and_gates(launch, course):
+    assert fly(launch(course=load_course(course)), 0.1, HOVER).contacts == ()
 
 
 @pytest.mark.parametrize("name", vehicle_names())
@@ -136,36 +132,35 @@ def test_thrust_of_rotors_lags_and_thrust_without_rotors_does_not(launch):
 
 @pytest.mark.parametrize("vehicle", [PAPER, SWIFT])
 def test_the_same_commands_give_the_same_states_to_the_last_bit(launch, vehicle):
-    one, two = launch(vehicle), launch(vehicle)  # interleaved: clients must not see each other either
+    one, two = launch(vehicle), launch(vehicle)  # interleaved: worlds must not disturb each other either
     for k in range(800):
         u = weave(k * DT)
         assert one.step(u) == two.step(u)
 
 
-def gap(model_dt, plant_dt):
+def gap(launch, model_dt, plant_dt):
     """Largest difference of each state between model and plant in a second of lively flight.  (17,)"""
     model = quadrotor(ModelParams.of(PAPER), model_dt)
-    plant = BulletPlant(SKY, PAPER, dt=plant_dt)
+    plant = launch(dt=plant_dt)
     model = ModelPlant(model.step, model.params, plant.state.x, model_dt)
     gaps = []
     for k in range(round(1.0 / model_dt)):
         u = weave(k * model_dt)
         gaps.append(np.subtract(fly(plant, model_dt, u).x, model.step(u).x))
-    plant.close()
     return np.abs(gaps).max(axis=0)
 
 
-def test_model_and_plant_agree_in_free_flight_and_converge_with_the_step():
-    coarse, fine = gap(1 / 200, 1 / 200), gap(1 / 800, 1 / 800)
+def test_model_and_plant_agree_in_free_flight_and_converge_with_the_step(launch):
+    coarse, fine = gap(launch, 1 / 200, 1 / 200), gap(launch, 1 / 800, 1 / 800)
     assert coarse[10:].max() < 1e-6  # rates, thrust and angular acceleration are the same formula
-    # PyBullet moves and turns with the new velocity, the model with the mean one: first order in the step
+    # the plants move and turn with the new velocity, the model with the mean one: first order in the step
     assert coarse[:3].max() < 0.01
     assert coarse[3:10].max() < 0.002
     assert fine[:10].max() == pytest.approx(coarse[:10].max() / 4, rel=0.1)
 
 
-def test_a_model_at_100_hz_predicts_a_plant_at_400_hz_to_5_mm_in_a_second():
-    worst = gap(1 / 100, 1 / 400)
+def test_a_model_at_100_hz_predicts_a_plant_at_400_hz_to_5_mm_in_a_second(launch):
+    worst = gap(launch, 1 / 100, 1 / 400)
     assert worst[:3].max() < 0.005
     assert worst[6:10].max() < 0.005
 

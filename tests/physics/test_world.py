@@ -6,10 +6,13 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
+from plant_cases import NO_BULLET
 
 from quadsim.course import Course, Gate, Start
-from quadsim.physics.world import World, bullet
 from quadsim.vehicle import GRAVITY, Vehicle
+
+bullet = pytest.importorskip("pybullet", reason=NO_BULLET)
+from quadsim.physics.world import World  # noqa: E402
 
 DT, DEPTH, RADIUS = 1 / 400, 0.1, 0.1
 LEVEL, REST = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -26,7 +29,7 @@ COURSE = Course("three", "test", GATES, Start((0.0, 0.0, 1.0), 0.0), ((-9, 9),) 
 
 @pytest.fixture
 def world():
-    with World(COURSE, SPHERE, DT, DEPTH) as world:
+    with World(COURSE, SPHERE, DT) as world:
         yield world
 
 
@@ -93,7 +96,7 @@ def test_force_and_torque_act_in_the_body_frame_and_quaternions_are_wxyz(world):
 
 def energy_gained(dt):
     """Relative change of the rotational energy in a 6 rad/s tumble of 2 s without torque."""
-    with World(COURSE, SPHERE, dt, DEPTH) as world:
+    with World(COURSE, SPHERE, dt) as world:
         world.place((0.0, 0.0, 90.0), LEVEL, omega=(12**0.5,) * 3)
         energy = [np.dot(INERTIA, np.square(world.read()[3]))]
         for _ in range(round(2.0 / dt)):
@@ -113,7 +116,7 @@ def test_worlds_do_not_disturb_each_other(world):
         return coast(world, 0.5, (0.1, 0.0, 3.0), (0.001, 0.002, 0.0))
 
     alone = fall(world)
-    with World(COURSE, SPHERE, DT, DEPTH) as other:
+    with World(COURSE, SPHERE, DT) as other:
         other.place((3.0, 0.0, 5.0), LEVEL, v=(30.0, 0.0, 0.0))
         other.step()
         assert fall(world) == alone
@@ -179,7 +182,7 @@ def test_a_vehicle_that_stood_still_wakes_up(world):
 
 
 def test_closing_twice_is_harmless():
-    world = World(COURSE, SPHERE, DT, DEPTH)
+    world = World(COURSE, SPHERE, DT)
     world.close()
     world.close()
     assert not bullet.isConnected(physicsClientId=world._client)

@@ -10,12 +10,14 @@ from math import exp, log, sqrt
 
 import numpy as np
 import pytest
+from plant_cases import NO_BULLET
 from referee_cases import DT, HALF, WIDTH, R, course, gate
 
-from quadsim.course import FRAME_DEPTH
-from quadsim.physics.world import World, gate_bars
 from quadsim.race.referee import Referee
 from quadsim.vehicle import GRAVITY, Vehicle
+
+pytest.importorskip("pybullet", reason=NO_BULLET)
+from quadsim.physics.world import World
 
 GATE = gate((0.0, 0.0, 10.0), yaw=0.7, pitch=-0.4, roll=0.2)
 PROBE = Vehicle("probe", "", 1.0, (1e-3,) * 3, R, (0.05,) * 3, (10.0,) * 3, 40.0, (0.0,) * 3, 0.0, None)
@@ -38,7 +40,7 @@ class Pass:
         """How far the free flight would bring the sphere into a bar's true shape, negative outside [m]."""
         s = np.linspace(0.0, 2 * NEAR / self.speed, 4001)[:, None]
         p = self.start + s * self.velocity  # (4001, 3)
-        gaps = [np.maximum(np.abs(p - np.array(c)) - np.array(h), 0.0) for c, h in gate_bars(GATE, FRAME_DEPTH)]
+        gaps = [np.maximum(np.abs(p - np.array(c)) - np.array(h), 0.0) for c, h in GATE.bars]
         return R - min(float(np.sqrt((g**2).sum(axis=1)).min()) for g in gaps)
 
     @property
@@ -58,7 +60,7 @@ def random_pass(rng):
 
 def fly_pass(world, trial):
     """Whether the referee called a HIT, and whether PyBullet touched: a contact, or a velocity that changed."""
-    judge = Referee(course(GATE), R, laps=99, timeout=1e3, penalties=True)
+    referee = Referee(course(GATE), R, laps=99, timeout=1e3, penalties=True)
     turn, v0 = GATE.rotation, GATE.rotation @ trial.velocity
     p0 = tuple((GATE.position + turn @ trial.start).tolist())
     world.place(p0, (1.0, 0.0, 0.0, 0.0), tuple(v0.tolist()))
@@ -66,17 +68,17 @@ def fly_pass(world, trial):
         world.apply(HOVER, (0.0, 0.0, 0.0))
         world.step()
         p1, v, _, _ = world.read()
-        judge.observe(k * DT, p0, (k + 1) * DT, p1, world.contacts())
+        referee.observe(k * DT, p0, (k + 1) * DT, p1, world.contacts())
         if world.contacts() or np.linalg.norm(v - v0) > 1e-3 * trial.speed:
-            return {e.kind for e in judge.events}, True
+            return {e.kind for e in referee.events}, True
         p0 = p1
-    return {e.kind for e in judge.events}, False
+    return {e.kind for e in referee.events}, False
 
 
 @pytest.fixture(scope="module")
 def trials():
     rng = np.random.default_rng(1)
-    with World(course(GATE), PROBE, DT, FRAME_DEPTH) as world:
+    with World(course(GATE), PROBE, DT) as world:
         return [(trial, *fly_pass(world, trial)) for trial in (random_pass(rng) for _ in range(250))]
 
 
@@ -100,17 +102,17 @@ def test_clean_passes_stay_clean_in_pybullet(trials):
 
 
 def test_disagreement_is_put_on_record():
-    """The control: to a referee that believes the gate 3 m to the left, PyBullet's contacts are news."""
+    """The control: a referee that has the gate 3 m to the left records the contact that PyBullet reports."""
     wrong = gate((0.0, 3.0, 10.0))
-    judge = Referee(course(wrong), R, laps=99, timeout=1e3, penalties=True)
+    referee = Referee(course(wrong), R, laps=99, timeout=1e3, penalties=True)
     true = gate((0.0, 0.0, 10.0))
-    with World(course(true), PROBE, DT, FRAME_DEPTH) as world:
+    with World(course(true), PROBE, DT) as world:
         p0 = (-0.5, HALF[0] + WIDTH / 2, 10.0)
         world.place(p0, (1.0, 0.0, 0.0, 0.0), (5.0, 0.0, 0.0))
         for k in range(60):
             world.apply(HOVER, (0.0, 0.0, 0.0))
             world.step()
             p1 = world.read()[0]
-            judge.observe(k * DT, p0, (k + 1) * DT, p1, world.contacts())
+            referee.observe(k * DT, p0, (k + 1) * DT, p1, world.contacts())
             p0 = p1
-    assert [e.kind for e in judge.events] == ["unseen_contact"]
+    assert [e.kind for e in referee.events] == ["unseen_contact"]

@@ -52,7 +52,7 @@ def test_defaults_are_the_presets_own(preset, sampler):
         assert FlightFlags.defaults(argv).spec().planner == planner
 
 
-def test_planner_believes_the_vehicle_unless_told():
+def test_planner_has_the_vehicles_nominal_model_unless_told():
     given = flags()
     own = given.spec()
     assert own.model == ModelParams.of(own.vehicle)

@@ -7,18 +7,13 @@ import numpy as np
 import pytest
 from run_cases import SPEC, frame, two_laps
 
-from quadsim.race.events import PENALTY
 from quadsim.record.metrics import (
     MOTOR_TAU,
     chatter,
-    crashes,
     high_frequency_fraction,
-    lap_table,
-    max_speed,
     motor_corner,
     motor_residual,
     smoothness,
-    splits,
     thrust_psd,
     total_variation,
 )
@@ -137,17 +132,3 @@ def test_chatter_tells_commanded_from_delivered():
 def test_chatter_of_the_shortest_flights_is_a_number(frames):
     result = chatter(Run.from_frames(SPEC, [frame(k) for k in range(frames)]))
     assert all(np.isfinite(list(result[side].values())).all() for side in ("commanded", "delivered"))
-
-
-def test_lap_table_adds_up():
-    run = two_laps()
-    table = lap_table(run)
-    assert [row["lap"] for row in table] == [1, 2]
-    assert [row["penalty"] for row in table] == [0.0, PENALTY]
-    assert all(row["time"] == pytest.approx(sum(row["splits"]) + row["penalty"]) for row in table)
-    assert [row["splits"] for row in table] == splits(run)
-    assert {row["max_speed"] for row in table} == {max_speed(run)} == {5.0}
-
-
-def test_crashes_are_counted_by_kind():
-    assert crashes(two_laps()) == {"hit": 1, "ground": 0, "bounds": 0}

@@ -10,10 +10,10 @@ from controllers.costs.corridor import CorridorWeights, corridor_cost
 from controllers.rollout.lanes import LANES, Rollout
 from quadsim.course.corridor import load_corridor
 from quadsim.physics.plant import ModelPlant, diffusion
-from quadsim.systems.offroad import BELIEVED, DRIVEN, STATES, OffroadVehicle, offroad
+from quadsim.systems.offroad import DRIVEN, NOMINAL, STATES, OffroadVehicle, offroad
 
 M, T, DT = 300, 250, 0.02
-SYSTEM = offroad(BELIEVED, DT)
+SYSTEM = offroad(NOMINAL, DT)
 COST = corridor_cost(load_corridor("zigzag"), 0.8, CorridorWeights(), DT)
 
 
@@ -21,7 +21,7 @@ def state(**values):
     return tuple({**dict.fromkeys(STATES, 0.0), "hx": 1.0, **values}[name] for name in STATES)
 
 
-def drive(x, u, seconds, vehicle=BELIEVED, dt=DT):
+def drive(x, u, seconds, vehicle=NOMINAL, dt=DT):
     """All states.  (steps + 1, n_x)"""
     system, states = offroad(vehicle, dt), [x]
     for _ in range(round(seconds / dt)):
@@ -36,26 +36,26 @@ def column(states, name):
 def test_steering_takes_about_two_seconds_from_lock_to_lock():
     wheel = column(drive(state(steer=-1.0), (0.0, 1.0), 4.0), "steer")
     assert 1.8 < np.argmax(wheel > 0.9) * DT < 2.4
-    assert np.diff(wheel).max() == pytest.approx(DT * BELIEVED.steer_rate)
+    assert np.diff(wheel).max() == pytest.approx(DT * NOMINAL.steer_rate)
 
 
 def test_slow_circle_has_the_radius_of_full_lock():
-    states = drive(state(v=2.0, steer=1.0), (0.0, 1.0), 3.0, replace(BELIEVED, drag=0.0))
-    assert column(states, "r")[-1] * (1 / BELIEVED.curvature) == pytest.approx(2.0, rel=1e-3)
+    states = drive(state(v=2.0, steer=1.0), (0.0, 1.0), 3.0, replace(NOMINAL, drag=0.0))
+    assert column(states, "r")[-1] * (1 / NOMINAL.curvature) == pytest.approx(2.0, rel=1e-3)
 
 
 def test_fast_turn_has_the_lateral_acceleration_of_the_grip():
     """Without its limit, at 12 m/s and full lock it would be 26 m/s^2."""
-    states = drive(state(v=12.0, steer=1.0), (0.0, 1.0), 3.0, replace(BELIEVED, drag=0.0))
+    states = drive(state(v=12.0, steer=1.0), (0.0, 1.0), 3.0, replace(NOMINAL, drag=0.0))
     lateral = column(states, "v") * column(states, "r")
-    assert lateral.max() == pytest.approx(BELIEVED.grip, rel=1e-3)
-    assert 12.0**2 * BELIEVED.curvature > 4 * BELIEVED.grip
+    assert lateral.max() == pytest.approx(NOMINAL.grip, rel=1e-3)
+    assert 12.0**2 * NOMINAL.curvature > 4 * NOMINAL.grip
 
 
 def test_braking_leaves_less_for_the_turn_and_ends_at_rest():
-    states = drive(state(v=10.0, steer=1.0, drive=-1.0), (-1.0, 1.0), 4.0, replace(BELIEVED, brake=5.0))
+    states = drive(state(v=10.0, steer=1.0, drive=-1.0), (-1.0, 1.0), 4.0, replace(NOMINAL, brake=5.0))
     v, r = column(states, "v"), column(states, "r")
-    assert (v * r)[v > 6].max() < 0.6 * BELIEVED.grip
+    assert (v * r)[v > 6].max() < 0.6 * NOMINAL.grip
     assert v[-1] == 0.0 == v.min()
     assert states[-1, 0] == states[-2, 0]
 
@@ -77,10 +77,10 @@ def test_finer_steps_converge():
     assert np.linalg.norm(fine - finest) < 0.35 * np.linalg.norm(coarse - finest) < 0.2
 
 
-def test_driven_vehicle_slips_out_of_the_turn_that_the_believed_one_makes():
-    believed, driven = (drive(state(v=6.0), (0.2, 1.0), 4.0, v) for v in (BELIEVED, DRIVEN))
-    assert np.linalg.norm(believed[-1, :2] - driven[-1, :2]) > 1.0
-    slipping = drive(state(v=6.0), (0.2, 1.0), 4.0, replace(BELIEVED, slip=0.02))
+def test_driven_vehicle_slips_out_of_the_turn_that_the_nominal_one_makes():
+    nominal, driven = (drive(state(v=6.0), (0.2, 1.0), 4.0, v) for v in (NOMINAL, DRIVEN))
+    assert np.linalg.norm(nominal[-1, :2] - driven[-1, :2]) > 1.0
+    slipping = drive(state(v=6.0), (0.2, 1.0), 4.0, replace(NOMINAL, slip=0.02))
     course = np.diff(slipping[:, :2], axis=0)[-1]
     heading = np.array(slipping[-1, 2:4])
     beside = np.arctan2(course @ [-heading[1], heading[0]], course @ heading)
@@ -130,6 +130,6 @@ def test_lanes_agree_with_the_oracle(dtype, rtol, graze):
     assert 0.2 < np.mean(oracle.reached > 0) < 0.98, "some take the bend, some do not"
     J = fly_lanes(U, z, dtype)
     np.testing.assert_allclose(J[clear], oracle.J[clear], rtol=rtol, atol=0.02 * rtol)
-    other = offroad(replace(BELIEVED, grip=5.0, curvature=0.175), DT)
+    other = offroad(replace(NOMINAL, grip=5.0, curvature=0.175), DT)
     wrong = fly_rows(other, COST, state(px=14.0, v=5.0), U, z).J
     assert np.mean(abs(wrong / oracle.J - 1) > rtol) > 0.8

@@ -1,4 +1,4 @@
-"""The model that MPPI believes in: closed-form flights, its equations integrated finely by another hand, model_differences."""
+"""The model that MPPI plans with: closed-form flights, its equations against a fine integration, its limits."""
 
 from dataclasses import replace
 from math import exp, pi
@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from quadsim.physics.actuators import allocate, shares
+from quadsim.physics.allocation import allocate, shares
 from quadsim.systems.quadrotor import STATE, ModelParams, quadrotor
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle, load_vehicle
 
@@ -131,7 +131,7 @@ def test_numpy_rows_fly_as_floats_do():
     np.testing.assert_allclose(rows, np.array(floats).T, rtol=1e-14, atol=1e-14)
 
 
-def test_belief_of_a_vehicle_knows_all_but_the_axes_of_its_drag():
+def test_nominal_model_of_a_vehicle_has_all_but_the_axes_of_its_drag():
     rotors = Rotors(
         ((0.1, -0.1), (-0.1, 0.1), (0.1, 0.1), (-0.1, -0.1)), (1, 1, -1, -1), (1e-6, 0, 0), 0, 3e3, 0.033, 0.01
     )
@@ -156,7 +156,7 @@ def test_thrust_beside_a_tilt_is_what_the_rotors_deliver():
     assert 0.2 < np.mean(modest) < 0.98
 
 
-def test_limits_are_the_beliefs_and_rest_hovers():
+def test_limits_are_the_models_and_rest_hovers():
     system = quadrotor(FULL, 0.01)
     assert (system.low, system.high) == ((-6.0, -6.0, -6.0, 0.0), (6.0, 6.0, 6.0, 36.0))
     assert system.rest == HOVER

@@ -184,3 +184,10 @@ def test_flightmares_inertia_is_its_formula():
     vehicle = load_vehicle("flightmare")
     formula = vehicle.mass / 12 * 0.17**2 * np.array([4.5, 4.5, 7])
     np.testing.assert_allclose(vehicle.inertia, formula, rtol=1e-5)
+
+
+def test_rotor_speed_inverts_a_thrust_map_that_is_negative_at_idle():
+    rotors = load_vehicle("flightmare").rotors
+    assert rotors.thrust(150.0) < 0
+    for thrust in (0.0, 1.79, 11.22):
+        assert rotors.thrust(rotors.speed(thrust)) == pytest.approx(thrust, abs=1e-12)

@@ -21,15 +21,8 @@ from quadsim.palette import Style, styles
 from quadsim.record.archive import load_run
 from quadsim.record.run import RunError
 
-<<<<<<< HEAD:quadsim/app/campaign/figure.py
-if TYPE_CHECKING:
-    from quadsim.app.campaign.compare import Section
-
-JITTER = 0.1  # of the lap strips
-=======
 PATHS = 6  # of each variant on the map
 JITTER = 0.1  # vertical, of the dots of a variant
->>>>>>> bench:quadsim/app/figures/comparison.py
 
 
 def draw(sections: Sequence[Section]) -> Figure:

@@ -7,7 +7,7 @@ import numpy as np
 from controllers.rollout.layout import from_lanes
 from controllers.samplers import Sampling
 from controllers.samplers.lane_sampler import stream_key
-from quadsim.systems.offroad import BELIEVED, offroad
+from quadsim.systems.offroad import NOMINAL, offroad
 
 DT = 0.02  # [s]
 HORIZON = 250  # steps
@@ -22,7 +22,7 @@ def draw(sampling: Sampling, samples: int, horizon: int = HORIZON, seed: int = 0
 
 def paths(controls: np.ndarray) -> np.ndarray:
     """Where they lead from the origin, driving east.  (samples, 2, horizon) -> (samples, horizon + 1, 2) [m]"""
-    system = offroad(BELIEVED, DT)
+    system = offroad(NOMINAL, DT)
     u = np.clip(controls, -1.0, 1.0)
     x = tuple(np.full(len(u), v) for v in (0.0, 0.0, 1.0, 0.0, SPEED, 0.0, 0.0, 0.0))
     places = [np.stack(x[:2], axis=1)]

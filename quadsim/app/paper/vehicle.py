@@ -20,7 +20,7 @@ from quadsim.physics.plant import ModelPlant, diffusion
 from quadsim.race.corridor_referee import CorridorReferee
 from quadsim.race.events import Frame
 from quadsim.race.flight import fly
-from quadsim.systems.offroad import BELIEVED, DRIVEN, STATES, offroad
+from quadsim.systems.offroad import DRIVEN, NOMINAL, STATES, offroad
 
 CORRIDOR = "zigzag"
 HALF_WIDTH = 0.8  # of the vehicle [m]
@@ -43,7 +43,7 @@ class Drive:
 
     @property
     def key(self) -> str:
-        fixed = {"vehicle": [asdict(BELIEVED), asdict(DRIVEN)], "sampling": SAMPLING, "disturbed": DISTURBANCE}
+        fixed = {"vehicle": [asdict(NOMINAL), asdict(DRIVEN)], "sampling": SAMPLING, "disturbed": DISTURBANCE}
         corridor = load_corridor(CORRIDOR)
         fixed |= {"mppi": asdict(MPPI_CONFIG), "weights": asdict(WEIGHTS)}
         fixed |= {"points": corridor.points, "width": corridor.width, "timeout": TIMEOUT, "plant_dt": PLANT_DT}
@@ -62,7 +62,7 @@ def frames(drive: Drive) -> tuple[list[Frame], CorridorReferee]:
 def controller(sampler: str, config: MPPIConfig, seed: int | np.random.SeedSequence = 0) -> MPPI:
     """Along the corridor, by the estimated model."""
     cost = corridor_cost(load_corridor(CORRIDOR), HALF_WIDTH, WEIGHTS, config.dt)
-    return MPPI(offroad(BELIEVED, config.dt), cost, make_sampler(sampler, **SAMPLING), config, seed)
+    return MPPI(offroad(NOMINAL, config.dt), cost, make_sampler(sampler, **SAMPLING), config, seed)
 
 
 def start() -> tuple[float, ...]:

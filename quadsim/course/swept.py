@@ -1,4 +1,4 @@
-"""The segment of one physics step against one gate: contact with the frame, crossing of the plane. No rules here.
+"""The segment of one physics step against the gates: contact with a frame, crossing of a plane. No rules here.
 
 In the gate frame (x along the legal passage) the vehicle is a sphere of radius r whose centre moves on a segment.
 The four bars, as boxes grown by r, are a slab |x| <= FRAME_DEPTH/2 + r, |y| <= h_y + width + r (z alike) around
@@ -12,12 +12,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import hypot, inf
+from math import dist, hypot, inf
 from typing import NamedTuple
 
-from quadsim.course import FRAME_DEPTH, Gate
+import numpy as np
 
-Vec3 = tuple[float, float, float]
+from quadsim.course.course import FRAME_DEPTH, Gate, Vec3
 
 
 class Incident(NamedTuple):
@@ -85,7 +85,7 @@ class SweptGate:
         return max(abs(offset[0]) - self.half[0], abs(offset[1]) - self.half[1])
 
     def touch(self, a: Vec3, b: Vec3) -> float | None:
-        """Fraction of the segment a -> b (gate frame) at which a grown bar is first entered, None if none is."""
+        """Fraction of the segment a -> b (gate frame) at which it first enters a grown bar, None if it enters none."""
         slab = clip(a, b, _minus(self.slab), self.slab)
         if slab is None:
             return None
@@ -101,6 +101,20 @@ class SweptGate:
         if (a[0] < 0.0) != (b[0] < 0.0):  # x = 0 belongs to the far side: a step that ends there counts once
             found.append(("forward" if a[0] < 0.0 else "backward", a[0] / (a[0] - b[0])))
         return [Incident(s, kind, self.index, lerp(a, b, s)[1:]) for kind, s in found if s is not None]
+
+
+class SweptGates:
+    """All gates of a course, for a vehicle of this radius [m]."""
+
+    def __init__(self, gates: Sequence[Gate], radius: float):
+        self.all = tuple(SweptGate(gate, index, radius) for index, gate in enumerate(gates))
+        self._centres = np.array([g.position for g in gates])  # (gates, 3)
+        self._reach = np.array([g.reach for g in self.all])  # (gates,)
+
+    def near(self, p0: Vec3, p1: Vec3) -> list[SweptGate]:
+        """Those that the segment may concern: within reach of the ball around it."""
+        gap = ((self._centres - lerp(p0, p1, 0.5)) ** 2).sum(axis=1)  # (gates,)
+        return [self.all[k] for k in np.flatnonzero(gap <= (self._reach + dist(p0, p1) / 2) ** 2)]
 
 
 def _minus(v: Vec3) -> Vec3:

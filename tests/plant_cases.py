@@ -1,0 +1,27 @@
+"""The plants, a course of nothing but sky and the rotors that tests share."""
+
+import pytest
+
+from quadsim.course import Course, Gate, Start
+from quadsim.physics.plant import BulletPlant, RigidPlant, has_bullet
+from quadsim.vehicle import GRAVITY, Rotors
+
+NO_BULLET = "PyBullet is not installed: its wheels end at Python 3.11"
+needs_bullet = pytest.mark.skipif(not has_bullet(), reason=NO_BULLET)
+both_plants = [pytest.param(BulletPlant, marks=needs_bullet, id="bullet"), pytest.param(RigidPlant, id="rigid")]
+
+DT = 1 / 400
+HOVER = (0.0, 0.0, 0.0, GRAVITY)
+GATE = Gate((50.0, 0.0, 200.0), 0.0, 0.0, 0.0, (2.4, 2.4), 0.3)
+SKY = Course("sky", "test", (GATE,), Start((1.0, 2.0, 200.0), 0.0), ((-99, 99),) * 3, False, 1, (), "")
+
+FULL = 8.5  # strongest rotor thrust of RACER [N]
+ROTORS = Rotors(
+    positions=((0.0775, -0.1), (-0.0775, 0.1), (0.0775, 0.1), (-0.0775, -0.1)),
+    spin=(-1, -1, 1, 1),
+    thrust_map=(FULL / 3000.0**2, 0.0, 0.0),
+    omega_min=0.0,
+    omega_max=3000.0,
+    tau=0.04,
+    kappa=0.014,
+)
