@@ -26,6 +26,9 @@ WORDS = {
 class _Typed(ast.NodeTransformer):
     """Numbers become F(number), words become their lane twins; an index stays an integer."""
 
+    def __init__(self, renamed: dict[str, str]):
+        self._renamed = renamed
+
     def visit_Constant(self, node: ast.Constant) -> ast.AST:
         number = isinstance(node.value, int | float) and not isinstance(node.value, bool)
         return ast.Call(ast.Name("F", ast.Load()), [node], []) if number else node
@@ -34,29 +37,36 @@ class _Typed(ast.NodeTransformer):
         return node
 
     def visit_Name(self, node: ast.Name) -> ast.AST:
-        return ast.parse(WORDS[node.id], mode="eval").body if node.id in WORDS else node
+        if node.id in WORDS:
+            return ast.parse(WORDS[node.id], mode="eval").body
+        return ast.Name(self._renamed.get(node.id, node.id), node.ctx)
 
 
-def lane_source(function: Callable, done: dict[str, str] | None = None) -> dict[str, str]:
-    """Name -> source text of the function and of the module constants and functions it uses, in order."""
-    done = {} if done is None else done
+def lane_source(function: Callable, name: str = "", done: dict[str, str] | None = None) -> dict[str, str]:
+    """Name -> source text of the function and of the module constants and functions it uses, in order.
+
+    name: of the function in the text; what it uses is named after it, so that two modules may use one name.
+    """
+    done, name = {} if done is None else done, name or function.__name__
     tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
     assert isinstance(tree, ast.FunctionDef)
-    for name, value in inspect.getclosurevars(function).globals.items():
-        if name in WORDS or name in done:
+    renamed = {}
+    for used, value in inspect.getclosurevars(function).globals.items():
+        if used in WORDS:
             continue
+        renamed[used] = f"{name}_{used}"
         if isinstance(value, int | float):
-            done[name] = f"{name} = F({value!r})"
+            done[renamed[used]] = f"{renamed[used]} = F({value!r})"
         elif inspect.isfunction(value):
-            lane_source(value, done)
+            lane_source(value, renamed[used], done)
         else:
             raise TypeError(
-                f"{function.__module__}.{function.__name__}: a lane cannot use {name!r} ({type(value).__name__})"
+                f"{function.__module__}.{function.__name__}: a lane cannot use {used!r} ({type(value).__name__})"
             )
     if ast.get_docstring(tree) is not None:
         tree.body = tree.body[1:]
-    tree.returns = None
+    tree.name, tree.returns = name, None
     for argument in tree.args.args:
         argument.annotation = None
-    done[tree.name] = "@inline\n" + ast.unparse(ast.fix_missing_locations(_Typed().visit(tree)))
+    done[name] = "@inline\n" + ast.unparse(ast.fix_missing_locations(_Typed(renamed).visit(tree)))
     return done

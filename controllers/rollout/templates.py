@@ -121,9 +121,7 @@ def module_source(step: Callable, terms: Callable, sizes: tuple[int, ...], dtype
     """sizes: numbers of states, controls, targets, terms, parameters of the system and of the cost."""
     source = HEADER.format(dtype=np.dtype(dtype).name, lanes=lanes, fast=sorted(FAST))
     for name, function in {"step": step, "terms": terms}.items():
-        source += "\n" + "\n\n".join(lane_source(function).values()) + "\n"
-        if function.__name__ != name:
-            source += f"\n{name} = {function.__name__}\n"
+        source += "\n" + "\n\n".join(lane_source(function, name).values()) + "\n"
     words = _words(*sizes)
     for name, text in {"start": START, "step": STEP, "next_targets": NEXT_TARGETS}.items():
         body = text.strip("\n").format(**words)

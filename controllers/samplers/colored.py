@@ -21,7 +21,6 @@ import numpy as np
 
 from controllers.rollout.layout import LANES
 from controllers.rollout.passes import fast_length
-from controllers.rollout.transform import fill_transformed, transform_loop
 from controllers.samplers.lane_sampler import Gamma, LaneSampler, Sigma
 
 Law = Literal["exact", "paper", "library"]
@@ -65,6 +64,8 @@ class Colored:
             raise ValueError(f"gamma: expected {len(self.sigma)} numbers, as sigma has, got {len(self.gamma)}")
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+        from controllers.rollout.transform import fill_transformed, transform_loop  # here: they load the compiler
+
         n, halves = transform_length(horizon, self.law), 2 if self.law == "exact" else 1
         held, steps = halves * LANES, halves * horizon  # samples and time steps of one series
         noise = np.empty((-(-samples // held), len(self.sigma), steps, LANES), np.float32)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.rollout.layout import LANES, blocks
-from controllers.rollout.normals import fill_normals
 from controllers.samplers.lane_sampler import LaneSampler, Sigma
 
 
@@ -18,6 +17,8 @@ class Gaussian:
     sigma: Sigma
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+        from controllers.rollout.normals import fill_normals  # here: it loads the compiler
+
         noise = np.empty((blocks(samples), len(self.sigma), horizon, LANES), np.float32)
         scale = np.repeat(np.array(self.sigma, np.float32), horizon)  # (n_u * T,)
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.rollout.layout import LANES, blocks
-from controllers.rollout.normals import fill_normals
 from controllers.samplers.lane_sampler import LaneSampler, Sigma
 
 CEILING = np.float32(60.0)  # of the exponent: exp(60) is far beyond any control and far below float32's largest number
@@ -26,6 +25,8 @@ class LogNormal:
     sigma: Sigma
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+        from controllers.rollout.normals import fill_normals  # here: it loads the compiler
+
         shape = (len(self.sigma), horizon, LANES)
         normals = np.empty((blocks(samples), 2, *shape), np.float32)  # sigma xi, sigma eta
         noise = np.empty((blocks(samples), *shape), np.float32)

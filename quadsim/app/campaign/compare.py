@@ -13,6 +13,7 @@ from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.padding import Padding
 
+from controllers.samplers import SAMPLERS
 from quadsim.app.campaign.runner import Runner
 from quadsim.app.campaign.store import Row
 from quadsim.app.campaign.summary_stats import PairStats, Section, VariantStats, all_pairs, lap_limit, variant_stats
@@ -126,7 +127,8 @@ def compare(
     settings: Mapping[str, Any],
 ) -> Comparison:
     """See quadsim.compare."""
-    each = variants if isinstance(variants, Mapping) else {name: {"sampler": name} for name in variants}
+    said = variants if isinstance(variants, Mapping) else dict.fromkeys(variants, {})
+    each = {name: ({"sampler": name} if name in SAMPLERS else {}) | dict(own) for name, own in said.items()}
     several = courses if isinstance(courses, list | tuple) else [courses]
     made = make_variants(several, each, settings)
     folder = None if campaign else TemporaryDirectory(prefix="quadsim-")
