@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from time import perf_counter
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -31,6 +31,16 @@ class Controller(Protocol):
         ...
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]: ...
+
+
+class PlainController:
+    """A user's controller that has nothing but `control(x) -> u`, as a Controller."""
+
+    def __init__(self, inner: Any, rest: Sequence[float]):
+        self._inner, self.rest = inner, np.array(rest)
+
+    def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
+        return np.asarray(self._inner.control(x), float), PlanStats(cost=0.0, ess=0.0, temperature=0.0)
 
 
 class RefereeProtocol(Protocol):

@@ -16,7 +16,7 @@ from controllers.samplers import SAMPLERS
 from quadsim.physics.domain_randomization import draw
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
-from quadsim.race.flight import Controller, RefereeProtocol, fly
+from quadsim.race.flight import Controller, PlainController, RefereeProtocol, fly
 from quadsim.race.systems import SYSTEMS, SystemEntry
 
 if TYPE_CHECKING:
@@ -106,6 +106,8 @@ def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
     own, streams = spec.own, spec.streams
     referee = _made(own.referee, spec) or spec.entry.referee(spec)
     controller = _made(own.controller, spec) or planner_of(spec, streams[0])
+    if not hasattr(controller, "rest"):
+        controller = PlainController(controller, spec.entry.system(spec.model, spec.planner.mppi.dt).rest)
     return _made(own.plant, spec) or spec.entry.plant(spec, streams), controller, referee
 
 
