@@ -41,6 +41,18 @@ def tilt_reserve(c_x, c_y, bx, by):
     return c_x * abs(bx) + c_y * abs(by)
 
 
+def quaternion_rate(q, m):
+    """q x (0, m): the change of an attitude q wxyz by the small vector m, half an angle in the body frame.  (4,)"""
+    qw, qx, qy, qz = q
+    mx, my, mz = m
+    return (
+        -(qx * mx + qy * my + qz * mz),
+        qw * mx + qy * mz - qz * my,
+        qw * my - qx * mz + qz * mx,
+        qw * mz + qx * my - qy * mx,
+    )
+
+
 def step(x, u, p, dt):
     """x, u: STATE and CONTROL.
 
@@ -55,15 +67,10 @@ def step(x, u, p, dt):
     reserve = tilt_reserve(c_x, c_y, bx_cmd, by_cmd)
     a2 = a + (minimum(maximum(a_cmd, reserve), a_max - reserve) - a) * k_m
     bx2, by2, bz2 = bx + (bx_cmd - bx) * k_m, by + (by_cmd - by) * k_m, bz + (bz_cmd - bz) * k_m
-    wx2 = wx + bx2 * dt
-    wy2 = wy + by2 * dt
-    wz2 = wz + bz2 * dt
+    wx2, wy2, wz2 = wx + bx2 * dt, wy + by2 * dt, wz + bz2 * dt
     # half a step of q' = q x (0, omega) / 2 under the mean rates
-    mx, my, mz = eighth * (wx + wx2), eighth * (wy + wy2), eighth * (wz + wz2)
-    dw = -(qx * mx + qy * my + qz * mz)
-    dx = qw * mx + qy * mz - qz * my
-    dy = qw * my - qx * mz + qz * mx
-    dz = qw * mz + qx * my - qy * mx
+    m = eighth * (wx + wx2), eighth * (wy + wy2), eighth * (wz + wz2)
+    dw, dx, dy, dz = quaternion_rate((qw, qx, qy, qz), m)
     hw, hx, hy, hz = qw + dw, qx + dx, qy + dy, qz + dz
     # the thrust of the new step acts along the body's z axis in mid-step
     zx, zy, zz = thrust_axis(hw, hx, hy, hz)
