@@ -76,13 +76,17 @@ def step_at_gate(before, after, free_y, free_z, bar, depth):
     return reached, clipped, within, at_end
 
 
+def off_leg(dx, dy, dz, ex, ey, ez, leg):
+    """From the nearest point of the straight leg, which is -leg .. 0 along e, to (dx, dy, dz).  (3,)"""
+    along = minimum(maximum(dx * ex + dy * ey + dz * ez, -leg), 0.0)
+    return dx - along * ex, dy - along * ey, dz - along * ez
+
+
 def terms(x, x_next, u, target, crashed, p):
     """The weighted terms of eq. (8) for one step of one sample, with reached and crashed."""
     gx, gy, gz, nx, ny, nz, lx, ly, lz, free_y, free_z, bar, to_go, approach, ex, ey, ez, leg = target
     a_0, a_1, a_2, a_3, a_4, a_5, a_6, a_7, a_8, v_des, near, margin, depth, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
-    px, py, pz, vx, vy = x_next[0], x_next[1], x_next[2], x_next[3], x_next[4]
-    qx, qy = x_next[7], x_next[8]
-
+    px, py, pz, vx, vy, qx, qy = x_next[0], x_next[1], x_next[2], x_next[3], x_next[4], x_next[7], x_next[8]
     # position relative to the gate's exit, before and after: along the passage, left, up
     dx, dy, dz = px - gx, py - gy, pz - gz
     n, left = (nx, ny, nz), (lx, ly, lz)
@@ -104,9 +108,7 @@ def terms(x, x_next, u, target, crashed, p):
     v_xy = sqrt(vx * vx + vy * vy + 1e-6)
     d_xy = sqrt(dx * dx + dy * dy + 1e-6)
     heading_error = where(d2 > 0.25, 1.0 + (vx * dx + vy * dy) / (v_xy * d_xy), 0.0)
-    # the nearest point of the straight leg: -leg .. 0 along its direction e
-    along = minimum(maximum(dx * ex + dy * ey + dz * ez, -leg), 0.0)
-    ox, oy, oz = dx - along * ex, dy - along * ey, dz - along * ez
+    ox, oy, oz = off_leg(dx, dy, dz, ex, ey, ez, leg)
     off_speed = v_xy - v_des
     return (
         a_0 * remaining,

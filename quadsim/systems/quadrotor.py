@@ -42,7 +42,7 @@ def tilt_reserve(c_x, c_y, bx, by):
 
 
 def quaternion_rate(q, m):
-    """q x (0, m): the change of an attitude q wxyz by the small vector m, half an angle in the body frame.  (4,)"""
+    """q x (0, m), wxyz: with m = omega / 2 in the body frame, the rate at which the attitude q changes.  (4,)"""
     qw, qx, qy, qz = q
     mx, my, mz = m
     return (
@@ -80,25 +80,8 @@ def step(x, u, p, dt):
     qw2, qx2, qy2, qz2 = hw + dw, hx + dx, hy + dy, hz + dz
     # one Newton step on 1 / |q| renormalises
     n = 1.5 - 0.5 * (qw2 * qw2 + qx2 * qx2 + qy2 * qy2 + qz2 * qz2)
-    return (
-        px + (vx + vx2) * half,
-        py + (vy + vy2) * half,
-        pz + (vz + vz2) * half,
-        vx2,
-        vy2,
-        vz2,
-        qw2 * n,
-        qx2 * n,
-        qy2 * n,
-        qz2 * n,
-        wx2,
-        wy2,
-        wz2,
-        a2,
-        bx2,
-        by2,
-        bz2,
-    )
+    px2, py2, pz2 = px + (vx + vx2) * half, py + (vy + vy2) * half, pz + (vz + vz2) * half
+    return px2, py2, pz2, vx2, vy2, vz2, qw2 * n, qx2 * n, qy2 * n, qz2 * n, wx2, wy2, wz2, a2, bx2, by2, bz2
 
 
 Lag = Annotated[float, unit("s", ge=0, le=10)]
@@ -124,7 +107,7 @@ class ModelParams:
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> ModelParams:
-        """What a careful engineer would measure on this vehicle: everything but the axis ratio of the drag."""
+        """The nominal model of a vehicle: its own numbers, with the mean of its drag."""
         rotors = vehicle.rotors
         return cls(
             rate_tau=vehicle.rate_tau,
