@@ -54,22 +54,16 @@ def cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def terms(x, x_next, u, target, crashed, p):
-    """The weighted terms of eq. (8) for one step of one sample, with reached and crashed."""
-    gx, gy, gz, nx, ny, nz, lx, ly, lz, free_y, free_z, bar, to_go, approach, ex, ey, ez, leg = target
-    a_0, a_1, a_2, a_3, a_4, a_5, a_6, a_7, a_8, v_des, near, margin, depth, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
-    px, py, pz, vx, vy = x_next[0], x_next[1], x_next[2], x_next[3], x_next[4]
-    qx, qy = x_next[7], x_next[8]
+def step_at_gate(before, after, free_y, free_z, bar, depth):
+    """A step whose ends are given in the frame of a gate's exit: (reached, clipped, within, at_end).
 
-    # position relative to the gate's exit, before and after: s along the passage, y left, z up
-    dx, dy, dz = px - gx, py - gy, pz - gz
-    n, left = (nx, ny, nz), (lx, ly, lz)
-    s0, y0, z0 = in_frame((x[0] - gx, x[1] - gy, x[2] - gz), n, left, cross(n, left))
-    s1, y1, z1 = in_frame((dx, dy, dz), n, left, cross(n, left))
+    at_end is how far outside the free opening it ends, negative inside [m]; within: between entry and exit, not
+    outside the frame. It is free of the frame if it is free at the exit, the entry and its end, as the free shaft is
+    convex. At the two planes the distances are times |s1 - s0|, which saves a division.
+    """
+    (s0, y0, z0), (s1, y1, z1) = before, after
     forward = (s0 < 0.0) & (s1 >= 0.0)
     backward = (s0 >= 0.0) & (s1 < 0.0)
-    # how far beside the free opening the step goes through the exit and the entry, both times |s1 - s0| (no division),
-    # and where it ends. Free at all three is free between: the free shaft is convex.
     through = (s0 <= -depth) != (s1 <= -depth)
     span, e0, e1 = abs(s1 - s0), s0 + depth, s1 + depth
     at_exit = maximum(abs(y0 * s1 - y1 * s0) - free_y * span, abs(z0 * s1 - z1 * s0) - free_z * span)
@@ -79,6 +73,26 @@ def terms(x, x_next, u, target, crashed, p):
     reached = forward & (at_exit < 0.0)
     clipped = (forward & (at_exit >= 0.0) & (at_exit < bar * span)) | (backward & (at_exit < bar * span))
     clipped = clipped | (through & (at_entry >= 0.0) & (at_entry < bar * span)) | (within & (at_end >= 0.0))
+    return reached, clipped, within, at_end
+
+
+def off_leg(dx, dy, dz, ex, ey, ez, leg):
+    """From the nearest point of the straight leg, which is -leg .. 0 along e, to (dx, dy, dz).  (3,)"""
+    along = minimum(maximum(dx * ex + dy * ey + dz * ez, -leg), 0.0)
+    return dx - along * ex, dy - along * ey, dz - along * ez
+
+
+def terms(x, x_next, u, target, crashed, p):
+    """The weighted terms of eq. (8) for one step of one sample, with reached and crashed."""
+    gx, gy, gz, nx, ny, nz, lx, ly, lz, free_y, free_z, bar, to_go, approach, ex, ey, ez, leg = target
+    a_0, a_1, a_2, a_3, a_4, a_5, a_6, a_7, a_8, v_des, near, margin, depth, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
+    px, py, pz, vx, vy, qx, qy = x_next[0], x_next[1], x_next[2], x_next[3], x_next[4], x_next[7], x_next[8]
+    # position relative to the gate's exit, before and after: along the passage, left, up
+    dx, dy, dz = px - gx, py - gy, pz - gz
+    n, left = (nx, ny, nz), (lx, ly, lz)
+    before = in_frame((x[0] - gx, x[1] - gy, x[2] - gz), n, left, cross(n, left))
+    after = in_frame((dx, dy, dz), n, left, cross(n, left))
+    reached, clipped, within, at_end = step_at_gate(before, after, free_y, free_z, bar, depth)
     tight = where(within, maximum(at_end + margin, 0.0), 0.0)
     below_floor = (pz < floor) & (pz < x[2])  # a start on the ground is no crash, coming down is
     out_of_bounds = (px < x_lo) | (px > x_hi) | (py < y_lo) | (py > y_hi) | (pz > z_hi)
@@ -87,16 +101,14 @@ def terms(x, x_next, u, target, crashed, p):
     # for a sample behind the exit that has not passed, the way leads round to a point in front of the gate
     rx, ry, rz = dx + approach * nx, dy + approach * ny, dz + approach * nz
     d2 = dx * dx + dy * dy + dz * dz
-    past_exit = s1 > 0.0
+    past_exit = after[0] > 0.0
     way = sqrt(where(past_exit, rx * rx + ry * ry + rz * rz, d2) + 1e-6) + where(past_exit, approach, 0.0)
     remaining = where(reached, 0.0, way) + to_go
 
     v_xy = sqrt(vx * vx + vy * vy + 1e-6)
     d_xy = sqrt(dx * dx + dy * dy + 1e-6)
     heading_error = where(d2 > 0.25, 1.0 + (vx * dx + vy * dy) / (v_xy * d_xy), 0.0)
-    # the nearest point of the straight leg: -leg .. 0 along its direction e
-    along = minimum(maximum(dx * ex + dy * ey + dz * ez, -leg), 0.0)
-    ox, oy, oz = dx - along * ex, dy - along * ey, dz - along * ez
+    ox, oy, oz = off_leg(dx, dy, dz, ex, ey, ez, leg)
     off_speed = v_xy - v_des
     return (
         a_0 * remaining,

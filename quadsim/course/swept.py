@@ -3,7 +3,7 @@
 In the gate frame (x along the legal passage) the vehicle is a sphere of radius r whose centre moves on a segment.
 The four bars, as boxes grown by r, are a slab |x| <= FRAME_DEPTH/2 + r, |y| <= h_y + width + r (z alike) around
 a free shaft |y| <= h_y - r: the sphere touches a bar where its centre is in the slab and not in the shaft.
-Grown boxes stick out where a sphere would round an edge: contact is called up to .42 r early at the bars' edges,
+Grown boxes stick out where a sphere would round an edge: contact is found up to .42 r early at the bars' edges,
 .73 r at their corners. On their faces, and straight through the opening, it is exact.
 """
 
@@ -21,7 +21,7 @@ from quadsim.course.course import FRAME_DEPTH, Gate, Vec3
 
 
 class Incident(NamedTuple):
-    """What the geometry of one step says, before the rules do."""
+    """A contact or a crossing within one step, to which the rules are still to be applied."""
 
     s: float  # fraction of the step
     kind: str  # touch, forward, backward; of the referee: ground, bounds, timeout

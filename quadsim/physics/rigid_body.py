@@ -18,6 +18,7 @@ from math import cos, hypot, sin
 from quadsim.course import Course
 from quadsim.course.swept import SweptGates
 from quadsim.physics.actuators import Vector, gyroscopic, to_body, to_world
+from quadsim.systems.quadrotor import quaternion_rate
 from quadsim.vehicle import GRAVITY, Vec3, Vehicle
 
 ORIGIN: Vec3 = (0.0, 0.0, 0.0)
@@ -80,12 +81,7 @@ def turned(q: Vector, omega: Vector, dt: float) -> Vector:
     """q x exp((0, omega) dt / 2), of unit length: after dt at constant body rates omega [rad/s]."""
     rate = hypot(*omega)
     s = sin(0.5 * rate * dt) / rate if rate > 0.0 else 0.5 * dt
-    (w, x, y, z), (i, j, k), r = q, (s * v for v in omega), cos(0.5 * rate * dt)
-    product = (
-        w * r - x * i - y * j - z * k,
-        w * i + x * r + y * k - z * j,
-        w * j - x * k + y * r + z * i,
-        w * k + x * j - y * i + z * r,
-    )
+    r, turn = cos(0.5 * rate * dt), quaternion_rate(q, tuple(s * w for w in omega))
+    product = tuple(r * a + b for a, b in zip(q, turn, strict=True))
     length = hypot(*product)
     return tuple(v / length for v in product)

@@ -95,7 +95,7 @@ class Referee:
             self._touched[k] = t1
             return "hit" if fresh else None
         beyond, gate = self._gates[k].beyond(offset), self._gates[k]
-        through = beyond <= gate.gate.frame_width  # without penalties, whoever touched the frame has ended before
+        through = beyond <= gate.gate.frame_width  # without penalties, a touch of the frame has ended the flight before
         if kind == "backward":
             return "wrong_way" if through else None
         if k == self.next_gate and through:

@@ -1,8 +1,8 @@
 """Models x_{t+1} = x_t + F(x_t, u_t) dt, each one file of plain functions over tuples of scalars.
 
 The same text is flown on floats (ModelPlant), checked on numpy rows (the float64 oracle of the tests)
-and inlined into the compiled lanes that MPPI runs. So a step speaks the words all three understand:
-arithmetic, comparisons joined by `&` and `|`, `abs`, and numpy's sqrt, exp, where, minimum, maximum.
+and inlined into the compiled lanes that MPPI runs. So a step uses only what all three know: plain functions of the same
+kind, arithmetic, comparisons joined by `&` and `|`, `abs`, and numpy's sqrt, exp, where, minimum, maximum.
 """
 
 from __future__ import annotations

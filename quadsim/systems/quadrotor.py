@@ -49,6 +49,18 @@ def tilt_reserve(c_x, c_y, bx, by):
     return c_x * abs(bx) + c_y * abs(by)
 
 
+def quaternion_rate(q, m):
+    """q x (0, m), wxyz: with m = omega / 2 in the body frame, the rate at which the attitude q changes.  (4,)"""
+    qw, qx, qy, qz = q
+    mx, my, mz = m
+    return (
+        -(qx * mx + qy * my + qz * mz),
+        qw * mx + qy * mz - qz * my,
+        qw * my - qx * mz + qz * mx,
+        qw * mz + qx * my - qy * mx,
+    )
+
+
 def step(x, u, p, dt):
     """x, u: STATE and CONTROL.
 
@@ -63,15 +75,10 @@ def step(x, u, p, dt):
     reserve = tilt_reserve(c_x, c_y, bx_cmd, by_cmd)
     a2 = a + (minimum(maximum(a_cmd, reserve), a_max - reserve) - a) * k_m
     bx2, by2, bz2 = bx + (bx_cmd - bx) * k_m, by + (by_cmd - by) * k_m, bz + (bz_cmd - bz) * k_m
-    wx2 = wx + bx2 * dt
-    wy2 = wy + by2 * dt
-    wz2 = wz + bz2 * dt
+    wx2, wy2, wz2 = wx + bx2 * dt, wy + by2 * dt, wz + bz2 * dt
     # half a step of q' = q x (0, omega) / 2 under the mean rates
-    mx, my, mz = eighth * (wx + wx2), eighth * (wy + wy2), eighth * (wz + wz2)
-    dw = -(qx * mx + qy * my + qz * mz)
-    dx = qw * mx + qy * mz - qz * my
-    dy = qw * my - qx * mz + qz * mx
-    dz = qw * mz + qx * my - qy * mx
+    m = eighth * (wx + wx2), eighth * (wy + wy2), eighth * (wz + wz2)
+    dw, dx, dy, dz = quaternion_rate((qw, qx, qy, qz), m)
     hw, hx, hy, hz = qw + dw, qx + dx, qy + dy, qz + dz
     # the thrust of the new step acts along the body's z axis in mid-step
     zx, zy, zz = thrust_axis(hw, hx, hy, hz)
@@ -81,25 +88,8 @@ def step(x, u, p, dt):
     qw2, qx2, qy2, qz2 = hw + dw, hx + dx, hy + dy, hz + dz
     # one Newton step on 1 / |q| renormalises
     n = 1.5 - 0.5 * (qw2 * qw2 + qx2 * qx2 + qy2 * qy2 + qz2 * qz2)
-    return (
-        px + (vx + vx2) * half,
-        py + (vy + vy2) * half,
-        pz + (vz + vz2) * half,
-        vx2,
-        vy2,
-        vz2,
-        qw2 * n,
-        qx2 * n,
-        qy2 * n,
-        qz2 * n,
-        wx2,
-        wy2,
-        wz2,
-        a2,
-        bx2,
-        by2,
-        bz2,
-    )
+    px2, py2, pz2 = px + (vx + vx2) * half, py + (vy + vy2) * half, pz + (vz + vz2) * half
+    return px2, py2, pz2, vx2, vy2, vz2, qw2 * n, qx2 * n, qy2 * n, qz2 * n, wx2, wy2, wz2, a2, bx2, by2, bz2
 
 
 Lag = Annotated[float, unit("s", ge=0, le=10)]
@@ -125,7 +115,7 @@ class ModelParams:
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> ModelParams:
-        """What a careful engineer would measure on this vehicle: everything but the axis ratio of the drag."""
+        """The nominal model of a vehicle: its own numbers, with the mean of its drag."""
         rotors = vehicle.rotors
         return cls(
             rate_tau=vehicle.rate_tau,

@@ -12,7 +12,7 @@ DT, PERIOD = 0.0025, 0.01  # four physics steps in a control period
 
 
 class FakeTime:
-    """A time source that moves on when somebody sleeps or plans."""
+    """A time source that moves on only when it is told to."""
 
     def __init__(self):
         self.seconds = 100.0
@@ -88,7 +88,7 @@ def test_under_the_simulated_clock_no_plan_is_ever_late():
     assert slow == quick == ([0.0, 0.01, 0.02, 0.03], [0, 1, 1, 1], [k for k in (1, 2, 3, 4) for _ in range(4)])
 
 
-def test_wall_clock_waits_for_what_is_to_come_and_not_for_what_has_been():
+def test_wall_clock_waits_for_a_later_time_and_returns_at_once_for_an_earlier_one():
     time = FakeTime()
     clock = WallClock(time, time.pass_by)
     assert clock.now(0.0) == 0.0

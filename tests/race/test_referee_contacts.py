@@ -1,6 +1,6 @@
 """The referee against PyBullet's contacts: straight passes at and around a turned gate's frame, at 1 to 30 m/s.
 
-Measured over 6 400 such passes: PyBullet never touched a bar, nor turned the vehicle aside, without a HIT. HITs that
+Measured over 6 400 such passes: PyBullet never touched a bar, nor changed the velocity, without a HIT. HITs that
 PyBullet let pass were from 64 mm outside the bars' true shape (at edges, where boxes grown by r stick out) to 1.4 mm
 inside it (a sphere sampled every v dt cuts across an edge).
 """
