@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from quadsim.race.build import frames as _frames
 from quadsim.race.events import Frame
 from quadsim.race.spec import Spec
-from quadsim.race.spec import frames as _frames
 from quadsim.record.archive import RunFolder, find_run
 from quadsim.record.archive import load_run as _load_run
 from quadsim.record.run import Run

@@ -138,7 +138,7 @@ def flight_settings(argv: Sequence[str]) -> dict[str, Setting]:
     sampler = said(argv, "--sampler", FlightSettings.sampler)
     own = ":" in sampler or sampler not in SAMPLERS  # `resolve` says what is wrong with the name
     base = load_planner(said(argv, "--preset", entry.default_preset), "colored" if own else sampler, entry.presets)
-    groups = settings_of(entry, base)
+    groups = settings_of(base, entry.model_of(entry.load_vehicle(base.vehicle)))
     return {s.name: s for group, found in groups.items() if not (own and group == "sampling") for s in found}
 
 

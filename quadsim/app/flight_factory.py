@@ -13,9 +13,10 @@ from controllers.sampled_trajectories import SampledTrajectories, sampled_trajec
 from controllers.samplers import Colored
 from quadsim.app.flight_flags import FlightFlags
 from quadsim.app.preset_file import SamplingNumbers, load_planner
+from quadsim.race.build import build
 from quadsim.race.events import Frame
 from quadsim.race.flight import fly
-from quadsim.race.spec import Spec, build, controller_of, streams
+from quadsim.race.spec import Spec, controller_of, streams
 from web.choices import RANGES, Choices, Numbers
 
 

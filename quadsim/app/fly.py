@@ -11,9 +11,10 @@ from quadsim.app.console import COMPILING, complain
 from quadsim.app.flags import Given, Help, Json, RunsDir, UsageError, flag
 from quadsim.app.progress import Progress
 from quadsim.app.report import present
+from quadsim.race.build import build, launch
 from quadsim.race.events import Frame
 from quadsim.race.settings import SettingError
-from quadsim.race.spec import Spec, build, launch
+from quadsim.race.spec import Spec
 from quadsim.record.archive import RunFolder
 from quadsim.record.run import Recorder, Run, RunError
 

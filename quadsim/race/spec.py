@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import closing
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
-from functools import partial
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from importlib import import_module
+from pathlib import Path
 from types import FunctionType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from controllers.presets import Planner
+from controllers.presets import Planner, faults
 from controllers.samplers import SAMPLERS
+from quadsim.course import Course
+from quadsim.course.corridor import Corridor
+from quadsim.course.point_goal import PointGoal
+from quadsim.files.yaml_words import did_you_mean
 from quadsim.physics.domain_randomization import draw
-from quadsim.race.clock import CLOCKS
-from quadsim.race.events import Frame
-from quadsim.race.flight import Controller, PlainController, RefereeProtocol, fly
-from quadsim.race.systems import SYSTEMS, SystemEntry
-
-if TYPE_CHECKING:
-    from controllers.mppi import MPPI
-    from quadsim.physics.plant import Plant
+from quadsim.race.flight import whole_multiple
+from quadsim.race.preset_file import load_planner
+from quadsim.race.settings import GROUPS, FlightSettings, SettingError, checked, setting_fields
+from quadsim.race.systems import SYSTEMS, SystemEntry, own_system, system_of_course
+from quadsim.systems import System
+from quadsim.vehicle import with_thrust_to_weight
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,24 @@ class OwnParts:
     plant: Any = None
     controller: Any = None
     referee: Any = None
+
+    @classmethod
+    def taken(cls, settings: dict[str, Any]) -> OwnParts:
+        """Taken out of the settings."""
+        if isinstance(settings.get("system"), System):
+            return cls._with_system(settings)
+        named = "plant" in settings and isinstance(settings["plant"], str | None)
+        roles = [f.name for f in fields(cls) if f.name != "system" and not (f.name == "plant" and named)]
+        return cls(**{role: settings.pop(role) for role in roles if role in settings})
+
+    @classmethod
+    def _with_system(cls, settings: dict[str, Any]) -> OwnParts:
+        """A system is its own world, from `start` on; it comes with its cost and its sampler."""
+        system, missing = settings.pop("system"), [k for k in ("cost", "sampler", "start") if k not in settings]
+        if missing:
+            raise SettingError(missing[0], f"missing, expected one for the system {system.name!r}")
+        entry = own_system(system, tuple(map(float, settings.pop("start"))), settings["sampler"])
+        return replace(cls.taken(settings), system=entry)
 
     def described(self) -> dict[str, dict]:
         """{role: {class, parameters}} of those that are given, as JSON."""
@@ -72,10 +92,44 @@ class Spec:
 
     @classmethod
     def of(cls, course: Any = None, **settings: Any) -> Spec:
-        """Names resolved, numbers checked. Raises SettingError (a ValueError): one line that names the setting."""
-        from quadsim.race.settings import resolve  # which makes a Spec
+        """The spec of these settings; what is not given comes from the preset, the course and the vehicle.
 
-        return resolve(course, **settings)
+        course: a name, a FILE.yaml, or a course object. A sampler, cost, system, plant, controller or referee may be
+        an object of the user's own. Raises SettingError, FileError: one line that names the setting or the file.
+        """
+        own = OwnParts.taken(settings)
+        sampling = own.system.sampling if own.system else sampler_object(settings.get("sampler"))
+        if sampling is not None:
+            settings["sampler"] = sampler_name(sampling)
+        if not own.system and course is not None:
+            settings.setdefault("system", system_of(course))
+        names = [f.name for f in fields(FlightSettings) if f.name in settings]
+        f = FlightSettings(**{name: checked(FlightSettings, name, settings.pop(name)) for name in names})
+        entry = own.system or SYSTEMS[f.system or "quadrotor"]
+        planner, vehicle = _preset(f, entry, sampling)
+        planner, model = _planned(planner, entry.model_of(vehicle), settings, entry)
+        where = entry.load_course(str(course or entry.default_course)) if _is_name(course) else course
+        laps, plant_dt = f.laps or where.laps, f.plant_dt or entry.plant_dt or planner.mppi.dt
+        try:
+            whole_multiple(planner.mppi.dt, plant_dt)
+        except ValueError as error:  # "dt: expected ..."
+            raise SettingError(*str(error).split(": ", 1)) from None
+        return cls(
+            system=entry.name,
+            course=where,
+            vehicle=vehicle,
+            sampler=sampler_name(planner.sampling),
+            preset=f.preset or entry.default_preset,
+            planner=planner,
+            model=model,
+            laps=laps,
+            timeout=f.timeout or entry.timeout(where, laps),
+            plant=f.plant or entry.default_plant(),
+            plant_dt=plant_dt,
+            host={"threads": f.threads},
+            own=own,
+            **{name: getattr(f, name) for name in ("seed", "penalties", "randomize", "clock", "deadline_ms")},
+        )
 
     @property
     def entry(self) -> SystemEntry:
@@ -98,65 +152,98 @@ class Spec:
         return kept | ({"own": own} if own else {})
 
 
-def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
-    """The world, the controller and the referee of one flight. The caller closes the plant.
-
-    Raises ValueError where course, laps and vehicle do not fit together.
-    """
-    own, streams = spec.own, spec.streams
-    referee = _made(own.referee, spec) or spec.entry.referee(spec)
-    controller = _made(own.controller, spec) or planner_of(spec, streams[0])
-    if not hasattr(controller, "rest"):
-        controller = PlainController(controller, spec.entry.system(spec.model, spec.planner.mppi.dt).rest)
-    return _made(own.plant, spec) or spec.entry.plant(spec, streams), controller, referee
-
-
-def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
-    """The planner alone, drawing from this stream."""
-    from controllers.adaptation import Adaptation
-    from controllers.mppi import MPPI  # here: they load the compiler
-
-    mppi = spec.planner.mppi
-    cost, own = spec.entry.cost(spec), spec.own.cost
-    if own is not None:
-        cost = own(cost) if isinstance(own, FunctionType) else own
-    adaptation = Adaptation(spec.model, mppi.dt) if mppi.adapt and spec.system == "quadrotor" else None
-    system = spec.entry.system(spec.model, mppi.dt)
-    return MPPI(system, cost, spec.planner.sampling, mppi, stream, adaptation)
+def sampler_object(sampler: Any) -> Any:
+    """A sampler that was given as an object or as "package.module:Class"; None for the name of a registered one."""
+    if not isinstance(sampler, str):
+        return sampler
+    if ":" not in sampler:
+        if sampler not in SAMPLERS:
+            raise SettingError("sampler", f"no sampler {sampler!r}: {did_you_mean(sampler, SAMPLERS)}")
+        return None
+    module, _, name = sampler.partition(":")
+    try:
+        found = getattr(import_module(module), name)
+        return found() if isinstance(found, type) else found
+    except (ImportError, AttributeError, TypeError) as error:
+        wanted = f"expected package.module:Class without arguments, got {sampler!r}"
+        raise SettingError("sampler", f"{wanted}: {error}") from None
 
 
-def launch(spec: Spec, plant: Plant, controller: Any, referee: RefereeProtocol) -> Iterator[Frame]:
-    """The frames of a flight that `build` made ready."""
-    from controllers.deadline import Deadline
-    from controllers.mppi import MPPI
-    from controllers.sampled_trajectories import take_snapshot
-
-    pilot = Deadline(controller, spec.deadline_ms) if spec.deadline_ms else controller
-    snapshot = partial(take_snapshot, controller) if isinstance(controller, MPPI) else None
-    return fly(plant, pilot, referee, spec.planner.mppi.dt, CLOCKS[spec.clock](), snapshot)
+def sampler_name(sampler: Any) -> str:
+    """As registered, or the class name of a user's own."""
+    return next((name for name, cls in SAMPLERS.items() if type(sampler) is cls), type(sampler).__name__)
 
 
-def frames(spec: Spec) -> Iterator[Frame]:
-    """Fly: one Frame for each control step, the last one with the outcome. Whoever asks for frames sets the pace."""
-    plant, controller, referee = build(spec)
-    with closing(plant):
-        yield from launch(spec, plant, controller, referee)
+def system_of(course: Any) -> str:
+    """The system that a course is made for."""
+    if isinstance(course, str | Path):
+        return system_of_course(str(course))
+    return {Course: "quadrotor", Corridor: "offroad", PointGoal: "double_integrator"}[type(course)]
+
+
+def _is_name(course: Any) -> bool:
+    return course is None or isinstance(course, str | Path)
+
+
+def _preset(f: FlightSettings, entry: SystemEntry, sampling: Any) -> tuple[Planner, Any]:
+    """The preset's planner with the vehicle that is flown; a user's own sampler has the other numbers of `colored`."""
+    known = sampling is None or type(sampling) in SAMPLERS.values() or entry.sampling is not None
+    preset = f.preset or entry.default_preset
+    planner = load_planner(preset, f.sampler if known else FlightSettings.sampler, entry.presets)
+    vehicle = entry.load_vehicle(f.vehicle or planner.vehicle)
+    if f.thrust_to_weight:
+        vehicle = with_thrust_to_weight(vehicle, f.thrust_to_weight)
+    return replace(planner, vehicle=vehicle.name, sampling=sampling or planner.sampling), vehicle
+
+
+def _planned(planner: Planner, model: Any, given: Mapping[str, Any], entry: SystemEntry) -> tuple[Planner, Any]:
+    """The preset's planner and the vehicle's nominal model with the settings that were given."""
+    homes = {f.name: (group, f.name) for group in GROUPS for f in setting_fields(getattr(planner, group))}
+    homes |= {f"model.{f.name}": ("model", f.name) for f in setting_fields(model)}
+    changes: dict[str, dict] = {group: {} for group in (*GROUPS, "model")}
+    for name, said in given.items():
+        if name not in homes:
+            known = [*homes, *(f.name for f in fields(FlightSettings))]
+            of = [s for s, cls in SAMPLERS.items() if name in cls.__dataclass_fields__]
+            why = f"of {' and '.join(of)} sampling only" if of else f"no such setting, {did_you_mean(name, known)}"
+            raise SettingError(name, why)
+        group, key = homes[name]
+        units = ", ".join(entry.controls.values()) if key == "sigma" else ""
+        try:
+            changes[group][key] = checked(
+                type(model if group == "model" else getattr(planner, group)), key, said, units
+            )
+        except SettingError as error:
+            raise SettingError(name, error.problem) from None
+    groups = {group: replace(getattr(planner, group), **changes[group]) for group in GROUPS if changes[group]}
+    planner = replace(planner, **groups)
+    _check_channels(planner.sampling, entry)
+    for path, problem in faults(planner):
+        raise SettingError(path.partition(".")[2], problem)
+    return planner, replace(model, **changes["model"])
+
+
+def _check_channels(sampling: Any, entry: SystemEntry) -> None:
+    """One number for each control channel."""
+    wanted = len(entry.controls)
+    for field in setting_fields(sampling):
+        numbers = getattr(sampling, field.name)
+        if isinstance(numbers, tuple) and len(numbers) != wanted:
+            units = ", ".join(entry.controls.values()) if field.name == "sigma" else "1"
+            came = " ".join(f"{x:g}" for x in numbers)
+            raise SettingError(field.name, f"expected {wanted} numbers [{units}], got {came}")
 
 
 def describe(part: Any) -> dict:
     """{class, parameters} of a user's object, as JSON."""
-    kind = part if _is_maker(part) else type(part)
+    kind = part if is_maker(part) else type(part)
     values = {} if kind is part else getattr(part, "__dict__", {})
     return {"class": f"{kind.__module__}.{kind.__qualname__}", "parameters": {k: _plain(v) for k, v in values.items()}}
 
 
-def _is_maker(part: Any) -> bool:
-    """A class or a function: called with the spec."""
+def is_maker(part: Any) -> bool:
+    """A class or a function, which is called with the spec."""
     return isinstance(part, type | FunctionType)
-
-
-def _made(part: Any, spec: Spec) -> Any:
-    return part(spec) if _is_maker(part) else part
 
 
 def _plain(value: Any) -> Any:

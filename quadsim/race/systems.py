@@ -6,13 +6,15 @@ system. A new system is a file in quadsim/systems, a cost, presets and an entry 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from controllers.config import MPPIConfig
 from controllers.costs import Cost
 from controllers.costs.corridor import corridor_cost
 from controllers.costs.quadratic import quadratic_cost
@@ -30,19 +32,18 @@ from quadsim.physics.plant import PLANTS, ModelPlant, Plant, diffusion, start_st
 from quadsim.race.corridor_referee import CorridorReferee
 from quadsim.race.duration_referee import DurationReferee
 from quadsim.race.referee import Referee
+from quadsim.race.settings import SettingError
 from quadsim.systems import System, double_integrator, offroad, quadrotor
 from quadsim.vehicle import load_vehicle, vehicle_names
-
-if TYPE_CHECKING:
-    from quadsim.race.spec import Spec
 
 Streams = tuple[np.random.SeedSequence, ...]  # of the planner, the randomized vehicle and start, the disturbance
 
 
 @dataclass(frozen=True)
 class SystemEntry:
-    """One system: its numbers, and how a Spec becomes what flies."""
+    """One system: its numbers, and how a Spec (quadsim.race.spec) becomes what flies."""
 
+    name: str
     states: Mapping[str, str]  # name -> unit
     controls: Mapping[str, str]
     folder: Path  # of its courses
@@ -57,12 +58,14 @@ class SystemEntry:
     load_vehicle: Callable[[str], Any]
     model_of: Callable[[Any], Any]  # what the planner assumes of a vehicle
     system: Callable[[Any, float], System]  # of such a model, at a control period [s]
-    cost: Callable[[Spec], Cost]
-    start: Callable[[Spec], tuple[float, ...]]  # state
-    plant: Callable[[Spec, Streams], Plant]
-    referee: Callable[[Spec], Any]
+    cost: Callable[[Any], Cost]
+    start: Callable[[Any], tuple[float, ...]]  # state
+    plant: Callable[[Any, Streams], Plant]
+    referee: Callable[[Any], Any]
     timeout: Callable[[Any, int], float]  # of a course and a number of laps [s]
     streams: Callable[[int], Streams]  # of a seed
+    default_plant: Callable[[], str] = lambda: "model"  # the system is its own world
+    sampling: Any = None  # of a user's own system
 
     @property
     def columns(self) -> dict[str, str]:
@@ -87,7 +90,7 @@ def random_streams(seed: int) -> Streams:
     return planner, *plant.spawn(2)
 
 
-def _race_plant(spec: Spec, streams: Streams) -> Plant:
+def _race_plant(spec: Any, streams: Streams) -> Plant:
     """A quadrotor among gates, its vehicle, start and gusts randomized by the seed."""
     build = PLANTS[spec.plant]
     if spec.randomize == 0:
@@ -108,12 +111,12 @@ def _race_timeout(course: Any, laps: int) -> float:
     return 10.0 + laps * course.lap_length / 2.0
 
 
-def _drive_start(spec: Spec) -> tuple[float, ...]:
+def _drive_start(spec: Any) -> tuple[float, ...]:
     """Standing at the corridor's start, heading along its first leg."""
     return (*spec.course.points[0], *spec.course.directions[0].tolist(), 0.0, 0.0, 0.0, 0.0)
 
 
-def _drive_plant(spec: Spec, streams: Streams) -> Plant:
+def _drive_plant(spec: Any, streams: Streams) -> Plant:
     """The vehicle's own numbers with a random disturbance, in finer steps than the planner's model."""
     system = offroad.offroad(spec.vehicle, spec.plant_dt)
     std = tuple(spec.randomize * offroad.DISTURBANCE.get(name, 0.0) for name in system.states)
@@ -121,11 +124,11 @@ def _drive_plant(spec: Spec, streams: Streams) -> Plant:
     return ModelPlant(system.step, system.params, _drive_start(spec), spec.plant_dt, diffusion(std, spec.plant_dt, rng))
 
 
-def _point_start(spec: Spec) -> tuple[float, ...]:
+def _point_start(spec: Any) -> tuple[float, ...]:
     return (*spec.course.start, *spec.course.velocity)
 
 
-def _point_plant(spec: Spec, streams: Streams) -> Plant:
+def _point_plant(spec: Any, streams: Streams) -> Plant:
     system = double_integrator.double_integrator(spec.plant_dt, spec.vehicle)
     return ModelPlant(system.step, system.params, _point_start(spec), spec.plant_dt)
 
@@ -144,6 +147,7 @@ def _only(kind: str, *known: Any) -> Callable[[str], Any]:
 
 SYSTEMS: dict[str, SystemEntry] = {
     "quadrotor": SystemEntry(
+        name="quadrotor",
         states=quadrotor.STATE_UNITS,
         controls=quadrotor.CONTROL_UNITS,
         folder=COURSES,
@@ -164,8 +168,10 @@ SYSTEMS: dict[str, SystemEntry] = {
         referee=lambda spec: Referee(spec.course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties),
         timeout=_race_timeout,
         streams=random_streams,
+        default_plant=default_plant,
     ),
     "offroad": SystemEntry(
+        name="offroad",
         states=offroad.STATE_UNITS,
         controls=offroad.CONTROL_UNITS,
         folder=CORRIDORS,
@@ -188,6 +194,7 @@ SYSTEMS: dict[str, SystemEntry] = {
         streams=lambda seed: tuple(np.random.SeedSequence(seed).spawn(3)),
     ),
     "double_integrator": SystemEntry(
+        name="double_integrator",
         states=double_integrator.STATE_UNITS,
         controls=double_integrator.CONTROL_UNITS,
         folder=GOALS,
@@ -234,15 +241,28 @@ class Task:
     laps = 1
 
 
-def own_system(system: System, start: tuple[float, ...]) -> SystemEntry:
+def own_system(system: System, start: tuple[float, ...], sampling: Any) -> SystemEntry:
     """The entry of a system of the user's own, which is its own world from the state `start` on."""
-    base = SYSTEMS["double_integrator"]
+    task = Task(system.name)
+    mppi = MPPIConfig(dt=system.dt)
     return replace(
-        base,
+        SYSTEMS["double_integrator"],
+        name=system.name,
         states=dict.fromkeys(system.states, "1"),
         controls=dict.fromkeys(system.controls, "1"),
+        default_preset="own",
+        presets={"own": defaultdict(lambda: Planner(system.name, sampling, mppi, None))},
+        load_course=lambda name: task,
+        load_vehicle=lambda name: task,
+        model_of=lambda vehicle: task,
         system=lambda model, dt: replace(system, dt=dt),
         cost=lambda spec: spec.own.cost,
         start=lambda spec: start,
         plant=lambda spec, streams: ModelPlant(system.step, system.params, start, spec.plant_dt),
+        timeout=_no_timeout,
+        sampling=sampling,
     )
+
+
+def _no_timeout(task: Task, laps: int) -> float:
+    raise SettingError("timeout", f"missing, expected how long the system {task.name!r} is controlled [s]")

@@ -14,7 +14,7 @@ from quadsim.app.paper.exploration import spread
 from quadsim.app.paper.integrator import MPPI_CONFIG, frames, record
 from quadsim.app.paper.published import TABLE2
 from quadsim.app.paper.table2 import variant
-from quadsim.race.spec import build, launch
+from quadsim.race.build import build, launch
 from quadsim.record.metrics import chatter
 from quadsim.record.run import Run
 

@@ -10,7 +10,8 @@ from controllers.adaptation import Adaptation
 from quadsim.course import load_course
 from quadsim.physics.domain_randomization import DRAG, GUST, MASS, Randomization, gusts
 from quadsim.physics.plant import PLANTS, default_plant, start_state
-from quadsim.race.spec import build, controller_of, launch, streams
+from quadsim.race.build import build, launch
+from quadsim.race.spec import controller_of, streams
 from quadsim.systems.quadrotor import ModelParams
 from quadsim.vehicle import GRAVITY, load_vehicle
 from tests.campaign_cases import variant

@@ -6,8 +6,8 @@ from quadsim.app.flight_flags import FlightFlags
 
 from controllers.costs.race import TERMS
 from controllers.sampled_trajectories import cheapest, controls, sampled_trajectories, take_snapshot
+from quadsim.race.build import build, launch
 from quadsim.race.flight import SNAPSHOT_EVERY, fly
-from quadsim.race.spec import build, launch
 
 
 @pytest.fixture

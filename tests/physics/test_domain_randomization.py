@@ -10,7 +10,8 @@ from quadsim.app.flight_flags import FlightFlags
 from quadsim.course import load_course
 from quadsim.physics.domain_randomization import GUST_TAU, Randomization, draw, gusts
 from quadsim.physics.plant import PLANTS, default_plant
-from quadsim.race.spec import build, streams
+from quadsim.race.build import build
+from quadsim.race.spec import streams
 from quadsim.systems.quadrotor import ModelParams
 from quadsim.vehicle import GRAVITY, load_vehicle, with_thrust_to_weight
 

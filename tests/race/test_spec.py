@@ -9,8 +9,8 @@ from quadsim.app.preset_file import parse_planner
 
 from controllers.presets import PRESETS
 from quadsim.files.strict_yaml import FileError
+from quadsim.race.build import build
 from quadsim.race.flight import fly
-from quadsim.race.spec import build
 from quadsim.record.run import Run
 from quadsim.systems.quadrotor import ModelParams
 

@@ -10,7 +10,8 @@ from functools import lru_cache
 from hashlib import sha256
 
 from controllers.rollout.threads import use_threads
-from quadsim.race.spec import Spec, build, launch
+from quadsim.race.build import build, launch
+from quadsim.race.spec import Spec
 from quadsim.record.metrics import chatter
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Recorder, Run, canonical

@@ -20,7 +20,8 @@ from quadsim.app.paper.store import run_key
 from quadsim.app.paper.variants import VARIANTS, variant_stats, variant_table
 from quadsim.course import load_course
 from quadsim.palette import INK, style
-from quadsim.race.spec import Spec, build, launch
+from quadsim.race.build import build, launch
+from quadsim.race.spec import Spec
 from quadsim.record.metrics import chatter
 from quadsim.record.run import Run, hostless
 from quadsim.systems.quadrotor import CONTROL

@@ -1,0 +1,70 @@
+"""From a Spec to a flight: the plant, the controller and the referee are built, then flown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from functools import partial
+from types import FunctionType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from quadsim.physics.plant import Plant
+from quadsim.race.clock import CLOCKS
+from quadsim.race.events import Frame
+from quadsim.race.flight import Controller, PlainController, RefereeProtocol, fly
+from quadsim.race.spec import Spec, is_maker
+
+if TYPE_CHECKING:
+    from controllers.mppi import MPPI
+
+
+def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
+    """The world, the controller and the referee of one flight. The caller closes the plant.
+
+    Raises ValueError where course, laps and vehicle do not fit together.
+    """
+    own, streams = spec.own, spec.streams
+    referee = _made(own.referee, spec) or spec.entry.referee(spec)
+    controller = _made(own.controller, spec) or planner_of(spec, streams[0])
+    if not hasattr(controller, "rest"):
+        controller = PlainController(controller, spec.entry.system(spec.model, spec.planner.mppi.dt).rest)
+    return _made(own.plant, spec) or spec.entry.plant(spec, streams), controller, referee
+
+
+def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
+    """The planner alone, drawing from this stream."""
+    from controllers.adaptation import Adaptation
+    from controllers.mppi import MPPI  # here: they load the compiler
+
+    mppi = spec.planner.mppi
+    cost, own = spec.entry.cost(spec), spec.own.cost
+    if own is not None:
+        cost = own(cost) if isinstance(own, FunctionType) else own
+    adaptation = Adaptation(spec.model, mppi.dt) if mppi.adapt and spec.system == "quadrotor" else None
+    system = spec.entry.system(spec.model, mppi.dt)
+    return MPPI(system, cost, spec.planner.sampling, mppi, stream, adaptation)
+
+
+def launch(spec: Spec, plant: Plant, controller: Any, referee: RefereeProtocol) -> Iterator[Frame]:
+    """The frames of a flight that `build` made ready."""
+    from controllers.deadline import Deadline
+    from controllers.mppi import MPPI
+    from controllers.sampled_trajectories import take_snapshot
+
+    pilot = Deadline(controller, spec.deadline_ms) if spec.deadline_ms else controller
+    snapshot = partial(take_snapshot, controller) if isinstance(controller, MPPI) else None
+    return fly(plant, pilot, referee, spec.planner.mppi.dt, CLOCKS[spec.clock](), snapshot)
+
+
+def frames(spec: Spec) -> Iterator[Frame]:
+    """Fly: one Frame for each control step, the last one with the outcome. Whoever asks for frames sets the pace."""
+    plant, controller, referee = build(spec)
+    with closing(plant):
+        yield from launch(spec, plant, controller, referee)
+
+
+def _made(part: Any, spec: Spec) -> Any:
+    """The object itself, or what a class or function makes of the spec."""
+    return part(spec) if is_maker(part) else part
