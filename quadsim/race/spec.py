@@ -108,7 +108,7 @@ class Spec:
         entry = own.system or SYSTEMS[f.system or "quadrotor"]
         planner, vehicle = _preset(f, entry, sampling)
         planner, model = _planned(planner, entry.model_of(vehicle), settings, entry)
-        where = entry.load_course(str(course or entry.default_course)) if _is_name(course) else course
+        where: Any = entry.load_course(str(course or entry.default_course)) if _is_name(course) else course
         laps, plant_dt = f.laps or where.laps, f.plant_dt or entry.plant_dt or planner.mppi.dt
         try:
             whole_multiple(planner.mppi.dt, plant_dt)
@@ -154,10 +154,12 @@ class Spec:
 
 def sampler_object(sampler: Any) -> Any:
     """A sampler that was given as an object or as "package.module:Class"; None for the name of a registered one."""
-    if not isinstance(sampler, str):
+    if sampler is not None and not isinstance(sampler, str):
+        if not hasattr(sampler, "sample") and not hasattr(sampler, "build"):
+            raise SettingError("sampler", f"expected a name or an object with a method `sample`, got {sampler!r}")
         return sampler
-    if ":" not in sampler:
-        if sampler not in SAMPLERS:
+    if sampler is None or ":" not in sampler:
+        if sampler not in (None, *SAMPLERS):
             raise SettingError("sampler", f"no sampler {sampler!r}: {did_you_mean(sampler, SAMPLERS)}")
         return None
     module, _, name = sampler.partition(":")
@@ -187,9 +189,9 @@ def _is_name(course: Any) -> bool:
 
 def _preset(f: FlightSettings, entry: SystemEntry, sampling: Any) -> tuple[Planner, Any]:
     """The preset's planner with the vehicle that is flown; a user's own sampler has the other numbers of `colored`."""
-    known = sampling is None or type(sampling) in SAMPLERS.values() or entry.sampling is not None
-    preset = f.preset or entry.default_preset
-    planner = load_planner(preset, f.sampler if known else FlightSettings.sampler, entry.presets)
+    registered = sampling is None or type(sampling) in SAMPLERS.values()
+    sampler = "own" if entry.sampling else f.sampler if registered else FlightSettings.sampler
+    planner = load_planner(f.preset or entry.default_preset, sampler, entry.presets)
     vehicle = entry.load_vehicle(f.vehicle or planner.vehicle)
     if f.thrust_to_weight:
         vehicle = with_thrust_to_weight(vehicle, f.thrust_to_weight)

@@ -6,7 +6,6 @@ system. A new system is a file in quadsim/systems, a cost, presets and an entry 
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,7 +27,7 @@ from quadsim.files.data_files import names
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_words import did_you_mean
 from quadsim.physics.domain_randomization import draw, gusts
-from quadsim.physics.plant import PLANTS, ModelPlant, Plant, diffusion, start_state
+from quadsim.physics.plant import PLANTS, ModelPlant, Plant, default_plant, diffusion, start_state
 from quadsim.race.corridor_referee import CorridorReferee
 from quadsim.race.duration_referee import DurationReferee
 from quadsim.race.referee import Referee
@@ -251,7 +250,7 @@ def own_system(system: System, start: tuple[float, ...], sampling: Any) -> Syste
         states=dict.fromkeys(system.states, "1"),
         controls=dict.fromkeys(system.controls, "1"),
         default_preset="own",
-        presets={"own": defaultdict(lambda: Planner(system.name, sampling, mppi, None))},
+        presets={"own": {"own": Planner(system.name, sampling, mppi, None)}},
         load_course=lambda name: task,
         load_vehicle=lambda name: task,
         model_of=lambda vehicle: task,
