@@ -87,6 +87,11 @@ PRESETS: dict[str, dict[str, Planner]] = {
 }
 
 
+def per_channel(rates: float, thrust: float) -> tuple[float, float, float, float]:
+    """One number for the three body rates, another for the thrust, in the order of the controls."""
+    return rates, rates, rates, thrust
+
+
 def faults(planner: Planner) -> Iterator[tuple[str, str]]:
     """What no single number shows, as (key, problem)."""
     mppi = planner.mppi

@@ -46,10 +46,10 @@ class Web:
 
         from quadsim.app.flight_factory import FlightFactory  # here, so that --help loads neither numba nor viser
         from web.choices import Choices
-        from web.dashboard import Dashboard
-        from web.guard import new_token, serve
+        from web.page.dashboard import Dashboard
+        from web.page.guard import new_token, serve
+        from web.page.race_panel import Menu
         from web.race import Race
-        from web.race_panel import Menu
         from web.session import Session
 
         token = new_token(self.host)
@@ -63,7 +63,7 @@ class Web:
         session = Session(FlightFactory(), self.runs_dir)
         page = Dashboard(server, session, FlightFactory(), menu, Choices(course=self.course))
         if paths:
-            page.race.replaying(paths)
+            page.race.show_replay(paths)
             session.tell(Race.start, [], paths)
         self._say(f"http://{self.host}:{server.get_port()}/" + (f"?token={token}" if token else ""))
         with suppress(KeyboardInterrupt):  # the way a server ends

@@ -8,7 +8,7 @@ from viser import _messages as messages
 from websockets.exceptions import InvalidStatus
 from wire import connect, get
 
-from web.guard import new_token, probe, serve
+from web.page.guard import new_token, probe, serve
 
 TOKEN = "a-token-of-this-test"
 

@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from quadsim.app.campaign.figure_map import draw_map
-from quadsim.app.campaign.statistics import mean_interval
 from quadsim.app.campaign.summary_stats import FINISHED
 from quadsim.app.figure_style import STYLE, line
 from quadsim.palette import Style, styles
+from quadsim.record.statistics import mean_interval
 
 if TYPE_CHECKING:
     from quadsim.app.campaign.report import Section

@@ -9,7 +9,7 @@ from typing import Literal
 import yaml
 
 from controllers.costs.race import RaceWeights
-from controllers.presets import PRESETS, Planner
+from controllers.presets import PRESETS, Planner, per_channel
 
 Group = Literal["sigma", "gamma", "temperature", "cost", "margin", "horizon"]
 FACTOR = 4.0  # sigmas and weights: from a quarter of the base's to four times
@@ -66,8 +66,7 @@ def turned(planner: Planner, values: dict[str, float]) -> Planner:
     s, g = planner.sampling.sigma, planner.sampling.gamma
     rates = v.get("sigma_rates", s[0])
     sigma = (rates, rates, v.get("sigma_yaw", s[2]), v.get("sigma_thrust", s[3])) if _any(v, "sigma") else s
-    color = v.get("gamma_rates", g[0])
-    gamma = (color, color, color, v.get("gamma_thrust", g[3])) if _any(v, "gamma") else g
+    gamma = per_channel(v.get("gamma_rates", g[0]), v.get("gamma_thrust", g[3])) if _any(v, "gamma") else g
     mppi = {k: v[k] for k in ("temperature", "ess", "horizon", "tighten") if k in v}
     cost = {k: v[k] for k in (*WEIGHTS, "margin") if k in v}
     return replace(

@@ -12,10 +12,11 @@ from itertools import combinations
 from math import exp, log, nan
 from statistics import fmean, median
 
-from quadsim.app.campaign.statistics import Mean, detectable, fisher, mcnemar, mean_interval
+from quadsim.app.campaign.statistics import detectable, fisher, mcnemar
 from quadsim.app.campaign.store import Row
 from quadsim.app.campaign.variants import Variant
 from quadsim.record.metrics import wilson
+from quadsim.record.statistics import Mean, mean_interval
 
 FINISHED = "finished"
 

@@ -9,9 +9,9 @@ from math import isfinite
 from rich.markup import escape
 from rich.table import Table
 
-from quadsim.app.campaign.statistics import Mean
 from quadsim.app.campaign.summary_stats import PairStats, VariantStats
 from quadsim.app.lap_table import plain_table
+from quadsim.record.statistics import Mean
 
 SHOWN = 7  # hex digits of a commit
 

@@ -1,19 +1,17 @@
-"""Claims about what stands where in the picture, and about the pace of the race."""
+"""Claims about where things are drawn in the view, and about the pace of the race."""
 
 import numpy as np
 import pytest
 
 from quadsim.course import course_names, load_course
-from web.camera import ASPECT, FOV, above, overview
-from web.colours import ramp
-from web.drone import resampled, segments
-from web.mesh import quadrotor
 from web.pace import Pace
-from web.scene import _bars
+from web.page.camera import ASPECT, FOV, overview, top_view
+from web.page.drones import quadrotor, ramp, resampled, segments
+from web.page.race_scene import _bars
 
 
 @pytest.mark.parametrize("name", course_names())
-@pytest.mark.parametrize("view", [overview, above])
+@pytest.mark.parametrize("view", [overview, top_view])
 def test_the_camera_frames_any_course(name, view):
     course = load_course(name)
     eye, centre = view(course)
