@@ -27,7 +27,6 @@ class Snapshot:
     end: float = 0.0  # of the race so far [s]
     playing: bool = False
     flying: bool = False  # some live competitor has not ended
-    speed: float = 1.0  # asked for
     factor: float = 0.0  # race seconds a second, measured
     competitors: tuple[Competitor, ...] = ()
     race: int = 0  # counts the races: for another number, another scene
@@ -142,7 +141,6 @@ class Race:
             end=self._end,
             playing=self._playing,
             flying=self._next_to_fly() is not None,
-            speed=self._pace.speed,
             factor=self._pace.factor if self._playing else 0.0,
             competitors=named(self._competitors()),
             race=self._count,

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this ma
 
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 QUIET = ["--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update"]
-SLOW = 60_000  # [ms] a first picture drawn in software
+SLOW = 60_000  # [ms] a first frame drawn in software
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +131,7 @@ def test_moving_gamma_in_flight_shows_an_event(page, session, flown):
 
 
 def scrubbed(page, t):
-    """Whether the time field holds t; typed again where the page's own last word came in between."""
+    """Whether the time field holds t; typed again where the page set another time in between."""
     if float(field(page, "Time [s]").last.input_value()) != t:
         fill(page, "Time [s]", t)
         page.wait_for_timeout(500)
@@ -155,7 +155,7 @@ def test_a_scrubbed_replay_shows_the_drone_where_the_telemetry_says(page, sessio
     assert waited(page, lambda: page.locator("[role=slider][aria-disabled=true]").count() >= len(RANGES))
 
 
-def test_the_page_taken_along_plays_without_a_network(browser, page, session, flown, tmp_path):
+def test_the_exported_page_plays_without_a_network(browser, page, session, flown, tmp_path):
     page.get_by_text("Export", exact=True).click()
     with page.expect_download() as download:
         page.get_by_role("button", name="page", exact=True).click()

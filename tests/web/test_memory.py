@@ -1,4 +1,4 @@
-"""Claims about what a page and its server forget when another race begins."""
+"""Claims about what a page and its server free when another race begins."""
 
 import asyncio
 from contextlib import asynccontextmanager
@@ -14,7 +14,7 @@ GHOST = [choices("colored"), choices("gaussian")]
 
 
 def kept(server):
-    """Messages that the server keeps for newcomers."""
+    """Messages that the server keeps for new clients."""
     return server._websock_server._broadcast_buffer.message_from_id
 
 

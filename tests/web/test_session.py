@@ -62,7 +62,7 @@ def test_a_change_in_flight_is_on_the_record_and_marks_the_run(session, flight_f
 def test_an_untouched_flight_is_not_marked(session, flight_factory, tmp_path):
     fast(session)
     session.tell(Race.start, [choices()])
-    session.tell(Race.tune, flight_factory.numbers("race", "colored"))  # what it flies with already
+    session.tell(Race.tune, flight_factory.numbers("race", "colored"))  # unchanged numbers
     assert over(session)
     assert "interactive" not in load_run(list_runs(tmp_path)[0]).spec
 
@@ -105,7 +105,7 @@ def test_restart_while_flying_ends_the_old_flight_and_begins_anew(session, fligh
     assert not flight_factory.built[1].closed
 
 
-def test_a_replay_stands_where_it_is_scrubbed_to(session, tmp_path):
+def test_a_replay_shows_the_time_it_is_scrubbed_to(session, tmp_path):
     fast(session)
     session.tell(Race.start, [choices(laps=2)])
     assert over(session)
@@ -130,7 +130,7 @@ def test_a_replay_ignores_the_sliders(session, flight_factory, tmp_path):
     assert flight_factory.built[0].tuned == []
 
 
-def test_what_cannot_be_flown_is_a_notice_and_the_race_goes_on(session):
+def test_choices_that_cannot_be_flown_are_a_notice_and_the_race_goes_on(session):
     session.tell(Race.start, [choices(laps=3)])
     session.tell(Race.start, [choices(laps=99)])
     assert until(lambda: any(n.kind == "error" for n in session.snapshot.notices))

@@ -19,14 +19,7 @@ from web.session import Session
 
 HOLD = 0.4  # [s] that the time slider is left alone after somebody has moved it
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
-LABELS = {
-    "sigma": "Sigma scale",
-    "gamma_rates": "Gamma rates",
-    "gamma_thrust": "Gamma thrust",
-    "temperature": "Temperature",
-    "ess": "Target ESS",
-    "samples": "Samples",
-}
+LABELS = {"sigma": "Sigma scale", "ess": "Target ESS"}  # where it is not the name itself
 TIME, PLACE = "by time", "by place"
 AUTO, SPEED, SAMPLER = "auto", "speed", "sampler"
 
@@ -42,7 +35,8 @@ class SamplerPanel:
             for name, value in asdict(self._preset).items():
                 kind = type(value)
                 low, high, step = (kind(v) for v in RANGES[name])
-                self.sliders[name] = gui.add_slider(LABELS[name], low, high, step, value)
+                label = LABELS.get(name, name.replace("_", " ").capitalize())
+                self.sliders[name] = gui.add_slider(label, low, high, step, value)
                 self.sliders[name].on_update(self._moved)
         race.numbers = self._chosen
         race.preset.on_update(lambda _: self.reset())

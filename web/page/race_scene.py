@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import trimesh
 import viser
 from viser.transforms import SO3
 
@@ -12,7 +13,7 @@ from quadsim.course import Course, Gate
 from quadsim.palette import HIT, NEXT, Style
 from web.competitor import Competitor
 from web.lap_timing import LapTiming, crashed_gates
-from web.page.drones import BOX, BOX_FACES, Drone, SampledTrajectoriesView
+from web.page.drones import Drone, SampledTrajectoriesView
 
 DEPTH = 0.12  # of a gate's bars along its passage [m]
 PLAIN = np.array((206, 210, 216), np.uint8)
@@ -54,14 +55,14 @@ class CourseView:
     """Gates, their numbers and the ground. All bars of all gates are one node: recolouring them sends one array."""
 
     def __init__(self, scene: viser.SceneApi, course: Course):
-        self._gates = len(course.gates)
+        self._gates, unit = len(course.gates), trimesh.creation.box()
         bars = [_bars(gate) for gate in course.gates]
         positions, sizes, rotations = (np.concatenate(part) for part in zip(*bars, strict=True))
         self._colours = np.tile(PLAIN, (len(positions), 1))
         self._bars = scene.add_batched_meshes_simple(
             "/course/gates",
-            BOX,
-            BOX_FACES,
+            unit.vertices,
+            unit.faces,
             batched_wxyzs=rotations,
             batched_positions=positions,
             batched_scales=sizes.astype(np.float32),
