@@ -101,6 +101,11 @@ def preset(name: str, sampler: str, presets: Presets = PRESETS) -> Planner:
     return presets[name][sampler]
 
 
+def per_channel(rates: float, thrust: float) -> tuple[float, float, float, float]:
+    """One number for the three body rates, another for the thrust, in the order of the controls."""
+    return rates, rates, rates, thrust
+
+
 def faults(planner: Planner) -> Iterator[tuple[str, str]]:
     """What is wrong between several numbers, as (key, problem)."""
     mppi = planner.mppi

@@ -1,4 +1,4 @@
-"""Competitor: one flight as the page sees it, live or stored, and what each was made of."""
+"""Competitor: one flight as the page shows it, live or stored; Legs: how far along the course it is."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import numpy as np
@@ -17,16 +17,39 @@ from quadsim.race.events import Event
 from quadsim.record.archive import load_run
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.run import INTERACTIVE, Run, RunError
-from web.progress import Legs
-from web.replay_schema import ReplaySchema
 
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories
 
+POSITION, VELOCITY, QUATERNION = ("px", "py", "pz"), ("vx", "vy", "vz"), ("qw", "qx", "qy", "qz")
+CRASHES = ("hit", "ground", "bounds")  # kinds of events
+ALL = slice(None)
+
+
+class Legs:
+    """The straight legs from the start through the gates of every lap."""
+
+    def __init__(self, course: Course, laps: int):
+        centres = np.array([course.start.position, *(g.position for g in course.gates * laps)])  # (legs + 1, 3)
+        self._from, self._to = centres, np.vstack([centres[1:], centres[-1]])  # after the finish: the last gate
+        self.gates = len(course.gates)
+        self.ends = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1)))  # [m]  (legs + 1,)
+        self.length = float(self.ends[-1])  # of the whole race [m]
+        self.lap_ends = self.ends[self.gates :: self.gates]  # progress at which each lap ends [m]  (laps,)
+
+    def progress(self, p: np.ndarray, passed: np.ndarray) -> np.ndarray:
+        """[m] at positions p (n, 3) after so many gates: the share d0 / (d0 + d1) of the leg, by the distances from
+        its two ends. It grows right after a gate, also where the path makes a detour, and never decreases.  (n,)
+        """
+        k = np.minimum(np.asarray(passed, int), len(self.ends) - 1)
+        d0, d1 = (np.linalg.norm(p - end[k], axis=1) for end in (self._from, self._to))
+        legs = np.append(np.diff(self.ends), 0.0)[k]
+        return np.maximum.accumulate(self.ends[k] + legs * d0 / np.maximum(d0 + d1, 1e-9))
+
 
 @dataclass(frozen=True, eq=False)
 class Competitor:
-    """A snapshot. Arrays are views that only ever grow elsewhere, so they may be read from any thread."""
+    """A flight at one moment. Rows that its arrays show are never written again: any thread may read them."""
 
     name: str
     spec: dict
@@ -38,8 +61,8 @@ class Competitor:
     laps: tuple[float, ...]  # [s]
     outcome: str | None  # None: flying
     live: bool
-    pictures: PlannerSnapshots | None = None  # of the planner, once the flight has ended
-    sampled_trajectories: SampledTrajectories | None = None  # and while it flies
+    snapshots: PlannerSnapshots | None = None  # of the planner, once the flight has ended
+    sampled_trajectories: SampledTrajectories | None = None  # while it flies
     folder: Path | None = None
 
     @property
@@ -52,20 +75,72 @@ class Competitor:
 
     @property
     def changes(self) -> list[dict]:
+        """Of the planner's numbers in flight."""
         return self.spec.get(INTERACTIVE, [])
+
+    @property
+    def lap_starts(self) -> list[float]:
+        """[s] of every lap begun, and the end of the last one completed."""
+        return list(accumulate(self.laps, initial=0.0))
+
+    def rows(self, names: Sequence[str], rows: int | slice | np.ndarray = ALL) -> np.ndarray:
+        """These columns side by side.  (rows, names); (names,) for one row"""
+        return np.stack([self.x[name][rows] for name in names], axis=-1)
+
+    def speed(self, rows: int | slice | np.ndarray = ALL) -> np.ndarray:
+        """[m/s]"""
+        return np.linalg.norm(self.rows(VELOCITY, rows), axis=-1)
 
     def at(self, t: float) -> int:
         """Index of the frame at t."""
         return int(np.clip(np.searchsorted(self.t, t + 1e-9) - 1, 0, len(self.t) - 1))
 
-    def picture(self, i: int) -> tuple[float, PlannerSnapshot] | None:
-        """The last one kept up to frame i, and when it was taken [s]."""
-        kept = self.pictures.latest(i) if self.pictures else None
-        return (float(self.t[kept[0]]), kept[1]) if kept else None
-
     def at_place(self, progress: float) -> int:
-        """Index of the frame that is this far along [m]."""
+        """Index of the first frame that is this far along [m]."""
         return int(np.clip(np.searchsorted(self.progress, progress), 0, len(self.t) - 1))
+
+    def snapshot(self, i: int) -> tuple[float, PlannerSnapshot] | None:
+        """The last planner snapshot up to frame i, and its time [s]."""
+        found = self.snapshots.latest(i) if self.snapshots else None
+        return (float(self.t[found[0]]), found[1]) if found else None
+
+
+def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
+    """With names that differ: the sampler, with the seed or a number where that is not enough."""
+    samplers = [e.sampler for e in entries]
+    seeds = [f"{e.sampler} s{e.spec['seed']}" for e in entries]
+    numbers = [f"{e.sampler} #{i}" for i, e in enumerate(entries, 1)]
+    names = next(names for names in (samplers, seeds, numbers) if len(set(names)) == len(entries))
+    return tuple(replace(e, name=name) for e, name in zip(entries, names, strict=True))
+
+
+class _MPPI(msgspec.Struct):
+    samples: int
+    ess: float | None
+
+
+class _Planner(msgspec.Struct):
+    mppi: _MPPI
+
+
+class _Change(msgspec.Struct):
+    t: float
+    name: str
+    before: float = msgspec.field(name="from")
+    after: float = msgspec.field(name="to")
+
+
+class ReplaySchema(msgspec.Struct):
+    """What a spec must hold to be shown. A run may have been made by hand, or by another version."""
+
+    course: str
+    sampler: str
+    preset: str
+    seed: int
+    laps: Annotated[int, msgspec.Meta(ge=1)]
+    vehicle: dict
+    planner: _Planner
+    interactive: list[_Change] = []
 
 
 def stored_competitor(path: Path) -> Competitor:
@@ -80,7 +155,7 @@ def stored_competitor(path: Path) -> Competitor:
 
 def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
     legs, x = Legs(course, run.spec["laps"]), run.telemetry
-    p = np.stack([x["px"], x["py"], x["pz"]], axis=1)
+    p = np.stack([x[name] for name in POSITION], axis=-1)
     return Competitor(
         name=run.spec["sampler"],
         spec=run.spec,
@@ -92,20 +167,6 @@ def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
         laps=tuple(run.laps),
         outcome=run.outcome,
         live=False,
-        pictures=run.pictures,
+        snapshots=run.pictures,
         folder=path,
     )
-
-
-def named(competitors: Sequence[Competitor]) -> tuple[Competitor, ...]:
-    """Names that differ: the sampler, with the seed or a number where that is not enough."""
-    samplers = [competitor.sampler for competitor in competitors]
-    seeds = [f"{competitor.sampler} s{competitor.spec['seed']}" for competitor in competitors]
-    numbers = [f"{competitor.sampler} #{i}" for i, competitor in enumerate(competitors, 1)]
-    names = next(names for names in (samplers, seeds, numbers) if len(set(names)) == len(competitors))
-    return tuple(replace(competitor, name=name) for competitor, name in zip(competitors, names, strict=True))
-
-
-def lap_starts(competitor: Competitor) -> list[float]:
-    """[s] of every lap begun."""
-    return list(accumulate(competitor.laps, initial=0.0))

@@ -1,83 +1,119 @@
-"""Where every competitor stands at one instant: what the head-up display and the timing tower say."""
+"""LapTiming: lap, gate, gap and chatter of every competitor at one instant; times and gaps at the same place."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from quadsim.record.metrics import motor_residual, motor_tau
-from web.competitor import Competitor
-from web.progress import time_at
+from web.competitor import CRASHES, Competitor
 from web.race import Snapshot
 
-HITS = ("hit", "ground", "bounds")
-RECENT = 400  # frames that the tower's chatter looks back on
+RECENT = 400  # frames that the chatter in the timing tower is computed over
+Flown = tuple[np.ndarray, np.ndarray]  # times [s] and progress [m] of a flight or a lap, each  (frames,)
 
 
 @dataclass(frozen=True)
 class LapTiming:
-    competitor: Competitor
+    entry: Competitor
     i: int  # frame
     lap: int
     lap_time: float  # so far in this lap [s]
     gate: int  # next, 1-based; 0: the race is over
     gap: float  # behind the leader at the same place [s]; 0 for the leader
     best: float | None  # lap [s]
-    chatter: float  # of the commanded thrust, what no motor follows, RMS [m/s^2]
+    chatter: float  # motor_residual of the commanded thrust, lately [m/s^2]
     hits: int
     progress: float  # share of the race
     over: bool
 
+    @property
+    def t(self) -> float:
+        """Of its frame [s]."""
+        return float(self.entry.t[self.i])
+
 
 def lap_timings(s: Snapshot, by_place: bool) -> list[LapTiming]:
     """In the order of the competitors. by_place: the others are shown where they pass the place of the first."""
-    competitors = [competitor for competitor in s.competitors if len(competitor.t)]
-    if not competitors:
+    entries = [e for e in s.competitors if len(e.t)]
+    if not entries:
         return []
-    frames = [competitor.at(s.t) for competitor in competitors]
+    frames = [e.at(s.t) for e in entries]
     if by_place:
-        here = float(competitors[0].progress[frames[0]])
-        frames[1:] = [competitor.at_place(here) for competitor in competitors[1:]]
-    ahead = max(
-        range(len(competitors)), key=lambda k: (competitors[k].progress[frames[k]], -competitors[k].t[frames[k]])
-    )
-    return [_standing(competitor, i, competitors[ahead]) for competitor, i in zip(competitors, frames, strict=True)]
+        here = float(entries[0].progress[frames[0]])
+        frames[1:] = [e.at_place(here) for e in entries[1:]]
+    pairs = list(zip(entries, frames, strict=True))
+    leader, _ = max(pairs, key=lambda pair: (pair[0].progress[pair[1]], -pair[0].t[pair[1]]))
+    return [_lap_timing(e, i, leader) for e, i in pairs]
 
 
-def order(all_: list[LapTiming]) -> list[LapTiming]:
+def order(timings: Sequence[LapTiming]) -> list[LapTiming]:
     """The leader first."""
-    return sorted(all_, key=lambda s: (-s.progress, s.competitor.t[s.i]))
+    return sorted(timings, key=lambda s: (-s.progress, s.t))
 
 
-def _standing(competitor: Competitor, i: int, leader: Competitor) -> LapTiming:
-    t = float(competitor.t[i])
-    done = [lap for lap, end in zip(competitor.laps, np.cumsum(competitor.laps), strict=True) if end <= t + 1e-9]
-    passed = sum(e.kind == "pass" and e.t <= t + 1e-9 for e in competitor.events)
-    over = competitor.outcome is not None and i == len(competitor.t) - 1
-    finished = passed == competitor.legs.gates * competitor.spec["laps"]
+def crashed_gates(timings: Sequence[LapTiming]) -> set[int]:
+    """1-based numbers of the gates hit so far."""
+    return {e.gate for s in timings for e in s.entry.events if e.kind == "hit" and e.t <= s.t + 1e-9}
+
+
+def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
+    t, gates, laps = float(entry.t[i]), entry.legs.gates, entry.spec["laps"]
+    kinds = [e.kind for e in entry.events if e.t <= t + 1e-9]
+    done = [lap for lap, end in zip(entry.laps, entry.lap_starts[1:], strict=True) if end <= t + 1e-9]
+    passed = kinds.count("pass")
+    finished = passed == gates * laps
+    there = time_at(entry.progress[i : i + 1], leader.t, leader.progress)[0]
     return LapTiming(
-        competitor=competitor,
+        entry=entry,
         i=i,
-        lap=min(passed // competitor.legs.gates + 1, competitor.spec["laps"]),
+        lap=min(passed // gates + 1, laps),
         lap_time=done[-1] if finished and done else t - sum(done),
-        gate=0 if finished else passed % competitor.legs.gates + 1,
-        gap=0.0 if competitor is leader else _gap(competitor, i, leader),
+        gate=0 if finished else passed % gates + 1,
+        gap=0.0 if entry is leader else float(t - there),
         best=min(done, default=None),
-        chatter=_chatter(competitor, i),
-        hits=sum(e.kind in HITS and e.t <= t + 1e-9 for e in competitor.events),
-        progress=float(competitor.progress[i]) / competitor.legs.length,
-        over=over,
+        chatter=_chatter(entry, i),
+        hits=sum(kinds.count(kind) for kind in CRASHES),
+        progress=float(entry.progress[i]) / entry.legs.length,
+        over=entry.outcome is not None and i == len(entry.t) - 1,
     )
 
 
-def _gap(competitor: Competitor, i: int, leader: Competitor) -> float:
-    there = time_at(competitor.progress[i : i + 1], leader.t, leader.progress)
-    return float(competitor.t[i] - there[0])
-
-
-def _chatter(competitor: Competitor, i: int) -> float:
-    rows = slice(max(i - RECENT, 0), i + 1)
+def _chatter(entry: Competitor, i: int) -> float:
     if i < 2:
         return 0.0
-    return motor_residual(competitor.t[rows], competitor.x["a_cmd"][rows], motor_tau(competitor.spec["vehicle"]))
+    rows = slice(max(i - RECENT, 0), i + 1)
+    return motor_residual(entry.t[rows], entry.x["a_cmd"][rows], motor_tau(entry.spec["vehicle"]))
+
+
+def time_at(place: np.ndarray, t: np.ndarray, progress: np.ndarray) -> np.ndarray:
+    """When a flight was first this far along [s]; nan where it has not been.  (n,)"""
+    first = np.flatnonzero(np.diff(progress, prepend=-1.0) > 0)  # rows without progress would not be invertible
+    if not len(first):
+        return np.full(len(place), np.nan)
+    return np.interp(place, progress[first], t[first], left=np.nan, right=np.nan)
+
+
+def gap(place: np.ndarray, flown: Flown, reference: Flown) -> np.ndarray:
+    """Seconds behind the reference at each place; negative is ahead.  (n,)"""
+    return time_at(place, *flown) - time_at(place, *reference)
+
+
+def best_lap(entries: Sequence[Competitor]) -> Flown | None:
+    """The fastest lap of all, from its beginning."""
+    laps = [(t, k, n) for n, e in enumerate(entries) for k, t in enumerate(e.laps)]
+    if not laps:
+        return None
+    _, k, n = min(laps)
+    return lap_of(entries[n], k)
+
+
+def lap_of(entry: Competitor, k: int, until: int | None = None) -> Flown:
+    """Lap k, 0-based, from its beginning; until: its last frame."""
+    t, starts = entry.t, entry.lap_starts
+    end = starts[k + 1] if k + 1 < len(starts) else float(t[-1])
+    rows = np.flatnonzero((t >= starts[k] - 0.02) & (t <= end + 0.02))
+    rows = rows if until is None else rows[rows <= until]
+    return t[rows] - starts[k], entry.progress[rows] - [0.0, *entry.legs.lap_ends][k]

@@ -20,7 +20,7 @@ class Pace:
         self.anchor(0.0)
 
     def anchor(self, t: float) -> None:
-        """From here on: now is t."""
+        """The race time is t now."""
         self._t, self._wall = t, self._clock()
         self._marks.clear()
 
@@ -29,7 +29,7 @@ class Pace:
         return self._t + (self._clock() - self._wall) * self.speed
 
     def until(self, t: float) -> float:
-        """Seconds of wall clock until t is due; at most 0 if it is. Who is late is not made to hurry later."""
+        """Seconds of wall clock until t is due; at most 0 if it is. A long delay is not caught up later."""
         wait = (t - self.now()) / self.speed
         if wait < -LATE:
             self._t, self._wall = t, self._clock()

@@ -1,7 +1,4 @@
-"""Session: a race on a thread of its own. Commands go in, snapshots come out.
-
-It knows no browser. Whoever watches reads `snapshot` when it pleases: the flight never waits for a page.
-"""
+"""Session: a race on a thread of its own. Commands go in, snapshots come out; a flight never waits for a page."""
 
 from __future__ import annotations
 
@@ -32,19 +29,19 @@ class Session:
         self._worker.start()
 
     def tell(self, command: Callable[..., Any], *args: Any) -> None:
-        """Have a method of Race done, in the order told. What it cannot do becomes a notice."""
+        """Queue a call of a method of Race. Errors that it raises become notices."""
         self._commands.put(partial(command, self._race, *args))
 
-    def watch(self, on: bool) -> None:
-        """Whether the planner's samples are to be looked at: .3 ms now and then."""
-        self._race.watched = on
+    def show_trajectories(self, on: bool) -> None:
+        """Whether the sampled trajectories are needed: they cost 0.3 ms now and then."""
+        self._race.show_trajectories = on
 
     def runs(self) -> list[Path]:
         """Stored runs, the latest first."""
         return list_runs(self._root)[::-1]
 
     def close(self) -> None:
-        """End every flight, keep what is worth it, end the thread."""
+        """End every flight, store what has passed a gate, end the thread."""
         self.tell(Race.end_flights)
         self._commands.put(self._end)
         self._worker.join()
@@ -66,7 +63,7 @@ class Session:
             return command()
         except (ValueError, RunError) as error:
             self._race.notices.add("error", "Cannot do that", str(error))
-        except Exception as error:  # a mistake of ours must not end the thread, and with it every flight to come
+        except Exception as error:  # an unforeseen error must not end the thread that flies
             traceback.print_exc()
             self._race.notices.add("error", "The race broke off", f"{type(error).__name__}: {error}")
             self._race.play(False)

@@ -93,17 +93,15 @@ def _say(names: list[str], json: bool) -> None:
 
 
 def _data(kind: str, folders: list[Path]) -> bytes:
-    from web.exports import telemetry_csv, zipped  # here, so that --help does not load them
+    from web.competitor import named, stored_competitor  # here, so that --help does not load them
+    from web.page.export import offline_page, telemetry_csv, zipped
 
     if kind == "csv":
         return telemetry_csv(load_run(folders[0]))
     if kind == "zip":
         load_run(folders[0])  # a damaged run is not handed on
         return zipped(folders[0])
-    from web.competitor import named, stored_competitor
-    from web.recording import record
-
     competitors = named([stored_competitor(folder) for folder in folders])
-    if len({competitor.spec["course_text"] for competitor in competitors}) > 1:
+    if len({entry.spec["course_text"] for entry in competitors}) > 1:
         raise UsageError("--html: expected runs of one course, got several")
-    return record(competitors).encode()
+    return offline_page(competitors).encode()

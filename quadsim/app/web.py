@@ -40,10 +40,10 @@ def web(
 
     from quadsim.app.flight_factory import FlightFactory  # here, so that --help loads neither numba nor viser
     from web.choices import Choices
-    from web.dashboard import Dashboard
-    from web.guard import new_token, serve
+    from web.page.dashboard import Dashboard
+    from web.page.guard import new_token, serve
+    from web.page.race_panel import Menu
     from web.race import Race
-    from web.race_panel import Menu
     from web.session import Session
 
     token = new_token(host)

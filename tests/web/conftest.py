@@ -28,9 +28,9 @@ def session(flight_factory, tmp_path):
 @pytest.fixture
 def page(session, flight_factory):
     """A running page and its server."""
-    from web.dashboard import Dashboard
-    from web.guard import serve
-    from web.race_panel import Menu
+    from web.page.dashboard import Dashboard
+    from web.page.guard import serve
+    from web.page.race_panel import Menu
 
     server = serve("127.0.0.1", 0, None, "race")
     menu = Menu((COURSE, "paper_flat"), ("swift",), {"race": "swift"}, ("colored", "gaussian"))

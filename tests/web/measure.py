@@ -24,10 +24,10 @@ from wire import connect
 
 from quadsim.app.flight_factory import FlightFactory
 from web.choices import Choices
-from web.dashboard import Dashboard
-from web.guard import serve
+from web.page.dashboard import Dashboard
+from web.page.guard import serve
+from web.page.race_panel import Menu
 from web.race import Race
-from web.race_panel import Menu
 from web.session import Session
 
 CLIENTS = 4

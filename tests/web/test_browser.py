@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this ma
 
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 QUIET = ["--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update"]
-SLOW = 60_000  # [ms] a first picture drawn in software
+SLOW = 60_000  # [ms] a first frame drawn in software
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +29,9 @@ def root(tmp_path_factory):
 @pytest.fixture(scope="module")
 def session(root):
     from quadsim.app.flight_factory import FlightFactory
-    from web.dashboard import Dashboard
-    from web.guard import serve
-    from web.race_panel import Menu
+    from web.page.dashboard import Dashboard
+    from web.page.guard import serve
+    from web.page.race_panel import Menu
     from web.session import Session
 
     server = serve("127.0.0.1", 0, None, "race")
@@ -66,7 +66,7 @@ def page(browser, session):
 def flown(page, session, root):
     """A colored and a Gaussian flight, started from the page, and their runs."""
     choose(page, "Mode", "live: two samplers")
-    fill(page, "samples", 512)
+    fill(page, "Samples", 512)
     choose(page, "Speed", "4")
     page.get_by_role("button", name="START", exact=True).click()
     assert waited(page, lambda: session.snapshot.flying, 60)
@@ -123,7 +123,7 @@ def test_moving_gamma_in_flight_shows_an_event(page, session, flown):
     choose(page, "Mode", "live")
     page.get_by_role("button", name="START", exact=True).click()
     assert waited(page, lambda: session.snapshot.flying and session.snapshot.t > 0.05)
-    fill(page, "gamma rates", 1.5)
+    fill(page, "Gamma rates", 1.5)
     page.get_by_role("tab", name="Events").click()
     seen(page, f"gamma rates {PRESETS['race']['colored'].sampling.gamma[0]:g} → 1.5")
     seen(page, "interactive, not comparable")
@@ -131,7 +131,7 @@ def test_moving_gamma_in_flight_shows_an_event(page, session, flown):
 
 
 def scrubbed(page, t):
-    """Whether the time field holds t; typed again where the page's own last word came in between."""
+    """Whether the time field holds t; typed again where the page set another time in between."""
     if float(field(page, "Time [s]").last.input_value()) != t:
         fill(page, "Time [s]", t)
         page.wait_for_timeout(500)
@@ -155,7 +155,7 @@ def test_a_scrubbed_replay_shows_the_drone_where_the_telemetry_says(page, sessio
     assert waited(page, lambda: page.locator("[role=slider][aria-disabled=true]").count() >= len(RANGES))
 
 
-def test_the_page_taken_along_plays_without_a_network(browser, page, session, flown, tmp_path):
+def test_the_exported_page_plays_without_a_network(browser, page, session, flown, tmp_path):
     page.get_by_text("Export", exact=True).click()
     with page.expect_download() as download:
         page.get_by_role("button", name="page", exact=True).click()

@@ -1,4 +1,4 @@
-"""Claims about people at the page, spoken over the wire: what they send, how many they are, how they leave."""
+"""Claims about clients of the page, over its protocol: what they send, how many they are, how they leave."""
 
 import asyncio
 import math
@@ -11,7 +11,7 @@ from web.race import Race
 
 
 async def settled(claim, seconds=5.0):
-    """Whether it comes true while the wire is served."""
+    """Whether it comes true while messages are handled."""
     for _ in range(int(seconds / 0.02)):
         if claim():
             return True
@@ -40,7 +40,7 @@ def test_a_value_out_of_range_or_of_another_type_changes_nothing(page, value):
     async def person():
         async with connect(server.get_port()) as client:
             await client.set(slider, value)
-            await client.set(slider, 2.5)  # what is validate_input still gets through
+            await client.set(slider, 2.5)  # a valid value is still accepted
             assert await settled(lambda: slider.value == 2.5)
 
     seen = []
@@ -96,7 +96,7 @@ def test_moving_gamma_in_flight_is_an_event(page, session):
     assert session.snapshot.competitors[0].changes[0]["to"] == 1.25
 
 
-def test_two_people_see_each_others_changes(page):
+def test_two_clients_see_each_others_changes(page):
     dashboard, server = page
     slider = dashboard.sampler.sliders["sigma"]
 
@@ -111,7 +111,7 @@ def test_two_people_see_each_others_changes(page):
     asyncio.run(people())
 
 
-def test_the_flight_goes_on_when_the_last_person_vanishes(page, session):
+def test_the_flight_goes_on_when_the_last_client_vanishes(page, session):
     dashboard, server = page
 
     async def person():
@@ -139,7 +139,7 @@ def test_start_while_flying_begins_another_race(page, session, flight_factory):
     assert [flight.closed for flight in flight_factory.built[:2]] == [True, True]
 
 
-def test_nonsense_on_the_wire_leaves_the_page_alive(page, session):
+def test_nonsense_messages_leave_the_page_working(page, session):
     _, server = page
 
     async def person():

@@ -93,7 +93,7 @@ def test_a_busy_port_is_one_line(capsys):
         (["no-such-run", "--runs-dir", "nowhere"], "race web: no runs in 'nowhere'"),
     ],
 )
-def test_what_cannot_be_served_is_one_line(flags, said, capsys):
+def test_a_wrong_argument_is_one_line(flags, said, capsys):
     assert race(["web", *flags]) == 2
     err = capsys.readouterr().err.strip()
     assert err.startswith(said)

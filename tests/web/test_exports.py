@@ -1,4 +1,4 @@
-"""Claims about what is taken along."""
+"""Claims about exported files."""
 
 import csv
 import io
@@ -38,7 +38,7 @@ def test_the_zip_holds_a_run_that_can_be_loaded(folder, tmp_path):
     assert load_run(tmp_path / folder.name).digest() == load_run(folder).digest()
 
 
-def test_the_page_is_one_file_that_asks_nobody(folder, tmp_path):
+def test_the_page_is_one_file_that_loads_nothing(folder, tmp_path):
     assert race(["export", str(folder), "--html", "--out", str(tmp_path / "race.html")]) == 0
     page = (tmp_path / "race.html").read_text()
     assert "splits by gate" in page

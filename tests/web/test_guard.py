@@ -1,4 +1,4 @@
-"""Claims about the door, over raw sockets."""
+"""Claims about who may use the server, over raw sockets."""
 
 import asyncio
 import socket
@@ -8,66 +8,66 @@ from viser import _messages as messages
 from websockets.exceptions import InvalidStatus
 from wire import connect, get
 
-from web.guard import new_token, probe, serve
+from web.page.guard import new_token, probe, serve
 
 TOKEN = "a-token-of-this-test"
 
 
 @pytest.fixture(scope="module")
-def open_door():
+def open_server():
     server = serve("127.0.0.1", 0, None, "race")
     yield server
     server.stop()
 
 
 @pytest.fixture(scope="module")
-def locked_door():
+def token_server():
     server = serve("127.0.0.1", 0, TOKEN, "race")
     yield server
     server.stop()
 
 
 def refused(port, **options):
-    """The status a websocket is refused with, None if it is let in."""
+    """The status a websocket is refused with, None if it is accepted."""
 
-    async def knock():
+    async def attempt():
         async with connect(port, **options):
             return None
 
     try:
-        return asyncio.run(knock())
+        return asyncio.run(attempt())
     except InvalidStatus as error:
         return error.response.status_code
 
 
-def test_our_own_page_gets_in(open_door):
-    port = open_door.get_port()
+def test_the_servers_own_page_may_connect(open_server):
+    port = open_server.get_port()
     assert get(port)[0] == 200
     assert refused(port, origin=f"http://127.0.0.1:{port}") is None
     assert refused(port, origin=f"http://localhost:{port}", host="localhost") is None
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "https://127.0.0.1", "null", "http://127.0.0.1:1"])
-def test_a_foreign_page_is_refused(open_door, origin):
-    assert refused(open_door.get_port(), origin=origin) == 403
+def test_a_foreign_page_is_refused(open_server, origin):
+    assert refused(open_server.get_port(), origin=origin) == 403
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1"])
-def test_a_foreign_name_is_refused(open_door, host):
-    """Or a page could point a name of its own at this machine."""
-    assert get(open_door.get_port(), host=host)[0] == 403
+def test_a_foreign_name_is_refused(open_server, host):
+    """Else a foreign page could resolve a name of its own to this machine (DNS rebinding)."""
+    assert get(open_server.get_port(), host=host)[0] == 403
 
 
-def test_without_the_token_nothing_is_served(locked_door):
-    port = locked_door.get_port()
+def test_without_the_token_nothing_is_served(token_server):
+    port = token_server.get_port()
     assert get(port)[0] == 401
     assert get(port, path="/?token=wrong")[0] == 401
     assert get(port, Cookie=f"race{port}=wrong")[0] == 401
     assert refused(port) == 401
 
 
-def test_the_token_becomes_a_cookie_that_scripts_cannot_read(locked_door):
-    port = locked_door.get_port()
+def test_the_token_becomes_a_cookie_that_scripts_cannot_read(token_server):
+    port = token_server.get_port()
     status, headers = get(port, path=f"/?token={TOKEN}")
     assert (status, headers["Location"]) == (303, "/")
     assert "HttpOnly" in headers["Set-Cookie"]
@@ -77,8 +77,8 @@ def test_the_token_becomes_a_cookie_that_scripts_cannot_read(locked_door):
     assert refused(port, additional_headers={"Cookie": cookie}) is None
 
 
-def test_the_token_does_not_open_the_door_to_a_foreign_page(locked_door):
-    port = locked_door.get_port()
+def test_a_foreign_page_is_refused_even_with_the_token(token_server):
+    port = token_server.get_port()
     cookie = {"Cookie": f"race{port}={TOKEN}"}
     assert refused(port, additional_headers=cookie, origin="http://evil.example") == 403
 
@@ -126,12 +126,12 @@ def test_a_wrong_host_or_port_is_one_clear_error(host, port, said):
     assert "\n" not in str(error.value)
 
 
-def test_tunnel_and_uploads_are_shut(open_door):
-    handlers = open_door._websock_server._incoming_handlers
+def test_tunnel_and_uploads_are_switched_off(open_server):
+    handlers = open_server._websock_server._incoming_handlers
     assert messages.ShareUrlRequest not in handlers
     assert messages.FileTransferStartUpload not in handlers
-    assert messages.GuiUpdateMessage in handlers  # or the claims above say nothing
-    assert open_door.request_share_url() is None
+    assert messages.GuiUpdateMessage in handlers  # the dictionary holds what is looked for above
+    assert open_server.request_share_url() is None
 
 
 def test_nothing_is_printed_on_stdout(capfd):

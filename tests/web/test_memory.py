@@ -1,4 +1,4 @@
-"""Claims about what a page and its server forget when another race begins."""
+"""Claims about what a page and its server free when another race begins."""
 
 import asyncio
 from contextlib import asynccontextmanager
@@ -14,21 +14,21 @@ GHOST = [choices("colored"), choices("gaussian")]
 
 
 def kept(server):
-    """Messages that the server keeps for newcomers."""
+    """Messages that the server keeps for new clients."""
     return server._websock_server._broadcast_buffer.message_from_id
 
 
 async def race(page, session, flights):
     """Begin another race and wait until the page shows it."""
     dashboard, _ = page
-    before, stage = session.snapshot.race, dashboard._stage
+    before, view = session.snapshot.race, dashboard._view
     session.tell(Race.start, flights)
     for _ in range(500):
         await asyncio.sleep(0.02)
-        if session.snapshot.race > before and dashboard._stage is not stage:
-            await asyncio.sleep(0.3)  # what it says is on its way
+        if session.snapshot.race > before and dashboard._view is not view:
+            await asyncio.sleep(0.3)  # its messages are on their way
             return
-    raise TimeoutError("no new stage on the page")
+    raise TimeoutError("no new race on the page")
 
 
 @asynccontextmanager
@@ -47,7 +47,7 @@ async def onlooker(server):
 
 
 def test_viser_has_what_lets_the_server_forget_removed_things():
-    """It is private, so any version may take it away: then read web.race_scene.forget_removed."""
+    """It is private, so any version may take it away: then read web.page.dashboard.forget_removed."""
     assert callable(getattr(viser.ViserServer, "_run_garbage_collector", None))
 
 
@@ -72,7 +72,7 @@ def test_the_server_keeps_no_more_after_many_races_than_after_two(page, session,
     """And it would, without what frees it."""
     _, server = page
     if not frees:
-        monkeypatch.setattr("web.race_scene.forget_removed", lambda _: None)
+        monkeypatch.setattr("web.page.dashboard.forget_removed", lambda _: None)
 
     async def person():
         async with onlooker(server) as seen:

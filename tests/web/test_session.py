@@ -39,9 +39,7 @@ def test_two_samplers_fly_turn_by_turn(session):
 
     def ended():
         competitors = session.snapshot.competitors
-        if len(competitors) == 2 and all(
-            competitor.outcome is None and len(competitor.t) for competitor in competitors
-        ):
+        if len(competitors) == 2 and all(entry.outcome is None and len(entry.t) for entry in competitors):
             apart.append(abs(competitors[0].t[-1] - competitors[1].t[-1]))
         return competitors and not session.snapshot.flying
 
@@ -64,12 +62,12 @@ def test_a_change_in_flight_is_on_the_record_and_marks_the_run(session, flight_f
 def test_an_untouched_flight_is_not_marked(session, flight_factory, tmp_path):
     fast(session)
     session.tell(Race.start, [choices()])
-    session.tell(Race.tune, flight_factory.numbers("race", "colored"))  # what it flies with already
+    session.tell(Race.tune, flight_factory.numbers("race", "colored"))  # unchanged numbers
     assert over(session)
     assert "interactive" not in load_run(list_runs(tmp_path)[0]).spec
 
 
-def test_what_the_planner_thought_can_be_replayed_as_soon_as_the_flight_has_ended(session, tmp_path):
+def test_planner_snapshots_can_be_replayed_as_soon_as_the_flight_has_ended(session, tmp_path):
     fast(session)
     session.tell(Race.start, [choices(laps=2)])
     assert over(session)
@@ -77,7 +75,7 @@ def test_what_the_planner_thought_can_be_replayed_as_soon_as_the_flight_has_ende
     stored = stored_competitor(list_runs(tmp_path)[0])
     assert landed.live
     for i in (0, 25, len(landed.t) - 1):
-        (now, mine), (then, kept) = landed.picture(i), stored.picture(i)
+        (now, mine), (then, kept) = landed.snapshot(i), stored.snapshot(i)
         assert (now, mine.terms) == (then, kept.terms)
         assert np.array_equal(mine.best, kept.best)
 
@@ -107,7 +105,7 @@ def test_restart_while_flying_ends_the_old_flight_and_begins_anew(session, fligh
     assert not flight_factory.built[1].closed
 
 
-def test_a_replay_stands_where_it_is_scrubbed_to(session, tmp_path):
+def test_a_replay_shows_the_time_it_is_scrubbed_to(session, tmp_path):
     fast(session)
     session.tell(Race.start, [choices(laps=2)])
     assert over(session)
@@ -132,7 +130,7 @@ def test_a_replay_ignores_the_sliders(session, flight_factory, tmp_path):
     assert flight_factory.built[0].tuned == []
 
 
-def test_what_cannot_be_flown_is_a_notice_and_the_race_goes_on(session):
+def test_choices_that_cannot_be_flown_are_a_notice_and_the_race_goes_on(session):
     session.tell(Race.start, [choices(laps=3)])
     session.tell(Race.start, [choices(laps=99)])
     assert until(lambda: any(n.kind == "error" for n in session.snapshot.notices))

@@ -1,5 +1,6 @@
 """Claims about what the page writes: escaped, in order, best and faster, gaps at the same place."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +10,11 @@ from web_cases import COURSE, Glider, choices
 from quadsim.course import load_course
 from quadsim.palette import BEST, FASTER, STYLES
 from quadsim.record.run import Run
-from web import laps, planner, timing
-from web.competitor import Competitor, named, run_competitor
-from web.lap_timing import lap_timings, order
-from web.map import Map
-from web.progress import Legs, gap, time_at
+from web.competitor import Competitor, Legs, named, run_competitor
+from web.lap_timing import gap, lap_timings, order, time_at
+from web.page.laps import laps, splits
+from web.page.planner import chatter, planner
+from web.page.timing import Map, events, hud, tower
 from web.race import Snapshot
 
 
@@ -61,15 +62,15 @@ def test_a_place_not_reached_has_no_time():
 
 def test_the_faster_flight_leads(competitors):
     first, second = order(at(competitors, 1.0))
-    assert (first.competitor.name, second.competitor.name) == ("colored", "gaussian")
+    assert (first.entry.name, second.entry.name) == ("colored", "gaussian")
     assert first.gap == 0.0
     assert second.gap > 0.0
 
 
 def test_by_place_everyone_is_shown_at_the_first_ones_place(competitors):
     me, other = at(competitors, 1.0, by_place=True)
-    assert other.competitor.progress[other.i] == pytest.approx(me.competitor.progress[me.i], abs=0.5)
-    assert other.competitor.t[other.i] > me.competitor.t[me.i]
+    assert other.entry.progress[other.i] == pytest.approx(me.entry.progress[me.i], abs=0.5)
+    assert other.entry.t[other.i] > me.entry.t[me.i]
 
 
 def test_names_of_runs_differ():
@@ -83,45 +84,44 @@ def test_names_from_files_cannot_run_scripts(competitors):
     spec = {**competitors[0].spec, "sampler": evil}
     event = replace(competitors[0].events[0], kind=evil)
     bad = [replace(competitors[0], name=evil, spec=spec, events=(event,), outcome=evil), competitors[1]]
-    all_ = at(bad, 1.0)
-    pages = [timing.hud(Snapshot(competitors=tuple(bad)), all_), timing.tower(all_), timing.events(tuple(bad), 9.0)]
-    pages += [laps.laps(bad), planner.planner(all_[0]), planner.chatter(bad), Map(bad[0].course).draw(all_)]
+    timings = at(bad, 1.0)
+    pages = [hud(Snapshot(competitors=tuple(bad)), timings), tower(timings), events(tuple(bad), 9.0)]
+    pages += [laps(bad), planner(timings[0]), chatter(bad), Map(bad[0].course).draw(timings)]
     assert all("<script" not in page for page in pages)
     assert any("&lt;script" in page for page in pages)
 
 
-def test_a_replay_shows_the_terms_of_the_last_picture_kept(competitors):
+def test_a_replay_shows_the_terms_of_the_last_snapshot_kept(competitors):
     for frame, kept in ((0, 0), (9, 0), (10, 10), (57, 50)):
         (me, *_) = at(competitors, 0.01 * frame)
-        page = planner.planner(me)
+        page = planner(me)
         assert (f"{kept:+.3f}" in page) == (kept > 0)
         assert f"J = {kept - 0.5:.3f}, the sum at {0.01 * kept:.2f} s" in page
         assert "waypoint" in page
         assert "crash" not in page  # a term of zero is left out
 
 
-@pytest.mark.parametrize("how", ["no pictures", "pictures without terms"])
+@pytest.mark.parametrize("how", ["no snapshots", "snapshots without terms"])
 def test_a_run_that_kept_no_terms_says_so_with_a_dash(competitors, how):
-    pictures = replace(competitors[0].pictures, terms={}) if how == "pictures without terms" else None
-    (me,) = at([replace(competitors[0], pictures=pictures)], 0.5)
-    assert "J = 1.000; its terms: - (not kept with this run)" in planner.planner(me)
+    snapshots = replace(competitors[0].snapshots, terms={}) if how == "snapshots without terms" else None
+    (me,) = at([replace(competitors[0], snapshots=snapshots)], 0.5)
+    assert "J = 1.000; its terms: - (not kept with this run)" in planner(me)
 
 
 def test_names_of_terms_cannot_run_scripts(competitors):
-    pictures = replace(
-        competitors[0].pictures, terms={"<script>alert(1)</script>": competitors[0].pictures.terms["progress"]}
-    )
-    (me,) = at([replace(competitors[0], pictures=pictures)], 0.5)
-    page = planner.planner(me)
+    snapshots = competitors[0].snapshots
+    snapshots = replace(snapshots, terms={"<script>alert(1)</script>": snapshots.terms["progress"]})
+    (me,) = at([replace(competitors[0], snapshots=snapshots)], 0.5)
+    page = planner(me)
     assert "<script" not in page
     assert "&lt;script" in page
 
 
 def test_the_best_split_is_purple_and_a_runs_own_best_green(competitors):
-    table = laps.splits(competitors)
+    table = splits(competitors)
     assert BEST in table
     assert FASTER in table
-    alone = laps.splits([competitors[0]])
+    alone = splits([competitors[0]])
     assert alone.count(BEST) >= competitors[0].legs.gates
     assert FASTER not in alone  # its own best is the best of all
 
@@ -129,15 +129,22 @@ def test_the_best_split_is_purple_and_a_runs_own_best_green(competitors):
 def test_beside_other_laps_a_run_changed_in_flight_is_named_so(competitors):
     change = {"t": 0.1, "name": "sigma", "from": 1.0, "to": 2.0}
     changed = replace(competitors[1], spec={**competitors[1].spec, "interactive": [change, change]})
-    page = laps.laps([competitors[0], changed])
+    page = laps([competitors[0], changed])
     assert page.count("interactive, not comparable: 2 changes in flight") == 1
-    assert "comparable" not in laps.laps(competitors)
+    assert "comparable" not in laps(competitors)
 
 
-def test_the_interval_of_laps_is_students():
-    """scipy.stats.t.ppf(.975, 2) = 4.3027"""
-    times = [5.0, 5.1, 5.3]
-    assert laps.half_interval(times) == pytest.approx(4.30 * np.std(times, ddof=1) / np.sqrt(3))
+def test_the_bar_of_a_strip_is_students_interval(competitors):
+    """mean -+ t s / sqrt(n), scipy.stats.t.ppf(.975, 2) = 4.3027; the other run's laps give the strip its width."""
+    times, others = (5.0, 5.1, 5.3), (4.0, 6.0)
+    page = laps([replace(competitors[0], laps=times), replace(competitors[1], laps=others)])
+    bars = re.findall(r'<line x1="([\d.]+)" x2="([\d.]+)" y1="15.0" y2="15.0"[^>]*stroke-width="2"', page)
+    ((x1, x2),) = [(float(a), float(b)) for a, b in bars]
+    low, high = (float(x) for x in re.findall(r'cx="([\d.]+)" cy="45.0"', page))
+    scale = (others[1] - others[0]) / (high - low)  # [s/px]
+    half = 4.3027 * np.std(times, ddof=1) / np.sqrt(3)
+    assert (x2 - x1) / 2 * scale == pytest.approx(half, abs=0.002)
+    assert others[0] + ((x1 + x2) / 2 - low) * scale == pytest.approx(np.mean(times), abs=0.002)
 
 
 def test_samplers_differ_in_colour_and_in_line():

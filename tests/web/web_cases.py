@@ -1,4 +1,4 @@
-"""Flights without physics for the page's tests: from gate to gate at a steady pace, as fast as anyone asks."""
+"""Flights without physics for the page's tests: from gate to gate at constant speed, as fast as they are asked for."""
 
 import socket
 import time
@@ -66,19 +66,19 @@ class Glider:
             lap = min(passed // len(self.course.gates) + 1, self.laps)
             gate = passed % len(self.course.gates) + 1
             now = time.perf_counter() - began
-            seen = None if over or k % 10 else _picture(k)
+            seen = None if over or k % 10 else _snapshot(k)
             yield Frame(t, x, u, passed, lap, gate, 10.0, 0.5, 1.0, 0.1, now, tuple(events), over, seen)
             if over:
                 return
 
 
-def _picture(k: int) -> PlannerSnapshot:
-    """One that says at which frame it was taken."""
+def _snapshot(k: int) -> PlannerSnapshot:
+    """Its numbers are those of the frame it was taken at."""
     return PlannerSnapshot(np.full((8, 16, 3), float(k)), {"progress": float(k), "crash": 0.0, "waypoint": -0.5})
 
 
 class Gliders:
-    """A flight_factory of them."""
+    """A flight factory of gliders."""
 
     def __init__(self):
         self.built: list[Glider] = []

@@ -1,4 +1,4 @@
-"""A client without a browser: viser's wire, spoken by hand."""
+"""A client without a browser: viser's protocol, message by message."""
 
 import http.client
 from contextlib import asynccontextmanager
@@ -61,7 +61,7 @@ def get(port, path="/", host=None, **headers):
 
 
 async def button(client, wanted, most=200):
-    """uuid of the first button with this label, from what the server sends a newcomer."""
+    """uuid of the first button with this label, from what the server sends a new client."""
     for _ in range(most):
         for message in await received(client):
             if message["type"] == "GuiButtonMessage" and message["props"]["label"] == wanted:

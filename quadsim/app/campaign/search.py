@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args
 import yaml
 
 from controllers.costs.race import RaceWeights
-from controllers.presets import PRESETS, Planner
+from controllers.presets import PRESETS, Planner, per_channel
 from controllers.samplers import Colored
 from quadsim.app.campaign.summary_stats import VariantStats
 from quadsim.app.flags import UsageError
@@ -79,8 +79,8 @@ def with_parameters(planner: Planner, values: dict[str, float]) -> Planner:
     sigma = (rates, rates, v.get("sigma_yaw", s[2]), v.get("sigma_thrust", s[3])) if _any(v, "sigma") else s
     sampling = replace(planner.sampling, sigma=sigma)
     if isinstance(sampling, Colored) and _any(v, "gamma"):
-        color = v.get("gamma_rates", sampling.gamma[0])
-        sampling = replace(sampling, gamma=(color, color, color, v.get("gamma_thrust", sampling.gamma[3])))
+        gamma = per_channel(v.get("gamma_rates", sampling.gamma[0]), v.get("gamma_thrust", sampling.gamma[3]))
+        sampling = replace(sampling, gamma=gamma)
     mppi = {k: v[k] for k in ("temperature", "target_ess", "horizon", "tighten") if k in v}
     cost = {k: v[k] for k in (*WEIGHTS, "margin") if k in v}
     return replace(

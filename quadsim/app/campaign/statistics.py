@@ -6,33 +6,12 @@ scipy.stats takes .7 s to import, so the functions that need it import it themse
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import exp, hypot, log, nan, sqrt
 
 import numpy as np
 from scipy.special import nctdtr, stdtr, stdtrit
 
-
-@dataclass(frozen=True)
-class Mean:
-    """A mean with its Student t-interval."""
-
-    mean: float
-    low: float
-    high: float
-    n: int
-    sd: float
-
-
-def mean_interval(values: Sequence[float], confidence: float = 0.95) -> Mean:
-    """mean +- t sd / sqrt(n); nan where n < 2. Of paired differences: the paired t-interval."""
-    x = np.asarray(values, float)
-    n = len(x)
-    if n < 2:
-        return Mean(float(x[0]) if n else nan, nan, nan, n, nan)
-    mean, sd = float(x.mean()), float(x.std(ddof=1))
-    half = float(stdtrit(n - 1, (1 + confidence) / 2)) * sd / sqrt(n)
-    return Mean(mean, mean - half, mean + half, n, sd)
+from quadsim.record.statistics import Mean, mean_interval
 
 
 def ratio_interval(pairs: Sequence[tuple[float, float]]) -> Mean:

@@ -14,16 +14,15 @@ from pathlib import Path
 from statistics import fmean, median
 
 from quadsim.app.campaign.statistics import (
-    Mean,
     detectable,
     fisher,
     mcnemar,
-    mean_interval,
     ratio_interval,
     wilson,
 )
 from quadsim.app.campaign.store import Row
 from quadsim.course import Course
+from quadsim.record.statistics import Mean, mean_interval
 
 FINISHED = "finished"
 

@@ -10,9 +10,9 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.markup import escape
 
-from quadsim.app.campaign.statistics import Mean
 from quadsim.app.campaign.summary_stats import PairStats, VariantStats
 from quadsim.app.console import plain_table, width
+from quadsim.record.statistics import Mean
 
 SHOWN = 7  # hex digits of a commit
 INDENT, GAP, TEXT = 2, 2, 24  # of a table; between its columns; least width of a text that wraps [terminal columns]

@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
-from quadsim.app.campaign.statistics import mean_interval
 from quadsim.app.campaign.store import Row
 from quadsim.app.campaign.summary_stats import FINISHED, Section
 from quadsim.app.figures.run_figure import arrow_scale, draw_gates
@@ -20,6 +19,7 @@ from quadsim.app.figures.style import STYLE, line
 from quadsim.palette import Style, styles
 from quadsim.record.archive import load_run
 from quadsim.record.run import RunError
+from quadsim.record.statistics import mean_interval
 
 PATHS = 6  # of each variant on the map
 JITTER = 0.1  # vertical, of the dots of a variant

@@ -8,12 +8,12 @@ from quadsim.app.campaign.statistics import (
     false_alarm,
     fisher,
     mcnemar,
-    mean_interval,
     proportion_difference,
     t_power,
     upper_bound,
     wilson,
 )
+from quadsim.record.statistics import mean_interval
 
 
 def test_t_interval_of_student_s_sleep_data():

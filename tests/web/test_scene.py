@@ -1,19 +1,17 @@
-"""Claims about what stands where in the picture, and about the pace of the race."""
+"""Claims about where things are drawn in the view, and about the pace of the race."""
 
 import numpy as np
 import pytest
 
 from quadsim.course import course_names, load_course
-from web.camera import ASPECT, FOV, above, overview
-from web.colours import ramp
-from web.drone import resampled, segments
-from web.mesh import quadrotor
 from web.pace import Pace
-from web.scene import _bars
+from web.page.camera import ASPECT, FOV, overview, top_view
+from web.page.drones import quadrotor, ramp, resampled, segments
+from web.page.race_scene import _bars
 
 
 @pytest.mark.parametrize("name", course_names())
-@pytest.mark.parametrize("view", [overview, above])
+@pytest.mark.parametrize("view", [overview, top_view])
 def test_the_camera_frames_any_course(name, view):
     course = load_course(name)
     eye, centre = view(course)
@@ -40,10 +38,10 @@ def test_bars_leave_the_opening_free_and_touch_at_the_corners():
 
 
 def test_a_drone_is_as_wide_as_it_is_said_to_be():
-    vertices = np.vstack([v for v, _ in quadrotor(1.0).values()])
+    meshes = quadrotor(1.0).values()
+    vertices = np.vstack([mesh.vertices for mesh in meshes])
     assert np.ptp(vertices[:, 0]) == pytest.approx(1 / np.sqrt(2) + 2 * 0.26, rel=0.02)
-    for v, f in quadrotor(1.0).values():
-        assert f.max() < len(v)
+    assert all(mesh.faces.max() < len(mesh.vertices) for mesh in meshes)
 
 
 def test_resampled_paths_keep_their_ends():
@@ -77,10 +75,10 @@ def test_half_speed_takes_twice_as_long():
     assert pace.until(1.0) == 1.0
 
 
-def test_who_is_late_is_not_made_to_hurry():
+def test_a_late_flight_does_not_catch_up():
     clock = Clock()
     pace = Pace(clock)
-    clock.t = 5.0  # a plan that took for ever
+    clock.t = 5.0  # a plan that took 5 s
     assert pace.until(0.01) < 0.0
     assert pace.until(0.02) == pytest.approx(0.01)  # the next is due one period later, not at once
 

@@ -7,7 +7,7 @@ from html import escape
 
 from quadsim.palette import style
 
-DIM, PANEL = "#8b93a1", "#1a1c20"
+DIM, MARKER_EDGE, TRACK = "#8b93a1", "#111", "#2c3038"  # dim text, outlines of dots, background of bars and strips
 MONO = "font-family:ui-monospace,Menlo,Consolas,monospace;font-variant-numeric:tabular-nums"
 
 
@@ -16,7 +16,7 @@ def text(value: object) -> str:
 
 
 def table(head: list[str], rows: Sequence[list[str] | str], left: int = 1) -> str:
-    """Cells are HTML. The first `left` columns stand left, numbers right; a row that is one text is as wide as all."""
+    """Cells are HTML. The first `left` columns are aligned left, the others right; a row that is one text spans all."""
     top = _row(head, "th", f"color:{DIM};font-weight:400;border-bottom:1px solid #3a3f48", left)
     body = ""
     for row in rows:
@@ -34,9 +34,9 @@ def _row(cells: list[str], tag: str, look: str, left: int) -> str:
 
 
 def svg(tag: str, content: str = "", **attributes: object) -> str:
-    """An SVG element. Underscores in names are hyphens, numbers get one decimal."""
-    said = {k.replace("_", "-"): f"{v:.1f}" if isinstance(v, float) else v for k, v in attributes.items()}
-    return f"<{tag} " + " ".join(f'{k}="{v}"' for k, v in said.items()) + f">{content}</{tag}>"
+    """An SVG element. Underscores in names become hyphens, floats get one decimal."""
+    values = {k.replace("_", "-"): f"{v:.1f}" if isinstance(v, float) else v for k, v in attributes.items()}
+    return f"<{tag} " + " ".join(f'{k}="{v}"' for k, v in values.items()) + f">{content}</{tag}>"
 
 
 def small(words: str) -> str:
@@ -51,7 +51,8 @@ def swatch(sampler: str) -> str:
     return svg("svg", line, width=22, height=10, style="vertical-align:middle;margin-right:5px")
 
 
-def named(name: str, sampler: str) -> str:
+def label(name: str, sampler: str) -> str:
+    """A competitor's name in its sampler's colour."""
     return f'{swatch(sampler)}<b style="color:{style(sampler).colour}">{text(name)}</b>'
 
 
@@ -62,7 +63,7 @@ def coloured(what: str, colour: str) -> str:
 def bar(share: float, colour: str, height: int = 5, width: str = "100%") -> str:
     share = min(max(share, 0.0), 1.0)
     fill = f'<div style="width:{100 * share:.1f}%;height:100%;background:{colour}"></div>'
-    look = f"height:{height}px;width:{width};background:#2c3038;border-radius:2px;overflow:hidden"
+    look = f"height:{height}px;width:{width};background:{TRACK};border-radius:2px;overflow:hidden"
     return f'<div style="{look}">{fill}</div>'
 
 

@@ -1,0 +1,108 @@
+"""What moves in the scene: the drones with their trails, the sampled trajectories."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+import viser
+from matplotlib import colormaps
+from trimesh.creation import box, cylinder
+from trimesh.transformations import rotation_matrix, translation_matrix
+from trimesh.util import concatenate
+
+from quadsim.palette import style
+from web.competitor import POSITION, QUATERNION, Competitor
+
+TRAIL, TRAIL_SPAN = 160, 4.0  # segments, and the seconds they span
+PATH = 500  # segments of a whole run
+FAST = 16.0  # [m/s] the bright end of the speed colours
+SPAN = 0.34  # of a drone from rotor to rotor [m]
+
+
+class Drone:
+    """One competitor's drone and trail. The arrays keep their length: viser accepts another one, but draws it wrong."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, entry: Competitor, ghost: bool, scale: float):
+        """ghost: drawn paler and with its name, as every competitor but the first."""
+        node = f"/competitor/{name}"
+        colour = style(entry.sampler).rgb
+        self._frame = scene.add_frame(node, show_axes=False)
+        for part, mesh in quadrotor(SPAN * scale).items():
+            shade = colour if part == "body" else (225, 228, 232)
+            opacity = 0.45 if ghost else 1.0 if part == "body" else 0.8
+            look = {"color": shade, "opacity": opacity, "flat_shading": True, "side": "double"}
+            scene.add_mesh_simple(f"{node}/{part}", mesh.vertices, mesh.faces, **look)
+        none, dark = np.zeros((TRAIL, 2, 3), np.float32), np.zeros((TRAIL, 2, 3), np.uint8)
+        self._trail = scene.add_line_segments(f"/trail/{name}", none, dark, thickness=0.035 if ghost else 0.06)
+        self._colours = np.tile(np.array(colour, np.uint8), (TRAIL, 2, 1))
+        if ghost:
+            scene.add_label(f"{node}/name", entry.name, position=(0.0, 0.0, 0.5))
+        if not entry.live:
+            rows = np.linspace(0, len(entry.t) - 1, PATH + 1).astype(int)
+            path = segments(entry.rows(POSITION, rows).astype(np.float32))
+            scene.add_line_segments(f"/path/{name}", path, np.array(colour) // 2, thickness=0.02)
+
+    def show(self, entry: Competitor, i: int, by_speed: bool) -> None:
+        """At frame i, with its trail coloured by speed or by sampler."""
+        self._frame.position = entry.rows(POSITION, i)
+        self._frame.wxyz = entry.rows(QUATERNION, i)
+        t = np.linspace(max(entry.t[i] - TRAIL_SPAN, 0.0), entry.t[i], TRAIL + 1)
+        rows = np.searchsorted(entry.t, t, side="right") - 1
+        self._trail.points = segments(entry.rows(POSITION, rows))
+        self._trail.colors = segments(ramp(entry.speed(rows) / FAST)) if by_speed else self._colours.copy()
+
+
+class SampledTrajectoriesView:
+    """The samples, cheapest bright, and the plan in white. They come sorted by cost, so colours are sent only once."""
+
+    POINTS = 25
+
+    def __init__(self, scene: viser.SceneApi, samples: int):
+        self._n, p = samples, self.POINTS
+        shades = np.repeat(ramp(np.linspace(1.0, 0.05, samples)) * 0.8, p - 1, axis=0).astype(np.uint8)
+        colours = np.repeat(shades[:, None], 2, axis=1)  # (samples * (p - 1), 2, 3)
+        none, nothing = np.zeros((len(colours), 2, 3), np.float32), np.zeros((p - 1, 2, 3), np.float32)
+        name, white = "/sampled_trajectories", (255, 255, 255)
+        self._samples = scene.add_line_segments(f"{name}/samples", none, colours, thickness=0.014, visible=False)
+        self._plan = scene.add_line_segments(f"{name}/plan", nothing, white, thickness=0.045, visible=False)
+
+    def show(self, paths: np.ndarray | None, nominal: np.ndarray | None = None) -> None:
+        """paths (samples, points, 3), None: hidden; fewer samples than there are lines are repeated."""
+        for node, visible in ((self._samples, paths is not None), (self._plan, nominal is not None)):
+            if node.visible != visible:
+                node.visible = visible
+        if paths is not None:
+            rows = np.arange(self._n) * len(paths) // self._n
+            points = np.concatenate([segments(p) for p in resampled(paths, self.POINTS)[rows]])
+            if not np.array_equal(points, self._samples.points):
+                self._samples.points = points
+        if nominal is not None:
+            self._plan.points = segments(nominal)
+
+
+def resampled(paths: np.ndarray, points: int) -> np.ndarray:
+    """The same paths with another number of points.  (samples, points, 3)"""
+    at = np.linspace(0, paths.shape[1] - 1, points)
+    low = np.minimum(at.astype(int), paths.shape[1] - 2)
+    share = (at - low)[None, :, None]
+    return (1 - share) * paths[:, low] + share * paths[:, low + 1]
+
+
+def segments(points: np.ndarray) -> np.ndarray:
+    """(n, 3) -> (n - 1, 2, 3)"""
+    return np.stack([points[:-1], points[1:]], axis=1)
+
+
+def ramp(share: np.ndarray) -> np.ndarray:
+    """Colours of 0..1, dark to bright, without plasma's darkest eighth.  (n,) -> (n, 3) uint8"""
+    return colormaps["plasma"](0.125 + 0.875 * np.clip(share, 0.0, 1.0), bytes=True)[..., :3]
+
+
+def quadrotor(span: float) -> dict[str, trimesh.Trimesh]:
+    """An X frame: a body with its nose forward, and four rotor discs."""
+    a, w = 0.5 * span / np.sqrt(2), 0.05 * span
+    arms = [box((span, 2 * w, 1.4 * w), rotation_matrix(angle, (0, 0, 1))) for angle in (np.pi / 4, -np.pi / 4)]
+    nose = box((0.42 * span, 4.4 * w, 3.08 * w), translation_matrix((0.11 * span, 0, 0)))
+    hubs = [translation_matrix((x, y, 1.2 * w)) for x in (-a, a) for y in (-a, a)]
+    discs = [cylinder(0.26 * span, 0.01 * span, sections=20, transform=hub) for hub in hubs]
+    return {"body": concatenate([*arms, nose]), "rotors": concatenate(discs)}  # pyright: ignore[reportReturnType]

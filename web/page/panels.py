@@ -1,0 +1,160 @@
+"""The controls of a race that is on: the planner's numbers, the playback, how it is shown, the keys."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from math import inf
+from time import perf_counter
+from typing import Any
+
+import viser
+
+from web.choices import RANGES, FlightFactory, Numbers
+from web.page.camera import FREE, MODES, Camera
+from web.page.html import box, small, table
+from web.page.race_panel import RacePanel
+from web.race import Race, Snapshot
+from web.session import Session
+
+HOLD = 0.4  # [s] that the time slider is left alone after somebody has moved it
+SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
+LABELS = {"sigma": "Sigma scale", "ess": "Target ESS"}  # where it is not the name itself
+TIME, PLACE = "by time", "by place"
+AUTO, SPEED, SAMPLER = "auto", "speed", "sampler"
+
+
+class SamplerPanel:
+    """The planner's numbers, live: they act at the next plan."""
+
+    def __init__(self, gui: viser.GuiApi, session: Session, flight_factory: FlightFactory, race: RacePanel):
+        self._session, self._flight_factory, self._race = session, flight_factory, race
+        self.sliders: dict[str, viser.GuiSliderHandle] = {}
+        self._preset = self._preset_numbers()
+        with gui.add_folder("Sampler (live)"):
+            for name, value in asdict(self._preset).items():
+                kind = type(value)
+                low, high, step = (kind(v) for v in RANGES[name])
+                label = LABELS.get(name, name.replace("_", " ").capitalize())
+                self.sliders[name] = gui.add_slider(label, low, high, step, value)
+                self.sliders[name].on_update(self._moved)
+        race.numbers = self._chosen
+        race.preset.on_update(lambda _: self.reset())
+        race.sampler.on_update(lambda _: self.reset())
+
+    def reset(self) -> None:
+        """The numbers of the preset and sampler chosen."""
+        self._preset = self._preset_numbers()
+        for name, value in asdict(self._preset).items():
+            self.sliders[name].value = value
+
+    def enable(self, s: Snapshot) -> None:
+        """Only live flights can be tuned."""
+        off = bool(s.competitors) and not any(e.live for e in s.competitors)
+        for slider in self.sliders.values():
+            if slider.disabled != off:
+                slider.disabled = off
+
+    def _preset_numbers(self) -> Numbers:
+        return self._flight_factory.numbers(self._race.preset.value, self._race.sampler.value).clamped()
+
+    def _now(self) -> Numbers:
+        return Numbers(**{name: type(v)(self.sliders[name].value) for name, v in asdict(self._preset).items()})
+
+    def _chosen(self) -> Numbers | None:
+        """None where no slider was moved: then the preset counts, also where it is outside their ranges."""
+        return None if self._now() == self._preset else self._now()
+
+    def _moved(self, event: viser.GuiEvent) -> None:
+        if event.client_id is not None:  # a person, not reset()
+            self._session.tell(Race.tune, self._now())
+
+
+class PlaybackPanel:
+    """Pause, step, scrub, speed."""
+
+    def __init__(self, gui: viser.GuiApi, session: Session):
+        self._session, self._shown = session, 0.0
+        self._scrubbed_at = inf  # when somebody last moved the time slider [s]
+        with gui.add_folder("Playback"):
+            self.time = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0)
+            self.buttons = gui.add_button_group("", ("<", "pause", ">", "event"))
+            self.restart = gui.add_button("Restart", icon=viser.Icon.REPEAT, color="gray")
+            self.speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
+        commands = {"<": (Race.step, -1), "pause": (Race.play,), ">": (Race.step, 1), "event": (Race.jump,)}
+        self.buttons.on_click(lambda e: session.tell(*commands[e.target.value]))
+        self.restart.on_click(lambda _: session.tell(Race.restart))
+        self.speed.on_update(lambda _: session.tell(Race.set_speed, float(self.speed.value)))
+        self.time.on_update(self._scrubbed)
+
+    def update(self, s: Snapshot) -> None:
+        end = round(max(s.end, 1.0), 2)
+        if self.time.max != end:
+            self.time.max = end
+        if self.time.disabled != s.flying:
+            self.time.disabled = s.flying
+        self._show(min(round(s.t, 2), end))
+
+    def _scrubbed(self, event: viser.GuiEvent) -> None:
+        if event.client_id is not None and self.time.value != self._shown:
+            self._session.tell(Race.play, False)
+            self._session.tell(Race.scrub, float(self.time.value))
+            self._scrubbed_at = perf_counter()
+
+    def _show(self, t: float) -> None:
+        """Not while somebody moves the slider. Then all clients are told the time again: one sent before they let go
+        may have arrived last."""
+        since = perf_counter() - self._scrubbed_at  # -inf: not moved
+        if 0.0 <= since < HOLD:
+            return
+        if since >= HOLD:
+            self._scrubbed_at = inf
+            self.time.value = self._shown = t + 0.01 if t < 0.01 else t - 0.01  # viser sends changes only
+        if self.time.value != t:
+            self.time.value = self._shown = t
+
+
+class ViewPanel:
+    """How the race is shown, and the keys that control it."""
+
+    def __init__(self, gui: viser.GuiApi, session: Session, camera: Camera):
+        self._gui, self._camera = gui, camera
+        with gui.add_folder("View", expand_by_default=False):
+            self.camera_mode = gui.add_dropdown("Camera", MODES, initial_value=FREE)
+            self.ghosts = gui.add_dropdown("Ghosts", (TIME, PLACE), initial_value=TIME, hint="where others are shown")
+            self.trails = gui.add_dropdown("Trails", (AUTO, SPEED, SAMPLER), initial_value=AUTO)
+            hint = "the cheapest of the samples; white: the plan"
+            self.trajectories = gui.add_checkbox("Sampled trajectories", True, hint=hint)
+            self.true_size = gui.add_checkbox("True size", False, hint="of the drones, from the next start")
+        self.camera_mode.on_update(lambda _: camera.set(self.camera_mode.value))
+        self._keys: list[list[str] | str] = []  # rows of the help
+        self._add_key("space", "pause, go on", lambda _: session.tell(Race.play))
+        self._add_key("N", "one step", lambda _: session.tell(Race.step, 1))
+        self._add_key("R", "restart", lambda _: session.tell(Race.restart))
+        self._add_key("E", "next event", lambda _: session.tell(Race.jump))
+        self._add_key("C", "camera: free, chase, top", lambda _: self._next_camera())
+        self._add_key("H", "help: these keys", lambda event: self._help(event.client))
+
+    @property
+    def by_place(self) -> bool:
+        return self.ghosts.value == PLACE
+
+    def by_speed(self, competitors: int) -> bool:
+        """Whether trails are coloured by speed: by default if there is no other competitor to tell apart."""
+        return self.trails.value == SPEED or (self.trails.value == AUTO and competitors == 1)
+
+    def _add_key(self, key: Any, what: str, command: Callable[[viser.CommandEvent], None]) -> None:
+        self._gui.add_command(what, hotkey=key).on_trigger(command)
+        self._keys.append([key, what])
+
+    def _next_camera(self) -> None:
+        mode: Any = self._camera.next()
+        self.camera_mode.value = mode
+
+    def _help(self, client: viser.ClientHandle | None) -> None:
+        if client is None:
+            return
+        with client.gui.add_modal("Keys") as modal:
+            note = "Sliders act at the next plan; a flight changed so is marked interactive and is not comparable."
+            client.gui.add_html(box(table(["key", "does"], self._keys, left=2), small(note)))
+            client.gui.add_button("Close").on_click(lambda _: modal.close())

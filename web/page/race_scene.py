@@ -1,0 +1,124 @@
+"""RaceScene: the course, the drones and the sampled trajectories in three dimensions, on the page and in recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import trimesh
+import viser
+from viser.transforms import SO3
+
+from quadsim.course import Course, Gate
+from quadsim.palette import HIT, NEXT, Style
+from web.competitor import Competitor
+from web.lap_timing import LapTiming, crashed_gates
+from web.page.drones import Drone, SampledTrajectoriesView
+
+DEPTH = 0.12  # of a gate's bars along its passage [m]
+PLAIN = np.array((206, 210, 216), np.uint8)
+NEXT_RGB, HIT_RGB = Style(NEXT, ()).rgb, Style(HIT, ()).rgb
+
+
+class RaceScene:
+    """Everything in the scene of one race."""
+
+    def __init__(
+        self, scene: viser.SceneApi, entries: Sequence[Competitor], true_size: bool = False, samples: int = 63
+    ):
+        """true_size: of the drones, else enlarged; samples: trajectories that are drawn."""
+        course = entries[0].course
+        scale = 1.0 if true_size else visible_scale(course)
+        self._course = CourseView(scene, course)
+        self._drones = [Drone(scene, str(k), entry, k > 0, scale) for k, entry in enumerate(entries)]
+        self._trajectories = SampledTrajectoriesView(scene, samples)
+
+    def update(self, timings: Sequence[LapTiming], by_speed: bool, trajectories: bool = True) -> None:
+        """by_speed: colour trails by speed, else by sampler; trajectories: of the first competitor, if it has some."""
+        for drone, s in zip(self._drones, timings, strict=True):
+            drone.show(s.entry, s.i, by_speed)
+        first = timings[0]
+        self._course.colour(first.gate, crashed_gates(timings))
+        live, stored = first.entry.sampled_trajectories, first.entry.snapshot(first.i)
+        if trajectories and live:
+            self._trajectories.show(live.paths, live.nominal)
+        else:
+            self._trajectories.show(stored[1].best if trajectories and stored else None)
+
+
+def visible_scale(course: Course) -> float:
+    """Factor on the size of the drones, to be seen where the whole course is in view."""
+    return float(np.clip(np.linalg.norm(np.ptp(course.points(frames=False), axis=0)) / 8.0, 2.0, 8.0))
+
+
+class CourseView:
+    """Gates, their numbers and the ground. All bars of all gates are one node: recolouring them sends one array."""
+
+    def __init__(self, scene: viser.SceneApi, course: Course):
+        self._gates, unit = len(course.gates), trimesh.creation.box()
+        bars = [_bars(gate) for gate in course.gates]
+        positions, sizes, rotations = (np.concatenate(part) for part in zip(*bars, strict=True))
+        self._colours = np.tile(PLAIN, (len(positions), 1))
+        self._bars = scene.add_batched_meshes_simple(
+            "/course/gates",
+            unit.vertices,
+            unit.faces,
+            batched_wxyzs=rotations,
+            batched_positions=positions,
+            batched_scales=sizes.astype(np.float32),
+            batched_colors=self._colours,
+            flat_shading=True,
+            side="double",
+            lod="off",
+        )
+        for number, gate in enumerate(course.gates, 1):
+            top = np.array(gate.position) + gate.rotation[:, 2] * (gate.opening[1] / 2 + gate.frame_width + 0.35)
+            scene.add_label(f"/course/number/{number}", str(number), position=top)
+        scene.add_line_segments("/course/arrows", _arrows(course), (120, 132, 150), thickness=0.05)
+        _add_ground(scene, course)
+
+    def colour(self, next_gate: int, hit: set[int]) -> None:
+        """1-based numbers; 0: no gate is next."""
+        colours = np.tile(PLAIN, (self._gates, 1))
+        for number in hit:
+            colours[number - 1] = HIT_RGB
+        if next_gate:
+            colours[next_gate - 1] = NEXT_RGB
+        colours = np.repeat(colours, 4, axis=0)
+        if not np.array_equal(colours, self._colours):
+            self._bars.batched_colors = self._colours = colours
+
+
+def _bars(gate: Gate) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centres (4, 3), sizes (4, 3) and quaternions wxyz (4, 4) of a gate's four bars."""
+    (w, h), f = gate.opening, gate.frame_width
+    local = np.array([(0, 0, (h + f) / 2), (0, 0, -(h + f) / 2), (0, (w + f) / 2, 0), (0, -(w + f) / 2, 0)])
+    sizes = np.array([(DEPTH, w + 2 * f, f)] * 2 + [(DEPTH, f, h)] * 2)
+    quaternion = SO3.from_matrix(gate.rotation).wxyz
+    return local @ gate.rotation.T + gate.position, sizes, np.tile(quaternion, (4, 1))
+
+
+def _arrows(course: Course) -> np.ndarray:
+    """One through every gate, along the legal passage.  (segments, 2, 3)"""
+    arrows = []
+    for gate in course.gates:
+        along, left, _ = gate.rotation.T
+        tail, head = gate.position - 0.5 * along, gate.position + 0.7 * along
+        arrows += [(tail, head), (head, head - 0.3 * along + 0.2 * left), (head, head - 0.3 * along - 0.2 * left)]
+    return np.array(arrows, np.float32)
+
+
+def _add_ground(scene: viser.SceneApi, course: Course) -> None:
+    points = course.points(frames=False)[:, :2]
+    low, high = points.min(axis=0), points.max(axis=0)
+    width, height = 2 * np.ceil((high - low) / 2 + 5)
+    scene.add_grid(
+        "/course/ground",
+        width=width,
+        height=height,
+        position=(*(low + high) / 2, 0.0),
+        cell_size=1.0,
+        section_size=5.0,
+        cell_color=(48, 53, 61),
+        section_color=(84, 94, 110),
+    )
