@@ -45,7 +45,7 @@ class Place:
         self._watchers: subprocess.Popen | None = None
 
     def watch(self, on: bool) -> None:
-        """Let CLIENTS people watch, or none."""
+        """Open CLIENTS connections, or close them."""
         if self._watchers:
             self._watchers.kill()
             self._watchers.wait()

@@ -22,13 +22,13 @@ async def settled(claim, seconds=5.0):
 def test_one_click_starts_a_flight(page, session):
     dashboard, server = page
 
-    async def person():
+    async def client_does():
         async with connect(server.get_port()) as client:
             assert await settled(lambda: len(server.get_clients()) == 1)
             await client.click(dashboard.race.start)
             assert await settled(lambda: session.snapshot.flying)
 
-    asyncio.run(person())
+    asyncio.run(client_does())
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e9, -5.0, "much", None, True, [1.0], {"a": 1}])
@@ -37,7 +37,7 @@ def test_a_value_out_of_range_or_of_another_type_changes_nothing(page, value):
     slider = dashboard.sampler.sliders["temperature"]
     before = slider.value
 
-    async def person():
+    async def client_does():
         async with connect(server.get_port()) as client:
             await client.set(slider, value)
             await client.set(slider, 2.5)  # a valid value is still accepted
@@ -45,7 +45,7 @@ def test_a_value_out_of_range_or_of_another_type_changes_nothing(page, value):
 
     seen = []
     slider.on_update(lambda _: seen.append(slider.value))
-    asyncio.run(person())
+    asyncio.run(client_does())
     assert before != 2.5
     assert set(seen) == {2.5}
 
@@ -56,13 +56,13 @@ def test_only_values_can_be_set(page, name):
     slider = dashboard.sampler.sliders["sigma"]
     before = getattr(slider._impl, name, None)
 
-    async def person():
+    async def client_does():
         async with connect(server.get_port()) as client:
             await client.set(slider, "x", name=name)
             await client.set(slider, 1.5)
             assert await settled(lambda: slider.value == 1.5)
 
-    asyncio.run(person())
+    asyncio.run(client_does())
     assert getattr(slider._impl, name, None) == before
 
 
@@ -70,7 +70,7 @@ def test_a_course_that_is_not_on_the_menu_is_not_chosen(page):
     dashboard, server = page
     course = dashboard.race.course
 
-    async def person():
+    async def client_does():
         async with connect(server.get_port()) as client:
             await client.set(course, "/etc/passwd")
             await client.set(course, "paper_flat")
@@ -78,21 +78,21 @@ def test_a_course_that_is_not_on_the_menu_is_not_chosen(page):
 
     seen = []
     course.on_update(lambda _: seen.append(course.value))
-    asyncio.run(person())
+    asyncio.run(client_does())
     assert seen == ["paper_flat"]
 
 
 def test_moving_gamma_in_flight_is_an_event(page, session):
     dashboard, server = page
 
-    async def person():
+    async def client_does():
         async with connect(server.get_port()) as client:
             await client.click(dashboard.race.start)
             assert await settled(lambda: session.snapshot.competitors and session.snapshot.competitors[0].t[-1:] > 0.02)
             await client.set(dashboard.sampler.sliders["gamma_rates"], 1.25)
             assert await settled(lambda: session.snapshot.competitors[0].changes)
 
-    asyncio.run(person())
+    asyncio.run(client_does())
     assert session.snapshot.competitors[0].changes[0]["to"] == 1.25
 
 
@@ -100,7 +100,7 @@ def test_two_clients_see_each_others_changes(page):
     dashboard, server = page
     slider = dashboard.sampler.sliders["sigma"]
 
-    async def people():
+    async def clients_do():
         async with connect(server.get_port()) as one, connect(server.get_port()) as two:
             assert await settled(lambda: len(server.get_clients()) == 2)
             await one.set(slider, 1.5)
@@ -108,19 +108,19 @@ def test_two_clients_see_each_others_changes(page):
             await two.set(slider, 0.5)
             assert await settled(lambda: slider.value == 0.5)
 
-    asyncio.run(people())
+    asyncio.run(clients_do())
 
 
 def test_the_flight_goes_on_when_the_last_client_vanishes(page, session):
     dashboard, server = page
 
-    async def person():
+    async def client_does():
         async with connect(server.get_port()) as client:
             await client.click(dashboard.race.start)
             assert await settled(lambda: session.snapshot.flying)
             client._socket.transport.abort()  # no goodbye
 
-    asyncio.run(person())
+    asyncio.run(client_does())
     assert until(lambda: not server.get_clients())
     t = session.snapshot.t
     assert until(lambda: session.snapshot.t > t + 0.05 or not session.snapshot.flying)
@@ -129,26 +129,26 @@ def test_the_flight_goes_on_when_the_last_client_vanishes(page, session):
 def test_start_while_flying_begins_another_race(page, session, flight_factory):
     dashboard, server = page
 
-    async def person():
+    async def client_does():
         async with connect(server.get_port()) as client:
             for race in (1, 2, 3):
                 await client.click(dashboard.race.start)
                 assert await settled(lambda n=race: session.snapshot.race == n)
 
-    asyncio.run(person())
+    asyncio.run(client_does())
     assert [flight.closed for flight in flight_factory.built[:2]] == [True, True]
 
 
 def test_nonsense_messages_leave_the_page_working(page, session):
     _, server = page
 
-    async def person():
+    async def client_does():
         async with connect(server.get_port()) as client:
             await client.send(type="GuiUpdateMessage", uuid="no such control", updates={"value": 1})
             await client.send(type="ShareUrlRequest")
         async with connect(server.get_port()):
             assert await settled(lambda: len(server.get_clients()) == 1)
 
-    asyncio.run(person())
+    asyncio.run(client_does())
     session.tell(Race.play)
     assert until(lambda: session.snapshot.playing is not None)

@@ -38,7 +38,7 @@ def port_of(said):
 
 
 def test_one_click_flies_and_ctrl_c_keeps_what_was_flown(tmp_path):
-    async def person(said):
+    async def client_does(said):
         async with connect(port_of(said)) as client:
             start = await button(client, "START")
             await client.send(type="GuiUpdateMessage", uuid=start, updates={"value": True})
@@ -50,7 +50,7 @@ def test_one_click_flies_and_ctrl_c_keeps_what_was_flown(tmp_path):
 
     with running("--runs-dir", str(tmp_path), "--course", COURSE) as (program, said):
         assert said["pid"] == program.pid
-        assert asyncio.run(person(said))
+        assert asyncio.run(client_does(said))
         program.send_signal(signal.SIGINT)
         out, err = program.communicate(timeout=30)
     assert out == ""

@@ -54,7 +54,7 @@ def test_viser_has_what_lets_the_server_forget_removed_things():
 def test_an_open_page_is_told_to_remove_the_ghost_and_the_charts_of_the_last_race(page, session):
     _, server = page
 
-    async def person():
+    async def client_does():
         async with onlooker(server) as seen:
             await race(page, session, GHOST)
             charts = {m["uuid"] for m in seen if m["type"] == "GuiUplotMessage"}
@@ -64,7 +64,7 @@ def test_an_open_page_is_told_to_remove_the_ghost_and_the_charts_of_the_last_rac
         assert charts
         assert charts <= {m["uuid"] for m in seen if m["type"] == "GuiRemoveMessage"}
 
-    asyncio.run(person())
+    asyncio.run(client_does())
 
 
 @pytest.mark.parametrize("frees", [True, False])
@@ -74,7 +74,7 @@ def test_the_server_keeps_no_more_after_many_races_than_after_two(page, session,
     if not frees:
         monkeypatch.setattr("web.page.dashboard.forget_removed", lambda _: None)
 
-    async def person():
+    async def client_does():
         async with onlooker(server) as seen:
             assert await asyncio.to_thread(until, lambda: len(seen) > 0)
             sizes = []
@@ -83,4 +83,4 @@ def test_the_server_keeps_no_more_after_many_races_than_after_two(page, session,
                 sizes.append(len(kept(server)))
         assert (sizes[-1] <= sizes[1] + 10) == frees, sizes
 
-    asyncio.run(person())
+    asyncio.run(client_does())

@@ -99,7 +99,7 @@ def telemetry_csv(run: Run) -> bytes:
 
 
 def offline_page(entries: Sequence[Competitor]) -> str:
-    """HTML that plays the race without a network. Recorded from a server of its own, with a token nobody is told."""
+    """HTML that plays the race without a network. Recorded from a server of its own, closed by a random token."""
     server = serve("127.0.0.1", 0, secrets.token_urlsafe(), "race")
     try:
         return _with_laps(_record(server, entries), entries)

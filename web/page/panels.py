@@ -17,7 +17,7 @@ from web.page.race_panel import RacePanel
 from web.race import Race, Snapshot
 from web.session import Session
 
-HOLD = 0.4  # [s] that the time slider is left alone after somebody has moved it
+HOLD = 0.4  # [s] after the time slider was moved by hand, before it follows the race again
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
 LABELS = {"sigma": "Sigma scale", "ess": "Target ESS"}  # where it is not the name itself
 TIME, PLACE = "by time", "by place"
@@ -66,7 +66,7 @@ class SamplerPanel:
         return None if self._now() == self._preset else self._now()
 
     def _moved(self, event: viser.GuiEvent) -> None:
-        if event.client_id is not None:  # a person, not reset()
+        if event.client_id is not None:  # moved by a client, not by reset()
             self._session.tell(Race.tune, self._now())
 
 
@@ -75,7 +75,7 @@ class PlaybackPanel:
 
     def __init__(self, gui: viser.GuiApi, session: Session):
         self._session, self._shown = session, 0.0
-        self._scrubbed_at = inf  # when somebody last moved the time slider [s]
+        self._scrubbed_at = inf  # when the time slider was last moved by hand [s]
         with gui.add_folder("Playback"):
             self.time = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0)
             self.buttons = gui.add_button_group("", ("<", "pause", ">", "event"))
@@ -102,7 +102,7 @@ class PlaybackPanel:
             self._scrubbed_at = perf_counter()
 
     def _show(self, t: float) -> None:
-        """Not while somebody moves the slider. Then all clients are told the time again: one sent before they let go
+        """Not while the slider is moved by hand. Then all clients are told the time again: one sent before that
         may have arrived last."""
         since = perf_counter() - self._scrubbed_at  # -inf: not moved
         if 0.0 <= since < HOLD:
