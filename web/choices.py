@@ -30,7 +30,7 @@ class Numbers:
     gamma_rates: float = 2.0  # color exponent of the body rates
     gamma_thrust: float = 2.0  # and of the thrust
     temperature: float = 1.0
-    ess: float = 50.0  # effective sample size that the temperature is steered to; 0: the temperature is fixed
+    target_ess: float = 50.0  # effective sample size that the temperature is steered to; 0: the temperature is fixed
     samples: int = 4096
 
     def clamped(self) -> Numbers:

@@ -116,7 +116,8 @@ def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
 
 class _MPPI(msgspec.Struct):
     samples: int
-    ess: float | None
+    target_ess: float | None = None
+    ess: float | None = None  # the name of the same in older runs
 
 
 class _Planner(msgspec.Struct):

@@ -19,7 +19,7 @@ from web.session import Session
 
 HOLD = 0.4  # [s] after the time slider was moved by hand, before it follows the race again
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
-LABELS = {"sigma": "Sigma scale", "ess": "Target ESS"}  # where it is not the name itself
+LABELS = {"sigma": "Sigma scale", "target_ess": "Target ESS"}  # where it is not the name itself
 TIME, PLACE = "by time", "by place"
 AUTO, SPEED, SAMPLER = "auto", "speed", "sampler"
 

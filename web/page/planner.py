@@ -13,7 +13,7 @@ from web.page.html import MONO, bar, box, heading, label, small, table, text
 
 def planner(s: LapTiming) -> str:
     x, mppi = s.entry.x, s.entry.spec["planner"]["mppi"]
-    ess, target = float(x["ess"][s.i]), mppi["ess"]
+    ess, target = float(x["ess"][s.i]), mppi.get("target_ess", mppi.get("ess"))  # older runs say "ess"
     target = f"target {target:g}" if target else "temperature fixed"
     meter = bar(ess / max(mppi["samples"] * 0.1, 1.0), NEXT if ess > 5 else HIT, 8)
     words = (

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import exp, hypot, log, nan, sqrt
 
-import numpy as np
 from scipy.special import nctdtr, stdtr, stdtrit
 
 from quadsim.record.statistics import Mean, mean_interval
