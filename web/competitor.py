@@ -92,7 +92,7 @@ def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
         laps=tuple(run.laps),
         outcome=run.outcome,
         live=False,
-        pictures=run.pictures,
+        pictures=run.snapshots,
         folder=path,
     )
 

@@ -89,7 +89,7 @@ class LiveCompetitor:
             if self.outcome == "interrupted" and not any(e.kind == "pass" for e in self._recorder.events):
                 return None
             run = self._recorder.run(self.spec)
-            self._pictures = run.pictures
+            self._pictures = run.snapshots
             self._kept = folder.save(run)
         return run
 

@@ -54,7 +54,7 @@ class LiveFlight:
         self.spec = spec.record()
         self._plant, self._mppi, referee = build(spec)
         self.rest, self.is_cached = self._mppi.rest, self._mppi.is_cached
-        self.frames: Iterator[Frame] = fly(self._plant, self, referee, self.period, picture=self._picture)
+        self.frames: Iterator[Frame] = fly(self._plant, self, referee, self.period, snapshot=self._snapshot)
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
         return self._mppi.control(x, target, elapsed)
@@ -74,7 +74,7 @@ class LiveFlight:
     def close(self) -> None:
         self._plant.close()
 
-    def _picture(self) -> PlannerSnapshot | None:
+    def _snapshot(self) -> PlannerSnapshot | None:
         return take_snapshot(self._mppi)
 
 
