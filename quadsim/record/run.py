@@ -119,6 +119,14 @@ def own_parts(spec: dict) -> dict[str, str]:
     return {role: name.rpartition(".")[2] for role, name in parts.items()}
 
 
+def flown_with(spec: dict) -> str:
+    """What controlled it, with which numbers; the preset and the vehicle of a user's own system are its own."""
+    own = own_parts(spec)
+    controlled = f"controller {own['controller']}" if "controller" in own else f"{spec['sampler']} sampling"
+    named = "" if "system" in own else f", preset {spec['preset']}, vehicle {spec['vehicle']['name']}"
+    return f"{controlled}{named}, seed {spec['seed']}"
+
+
 def hostless(spec: dict) -> dict:
     """The part of a spec that decides a flight."""
     return {k: v for k, v in spec.items() if k != "host"}

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from run_cases import snapshot, save, two_laps
+from run_cases import save, snapshot, two_laps
 
 from quadsim.record.archive import list_runs, load_run
 from quadsim.record.planner_snapshot import TERM
