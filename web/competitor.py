@@ -168,6 +168,6 @@ def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
         laps=tuple(run.laps),
         outcome=run.outcome,
         live=False,
-        snapshots=run.pictures,
+        snapshots=run.snapshots,
         folder=path,
     )

@@ -94,7 +94,7 @@ class LiveCompetitor:
         with self._folder as folder:
             if self.outcome != "interrupted" or any(e.kind == "pass" for e in self._recorder.events):
                 run = self._recorder.run(self._spec)
-                self._snapshots, self._stored = run.pictures, folder.save(run)
+                self._snapshots, self._stored = run.snapshots, folder.save(run)
 
     def competitor(self) -> Competitor:
         x, progress = self._trace.view()

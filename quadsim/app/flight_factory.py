@@ -45,7 +45,7 @@ class LiveFlight:
         self._mppi = planner_of(spec, spec.streams[0])
         self._plant, _, referee = build(spec)
         self.rest, self.is_cached = self._mppi.rest, self._mppi.is_cached
-        self.frames: Iterator[Frame] = fly(self._plant, self, referee, self.period, picture=self._snapshot)
+        self.frames: Iterator[Frame] = fly(self._plant, self, referee, self.period, snapshot=self._snapshot)
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
         return self._mppi.control(x, target, elapsed)

@@ -70,8 +70,7 @@ def spec_of(course: str | None, settings: Given = None) -> Spec:
 def _recorded(flight: Iterable[Frame], spec: Spec, quiet: bool) -> Recorder:
     """Every frame until the flight ends or Ctrl-C comes; KeyboardInterrupt where nothing has flown yet."""
     recorder = Recorder()
-    gates = len(getattr(spec.course, "gates", ())) or 1
-    with Progress(gates, spec.laps, quiet) as line, suppress(KeyboardInterrupt):
+    with Progress(spec, quiet) as line, suppress(KeyboardInterrupt):
         for frame in flight:
             recorder.add(frame)
             line.show(frame)

@@ -11,13 +11,13 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.padding import Padding
 
-from quadsim.app import report_tables as tables
 from quadsim.app.console import emit, emit_json, width
-from quadsim.course import parse_course
+from quadsim.app.model_differences import differing, model_table
+from quadsim.app.report_systems import report_of
 from quadsim.record.metrics import chatter, missed_deadlines, splits
-from quadsim.record.run import INTERACTIVE, Run, not_comparable
+from quadsim.record.run import INTERACTIVE, Run, flown_with, not_comparable, own_parts, system_of
 
-COLOUR = {"finished": "green", "crashed": "red", "timeout": "yellow", "interrupted": "yellow"}
+COLOUR = {"finished": "green", "crashed": "red"}  # of an outcome; any other is yellow
 
 
 def present(run: Run, folder: Path | None, as_json: bool) -> None:
@@ -29,29 +29,27 @@ def present(run: Run, folder: Path | None, as_json: bool) -> None:
 
 
 def report(run: Run, folder: Path | None, columns: int) -> Iterator[RenderableType]:
-    course = parse_course(run.spec["course_text"], run.spec["course"])
-    yield from _head(run)
-    for part in (
-        *tables.lap_tables(run, len(course.gates), columns - 2),
-        tables.incident_table(run),
-        tables.chatter_table(run),
-        _planning(run),
-        tables.model_table(run.spec),
-        tables.published_table(run, course),
-    ):
+    system = report_of(run)
+    yield from _head(run, system.progress(run))
+    parts = [*system.results(run, columns - 2), system.chatter(run), _planning(run)]
+    if system_of(run.spec):
+        parts.append(model_table(run.spec))
+    if own := own_parts(run.spec):
+        named = ", ".join(f"{role} {escape(name)}" for role, name in own.items())
+        parts.append(f"[dim]own parts[/]  {named}: run.json alone cannot fly it again")
+    for part in (*parts, *system.comparison(run)):
         yield ""
         yield Padding(part, (0, 0, 0, 2), expand=False)
     yield ""
     yield f"stored in {escape(str(folder))}" if folder else "[red]not stored[/]"
 
 
-def _head(run: Run) -> Iterator[str]:
-    spec, laps = run.spec, f"{len(run.laps)} of {run.spec['laps']} laps"
-    end = run.events[-1].t if run.outcome != "interrupted" else float(run.telemetry["t"][-1])
-    sampler, preset, vehicle = (escape(name) for name in (spec["sampler"], spec["preset"], spec["vehicle"]["name"]))
-    yield f"[bold]{spec['course']}[/]  [bold {COLOUR[run.outcome]}]{run.outcome}[/]  {laps}, {end:.3f} s"
+def _head(run: Run, progress: str) -> Iterator[str]:
+    spec, colour = run.spec, COLOUR.get(run.outcome, "yellow")
+    reached = f"{progress}, {run.duration:.3f} s" if progress else f"{run.duration:.3f} s"
+    yield f"[bold]{escape(spec['course'])}[/]  [bold {colour}]{run.outcome}[/]  {reached}"
     randomized = f", randomized {spec['randomize']:g}" if spec.get("randomize") else ""
-    yield f"{sampler} sampling, preset {preset}, vehicle {vehicle}, seed {spec['seed']}{randomized}"
+    yield escape(flown_with(spec)) + randomized
     if remark := not_comparable(spec):
         yield f"[yellow]{remark}[/]"
 
@@ -71,17 +69,21 @@ def summary(run: Run, folder: Path | None) -> dict:
     """Seconds, metres, m/s; `plan_ms` in milliseconds. run_dir is null when the run could not be stored."""
     spec = run.spec
     return {
+        "system": spec.get("system", "quadrotor"),
         **{name: spec[name] for name in ("course", "sampler", "preset")},
         "vehicle": spec["vehicle"]["name"],
         "seed": spec["seed"],
         "outcome": run.outcome,
+        "duration": run.duration,
         "laps": run.laps,
         "penalties": run.penalties,
         "splits": splits(run),
         "gates": run.gates,
         "events": [asdict(e) for e in run.events],
+        **report_of(run).numbers(run),
         "chatter": chatter(run),
-        "model_differs": tables.model_differences(spec),
+        "model_differs": differing(spec),
+        "own_parts": own_parts(spec),
         "clock": spec["clock"],
         INTERACTIVE: spec.get(INTERACTIVE, []),
         "missed_deadlines": missed_deadlines(run),

@@ -1,4 +1,4 @@
-"""The tables in the report of a run: laps and splits, incidents, chatter, the planner's model, published times."""
+"""The tables in the report of a race: laps and splits, incidents, chatter, published times."""
 
 from __future__ import annotations
 
@@ -83,46 +83,6 @@ def chatter_table(run: Run) -> Table:
         values = (f"{factor * numbers[of][key]:.1f}" for of in ("commanded", "delivered"))
         table.add_row(name.format(corner=numbers["motor_corner"], tau=numbers["motor_tau"]), *values, f"[dim]{unit}[/]")
     return table
-
-
-def model_table(spec: dict) -> RenderableType:
-    """The numbers of the planner's model that differ from the vehicle's, or a line that none does."""
-    rows = _differing(spec)
-    adapts = spec["planner"]["mppi"].get("adapt")
-    if not rows:
-        learns = "; thrust, drag and limit are estimated in flight" if adapts else ""
-        return f"[dim]model[/]  the planner's model has the vehicle's own lags, drag and limits{learns}"
-    table = plain_table("model", "planner's, at first" if adapts else "planner's", "vehicle's", "", left=range(4))
-    for name, unit, *values in rows:
-        table.add_row(name, *(" ".join(f"{x:g}" for x in value) for value in values), f"[dim]{unit}[/]")
-    return table
-
-
-def model_differences(spec: dict) -> dict[str, dict]:
-    """The same as JSON: name of the number -> {model, vehicle}."""
-    return {name.replace(" ", "_"): {"model": m, "vehicle": v} for name, _, m, v in _differing(spec)}
-
-
-def _differing(spec: dict) -> list[tuple[str, str, list[float], list[float]]]:
-    """(name, unit, of the planner's model, of the vehicle); one number stands for all axes that share it."""
-    model, vehicle = spec["model"], spec["vehicle"]
-    rotors = vehicle["rotors"]
-    numbers = [
-        ("rate lag", "s", model["rate_tau"], vehicle["rate_tau"]),
-        ("motor lag", "s", model["motor_tau"], rotors["tau"] if rotors else 0.0),
-        ("latency", "s", 0.0, vehicle["latency"]),
-        ("drag", "1/s", model["drag"], vehicle["drag"]),
-        ("rate limit", "rad/s", model["rate_max"], vehicle["rate_max"]),
-        ("thrust limit", "m/s^2", model["thrust_max"], vehicle["thrust_max"]),
-    ]
-    rows = [(name, unit, _axes(of_model), _axes(of_vehicle)) for name, unit, of_model, of_vehicle in numbers]
-    return [row for row in rows if row[2] != row[3]]
-
-
-def _axes(numbers: float | list[float]) -> list[float]:
-    """One number where all axes have the same. Rounded: a mean of three may differ in its last digit."""
-    values = [float(f"{x:.9g}") for x in (numbers if isinstance(numbers, list) else [numbers])]
-    return values[:1] if len(set(values)) == 1 else values
 
 
 def published_table(run: Run, course: Course) -> RenderableType:

@@ -1,4 +1,4 @@
-"""`race show`, `race plot` and `race export`: stored runs as a report, as pictures, to take along."""
+"""`race show`, `race plot` and `race export`: stored runs as a report, as figures, as files for others."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 from quadsim.app.console import emit, emit_json
+from quadsim.app.figures.style import write_figure
 from quadsim.app.flags import Help, Json, RunsDir, Stored, UsageError
 from quadsim.app.report import present
 from quadsim.record.archive import find_run, load_run
 from quadsim.record.run import RunError
-
-FORMATS = ("png", "svg")
 
 
 def show(run: Stored = "last", /, *, runs_dir: RunsDir = "runs", json: Json = False) -> int:
@@ -30,26 +29,19 @@ def plot(
     run: Stored = "last",
     /,
     *,
-    out: Annotated[str | None, Help("folder for the pictures; left out: the run's folder")] = None,
+    out: Annotated[str | None, Help("folder for the figures; left out: the run's folder")] = None,
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
-    """A stored run as PNG and SVG: path from above and from the side, controls, thrust spectrum.
+    """A stored run as PNG and SVG: path from above, states, controls, spectra.
 
-    race plot last --out pictures
+    race plot last --out figures
     """
     folder = find_run(run, runs_dir)
     flown = load_run(folder)
     from quadsim.app.figures.run_figure import draw  # here, so that --help does not load matplotlib
 
-    figure, where = draw(flown), Path(out or folder)
-    paths = [where / f"{'plot' if out is None else folder.name}.{kind}" for kind in FORMATS]
-    try:
-        where.mkdir(parents=True, exist_ok=True)
-        for path in paths:
-            figure.savefig(path)
-    except OSError as error:
-        raise RunError(f"{where}: cannot write the pictures: {error.strerror or error}") from error
+    paths = write_figure(draw(flown), Path(out or folder), "plot" if out is None else folder.name)
     _say([str(path) for path in paths], json)
     return 0
 
@@ -99,7 +91,7 @@ def _data(kind: str, folders: list[Path]) -> bytes:
     if kind == "csv":
         return telemetry_csv(load_run(folders[0]))
     if kind == "zip":
-        load_run(folders[0])  # a damaged run is not handed on
+        load_run(folders[0])  # raises RunError for a damaged run
         return zipped(folders[0])
     competitors = named([stored_competitor(folder) for folder in folders])
     if len({entry.spec["course_text"] for entry in competitors}) > 1:

@@ -41,7 +41,7 @@ class Frame:
     elapsed: float  # wall clock since the flight began [s]
     events: tuple[Event, ...] = ()  # of the physics steps that led to t
     outcome: str | None = None  # None: still flying; finished, crashed, timeout
-    picture: PlannerSnapshot | None = None  # of the planner, now and then
+    snapshot: PlannerSnapshot | None = None  # of the planner, every SNAPSHOT_EVERY periods
 
 
 def flown_laps(events: Iterable[Event], completed: int) -> list[float]:

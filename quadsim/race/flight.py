@@ -57,7 +57,7 @@ class RefereeProtocol(Protocol):
     def observe(self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()) -> list[Event]: ...
 
 
-SNAPSHOT_EVERY = 10  # control periods from one picture of the planner to the next
+SNAPSHOT_EVERY = 10  # control periods from one PlannerSnapshot to the next
 
 
 def fly(
@@ -66,14 +66,14 @@ def fly(
     referee: RefereeProtocol,
     period: float,
     clock: Clock | None = None,
-    picture: Callable[[], PlannerSnapshot | None] | None = None,
+    snapshot: Callable[[], PlannerSnapshot | None] | None = None,
 ) -> Iterator[Frame]:
     """Fly until the referee ends it. The last frame carries the outcome and the control that led there.
 
     period: control period [s], a whole multiple of the plant's step; raises ValueError otherwise.
     A plan made from the state at t acts when it is ready, until then the control before it does; the next
     plan begins one period after t, or when this one is ready. By default that is at once.
-    picture: asked now and then for what the planner thinks, to be kept with the run.
+    snapshot: asked every SNAPSHOT_EVERY periods for the planner's best sampled paths, which are kept with the run.
     """
     clock = clock or SimulatedClock()
     whole_multiple(period, plant.dt)
@@ -90,7 +90,7 @@ def fly(
             held, u = u, tuple(control.tolist())
         ready = clock.now(state.t)  # before anybody looks at the frame
         assert stats is not None
-        seen = picture() if picture and referee.outcome is None and asked % SNAPSHOT_EVERY == 0 else None
+        seen = snapshot() if snapshot and referee.outcome is None and asked % SNAPSHOT_EVERY == 0 else None
         asked += 1
         yield Frame(
             t=state.t,
@@ -106,7 +106,7 @@ def fly(
             elapsed=perf_counter() - began,
             events=tuple(events),
             outcome=referee.outcome,
-            picture=seen,
+            snapshot=seen,
         )
         if referee.outcome is not None:
             return

@@ -103,9 +103,9 @@ def load_run(path: str | Path) -> Run:
     if not path.is_dir():
         raise RunError(f"{path}: expected a run folder, found {'a file' if path.exists() else 'nothing'}")
     record = read_json(_read(path / "run.json"), path / "run.json")
-    telemetry, pictures = read_npz(_read(path / "telemetry.npz"), record.spec, path / "telemetry.npz")
+    telemetry, snapshots = read_npz(_read(path / "telemetry.npz"), record.spec, path / "telemetry.npz")
     wall = {"plan_ms": record.plan_ms, "real_time_factor": record.real_time_factor}
-    run = Run(record.spec, telemetry, record.events, record.outcome, wall, pictures)
+    run = Run(record.spec, telemetry, record.events, record.outcome, wall, snapshots)
     if _digest(run) != record.digest:
         raise RunError(f"{path}: run.json and telemetry.npz do not give the stored digest; changed after the flight")
     return run

@@ -1,6 +1,7 @@
 """Metrics: what a report says, each a short pure function of a Run or of plain arrays.
 
-Chatter is measured on the commanded thrust (held over each control period) and on the delivered one (the state).
+Of a quadrotor, chatter is measured on the commanded thrust (held over each control period) and on the delivered one
+(the state); of any other system on each commanded control.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from math import pi, sqrt
 import numpy as np
 
 from quadsim.race.events import sector_times
-from quadsim.record.run import Run, controls_of
+from quadsim.record.run import Run, system_of, units_of
 from quadsim.systems.first_order import remaining
 
 MOTOR_TAU = 0.033  # [s] a racing quadrotor's, for vehicles whose thrust acts at once
@@ -18,14 +19,24 @@ WELCH_SEGMENT = 256  # samples
 
 
 def chatter(run: Run) -> dict:
-    """{commanded: {...}, delivered: {...}}, and the motor lag [s] and corner [Hz] they were held against."""
+    """Of a quadrotor {commanded: {...}, delivered: {...}}, and the motor lag [s] and corner [Hz] they refer to.
+
+    Of any other system {commanded: {control: {unit, tv, slew_max}}}, both in unit/s.
+    """
     x = run.telemetry
-    if "a_cmd" not in x:
-        return {"commanded": {f"{name}_tv": total_variation(x["t"], x[name]) for name in controls_of(run.spec)}}
+    if system_of(run.spec) != "quadrotor":
+        units = units_of(run.spec)[1].items()
+        return {"commanded": {name: {"unit": unit, **_variation(x["t"], x[name])} for name, unit in units}}
     tau = motor_tau(run.spec["vehicle"])
     commanded = _chatter(x["t"], x["a_cmd"], _rows(x, "wx_cmd", "wy_cmd", "wz_cmd"), tau)
     delivered = _chatter(x["t"], x["a"], _rows(x, "wx", "wy", "wz"), tau)
     return {"commanded": commanded, "delivered": delivered, "motor_tau": tau, "motor_corner": motor_corner(tau)}
+
+
+def _variation(t: np.ndarray, u: np.ndarray) -> dict[str, float]:
+    """Total variation and largest slew, both [unit of u / s]."""
+    slew = np.abs(np.diff(u)) / np.diff(t)  # (n - 1,)
+    return {"tv": total_variation(t, u), "slew_max": float(slew.max(initial=0.0))}
 
 
 def _chatter(t: np.ndarray, thrust: np.ndarray, rates: np.ndarray, tau: float) -> dict[str, float]:
@@ -87,13 +98,10 @@ def thrust_psd(t: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     f [Hz], psd [unit of u squared per Hz]; the integral over f is the variance, less what is slower than a segment.
     """
-    rate, n = (len(t) - 1) / (t[-1] - t[0]), min(len(u), WELCH_SEGMENT)
-    window = np.hanning(n + 1)[:-1] if n > 2 else np.ones(n)  # periodic
-    segments = np.lib.stride_tricks.sliding_window_view(u - u[0], n)[:: max(n // 2, 1)]  # (segments, n)
-    spectra = np.abs(np.fft.rfft(window * (segments - segments.mean(axis=1, keepdims=True)))) ** 2
-    psd = spectra.mean(axis=0) / (rate * np.sum(window**2))
-    psd[1 : (n + 1) // 2] *= 2.0  # both signs of all but DC and an even length's Nyquist
-    return np.fft.rfftfreq(n, 1.0 / rate), psd
+    from scipy.signal import welch  # takes .7 s to import
+
+    rate = (len(t) - 1) / (t[-1] - t[0])
+    return welch(u - u[0], rate, nperseg=min(len(u), WELCH_SEGMENT))  # less u[0], so that a constant gives exact zeros
 
 
 def high_frequency_fraction(t: np.ndarray, u: np.ndarray, corner: float) -> float:

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import json
 from array import array
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from hashlib import sha256
+from itertools import takewhile
 
 import numpy as np
 
@@ -27,12 +28,23 @@ COUNTS = ("passed", "lap")  # integer columns
 WALL_CLOCK = ("plan_ms",)  # columns that differ from flight to flight and are no part of the digest
 
 
+def system_of(spec: dict) -> str | None:
+    """The name in SYSTEMS of a spec's system, None for a user's own; a spec that names none is a quadrotor's."""
+    return None if spec.get("own", {}).get("system") else spec.get("system", "quadrotor")
+
+
+def units_of(spec: dict) -> tuple[Mapping[str, str], Mapping[str, str]]:
+    """The states and the controls of a spec's system: name -> unit, which is not known of a user's own."""
+    name = system_of(spec)
+    if name is None:
+        own = spec["own"]["system"]
+        return dict.fromkeys(own["states"], "1"), dict.fromkeys(own["controls"], "1")
+    return SYSTEMS[name].states, SYSTEMS[name].controls
+
+
 def columns_of(spec: dict) -> dict[str, str]:
-    """Telemetry column -> unit, of the system that a spec names; a spec without one is a quadrotor's."""
-    own = spec.get("own", {}).get("system")
-    if own:
-        return telemetry_columns(dict.fromkeys(own["states"], "1"), dict.fromkeys(own["controls"], "1"))
-    return SYSTEMS[spec.get("system", "quadrotor")].columns
+    """Telemetry column -> unit, in order."""
+    return telemetry_columns(*units_of(spec))
 
 
 class RunError(Exception):
@@ -48,7 +60,7 @@ class Run:
     events: tuple[Event, ...]
     outcome: str  # finished, crashed, stuck, timeout, interrupted
     wall: dict  # wall clock: plan_ms {p50, p95}, real_time_factor
-    pictures: PlannerSnapshots | None = None
+    snapshots: PlannerSnapshots | None = None
 
     @classmethod
     def from_frames(cls, spec: dict, frames: Iterable[Frame]) -> Run:
@@ -74,13 +86,25 @@ class Run:
         keys = ("gate", "lap", "t", "offset", "speed")
         return [{k: getattr(e, k) for k in keys} for e in self.events if e.kind == "pass"]
 
-    @property
+    @cached_property
+    def duration(self) -> float:
+        """Until the event that ended the flight; without one, until the last frame [s]."""
+        t = self.telemetry["t"]
+        if not len(t):
+            return 0.0
+        last = self.events[-1].t if self.events and self.outcome != "interrupted" else 0.0
+        return last if last > t[-2:][0] else float(t[-1])
+
+    @cached_property
     def _completed(self) -> int:
+        """Laps that were flown to their end, as far as a pass says when that was."""
         laps = self.telemetry["lap"]
-        return int(laps[-1]) - 1 + (self.outcome == "finished") if len(laps) else 0
+        begun = int(laps[-1]) - 1 + (self.outcome == "finished") if len(laps) else 0
+        timed = {e.lap for e in self.events if e.kind == "pass"}
+        return sum(1 for _ in takewhile(timed.__contains__, range(1, begun + 1)))
 
     def digest(self) -> str:
-        """sha256 [hex] of all that a seed determines: no wall clock, no spec["host"], no pictures."""
+        """sha256 [hex] of all that a seed determines: no wall clock, no spec["host"], no snapshots."""
         events = [asdict(e) for e in self.events]
         text = canonical({"spec": hostless(self.spec), "events": events, "laps": self.laps, "outcome": self.outcome})
         columns = [
@@ -89,15 +113,18 @@ class Run:
         return sha256(b"".join([text, *columns])).hexdigest()
 
 
-def controls_of(spec: dict) -> tuple[str, ...]:
-    """Names of the control columns of a spec's system."""
-    own = spec.get("own", {}).get("system")
-    return tuple(own["controls"] if own else SYSTEMS[spec.get("system", "quadrotor")].controls)
+def own_parts(spec: dict) -> dict[str, str]:
+    """The user's own objects that took part, role -> class; where there are any, the spec cannot fly the run again."""
+    parts = {role: part.get("class", spec.get("system", "")) for role, part in spec.get("own", {}).items()}
+    return {role: name.rpartition(".")[2] for role, name in parts.items()}
 
 
-def repeatable(spec: dict) -> bool:
-    """Whether the spec alone can fly the run again: no object of the user's own took part."""
-    return not spec.get("own")
+def flown_with(spec: dict) -> str:
+    """What controlled it, with which numbers; the preset and the vehicle of a user's own system are its own."""
+    own = own_parts(spec)
+    controlled = f"controller {own['controller']}" if "controller" in own else f"{spec['sampler']} sampling"
+    named = "" if "system" in own else f", preset {spec['preset']}, vehicle {spec['vehicle']['name']}"
+    return f"{controlled}{named}, seed {spec['seed']}"
 
 
 def hostless(spec: dict) -> dict:
@@ -124,11 +151,11 @@ class Recorder:
         self.events: list[Event] = []
         self._numbers = array("d")  # rows of the system's columns
         self._frames = 0
-        self._pictures: list[tuple[int, PlannerSnapshot]] = []
+        self._snapshots: list[tuple[int, PlannerSnapshot]] = []
 
     def add(self, f: Frame) -> None:
-        if f.picture:
-            self._pictures.append((len(self), f.picture))
+        if f.snapshot:
+            self._snapshots.append((len(self), f.snapshot))
         self._numbers.extend((f.t, *f.x, *f.u, f.passed, f.lap, f.ess, f.temperature, f.cost, f.plan_ms))
         self.events += f.events
         self.last = f
@@ -149,7 +176,7 @@ class Recorder:
             events=tuple(self.events),
             outcome=(self.last.outcome if self.last else None) or "interrupted",
             wall=self._wall(telemetry["plan_ms"]),
-            pictures=PlannerSnapshots.of(self._pictures),
+            snapshots=PlannerSnapshots.of(self._snapshots),
         )
 
     def _wall(self, plan_ms: np.ndarray) -> dict:

@@ -6,13 +6,13 @@ from io import StringIO
 
 import numpy as np
 import pytest
-from quadsim.app.flight_flags import FlightFlags
 from rich.console import Console
 
 from quadsim.app.figures.run_figure import title
+from quadsim.app.model_differences import differing
 from quadsim.app.report import report, summary
-from quadsim.app.report_tables import model_differences
 from quadsim.race.events import Event, Frame
+from quadsim.race.spec import Spec
 from quadsim.record.metrics import splits
 from quadsim.record.run import Run
 from quadsim.systems.quadrotor import STATE
@@ -21,8 +21,7 @@ GATES, LAPS = 7, 3
 
 
 def spec(**model):
-    given = FlightFlags.defaults([])
-    return replace(given, model=replace(given.model, **model)).spec().record()
+    return Spec.of("split_s_swift", **{f"model.{name}": value for name, value in model.items()}).record()
 
 
 def event(k, kind="pass"):
@@ -111,8 +110,8 @@ def test_a_run_changed_in_flight_is_named_so_in_one_line_and_no_other_is():
 
 
 def test_only_numbers_of_the_model_that_differ_from_the_vehicle_are_listed():
-    assert model_differences(run().spec) == {}
-    assert model_differences(run(drag=0.1).spec) == {"drag": {"model": [0.1], "vehicle": [0.4]}}
+    assert differing(run().spec) == {}
+    assert differing(run(drag=0.1).spec) == {"drag": {"model": [0.1], "vehicle": [0.4]}}
     assert re.search(r"drag +0\.1 +0\.4 +1/s", printed(run(drag=0.1)))
 
 

@@ -12,15 +12,15 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from run_cases import SPEC, picture, same, save, two_laps
+from run_cases import SPEC, same, save, snapshot, two_laps
 
 from quadsim.record.archive import RunFolder, list_runs, load_run
 from quadsim.record.run import COLUMNS, Run, RunError
 
 
-@pytest.mark.parametrize("seen", [None, picture(), picture(terms=())])
+@pytest.mark.parametrize("seen", [None, snapshot(), snapshot(terms=())])
 def test_round_trip_is_exact(tmp_path, seen):
-    run = two_laps(picture=seen)
+    run = two_laps(snapshot=seen)
     assert same(load_run(save(tmp_path, run)), run)
 
 

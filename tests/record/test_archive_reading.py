@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from run_cases import picture, save, two_laps
+from run_cases import save, snapshot, two_laps
 
 from quadsim.record.archive import list_runs, load_run
+from quadsim.record.planner_snapshot import TERM
 from quadsim.record.run import RunError
-from quadsim.record.run_format import TERM
 
 
 def edit(path, **changes):
@@ -22,17 +22,17 @@ def edit_npz(path, **changes):
     np.savez(path / "telemetry.npz", **{k: v for k, v in columns.items() if v is not None})
 
 
-def test_pictures_in_the_early_layout_a_row_a_frame_load_as_well(tmp_path):
-    run = two_laps(picture=picture())
+def test_snapshots_in_the_early_layout_a_row_a_frame_load_as_well(tmp_path):
+    run = two_laps(snapshot=snapshot())
     path = save(tmp_path, run)
-    dense = np.full((61, *run.pictures.best.shape[1:]), np.nan, np.float32)
-    dense[[3, 7]] = run.pictures.best[:2]
-    terms = {f"{TERM}{name}": np.where(np.isin(np.arange(61), [3, 7]), 1, np.nan) for name in run.pictures.terms}
+    dense = np.full((61, *run.snapshots.best.shape[1:]), np.nan, np.float32)
+    dense[[3, 7]] = run.snapshots.best[:2]
+    terms = {f"{TERM}{name}": np.where(np.isin(np.arange(61), [3, 7]), 1, np.nan) for name in run.snapshots.terms}
     edit_npz(path, pictured=None, best=dense, **{name: column.astype(np.float32) for name, column in terms.items()})
     old = load_run(path)
-    assert old.pictures.frames.tolist() == [3, 7]
-    assert np.array_equal(old.pictures.best, run.pictures.best[:2])
-    assert old.pictures.latest(6)[1].terms == dict.fromkeys(run.pictures.terms, 1.0)
+    assert old.snapshots.frames.tolist() == [3, 7]
+    assert np.array_equal(old.snapshots.best, run.snapshots.best[:2])
+    assert old.snapshots.latest(6)[1].terms == dict.fromkeys(run.snapshots.terms, 1.0)
 
 
 SEEN, BEST = np.array([0, 10]), np.zeros((2, 8, 5, 3), np.float32)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from run_cases import SPEC, event, frame, picture, two_laps
+from run_cases import SPEC, event, frame, snapshot, two_laps
 
 from quadsim.race.events import PENALTY, sector_times
 from quadsim.record.run import COLUMNS, Run
@@ -51,29 +51,31 @@ def test_wall_clock_is_percentiles_and_simulated_over_real_seconds():
     assert Run.from_frames(SPEC, frames).wall == {"plan_ms": {"p50": 50.0, "p95": 95.0}, "real_time_factor": 0.5}
 
 
-def test_pictures_are_kept_where_a_frame_has_them():
-    seen = picture()
-    pictures = Run.from_frames(SPEC, [frame(0), frame(1, picture=seen), frame(2)]).pictures
-    assert pictures.frames.tolist() == [1]
-    assert np.array_equal(pictures.best, np.float32([seen.best]))
-    assert pictures.terms == {name: np.float32([value]) for name, value in seen.terms.items()}
-    assert two_laps().pictures is None
+def test_snapshots_are_kept_where_a_frame_has_them():
+    seen = snapshot()
+    snapshots = Run.from_frames(SPEC, [frame(0), frame(1, snapshot=seen), frame(2)]).snapshots
+    assert snapshots.frames.tolist() == [1]
+    assert np.array_equal(snapshots.best, np.float32([seen.best]))
+    assert snapshots.terms == {name: np.float32([value]) for name, value in seen.terms.items()}
+    assert two_laps().snapshots is None
 
 
-def test_the_latest_picture_is_the_last_one_up_to_a_frame():
-    first, second = picture(1), picture(2)
-    pictures = Run.from_frames(SPEC, [frame(0), frame(1, picture=first), frame(2), frame(3, picture=second)]).pictures
-    assert pictures.latest(0) is None
+def test_the_latest_snapshot_is_the_last_one_up_to_a_frame():
+    first, second = snapshot(1), snapshot(2)
+    snapshots = Run.from_frames(
+        SPEC, [frame(0), frame(1, snapshot=first), frame(2), frame(3, snapshot=second)]
+    ).snapshots
+    assert snapshots.latest(0) is None
     for i, at, seen in ((1, 1, first), (2, 1, first), (3, 3, second)):
-        k, kept = pictures.latest(i)
+        k, kept = snapshots.latest(i)
         assert k == at
         assert kept.terms == pytest.approx(seen.terms)
         assert np.allclose(kept.best, seen.best)
 
 
-def test_digest_ignores_the_wall_clock_the_host_and_the_pictures():
+def test_digest_ignores_the_wall_clock_the_host_and_the_snapshots():
     elsewhere = SPEC | {"host": {"threads": 16}}
-    other = two_laps(elsewhere, plan_ms=99.0, picture=picture())
+    other = two_laps(elsewhere, plan_ms=99.0, snapshot=snapshot())
     assert other.wall != two_laps().wall
     assert other.digest() == two_laps().digest()
 

@@ -51,7 +51,7 @@ def fly_attempt(spec: Spec) -> Flown:
     with closing(plant):
         try:
             for frame in launch(spec, plant, controller, referee):
-                recorder.add(replace(frame, picture=None))
+                recorder.add(replace(frame, snapshot=None))
         except (ValueError, FloatingPointError) as error:
             if not len(recorder):
                 raise

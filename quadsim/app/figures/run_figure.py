@@ -1,4 +1,4 @@
-"""A run on one page: the path from above and from the side, thrust, body rates, and the spectrum of the thrust."""
+"""A run on one page; a quadrotor's path from above and from the side, thrust, body rates, the thrust's spectrum."""
 
 from __future__ import annotations
 
@@ -8,63 +8,52 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patheffects import withStroke
 
 from quadsim.app.figures.style import STYLE, line
+from quadsim.app.figures.system_figure import COMMANDED, FEWEST, draw_events, draw_path, draw_system, title
 from quadsim.course import Course, Gate, parse_course
-from quadsim.palette import FINE, FRAME, HIT, INK, LIMIT, MARK, style
+from quadsim.palette import FINE, FRAME, INK, LIMIT, MARK, style
 from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
-from quadsim.record.run import Run, not_comparable
+from quadsim.record.run import Run, system_of
 
-MARKS = {  # event -> marker, colour, label
-    "hit": ("X", HIT, "hit"),
-    "ground": ("P", HIT, "ground"),
-    "bounds": ("s", HIT, "out of bounds"),
-    "miss": ("v", INK, "miss"),
-    "wrong_way": ("<", INK, "wrong way"),
-    "pass": (".", INK, "passed"),
-}
 NUMBER: dict[str, Any] = {"ha": "center", "va": "center", "weight": "bold", "zorder": 6}
 NUMBER["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]
-COMMANDED, DELIVERED = 2.0, 0.8  # line widths, so that both are seen where they agree
-FEWEST = 16  # frames of a spectrum
+DELIVERED = 0.8  # width of lines, less than COMMANDED: both are seen where they agree
 
 
 def draw(run: Run) -> Figure:
     with rc_context(STYLE):
         figure = Figure(figsize=(15, 9.5), dpi=130, layout="constrained")
-        left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1), squeeze=False)[0]
-        draw_views(left, run, parse_course(run.spec["course_text"], run.spec["course"]))
-        over_time, over_frequency = right.subfigures(2, 1, height_ratios=(3.9, 1.8), squeeze=False)[:, 0]
-        thrust, *rates = over_time.subplots(4, 1, height_ratios=(1.5, 0.8, 0.8, 0.8), sharex=True)
-        draw_thrust(thrust, run)
-        draw_rates(rates, run)
-        draw_spectrum(over_frequency.subplots(), run)
+        (_draw_race if system_of(run.spec) == "quadrotor" else draw_system)(figure, run)
         figure.suptitle(title(run), x=0.012, ha="left", fontsize=12)
     return figure
 
 
-def title(run: Run) -> str:
-    spec = run.spec
-    laps = ", ".join(f"{t:.3f} s" for t in run.laps[:6]) + (", ..." if len(run.laps) > 6 else "")
-    what = f"{spec['course']}: {run.outcome}" + (f", laps {laps}" if laps else "")
-    how = f"{spec['sampler']} sampling, preset {spec['preset']}, vehicle {spec['vehicle']['name']}, seed {spec['seed']}"
-    return "\n".join(text for text in (what, how, not_comparable(spec)) if text)
+def _draw_race(figure: Figure, run: Run) -> None:
+    left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1), squeeze=False)[0]
+    draw_views(left, run, parse_course(run.spec["course_text"], run.spec["course"]))
+    over_time, over_frequency = right.subfigures(2, 1, height_ratios=(3.9, 1.8), squeeze=False)[:, 0]
+    thrust, *rates = over_time.subplots(4, 1, height_ratios=(1.5, 0.8, 0.8, 0.8), sharex=True)
+    draw_thrust(thrust, run)
+    draw_rates(rates, run)
+    draw_spectrum(over_frequency.subplots(), run)
 
 
 def draw_views(figure: SubFigure, run: Run, course: Course) -> None:
     """Above, x and y to scale; below, the longer of both and the height."""
-    points = np.stack([run.telemetry[k] for k in ("px", "py", "pz")], axis=1)  # (frames, 3)
+    x = run.telemetry
+    points = np.stack([x[k] for k in ("px", "py", "pz")], axis=1)  # (frames, 3)
+    speed = np.sqrt(x["vx"] ** 2 + x["vy"] ** 2 + x["vz"] ** 2)
     extent = np.vstack([points, [course.start.position], *(g.corners(g.frame_width) for g in course.gates)])
     side = int(np.argmax(np.ptp(extent[:, :2], axis=0)))
     scale = arrow_scale(extent[:, :2])
     top, below = figure.subplots(2, 1, height_ratios=(2.7, 1.0))
     for axes, plane, name in ((top, (0, 1), "from above"), (below, (side, 2), "from the side, height stretched")):
-        lines = _draw_path(axes, run, points[:, plane])
+        lines = draw_path(axes, points[:, plane], speed)
         draw_gates(axes, course, plane, scale)
-        _draw_events(axes, run, plane)
+        draw_events(axes, run, plane)
         axes.set(title=name, xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
         axes.margins(0.07)
     top.set_aspect("equal", adjustable="datalim")
@@ -75,21 +64,8 @@ def draw_views(figure: SubFigure, run: Run, course: Course) -> None:
 
 
 def arrow_scale(points: np.ndarray) -> float:
-    """Length of arrows and distance of labels in a picture of these points (n, axes) [m]."""
+    """Length of arrows and distance of labels in a map of these points (n, axes) [m]."""
     return max(float(np.ptp(points, axis=0).max()) / 20.0, 0.3)
-
-
-def _draw_path(axes: Axes, run: Run, points: np.ndarray) -> LineCollection:
-    """points: (frames, 2). Coloured by speed, fast is bright, with one scale for all laps."""
-    x = run.telemetry
-    speed = np.sqrt(x["vx"] ** 2 + x["vy"] ** 2 + x["vz"] ** 2)
-    segments = np.stack([points[:-1], points[1:]], axis=1)  # (frames - 1, 2, 2)
-    lines = LineCollection(list(segments), cmap="plasma", linewidths=1.8, capstyle="round")
-    lines.set_array(speed[:-1])
-    lines.set_clim(0.0, max(float(speed.max(initial=0.0)), 1.0))
-    axes.add_collection(lines)
-    axes.plot(*points[:1].T, marker="o", color="white", markeredgecolor="black", markersize=6, label="start")
-    return lines
 
 
 def draw_gates(axes: Axes, course: Course, plane: tuple[int, int], scale: float) -> None:
@@ -115,14 +91,6 @@ def _label(gate: Gate, plane: tuple[int, int], scale: float) -> np.ndarray:
         return (gate.position + left * (width + 0.5 * scale) - 0.5 * scale * passage)[:2]
     beside, above = -0.7 * scale * passage, np.array([0.0, 0.0, height + 0.3])
     return (gate.position + (beside if abs(passage[plane[0]]) > 0.9 else above))[list(plane)]
-
-
-def _draw_events(axes: Axes, run: Run, plane: tuple[int, int]) -> None:
-    for kind, (marker, colour, name) in MARKS.items():
-        at = np.array([e.position for e in run.events if e.kind == kind])
-        if len(at):
-            look = {"markersize": 7 if kind == "pass" else 11, "markeredgecolor": "white", "zorder": 5}
-            axes.plot(*at[:, plane].T, marker, color=colour, label=name, **look)
 
 
 def draw_thrust(axes: Axes, run: Run) -> None:

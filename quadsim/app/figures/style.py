@@ -41,5 +41,5 @@ def write_figure(figure: Figure, folder: Path, stem: str) -> tuple[Path, ...]:
         for path in paths:
             figure.savefig(path)
     except OSError as error:
-        raise RunError(f"{folder}: cannot write the pictures: {error.strerror or error}") from error
+        raise RunError(f"{folder}: cannot write the figures: {error.strerror or error}") from error
     return paths

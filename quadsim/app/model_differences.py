@@ -1,0 +1,83 @@
+"""The numbers of the planner's model that differ from those of the vehicle it controls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich.console import RenderableType
+from rich.markup import escape
+
+from quadsim.app.console import plain_table
+from quadsim.race.settings import comments
+from quadsim.race.systems import SYSTEMS
+from quadsim.record.run import system_of
+
+UNITS = {  # of a quadrotor's numbers
+    **dict.fromkeys(("rate_lag", "motor_lag", "latency"), "s"),
+    "drag": "1/s",
+    "rate_limit": "rad/s",
+    "thrust_limit": "m/s^2",
+}
+Number = float | list[float]  # one, or one for each axis
+
+
+def model_table(spec: dict) -> RenderableType:
+    """A row for each number that differs, or a line that none does."""
+    rows, meanings = differing(spec), _meanings(spec)
+    flies = system_of(spec) == "quadrotor"
+    adapts = flies and spec["planner"]["mppi"].get("adapt")
+    if not rows:
+        numbers = "lags, drag and limits" if flies else "numbers"
+        estimated = "; thrust, drag and limit are estimated in flight" if adapts else ""
+        return f"[dim]model[/]  the planner's model has the vehicle's own {numbers}{estimated}"
+    table = plain_table("model", "planner's, at first" if adapts else "planner's", "vehicle's", "", left=range(4))
+    for name, sides in rows.items():
+        texts = (" ".join(f"{x:g}" for x in sides[side]) for side in ("model", "vehicle"))
+        table.add_row(name.replace("_", " "), *texts, f"[dim]{escape(meanings.get(name, ''))}[/]")
+    return table
+
+
+def differing(spec: dict) -> dict[str, dict[str, list[float]]]:
+    """Name -> {model, vehicle}: one number for all axes that share it."""
+    compared = _quadrotor(spec) if system_of(spec) == "quadrotor" else _fields(spec["model"], spec["vehicle"])
+    rows = {name: {"model": _axes(m), "vehicle": _axes(v)} for name, (m, v) in compared.items()}
+    return {name: row for name, row in rows.items() if row["model"] != row["vehicle"]}
+
+
+def _quadrotor(spec: dict) -> dict[str, tuple[Number, Number]]:
+    """Its model and its vehicle describe the same by other numbers."""
+    model, vehicle = spec["model"], spec["vehicle"]
+    rotors = vehicle["rotors"]
+    return {
+        "rate_lag": (model["rate_tau"], vehicle["rate_tau"]),
+        "motor_lag": (model["motor_tau"], rotors["tau"] if rotors else 0.0),
+        "latency": (0.0, vehicle["latency"]),
+        "drag": (model["drag"], vehicle["drag"]),
+        "rate_limit": (model["rate_max"], vehicle["rate_max"]),
+        "thrust_limit": (model["thrust_max"], vehicle["thrust_max"]),
+    }
+
+
+def _fields(model: Mapping[str, Any], vehicle: Mapping[str, Any]) -> dict[str, tuple[Number, Number]]:
+    """The numbers that both have."""
+    return {
+        name: (value, vehicle[name])
+        for name, value in model.items()
+        if isinstance(value, int | float) and isinstance(vehicle.get(name), int | float)
+    }
+
+
+def _meanings(spec: dict) -> dict[str, str]:
+    """Name -> unit, or the comment beside the field."""
+    system = system_of(spec)
+    if system in (None, "quadrotor"):
+        return UNITS
+    entry = SYSTEMS[system]
+    return comments(type(entry.load_vehicle(entry.vehicles()[0])))
+
+
+def _axes(numbers: Number) -> list[float]:
+    """One number where all axes have the same. Rounded: a mean of three may differ in its last digit."""
+    values = [float(f"{x:.9g}") for x in (numbers if isinstance(numbers, list) else [numbers])]
+    return values[:1] if len(set(values)) == 1 else values
