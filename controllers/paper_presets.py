@@ -30,10 +30,18 @@ DOUBLE_INTEGRATOR = {
 
 # Section IV-A: "I = 3 iterations, M = 6144 samples, lambda = 0.1, dt = 0.02 s, and T = 250"; "the control standard
 # deviations were both set to 0.8, the combined throttle and brake exponent was 10, and the steering exponent was 4".
+# The paper drives Gaussian and colored sampling; the others have the same sigma, that of `smooth`, which is the
+# derivatives', divided by dt.
 _OFFROAD_MPPI = MPPIConfig(samples=6144, horizon=250, iterations=3, dt=0.02, temperature=0.1, smooth=True)
 OFFROAD = {
     "paper": {
-        "gaussian": Planner("side_by_side", Gaussian((0.8, 0.8)), _OFFROAD_MPPI, CorridorWeights()),
-        "colored": Planner("side_by_side", Colored((0.8, 0.8), (10.0, 4.0)), _OFFROAD_MPPI, CorridorWeights()),
+        name: Planner("side_by_side", sampler, _OFFROAD_MPPI, CorridorWeights())
+        for name, sampler in {
+            "gaussian": Gaussian((0.8, 0.8)),
+            "colored": Colored((0.8, 0.8), (10.0, 4.0)),
+            "log_normal": LogNormal((0.8, 0.8)),
+            "smooth": Smooth((40.0, 40.0)),
+            "smooth_star": SmoothStar((0.8, 0.8)),
+        }.items()
     }
 }

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from controllers import presets
 from controllers.plan import PlannerSnapshot, PlanStats
-from controllers.presets import Planner, per_channel, preset
+from controllers.presets import Planner, per_channel
 from controllers.sampled_trajectories import SampledTrajectories, sampled_trajectories, take_snapshot
 from controllers.samplers import Colored
 from quadsim.race.build import build, planner_of
@@ -21,8 +22,8 @@ from web.choices import Choices, Numbers
 class FlightFactory:
     """See web.choices.FlightFactory."""
 
-    def numbers(self, name: str, sampler: str) -> Numbers:
-        p = preset(name, sampler)
+    def numbers(self, preset: str, sampler: str) -> Numbers:
+        p = presets.preset(preset, sampler)
         gamma = p.sampling.gamma if isinstance(p.sampling, Colored) else (0.0,) * 4
         return Numbers(1.0, gamma[0], gamma[3], p.mppi.temperature, p.mppi.target_ess or 0.0, p.mppi.samples)
 

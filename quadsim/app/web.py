@@ -57,7 +57,7 @@ def web(
     session = Session(FlightFactory(), runs_dir)
     page = Dashboard(server, session, FlightFactory(), menu, Choices(course=course))
     if paths:
-        page.race.replaying(paths)
+        page.race.show_replay(paths)
         session.tell(Race.start, [], paths)
     address = f"http://{host}:{server.get_port()}/" + (f"?token={token}" if token else "")
     if json:

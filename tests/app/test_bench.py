@@ -10,7 +10,7 @@ from controllers.rollout import layout
 from controllers.samplers import SAMPLERS
 from quadsim.app.bench import bench, stages, tables
 from quadsim.app.bench import cases as bench_cases
-from quadsim.app.bench.cases import HORIZONS, SAMPLES, SYSTEMS, Case, cases, controller, measure, paper_case
+from quadsim.app.bench.cases import HORIZONS, SAMPLES, TIMED, Case, cases, controller, measure, paper_case
 from quadsim.app.bench.machine import Machine
 from quadsim.app.cli import race
 
@@ -27,7 +27,7 @@ def small(system, sampler, samples=128, iterations=1):
     return Case(system, sampler, samples, 20, iterations)
 
 
-@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("system", TIMED)
 @pytest.mark.parametrize("sampler", SAMPLERS)
 def test_every_system_is_timed_with_every_sampler(system, sampler):
     row = measure(small(system, sampler), SHORT, MACHINE)
@@ -128,7 +128,7 @@ def test_growth_is_ms_for_a_million_steps_and_all_threads_beside_one():
 @pytest.fixture
 def quick(monkeypatch):
     """Small cases, and a machine with given rates instead of measured ones."""
-    few = [replace(small(system, "gaussian"), threads=1) for system in SYSTEMS]
+    few = [replace(small(system, "gaussian"), threads=1) for system in TIMED]
     monkeypatch.setattr(bench, "cases", lambda most: few)
     monkeypatch.setattr(bench, "paper_case", small)
     monkeypatch.setattr(bench, "measure_machine", lambda threads: MACHINE)
@@ -137,7 +137,7 @@ def quick(monkeypatch):
 def test_json_holds_cases_stages_and_machine(quick, capsys):
     assert race(["bench", "--json", "--seconds", "0.001"]) == 0
     result = json.loads(capsys.readouterr().out)
-    assert [row["system"] for row in result["cases"]] == list(SYSTEMS)
+    assert [row["system"] for row in result["cases"]] == list(TIMED)
     assert all(row.keys() >= CASE_KEYS and row["threads"] == 1 for row in result["cases"])
     for sampler, parts in PARTS.items():
         assert [row["part"] for row in result["stages"] if row["sampler"] == sampler] == parts
@@ -153,7 +153,7 @@ def test_json_holds_cases_stages_and_machine(quick, capsys):
 def test_tables_fit_a_terminal_and_name_every_system_and_part(quick, capsys):
     assert race(["bench", "--seconds", "0.001"]) == 0
     out = capsys.readouterr().out
-    assert all(name in out for name in (*SYSTEMS, *PARTS["colored"], "100 GFLOP/s", "1 thread"))
+    assert all(name in out for name in (*TIMED, *PARTS["colored"], "100 GFLOP/s", "1 thread"))
     assert max(map(len, out.splitlines()[:-2])) <= 80
 
 

@@ -8,6 +8,7 @@ import pytest
 from numpy import minimum
 
 from controllers.mppi import MPPI
+from controllers.presets import preset
 from controllers.rollout.inline import WORDS
 from quadsim.app.bench import bench, machine, peers
 from quadsim.app.bench.cases import Case, controller, paper_case
@@ -80,7 +81,7 @@ def scan(advance, state, rows):
 
 def test_a_peer_that_finds_other_costs_is_refused():
     mppi, x = controller(Case("quadrotor", "gaussian", 128, 20, 1))
-    ours = MPPI(mppi.system, peers.point_cost(), mppi.sampler, mppi.config)
+    ours = MPPI(mppi.system, peers.point_cost(), preset("paper", "gaussian").sampling, mppi.config)
     rollout = peers.jax_rollout(SimpleNamespace(numpy=np, lax=SimpleNamespace(scan=scan)), ours)
 
     def costs(x, v, factor=1.0):

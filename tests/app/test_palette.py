@@ -11,7 +11,7 @@ from test_report import run
 from quadsim.app.campaign.summary_stats import Section, variant_stats
 from quadsim.app.figures import comparison
 from quadsim.app.figures.run_figure import draw
-from quadsim.app.paper import double_integrator
+from quadsim.app.paper import table2
 from quadsim.course import load_course
 from quadsim.palette import OTHER, SPARE, STYLES, dotted, style, styles
 
@@ -76,8 +76,8 @@ def test_the_picture_of_a_run_draws_what_was_commanded_in_its_sampler_s_colour()
 
 
 def test_the_paper_s_best_runs_are_drawn_in_their_samplers_colours():
-    track = np.zeros(301), np.linspace(0.0, 1.0, 301)
-    figure = double_integrator._draw(dict.fromkeys(double_integrator.NAMES, track))
+    t = np.linspace(0.0, 4.5, 301)
+    figure = table2.draw(dict.fromkeys(table2.LOOKS, (t, np.zeros(301), t)))
     found = {x.get_label(): to_hex(x.get_color()) for x in figure.axes[0].get_lines()}
-    for name in double_integrator.NAMES:
+    for name in table2.LOOKS:
         assert found[name] == style(re.sub(r"_\d$", "", name)).colour

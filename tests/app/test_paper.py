@@ -1,82 +1,76 @@
-"""`race paper`: runs are made once and kept, an interrupted command goes on, numbers and files come out."""
+"""`race paper`: runs are flown once and kept, an interrupted command goes on, numbers and files come out."""
 
 import csv
 import json
-import os
-import signal
 
 import pytest
+from campaign_cases import row
 
+from quadsim.app.campaign import runner
+from quadsim.app.campaign.attempt import attempt_key
+from quadsim.app.campaign.variants import Variant, Workers
 from quadsim.app.cli import race
-from quadsim.app.paper import table2
+from quadsim.app.paper import result, table2
 from quadsim.app.paper.command import EXPERIMENTS
-from quadsim.app.paper.gather import gather
 from quadsim.app.paper.published import TABLE2
-from quadsim.app.paper.store import Store, run_key
-from quadsim.app.paper.variants import variant_stats
+from quadsim.app.paper.result import flown, load_runs, table1_row
+from quadsim.race.spec import Spec
+from quadsim.record.metrics import accumulated_cost
 from quadsim.record.run import RunError
 
-
-def square(job):
-    """A run as a worker makes it: touches a file, so that a second time would be seen."""
-    number, folder = job
-    with (folder / f"made_{number}").open("x"):
-        pass
-    return {"square": number * number}
+SMALL = {"samples": 128, "horizon": 20, "timeout": 0.15}
 
 
-def die(job):
-    """A run whose worker is killed, as where memory runs out."""
-    os.kill(os.getpid(), signal.SIGKILL)
+@pytest.fixture
+def here(monkeypatch):
+    """Attempts in this process instead of workers."""
+    monkeypatch.setattr(result, "Workers", lambda: Workers(0))
 
 
-def jobs(folder, count):
-    return {f"job {n}": (n, folder) for n in range(count)}
+def small(sampler="gaussian"):
+    return Variant(sampler, Spec.of("table2", sampler=sampler, **SMALL))
 
 
-def test_a_finished_run_is_never_made_twice(tmp_path, capsys):
-    made = gather(jobs(tmp_path, 2), square, tmp_path / "s.jsonl")
-    assert gather(jobs(tmp_path, 3), square, tmp_path / "s.jsonl") == made | {"job 2": {"square": 4}}
-    assert "s: 3 of 3" in capsys.readouterr().err
-    with pytest.raises(FileExistsError):
-        square((0, tmp_path))  # as a second making would
+def test_a_finished_run_is_never_made_twice(here, tmp_path, capsys):
+    (first,) = flown([small()], 2, tmp_path)
+    assert "2/2 table2 gaussian seed 1: finished" in capsys.readouterr().err
+    assert flown([small()], 2, tmp_path) == [first]
+    assert capsys.readouterr().err == ""
+    (more,) = flown([small()], 3, tmp_path)
+    assert more[:2] == first
+    assert "2 of 3 attempts are kept from before" in capsys.readouterr().err
 
 
-def test_what_a_kill_left_half_written_is_dropped_and_the_rest_kept(tmp_path):
-    path = tmp_path / "s.jsonl"
-    store = Store(path)
-    store.add("a", {"x": 1.5})
-    store.add("b", {"x": 2.5})
-    whole = path.read_bytes()
-    path.write_bytes(whole + b'{"key":"c","rec')
-    assert Store(path).records == {"a": {"x": 1.5}, "b": {"x": 2.5}}
-    assert path.read_bytes() == whole
-    Store(path).add("c", {"x": 3.5})
-    assert list(Store(path).records) == ["a", "b", "c"]
+def test_a_row_s_cost_is_that_of_its_telemetry(here, tmp_path):
+    (rows,) = flown([small()], 2, tmp_path)
+    costs = [accumulated_cost(run) for run in load_runs(rows, tmp_path)]
+    assert costs == [r.result["cost"] for r in rows]
+    assert costs[0] != costs[1]
 
 
-def test_a_worker_that_dies_is_one_line_and_no_wait(tmp_path):
-    with pytest.raises(RunError, match="a worker process has died"):
-        gather(jobs(tmp_path, 1), die, tmp_path / "s.jsonl")
-    assert Store(tmp_path / "s.jsonl").records == {}
+def test_an_attempt_that_is_lost_with_its_worker_is_one_line(here, tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, "fly_all", lambda pool, specs: [(spec, None) for spec in specs])
+    with pytest.raises(RunError, match="lost twice; the same command goes on"):
+        flown([small()], 1, tmp_path)
 
 
-def test_a_store_that_cannot_be_is_one_line(tmp_path):
+def test_a_campaign_that_cannot_be_kept_is_one_line(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(RunError, match="cannot keep runs here"):
-        Store(tmp_path / "file" / "s.jsonl")
+    with pytest.raises(RunError, match="cannot keep the campaign here"):
+        flown([small()], 1, tmp_path / "file")
 
 
-def test_every_number_of_a_run_is_in_its_key():
-    one, other = (table2.variant("colored_1", sigma) for sigma in (1.5, 3.0))
-    keys = {one.key(0), one.key(1), other.key(0), table2.variant("colored_2", 1.5).key(0), run_key({})}
-    assert len(keys) == 5
-    assert one.key(0) == table2.variant("colored_1", 1.5).key(0)
+def test_no_two_cells_are_one_variant_and_no_two_seeds_one_attempt():
+    cells = [table2.variant(name, sigma) for name in table2.CHOICES for sigma in table2.SIGMAS]
+    assert len({cell.key for cell in cells}) == len({cell.name for cell in cells}) == 36
+    assert len({attempt_key(spec) for spec in cells[0].attempts(3)}) == 3
+    assert cells[0].key == table2.variant("gaussian", 0.5).key
 
 
 def test_table2_has_every_cell_of_the_paper_and_six_rows_more(tmp_path, monkeypatch, capsys):
     """With runs that a stand-in has made."""
-    monkeypatch.setattr(table2, "gather", lambda jobs, make, path: {k: {"cost": 100.0, "ms": 1.0} for k in jobs})
+    one = row(result={"cost": 100.0, "plan_ms": {"p50": 1.0}})
+    monkeypatch.setattr(table2, "flown", lambda variants, runs, folder: [[one] * runs for _ in variants])
     assert race(["paper", "table2", "--runs", "2", "--json", "--runs-dir", str(tmp_path)]) == 0
     cells = json.loads(capsys.readouterr().out)["cells"]
     assert {(c["sampler"], c["sigma"]) for c in cells if c["paper_mean"]} == set(TABLE2)
@@ -84,7 +78,7 @@ def test_table2_has_every_cell_of_the_paper_and_six_rows_more(tmp_path, monkeypa
     assert len(cells) == 36
     assert {"sampler", "sigma", "runs", "mean", "sd", "paper_mean", "paper_sd", "ms"} <= set(cells[0])
     with (tmp_path / "paper" / "table2.csv").open() as file:
-        assert [row["mean"] for row in csv.DictReader(file)] == ["100.0"] * 36
+        assert [r["mean"] for r in csv.DictReader(file)] == ["100.0"] * 36
     assert race(["paper", "table2", "--runs", "2", "--runs-dir", str(tmp_path)]) == 0
     assert "smooth_star_corrected" in capsys.readouterr().out
 
@@ -99,13 +93,15 @@ def test_figures_come_as_png_and_svg_with_their_numbers(tmp_path, capsys, name):
     assert (tmp_path / "paper" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_interrupted_command_says_where_the_runs_are(tmp_path, monkeypatch, capsys):
+def test_an_interrupted_command_says_where_the_runs_are(here, tmp_path, monkeypatch, capsys):
     def stopped(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(table2, "gather", stopped)
+    monkeypatch.setattr(runner, "fly_all", stopped)
     assert race(["paper", "table2", "--runs-dir", str(tmp_path)]) == 130
-    assert "the same command goes on from there" in capsys.readouterr().err
+    err = capsys.readouterr().err
+    assert str(tmp_path / "paper" / "campaign.sqlite") in err
+    assert "the same command goes on there" in err
 
 
 @pytest.mark.parametrize(
@@ -128,9 +124,10 @@ def test_all_stands_for_every_experiment():
 
 def test_times_are_those_of_the_attempts_that_finished():
     ends = [("finished", 8.0), ("crashed", 1.0), ("finished", 9.0), ("timeout", 40.0)]
-    numbers = variant_stats("quadrotor", "colored", [{"outcome": o, "time": t, "ms": 1.0} for o, t in ends])
+    numbers = table1_row("quadrotor", "colored", [row(i, outcome, (t,)) for i, (outcome, t) in enumerate(ends)])
     assert (numbers["finished"], numbers["attempts"], numbers["mean"], numbers["min"]) == (2, 4, 8.5, 8.0)
     assert numbers["sd"] == pytest.approx(0.5**0.5)
     assert 0 < numbers["success_low"] < 0.5 < numbers["success_high"] < 1
-    nobody = variant_stats("offroad", "gaussian", [{"outcome": "stuck", "time": 9.0, "ms": 1.0}])
-    assert (nobody["finished"], nobody["mean"], nobody["sd"], nobody["min"]) == (0, None, None, None)
+    assert (numbers["paper_mean"], numbers["paper_valid"], numbers["paper_attempts"]) == (8.691, 9, 21)
+    none = table1_row("offroad", "gaussian", [row(outcome="stuck")])
+    assert (none["finished"], none["mean"], none["sd"], none["min"]) == (0, None, None, None)

@@ -1,34 +1,43 @@
 """What the paper claims, on few runs: each sentence a test. The full tables: `race paper all`, docs/paper.md."""
 
-from contextlib import closing
-from dataclasses import replace
 from functools import cache
 
-import numpy as np
 import pytest
-from quadsim.app.flight_flags import FlightFlags
 
-from quadsim.app.paper import vehicle
-from quadsim.app.paper.double_integrator import psd
-from quadsim.app.paper.exploration import spread
-from quadsim.app.paper.integrator import MPPI_CONFIG, frames, record
+from controllers.samplers import make_sampler
+from quadsim.app.paper import offroad
 from quadsim.app.paper.published import TABLE2
-from quadsim.app.paper.table2 import variant
-from quadsim.race.build import build, launch
-from quadsim.record.metrics import chatter
+from quadsim.app.paper.sampled import SAMPLES, paths, perturbations
+from quadsim.app.paper.table2 import psd, variant
+from quadsim.race.build import frames
+from quadsim.race.spec import Spec
+from quadsim.record.metrics import accumulated_cost, chatter
 from quadsim.record.run import Run
 
 
-@cache
-def cost(name, sigma, seed=0):
-    return record((variant(name, sigma), seed))["cost"]
+def fly(spec: Spec) -> Run:
+    return Run.from_frames(spec.record(), frames(spec))
 
 
 @cache
+def flight(name, sigma) -> Run:
+    return fly(variant(name, sigma).spec)
+
+
+@cache
+def cost(name, sigma) -> float:
+    return accumulated_cost(flight(name, sigma)) or 0.0
+
+
 def track(name):
     """Position and control of one axis at sigma 1.5."""
-    flown = frames(variant(name, 1.5), 0)
-    return np.array([f.x[0] for f in flown]), np.array([f.u[0] for f in flown])
+    x = flight(name, 1.5).telemetry
+    return x["px"], x["ax_cmd"]
+
+
+def spread(name, sigma):
+    """Sampled paths of the off-road vehicle.  (samples, steps + 1, 2) [m]"""
+    return paths(perturbations(make_sampler(name, sigma=(sigma, sigma), gamma=(4.0, 4.0)), SAMPLES))
 
 
 CELLS = [("gaussian", 0.5), ("gaussian", 3.0), ("colored_1", 1.5), ("colored_2", 0.5), ("smooth_star", 1.5)]
@@ -74,7 +83,7 @@ def test_smooth_star_oscillates_at_rest_more_than_colored():
 
 def test_colored_has_less_power_above_20_hz_than_gaussian():
     def high(name):
-        f, power = psd(track(name)[1][:133], MPPI_CONFIG.dt)
+        f, power = psd(flight(name, 1.5).telemetry["t"], track(name)[1])
         return power[f > 20.0].sum()
 
     assert high("colored_2") < 0.5 * high("gaussian") < high("log_normal")
@@ -100,24 +109,17 @@ def test_colored_thrust_varies_less_than_gaussian():
     """The quadrotor with the paper's settings, a quarter of the samples, 1.5 s from the start of paper_flat."""
 
     def variation(sampler):
-        given = FlightFlags.defaults(("--preset", "paper", "--sampler", sampler))
-        mppi = replace(given.mppi, samples=1024)
-        spec = replace(given, course="paper_flat", mppi=mppi, timeout=1.5, threads=1).spec()
-        plant, controller, referee = build(spec)
-        with closing(plant):
-            run = Run.from_frames(spec.record(), launch(spec, plant, controller, referee))
+        run = fly(Spec.of("paper_flat", preset="paper", sampler=sampler, samples=1024, timeout=1.5))
         return chatter(run)["commanded"]["thrust_tv"]
 
     assert variation("colored") < 0.3 * variation("gaussian")
 
 
-def test_colored_turns_where_gaussian_cannot(monkeypatch):
+def test_colored_turns_where_gaussian_cannot():
     """The off-road stand-in for 8 s, with a sixth of the samples and one iteration: colored is round the first bend."""
-    reduced = replace(vehicle.MPPI_CONFIG, samples=1024, iterations=1)
-    monkeypatch.setattr(vehicle, "MPPI_CONFIG", reduced)
-    monkeypatch.setattr(vehicle, "TIMEOUT", 8.0)
-    colored, gaussian = (vehicle.record(vehicle.Drive(name, 0)) for name in ("colored", "gaussian"))
-    assert colored["legs"] >= 1
-    assert colored["rows"][-1][2] > 8.0, "y, up the second leg [m]"
-    assert gaussian["rows"][-1][2] < 4.0
-    assert max(abs(row[7]) for row in gaussian["rows"]) < 0.5 < max(abs(row[7]) for row in colored["rows"])
+    reduced = {"samples": 1024, "iterations": 1, "timeout": 8.0}
+    colored, gaussian = (fly(offroad.spec(sampler=name, **reduced)).telemetry for name in ("colored", "gaussian"))
+    assert colored["passed"][-1] >= 1
+    assert colored["py"][-1] > 8.0, "up the second leg [m]"
+    assert gaussian["py"][-1] < 4.0
+    assert max(abs(gaussian["steer"])) < 0.5 < max(abs(colored["steer"]))

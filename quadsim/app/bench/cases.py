@@ -8,58 +8,22 @@ from time import perf_counter
 
 import numpy as np
 
-from controllers.config import MPPIConfig
 from controllers.mppi import MPPI
-from controllers.presets import PRESETS
 from controllers.rollout.threads import use_threads
 from controllers.samplers import SAMPLERS
 from quadsim.app.bench.machine import Machine, floor_ns, work
-from quadsim.app.paper import integrator, vehicle
-from quadsim.app.paper.table2 import variant
-from quadsim.course import load_course
-from quadsim.physics.plant import start_state
-from quadsim.race.spec import Spec, controller_of, streams
-from quadsim.systems.quadrotor import ModelParams
-from quadsim.vehicle import load_vehicle
+from quadsim.race.build import planner_of
+from quadsim.race.spec import Spec
+from quadsim.race.systems import SYSTEMS
 
 SAMPLES = (256, 1024, 4096, 16384, 65536)
 HORIZONS = (25, 75, 150, 300)
 SWEPT = ("gaussian", "colored")  # samplers that are timed beyond the quadrotor at the paper's budget
 WARM_UP = 3  # calls that are not timed
 LEAST = 15  # calls that are timed, however long they take
-KEY = np.random.SeedSequence(0).generate_state(2, np.uint32)
-
-Budget = dict[str, int]  # samples, horizon, iterations
-Built = tuple[MPPI, np.ndarray]  # the controller, and the state (n_x,) that it plans from
-
-
-def _quadrotor(sampler: str, budget: Budget) -> Built:
-    """On paper_flat, with its gates."""
-    preset = PRESETS["paper"][sampler]
-    course, frame = load_course("paper_flat"), load_vehicle(preset.vehicle)
-    planner = replace(preset, mppi=replace(preset.mppi, **budget))
-    spec = Spec(course, frame, sampler, "paper", planner, ModelParams.of(frame), 0, 1, 60.0, False, 1 / 400)
-    return controller_of(spec, streams(0)[0]), np.array(start_state(course.start, frame.radius))
-
-
-def _double_integrator(sampler: str, budget: Budget) -> Built:
-    """As in Table II at sigma 1.5, with the exact law where the sampler is colored."""
-    sampling = variant("colored_1_exact", 1.5).sampling
-    config = replace(integrator.MPPI_CONFIG, **budget)
-    return integrator.controller(sampler, sampling, config, KEY), np.array(integrator.START)
-
-
-def _offroad(sampler: str, budget: Budget) -> Built:
-    """At rest at the start of the corridor."""
-    return vehicle.controller(sampler, replace(vehicle.MPPI_CONFIG, **budget), KEY), np.array(vehicle.start())
-
-
-# name -> the paper's budget; the controller, at any budget, as the paper's experiments build it
-SYSTEMS: dict[str, tuple[MPPIConfig, Callable[[str, Budget], Built]]] = {
-    "quadrotor": (PRESETS["paper"]["gaussian"].mppi, _quadrotor),
-    "double_integrator": (integrator.MPPI_CONFIG, _double_integrator),
-    "offroad": (vehicle.MPPI_CONFIG, _offroad),
-}
+PRESET = "paper"
+TIMED = tuple(name for name, entry in SYSTEMS.items() if PRESET in entry.presets)  # systems
+COURSES = {"quadrotor": "paper_flat"}  # where it is not the system's default
 
 
 @dataclass(frozen=True)
@@ -89,7 +53,7 @@ class Case:
 
 def paper_case(system: str, sampler: str) -> Case:
     """At the paper's budget, on all threads."""
-    c = SYSTEMS[system][0]
+    c = SYSTEMS[system].presets[PRESET]["gaussian"].mppi
     return Case(system, sampler, c.samples, c.horizon, c.iterations)
 
 
@@ -102,16 +66,19 @@ def cases(most: int) -> Iterator[Case]:
 
 def _sizes() -> Iterator[Case]:
     yield from (paper_case("quadrotor", sampler) for sampler in SAMPLERS)
-    yield from (paper_case(system, sampler) for system in SYSTEMS if system != "quadrotor" for sampler in SWEPT)
+    yield from (paper_case(system, sampler) for system in TIMED if system != "quadrotor" for sampler in SWEPT)
     for sampler in SWEPT:
         paper = paper_case("quadrotor", sampler)
         yield from (replace(paper, samples=m) for m in SAMPLES if m != paper.samples)
         yield from (replace(paper, horizon=t) for t in HORIZONS if t != paper.horizon)
 
 
-def controller(case: Case) -> Built:
+def controller(case: Case) -> tuple[MPPI, np.ndarray]:
+    """At this budget with the paper's other settings, and the start state (n_x,) that it plans from."""
+    course = COURSES.get(case.system, SYSTEMS[case.system].default_course)
     budget = {"samples": case.samples, "horizon": case.horizon, "iterations": case.iterations}
-    return SYSTEMS[case.system][1](case.sampler, budget)
+    spec = Spec.of(course, preset=PRESET, sampler=case.sampler, **budget)
+    return planner_of(spec, spec.streams[0]), np.array(spec.entry.start(spec))
 
 
 def measure(case: Case, seconds: float, machine: Machine) -> dict:

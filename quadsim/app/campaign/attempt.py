@@ -12,13 +12,13 @@ from hashlib import sha256
 from controllers.rollout.threads import use_threads
 from quadsim.race.build import build, launch
 from quadsim.race.spec import Spec
-from quadsim.record.metrics import chatter
+from quadsim.record.metrics import accumulated_cost, chatter
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Recorder, Run, canonical
 
 LABELS = ("host", "preset")  # keys of a spec's record that do not decide the flight
 DRAWN = ("seed", "variation")
-CRASHES = ("hit", "ground", "bounds")
+CRASHES = ("hit", "ground", "bounds", "wall")
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +74,7 @@ def result(flown: Flown) -> dict:
         "laps": run.laps,
         "crash": _crash(run) if run.outcome == "crashed" else None,
         "fault": flown.fault,
+        "cost": accumulated_cost(run),
         "thrust_tv": thrust and {of: thrust[of]["thrust_tv"] for of in ("commanded", "delivered")},
         "plan_ms": run.wall["plan_ms"],
         "real_time_factor": run.wall["real_time_factor"],

@@ -1,1 +1,1 @@
-"""The paper, rerun: one module for each table or figure, `run(runs, folder)` in it. See docs/paper.md."""
+"""The paper, rerun: a function for each table or figure, `name(runs, folder) -> Result`. See docs/paper.md."""

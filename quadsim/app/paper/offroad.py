@@ -2,99 +2,94 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from quadsim.app.campaign.variants import Variant
 from quadsim.app.figures.style import STYLE, line, write_figure
-from quadsim.app.paper.gather import gather
-from quadsim.app.paper.result import Result, write_csv
-from quadsim.app.paper.variants import VARIANTS, variant_stats, variant_table
-from quadsim.app.paper.vehicle import COLUMNS, CORRIDOR, Drive, record
+from quadsim.app.paper.result import Result, csv_rows, draw_paths, flown, load_runs, table1, table1_row, write_csv
 from quadsim.course.corridor import load_corridor
 from quadsim.palette import HIT, INK, LIMIT, style
+from quadsim.race.spec import Spec
+from quadsim.record.run import Run
+from quadsim.systems.offroad import CONTROL_UNITS, STATE_UNITS
 
-DRIVES = {  # variant -> its attempts by seed; the last, a quarter of them, asks whether the temperature holds it back
-    "gaussian": lambda seed: Drive("gaussian", seed),
-    "colored": lambda seed: Drive("colored", seed),
-    "gaussian_cold": lambda seed: Drive("gaussian", seed, temperature=0.02),
+CORRIDOR = "zigzag"
+VARIANTS: dict[str, dict] = {  # name -> settings
+    "gaussian": {"sampler": "gaussian"},
+    "colored": {"sampler": "colored"},
+    "gaussian_cold": {"sampler": "gaussian", "temperature": 0.02},  # does the temperature hold it back?
 }
-RUNS = 20
+COLUMNS = ("t", *STATE_UNITS, *CONTROL_UNITS)
 SHOWN = 8.0  # seconds of controls, as in the paper
 
 
-def run(runs: int, folder: Path) -> Result:
-    counts = {name: runs if name in VARIANTS else -(-runs // 4) for name in DRIVES}
-    drives = {name: [drive(seed) for seed in range(counts[name])] for name, drive in DRIVES.items()}
-    in_turn = sorted((d for variant in drives.values() for d in variant), key=lambda d: d.seed)
-    made = gather({d.key: d for d in in_turn}, record, folder / "offroad.jsonl")
-    records = {name: [made[d.key] for d in variant] for name, variant in drives.items()}
-    rows = [variant_stats("offroad", name, variant) | _ends(variant) for name, variant in records.items()]
-    files = (write_csv(folder / "offroad.csv", rows), *_pictures(records, folder))
-    return Result({"variants": rows}, (variant_table(rows, {"legs": "mean_legs"}),), files)
+def offroad(runs: int, folder: Path) -> Result:
+    """A quarter as many runs at the lower temperature."""
+    *paper, cold = (Variant(name, spec(**settings)) for name, settings in VARIANTS.items())
+    rows = dict(zip(VARIANTS, flown(paper, runs, folder) + flown([cold], -(-runs // 4), folder), strict=True))
+    drives = {name: load_runs(of_variant, folder) for name, of_variant in rows.items()}
+    table = [table1_row("offroad", name, rows[name]) | _ends(of_variant) for name, of_variant in drives.items()]
+    files = (
+        write_csv(folder / "offroad.csv", table),
+        *write_figure(_draw_paths(drives), folder, "offroad_paths"),
+        *write_figure(_draw_controls(drives), folder, "offroad_controls"),
+        *(_csv(folder, name, of_variant) for name, of_variant in drives.items()),
+    )
+    return Result({"variants": table}, (table1(table, "legs", "mean_legs"),), files)
 
 
-def _ends(records: list[dict]) -> dict:
+def spec(**settings: Any) -> Spec:
+    """A drive through the corridor with its random disturbance."""
+    return Spec.of(CORRIDOR, randomize=1.0, **settings)
+
+
+def _ends(drives: Sequence[Run]) -> dict:
     """How many legs were driven to their end line, and how attempts ended that did not finish."""
-    outcomes = [r["outcome"] for r in records]
+    outcomes = [run.outcome for run in drives]
     ended = {outcome: outcomes.count(outcome) for outcome in ("crashed", "stuck", "timeout")}
-    return {"mean_legs": float(np.mean([r["legs"] for r in records]))} | ended
+    return {"mean_legs": float(np.mean([run.telemetry["passed"][-1] for run in drives]))} | ended
 
 
-def _pictures(records: dict[str, list[dict]], folder: Path) -> tuple[Path, ...]:
-    with rc_context(STYLE):
-        paths = Figure(figsize=(13, 5), dpi=110, layout="constrained")
-        for axes, (name, variant) in zip(paths.subplots(1, len(records), sharey=True), records.items(), strict=True):
-            lines = draw_paths(axes, variant)
-            axes.set_title(
-                f"{name}: {sum(r['outcome'] == 'finished' for r in variant)} of {len(variant)} reach the goal"
-            )
-        paths.colorbar(lines, ax=paths.axes, label="t [s]", pad=0.01)
-        controls = Figure(figsize=(9, 5), dpi=110, layout="constrained")
-        rows = controls.subplots(2, 1, sharex=True)
-        for name in VARIANTS:
-            draw_controls(rows, name, records[name][0])
-        rows[0].legend(loc="lower right", ncols=2)
-    csvs = [_csv(folder, name, variant) for name, variant in records.items()]
-    return *write_figure(paths, folder, "offroad_paths"), *write_figure(controls, folder, "offroad_controls"), *csvs
-
-
-def draw_paths(axes: Axes, records: list[dict]) -> LineCollection:
+def _draw_paths(drives: dict[str, list[Run]]) -> Figure:
     """Every attempt, coloured by the time since its start; a cross where one ended before the goal."""
     corridor = load_corridor(CORRIDOR)
-    for wall in corridor.walls():
-        axes.plot(*wall.T, color=INK, linewidth=1.5)
-    segments, times = [], []
-    for r in records:
-        rows = np.array(r["rows"])
-        segments.append(np.stack([rows[:-1, 1:3], rows[1:, 1:3]], axis=1))
-        times.append(rows[:-1, 0])
-        if r["outcome"] != "finished":
-            axes.plot(*rows[-1:, 1:3].T, "x", color=HIT, markersize=6, zorder=4)
-    lines = LineCollection(list(np.concatenate(segments)), cmap="viridis", linewidths=1.1)
-    lines.set_array(np.concatenate(times))
-    lines.set_clim(0.0, 20.0)
-    axes.add_collection(lines)
-    axes.plot(*corridor.points[0], "o", color=INK, zorder=5)
-    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
-    return lines
+    with rc_context(STYLE):
+        figure = Figure(figsize=(13, 5), dpi=110, layout="constrained")
+        for axes, (name, runs) in zip(figure.subplots(1, len(drives), sharey=True), drives.items(), strict=True):
+            for wall in corridor.walls():
+                axes.plot(*wall.T, color=INK, linewidth=1.5)
+            lines = draw_paths(axes, runs, [run.telemetry["t"] for run in runs], "viridis", top=20.0)
+            lost = [run.telemetry for run in runs if run.outcome != "finished"]
+            axes.plot([x["px"][-1] for x in lost], [x["py"][-1] for x in lost], "x", color=HIT, markersize=6, zorder=4)
+            axes.plot(*corridor.points[0], "o", color=INK, zorder=5)
+            axes.set_title(f"{name}: {len(runs) - len(lost)} of {len(runs)} reach the goal")
+        figure.colorbar(lines, ax=figure.axes, label="t [s]", pad=0.01)
+    return figure
 
 
-def draw_controls(rows: np.ndarray, name: str, record: dict) -> None:
-    """Commands of the first seconds; throttle above zero, brake below."""
-    x = dict(zip(COLUMNS, np.array(record["rows"]).T, strict=True))
-    early = x["t"] <= SHOWN
-    for axes, column, title in zip(rows, ("drive_cmd", "steer_cmd"), ("throttle and brake", "steering"), strict=True):
-        axes.axhline(0.0, color=LIMIT, linewidth=0.8)
-        axes.plot(x["t"][early], x[column][early], **line(style(name)), linewidth=1.1, label=name)
-        axes.set(title=title, ylim=(-1.05, 1.05))
-    rows[-1].set_xlabel("t [s]")
+def _draw_controls(drives: dict[str, list[Run]]) -> Figure:
+    """Commands in the first seconds of the first attempts; throttle above zero, brake below."""
+    with rc_context(STYLE):
+        figure = Figure(figsize=(9, 5), dpi=110, layout="constrained")
+        rows = figure.subplots(2, 1, sharex=True)
+        for axes, column, title in zip(rows, CONTROL_UNITS, ("throttle and brake", "steering"), strict=True):
+            for name in ("gaussian", "colored"):
+                x = drives[name][0].telemetry
+                early = x["t"] <= SHOWN
+                axes.plot(x["t"][early], x[column][early], **line(style(name)), linewidth=1.1, label=name)
+            axes.axhline(0.0, color=LIMIT, linewidth=0.8)
+            axes.set(title=title, ylim=(-1.05, 1.05))
+        rows[0].legend(loc="lower right", ncols=2)
+        rows[-1].set_xlabel("t [s]")
+    return figure
 
 
-def _csv(folder: Path, name: str, records: list[dict]) -> Path:
-    rows = [{"attempt": i} | dict(zip(COLUMNS, row, strict=True)) for i, r in enumerate(records) for row in r["rows"]]
+def _csv(folder: Path, name: str, drives: Sequence[Run]) -> Path:
+    rows = [{"attempt": i} | row for i, run in enumerate(drives) for row in csv_rows(run, COLUMNS)]
     return write_csv(folder / f"offroad_{name}.csv", rows)

@@ -1,92 +1,155 @@
-"""Table II: accumulated cost of the double integrator under six samplers, and under six that the paper has not."""
+"""Table II: accumulated cost of the double integrator under six samplers, and under six that the paper has not.
+
+Figure 7: state, control and spectrum of the best run at sigma 1.5 of each of the paper's six.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 from rich.table import Table
 
-from controllers.samplers import make_sampler
+from quadsim.app.campaign.store import Row
+from quadsim.app.campaign.variants import Variant
 from quadsim.app.console import plain_table
-from quadsim.app.paper.gather import gather
-from quadsim.app.paper.integrator import Variant, record
+from quadsim.app.figures.style import STYLE, line, write_figure
 from quadsim.app.paper.published import TABLE2
-from quadsim.app.paper.result import Result, write_csv
+from quadsim.app.paper.result import Result, flown, load_runs, write_csv
+from quadsim.course.point_goal import load_point_goal
+from quadsim.palette import MARK, dotted, style
+from quadsim.race.spec import Spec
 
+COURSE = "table2"
+GOAL = load_point_goal(COURSE).goal[0]  # of either axis [m]
 SIGMAS = (0.5, 1.5, 3.0)
-CHOICES = {  # row -> sampler, gamma, law of the colored noise, shift of the momentum
-    "gaussian": ("gaussian", 0.0, "exact", "corrected"),
-    "smooth": ("smooth", 0.0, "exact", "published"),
-    "smooth_star": ("smooth_star", 0.0, "exact", "published"),
-    "log_normal": ("log_normal", 0.0, "exact", "corrected"),
-    "colored_1": ("colored", 1.0, "library", "corrected"),
-    "colored_2": ("colored", 2.0, "library", "corrected"),
-    "colored_1_paper": ("colored", 1.0, "paper", "corrected"),
-    "colored_2_paper": ("colored", 2.0, "paper", "corrected"),
-    "colored_1_exact": ("colored", 1.0, "exact", "corrected"),
-    "colored_2_exact": ("colored", 2.0, "exact", "corrected"),
-    "smooth_corrected": ("smooth", 0.0, "exact", "corrected"),
-    "smooth_star_corrected": ("smooth_star", 0.0, "exact", "corrected"),
+CHOICES = {  # row -> settings of the flight; the first six are the paper's
+    "gaussian": {"sampler": "gaussian"},
+    "smooth": {"sampler": "smooth", "shift": "published"},
+    "smooth_star": {"sampler": "smooth_star", "shift": "published"},
+    "log_normal": {"sampler": "log_normal"},
+    "colored_1": {"sampler": "colored", "gamma": (1.0, 1.0), "law": "library"},
+    "colored_2": {"sampler": "colored", "gamma": (2.0, 2.0), "law": "library"},
+    "colored_1_paper": {"sampler": "colored", "gamma": (1.0, 1.0), "law": "paper"},
+    "colored_2_paper": {"sampler": "colored", "gamma": (2.0, 2.0), "law": "paper"},
+    "colored_1_exact": {"sampler": "colored", "gamma": (1.0, 1.0), "law": "exact"},
+    "colored_2_exact": {"sampler": "colored", "gamma": (2.0, 2.0), "law": "exact"},
+    "smooth_corrected": {"sampler": "smooth", "shift": "corrected"},
+    "smooth_star_corrected": {"sampler": "smooth_star", "shift": "corrected"},
 }
-RUNS = 50
+SIGMA = 1.5  # of the figure
+LOOKS = {name: style(name) for name in ("gaussian", "smooth", "smooth_star", "log_normal")}
+LOOKS |= {"colored_1": style("colored"), "colored_2": dotted(style("colored"))}
+SPECTRUM = 2.0  # seconds of controls in the spectrum
+Track = tuple[np.ndarray, np.ndarray, np.ndarray]  # t [s], position [m] and control [m/s^2] of one axis
 
 
-@dataclass(frozen=True)
-class Cell:
-    """One row of the report; what the paper does not have is None."""
+def table2(runs: int, folder: Path) -> Result:
+    cells = [_cell(*cell, rows) for cell, rows in attempts(tuple(CHOICES), SIGMAS, runs, folder).items()]
+    return Result({"cells": cells}, (_table(cells),), (write_csv(folder / "table2.csv", cells),))
 
-    sampler: str
-    sigma: float
-    runs: int
-    mean: float
-    sd: float
-    paper_mean: float | None
-    paper_sd: float | None
-    ms: float  # of a control step, one thread, every core busy
-    paper_ms: float | None  # on an RTX 3080
+
+def double_integrator(runs: int, folder: Path) -> Result:
+    best = {
+        name: min(rows, key=lambda row: row.result["cost"])
+        for (name, _), rows in attempts(tuple(LOOKS), (SIGMA,), runs, folder).items()
+    }
+    flights = [run.telemetry for run in load_runs(tuple(best.values()), folder)]
+    tracks = {name: (x["t"], x["px"], x["ax_cmd"]) for name, x in zip(best, flights, strict=True)}
+    numbers = {
+        name: {"seed": row.seed, "cost": row.result["cost"]} | _summary(*tracks[name]) for name, row in best.items()
+    }
+    rows = [
+        {"sampler": name, "t": t, "p": p, "u": u}
+        for name, track in tracks.items()
+        for t, p, u in zip(*(column.tolist() for column in track), strict=True)
+    ]
+    files = write_csv(folder / "double_integrator.csv", rows), *write_figure(draw(tracks), folder, "double_integrator")
+    return Result(numbers, (), files)
+
+
+def attempts(
+    names: tuple[str, ...], sigmas: tuple[float, ...], runs: int, folder: Path
+) -> dict[tuple[str, float], list[Row]]:
+    """(row of the table, sigma) -> attempts by seed."""
+    cells = [(name, sigma) for sigma, name in product(sigmas, names)]
+    return dict(zip(cells, flown([variant(*cell) for cell in cells], runs, folder), strict=True))
 
 
 def variant(name: str, sigma: float) -> Variant:
-    sampler, gamma, law, shift = CHOICES[name]
-    numbers = {"sigma": (sigma,) * 2, "gamma": (gamma,) * 2, "law": law, "shift": shift}
-    return Variant(name, sampler, make_sampler(sampler, **numbers))
+    return Variant(f"{name} sigma {sigma:g}", Spec.of(COURSE, sigma=(sigma, sigma), **CHOICES[name]))
 
 
-def costs(names: tuple[str, ...], sigmas: tuple[float, ...], runs: int, folder: Path) -> dict[tuple[str, float], list]:
-    """(name, sigma) -> records by seed."""
-    variants = {(name, sigma): variant(name, sigma) for sigma, name in product(sigmas, names)}
-    jobs = {a.key(seed): (a, seed) for seed in range(runs) for a in variants.values()}
-    made = gather(jobs, record, folder / "table2.jsonl")
-    return {cell: [made[a.key(seed)] for seed in range(runs)] for cell, a in variants.items()}
+def _cell(name: str, sigma: float, rows: list[Row]) -> dict:
+    """One row of the report; what the paper does not have is None.
 
-
-def run(runs: int, folder: Path) -> Result:
-    cells = [_cell(*cell, records) for cell, records in costs(tuple(CHOICES), SIGMAS, runs, folder).items()]
-    rows = [vars(cell) for cell in cells]
-    write_csv(folder / "table2.csv", rows)
-    return Result({"cells": rows}, (_table(cells),), (folder / "table2.csv",))
-
-
-def _cell(name: str, sigma: float, records: list[dict]) -> Cell:
-    cost = np.array([r["cost"] for r in records])
-    sd = float(cost.std(ddof=1)) if len(cost) > 1 else 0.0
-    ms = float(np.median([r["ms"] for r in records]))
+    ms: of a control step, one thread, every core busy; paper_ms: on an RTX 3080.
+    """
+    cost = np.array([r.result["cost"] for r in rows])
     paper_mean, paper_sd, paper_ms = TABLE2.get((name, sigma), (None, None, None))
-    return Cell(name, sigma, len(records), float(cost.mean()), sd, paper_mean, paper_sd, ms, paper_ms)
+    return {
+        "sampler": name,
+        "sigma": sigma,
+        "runs": len(cost),
+        "mean": float(cost.mean()),
+        "sd": float(cost.std(ddof=1)) if len(cost) > 1 else 0.0,
+        "paper_mean": paper_mean,
+        "paper_sd": paper_sd,
+        "ms": float(np.median([r.result["plan_ms"]["p50"] for r in rows])),
+        "paper_ms": paper_ms,
+    }
 
 
-def _table(cells: list[Cell]) -> Table:
-    table = plain_table()
-    for i, head in enumerate(("sigma", "sampler", "ours", "sd", "paper", "sd", "off", "ms")):
-        table.add_column(head, justify="left" if i == 1 else "right")
+def _table(cells: list[dict]) -> Table:
+    table = plain_table("sigma", "sampler", "ours", "sd", "paper", "sd", "off", "ms", left=(1,))
     for c in cells:
-        paper = (
-            (f"{c.paper_mean:.0f}", f"{c.paper_sd:.0f}", f"{100 * (c.mean / c.paper_mean - 1):+.1f} %")
-            if c.paper_mean is not None and c.paper_sd is not None
-            else ("", "", "")
-        )
-        table.add_row(f"{c.sigma:g}", c.sampler, f"{c.mean:.0f}", f"{c.sd:.0f}", *paper, f"{c.ms:.2f}")
+        paper = ("", "", "")
+        if c["paper_mean"] is not None:
+            off = 100 * (c["mean"] / c["paper_mean"] - 1)
+            paper = f"{c['paper_mean']:.0f}", f"{c['paper_sd']:.0f}", f"{off:+.1f} %"
+        ours = f"{c['mean']:.0f}", f"{c['sd']:.0f}"
+        table.add_row(f"{c['sigma']:g}", c["sampler"], *ours, *paper, f"{c['ms']:.2f}")
     return table
+
+
+def psd(t: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One-sided periodogram of the first SPECTRUM seconds: f [Hz], power per Hz."""
+    dt = float(t[1] - t[0])
+    u = u[: round(SPECTRUM / dt)]
+    power = 2 * dt / len(u) * np.abs(np.fft.rfft(u)) ** 2
+    return np.fft.rfftfreq(len(u), dt), power
+
+
+def _summary(t: np.ndarray, p: np.ndarray, u: np.ndarray) -> dict:
+    """When the axis is within .25 m of the goal for good [s]; largest control; control at rest; power above 20 Hz."""
+    away = np.flatnonzero(abs(p - GOAL) > 0.25)
+    settled = away[-1] + 1 if len(away) else len(t)
+    f, power = psd(t, u)
+    return {
+        "settled": float(t[settled]) if settled < len(t) else None,
+        "largest_control": float(abs(u).max()),
+        "control_at_rest": float(u[-round(1.0 / (t[1] - t[0])) :].std()),
+        "power_above_20_hz": float(power[f > 20.0].sum() * f[1]),
+    }
+
+
+def draw(tracks: dict[str, Track]) -> Figure:
+    with rc_context(STYLE):
+        figure = Figure(figsize=(14, 4.4), dpi=110, layout="constrained")
+        state, control, spectrum = figure.subplots(1, 3)
+        for name, (t, p, u) in tracks.items():
+            look = line(LOOKS[name])
+            state.plot(t, p, **look, label=name, linewidth=1.3)
+            control.plot(t, u, **look, linewidth=0.9)
+            f, power = psd(t, u)
+            spectrum.loglog(f[1:], power[1:], **look, linewidth=1.0)
+        state.axhline(GOAL, color=MARK, linestyle="--", linewidth=0.8)
+        state.set(title="position of one axis [m]", xlabel="t [s]")
+        control.set(title="control [m/s$^2$]", xlabel="t [s]")
+        control.set_yscale("symlog", linthresh=5.0)
+        spectrum.set(title=f"control's spectrum, first {SPECTRUM:g} s", xlabel="f [Hz]")
+        state.legend(loc="lower right")
+    return figure
