@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect as python_inspect
 import io
+import re
 import tokenize
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -27,9 +28,9 @@ from controllers.samplers import SAMPLERS
 from quadsim.course import Course
 from quadsim.course.corridor import Corridor
 from quadsim.course.point_goal import PointGoal
-from quadsim.files.strict_yaml import parse, unit
+from quadsim.files.strict_yaml import unit
 from quadsim.files.yaml_values import Misfit, value
-from quadsim.files.yaml_words import did_you_mean, unless_null
+from quadsim.files.yaml_words import NULL, TEXT, did_you_mean, expected, unless_null
 from quadsim.physics.plant import default_plant
 from quadsim.race.flight import whole_multiple
 from quadsim.race.preset_file import load_planner
@@ -84,31 +85,40 @@ class Setting:
 GROUPS = ("sampling", "mppi", "cost")  # of the planner
 
 
-def settings_of(entry: SystemEntry, planner: Planner) -> dict[str, list[Setting]]:
-    """Every setting by group: flight, sampling, mppi, cost, model. Defaults are those of the planner's preset."""
-    model = entry.model_of(entry.load_vehicle(planner.vehicle))
+def settings_of(entry: SystemEntry, planner: Planner, model: Any = None) -> dict[str, Setting]:
+    """Every setting by name. Defaults are those of the planner's preset and of the model, or its vehicle's model."""
+    if model is None:
+        model = entry.model_of(entry.load_vehicle(planner.vehicle))
     parts = {"flight": FlightSettings(), **{name: getattr(planner, name) for name in GROUPS}, "model": model}
-    return {group: list(_settings(group, values)) for group, values in parts.items()}
+    units = tuple(entry.controls.values())
+    return {
+        s.name: s for group, values in parts.items() if is_dataclass(values) for s in _settings(group, values, units)
+    }
 
 
-def _settings(group: str, values: Any) -> Iterator[Setting]:
-    """Of an instance whose values are the defaults."""
+def _settings(group: str, values: Any, units: tuple[str, ...]) -> Iterator[Setting]:
+    """Of an instance whose values are the defaults; units: of the controls."""
+    if not is_dataclass(values):  # of a user's own
+        return
     texts, prefix = comments(type(values)), "model." if group == "model" else ""
     kinds = {f.name: f.type for f in inspect.type_info(type(values)).fields}  # pyright: ignore
     for field in _fields(values):
-        default = getattr(values, field.name)
-        yield Setting(prefix + field.name, group, kinds[field.name], default, texts.get(field.name, ""))
+        kind, default = kinds[field.name], getattr(values, field.name)
+        if isinstance(kind, inspect.VarTupleType):  # one number for each control
+            kind = inspect.TupleType((kind.item_type,) * len(units))
+        if field.name == "sigma":
+            kind = inspect.Metadata(kind, extra={"unit": ", ".join(units)})
+        yield Setting(prefix + field.name, group, kind, default, texts.get(field.name, ""))
 
 
 @cache
 def comments(cls: type) -> dict[str, str]:
     """Field -> the comment at the end of its line in the source."""
-    found, name = {}, ""
+    found = {}
     for token in tokenize.generate_tokens(io.StringIO(python_inspect.getsource(cls)).readline):
-        if token.type == tokenize.NAME and token.start[1] == 4 and token.line.lstrip().startswith(f"{token.string}:"):
-            name = token.string
-        elif token.type == tokenize.COMMENT and name:
-            found[name], name = token.string.lstrip("# "), ""
+        field = re.match(r"    (\w+): .*", token.line)
+        if field and token.type == tokenize.COMMENT:
+            found[field[1]] = token.string.lstrip("# ")
     return found
 
 
@@ -128,7 +138,7 @@ def resolve(course: Any = None, **given: Any) -> Spec:
         given["sampler"] = sampler_name(sampling) if type(sampling) in SAMPLERS.values() else FlightSettings.sampler
     if "system" not in given and course is not None:
         given["system"] = _system_of(course)
-    f = FlightSettings(**{k.name: checked(FlightSettings, k.name, given.pop(k.name)) for k in _flight(given)})
+    f = _flight_settings(given)
     system = f.system or "quadrotor"
     entry = SYSTEMS[system]
     preset = f.preset or entry.default_preset
@@ -169,22 +179,29 @@ def resolve(course: Any = None, **given: Any) -> Spec:
     )
 
 
-def checked(cls: type, name: str, given: Any, units: str = "") -> Any:
-    """The value of a dataclass's field, held against its annotation. Raises SettingError."""
-    kinds = {f.name: f.type for f in inspect.type_info(cls).fields}  # pyright: ignore
-    return checked_kind(kinds[name], name, given, units)
+def checked(kind: Any, name: str, given: Any) -> Any:
+    """The value held against a kind of msgspec.inspect by the rules of files; a text is read as in a file.
 
-
-def checked_kind(kind: Any, name: str, given: Any, units: str = "") -> Any:
-    """The value held against a kind of msgspec.inspect, by the rules of files. Raises SettingError."""
-    if isinstance(given, np.ndarray | np.generic):
-        given = given.tolist()
-    text = yaml.safe_dump({name: _listed(given)}, default_flow_style=True, width=float("inf"))
+    Raises SettingError.
+    """
+    if isinstance(bare(kind), inspect.StrType) and not isinstance(given, str | Path | None):
+        raise SettingError(name, f"expected {expected(kind)}, got {given!r}")
     try:
-        found = value(parse(text, "").root.value[0][1], kind, name, units)
+        found = value(_node(given), kind, name)
     except Misfit as misfit:
         raise SettingError(name, _of_all(misfit, given)) from None
     return tuple(found) if isinstance(found, list) else found
+
+
+def _node(given: Any) -> yaml.Node:
+    """As a file would hold it in this place."""
+    if isinstance(given, np.ndarray | np.generic):
+        given = given.tolist()
+    if isinstance(given, list | tuple):
+        return yaml.SequenceNode("", [_node(x) for x in given])
+    if given is None:
+        return yaml.ScalarNode(NULL, "null")
+    return yaml.ScalarNode(TEXT, str(given) if isinstance(given, str | Path) else repr(given))
 
 
 def sampler_object(sampler: Any) -> Any:
@@ -210,8 +227,10 @@ def sampler_name(sampler: Any) -> str:
     return next((name for name, cls in SAMPLERS.items() if type(sampler) is cls), type(sampler).__name__)
 
 
-def _flight(given: Mapping[str, Any]) -> list[Any]:
-    return [f for f in fields(FlightSettings) if f.name in given]
+def _flight_settings(given: dict[str, Any]) -> FlightSettings:
+    """Those of `given`, which are taken out of it."""
+    kinds = {f.name: f.type for f in inspect.type_info(FlightSettings).fields}  # pyright: ignore
+    return FlightSettings(**{k: checked(kind, k, given.pop(k)) for k, kind in kinds.items() if k in given})
 
 
 def _system_of(course: Any) -> str:
@@ -222,29 +241,20 @@ def _system_of(course: Any) -> str:
 
 def _planned(planner: Planner, model: Any, given: Mapping[str, Any], entry: SystemEntry) -> tuple[Planner, Any]:
     """The preset's planner and the vehicle's nominal model with the settings that were given."""
-    homes = {f.name: (group, f.name) for group in GROUPS for f in _fields(getattr(planner, group))}
-    homes |= {f"model.{f.name}": ("model", f.name) for f in _fields(model)}
+    known = settings_of(entry, planner, model)
     changes: dict[str, dict] = {group: {} for group in (*GROUPS, "model")}
     for name, said in given.items():
-        if name not in homes:
-            known = [*homes, *(f.name for f in fields(FlightSettings))]
+        if name not in known:
             of = [s for s, cls in SAMPLERS.items() if name in cls.__dataclass_fields__]
             why = f"of {' and '.join(of)} sampling only" if of else f"no such setting, {did_you_mean(name, known)}"
             raise SettingError(name, why)
-        group, key = homes[name]
-        units = ", ".join(entry.controls.values()) if key == "sigma" else ""
-        try:
-            changes[group][key] = checked(
-                type(model if group == "model" else getattr(planner, group)), key, said, units
-            )
-        except SettingError as error:
-            raise SettingError(name, error.problem) from None
+        changes[known[name].group][name.removeprefix("model.")] = checked(known[name].kind, name, said)
     groups = {group: replace(getattr(planner, group), **changes[group]) for group in GROUPS if changes[group]}
     planner = replace(planner, **groups)
     _check_channels(planner.sampling, entry)
     for path, problem in faults(planner):
         raise SettingError(path.partition(".")[2], problem)
-    return planner, replace(model, **changes["model"])
+    return planner, replace(model, **changes["model"]) if changes["model"] else model
 
 
 def _of_own_system(system: System, cost: Any, sampler: Any, start: Any, timeout: float, **given: Any) -> Spec:
@@ -254,8 +264,8 @@ def _of_own_system(system: System, cost: Any, sampler: Any, start: Any, timeout:
     own = OwnParts(**{role: given.pop(role) for role in ("plant", "controller", "referee") if role in given}, cost=cost)
     place = Task(system.name)
     entry = own_system(system, tuple(map(float, start)))
-    f = FlightSettings(**{k.name: checked(FlightSettings, k.name, given.pop(k.name)) for k in _flight(given)})
-    planner, _ = _planned(Planner(system.name, sampler, MPPIConfig(dt=system.dt), None), place, given, entry)
+    f = _flight_settings(given)
+    planner, _ = _planned(Planner(system.name, sampler, MPPIConfig(dt=system.dt), None), (), given, entry)
     return Spec(
         system=system.name,
         course=place,
@@ -294,18 +304,14 @@ def _check_channels(sampling: Any, entry: SystemEntry) -> None:
 
 
 def _of_all(misfit: Misfit, given: Any) -> str:
-    """The problem of one of several numbers, as one of all of them."""
+    """The problem of one of several numbers, as one of all of them; without what a YAML file would need."""
     if "[" not in misfit.path:
-        return misfit.problem
+        return misfit.problem.partition(" (YAML reads")[0]
     asked = misfit.problem.rpartition(", got ")[0].replace("a number", f"{len(given)} numbers")
-    return f"{asked}, got " + " ".join(x if isinstance(x, str) else f"{x:g}" for x in given)
+    return f"{asked}, got " + " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in given)
 
 
 def bare(kind: Any) -> Any:
     while isinstance(kind, inspect.Metadata | inspect.UnionType):
         kind = kind.type if isinstance(kind, inspect.Metadata) else unless_null(kind)
     return kind
-
-
-def _listed(given: Any) -> Any:
-    return [_listed(x) for x in given] if isinstance(given, list | tuple) else given
