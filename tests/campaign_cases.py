@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from quadsim.app.campaign.store import Row
-from quadsim.app.campaign.variants import Variant, resolve
+from quadsim.app.campaign.variants import Variant, resolve, words_as_settings
 
 SMALL = ["--samples", "128", "--horizon", "20", "--iterations", "1"]
 FLIGHT = ["paper_flat", "--preset", "paper", *SMALL, "--timeout", "0.1"]
@@ -18,7 +18,7 @@ RACE = [sys.executable, "-c", "from quadsim.app.cli import main; main()"]
 
 
 def variant(name="colored", *argv) -> Variant:
-    return Variant(name, resolve([*FLIGHT, "--sampler", name, *argv], "race compare"))
+    return Variant(name, resolve(*words_as_settings([*FLIGHT, "--sampler", name, *argv])))
 
 
 def specs(number, *argv):

@@ -55,9 +55,9 @@ def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
 class Colored:
     """v = u + sigma z, z of the law, independent for every control."""
 
-    sigma: Sigma
-    gamma: Gamma
-    law: Law = "exact"
+    sigma: Sigma  # standard deviation of each control, in its unit
+    gamma: Gamma  # exponent of each control, power spectral density ~ 1/f^gamma; 0: white
+    law: Law = "exact"  # of the noise: see controllers/samplers/colored.py
 
     def __post_init__(self) -> None:
         if len(self.gamma) != len(self.sigma):

@@ -14,7 +14,7 @@ from controllers.samplers.lane_sampler import LaneSampler, Sigma
 class Gaussian:
     """v = u + sigma xi, xi ~ N(0, 1)."""
 
-    sigma: Sigma
+    sigma: Sigma  # standard deviation of each control, in its unit
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         from controllers.rollout.normals import fill_normals  # here: it loads the compiler

@@ -22,7 +22,7 @@ CEILING = np.float32(60.0)  # of the exponent: exp(60) is far beyond any control
 class LogNormal:
     """v = u + sigma xi exp(sigma eta)."""
 
-    sigma: Sigma
+    sigma: Sigma  # standard deviation of each control, in its unit
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         from controllers.rollout.normals import fill_normals  # here: it loads the compiler

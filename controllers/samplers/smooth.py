@@ -25,7 +25,7 @@ from controllers.samplers.lane_sampler import LaneSampler, Momentum, Shift, Sigm
 class SmoothStar:
     """Smooth-MPPI*: sigma is that of the controls, as in Gaussian sampling."""
 
-    sigma: Sigma
+    sigma: Sigma  # standard deviation of each control, in its unit
     shift: Shift = "corrected"  # of the momentum with time
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
@@ -37,7 +37,7 @@ class SmoothStar:
 class Smooth:
     """Smooth-MPPI: sigma is that of the controls' derivatives, per second."""
 
-    sigma: Sigma
+    sigma: Sigma  # standard deviation of each control's derivative, in its unit per second
     shift: Shift = "corrected"  # of the momentum with time
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:

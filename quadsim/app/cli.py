@@ -51,6 +51,7 @@ def main() -> None:
         stream = getattr(sys, name) or open(os.devnull, "w")  # noqa: SIM115 (`>&-` closes it; it lives to the end)
         stream.reconfigure(errors="replace")  # an ASCII terminal gets question marks
         setattr(sys, name, stream)
+    sys.path.append("")  # "--sampler module:Class" may lie in the current folder
     sys.exit(race(sys.argv[1:]))
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from quadsim.app.console import emit, emit_json
 from quadsim.app.figures.style import write_figure
-from quadsim.app.flags import Help, Json, RunsDir, Stored, UsageError
+from quadsim.app.flags import Help, Json, RunsDir, Stored, Switch, UsageError
 from quadsim.app.report import present
 from quadsim.record.archive import find_run, load_run
 from quadsim.record.run import RunError
@@ -48,9 +48,9 @@ def plot(
 
 def export(
     *runs: Stored,
-    html: Annotated[bool, Help("one animated page, the drones in their scene", negative="")] = False,
-    csv: Annotated[bool, Help("telemetry, one row a control step", negative="")] = False,
-    zip: Annotated[bool, Help("the run folder", negative="")] = False,
+    html: Annotated[bool, Switch("one animated page, the drones in their scene")] = False,
+    csv: Annotated[bool, Switch("telemetry, one row a control step")] = False,
+    zip: Annotated[bool, Switch("the run folder")] = False,
     out: Annotated[str | None, Help("file to write; left out: <run>.html, .csv or .zip here")] = None,
     runs_dir: RunsDir = "runs",
     json: Json = False,

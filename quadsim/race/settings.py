@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import inspect as python_inspect
 import io
+import re
 import tokenize
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, is_dataclass
 from functools import cache
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -19,9 +21,9 @@ import yaml
 from msgspec import Meta, inspect
 
 from controllers.presets import Planner
-from quadsim.files.strict_yaml import parse, unit
+from quadsim.files.strict_yaml import unit
 from quadsim.files.yaml_values import Misfit, value
-from quadsim.files.yaml_words import unless_null
+from quadsim.files.yaml_words import NULL, TEXT, expected, unless_null
 
 Count = Annotated[int, Meta(ge=1)]
 
@@ -69,69 +71,77 @@ class Setting:
 GROUPS = ("sampling", "mppi", "cost")  # of the planner
 
 
-def settings_of(planner: Planner, model: Any) -> dict[str, list[Setting]]:
-    """Every setting by group: flight, sampling, mppi, cost, model. Defaults are those of the planner and the model."""
+def settings_of(planner: Planner, model: Any, units: tuple[str, ...]) -> dict[str, Setting]:
+    """Every setting by name. Defaults are those of the planner's preset and of the model; units: of the controls."""
     parts = {"flight": FlightSettings(), **{name: getattr(planner, name) for name in GROUPS}, "model": model}
-    return {group: list(_settings(group, values)) for group, values in parts.items()}
+    return {s.name: s for group, values in parts.items() for s in _settings(group, values, units)}
 
 
-def _settings(group: str, values: Any) -> Iterator[Setting]:
+def _settings(group: str, values: Any, units: tuple[str, ...]) -> Iterator[Setting]:
     """Of an instance whose values are the defaults."""
-    texts, prefix = comments(type(values)), "model." if group == "model" else ""
-    kinds = {f.name: f.type for f in inspect.type_info(type(values)).fields}  # pyright: ignore
-    for field in setting_fields(values):
-        default = getattr(values, field.name)
-        yield Setting(prefix + field.name, group, kinds[field.name], default, texts.get(field.name, ""))
+    if not is_dataclass(values):  # of a user's own
+        return
+    texts, prefix = comments(type(values)), "model." if group == "model" else ""  # pyright: ignore
+    for name, kind in kinds_of(type(values)).items():  # pyright: ignore
+        if name == "name":
+            continue
+        if isinstance(kind, inspect.VarTupleType):  # one number for each control
+            kind = inspect.TupleType((kind.item_type,) * len(units))
+        if name == "sigma":
+            kind = inspect.Metadata(kind, extra={"unit": ", ".join(units)})
+        yield Setting(prefix + name, group, kind, getattr(values, name), texts.get(name, ""))
+
+
+def kinds_of(cls: type) -> dict[str, Any]:
+    """Field of a dataclass -> its kind, of msgspec.inspect."""
+    return {f.name: f.type for f in inspect.type_info(cls).fields}  # pyright: ignore
 
 
 @cache
 def comments(cls: type) -> dict[str, str]:
     """Field -> the comment at the end of its line in the source."""
-    found, name = {}, ""
+    found = {}
     for token in tokenize.generate_tokens(io.StringIO(python_inspect.getsource(cls)).readline):
-        if token.type == tokenize.NAME and token.start[1] == 4 and token.line.lstrip().startswith(f"{token.string}:"):
-            name = token.string
-        elif token.type == tokenize.COMMENT and name:
-            found[name], name = token.string.lstrip("# "), ""
+        field = re.match(r"    (\w+): .*", token.line)
+        if field and token.type == tokenize.COMMENT:
+            found[field[1]] = token.string.lstrip("# ")
     return found
 
 
-def setting_fields(values: Any) -> tuple:
-    """The fields of a dataclass's instance that are settings; none of what is no dataclass."""
-    return tuple(f for f in fields(values) if f.name != "name") if is_dataclass(values) else ()
+def checked(kind: Any, name: str, given: Any) -> Any:
+    """The value held against a kind of msgspec.inspect by the rules of files; a text is read as in a file.
 
-
-def checked(cls: type, name: str, given: Any, units: str = "") -> Any:
-    """The value of a dataclass's field, held against its annotation. Raises SettingError."""
-    kinds = {f.name: f.type for f in inspect.type_info(cls).fields}  # pyright: ignore
-    return checked_kind(kinds[name], name, given, units)
-
-
-def checked_kind(kind: Any, name: str, given: Any, units: str = "") -> Any:
-    """The value held against a kind of msgspec.inspect, by the rules of files. Raises SettingError."""
-    if isinstance(given, np.ndarray | np.generic):
-        given = given.tolist()
-    text = yaml.safe_dump({name: _listed(given)}, default_flow_style=True, width=float("inf"))
+    Raises SettingError.
+    """
+    if isinstance(bare(kind), inspect.StrType) and not isinstance(given, str | Path | None):
+        raise SettingError(name, f"expected {expected(kind)}, got {given!r}")
     try:
-        found = value(parse(text, "").root.value[0][1], kind, name, units)
+        found = value(_node(given), kind, name)
     except Misfit as misfit:
         raise SettingError(name, _of_all(misfit, given)) from None
     return tuple(found) if isinstance(found, list) else found
 
 
+def _node(given: Any) -> yaml.Node:
+    """As a file would hold it in this place."""
+    if isinstance(given, np.ndarray | np.generic):
+        given = given.tolist()
+    if isinstance(given, list | tuple):
+        return yaml.SequenceNode("", [_node(x) for x in given])
+    if given is None:
+        return yaml.ScalarNode(NULL, "null")
+    return yaml.ScalarNode(TEXT, str(given) if isinstance(given, str | Path) else repr(given))
+
+
 def _of_all(misfit: Misfit, given: Any) -> str:
-    """The problem of one of several numbers, as one of all of them."""
+    """The problem of one of several numbers, as one of all of them; without what a YAML file would need."""
     if "[" not in misfit.path:
-        return misfit.problem
+        return misfit.problem.partition(" (YAML reads")[0]
     asked = misfit.problem.rpartition(", got ")[0].replace("a number", f"{len(given)} numbers")
-    return f"{asked}, got " + " ".join(x if isinstance(x, str) else f"{x:g}" for x in given)
+    return f"{asked}, got " + " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in given)
 
 
 def bare(kind: Any) -> Any:
     while isinstance(kind, inspect.Metadata | inspect.UnionType):
         kind = kind.type if isinstance(kind, inspect.Metadata) else unless_null(kind)
     return kind
-
-
-def _listed(given: Any) -> Any:
-    return [_listed(x) for x in given] if isinstance(given, list | tuple) else given

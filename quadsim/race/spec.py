@@ -20,7 +20,7 @@ from quadsim.files.yaml_words import did_you_mean
 from quadsim.physics.domain_randomization import draw
 from quadsim.race.flight import whole_multiple
 from quadsim.race.preset_file import load_planner
-from quadsim.race.settings import GROUPS, FlightSettings, SettingError, checked, setting_fields
+from quadsim.race.settings import GROUPS, FlightSettings, SettingError, checked, kinds_of, settings_of
 from quadsim.race.systems import SYSTEMS, SystemEntry, own_system, system_of_course
 from quadsim.systems import System
 from quadsim.vehicle import with_thrust_to_weight
@@ -103,8 +103,8 @@ class Spec:
             settings["sampler"] = sampler_name(sampling)
         if not own.system and course is not None:
             settings.setdefault("system", system_of(course))
-        names = [f.name for f in fields(FlightSettings) if f.name in settings]
-        f = FlightSettings(**{name: checked(FlightSettings, name, settings.pop(name)) for name in names})
+        kinds = kinds_of(FlightSettings)
+        f = FlightSettings(**{k: checked(kind, k, settings.pop(k)) for k, kind in kinds.items() if k in settings})
         entry = own.system or SYSTEMS[f.system or "quadrotor"]
         planner, vehicle = _preset(f, entry, sampling)
         planner, model = _planned(planner, entry.model_of(vehicle), settings, entry)
@@ -200,40 +200,31 @@ def _preset(f: FlightSettings, entry: SystemEntry, sampling: Any) -> tuple[Plann
 
 def _planned(planner: Planner, model: Any, given: Mapping[str, Any], entry: SystemEntry) -> tuple[Planner, Any]:
     """The preset's planner and the vehicle's nominal model with the settings that were given."""
-    homes = {f.name: (group, f.name) for group in GROUPS for f in setting_fields(getattr(planner, group))}
-    homes |= {f"model.{f.name}": ("model", f.name) for f in setting_fields(model)}
+    known = settings_of(planner, model, tuple(entry.controls.values()))
     changes: dict[str, dict] = {group: {} for group in (*GROUPS, "model")}
     for name, said in given.items():
-        if name not in homes:
-            known = [*homes, *(f.name for f in fields(FlightSettings))]
+        if name not in known:
             of = [s for s, cls in SAMPLERS.items() if name in cls.__dataclass_fields__]
             why = f"of {' and '.join(of)} sampling only" if of else f"no such setting, {did_you_mean(name, known)}"
             raise SettingError(name, why)
-        group, key = homes[name]
-        units = ", ".join(entry.controls.values()) if key == "sigma" else ""
-        try:
-            changes[group][key] = checked(
-                type(model if group == "model" else getattr(planner, group)), key, said, units
-            )
-        except SettingError as error:
-            raise SettingError(name, error.problem) from None
+        changes[known[name].group][name.removeprefix("model.")] = checked(known[name].kind, name, said)
     groups = {group: replace(getattr(planner, group), **changes[group]) for group in GROUPS if changes[group]}
     planner = replace(planner, **groups)
     _check_channels(planner.sampling, entry)
     for path, problem in faults(planner):
         raise SettingError(path.partition(".")[2], problem)
-    return planner, replace(model, **changes["model"])
+    return planner, replace(model, **changes["model"]) if changes["model"] else model
 
 
 def _check_channels(sampling: Any, entry: SystemEntry) -> None:
     """One number for each control channel."""
     wanted = len(entry.controls)
-    for field in setting_fields(sampling):
-        numbers = getattr(sampling, field.name)
+    for name in getattr(sampling, "__dataclass_fields__", ()):
+        numbers = getattr(sampling, name)
         if isinstance(numbers, tuple) and len(numbers) != wanted:
-            units = ", ".join(entry.controls.values()) if field.name == "sigma" else "1"
+            units = ", ".join(entry.controls.values()) if name == "sigma" else "1"
             came = " ".join(f"{x:g}" for x in numbers)
-            raise SettingError(field.name, f"expected {wanted} numbers [{units}], got {came}")
+            raise SettingError(name, f"expected {wanted} numbers [{units}], got {came}")
 
 
 def describe(part: Any) -> dict:

@@ -109,7 +109,7 @@ class ModelParams:
     drag: Drag  # linear, isotropic [1/s]
     rate_max: tuple[Rate, Rate, Rate]  # limit of the body-rate commands [rad/s]
     thrust_max: Thrust  # mass-normalised limit [m/s^2]
-    thrust_min: Annotated[float, unit("m/s^2", ge=0, lt=GRAVITY)] = 0.0
+    thrust_min: Annotated[float, unit("m/s^2", ge=0, lt=GRAVITY)] = 0.0  # mass-normalised limit [m/s^2]
     tilt_cost: tuple[TiltCost, TiltCost] = (0.0, 0.0)  # thrust given up per angular acceleration about x, y [m]
     thrust_gain: Factor = 1.0  # acceleration per thrust delivered: less than 1 where the vehicle is too heavy
 

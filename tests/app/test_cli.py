@@ -41,8 +41,8 @@ WRONG = {  # command line -> what the one line must say
     "fly --preset rac": "no preset 'rac': did you mean 'race'?",
     "fly --preset none.yaml": "none.yaml: no such file",
     "fly none.yaml": "none.yaml: no such file",
-    "fly --sampels 3": "unrecognized options: --sampels 3, did you mean --samples?",
-    "fly --rate-tau 1": "did you mean --model.rate-tau?",
+    "fly --sampels 3": "no flag --sampels: did you mean '--samples'?",
+    "fly --rate-tau 1": "no flag --rate-tau: did you mean '--model.rate-tau'?",
     "fly --sigma -0.3 1 1 1": f"--sigma: expected {SIGMAS} > 0 and <= 1000, got -0.3 1 1 1",
     "fly --sigma 1 1": f"--sigma: expected {SIGMAS}, got too few",
     "fly --sigma 1 1 x 1": f"--sigma: expected {SIGMAS}, got 1 1 x 1",
@@ -71,7 +71,19 @@ WRONG = {  # command line -> what the one line must say
     "plot last": "no runs in 'runs'",
     "check": "expected one FILE or more, got none",
     "check swif": "swif: no such file, course or vehicle: did you mean 'swift'?",
-    "--tyro-print-completion basic": "expected one of bash, zsh, tcsh, fish",
+    "fly --seed 1 --seed 2": "--seed: expected once, got it twice",
+    "fly --smooth --no-smooth": "--no-smooth: expected once, got it twice",
+    "fly --smooth=maybe": "--smooth: expected true or false, got 'maybe'",
+    "fly --sigma=1 1": f"--sigma: expected {SIGMAS}, got too few",
+    "fly --samples=-5": "--samples: expected a whole number >= 2 and <= 1e+06, got -5",
+    "fly --samples=": "--samples: expected a whole number, got ''",
+    "fly --sampler": "--sampler: expected text, got too few",
+    "fly --sampler nowhere:S": "--sampler: expected package.module:Class without arguments, got 'nowhere:S': No module",
+    "fly --gamma 1 1 1 1 --sampler gaussian": "no flag --gamma",
+    "fly --system quadroter": "--system: no system 'quadroter': did you mean 'quadrotor'?",
+    "fly mine.yaml split_s_swift": "unexpected 'split_s_swift'",
+    "compare mine.yaml --threads 2": "--threads: attempts fly on one thread each; --jobs says how many at once",
+    "--completion basic": "expected one of bash, zsh, fish",
 }
 
 
@@ -149,9 +161,8 @@ def test_listings_answer_on_stdout(argv, capsys):
 
 
 def test_completion_knows_every_command_and_the_flags_of_fly(capsys):
-    with pytest.raises(SystemExit):
-        race(["--tyro-print-completion", "bash"])
-    script = capsys.readouterr().out
+    code, script, err = outcome("--completion bash", capsys)
+    assert (code, err) == (0, "")
     assert all(name in script for name in (*COMMANDS, "--model.rate-tau", "--sigma"))
 
 

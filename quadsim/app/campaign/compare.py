@@ -30,7 +30,7 @@ from quadsim.app.campaign.variants import (
     parse_variants,
 )
 from quadsim.app.console import emit, emit_json
-from quadsim.app.flags import Given, Help, Json, UsageError
+from quadsim.app.flags import Given, Help, Json, Switch, UsageError
 from quadsim.record.run import RunError
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def compare_command(
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     campaign: Campaign = CAMPAIGN,
-    this_commit: Annotated[bool, Help("count only attempts that this commit has flown", negative="")] = False,
+    this_commit: Annotated[bool, Switch("count only attempts that this commit has flown")] = False,
     out: Annotated[str | None, Help("folder of Markdown and figures; left out: beside the campaign")] = None,
     json: Json = False,
     settings: Given = None,
@@ -127,7 +127,7 @@ def compare(
     settings: Mapping[str, Any],
 ) -> Comparison:
     """See quadsim.compare."""
-    said = variants if isinstance(variants, Mapping) else dict.fromkeys(variants, {})
+    said = variants if isinstance(variants, Mapping) else {name: {} for name in variants}
     each = {name: ({"sampler": name} if name in SAMPLERS else {}) | dict(own) for name, own in said.items()}
     several = courses if isinstance(courses, list | tuple) else [courses]
     made = make_variants(several, each, settings)

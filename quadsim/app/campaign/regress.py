@@ -19,7 +19,7 @@ from quadsim.app.campaign.store import code_of
 from quadsim.app.campaign.tables import TextTable, as_table
 from quadsim.app.campaign.variants import INTERRUPTED, Jobs, Scheduler, Variant, Workers, resolve, words_as_settings
 from quadsim.app.console import emit, emit_json
-from quadsim.app.flags import Given, Help, Json, UsageError
+from quadsim.app.flags import Given, Help, Json, Switch, UsageError
 from quadsim.record.archive import write_whole
 from quadsim.record.run import RunError
 
@@ -37,7 +37,7 @@ COLUMNS = {
 
 def regress(
     *baselines: Annotated[str, Help("FILE.yaml")],
-    regen: Annotated[bool, Help("store what is flown now, and print what changed", negative="")] = False,
+    regen: Annotated[bool, Switch("store what is flown now, and print what changed")] = False,
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     json: Json = False,

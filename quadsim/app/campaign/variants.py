@@ -16,7 +16,7 @@ from msgspec import Meta
 from controllers.samplers import SAMPLERS
 from quadsim.app.campaign.attempt import variant_key
 from quadsim.app.campaign.pool import Cluster, InProcess, Pool, Processes
-from quadsim.app.flags import Given, Help, UsageError, flag, from_words
+from quadsim.app.flags import Given, Help, UsageError, flag, run_command
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
 
@@ -105,8 +105,6 @@ def resolve(course: Any, settings: Mapping[str, Any] | Given) -> Spec:
 
 def words_as_settings(words: Sequence[str]) -> tuple[str, dict[str, Any]]:
     """(course, settings) of a command line of `race fly` that stands in a file. Raises UsageError."""
-    from quadsim.app.flags import run_command
-
     found: list[tuple[str, dict[str, Any]]] = []
 
     def flight(course: str = "split_s_swift", /, *, settings: Given = None) -> int:
@@ -123,10 +121,10 @@ def _setting(part: str) -> tuple[str, Any]:
     name, has_value, text = part.partition("=")
     if not has_value:
         return ("sampler" if part in SAMPLERS or ":" in part else "preset"), part
-    numbers = [from_words(None, word) for word in text.split(":")]
+    words = text.split(":")
     if text in ("yes", "no"):
         return name.replace("-", "_"), text == "yes"
-    return name.replace("-", "_"), numbers if len(numbers) > 1 else numbers[0]
+    return name.replace("-", "_"), words if len(words) > 1 else text
 
 
 def _of_other_samplers(setting: str, sampler: Any) -> bool:
