@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
-from typing import Annotated
+from time import sleep
+from typing import Annotated, Any
 
 from msgspec import Meta
 
@@ -13,10 +14,11 @@ from controllers.samplers import SAMPLERS
 from quadsim.app.console import complain, emit, emit_json
 from quadsim.app.flags import Help, Json, RunsDir, Stored, UsageError
 from quadsim.app.fly import EXIT, uninterrupted
-from quadsim.app.workers import until_interrupted
 from quadsim.course import course_names, load_course
 from quadsim.record.archive import find_run
 from quadsim.vehicle import vehicle_names
+
+WAKE = 0.5  # [s] after which a signal that another thread received ends the wait
 
 
 def web(
@@ -35,15 +37,37 @@ def web(
 
     race web --course mine.yaml --host 192.168.1.7
     """
-    load_course(course)  # whatever is wrong with it, say so now
+    load_course(course)  # what is wrong with it is said now
     paths = [find_run(run, runs_dir) for run in runs]
+    from web.race import Race
 
+    server, page, session, token = _open_page(course, host, port, runs_dir)
+    if paths:
+        page.race.show_replay(paths)
+        session.tell(Race.start, [], paths)
+    address = f"http://{host}:{server.get_port()}/" + (f"?token={token}" if token else "")
+    if json:
+        emit_json({"url": address, "pid": os.getpid()})
+    else:
+        emit(address)
+        complain("race web: open the address in a browser; Ctrl-C ends it")
+    with suppress(KeyboardInterrupt):  # the way a server ends
+        while True:
+            sleep(WAKE)
+    with suppress(KeyboardInterrupt), uninterrupted():
+        page.close()
+        session.close()
+        server.stop()
+    return EXIT["interrupted"]
+
+
+def _open_page(course: str, host: str, port: int, runs_dir: str) -> tuple[Any, Any, Any, str | None]:
+    """The server, its page, the session behind it, and the token where one is asked for. Raises UsageError."""
     from quadsim.app.flight_factory import FlightFactory  # here, so that --help loads neither numba nor viser
     from web.choices import Choices
     from web.page.dashboard import Dashboard
     from web.page.guard import new_token, serve
     from web.page.race_panel import Menu
-    from web.race import Race
     from web.session import Session
 
     token = new_token(host)
@@ -55,20 +79,4 @@ def web(
     presets = {name: planners["colored"].vehicle for name, planners in PRESETS.items()}
     menu = Menu(courses, vehicle_names(), presets, tuple(SAMPLERS))
     session = Session(FlightFactory(), runs_dir)
-    page = Dashboard(server, session, FlightFactory(), menu, Choices(course=course))
-    if paths:
-        page.race.show_replay(paths)
-        session.tell(Race.start, [], paths)
-    address = f"http://{host}:{server.get_port()}/" + (f"?token={token}" if token else "")
-    if json:
-        emit_json({"url": address, "pid": os.getpid()})
-    else:
-        emit(address)
-        complain("race web: open the address in a browser; Ctrl-C ends it")
-    with suppress(KeyboardInterrupt):  # the way a server ends
-        until_interrupted()
-    with suppress(KeyboardInterrupt), uninterrupted():
-        page.close()
-        session.close()
-        server.stop()
-    return EXIT["interrupted"]
+    return server, Dashboard(server, session, FlightFactory(), menu, Choices(course=course)), session, token

@@ -92,22 +92,10 @@ def fly(
         assert stats is not None
         seen = snapshot() if snapshot and referee.outcome is None and asked % SNAPSHOT_EVERY == 0 else None
         asked += 1
-        yield Frame(
-            t=state.t,
-            x=state.x,
-            u=u,
-            passed=referee.passed,
-            lap=referee.lap,
-            gate=referee.next_gate + 1,
-            ess=stats.ess,
-            temperature=stats.temperature,
-            cost=stats.cost,
-            plan_ms=plan_ms,
-            elapsed=perf_counter() - began,
-            events=tuple(events),
-            outcome=referee.outcome,
-            snapshot=seen,
-        )
+        progress = referee.passed, referee.lap, referee.next_gate + 1
+        plan = stats.ess, stats.temperature, stats.cost, plan_ms
+        seconds = perf_counter() - began
+        yield Frame(state.t, state.x, u, *progress, *plan, seconds, tuple(events), referee.outcome, seen)
         if referee.outcome is not None:
             return
         events = hold(plant, referee, held, ready)

@@ -104,7 +104,7 @@ class Referee:
         return "miss" if k == target == self.next_gate and close else None
 
     def _call(self, kind: str, t: float, position: Vec3, speed: float, incident: Incident) -> None:
-        self.events.append(Event(t, kind, incident.gate + 1, self.lap, incident.offset, speed, position))
+        self.events.append(Event(float(t), kind, incident.gate + 1, self.lap, incident.offset, speed, position))
         if kind == "pass":
             self.passed += 1
             self.outcome = "finished" if self.passed == self.laps * len(self._gates) else None
