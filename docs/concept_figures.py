@@ -111,7 +111,12 @@ def gates_in_the_rollout() -> Any:
     mppi = flown_until(spec, 1.96)
     for path in sampled_trajectories(mppi, points=100).paths[::-3]:
         for target, part in by_target(path, mppi):
-            axes.plot(*part[:, :2].T, color=SPARE[target % 3].colour, linewidth=0.7, label=f"towards gate {target + 1}")
+            axes.plot(
+                *part[:, :2].T,
+                color=SPARE[target - mppi.last.target].colour,
+                linewidth=0.7,
+                label=f"towards gate {target + 1}",
+            )
     for i, gate in enumerate(spec.course.gates):
         inner, outer = gate.corners()[[0, 2]], gate.corners(gate.frame_width)[[0, 2]]
         for bar in zip(inner, outer, strict=True):

@@ -72,7 +72,12 @@ class Spec:
 
     @classmethod
     def of(cls, course: Any = None, **settings: Any) -> Spec:
-        """Names resolved, numbers checked. Raises SettingError (a ValueError): one line that names the setting."""
+        """Names resolved, numbers checked; arguments as of `quadsim.fly`.
+
+        Raises:
+            SettingError: a ValueError of one line that names the setting.
+            FileError: a course, vehicle or preset that cannot be read (a ValueError).
+        """
         from quadsim.race.settings import resolve  # which makes a Spec
 
         return resolve(course, **settings)
