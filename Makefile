@@ -4,7 +4,7 @@ PYTHON ?= python3.11 python3.12 python3.13 python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: race web bench test regression lint clean
+.PHONY: race web bench test regression lint docs clean
 
 race: $(VENV)/.app
 	$(BIN)/race fly
@@ -28,6 +28,10 @@ lint: $(VENV)/.dev
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 
+# The documentation site, into site/: open site/index.html.
+docs: $(VENV)/.dev
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 $(VENV)/.app: pyproject.toml
 	@test -x $(BIN)/python || { \
 	for python in $(PYTHON); do \
@@ -42,4 +46,4 @@ $(VENV)/.dev: $(VENV)/.app
 	touch $@
 
 clean:
-	rm -rf $(VENV) dist .pytest_cache .ruff_cache
+	rm -rf $(VENV) dist site .pytest_cache .ruff_cache

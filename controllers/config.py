@@ -12,7 +12,7 @@ from quadsim.files.strict_yaml import unit
 
 @dataclass(frozen=True)
 class MPPIConfig:
-    """Symbols of the paper: M, T, I, dt, lambda, alpha."""
+    """Numbers of Algorithm 1 of Vlahov et al. 2024, with the paper's symbols M, T, I, dt, lambda, alpha."""
 
     samples: Annotated[int, Meta(ge=2, le=10**6)] = 4096  # M, controls sampled per iteration
     horizon: Annotated[int, unit("steps", ge=2, le=10_000)] = 150  # T [steps]

@@ -61,8 +61,16 @@ class MPPI:
     ...     u, stats = mppi.control(x)
     ...     x = np.array(system.step(x, u, system.params, system.dt))
 
-    The sampler is one of controllers.samplers or an object of one's own, see controllers.samplers.plain.
-    Raises ValueError where the numbers of sampler, system and configuration do not go together.
+    Args:
+        system: the model that is planned with.
+        cost: of a step; its rollouts are compiled when the planner is made.
+        sampler: one of controllers.samplers, or any object with `sample`, see PlainSampler.
+        config: budget and update; its dt is the system's.
+        seed: of the perturbations. What is drawn depends on it and the number of the call alone, never on threads.
+        adaptation: estimates the system in flight; None: the model stays as it is.
+
+    Raises:
+        ValueError: the numbers of sampler, system and configuration do not go together.
     """
 
     def __init__(
@@ -107,10 +115,19 @@ class MPPI:
             self.sampler.momentum.change = other.sampler.momentum.change
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
-        """The control to apply at state x (n_x,) on the way to row `target` of the cost's targets.  -> (n_u,)
+        """The control to apply at state x.
 
-        `elapsed` control periods have passed since the last call: the plan is shifted by them.
-        Raises ValueError for a state that is no state, e.g. of a plant that has diverged.
+        Args:
+            x: (n_x,)
+            target: row of the cost's targets that is flown to.
+            elapsed: control periods since the last call; the plan is shifted by them.
+
+        Returns:
+            The control (n_u,) and what is to be reported of the plan.
+
+        Raises:
+            ValueError: x is no state, for example of a plant that has diverged.
+            FloatingPointError: no sample has a finite cost.
         """
         self.system.check(x)
         if self.adaptation:

@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True)
 class PlanStats:
-    """Of the last iteration."""
+    """What a controller reports of its last iteration."""
 
     cost: float  # J of the nominal plan (sample 0)
     ess: float  # effective sample size (ESS), 1 / sum w^2, 1..M

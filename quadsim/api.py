@@ -28,8 +28,11 @@ def fly(course: Any = None, **settings: Any) -> Run:
             sigma=(1, 1, 1, 4) [rad/s, rad/s, rad/s, m/s^2], vehicle="swift", laps=1, randomize=1.0.
             sampler, cost, system, plant, controller and referee may be objects of your own, see docs/library.md.
 
+    Returns:
+        The Run. The same arguments on the same machine give the same run to the last bit, for any number of threads.
+
     Raises:
-        SettingError: a setting that cannot be used (a ValueError): name, what was expected with its unit, what came.
+        SettingError: a setting that cannot be used (a ValueError): name, what was expected, what was found.
         FileError: a course, vehicle or preset that cannot be read (a ValueError).
     """
     spec = course if isinstance(course, Spec) else Spec.of(course, **settings)
@@ -39,24 +42,48 @@ def fly(course: Any = None, **settings: Any) -> Run:
 def frames(course: Any = None, **settings: Any) -> Iterator[Frame]:
     """Fly step by step: an iterator of Frames, one for each control period, the last one with the outcome.
 
-    The same arguments and errors as `fly`. Whoever asks for frames sets the pace.
+    The same arguments and errors as `fly`. Nothing is computed until the next frame is asked for; an iterator that is
+    not read to its end ends the flight.
     """
     return _frames(course if isinstance(course, Spec) else Spec.of(course, **settings))
 
 
 def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
-    """A stored run: a folder, a part of a name that only one run in `runs_dir` has, or "last". Raises RunError."""
+    """Read a stored run.
+
+    Args:
+        run: its folder, a part of a name that only one run in `runs_dir` has, or "last".
+        runs_dir: the folder of runs.
+
+    Raises:
+        RunError: there is no such run, or it cannot be read.
+    """
     return _load_run(find_run(str(run), runs_dir))
 
 
 def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
-    """Store a run as `race fly` does, in a folder of its own under `runs_dir`; returns that folder. Raises RunError."""
+    """Store a run as `race fly` does: run.json, telemetry.npz and events.csv in a folder of its own under `runs_dir`.
+
+    Returns:
+        That folder.
+
+    Raises:
+        RunError: it cannot be written.
+    """
     with RunFolder.open(runs_dir, run.spec) as folder:
         return folder.save(run)
 
 
 def plot(run: Run, path: str | Path | None = None) -> Figure:
-    """A run on one page: path, controls over time, spectrum. Written to `path` (.png, .svg, .pdf) where given."""
+    """Draw a run on one page: path, controls over time, spectrum of the thrust.
+
+    Args:
+        run: of a quadrotor.
+        path: a file to write: .png, .svg or .pdf; None writes nothing.
+
+    Returns:
+        The matplotlib Figure.
+    """
     from quadsim.app.figures.run_figure import draw  # which loads matplotlib
 
     figure = draw(run)
@@ -73,7 +100,7 @@ def compare(
     campaign: str | Path | None = None,
     **settings: Any,
 ) -> Comparison:
-    """Fly variants against each other, paired by seed, and say which is faster, safer, smoother, with intervals.
+    """Fly variants against each other, paired by seed: which is faster, safer, smoother, with 95 % intervals.
 
     Args:
         courses: one course or several.
@@ -86,6 +113,9 @@ def compare(
 
     Returns:
         A Comparison: `.variants` and `.pairs` with the numbers, `print(comparison)` for tables, `.plot(path)`.
+
+    Raises:
+        ValueError: as `fly`.
     """
     from quadsim.app.campaign.compare import compare as run_comparison
 

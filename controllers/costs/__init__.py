@@ -13,7 +13,12 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Cost:
-    """A cost with its numbers. J = (1/T) sum_t q_t, q = sum of the terms."""
+    """A cost with its numbers. J = (1/T) sum_t q_t, q = sum of the terms.
+
+    `terms(x, x_next, u, target, crashed, p)` takes tuples of scalars, x (n_x,), u (n_u,), a row of targets and params,
+    and returns the weighted terms, one for each of term_names, then reached and crashed. It is compiled: it may use
+    plain arithmetic, comparisons joined by `&` and `|`, abs, and numpy's sqrt, exp, where, minimum, maximum.
+    """
 
     name: str
     term_names: tuple[str, ...]

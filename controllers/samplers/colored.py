@@ -53,7 +53,11 @@ def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Colored:
-    """v = u + sigma z, z of the law, independent for every control."""
+    """v = u + sigma z, PSD(f) of z ~ 1/f^gamma, independent for every control; Vlahov et al. 2024.
+
+    sigma (n_u,) in the units of the controls, gamma (n_u,), 0: white. The laws stand at the head of this module.
+    Raises ValueError where gamma and sigma have different lengths.
+    """
 
     sigma: Sigma  # standard deviation of each control, in its unit
     gamma: Gamma  # exponent of each control, power spectral density ~ 1/f^gamma; 0: white

@@ -12,7 +12,10 @@ from controllers.samplers.lane_sampler import LaneSampler, Sigma
 
 @dataclass(frozen=True)
 class Gaussian:
-    """v = u + sigma xi, xi ~ N(0, 1)."""
+    """v = u + sigma xi, xi ~ N(0, 1) independent at every time step; Williams et al. 2018.
+
+    sigma (n_u,) in the units of the controls.
+    """
 
     sigma: Sigma  # standard deviation of each control, in its unit
 

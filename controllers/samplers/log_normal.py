@@ -20,7 +20,10 @@ CEILING = np.float32(60.0)  # of the exponent: exp(60) is far beyond any control
 
 @dataclass(frozen=True)
 class LogNormal:
-    """v = u + sigma xi exp(sigma eta)."""
+    """v = u + sigma xi exp(sigma eta), xi and eta ~ N(0, 1) independent at every time step; Mohamed et al. 2022.
+
+    sigma (n_u,): xi's in the units of the controls, eta's without a unit. The standard deviation is sigma exp(sigma^2).
+    """
 
     sigma: Sigma  # standard deviation of each control, in its unit
 

@@ -20,8 +20,14 @@ from controllers.samplers.lane_sampler import LaneSampler
 
 @runtime_checkable
 class PlainSampler(Protocol):
+    """What a sampler of one's own must have. At most 2048 samples are asked for at a time; it should keep no state."""
+
     def sample(self, rng: np.random.Generator, samples: int, horizon: int, controls: int) -> np.ndarray:
-        """Perturbations of the controls around the plan.  -> (samples, horizon, controls)"""
+        """Perturbations of the controls around the plan, in the units of the controls.
+
+        Returns:
+            (samples, horizon, controls), finite. MPPI raises ValueError for anything else.
+        """
         ...
 
 

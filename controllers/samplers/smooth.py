@@ -23,7 +23,7 @@ from controllers.samplers.lane_sampler import LaneSampler, Momentum, Shift, Sigm
 
 @dataclass(frozen=True)
 class SmoothStar:
-    """Smooth-MPPI*: sigma is that of the controls, as in Gaussian sampling."""
+    """Smooth-MPPI*, Vlahov et al. 2024: sigma (n_u,) in the units of the controls, as in Gaussian sampling."""
 
     sigma: Sigma  # standard deviation of each control, in its unit
     shift: Shift = "corrected"  # of the momentum with time
@@ -35,7 +35,7 @@ class SmoothStar:
 
 @dataclass(frozen=True)
 class Smooth:
-    """Smooth-MPPI: sigma is that of the controls' derivatives, per second."""
+    """Smooth-MPPI, Kim et al. 2022: sigma (n_u,) of the controls' derivatives, in their units per second."""
 
     sigma: Sigma  # standard deviation of each control's derivative, in its unit per second
     shift: Shift = "corrected"  # of the momentum with time

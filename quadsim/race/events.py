@@ -13,7 +13,7 @@ PENALTY = 3.0  # [s] a hit in the timed mode, as AirSim Drone Racing Lab scores
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something the referee saw, at the instant inside a physics step at which it happened."""
+    """What the referee reports, at the instant inside a physics step at which it happened."""
 
     t: float  # [s]
     kind: str  # pass, hit, miss, wrong_way, ground, bounds, timeout, unseen_contact

@@ -30,7 +30,9 @@ class Controller(Protocol):
         """The control that holds still, for the time before there is a plan.  (n_u,)"""
         ...
 
-    def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]: ...
+    def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
+        """The control (n_u,) to apply at the state x (n_x,), and what is to be reported of the plan."""
+        ...
 
 
 class PlainController:
@@ -47,14 +49,28 @@ class RefereeProtocol(Protocol):
     """Watches every physics step until it has an outcome; see quadsim.race.referee.Referee."""
 
     @property
-    def outcome(self) -> str | None: ...
+    def outcome(self) -> str | None:
+        """None while the flight goes on."""
+        ...
+
     @property
-    def passed(self) -> int: ...
+    def passed(self) -> int:
+        """Gates passed since the start."""
+        ...
+
     @property
-    def lap(self) -> int: ...
+    def lap(self) -> int:
+        """The current lap, from 1."""
+        ...
+
     @property
-    def next_gate(self) -> int: ...
-    def observe(self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()) -> list[Event]: ...
+    def next_gate(self) -> int:
+        """Index of the next gate, from 0."""
+        ...
+
+    def observe(self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()) -> list[Event]:
+        """What happened in the physics step from p0 at t0 to p1 at t1 [m, s]. contacts: what the plant touched."""
+        ...
 
 
 SNAPSHOT_EVERY = 10  # control periods from one PlannerSnapshot to the next

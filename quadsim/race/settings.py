@@ -29,7 +29,7 @@ Count = Annotated[int, Meta(ge=1)]
 
 
 class SettingError(ValueError):
-    """A setting that cannot be used: its name, what was expected with its unit, what came."""
+    """A setting that cannot be used: its name, what was expected with its unit, what was found."""
 
     def __init__(self, name: str, problem: str):
         super().__init__(f"{name}: {problem}" if name else problem)

@@ -53,7 +53,7 @@ class RunError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A flight as it is remembered. Laps, splits and penalties are read off the events, so they cannot disagree."""
+    """What a flight leaves behind. Laps, splits and penalties are read off the events, so they cannot disagree."""
 
     spec: dict  # resolved configuration, JSON
     telemetry: dict[str, np.ndarray]  # the columns of its system, each  (frames,)
@@ -82,7 +82,7 @@ class Run:
 
     @cached_property
     def gates(self) -> list[dict]:
-        """The gates passed, in order."""
+        """The gates passed, in order: gate and lap from 1, t [s], offset (left, up) of the centre [m], speed [m/s]."""
         keys = ("gate", "lap", "t", "offset", "speed")
         return [{k: getattr(e, k) for k in keys} for e in self.events if e.kind == "pass"]
 

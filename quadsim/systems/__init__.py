@@ -16,7 +16,11 @@ import numpy as np
 
 @dataclass(frozen=True)
 class System:
-    """A model with its numbers: x_{t+1} = step(x_t, u_t, params, dt)."""
+    """A model with its numbers: x_{t+1} = step(x_t, u_t, params, dt).
+
+    `step` takes tuples of scalars, x (n_x,), u (n_u,) and params, and returns the next x (n_x,). It is compiled: plain
+    arithmetic, comparisons joined by `&` and `|`, abs, and numpy's sqrt, exp, where, minimum, maximum.
+    """
 
     name: str
     states: tuple[str, ...]  # n_x names
@@ -29,7 +33,7 @@ class System:
     rest: tuple[float, ...]  # (n_u,) the control that holds still, e.g. hover
 
     def tightened(self, share: float) -> System:
-        """With limits that leave room to correct what the model does not know, as a tube MPC would."""
+        """The same with this share of the way from rest to each limit left unused, for corrections, as in tube MPC."""
         low, high = (
             tuple(limit + share * (rest - limit) for limit, rest in zip(limits, self.rest, strict=True))
             for limits in (self.low, self.high)

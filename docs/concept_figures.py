@@ -1,0 +1,183 @@
+"""The pictures of concepts.md, in some minutes: `.venv/bin/python docs/concept_figures.py [NAME ...]`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import quadsim
+from controllers.costs.quadratic import quadratic_cost
+from controllers.mppi import MPPI
+from controllers.sampled_trajectories import controls, sampled_trajectories
+from controllers.update import weights
+from quadsim import Colored, Gaussian, MPPIConfig, Spec
+from quadsim.app.figures.style import STYLE
+from quadsim.palette import INK, MARK, NEXT, SPARE, style
+from quadsim.race.spec import build, launch
+from quadsim.systems.double_integrator import double_integrator
+
+FOLDER = Path(__file__).parent
+COLORED, WHITE = style("colored").colour, style("gaussian").colour
+SIZE = (9.0, 3.4)  # [inch]
+
+
+def main() -> None:
+    plt.rcParams.update(STYLE | {"figure.dpi": 130, "figure.constrained_layout.use": True})
+    figures = (weights_and_temperature, noise, gates_in_the_rollout, randomized_seeds, adaptation)
+    for draw in figures:
+        if len(sys.argv) == 1 or draw.__name__ in sys.argv[1:]:
+            draw().savefig(FOLDER / f"concept_{draw.__name__}.png")
+
+
+def point_planner(sampler: Any, horizon: int = 40, **numbers: Any) -> MPPI:
+    """Of a point mass in the plane, on its way to the origin."""
+    config = MPPIConfig(samples=512, horizon=horizon, dt=0.05, **numbers)
+    return MPPI(double_integrator(0.05), quadratic_cost((0.0, 0.0)), sampler, config)
+
+
+def weights_and_temperature() -> Any:
+    """One iteration: samples coloured by weight; how the temperature spreads the weights."""
+    figure, (plane, curve) = plt.subplots(1, 2, figsize=SIZE)
+    mppi = point_planner(Colored((2.0, 2.0), (2.0, 2.0)), temperature=3.0, iterations=1)
+    x = np.array([2.0, 1.0, -0.5, 1.0])
+    for _ in range(3):
+        mppi.control(x, elapsed=0)
+    seen, J = sampled_trajectories(mppi), np.sort(mppi.last.J)
+    share = np.exp(-(seen.costs - seen.costs.min()) / mppi.temperature)
+    for path, s in reversed(list(zip(seen.paths, share, strict=True))):
+        plane.plot(*path[:, :2].T, color=plt.cm.viridis_r(s), linewidth=0.4 + 1.2 * s)
+    plane.plot(*seen.nominal[:, :2].T, color=INK, linewidth=2.5, label="plan: the weighted mean")
+    plane.plot(*x[:2], "o", color=INK)
+    plane.annotate("vehicle", x[:2], xytext=(6, -4), textcoords="offset points")
+    plane.plot(0, 0, "*", color=NEXT, markersize=12)
+    plane.annotate("goal", (0, 0), xytext=(7, -14), textcoords="offset points", weight="bold")
+    plane.set(title="The 63 cheapest samples; dark: large weight", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    plane.legend(loc="lower right")
+    for temperature, s in zip((0.3, 3.0, 30.0), SPARE, strict=False):
+        w = weights(J, temperature)
+        curve.loglog(np.arange(1, len(J) + 1), w, color=s.colour, label=f"λ = {temperature:g}: ESS {1 / (w @ w):.0f}")
+    curve.set(title="Weights of the 512 samples", xlabel="rank by cost", ylabel="weight w", ylim=(1e-6, 1))
+    curve.legend()
+    return figure
+
+
+def noise() -> Any:
+    """White and colored noise of the same variance, and how far a point mass gets with each."""
+    figure, (series, reach) = plt.subplots(1, 2, figsize=SIZE)
+    t, x = 0.05 * np.arange(80), np.zeros(4)
+    for sampler, colour, name in (
+        (Gaussian((1.0, 1.0)), WHITE, "Gaussian"),
+        (Colored((1.0, 1.0), (2.0, 2.0)), COLORED, "colored, γ = 2"),
+    ):
+        mppi = point_planner(sampler, horizon=80, temperature=1e6)
+        mppi.control(x)
+        v = perturbations(mppi)  # (30, n_u, T)
+        series.plot(t, v[3, 0], color=colour, label=name)
+        paths, _ = mppi.rollout.paths(x, v, 0)
+        for path in paths:
+            reach.plot(*path[:, :2].T, color=colour, linewidth=0.8)
+    series.set(title="One control of one sample, σ = 1", xlabel="t [s]", ylabel="perturbation [m/s²]")
+    series.legend()
+    reach.set(title="Where 30 samples of each are after 4 s", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    return figure
+
+
+def perturbations(mppi: MPPI, count: int = 30) -> np.ndarray:
+    """Of the last iteration, without samples 0 and 1.  (count, n_u, T)"""
+    which = np.arange(2, 2 + count)
+    return controls(mppi, mppi.last, which) - mppi.last.centre.T
+
+
+def flown_until(spec: Spec, t: float) -> MPPI:
+    """The planner of a flight at time t [s]."""
+    plant, controller, referee = build(spec)
+    for frame in launch(spec, plant, controller, referee):
+        if frame.t >= t:
+            break
+    plant.close()
+    return controller
+
+
+def gates_in_the_rollout() -> Any:
+    """A plan through two gates: each sample is drawn to the next gate once it is through the last one."""
+    figure, axes = plt.subplots(figsize=(9.0, 3.8))
+    spec = Spec.of("figure8", laps=1)
+    mppi = flown_until(spec, 1.96)
+    for path in sampled_trajectories(mppi, points=100).paths[::-3]:
+        for target, part in by_target(path, mppi):
+            axes.plot(
+                *part[:, :2].T,
+                color=SPARE[target - mppi.last.target].colour,
+                linewidth=0.7,
+                label=f"towards gate {target + 1}",
+            )
+    for i, gate in enumerate(spec.course.gates):
+        inner, outer = gate.corners()[[0, 2]], gate.corners(gate.frame_width)[[0, 2]]
+        for bar in zip(inner, outer, strict=True):
+            axes.plot(*np.array(bar)[:, :2].T, color=INK, linewidth=3)
+        if i != 4:  # it stands above gate 1
+            name = "gates 1 and 5" if i == 0 else f"gate {i + 1}"
+            axes.annotate(name, gate.position[:2], xytext=(9, 12), textcoords="offset points", color=MARK)
+    axes.plot(*mppi.last.x[:2], "o", color=INK)
+    axes.set(title="Sampled trajectories of one plan, from above", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(dict(zip(labels, handles, strict=True)).values(), dict.fromkeys(labels), loc="lower left")
+    return figure
+
+
+def by_target(path: np.ndarray, mppi: MPPI) -> Iterator[tuple[int, np.ndarray]]:
+    """The parts of a path (points, 3) with the target that each is on the way to."""
+    target, first = mppi.last.target, 0
+    for k in range(1, len(path)):
+        row = mppi.cost.targets[target]
+        before, after = (path[k - 1 : k + 1] - row[:3]) @ row[3:6]
+        if before < 0.0 <= after:
+            yield target, path[first : k + 1]
+            first, target = k, target + 1
+    yield target, path[first:]
+
+
+def randomized_seeds() -> Any:
+    """Six seeds of domain randomization, from above, and what they drew."""
+    figure, (above, bars) = plt.subplots(1, 2, figsize=SIZE, width_ratios=(2, 1))
+    names = {"mass": "mass", "thrust": "full thrust", "drag": "drag", "motor_lag": "rotor lag"}
+    for seed in range(6):
+        run = quadsim.fly("figure8", laps=1, seed=seed, randomize=1.0)
+        colour = SPARE[seed].colour
+        above.plot(run.telemetry["px"], run.telemetry["py"], color=colour, linewidth=0.9, label=f"{run.laps[0]:.2f} s")
+        drawn = [100 * run.spec["variation"][name] for name in names]
+        bars.plot(drawn, np.arange(len(names)) + 0.09 * (seed - 2.5), "o", color=colour, markersize=4)
+    above.set(title="One lap of six randomized seeds", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    above.legend(loc="upper center", ncols=6, columnspacing=1.0, handlelength=1.0, bbox_to_anchor=(0.5, -0.2))
+    bars.set_yticks(range(len(names)), names.values())
+    bars.set(title="What was drawn", xlabel="difference from nominal [%]", xlim=(-30, 30))
+    return figure
+
+
+def adaptation() -> Any:
+    """Thrust gain as estimated in flight, of a vehicle whose mass is not that of its model."""
+    figure, axes = plt.subplots(figsize=(9.0, 2.8))
+    spec = Spec.of("figure8", laps=1, seed=3, randomize=1.0)
+    plant, mppi, referee = build(spec)
+    rows = []
+    for frame in islice(launch(spec, plant, mppi, referee), 300):
+        rows.append((frame.t, mppi.adaptation.model.thrust_gain, mppi.adaptation.std[0]))
+    plant.close()
+    t, gain, std = np.array(rows).T
+    true = 1.0 / (1.0 + spec.record()["variation"]["mass"])
+    axes.fill_between(t, gain - 2 * std, gain + 2 * std, color=WHITE, alpha=0.4, linewidth=0, label="± 2 sd")
+    axes.plot(t, gain, color=SPARE[0].colour, label="estimate")
+    axes.axhline(true, color=INK, linestyle="--", linewidth=1, label="true: nominal over real mass")
+    axes.set(title="Thrust gain: acceleration per thrust delivered", xlabel="t [s]", ylabel="gain")
+    axes.legend(ncols=3)
+    return figure
+
+
+if __name__ == "__main__":
+    main()
