@@ -115,7 +115,7 @@ def _goal(run: Run, columns: int) -> Iterator[Part]:
     numbers = _point(run)
     table = plain_table("", "", "", left=(0, 2), no_wrap=True)
     table.show_header = False
-    table.add_row("accumulated cost", f"{numbers['accumulated_cost']:.1f}")
+    table.add_row("accumulated quadratic cost", f"{numbers['accumulated_cost']:.1f}")
     for name, term in numbers["cost_terms"].items():
         table.add_row(f"  of it {name}", f"{term:.1f}")
     table.add_row("distance to the goal at the end", f"{numbers['end']['distance']:.3f}", "[dim]m[/]")
