@@ -10,6 +10,8 @@ from math import exp, pi, sqrt
 
 import numpy as np
 
+from controllers.costs.quadratic import QuadraticWeights, quadratic_cost
+from quadsim.course.point_goal import parse_point_goal
 from quadsim.race.events import sector_times
 from quadsim.record.run import Run, system_of, units_of
 
@@ -113,6 +115,15 @@ def high_frequency_fraction(t: np.ndarray, u: np.ndarray, corner: float) -> floa
 def splits(run: Run) -> list[list[float]]:
     """Flown seconds from gate to gate, one list a lap."""
     return sector_times(run.events)
+
+
+def accumulated_cost(run: Run) -> dict[str, float]:
+    """The terms of a double integrator's quadratic cost, each summed over the states that were reached."""
+    goal = parse_point_goal(run.spec["course_text"], run.spec["course"]).goal
+    cost = quadratic_cost(goal, QuadraticWeights(**run.spec["planner"]["cost"]))
+    x = tuple(run.telemetry[name][1:] for name in units_of(run.spec)[0])  # the first state was given
+    terms = cost.terms(x, x, (), goal, 0.0, cost.params)[: len(cost.term_names)]
+    return {name: float(np.sum(term)) for name, term in zip(cost.term_names, terms, strict=True)}
 
 
 def missed_deadlines(run: Run) -> int:
