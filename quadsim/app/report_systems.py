@@ -6,18 +6,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import hypot
 
-import numpy as np
 from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from controllers.costs.quadratic import TERMS, QuadraticWeights, quadratic_cost
 from quadsim.app.console import plain_table
 from quadsim.app.report_tables import chatter_table, incident_table, lap_tables, published_table
 from quadsim.course import Course, parse_course
 from quadsim.course.corridor import Corridor, parse_corridor
-from quadsim.course.point_goal import PointGoal, parse_point_goal
-from quadsim.record.metrics import chatter, splits
+from quadsim.course.point_goal import parse_point_goal
+from quadsim.record.metrics import accumulated_cost, chatter, splits
 from quadsim.record.run import Run, system_of, units_of
 
 Part = RenderableType
@@ -56,10 +54,6 @@ def _corridor(run: Run) -> Corridor:
     return parse_corridor(run.spec["course_text"], run.spec["course"])
 
 
-def _task(run: Run) -> PointGoal:
-    return parse_point_goal(run.spec["course_text"], run.spec["course"])
-
-
 def _legs(run: Run) -> list[dict]:
     """Of every leg that was driven to its end: time [s], length of the centre line [m], speed there [m/s]."""
     times, lengths = (t for lap in splits(run) for t in lap), _corridor(run).lengths
@@ -91,20 +85,11 @@ def _end_of_drive(run: Run) -> str:
     return f"[red]{ENDS.get(last.kind, last.kind)}[/] {leg}, {where}"
 
 
-def _accumulated(run: Run) -> dict[str, float]:
-    """The terms of the quadratic cost, summed over the states that were reached."""
-    x = [run.telemetry[name][1:] for name in units_of(run.spec)[0]]
-    goal = _task(run).goal
-    cost = quadratic_cost(goal, QuadraticWeights(**run.spec["planner"]["cost"]))
-    terms = cost.terms(x, x, (), goal, 0.0, cost.params)[: len(TERMS)]
-    return {name: float(np.sum(term)) for name, term in zip(TERMS, terms, strict=True)}
-
-
 def _point(run: Run) -> dict:
     """The accumulated cost, and the last state: distance to the goal [m], speed [m/s]."""
-    goal = _task(run).goal
+    goal = parse_point_goal(run.spec["course_text"], run.spec["course"]).goal
     px, py, vx, vy = (run.telemetry[name][-1] for name in units_of(run.spec)[0])
-    terms = _accumulated(run)
+    terms = accumulated_cost(run)
     reached = {"distance": hypot(px - goal[0], py - goal[1]), "speed": hypot(vx, vy)}
     return {"accumulated_cost": sum(terms.values()), "cost_terms": terms, "end": reached}
 
@@ -115,7 +100,7 @@ def _goal(run: Run, columns: int) -> Iterator[Part]:
     numbers = _point(run)
     table = plain_table("", "", "", left=(0, 2), no_wrap=True)
     table.show_header = False
-    table.add_row("accumulated cost", f"{numbers['accumulated_cost']:.1f}")
+    table.add_row("accumulated quadratic cost", f"{numbers['accumulated_cost']:.1f}")
     for name, term in numbers["cost_terms"].items():
         table.add_row(f"  of it {name}", f"{term:.1f}")
     table.add_row("distance to the goal at the end", f"{numbers['end']['distance']:.3f}", "[dim]m[/]")

@@ -32,8 +32,8 @@ class PlantState:
 
     @property
     def position(self) -> tuple[float, float, float]:
-        """Of a state that begins with one [m]."""
-        x, y, z = self.x[:3]
+        """Of a state that begins with one [m]; a state of fewer than three numbers is filled up with zeros."""
+        x, y, z = (*self.x[:3], 0.0, 0.0)[:3]
         return x, y, z
 
 

@@ -48,7 +48,7 @@ class RunFolder:
         return self
 
     def __exit__(self, *_: object) -> None:
-        with suppress(OSError):  # gone after save(), or not empty: then somebody should look at it
+        with suppress(OSError):  # gone after save(), or not empty and kept
             self.part.rmdir()
 
     def save(self, run: Run) -> Path:
@@ -119,7 +119,7 @@ def _digest(run: Run) -> str | None:
 
 
 def _claim(path: Path) -> bool:
-    """Whoever makes the .part owns the name."""
+    """Whether the name was free: it belongs to the flight that makes the .part."""
     part = path.with_name(path.name + PART)
     with _one_line(part, "cannot make a run folder"):
         try:

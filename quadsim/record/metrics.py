@@ -119,6 +119,15 @@ def splits(run: Run) -> list[list[float]]:
     return sector_times(run.events)
 
 
+def accumulated_cost(run: Run) -> dict[str, float]:
+    """The terms of a double integrator's quadratic cost, each summed over the states that were reached."""
+    goal = parse_point_goal(run.spec["course_text"], run.spec["course"]).goal
+    cost = quadratic_cost(goal, QuadraticWeights(**run.spec["planner"]["cost"]))
+    x = tuple(run.telemetry[name][1:] for name in units_of(run.spec)[0])  # the first state was given
+    terms = cost.terms(x, x, (), goal, 0.0, cost.params)[: len(cost.term_names)]
+    return {name: float(np.sum(term)) for name, term in zip(cost.term_names, terms, strict=True)}
+
+
 def missed_deadlines(run: Run) -> int:
     """Control periods that came late because a plan was not ready; none under the simulated clock."""
     period = run.spec["planner"]["mppi"]["dt"]

@@ -1,8 +1,8 @@
 """Run: what a flight leaves behind. Frames go in, one Run comes out; every number of a report is read off it.
 
-The spec is a JSON dict. Read here and in the archive: `course` and `sampler` (names), `course_text`, `seed`,
+The spec is a JSON dict. Read here and in the archive: `system`, `course` and `sampler` (names), `course_text`, `seed`,
 `vehicle` (asdict(Vehicle)); `host` holds what must not change a flight (threads, folders); `interactive`, the changes
-made in flight, see `not_comparable`. The rest is free.
+made in flight, see `not_comparable`; `own`, the user's own parts. There may be more.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from hashlib import sha256
 from itertools import takewhile
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from quadsim.record.planner_snapshot import PlannerSnapshots
 INTERACTIVE = "interactive"  # key of a spec: the planner's numbers that were changed while it flew
 COLUMNS = SYSTEMS["quadrotor"].columns  # telemetry column -> unit
 COUNTS = ("passed", "lap")  # integer columns
+Outcome = Literal["finished", "crashed", "stuck", "timeout", "interrupted"]
 WALL_CLOCK = ("plan_ms",)  # columns that differ from flight to flight and are no part of the digest
 
 
@@ -58,7 +60,7 @@ class Run:
     spec: dict  # resolved configuration, JSON
     telemetry: dict[str, np.ndarray]  # the columns of its system, each  (frames,)
     events: tuple[Event, ...]
-    outcome: str  # finished, crashed, stuck, timeout, interrupted
+    outcome: str  # an Outcome
     wall: dict  # wall clock: plan_ms {p50, p95}, real_time_factor
     snapshots: PlannerSnapshots | None = None
 
@@ -93,7 +95,7 @@ class Run:
         if not len(t):
             return 0.0
         last = self.events[-1].t if self.events and self.outcome != "interrupted" else 0.0
-        return last if last > t[-2:][0] else float(t[-1])
+        return last if last >= t[-2:][0] else float(t[-1])
 
     @cached_property
     def _completed(self) -> int:
@@ -144,7 +146,7 @@ def canonical(value: object) -> bytes:
 
 
 class Recorder:
-    """Keeps a flight while it goes on: 250 bytes a frame, so that a long one fits as well."""
+    """Collects the frames of a flight, about 250 bytes each."""
 
     def __init__(self) -> None:
         self.last: Frame | None = None
@@ -165,7 +167,10 @@ class Recorder:
         return self._frames
 
     def run(self, spec: dict) -> Run:
-        """The flight so far. A last frame without an outcome means that somebody stopped asking: interrupted."""
+        """The flight so far, interrupted where its last frame has no outcome. Raises ValueError for any other one."""
+        outcome = (self.last.outcome if self.last else None) or "interrupted"
+        if outcome not in get_args(Outcome):
+            raise ValueError(f"referee: expected an outcome of {', '.join(get_args(Outcome))}, got {outcome!r}")
         spec = json.loads(canonical(spec))  # tuples become lists now, so that loading gives back the same
         columns = columns_of(spec)
         table = np.array(self._numbers).reshape(len(self), len(columns))
@@ -174,7 +179,7 @@ class Recorder:
             spec=spec,
             telemetry=telemetry,
             events=tuple(self.events),
-            outcome=(self.last.outcome if self.last else None) or "interrupted",
+            outcome=outcome,
             wall=self._wall(telemetry["plan_ms"]),
             snapshots=PlannerSnapshots.of(self._snapshots),
         )

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from math import isfinite
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from quadsim.race.events import Event
 from quadsim.record.metrics import chatter
 from quadsim.record.planner_snapshot import PlannerSnapshots
-from quadsim.record.run import COUNTS, Run, RunError, columns_of, own_parts
+from quadsim.record.run import COUNTS, Outcome, Run, RunError, columns_of, own_parts
 
 SCHEMA_VERSION = 1
 
@@ -27,7 +27,7 @@ class Record:
     """What is read back of run.json; the rest follows from it or is there to be read by people."""
 
     spec: dict[str, Any]
-    outcome: Literal["finished", "crashed", "stuck", "timeout", "interrupted"]
+    outcome: Outcome
     events: tuple[Event, ...]
     plan_ms: dict[str, float]
     real_time_factor: float

@@ -52,7 +52,7 @@ class OffroadVehicle:
     name: str = "side_by_side"
     half_width: float = 0.8  # [m]
     steer_tau: float = 0.15  # lag of the steering wheel [s]
-    steer_rate: float = 1.0  # of the steering wheel [1/s]: 2 s from lock to lock
+    steer_rate: float = 1.0  # of the steering wheel [1/s]
     drive_tau: float = 0.4  # lag of throttle and brake [s]
     accel: float = 3.5  # at full throttle [m/s^2]
     brake: float = 6.0  # at full brake [m/s^2]

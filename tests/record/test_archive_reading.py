@@ -1,4 +1,4 @@
-"""Reading a run folder believes nothing, and still reads what was written long ago."""
+"""Reading a run folder checks everything, and still reads what was written long ago."""
 
 import json
 from pathlib import Path

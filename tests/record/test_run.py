@@ -46,6 +46,29 @@ def test_flight_interrupted_before_its_first_frame_is_still_a_run():
     assert len(run.digest()) == 64
 
 
+def test_a_finished_flight_without_a_pass_has_no_lap_time_and_ends_at_its_last_frame():
+    run = Run.from_frames(SPEC, [frame(0), frame(1), frame(2, outcome="finished")])
+    assert (run.laps, run.penalties, run.duration) == ([], [], 0.02)
+    assert len(run.digest()) == 64
+
+
+def test_a_lap_whose_end_no_pass_tells_has_no_time_and_the_laps_before_it_do():
+    whole = two_laps()
+    cut = replace(whole, events=tuple(e for e in whole.events if e.lap == 1))
+    assert (len(whole.laps), cut.laps, cut.penalties) == (2, whole.laps[:1], [0.0])
+
+
+def test_a_flight_lasts_until_the_event_that_ended_it():
+    assert two_laps().duration == 0.59, "between the last two frames"
+    assert two_laps(outcome=None).duration == 0.6, "interrupted at a frame"
+    assert replace(two_laps(), events=two_laps().events[:-1]).duration == 0.6, "ended without an event"
+
+
+def test_an_outcome_that_could_not_be_read_back_is_refused():
+    with pytest.raises(ValueError, match=r"referee: expected an outcome of finished, crashed, .* got 'landed'"):
+        Run.from_frames(SPEC, [frame(0, outcome="landed")])
+
+
 def test_wall_clock_is_percentiles_and_simulated_over_real_seconds():
     frames = [frame(k, plan_ms=float(k)) for k in range(101)]
     assert Run.from_frames(SPEC, frames).wall == {"plan_ms": {"p50": 50.0, "p95": 95.0}, "real_time_factor": 0.5}
