@@ -38,18 +38,18 @@ def small(sampler="gaussian"):
 
 
 def test_a_finished_run_is_never_made_twice(here, tmp_path, capsys):
-    (first,) = flown([small()], 2, tmp_path)
+    first = flown([small()], 2, tmp_path)
     assert "2/2 table2 gaussian seed 1: finished" in capsys.readouterr().err
-    assert flown([small()], 2, tmp_path) == [first]
+    assert flown([small()], 2, tmp_path) == first
     assert capsys.readouterr().err == ""
-    (more,) = flown([small()], 3, tmp_path)
-    assert more[:2] == first
+    assert flown([small()], 3, tmp_path)["gaussian"][:2] == first["gaussian"]
     assert "2 of 3 attempts are kept from before" in capsys.readouterr().err
 
 
 def test_the_accumulated_cost_is_that_of_the_states_reached_and_kept_with_the_attempt(here, tmp_path):
-    (rows,) = flown([small()], 2, tmp_path)
-    for kept, run in zip(rows, load_runs(rows, tmp_path), strict=True):
+    attempts = flown([small()], 2, tmp_path)
+    (rows,), (flights,) = attempts.values(), load_runs(attempts, tmp_path).values()
+    for kept, run in zip(rows, flights, strict=True):
         px, py, vx, vy = (run.telemetry[name][1:] for name in ("px", "py", "vx", "vy"))
         total = np.sum(5.0 * ((px + 4.0) ** 2 + (py + 4.0) ** 2) + 0.5 * (vx**2 + vy**2))
         assert kept.result["cost"] == accumulated_cost(run) == pytest.approx(total, rel=1e-12)
@@ -115,7 +115,7 @@ def test_no_two_cells_are_one_variant_and_no_two_seeds_one_attempt():
 def test_table2_has_every_cell_of_the_paper_and_six_rows_more(tmp_path, monkeypatch, capsys):
     """With runs that a stand-in has made."""
     one = row(result={"cost": 100.0, "plan_ms": {"p50": 1.0}})
-    monkeypatch.setattr(table2, "flown", lambda variants, runs, folder: [[one] * runs for _ in variants])
+    monkeypatch.setattr(table2, "flown", lambda variants, runs, _: {v.name: [one] * runs for v in variants})
     assert race(["paper", "table2", "--runs", "2", "--json", "--runs-dir", str(tmp_path)]) == 0
     cells = json.loads(capsys.readouterr().out)["cells"]
     assert {(c["sampler"], c["sigma"]) for c in cells if c["paper_mean"]} == set(TABLE2)
