@@ -2,12 +2,18 @@
 
 import csv
 import json
+from functools import partial
+from importlib import import_module
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from campaign_cases import row
 
+from controllers.plan import PlanStats
 from quadsim.app.campaign import runner
-from quadsim.app.campaign.attempt import attempt_key
+from quadsim.app.campaign.attempt import attempt_key, fly_attempt
+from quadsim.app.campaign.attempt import result as attempt_result
 from quadsim.app.campaign.variants import Variant, Workers
 from quadsim.app.cli import race
 from quadsim.app.paper import result, table2
@@ -32,20 +38,59 @@ def small(sampler="gaussian"):
 
 
 def test_a_finished_run_is_never_made_twice(here, tmp_path, capsys):
-    (first,) = flown([small()], 2, tmp_path)
+    first = flown([small()], 2, tmp_path)
     assert "2/2 table2 gaussian seed 1: finished" in capsys.readouterr().err
-    assert flown([small()], 2, tmp_path) == [first]
+    assert flown([small()], 2, tmp_path) == first
     assert capsys.readouterr().err == ""
-    (more,) = flown([small()], 3, tmp_path)
-    assert more[:2] == first
+    assert flown([small()], 3, tmp_path)["gaussian"][:2] == first["gaussian"]
     assert "2 of 3 attempts are kept from before" in capsys.readouterr().err
 
 
-def test_a_row_s_cost_is_that_of_its_telemetry(here, tmp_path):
-    (rows,) = flown([small()], 2, tmp_path)
-    costs = [accumulated_cost(run) for run in load_runs(rows, tmp_path)]
-    assert costs == [r.result["cost"] for r in rows]
-    assert costs[0] != costs[1]
+def test_the_accumulated_cost_is_that_of_the_states_reached_and_kept_with_the_attempt(here, tmp_path):
+    attempts = flown([small()], 2, tmp_path)
+    (rows,), (flights,) = attempts.values(), load_runs(attempts, tmp_path).values()
+    for kept, run in zip(rows, flights, strict=True):
+        px, py, vx, vy = (run.telemetry[name][1:] for name in ("px", "py", "vx", "vy"))
+        total = np.sum(5.0 * ((px + 4.0) ** 2 + (py + 4.0) ** 2) + 0.5 * (vx**2 + vy**2))
+        assert kept.result["cost"] == accumulated_cost(run) == pytest.approx(total, rel=1e-12)
+    assert rows[0].result["cost"] != rows[1].result["cost"]
+
+
+class FullThrottle:
+    """A driver that does not steer."""
+
+    rest = np.zeros(2)
+
+    def control(self, x, target=0, elapsed=1):
+        return np.array([1.0, 0.0]), PlanStats(0.0, 1.0, 1.0)
+
+
+def test_a_drive_that_ends_at_a_wall_has_no_cost_and_says_where_it_ended():
+    found = attempt_result(fly_attempt(Spec.of("zigzag", controller=FullThrottle())))
+    assert found["cost"] is None
+    assert found["crash"]["kind"] == "wall"
+    assert found["crash"]["position"][0] > 20.0
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "files"),
+    [
+        ("double_integrator", "smooth_star", {"double_integrator"}),
+        ("quadrotor", "variants", {"quadrotor", "quadrotor_laps"}),
+        ("offroad", "variants", {"offroad", "offroad_paths", "offroad_controls"}),
+    ],
+)
+def test_an_experiment_flies_and_leaves_numbers_and_figures(name, key, files, here, tmp_path, monkeypatch, capsys):
+    """With a small planner and for a moment only."""
+    module = import_module(f"quadsim.app.paper.{EXPERIMENTS[name][0]}")
+    few = partial(Spec.of, samples=128, horizon=20, iterations=1, timeout=0.3)
+    monkeypatch.setattr(module, "Spec", SimpleNamespace(of=few))
+    assert race(["paper", name, "--runs", "1", "--json", "--runs-dir", str(tmp_path)]) == 0
+    assert key in json.loads(capsys.readouterr().out)
+    assert files <= {path.stem for path in (tmp_path / "paper").iterdir() if path.suffix in (".csv", ".png")}
+    monkeypatch.setattr(runner, "fly_all", None)  # all is there
+    assert race(["paper", name, "--runs", "1", "--runs-dir", str(tmp_path)]) == 0
+    assert f"{name}.csv" in capsys.readouterr().out
 
 
 def test_an_attempt_that_is_lost_with_its_worker_is_one_line(here, tmp_path, monkeypatch):
@@ -70,7 +115,7 @@ def test_no_two_cells_are_one_variant_and_no_two_seeds_one_attempt():
 def test_table2_has_every_cell_of_the_paper_and_six_rows_more(tmp_path, monkeypatch, capsys):
     """With runs that a stand-in has made."""
     one = row(result={"cost": 100.0, "plan_ms": {"p50": 1.0}})
-    monkeypatch.setattr(table2, "flown", lambda variants, runs, folder: [[one] * runs for _ in variants])
+    monkeypatch.setattr(table2, "flown", lambda variants, runs, _: {v.name: [one] * runs for v in variants})
     assert race(["paper", "table2", "--runs", "2", "--json", "--runs-dir", str(tmp_path)]) == 0
     cells = json.loads(capsys.readouterr().out)["cells"]
     assert {(c["sampler"], c["sigma"]) for c in cells if c["paper_mean"]} == set(TABLE2)

@@ -60,7 +60,7 @@ def test_colored_costs_less_than_gaussian_at_the_same_sigma():
 
 
 def test_log_mppi_needs_far_larger_controls_and_colored_reaches_the_goal_without():
-    """At sigma 1.5; whoever is within 1 m of the goal after 1.5 s has reached it."""
+    """At sigma 1.5; the goal counts as reached within 1 m of it after 1.5 s."""
     largest = {name: abs(track(name)[1]).max() for name in ("log_normal", "colored_1", "colored_2", "gaussian")}
     assert largest["log_normal"] > 3 * max(largest["colored_1"], largest["colored_2"])
     assert all(abs(track(name)[0][100] + 4.0) < 1.0 for name in ("log_normal", "colored_1", "colored_2"))

@@ -32,9 +32,9 @@ SHOWN = 8.0  # seconds of controls, as in the paper
 def offroad(runs: int, folder: Path) -> Result:
     """A quarter as many runs at the lower temperature."""
     *paper, cold = (Variant(name, spec(**settings)) for name, settings in VARIANTS.items())
-    rows = dict(zip(VARIANTS, flown(paper, runs, folder) + flown([cold], -(-runs // 4), folder), strict=True))
-    drives = {name: load_runs(of_variant, folder) for name, of_variant in rows.items()}
-    table = [table1_row("offroad", name, rows[name]) | _ends(of_variant) for name, of_variant in drives.items()]
+    attempts = flown(paper, runs, folder) | flown([cold], -(-runs // 4), folder)
+    drives = load_runs(attempts, folder)
+    table = [table1_row("offroad", name, rows) | _ends(drives[name]) for name, rows in attempts.items()]
     files = (
         write_csv(folder / "offroad.csv", table),
         *write_figure(_draw_paths(drives), folder, "offroad_paths"),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from quadsim.app.campaign.variants import Variant
@@ -26,20 +27,18 @@ COLUMNS = ("t", "px", "py", "vx", "vy", *CONTROL)
 
 def quadrotor(runs: int, folder: Path) -> Result:
     variants = [Variant(name, Spec.of(COURSE, preset="paper", sampler=name)) for name in ("gaussian", "colored")]
-    attempts = dict(zip((v.name for v in variants), flown(variants, runs, folder), strict=True))
-    flights = {name: load_runs(rows, folder) for name, rows in attempts.items()}
+    attempts = flown(variants, runs, folder)
+    flights = load_runs(attempts, folder)
     table = [table1_row("quadrotor", name, rows) | _mean_chatter(flights[name]) for name, rows in attempts.items()]
-    fastest = {name: _fastest(of_sampler) for name, of_sampler in flights.items()}
-    files = [
+    finished = {name: [run for run in every if run.outcome == "finished"] for name, every in flights.items()}
+    fastest = {name: min(done, key=lambda run: run.laps[0]) for name, done in finished.items() if done}
+    figure = _draw(finished, fastest, runs)
+    files = (
         write_csv(folder / "quadrotor.csv", table),
-        *write_figure(_draw(flights, fastest), folder, "quadrotor_laps"),
-        *(
-            write_csv(folder / f"quadrotor_{name}_fastest.csv", list(csv_rows(run, COLUMNS)))
-            for name, run in fastest.items()
-            if run
-        ),
-    ]
-    return Result({"variants": table}, (table1(table, "TV", "thrust_tv"),), tuple(files))
+        *write_figure(figure, folder, "quadrotor_laps"),
+        *(write_csv(folder / f"quadrotor_{name}_fastest.csv", [*csv_rows(x, COLUMNS)]) for name, x in fastest.items()),
+    )
+    return Result({"variants": table}, (table1(table, "TV", "thrust_tv"),), files)
 
 
 def _mean_chatter(flights: Sequence[Run]) -> dict:
@@ -48,36 +47,30 @@ def _mean_chatter(flights: Sequence[Run]) -> dict:
     return {key: float(np.mean([c[key] for c in each])) for key in ("thrust_tv", "high_frequency_fraction")}
 
 
-def _finished(flights: Sequence[Run]) -> list[Run]:
-    return [run for run in flights if run.outcome == "finished"]
-
-
-def _fastest(flights: Sequence[Run]) -> Run | None:
-    return min(_finished(flights), key=lambda run: run.laps[0], default=None)
-
-
-def _draw(flights: dict[str, list[Run]], fastest: dict[str, Run | None]) -> Figure:
+def _draw(finished: dict[str, list[Run]], fastest: dict[str, Run], attempts: int) -> Figure:
     with rc_context(STYLE):
         figure = Figure(figsize=(12, 8), dpi=110, layout="constrained")
-        parts = figure.subfigures(len(flights), 1, squeeze=False)[:, 0]
-        for part, (name, of_sampler) in zip(parts, flights.items(), strict=True):
+        parts = figure.subfigures(len(finished), 1, squeeze=False)[:, 0]
+        for part, (name, flights) in zip(parts, finished.items(), strict=True):
             left, right = part.subfigures(1, 2, width_ratios=(1.5, 1))
-            _draw_laps(left, name, of_sampler)
-            if run := fastest[name]:
-                _draw_controls(right.subplots(4, 1, sharex=True), name, run)
+            laps = flights[:LAPS_SHOWN]
+            axes = _draw_laps(left, laps)
+            axes.set_title(f"{name}: first {len(laps)} laps that finished, of {attempts} attempts")
+            if laps:
+                _draw_controls(right.subplots(4, 1, sharex=True), name, fastest[name])
     return figure
 
 
-def _draw_laps(part: SubFigure, sampler: str, flights: Sequence[Run]) -> None:
-    axes, laps = part.subplots(), _finished(flights)[:LAPS_SHOWN]
+def _draw_laps(part: SubFigure, laps: Sequence[Run]) -> Axes:
+    axes = part.subplots()
     speeds = [np.hypot(run.telemetry["vx"], run.telemetry["vy"]) for run in laps]
     lines = draw_paths(axes, laps, speeds, "plasma", top=12.0)
     part.colorbar(lines, ax=axes, label="ground speed [m/s]", pad=0.01, shrink=0.6)
-    axes.set_title(f"{sampler}: first {len(laps)} laps that finished, of {len(flights)} attempts")
     for gate in load_course(COURSE).gates:
         half = gate.opening[0] / 2 * gate.rotation[:2, 1]
         axes.plot(*np.array([gate.position[:2] - half, gate.position[:2] + half]).T, color=INK, linewidth=3.0)
     axes.margins(0.03)
+    return axes
 
 
 def _draw_controls(rows: np.ndarray, sampler: str, run: Run) -> None:

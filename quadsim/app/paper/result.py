@@ -23,8 +23,6 @@ from quadsim.app.paper.published import TABLE1
 from quadsim.record.archive import load_run
 from quadsim.record.run import Run, RunError
 
-Rows = Sequence[Row]
-
 
 @dataclass(frozen=True)
 class Result:
@@ -35,8 +33,8 @@ class Result:
     files: tuple[Path, ...]
 
 
-def flown(variants: Sequence[Variant], runs: int, folder: Path) -> list[list[Row]]:
-    """Rows of every variant, one for each of so many seeds; those that the folder's campaign lacks are flown now.
+def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, list[Row]]:
+    """Name of each variant -> its attempts by seed; those that the folder's campaign lacks are flown now.
 
     Raises RunError where an attempt is lost, KeyboardInterrupt.
     """
@@ -45,12 +43,12 @@ def flown(variants: Sequence[Variant], runs: int, folder: Path) -> list[list[Row
         rows = runner(variants, runs)
     if any(len(of_variant) < runs for of_variant in rows):
         raise RunError(f"{path}: a worker process was lost twice; the same command goes on from here")
-    return rows
+    return {variant.name: of_variant for variant, of_variant in zip(variants, rows, strict=True)}
 
 
-def load_runs(rows: Rows, folder: Path) -> list[Run]:
-    """With their telemetry. Raises RunError."""
-    return [load_run(folder / row.folder) for row in rows]
+def load_runs(attempts: dict[str, list[Row]], folder: Path) -> dict[str, list[Run]]:
+    """The same with their telemetry. Raises RunError."""
+    return {name: [load_run(folder / row.folder) for row in rows] for name, rows in attempts.items()}
 
 
 def write_csv(path: Path, rows: Sequence[dict]) -> Path:
@@ -84,7 +82,7 @@ def draw_paths(axes: Axes, runs: Sequence[Run], colours: Sequence[np.ndarray], c
     return lines
 
 
-def table1_row(system: str, sampler: str, rows: Rows) -> dict:
+def table1_row(system: str, sampler: str, rows: Sequence[Row]) -> dict:
     """Success and times [s] of the attempts that finished, beside the paper's; None where there are none."""
     ours = variant_stats(sampler, rows, limit=nan)
     times = {"mean": ours.lap_mean, "sd": ours.lap_sd, "min": ours.lap_min}

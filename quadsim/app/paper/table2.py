@@ -18,10 +18,11 @@ from quadsim.app.campaign.variants import Variant
 from quadsim.app.console import plain_table
 from quadsim.app.figures.style import STYLE, line, write_figure
 from quadsim.app.paper.published import TABLE2
-from quadsim.app.paper.result import Result, flown, load_runs, write_csv
+from quadsim.app.paper.result import Result, flown, write_csv
 from quadsim.course.point_goal import load_point_goal
 from quadsim.palette import MARK, dotted, style
 from quadsim.race.spec import Spec
+from quadsim.record.archive import load_run
 
 COURSE = "table2"
 GOAL = load_point_goal(COURSE).goal[0]  # of either axis [m]
@@ -57,8 +58,8 @@ def double_integrator(runs: int, folder: Path) -> Result:
         name: min(rows, key=lambda row: row.result["cost"])
         for (name, _), rows in attempts(tuple(LOOKS), (SIGMA,), runs, folder).items()
     }
-    flights = [run.telemetry for run in load_runs(tuple(best.values()), folder)]
-    tracks = {name: (x["t"], x["px"], x["ax_cmd"]) for name, x in zip(best, flights, strict=True)}
+    flights = {name: load_run(folder / row.folder).telemetry for name, row in best.items()}
+    tracks = {name: (x["t"], x["px"], x["ax_cmd"]) for name, x in flights.items()}
     numbers = {
         name: {"seed": row.seed, "cost": row.result["cost"]} | _summary(*tracks[name]) for name, row in best.items()
     }
@@ -76,7 +77,7 @@ def attempts(
 ) -> dict[tuple[str, float], list[Row]]:
     """(row of the table, sigma) -> attempts by seed."""
     cells = [(name, sigma) for sigma, name in product(sigmas, names)]
-    return dict(zip(cells, flown([variant(*cell) for cell in cells], runs, folder), strict=True))
+    return dict(zip(cells, flown([variant(*cell) for cell in cells], runs, folder).values(), strict=True))
 
 
 def variant(name: str, sigma: float) -> Variant:
