@@ -54,6 +54,7 @@ DAMAGE = {
     "length": (lambda p: edit_npz(p, vz=np.zeros(3)), r"vz: expected float64 \(61,\), got float64 \(3,\)"),
     "pickle": (lambda p: edit_npz(p, vz=np.array([{}])), "damaged: Object arrays cannot be loaded"),
     "best": (lambda p: edit_npz(p, pictured=SEEN, best=np.zeros((2, 8, 3))), "best: expected float32"),
+    "four states": (lambda p: edit_npz(p, pictured=SEEN, best=np.zeros((2, 8, 5, 4), np.float32)), "1 to 3"),
     "pictured alone": (lambda p: edit_npz(p, pictured=SEEN), "missing or unknown: pictured"),
     "no path": (lambda p: edit_npz(p, pictured=SEEN, best=BEST[:, :0]), "best: expected float32"),
     "past the end": (lambda p: edit_npz(p, pictured=SEEN + 60, best=BEST), "pictured: expected rising frames below 61"),
