@@ -15,7 +15,7 @@ from quadsim.app.report_tables import chatter_table, incident_table, lap_tables,
 from quadsim.course import Course, parse_course
 from quadsim.course.corridor import Corridor, parse_corridor
 from quadsim.course.point_goal import parse_point_goal
-from quadsim.record.metrics import accumulated_cost, chatter, splits
+from quadsim.record.metrics import chatter, cost_terms, splits
 from quadsim.record.run import Run, system_of, units_of
 
 Part = RenderableType
@@ -89,7 +89,7 @@ def _point(run: Run) -> dict:
     """The accumulated cost, and the last state: distance to the goal [m], speed [m/s]."""
     goal = parse_point_goal(run.spec["course_text"], run.spec["course"]).goal
     px, py, vx, vy = (run.telemetry[name][-1] for name in units_of(run.spec)[0])
-    terms = accumulated_cost(run)
+    terms = cost_terms(run)
     reached = {"distance": hypot(px - goal[0], py - goal[1]), "speed": hypot(vx, vy)}
     return {"accumulated_cost": sum(terms.values()), "cost_terms": terms, "end": reached}
 

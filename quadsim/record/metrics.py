@@ -14,7 +14,6 @@ from controllers.costs.quadratic import QuadraticWeights, quadratic_cost
 from quadsim.course.point_goal import parse_point_goal
 from quadsim.race.events import sector_times
 from quadsim.record.run import Run, system_of, units_of
-from quadsim.systems.double_integrator import STATE_UNITS
 from quadsim.systems.first_order import remaining
 
 MOTOR_TAU = 0.033  # [s] a racing quadrotor's, for vehicles whose thrust acts at once
@@ -119,7 +118,12 @@ def splits(run: Run) -> list[list[float]]:
     return sector_times(run.events)
 
 
-def accumulated_cost(run: Run) -> dict[str, float]:
+def accumulated_cost(run: Run) -> float | None:
+    """Of a double integrator, over the states that were reached: Table II of Vlahov et al. 2024; None of others."""
+    return sum(cost_terms(run).values()) if system_of(run.spec) == "double_integrator" else None
+
+
+def cost_terms(run: Run) -> dict[str, float]:
     """The terms of a double integrator's quadratic cost, each summed over the states that were reached."""
     goal = parse_point_goal(run.spec["course_text"], run.spec["course"]).goal
     cost = quadratic_cost(goal, QuadraticWeights(**run.spec["planner"]["cost"]))
@@ -133,21 +137,6 @@ def missed_deadlines(run: Run) -> int:
     period = run.spec["planner"]["mppi"]["dt"]
     gaps = np.diff(run.telemetry["t"])
     return int(np.sum(gaps > period + 0.5 * run.spec["plant_dt"]))
-
-
-def accumulated_cost(run: Run) -> float | None:
-    """Sum of the double integrator's cost over the states reached, as in Table II of Vlahov et al. 2024.
-
-    None for other systems, and for a goal that no file describes.
-    """
-    spec = run.spec
-    if spec.get("system") != "double_integrator" or not spec["course_text"]:
-        return None
-    goal = parse_point_goal(spec["course_text"], spec["course"]).goal
-    cost = quadratic_cost(goal, QuadraticWeights(**spec["planner"]["cost"]))
-    x = tuple(run.telemetry[name][1:] for name in STATE_UNITS)  # each (frames - 1,)
-    distance, speed, *_ = cost.terms(x, x, (), cost.targets[0], 0.0, cost.params)
-    return float(sum((distance + speed).tolist()))
 
 
 def _rows(x: dict[str, np.ndarray], *names: str) -> np.ndarray:

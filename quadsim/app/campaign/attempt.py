@@ -14,7 +14,7 @@ from quadsim.race.build import build, launch
 from quadsim.race.spec import Spec
 from quadsim.record.metrics import accumulated_cost, chatter
 from quadsim.record.provenance import provenance
-from quadsim.record.run import Recorder, Run, canonical
+from quadsim.record.run import Recorder, Run, canonical, system_of
 
 LABELS = ("host", "preset")  # keys of a spec's record that do not decide the flight
 DRAWN = ("seed", "variation")
@@ -69,7 +69,7 @@ def this_provenance() -> dict:
 def result(flown: Flown) -> dict:
     """The numbers of an attempt that reports are made of. Seconds, metres, m/s^2/s, milliseconds."""
     run = flown.run
-    thrust = chatter(run) if "a_cmd" in run.telemetry else None  # only a quadrotor commands thrust
+    thrust = chatter(run) if system_of(run.spec) == "quadrotor" else None  # only a quadrotor commands thrust
     return {
         "laps": run.laps,
         "crash": _crash(run) if run.outcome == "crashed" else None,
