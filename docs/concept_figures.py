@@ -19,7 +19,7 @@ from controllers.update import weights
 from quadsim import Colored, Gaussian, MPPIConfig, Spec
 from quadsim.app.figures.style import STYLE
 from quadsim.palette import INK, MARK, NEXT, SPARE, style
-from quadsim.race.spec import build, launch
+from quadsim.race.build import build, launch
 from quadsim.systems.double_integrator import double_integrator
 
 FOLDER = Path(__file__).parent

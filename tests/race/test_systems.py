@@ -17,7 +17,8 @@ from controllers.samplers import SAMPLERS, Colored
 from quadsim.app.figures.run_figure import draw
 from quadsim.app.progress import Progress
 from quadsim.app.report import report, summary
-from quadsim.race.spec import Spec, frames
+from quadsim.race.build import frames
+from quadsim.race.spec import Spec
 from quadsim.race.systems import SYSTEMS, own_system
 from quadsim.record.archive import load_run
 from quadsim.record.run import Run, columns_of
