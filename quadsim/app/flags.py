@@ -102,7 +102,8 @@ def flight_settings(argv: Sequence[str]) -> dict[str, Setting]:
     entry = _entry_of(argv)
     sampler = _said(argv, "--sampler", FlightSettings.sampler)
     own = sampler not in SAMPLERS  # "module:Class" has no flags; of other names `resolve` says what is wrong
-    base = load_planner(_said(argv, "--preset", entry.default_preset), "colored" if own else sampler, entry.presets)
+    preset = _said(argv, "--preset", entry.default_preset)
+    base = load_planner(preset, "colored" if own else sampler, entry.presets, entry.control_units)
     return {name: s for name, s in settings_of(entry, base).items() if not (own and s.group == "sampling")}
 
 

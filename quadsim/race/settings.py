@@ -90,24 +90,21 @@ def settings_of(entry: SystemEntry, planner: Planner, model: Any = None) -> dict
     if model is None:
         model = entry.model_of(entry.load_vehicle(planner.vehicle))
     parts = {"flight": FlightSettings(), **{name: getattr(planner, name) for name in GROUPS}, "model": model}
-    units = tuple(entry.controls.values())
-    return {
-        s.name: s for group, values in parts.items() if is_dataclass(values) for s in _settings(group, values, units)
-    }
+    return {s.name: s for group, values in parts.items() for s in _settings(group, values, entry)}
 
 
-def _settings(group: str, values: Any, units: tuple[str, ...]) -> Iterator[Setting]:
-    """Of an instance whose values are the defaults; units: of the controls."""
-    if not is_dataclass(values):  # of a user's own
-        return
+def _settings(group: str, values: Any, entry: SystemEntry) -> Iterator[Setting]:
+    """Of an instance whose values are the defaults."""
+    if not is_dataclass(values) or (group == "sampling" and type(values) not in SAMPLERS.values()):
+        return  # a user's own object
     texts, prefix = comments(type(values)), "model." if group == "model" else ""
     kinds = {f.name: f.type for f in inspect.type_info(type(values)).fields}  # pyright: ignore
     for field in _fields(values):
         kind, default = kinds[field.name], getattr(values, field.name)
         if isinstance(kind, inspect.VarTupleType):  # one number for each control
-            kind = inspect.TupleType((kind.item_type,) * len(units))
+            kind = inspect.TupleType((kind.item_type,) * len(entry.controls))
         if field.name == "sigma":
-            kind = inspect.Metadata(kind, extra={"unit": ", ".join(units)})
+            kind = inspect.Metadata(kind, extra={"unit": entry.control_units})
         yield Setting(prefix + field.name, group, kind, default, texts.get(field.name, ""))
 
 
@@ -142,7 +139,7 @@ def resolve(course: Any = None, **given: Any) -> Spec:
     system = f.system or "quadrotor"
     entry = SYSTEMS[system]
     preset = f.preset or entry.default_preset
-    planner = load_planner(preset, f.sampler, entry.presets)
+    planner = load_planner(preset, f.sampler, entry.presets, entry.control_units)
     if sampling is not None:
         planner = replace(planner, sampling=sampling)
     vehicle = entry.load_vehicle(f.vehicle or planner.vehicle)
@@ -298,7 +295,7 @@ def _check_channels(sampling: Any, entry: SystemEntry) -> None:
     for field in _fields(sampling):
         numbers = getattr(sampling, field.name)
         if isinstance(numbers, tuple) and len(numbers) != wanted:
-            units = ", ".join(entry.controls.values()) if field.name == "sigma" else "1"
+            units = entry.control_units if field.name == "sigma" else "1"
             came = " ".join(f"{x:g}" for x in numbers)
             raise SettingError(field.name, f"expected {wanted} numbers [{units}], got {came}")
 

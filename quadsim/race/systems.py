@@ -70,6 +70,10 @@ class SystemEntry:
         return telemetry_columns(self.states, self.controls)
 
     @property
+    def control_units(self) -> str:
+        return ", ".join(self.controls.values())
+
+    @property
     def courses(self) -> tuple[str, ...]:
         """Names of the courses that come with the project."""
         return names(self.folder)

@@ -2,18 +2,17 @@
 
 import numpy as np
 import pytest
-from quadsim.app.flight_flags import FlightFlags
 
 from controllers.costs.race import TERMS
 from controllers.sampled_trajectories import cheapest, controls, sampled_trajectories, take_snapshot
 from quadsim.race.flight import SNAPSHOT_EVERY, fly
-from quadsim.race.spec import build, launch
+from quadsim.race.spec import Spec, build, launch
 
 
 @pytest.fixture
 def flight():
     """A flight of few samples over a few frames, closed afterwards."""
-    spec = FlightFlags(sampler="colored").defaults(["--sampler", "colored", "--preset", "paper"]).spec()
+    spec = Spec.of(sampler="colored", preset="paper")
     plant, mppi, referee = build(spec)
     mppi.samples = 256
     yield spec, plant, mppi, referee

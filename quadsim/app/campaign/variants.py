@@ -111,9 +111,9 @@ def words_as_settings(words: Sequence[str]) -> tuple[str, dict[str, Any]]:
         found.append((course, settings or {}))
         return 0
 
-    run_command(flight, "flight", words)
-    if not found:
-        raise UsageError(f"flight: expected what `race fly` flies, got {' '.join(words)!r}")
+    if {"--help", "-h"} & set(words):
+        raise UsageError(f"expected what `race fly` flies, got {' '.join(words)!r}")
+    run_command(flight, "race fly", words)
     return found[0]
 
 
