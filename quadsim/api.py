@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from quadsim.race.events import Frame
-from quadsim.race.spec import Spec
+from quadsim.race.spec import Spec, with_threads
 from quadsim.race.spec import frames as _frames
 from quadsim.record.archive import RunFolder, find_run
 from quadsim.record.archive import load_run as _load_run
@@ -32,7 +32,7 @@ def fly(course: Any = None, **settings: Any) -> Run:
         SettingError: a setting that cannot be used (a ValueError): name, what was expected with its unit, what came.
         FileError: a course, vehicle or preset that cannot be read (a ValueError).
     """
-    spec = course if isinstance(course, Spec) else Spec.of(course, **settings)
+    spec = _spec(course, settings)
     return Run.from_frames(spec.record(), _frames(spec))
 
 
@@ -41,7 +41,12 @@ def frames(course: Any = None, **settings: Any) -> Iterator[Frame]:
 
     The same arguments and errors as `fly`. Whoever asks for frames sets the pace.
     """
-    return _frames(course if isinstance(course, Spec) else Spec.of(course, **settings))
+    return _frames(_spec(course, settings))
+
+
+def _spec(course: Any, settings: Mapping[str, Any]) -> Spec:
+    spec = course if isinstance(course, Spec) else Spec.of(course, **settings)
+    return with_threads(spec) if spec.host.get("threads") else spec
 
 
 def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:

@@ -1,7 +1,7 @@
 """Settings: every number and choice of a flight by name, for the command line, for Python and for preset files.
 
 A setting is a field of one of the dataclasses below; its annotation holds unit and range, the comment beside it its
-help. `resolve` turns what was given into a Spec and is the one place where values are checked.
+help. quadsim.race.resolve makes the fields of a Spec of what was given.
 """
 
 from __future__ import annotations
@@ -10,10 +10,9 @@ import inspect as python_inspect
 import io
 import re
 import tokenize
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -21,23 +20,12 @@ import numpy as np
 import yaml
 from msgspec import Meta, inspect
 
-from controllers.config import MPPIConfig
-from controllers.costs import Cost
-from controllers.presets import Planner, faults
+from controllers.presets import Planner
 from controllers.samplers import SAMPLERS
-from quadsim.course import Course
-from quadsim.course.corridor import Corridor
-from quadsim.course.point_goal import PointGoal
 from quadsim.files.strict_yaml import unit
 from quadsim.files.yaml_values import Misfit, value
-from quadsim.files.yaml_words import NULL, TEXT, did_you_mean, expected, unless_null
-from quadsim.physics.plant import default_plant
-from quadsim.race.flight import whole_multiple
-from quadsim.race.preset_file import load_planner
-from quadsim.race.spec import OwnParts, Spec
-from quadsim.race.systems import SYSTEMS, SystemEntry, Task, own_system, system_of_course
-from quadsim.systems import System
-from quadsim.vehicle import with_thrust_to_weight
+from quadsim.files.yaml_words import NULL, TEXT, expected, unless_null
+from quadsim.race.systems import SystemEntry
 
 Count = Annotated[int, Meta(ge=1)]
 
@@ -46,7 +34,7 @@ class SettingError(ValueError):
     """A setting that cannot be used: its name, what was expected with its unit, what came."""
 
     def __init__(self, name: str, problem: str):
-        super().__init__(f"{name}: {problem}" if name else problem)
+        super().__init__(f"{name}: {problem}")
         self.name, self.problem = name, problem
 
 
@@ -119,63 +107,6 @@ def comments(cls: type) -> dict[str, str]:
     return found
 
 
-def resolve(course: Any = None, **given: Any) -> Spec:
-    """The Spec of these settings; what is not given comes from the preset, the course and the vehicle.
-
-    course: a name, a FILE.yaml, or a course object. A sampler, cost, system, plant, controller or referee may be an
-    object of the user's own. Raises SettingError, FileError.
-    """
-    if isinstance(given.get("system"), System):
-        return _of_own_system(**given)
-    own = OwnParts(**{role: given.pop(role) for role in ("cost", "controller", "referee") if role in given})
-    if "plant" in given and not isinstance(given["plant"], str | None):
-        own = replace(own, plant=given.pop("plant"))
-    sampling = sampler_object(given["sampler"]) if "sampler" in given else None
-    if sampling is not None:
-        given["sampler"] = sampler_name(sampling) if type(sampling) in SAMPLERS.values() else FlightSettings.sampler
-    if "system" not in given and course is not None:
-        given["system"] = _system_of(course)
-    f = _flight_settings(given)
-    system = f.system or "quadrotor"
-    entry = SYSTEMS[system]
-    preset = f.preset or entry.default_preset
-    planner = load_planner(preset, f.sampler, entry.presets, entry.control_units)
-    if sampling is not None:
-        planner = replace(planner, sampling=sampling)
-    vehicle = entry.load_vehicle(f.vehicle or planner.vehicle)
-    if f.thrust_to_weight:
-        vehicle = with_thrust_to_weight(vehicle, f.thrust_to_weight)
-    planner = replace(planner, vehicle=vehicle.name)
-    planner, model = _planned(planner, entry.model_of(vehicle), given, entry)
-    where = entry.load_course(str(course or entry.default_course)) if isinstance(course, str | Path | None) else course
-    plant_dt = f.plant_dt or entry.plant_dt or planner.mppi.dt
-    laps = f.laps or where.laps
-    try:
-        whole_multiple(planner.mppi.dt, plant_dt)
-    except ValueError as error:  # "dt: expected ..."
-        raise SettingError(*str(error).split(": ", 1)) from None
-    return Spec(
-        system=system,
-        course=where,
-        vehicle=vehicle,
-        sampler=sampler_name(planner.sampling),
-        preset=preset,
-        planner=planner,
-        model=model,
-        seed=f.seed,
-        laps=laps,
-        timeout=f.timeout or entry.timeout(where, laps),
-        penalties=f.penalties,
-        plant_dt=plant_dt,
-        plant=f.plant or default_plant() if system == "quadrotor" else "model",
-        randomize=f.randomize,
-        clock=f.clock,
-        deadline_ms=f.deadline_ms,
-        host={"threads": f.threads},
-        own=own,
-    )
-
-
 def checked(kind: Any, name: str, given: Any) -> Any:
     """The value held against a kind of msgspec.inspect by the rules of files; a text is read as in a file.
 
@@ -201,103 +132,9 @@ def _node(given: Any) -> yaml.Node:
     return yaml.ScalarNode(TEXT, str(given) if isinstance(given, str | Path) else repr(given))
 
 
-def sampler_object(sampler: Any) -> Any:
-    """A sampler that was given as an object or as "package.module:Class"; None for the name of a registered one."""
-    if not isinstance(sampler, str):
-        return sampler
-    if ":" not in sampler:
-        if sampler not in SAMPLERS:
-            raise SettingError("sampler", f"no sampler {sampler!r}: {did_you_mean(sampler, SAMPLERS)}")
-        return None
-    module, _, name = sampler.partition(":")
-    try:
-        found = getattr(import_module(module), name)
-        return found() if isinstance(found, type) else found
-    except (ImportError, AttributeError, TypeError) as error:
-        raise SettingError(
-            "sampler", f"expected package.module:Class without arguments, got {sampler!r}: {error}"
-        ) from None
-
-
-def sampler_name(sampler: Any) -> str:
-    """As registered, or the class name of a user's own."""
-    return next((name for name, cls in SAMPLERS.items() if type(sampler) is cls), type(sampler).__name__)
-
-
-def _flight_settings(given: dict[str, Any]) -> FlightSettings:
-    """Those of `given`, which are taken out of it."""
-    kinds = {f.name: f.type for f in inspect.type_info(FlightSettings).fields}  # pyright: ignore
-    return FlightSettings(**{k: checked(kind, k, given.pop(k)) for k, kind in kinds.items() if k in given})
-
-
-def _system_of(course: Any) -> str:
-    if isinstance(course, str | Path):
-        return system_of_course(str(course))
-    return {Course: "quadrotor", Corridor: "offroad", PointGoal: "double_integrator"}[type(course)]
-
-
-def _planned(planner: Planner, model: Any, given: Mapping[str, Any], entry: SystemEntry) -> tuple[Planner, Any]:
-    """The preset's planner and the vehicle's nominal model with the settings that were given."""
-    known = settings_of(entry, planner, model)
-    changes: dict[str, dict] = {group: {} for group in (*GROUPS, "model")}
-    for name, said in given.items():
-        if name not in known:
-            of = [s for s, cls in SAMPLERS.items() if name in cls.__dataclass_fields__]
-            why = f"of {' and '.join(of)} sampling only" if of else f"no such setting, {did_you_mean(name, known)}"
-            raise SettingError(name, why)
-        changes[known[name].group][name.removeprefix("model.")] = checked(known[name].kind, name, said)
-    groups = {group: replace(getattr(planner, group), **changes[group]) for group in GROUPS if changes[group]}
-    planner = replace(planner, **groups)
-    _check_channels(planner.sampling, entry)
-    for path, problem in faults(planner):
-        raise SettingError(path.partition(".")[2], problem)
-    return planner, replace(model, **changes["model"]) if changes["model"] else model
-
-
-def _of_own_system(system: System, cost: Any, sampler: Any, start: Any, timeout: float, **given: Any) -> Spec:
-    """A system of the user's own, which is its own world; the flight ends after `timeout` [s]."""
-    if not isinstance(cost, Cost):
-        raise SettingError("cost", f"expected a controllers.costs.Cost for a system of one's own, got {cost!r}")
-    own = OwnParts(**{role: given.pop(role) for role in ("plant", "controller", "referee") if role in given}, cost=cost)
-    place = Task(system.name)
-    entry = own_system(system, tuple(map(float, start)))
-    f = _flight_settings(given)
-    planner, _ = _planned(Planner(system.name, sampler, MPPIConfig(dt=system.dt), None), (), given, entry)
-    return Spec(
-        system=system.name,
-        course=place,
-        vehicle=place,
-        sampler=sampler_name(sampler),
-        preset="own",
-        planner=planner,
-        model=system,
-        seed=f.seed,
-        laps=1,
-        timeout=timeout,
-        penalties=False,
-        plant_dt=f.plant_dt or system.dt,
-        randomize=f.randomize,
-        clock=f.clock,
-        deadline_ms=f.deadline_ms,
-        host={"threads": f.threads},
-        own=replace(own, system=entry),
-    )
-
-
 def _fields(values: Any) -> tuple:
     """Of the settings in it that may be changed; none for what is no dataclass."""
     return tuple(f for f in fields(values) if f.name != "name") if is_dataclass(values) else ()
-
-
-def _check_channels(sampling: Any, entry: SystemEntry) -> None:
-    """One number for each control channel."""
-    wanted = len(entry.controls)
-    for field in _fields(sampling):
-        numbers = getattr(sampling, field.name)
-        if isinstance(numbers, tuple) and len(numbers) != wanted:
-            units = entry.control_units if field.name == "sigma" else "1"
-            came = " ".join(f"{x:g}" for x in numbers)
-            raise SettingError(field.name, f"expected {wanted} numbers [{units}], got {came}")
 
 
 def _of_all(misfit: Misfit, given: Any) -> str:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields
 from functools import partial
-from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,31 +16,14 @@ from quadsim.physics.domain_randomization import draw
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
 from quadsim.race.flight import Controller, RefereeProtocol, fly
+from quadsim.race.own_parts import OwnParts, describe, made, plain
+from quadsim.race.resolve import resolve
+from quadsim.race.settings import SettingError
 from quadsim.race.systems import SYSTEMS, SystemEntry
 
 if TYPE_CHECKING:
     from controllers.mppi import MPPI
     from quadsim.physics.plant import Plant
-
-
-@dataclass(frozen=True)
-class OwnParts:
-    """Objects of the user's own in place of named parts. A run keeps what they are called, not what they do.
-
-    plant, controller, referee: an object for one flight, or a class or function that is called with the Spec.
-    cost: a Cost, or a function of the default Cost that returns one.
-    """
-
-    system: SystemEntry | None = None
-    cost: Any = None
-    plant: Any = None
-    controller: Any = None
-    referee: Any = None
-
-    def described(self) -> dict[str, dict]:
-        """{role: {class, parameters}} of those that are given, as JSON."""
-        given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "system"}
-        return {role: describe(part) for role, part in given.items() if part is not None}
 
 
 @dataclass(frozen=True)
@@ -68,14 +50,12 @@ class Spec:
     clock: str = "simulated"  # of CLOCKS
     deadline_ms: float | None = None  # shrink the samples so that a plan takes no longer
     host: dict = field(default_factory=dict)  # what must not change a flight: threads, folders
-    own: OwnParts = OwnParts()
+    own: OwnParts = field(default_factory=OwnParts)
 
     @classmethod
     def of(cls, course: Any = None, **settings: Any) -> Spec:
         """Names resolved, numbers checked. Raises SettingError (a ValueError): one line that names the setting."""
-        from quadsim.race.settings import resolve  # which makes a Spec
-
-        return resolve(course, **settings)
+        return cls(**resolve(course, **settings))
 
     @property
     def entry(self) -> SystemEntry:
@@ -87,7 +67,7 @@ class Spec:
 
     def record(self) -> dict:
         """The JSON that a run keeps."""
-        kept = {f.name: _plain(getattr(self, f.name)) for f in fields(self) if f.name not in ("course", "own")}
+        kept = {f.name: plain(getattr(self, f.name)) for f in fields(self) if f.name not in ("course", "own")}
         kept |= {"course": self.course.name, "course_text": self.course.text}
         kept["variation"] = asdict(draw(self.streams[1], self.randomize if self.system == "quadrotor" else 0.0))
         own = self.own.described()
@@ -98,15 +78,26 @@ class Spec:
         return kept | ({"own": own} if own else {})
 
 
+def with_threads(spec: Spec) -> Spec:
+    """The spec, whose number of threads (None: every core) is used from now on. Raises SettingError."""
+    from controllers.rollout.threads import use_threads  # which loads the compiler
+
+    try:
+        spec.host["threads"] = use_threads(spec.host["threads"])
+    except ValueError as error:  # "threads: expected ..."
+        raise SettingError(*str(error).split(": ", 1)) from None
+    return spec
+
+
 def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
     """The world, the controller and the referee of one flight. The caller closes the plant.
 
     Raises ValueError where course, laps and vehicle do not fit together.
     """
     own, streams = spec.own, spec.streams
-    referee = _made(own.referee, spec) or spec.entry.referee(spec)
-    controller = _made(own.controller, spec) or planner_of(spec, streams[0])
-    return _made(own.plant, spec) or spec.entry.plant(spec, streams), controller, referee
+    referee = made(own.referee, spec) or spec.entry.referee(spec)
+    controller = made(own.controller, spec) or planner_of(spec, streams[0])
+    return made(own.plant, spec) or spec.entry.plant(spec, streams), controller, referee
 
 
 def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
@@ -115,9 +106,9 @@ def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
     from controllers.mppi import MPPI  # here: they load the compiler
 
     mppi = spec.planner.mppi
-    cost, own = spec.entry.cost(spec), spec.own.cost
-    if own is not None:
-        cost = own(cost) if isinstance(own, FunctionType) else own
+    cost: Any = spec.entry.cost(spec)
+    if spec.own.cost is not None:
+        cost = spec.own.cost(cost) if callable(spec.own.cost) else spec.own.cost
     adaptation = Adaptation(spec.model, mppi.dt) if mppi.adapt and spec.system == "quadrotor" else None
     system = spec.entry.system(spec.model, mppi.dt)
     return MPPI(system, cost, spec.planner.sampling, mppi, stream, adaptation)
@@ -139,34 +130,3 @@ def frames(spec: Spec) -> Iterator[Frame]:
     plant, controller, referee = build(spec)
     with closing(plant):
         yield from launch(spec, plant, controller, referee)
-
-
-def describe(part: Any) -> dict:
-    """{class, parameters} of a user's object, as JSON."""
-    kind = part if _is_maker(part) else type(part)
-    values = {} if kind is part else getattr(part, "__dict__", {})
-    return {"class": f"{kind.__module__}.{kind.__qualname__}", "parameters": {k: _plain(v) for k, v in values.items()}}
-
-
-def _is_maker(part: Any) -> bool:
-    """A class or a function: called with the spec."""
-    return isinstance(part, type | FunctionType)
-
-
-def _made(part: Any, spec: Spec) -> Any:
-    return part(spec) if _is_maker(part) else part
-
-
-def _plain(value: Any) -> Any:
-    """As JSON holds it; of other objects the class and its parameters."""
-    if isinstance(value, str | int | float | bool) or value is None:
-        return value
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
-    return describe(value)

@@ -95,7 +95,7 @@ def resolve(course: Any, settings: Mapping[str, Any] | Given) -> Spec:
         spec = Spec.of(course, **(settings or {}))
         spec.entry.referee(spec)
     except SettingError as error:
-        raise UsageError(f"{flag(error.name)}: {error.problem}" if error.name else error.problem) from None
+        raise UsageError(f"{flag(error.name)}: {error.problem}") from None
     except ValueError as error:  # laps on an open course, a gate too small for the vehicle
         if type(error) is not ValueError:
             raise
