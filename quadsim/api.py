@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from quadsim.race.build import frames as _frames
+from quadsim.race.build import with_threads
 from quadsim.race.events import Frame
 from quadsim.race.spec import Spec
 from quadsim.record.archive import RunFolder, find_run
@@ -35,7 +36,7 @@ def fly(course: Any = None, **settings: Any) -> Run:
         SettingError: a setting that cannot be used (a ValueError): name, what was expected, what was found.
         FileError: a course, vehicle or preset that cannot be read (a ValueError).
     """
-    spec = course if isinstance(course, Spec) else Spec.of(course, **settings)
+    spec = _spec(course, settings)
     return Run.from_frames(spec.record(), _frames(spec))
 
 
@@ -45,7 +46,12 @@ def frames(course: Any = None, **settings: Any) -> Iterator[Frame]:
     The same arguments and errors as `fly`. Nothing is computed until the next frame is asked for; an iterator that is
     not read to its end ends the flight.
     """
-    return _frames(course if isinstance(course, Spec) else Spec.of(course, **settings))
+    return _frames(_spec(course, settings))
+
+
+def _spec(course: Any, settings: Mapping[str, Any]) -> Spec:
+    spec = course if isinstance(course, Spec) else Spec.of(course, **settings)
+    return with_threads(spec) if spec.host.get("threads") else spec
 
 
 def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:

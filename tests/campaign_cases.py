@@ -18,7 +18,9 @@ RACE = [sys.executable, "-c", "from quadsim.app.cli import main; main()"]
 
 
 def variant(name="colored", *argv) -> Variant:
-    return Variant(name, resolve(*words_as_settings([*FLIGHT, "--sampler", name, *argv])))
+    """FLIGHT with this sampler, and with other flags added or replaced."""
+    course, settings = words_as_settings(FLIGHT)
+    return Variant(name, resolve(course, settings | {"sampler": name} | words_as_settings(argv)[1]))
 
 
 def specs(number, *argv):

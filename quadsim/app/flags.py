@@ -101,10 +101,10 @@ def flight_settings(argv: Sequence[str]) -> dict[str, Setting]:
     """
     entry = _entry_of(argv)
     sampler = _said(argv, "--sampler", FlightSettings.sampler)
-    own = sampler not in SAMPLERS  # "module:Class" has no flags; of other names Spec.of says what is wrong
-    base = load_planner(_said(argv, "--preset", entry.default_preset), "colored" if own else sampler, entry.presets)
-    model, units = entry.model_of(entry.load_vehicle(base.vehicle)), tuple(entry.controls.values())
-    return {k: s for k, s in settings_of(base, model, units).items() if not (own and s.group == "sampling")}
+    own = sampler not in SAMPLERS  # "module:Class" has no flags; of other names `resolve` says what is wrong
+    preset = _said(argv, "--preset", entry.default_preset)
+    base = load_planner(preset, "colored" if own else sampler, entry.presets, entry.control_units)
+    return {name: s for name, s in settings_of(entry, base).items() if not (own and s.group == "sampling")}
 
 
 def _entry_of(argv: Sequence[str]) -> SystemEntry:
@@ -135,7 +135,7 @@ def _typed_dict(settings: dict[str, Setting]) -> Any:
 
 
 def _annotated(s: Setting, group: Group) -> Any:
-    """What follows the flag: nothing, one word or several, which Spec.of judges; and its help."""
+    """What follows the flag: nothing, one word or several, which `resolve` judges; and its help."""
     text = s.help if s.default is None or s.default is False else f"{s.help} [default: {_text(s.default)}]"
     hint, metavar = str, None
     match bare(s.kind):

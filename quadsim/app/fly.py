@@ -11,7 +11,7 @@ from quadsim.app.console import COMPILING, complain
 from quadsim.app.flags import Given, Help, Json, RunsDir, UsageError, flag
 from quadsim.app.progress import Progress
 from quadsim.app.report import present
-from quadsim.race.build import build, launch
+from quadsim.race.build import build, launch, with_threads
 from quadsim.race.events import Frame
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
@@ -53,18 +53,10 @@ def fly(course: CourseName = None, /, *, settings: Given = None, runs_dir: RunsD
 
 def spec_of(course: str | None, settings: Given = None) -> Spec:
     """What these flags fly, with the threads in use. Raises UsageError that names the flag, FileError."""
-    from controllers.rollout.threads import use_threads  # which loads the compiler
-
     try:
-        spec = Spec.of(course, **(settings or {}))
-        spec.host["threads"] = use_threads(spec.host["threads"])
+        return with_threads(Spec.of(course, **(settings or {})))
     except SettingError as error:
-        raise UsageError(f"{flag(error.name)}: {error.problem}" if error.name else error.problem) from None
-    except ValueError as error:
-        if type(error) is not ValueError:
-            raise
-        raise UsageError(f"--{error}") from None  # "threads: ..."
-    return spec
+        raise UsageError(f"{flag(error.name)}: {error.problem}") from None
 
 
 def _recorded(flight: Iterable[Frame], spec: Spec, quiet: bool) -> Recorder:

@@ -83,7 +83,8 @@ def describe(text: str, file: str) -> tuple[str, str]:
         v = parse_vehicle(text, file)
         return "vehicle", f"{v.mass:g} kg, thrust-to-weight {v.thrust_max / GRAVITY:.2f}"
     if "base" in keys:
-        planner = parse_planner(text, file, "colored", SYSTEMS["quadrotor"].presets)
+        entry = SYSTEMS["quadrotor"]
+        planner = parse_planner(text, file, "colored", entry.presets, entry.control_units)
         return "preset", f"{planner.mppi.samples} samples, horizon {planner.mppi.horizon}"
     system = next((name for name, entry in SYSTEMS.items() if entry.key in keys), "quadrotor")
     c = SYSTEMS[system].parse_course(text, file)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import closing
 from functools import partial
-from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,10 +13,23 @@ from quadsim.physics.plant import Plant
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
 from quadsim.race.flight import Controller, PlainController, RefereeProtocol, fly
-from quadsim.race.spec import Spec, is_maker
+from quadsim.race.own_parts import made
+from quadsim.race.settings import SettingError
+from quadsim.race.spec import Spec
 
 if TYPE_CHECKING:
     from controllers.mppi import MPPI
+
+
+def with_threads(spec: Spec) -> Spec:
+    """The spec, whose number of threads (None: every core) is used from now on. Raises SettingError."""
+    from controllers.rollout.threads import use_threads  # which loads the compiler
+
+    try:
+        spec.host["threads"] = use_threads(spec.host["threads"])
+    except ValueError as error:  # "threads: expected ..."
+        raise SettingError(*str(error).split(": ", 1)) from None
+    return spec
 
 
 def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
@@ -26,11 +38,11 @@ def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
     Raises ValueError where course, laps and vehicle do not fit together.
     """
     own, streams = spec.own, spec.streams
-    referee = _made(own.referee, spec) or spec.entry.referee(spec)
-    controller = _made(own.controller, spec) or planner_of(spec, streams[0])
+    referee = made(own.referee, spec) or spec.entry.referee(spec)
+    controller = made(own.controller, spec) or planner_of(spec, streams[0])
     if not hasattr(controller, "rest"):
         controller = PlainController(controller, spec.entry.system(spec.model, spec.planner.mppi.dt).rest)
-    return _made(own.plant, spec) or spec.entry.plant(spec, streams), controller, referee
+    return made(own.plant, spec) or spec.entry.plant(spec, streams), controller, referee
 
 
 def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
@@ -39,9 +51,10 @@ def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
     from controllers.mppi import MPPI  # here: they load the compiler
 
     mppi = spec.planner.mppi
-    cost, own = spec.entry.cost(spec), spec.own.cost
+    own: Any = spec.own.cost
+    cost: Any = spec.entry.cost(spec)
     if own is not None:
-        cost = own(cost) if isinstance(own, FunctionType) else own
+        cost = own(cost) if callable(own) else own
     adaptation = Adaptation(spec.model, mppi.dt) if mppi.adapt and spec.system == "quadrotor" else None
     system = spec.entry.system(spec.model, mppi.dt)
     return MPPI(system, cost, spec.planner.sampling, mppi, stream, adaptation)
@@ -63,8 +76,3 @@ def frames(spec: Spec) -> Iterator[Frame]:
     plant, controller, referee = build(spec)
     with closing(plant):
         yield from launch(spec, plant, controller, referee)
-
-
-def _made(part: Any, spec: Spec) -> Any:
-    """The object itself, or what a class or function makes of the spec."""
-    return part(spec) if is_maker(part) else part

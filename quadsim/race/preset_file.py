@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import yaml
 from msgspec import defstruct
@@ -18,27 +18,27 @@ from msgspec import defstruct
 from controllers.presets import Planner, Presets, faults, preset
 from controllers.samplers import SAMPLERS
 from quadsim.files.data_files import SUFFIXES, read_text
-from quadsim.files.strict_yaml import Document, parse
+from quadsim.files.strict_yaml import Document, parse, unit
 from quadsim.files.yaml_words import did_you_mean
 
 GROUPS = ("sampling", "mppi", "cost")
 
 
-def load_planner(name_or_path: str, sampler: str, presets: Presets) -> Planner:
-    """The planner of a named preset or of a preset file, for this sampler. Raises FileError."""
+def load_planner(name_or_path: str, sampler: str, presets: Presets, units: str = "") -> Planner:
+    """The planner of a named preset or of a preset file, for this sampler; units: of the controls. Raises FileError."""
     if name_or_path.endswith(SUFFIXES):
-        return parse_planner(read_text(Path(name_or_path)), name_or_path, sampler, presets)
+        return parse_planner(read_text(Path(name_or_path)), name_or_path, sampler, presets, units)
     return preset(name_or_path, sampler, presets)
 
 
-def parse_planner(text: str, file: str, sampler: str, presets: Presets) -> Planner:
+def parse_planner(text: str, file: str, sampler: str, presets: Presets, units: str = "") -> Planner:
     """A planner from a preset file's text: a key that it leaves out keeps the base's number. Raises FileError.
 
-    Of `sampling`, keys of other samplers are skipped, so that one file serves several.
+    Of `sampling`, keys of other samplers are skipped, so that one file serves several. units: of the controls.
     """
     document = parse(text, file)
     base = _base(document, sampler, presets)
-    entry = document.fill(_schema(base))
+    entry = document.fill(_schema(base, units))
     changes: dict[str, Any] = {"vehicle": entry.vehicle or base.vehicle}
     for key, node in document.root.value:
         if key.value in GROUPS and isinstance(node, yaml.MappingNode):
@@ -60,11 +60,20 @@ def _base(document: Document, sampler: str, presets: Presets) -> Planner:
     return preset(name if isinstance(name, str) else next(iter(presets)), sampler, presets)
 
 
-def _schema(base: Planner) -> type:
+def _schema(base: Planner, units: str) -> type:
     """What a preset file on this base may say: every number of its groups, none required."""
     keys: list[Any] = [("base", str), ("vehicle", str | None, None)]
     for group in GROUPS:
         classes = SAMPLERS.values() if group == "sampling" else (type(getattr(base, group)),)
         kinds = {name: kind for cls in classes for name, kind in get_type_hints(cls, include_extras=True).items()}
-        keys.append((group, defstruct(group, [(name, kind, None) for name, kind in kinds.items()]), None))
+        each = [(name, _of_each_control(name, kind, base, units), None) for name, kind in kinds.items()]
+        keys.append((group, defstruct(group, each), None))
     return defstruct("PresetFile", keys)
+
+
+def _of_each_control(name: str, kind: Any, base: Planner, units: str) -> Any:
+    """A tuple of any length as one with a number for each control; other kinds as they are."""
+    if get_origin(kind) is not tuple or get_args(kind)[1:] != (...,):
+        return kind
+    whole = tuple[(get_args(kind)[0],) * len(base.sampling.sigma)]
+    return Annotated[whole, unit(units)] if name == "sigma" else whole

@@ -1,7 +1,7 @@
 """Settings: every number and choice of a flight by name, for the command line, for Python and for preset files.
 
-A setting is a field of a dataclass; its annotation holds unit and range, the comment beside it its help.
-`checked` is the one place where values are judged, by the rules of files.
+A setting is a field of one of the dataclasses below; its annotation holds unit and range, the comment beside it its
+help. quadsim.race.resolve makes the fields of a Spec of what was given.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import io
 import re
 import tokenize
 from collections.abc import Iterator
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -21,18 +21,20 @@ import yaml
 from msgspec import Meta, inspect
 
 from controllers.presets import Planner
+from controllers.samplers import SAMPLERS
 from quadsim.files.strict_yaml import unit
 from quadsim.files.yaml_values import Misfit, value
 from quadsim.files.yaml_words import NULL, TEXT, expected, unless_null
+from quadsim.race.systems import SystemEntry
 
 Count = Annotated[int, Meta(ge=1)]
 
 
 class SettingError(ValueError):
-    """A setting that cannot be used: its name, what was expected with its unit, what was found."""
+    """A setting that cannot be used: its name, what was expected with its unit, what came."""
 
     def __init__(self, name: str, problem: str):
-        super().__init__(f"{name}: {problem}" if name else problem)
+        super().__init__(f"{name}: {problem}")
         self.name, self.problem = name, problem
 
 
@@ -71,30 +73,27 @@ class Setting:
 GROUPS = ("sampling", "mppi", "cost")  # of the planner
 
 
-def settings_of(planner: Planner, model: Any, units: tuple[str, ...]) -> dict[str, Setting]:
-    """Every setting by name. Defaults are those of the planner's preset and of the model; units: of the controls."""
+def settings_of(entry: SystemEntry, planner: Planner, model: Any = None) -> dict[str, Setting]:
+    """Every setting by name. Defaults are those of the planner's preset and of the model, or its vehicle's model."""
+    if model is None:
+        model = entry.model_of(entry.load_vehicle(planner.vehicle))
     parts = {"flight": FlightSettings(), **{name: getattr(planner, name) for name in GROUPS}, "model": model}
-    return {s.name: s for group, values in parts.items() for s in _settings(group, values, units)}
+    return {s.name: s for group, values in parts.items() for s in _settings(group, values, entry)}
 
 
-def _settings(group: str, values: Any, units: tuple[str, ...]) -> Iterator[Setting]:
+def _settings(group: str, values: Any, entry: SystemEntry) -> Iterator[Setting]:
     """Of an instance whose values are the defaults."""
-    if not is_dataclass(values):  # of a user's own
-        return
-    texts, prefix = comments(type(values)), "model." if group == "model" else ""  # pyright: ignore
-    for name, kind in kinds_of(type(values)).items():  # pyright: ignore
-        if name == "name":
-            continue
+    if not is_dataclass(values) or (group == "sampling" and type(values) not in SAMPLERS.values()):
+        return  # a user's own object
+    texts, prefix = comments(type(values)), "model." if group == "model" else ""
+    kinds = {f.name: f.type for f in inspect.type_info(type(values)).fields}  # pyright: ignore
+    for field in _fields(values):
+        kind, default = kinds[field.name], getattr(values, field.name)
         if isinstance(kind, inspect.VarTupleType):  # one number for each control
-            kind = inspect.TupleType((kind.item_type,) * len(units))
-        if name == "sigma":
-            kind = inspect.Metadata(kind, extra={"unit": ", ".join(units)})
-        yield Setting(prefix + name, group, kind, getattr(values, name), texts.get(name, ""))
-
-
-def kinds_of(cls: type) -> dict[str, Any]:
-    """Field of a dataclass -> its kind, of msgspec.inspect."""
-    return {f.name: f.type for f in inspect.type_info(cls).fields}  # pyright: ignore
+            kind = inspect.TupleType((kind.item_type,) * len(entry.controls))
+        if field.name == "sigma":
+            kind = inspect.Metadata(kind, extra={"unit": entry.control_units})
+        yield Setting(prefix + field.name, group, kind, default, texts.get(field.name, ""))
 
 
 @cache
@@ -131,6 +130,11 @@ def _node(given: Any) -> yaml.Node:
     if given is None:
         return yaml.ScalarNode(NULL, "null")
     return yaml.ScalarNode(TEXT, str(given) if isinstance(given, str | Path) else repr(given))
+
+
+def _fields(values: Any) -> tuple:
+    """Of the settings in it that may be changed; none for what is no dataclass."""
+    return tuple(f for f in fields(values) if f.name != "name") if is_dataclass(values) else ()
 
 
 def _of_all(misfit: Misfit, given: Any) -> str:

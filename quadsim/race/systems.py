@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from controllers.config import MPPIConfig
 from controllers.costs import Cost
 from controllers.costs.corridor import corridor_cost
 from controllers.costs.quadratic import quadratic_cost
@@ -27,11 +26,10 @@ from quadsim.files.data_files import names
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_words import did_you_mean
 from quadsim.physics.domain_randomization import draw, gusts
-from quadsim.physics.plant import PLANTS, ModelPlant, Plant, default_plant, diffusion, start_state
+from quadsim.physics.plant import PLANTS, ModelPlant, Plant, diffusion, start_state
 from quadsim.race.corridor_referee import CorridorReferee
 from quadsim.race.duration_referee import DurationReferee
 from quadsim.race.referee import Referee
-from quadsim.race.settings import SettingError
 from quadsim.systems import System, double_integrator, offroad, quadrotor
 from quadsim.vehicle import load_vehicle, vehicle_names
 
@@ -63,13 +61,15 @@ class SystemEntry:
     referee: Callable[[Any], Any]
     timeout: Callable[[Any, int], float]  # of a course and a number of laps [s]
     streams: Callable[[int], Streams]  # of a seed
-    default_plant: Callable[[], str] = lambda: "model"  # the system is its own world
-    sampling: Any = None  # of a user's own system
 
     @property
     def columns(self) -> dict[str, str]:
         """Telemetry column -> unit."""
         return telemetry_columns(self.states, self.controls)
+
+    @property
+    def control_units(self) -> str:
+        return ", ".join(self.controls.values())
 
     @property
     def courses(self) -> tuple[str, ...]:
@@ -167,7 +167,6 @@ SYSTEMS: dict[str, SystemEntry] = {
         referee=lambda spec: Referee(spec.course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties),
         timeout=_race_timeout,
         streams=random_streams,
-        default_plant=default_plant,
     ),
     "offroad": SystemEntry(
         name="offroad",
@@ -240,28 +239,15 @@ class Task:
     laps = 1
 
 
-def own_system(system: System, start: tuple[float, ...], sampling: Any) -> SystemEntry:
+def own_system(system: System, start: tuple[float, ...]) -> SystemEntry:
     """The entry of a system of the user's own, which is its own world from the state `start` on."""
-    task = Task(system.name)
-    mppi = MPPIConfig(dt=system.dt)
     return replace(
         SYSTEMS["double_integrator"],
         name=system.name,
         states=dict.fromkeys(system.states, "1"),
         controls=dict.fromkeys(system.controls, "1"),
-        default_preset="own",
-        presets={"own": {"own": Planner(system.name, sampling, mppi, None)}},
-        load_course=lambda name: task,
-        load_vehicle=lambda name: task,
-        model_of=lambda vehicle: task,
         system=lambda model, dt: replace(system, dt=dt),
         cost=lambda spec: spec.own.cost,
         start=lambda spec: start,
         plant=lambda spec, streams: ModelPlant(system.step, system.params, start, spec.plant_dt),
-        timeout=_no_timeout,
-        sampling=sampling,
     )
-
-
-def _no_timeout(task: Task, laps: int) -> float:
-    raise SettingError("timeout", f"missing, expected how long the system {task.name!r} is controlled [s]")

@@ -2,18 +2,18 @@
 
 import numpy as np
 import pytest
-from quadsim.app.flight_flags import FlightFlags
 
 from controllers.costs.race import TERMS
 from controllers.sampled_trajectories import cheapest, controls, sampled_trajectories, take_snapshot
 from quadsim.race.build import build, launch
 from quadsim.race.flight import SNAPSHOT_EVERY, fly
+from quadsim.race.spec import Spec
 
 
 @pytest.fixture
 def flight():
     """A flight of few samples over a few frames, closed afterwards."""
-    spec = FlightFlags(sampler="colored").defaults(["--sampler", "colored", "--preset", "paper"]).spec()
+    spec = Spec.of(sampler="colored", preset="paper")
     plant, mppi, referee = build(spec)
     mppi.samples = 256
     yield spec, plant, mppi, referee
@@ -64,7 +64,7 @@ def test_looking_changes_nothing(flight):
     assert temperature == mppi.temperature
 
 
-def test_a_flight_with_snapshots_is_the_flight_without(flight):
+def test_a_flight_with_pictures_is_the_flight_without(flight):
     spec, plant, mppi, referee = flight
     seen = flown(flight, 12)[0]
     plant.close()
@@ -75,22 +75,22 @@ def test_a_flight_with_snapshots_is_the_flight_without(flight):
         assert (a.x, a.u, a.cost) == (b.x, b.u, b.cost)
 
 
-def test_a_snapshot_is_kept_every_few_periods(flight):
+def test_a_picture_is_kept_now_and_then(flight):
     frames, _ = flown(flight, 2 * SNAPSHOT_EVERY + 1)
-    kept = [k for k, frame in enumerate(frames) if frame.snapshot is not None]
+    kept = [k for k, frame in enumerate(frames) if frame.picture is not None]
     assert kept == [0, SNAPSHOT_EVERY, 2 * SNAPSHOT_EVERY]
-    assert frames[0].snapshot.best.shape == (8, 16, 3)
-    assert list(frames[0].snapshot.terms) == list(TERMS)
+    assert frames[0].picture.best.shape == (8, 16, 3)
+    assert list(frames[0].picture.terms) == list(TERMS)
 
 
-def test_a_snapshot_is_the_best_paths_and_the_terms_of_the_plan(flight):
+def test_a_picture_is_the_fan_and_the_terms_of_the_plan(flight):
     _, mppi = flown(flight)
     seen = take_snapshot(mppi)
     assert np.allclose(seen.best, sampled_trajectories(mppi, 8, 16).paths, atol=0.006)
     assert seen.terms == sampled_trajectories(mppi).terms
 
 
-def test_there_is_no_snapshot_before_the_first_plan(flight):
+def test_there_is_no_picture_before_the_first_plan(flight):
     assert take_snapshot(flight[2]) is None
 
 

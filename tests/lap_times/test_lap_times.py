@@ -4,7 +4,6 @@ One seed each here; all seeds against the stored distribution: make regression.
 After an intended change: race regress tests/lap_times/*.yaml --regen prints the difference and stores it.
 """
 
-import shlex
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +11,7 @@ import pytest
 
 from quadsim.app.campaign.baseline import Effects, Stored, baseline_text, judge, load_baseline
 from quadsim.app.campaign.pool import Processes
-from quadsim.app.campaign.regress import fly_baselines
-from quadsim.app.campaign.variants import Variant, resolve
+from quadsim.app.campaign.regress import baseline_variant, fly_baselines
 from quadsim.app.cli import race
 
 HERE = Path(__file__).parent
@@ -26,18 +24,18 @@ CHATTER = 0.5
 UNCHANGED = HERE / "figure8_colored.yaml"  # flown as it is on as many seeds as the slower racers
 SLOWED = [path for path in BASELINES if path.stem.endswith("_colored")]
 SEEDS = 3
-WEAKER = "3.6"  # thrust-to-weight instead of 4.1: laps are 6 to 8 % longer
+WEAKER = 3.6  # thrust-to-weight instead of 4.1: laps are 6 to 8 % longer
 
 
-def variant(path, *argv):
-    return Variant(path.stem, resolve([*shlex.split(load_baseline(path).flight), *argv], "test"))
+def variant(path, **settings):
+    return baseline_variant(path, load_baseline(path), settings)
 
 
 @pytest.fixture(scope="module")
 def flown():
     """By path: one seed of every baseline, and by (path, WEAKER) some with weaker propellers; flown on every core."""
     attempts = {path: (variant(path), SEEDS if path == UNCHANGED else 1) for path in BASELINES}
-    attempts |= {(path, WEAKER): (variant(path, "--thrust-to-weight", WEAKER), SEEDS) for path in SLOWED}
+    attempts |= {(path, WEAKER): (variant(path, thrust_to_weight=WEAKER), SEEDS) for path in SLOWED}
     with Processes() as pool:
         stored = fly_baselines(pool, *zip(*attempts.values(), strict=True))
     return dict(zip(attempts, stored, strict=True))

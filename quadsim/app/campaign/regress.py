@@ -80,9 +80,9 @@ def baseline_variant(path: Path, baseline: Baseline, settings: Mapping[str, Any]
     """What the file's `flight` flies, with these settings on top. Raises UsageError, FileError."""
     try:
         course, flight = words_as_settings(shlex.split(baseline.flight))
+        return Variant(path.stem, resolve(course, flight | dict(settings)))
     except ValueError as error:
         raise UsageError(f"{path}: flight: {error}") from None
-    return Variant(path.stem, resolve(course, flight | dict(settings)))
 
 
 def _present(found: Sequence[tuple[Path, Baseline, Stored, list[Verdict]]], json: bool) -> None:

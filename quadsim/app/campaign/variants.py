@@ -95,7 +95,7 @@ def resolve(course: Any, settings: Mapping[str, Any] | Given) -> Spec:
         spec = Spec.of(course, **(settings or {}))
         spec.entry.referee(spec)
     except SettingError as error:
-        raise UsageError(f"{flag(error.name)}: {error.problem}" if error.name else error.problem) from None
+        raise UsageError(f"{flag(error.name)}: {error.problem}") from None
     except ValueError as error:  # laps on an open course, a gate too small for the vehicle
         if type(error) is not ValueError:
             raise
@@ -111,9 +111,9 @@ def words_as_settings(words: Sequence[str]) -> tuple[str, dict[str, Any]]:
         found.append((course, settings or {}))
         return 0
 
-    run_command(flight, "flight", words)
-    if not found:
-        raise UsageError(f"flight: expected what `race fly` flies, got {' '.join(words)!r}")
+    if {"--help", "-h"} & set(words):
+        raise UsageError(f"expected what `race fly` flies, got {' '.join(words)!r}")
+    run_command(flight, "race fly", words)
     return found[0]
 
 

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.padding import Padding
 
 from quadsim.app.campaign.summary_stats import all_pairs, variant_stats
-from quadsim.app.campaign.tables import TextTable, as_markdown, as_table, sheets
+from quadsim.app.campaign.tables import TextTable, as_markdown, as_table, comparison_tables
 
 NAMES = ("log_normal", "smooth_star", "gaussian", "colored")
 COURSE = "split_s_swift"
@@ -28,7 +28,7 @@ def comparison(outcome="finished"):
         for k in range(len(NAMES))
     ]
     variants = [variant_stats(name, r, 20.0) for name, r in zip(NAMES, rows, strict=True)]
-    return list(sheets(variants, all_pairs(NAMES, rows)))
+    return list(comparison_tables(variants, all_pairs(NAMES, rows)))
 
 
 @pytest.mark.parametrize("k", range(3))

@@ -6,12 +6,11 @@ import pytest
 
 pytest.importorskip("optuna", reason="extra 'tune'")
 
-from quadsim.app.preset_file import parse_planner
-
 from controllers.presets import PRESETS
 from quadsim.app.campaign.search import Search, objective, parameters, pareto, preset_text, with_parameters
 from quadsim.app.campaign.summary_stats import variant_stats
 from quadsim.app.cli import race
+from quadsim.race.preset_file import parse_planner
 from tests.campaign_cases import FLIGHT, row
 
 GROUPS = ("sigma", "gamma", "temperature", "cost", "margin", "horizon")
@@ -25,7 +24,7 @@ def test_preset_file_is_the_planner_that_flew_and_its_own_parameters_change_noth
     assert with_parameters(base, {p.name: p.base for p in found}) == base
     planner = with_parameters(base, {p.name: int(p.high) if p.step else (0.7 * p.low + 0.3 * p.high) for p in found})
     assert planner != base
-    assert parse_planner(preset_text(planner, preset, "two\nlines"), "tuned.yaml", sampler) == planner
+    assert parse_planner(preset_text(planner, preset, "two\nlines"), "tuned.yaml", sampler, PRESETS) == planner
 
 
 def test_gaussian_noise_has_no_exponents_to_search():

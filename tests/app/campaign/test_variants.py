@@ -1,57 +1,62 @@
-"""Variants are command lines: what `race fly` would fly with the same flags."""
+"""Variants are settings: what `race fly` would fly with the same flags."""
 
 import pytest
 
 from quadsim.app.campaign.attempt import attempt_key, variant_key
-from quadsim.app.campaign.variants import parse_variants, resolve, split
+from quadsim.app.campaign.variants import Jobs, make_variants, parse_variants, resolve, words_as_settings
 from quadsim.app.cli import race
+from quadsim.app.flags import Given, Json, run_command
 from tests.campaign_cases import FLIGHT, variant
 
-COURSE, *FLAGS = FLIGHT
+COURSE, SETTINGS = words_as_settings(FLIGHT)
 
 
-def test_an_arm_is_what_the_same_flags_fly():
+def test_a_variant_is_what_the_same_flags_fly():
     said = "soft=race+gaussian+target-ess=20+sigma=2:2:.3:4+smooth=yes,colored"
-    soft, plain = parse_variants(said, [COURSE], FLAGS, "race")
-    argv = [
-        "--preset",
-        "race",
-        "--sampler",
-        "gaussian",
-        "--target-ess",
-        "20",
-        "--sigma",
-        "2",
-        "2",
-        ".3",
-        "4",
-        "--smooth",
-    ]
-    assert soft.spec == resolve([*FLIGHT, *argv], "race")
+    soft, plain = make_variants([COURSE], parse_variants(said), SETTINGS)
+    flags = "--preset race --sampler gaussian --target-ess 20 --sigma 2 2 .3 4 --smooth"
+    assert soft.spec == variant("colored", *flags.split()).spec
     assert plain.spec == variant("colored").spec
 
 
 def test_every_course_meets_every_variant_in_order():
-    variants = parse_variants("gaussian,colored", ["figure8", "split_s_song"], ["--laps", "1"], "race")
+    variants = make_variants(["figure8", "split_s_song"], parse_variants("gaussian,colored"), {"laps": 1})
     assert [(a.spec.course.name, a.name) for a in variants] == [
         (c, n) for c in ("figure8", "split_s_song") for n in ("gaussian", "colored")
     ]
 
 
 def test_flags_of_fly_are_told_from_a_command_s_own():
-    own, flight = split(
-        ["a", "--sigma", "1", "2", "3", "4", "b", "--jobs", "3", "--penalties", "c", "--seed=4", "--json"]
+    came = []
+
+    def command(*courses: str, jobs: Jobs = None, json: Json = False, settings: Given = None):
+        came.append((courses, jobs, json, settings))
+        return 0
+
+    assert (
+        run_command(
+            command,
+            "race x",
+            ["a", "--sigma", "1", "2", "3", "4", "b", "--jobs", "3", "--penalties", "c", "--seed=4", "--json"],
+        )
+        == 0
     )
-    assert own == ["a", "b", "--jobs", "3", "c", "--json"]
-    assert flight == ["--sigma", "1", "2", "3", "4", "--penalties", "--seed=4"]
+    flight = {"sigma": ("1", "2", "3", "4"), "penalties": True, "seed": "4"}
+    assert came == [(("a", "b", "c"), 3, True, flight)]
+
+
+def test_settings_of_other_samplers_are_left_out_and_those_of_one_variant_hold_for_it_alone():
+    white, colored = make_variants([COURSE], parse_variants("gaussian,colored"), SETTINGS | {"gamma": (1, 1, 1, 1)})
+    assert white.spec == variant("gaussian").spec
+    assert colored.spec.planner.sampling.gamma == (1.0, 1.0, 1.0, 1.0)
 
 
 def test_key_is_decided_by_all_that_decides_a_flight_and_by_nothing_else():
     one = variant().spec
-    same = resolve([*FLIGHT, "--sampler", "colored", "--vehicle", "paper"], "race")
+    same = resolve(COURSE, SETTINGS | {"sampler": "colored", "vehicle": "paper"})
     assert attempt_key(one) == attempt_key(same)
     for change in (["--seed", "1"], ["--margin", ".2"], ["--randomize", ".5"], ["--thrust-to-weight", "3"]):
-        other = resolve([*FLIGHT, "--sampler", "colored", *change], "race")
+        other = variant("colored", *change).spec
         assert attempt_key(other) != attempt_key(one), change
         assert (variant_key(other) == variant_key(one)) == (change[0] == "--seed")
 
@@ -63,8 +68,8 @@ WRONG = {
     "compare paper_flat --arms gaussian,gaussian": "--variants: expected different names, got 'gaussian' twice",
     "compare paper_flat --variants gaussian,": "--variants: expected a sampler or NAME=part+part, got ''",
     "compare paper_flat --variants a=rac": "no preset 'rac': did you mean 'race'?",
-    "compare paper_flat --variants a=race+es=3": "unrecognized options: --es 3",
-    "compare paper_flat --variants a=race+smooth=3": "--variants: smooth: expected yes or no, got '3'",
+    "compare paper_flat --variants a=race+es=3": "--es: no such setting, did you mean",
+    "compare paper_flat --variants a=race+smooth=3": "--smooth: expected true or false, got '3'",
     "compare paper_flat --variants a=race+target-ess=x": "--target-ess: expected a number, got 'x'",
     "compare paper_flat --attempts 0": "--attempts: expected a whole number >= 1",
     "compare paper_flat --laps 2": "paper_flat: expected 1 lap, as the course is open, got 2",

@@ -1,0 +1,114 @@
+"""Parts of a flight that are objects of the user's own, and how a run describes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, is_dataclass
+from importlib import import_module
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+
+from controllers.samplers import SAMPLERS, PlainSampler
+from quadsim.files.yaml_words import did_you_mean
+from quadsim.race.settings import SettingError
+from quadsim.race.systems import SystemEntry
+
+OWN = {"cost": "terms", "plant": "step", "controller": "control", "referee": "observe"}  # what such an object has
+LARGE = 1000  # numbers of an array, which a run does not keep
+
+
+@dataclass(frozen=True)
+class OwnParts:
+    """Objects of the user's own in place of named parts. A run keeps what they are called, not what they do.
+
+    plant, controller, referee: an object for one flight, or a class or function that is called with the Spec.
+    cost: a Cost, or a function of the default Cost that returns one.
+    """
+
+    system: SystemEntry | None = None
+    cost: Any = None
+    plant: Any = None
+    controller: Any = None
+    referee: Any = None
+
+    def described(self) -> dict[str, dict]:
+        """{role: {class, parameters}} of those that are given, as JSON."""
+        given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "system"}
+        return {role: describe(part) for role, part in given.items() if part is not None}
+
+
+def own_parts(given: dict[str, Any]) -> OwnParts:
+    """The user's own among `given`, which are taken out of it. Raises SettingError."""
+    parts = {role: given.pop(role) for role in OWN if role in given and not isinstance(given[role], str)}
+    for role, part in parts.items():
+        if not (part is None or callable(part) or hasattr(part, OWN[role])):
+            wanted = f"expected an object with {OWN[role]!r}, or a function that makes one"
+            raise SettingError(role, f"{wanted}, got {part!r}")
+    return OwnParts(**parts)
+
+
+def sampler_object(sampler: Any) -> Any:
+    """A sampler that was given as an object or as "package.module:Class"; None for the name of a registered one."""
+    if not isinstance(sampler, str):
+        return with_sample(sampler)
+    if ":" not in sampler:
+        if sampler not in SAMPLERS:
+            raise SettingError("sampler", f"no sampler {sampler!r}: {did_you_mean(sampler, SAMPLERS)}")
+        return None
+    module, _, name = sampler.partition(":")
+    try:
+        found = getattr(import_module(module), name)
+        return with_sample(found() if isinstance(found, type) else found)
+    except (ImportError, AttributeError, TypeError) as error:
+        wanted = f"expected package.module:Class without arguments, got {sampler!r}"
+        raise SettingError("sampler", f"{wanted}: {error}") from None
+
+
+def with_sample(sampler: Any) -> Any:
+    """A sampler. Raises SettingError."""
+    if not isinstance(sampler, PlainSampler | tuple(SAMPLERS.values())):
+        wanted = "expected a sampler: an object with sample(rng, samples, horizon, controls)"
+        raise SettingError("sampler", f"{wanted}, got {sampler!r}")
+    return sampler
+
+
+def sampler_name(sampler: Any) -> str:
+    """As registered, or the class name of a user's own."""
+    return next((name for name, cls in SAMPLERS.items() if type(sampler) is cls), type(sampler).__name__)
+
+
+def describe(part: Any) -> dict:
+    """{class, parameters} of a user's object, as JSON."""
+    kind = part if _is_maker(part) else type(part)
+    values = {} if kind is part else getattr(part, "__dict__", {})
+    return {"class": _name(kind), "parameters": {k: plain(v) for k, v in values.items()}}
+
+
+def _name(kind: Any) -> str:
+    return f"{kind.__module__}.{kind.__qualname__}"
+
+
+def _is_maker(part: Any) -> bool:
+    """A class or a function: called with the spec."""
+    return isinstance(part, type | FunctionType)
+
+
+def made(part: Any, spec: Any) -> Any:
+    """The part itself, or what its class or function makes for this flight."""
+    return part(spec) if _is_maker(part) else part
+
+
+def plain(value: Any) -> Any:
+    """As JSON holds it; of large arrays the shape, of other objects the class."""
+    if isinstance(value, str | int | float | bool) or value is None:
+        return value
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist() if value.size <= LARGE else f"array {value.shape}"
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
+    return _name(value if _is_maker(value) else type(value))
