@@ -14,7 +14,7 @@ SCRIPTS = sorted(EXAMPLES.glob("*.py"))
 LONGEST = 60  # lines
 OUTCOMES = {  # a pattern of what each prints; of any other script: that it finished
     "foreign_loop": r"6 s: 0\.0\d\d m from the goal",
-    "own_system": r"timeout angle from upright at the end: [0-5]\.\d deg",
+    "own_system": r"angle from upright at the end: [0-5]\.\d deg",
     "sweep_gamma": r"gamma 4: lap \d+\.\d+ s",
     "two_samplers": r"colored - gaussian: [+-]\d+\.\d+ s a lap",
 }
