@@ -88,6 +88,8 @@ class Gate:
 
 @dataclass(frozen=True)
 class Start:
+    """Where a flight begins, at rest."""
+
     position: Vec3  # [m]
     yaw: float  # [rad]
 
