@@ -143,23 +143,23 @@ def test_ones_own_controller_and_referee_have_the_say():
 
 
 def slide(x, u, p, dt):
-    """A mass on a line: position, velocity; force."""
-    position, velocity = x
-    (force,) = u
-    (mass,) = p
-    return position + velocity * dt, velocity + force / mass * dt
+    """A mass on a line: position, velocity, force; commanded force, which the force follows with a lag."""
+    position, velocity, force = x
+    (command,) = u
+    mass, lag = p
+    return position + velocity * dt, velocity + force / mass * dt, force + (command - force) * dt / lag
 
 
 def away_from_zero(x, x_next, u, target, crashed, p):
-    position, velocity = x_next
+    position, velocity, _ = x_next
     return position * position, 0.1 * velocity * velocity, False, crashed
 
 
 MASS = {
-    "system": quadsim.System("mass", ("s", "v"), ("force",), slide, (2.0,), 0.05, (-9.0,), (9.0,), (0.0,)),
+    "system": quadsim.System("mass", ("s", "v", "f"), ("f_cmd",), slide, (2.0, 0.1), 0.05, (-9.0,), (9.0,), (0.0,)),
     "cost": quadsim.Cost("near zero", ("position", "velocity"), away_from_zero, (), np.zeros((1, 1))),
     "sampler": quadsim.Gaussian((3.0,)),
-    "start": (1.0, 0.0),
+    "start": (1.0, 0.0, 0.0),
     "timeout": 3.0,
     "samples": 256,
     "horizon": 30,
@@ -170,7 +170,7 @@ def test_a_system_of_ones_own_is_driven_to_its_goal_and_kept(tmp_path):
     run = quadsim.fly(**MASS)
     assert (run.outcome, run.telemetry["s"][0]) == ("finished", 1.0)
     assert abs(run.telemetry["s"][-1]) < 0.15
-    assert run.spec["own"]["system"] == {"states": ["s", "v"], "controls": ["force"]}
+    assert run.spec["own"]["system"] == {"states": ["s", "v", "f"], "controls": ["f_cmd"]}
     folder = quadsim.save_run(run, tmp_path)
     assert quadsim.load_run(folder).digest() == run.digest()
     assert quadsim.fly(**MASS).digest() == run.digest(), "as repeatable as any"
@@ -254,7 +254,7 @@ def test_a_wrong_setting_is_an_error_of_one_line_that_names_it(name):
         ({"cost": None}, "cost: expected a controllers.costs.Cost for a system of one's own, got None"),
         ({"sampler": "colored"}, "sampler: expected a sampler: an object with sample(rng, samples, horizon, controls)"),
         ({"sampler": quadsim.Gaussian((1.0, 1.0))}, "sigma: expected 1 numbers"),
-        ({"start": (1.0,)}, "start: expected 2 numbers, got 1"),
+        ({"start": (1.0,)}, "start: expected 3 numbers, got 1"),
         ({"timeout": None}, "timeout: expected a number [s] for a system of one's own, got None"),
         ({"gates": 3}, "gates: no such setting"),
     ],

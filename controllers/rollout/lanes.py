@@ -46,7 +46,7 @@ class Rollout:
         d, (samples, n_u, T) = self.dtype, v.shape
         E = np.zeros((n_u, T, LANES), d)
         E[:, :, :samples] = v.transpose(1, 2, 0)
-        path = np.zeros((T, 3, LANES), d)  # a state of fewer numbers leaves zeros
+        path = np.empty((T, min(3, len(self.system.states)), LANES), d)
         means = np.empty((len(self.cost.term_names), LANES), d)
         self._module.paths(np.asarray(x0, d), np.zeros((T, n_u), d), E, path, means, *self._numbers(x0, target))
         return path[:, :, :samples].transpose(2, 0, 1), means[:, :samples].T

@@ -32,8 +32,8 @@ class PlantState:
 
     @property
     def position(self) -> tuple[float, float, float]:
-        """The first three numbers of the state [m], zeros where it has fewer."""
-        x, y, z = self.x[:3] if len(self.x) > 2 else (*self.x, 0.0, 0.0)[:3]
+        """Of a state that begins with one [m]; a state of fewer than three numbers is filled up with zeros."""
+        x, y, z = (*self.x[:3], 0.0, 0.0)[:3]
         return x, y, z
 
 
