@@ -79,8 +79,8 @@ def rollout(x0, U, noise, J, low, high, dt, targets, p_system, p_cost):
     T = U.shape[0]
     halves = noise.shape[2] // T
     last = targets.shape[0] - 1
-    {P} = {p_system}
-    {Q} = {p_cost}
+    {read_P}
+    {read_Q}
     for b in prange(J.shape[0]):
 {start_8}
         cost = np.zeros(L, F)
@@ -101,8 +101,8 @@ def paths(x0, U, E, path, means, low, high, dt, targets, p_system, p_cost):
     T = U.shape[0]
     t0 = 0
     last = targets.shape[0] - 1
-    {P} = {p_system}
-    {Q} = {p_cost}
+    {read_P}
+    {read_Q}
 {start_4}
     means[:, :] = F(0)
     for t in range(T):
@@ -139,10 +139,10 @@ def _words(n_x: int, n_u: int, n_target: int, n_terms: int, n_p: int, n_q: int) 
         "n_x": n_x,
         "n_target": n_target,
         "n_terms": n_terms,
-        "P": row("p{k}", n_p) + ",",
-        "Q": row("q{k}", n_q) + ",",
-        "p_system": row("p_system[{k}]", n_p) + ",",
-        "p_cost": row("p_cost[{k}]", n_q) + ",",
+        "P": row("p{k}", n_p) + "," * (n_p > 0),
+        "Q": row("q{k}", n_q) + "," * (n_q > 0),
+        "read_P": f"{row('p{k}', n_p)}, = {row('p_system[{k}]', n_p)}," if n_p else "pass",
+        "read_Q": f"{row('q{k}', n_q)}, = {row('p_cost[{k}]', n_q)}," if n_q else "pass",
         "x": row("X[{k}, l]", n_x),
         "u": row("lower(higher(U[t, {k}] + E[{k}, t0 + t, l], low[{k}]), high[{k}])", n_u),
         "a": row("A[{k}, l]", n_target),

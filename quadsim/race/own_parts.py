@@ -67,7 +67,7 @@ def sampler_object(sampler: Any) -> Any:
 
 def with_sample(sampler: Any) -> Any:
     """A sampler. Raises SettingError."""
-    if not isinstance(sampler, PlainSampler) and type(sampler) not in SAMPLERS.values():
+    if isinstance(sampler, type) or not isinstance(sampler, (PlainSampler, *SAMPLERS.values())):
         wanted = "expected a sampler: an object with sample(rng, samples, horizon, controls)"
         raise SettingError("sampler", f"{wanted}, got {sampler!r}")
     return sampler
