@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from math import isfinite
 from statistics import fmean
 
 import numpy as np
@@ -16,6 +17,8 @@ from quadsim.app.campaign.store import Row
 from quadsim.app.campaign.summary_stats import FINISHED, Section
 from quadsim.app.figures.run_figure import arrow_scale, draw_gates
 from quadsim.app.figures.style import STYLE, line
+from quadsim.app.figures.system_figure import draw_place
+from quadsim.course import Course
 from quadsim.palette import Style, styles
 from quadsim.record.archive import load_run
 from quadsim.record.run import RunError
@@ -86,6 +89,9 @@ def _draw_success(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
 def _draw_chatter(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     """Logarithmic: samplers differ by factors."""
     for y, (variant, look) in enumerate(zip(section.variants, looks, strict=True)):
+        if not isfinite(variant.thrust_tv):
+            axes.text(0.5, y, "no thrust", transform=axes.get_yaxis_transform(), ha="center", color=look.colour)
+            continue
         axes.plot([variant.thrust_tv_delivered, variant.thrust_tv], [y, y], **line(look), linewidth=2.5, alpha=0.5)
         axes.plot(variant.thrust_tv, y, "o", color=look.colour, markersize=9)
         axes.plot(variant.thrust_tv_delivered, y, "o", color="white", markeredgecolor=look.colour, markersize=8)
@@ -102,15 +108,18 @@ def _draw_chatter(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
 
 def _draw_map(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     """The course from above, with some paths of each variant and the places of all crashes."""
-    points = np.array([section.course.start.position, *(g.position for g in section.course.gates)])[:, :2]
-    draw_gates(axes, section.course, (0, 1), arrow_scale(points))
+    if isinstance(section.course, Course):
+        points = section.course.points(frames=False)[:, :2]
+        draw_gates(axes, section.course, (0, 1), arrow_scale(points))
+        axes.plot(*points[0], "o", color="white", markeredgecolor="black", markersize=5, zorder=6)
+    else:
+        draw_place(axes, section.course)
     for rows, look, variant in zip(section.rows, looks, section.variants, strict=True):
         for path in _paths(section, rows):
             axes.plot(*path.T, **line(look), linewidth=0.8, alpha=0.5, zorder=1)
         ends = np.array([r.result["crash"]["position"][:2] for r in rows if r.result["crash"]]).reshape(-1, 2)
         style = {"markeredgecolor": "white", "markeredgewidth": 0.8, "alpha": 0.9, "zorder": 7}
         axes.plot(*ends.T, "X", color=look.colour, markersize=9, label=f"{variant.name}: {len(ends)} crashed", **style)
-    axes.plot(*points[0], "o", color="white", markeredgecolor="black", markersize=5, zorder=6)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_title("from above [m]: some paths, crosses where flights crashed")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.05), ncols=2, fontsize=8)
@@ -121,4 +130,5 @@ def _paths(section: Section, rows: Sequence[Row]) -> Iterator[np.ndarray]:
     for row in sorted(rows, key=lambda r: (r.outcome != FINISHED, r.seed))[:PATHS]:
         with suppress(RunError):  # telemetry may have been removed
             x = load_run(section.home / row.folder).telemetry
-            yield np.column_stack([x["px"], x["py"]])
+            if {"px", "py"} <= x.keys():
+                yield np.column_stack([x["px"], x["py"]])

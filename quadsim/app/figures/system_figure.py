@@ -5,7 +5,7 @@ A quadrotor's has its own page, see run_figure; what both show is here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,9 +13,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure, SubFigure
 
 from quadsim.app.figures.style import line
-from quadsim.course.corridor import parse_corridor
-from quadsim.course.point_goal import parse_point_goal
+from quadsim.course.corridor import Corridor
+from quadsim.course.point_goal import PointGoal
 from quadsim.palette import FINE, HIT, INK, LIMIT, NEXT, style
+from quadsim.race.systems import SYSTEMS
 from quadsim.record.metrics import thrust_psd
 from quadsim.record.run import Run, flown_with, not_comparable, system_of, units_of
 
@@ -74,19 +75,15 @@ def draw_events(axes: Axes, run: Run, plane: tuple[int, int]) -> None:
             axes.plot(*at[:, plane].T, marker, color=colour, label=name, **look)
 
 
-def _draw_walls(axes: Axes, run: Run) -> None:
-    walls = parse_corridor(run.spec["course_text"], run.spec["course"]).walls()  # (2, points, 2)
-    for wall in walls:
-        axes.plot(*wall.T, color=INK, linewidth=1.5)
-    axes.plot(*walls[:, -1].T, color=NEXT, linewidth=1.5, label="goal")
-
-
-def _draw_goal(axes: Axes, run: Run) -> None:
-    goal = parse_point_goal(run.spec["course_text"], run.spec["course"]).goal
-    axes.plot(*goal, "*", color=NEXT, markersize=12, label="goal")
-
-
-PLACES: dict[str | None, Callable[[Axes, Run], None]] = {"offroad": _draw_walls, "double_integrator": _draw_goal}
+def draw_place(axes: Axes, course: object) -> None:
+    """The walls of a corridor, the goal of a point mass; nothing of what is unknown."""
+    if isinstance(course, Corridor):
+        walls = course.walls()  # (2, points, 2)
+        for wall in walls:
+            axes.plot(*wall.T, color=INK, linewidth=1.5)
+        axes.plot(*walls[:, -1].T, color=NEXT, linewidth=1.5, label="goal")
+    elif isinstance(course, PointGoal):
+        axes.plot(*course.goal, "*", color=NEXT, markersize=12, label="goal")
 
 
 def _draw_map(axes: Axes, run: Run) -> None:
@@ -95,7 +92,8 @@ def _draw_map(axes: Axes, run: Run) -> None:
     points = np.stack([x[name] for name in PLANE], axis=1)  # (frames, 2)
     way = np.linalg.norm(np.diff(points, axis=0), axis=1)
     speed = np.append(way / np.diff(x["t"]), 0.0)[: len(points)]
-    PLACES.get(system_of(run.spec), lambda axes, run: None)(axes, run)
+    if (system := system_of(run.spec)) in SYSTEMS:
+        draw_place(axes, SYSTEMS[system].parse_course(run.spec["course_text"], run.spec["course"]))
     lines = draw_path(axes, points, speed)
     draw_events(axes, run, (0, 1))
     axes.set(title="from above", xlabel="x [m]", ylabel="y [m]")
