@@ -9,7 +9,7 @@ from typing import Any
 
 import viser
 
-from web.choices import Choices, FlightFactory
+from web.flight_factory import Choices, FlightFactory
 from web.lap_timing import LapTiming, lap_timings
 from web.page.camera import Camera
 from web.page.charts import TABS, Charts, Tabs, remove_charts

@@ -10,7 +10,7 @@ from typing import Any
 
 import viser
 
-from web.choices import RANGES, FlightFactory, Numbers
+from web.flight_factory import RANGES, FlightFactory, Numbers
 from web.page.camera import FREE, MODES, Camera
 from web.page.html import box, small, table
 from web.page.race_panel import RacePanel
