@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -56,7 +57,6 @@ class Competitor:
     course: Course
     legs: Legs
     x: dict[str, np.ndarray]  # quadsim.record.run.COLUMNS, so far
-    progress: np.ndarray  # [m]  (frames,)
     events: tuple[Event, ...]
     laps: tuple[float, ...]  # [s]
     outcome: str | None  # None: flying
@@ -64,6 +64,11 @@ class Competitor:
     snapshots: PlannerSnapshots | None = None  # of the planner, once the flight has ended
     sampled_trajectories: SampledTrajectories | None = None  # while it flies
     folder: Path | None = None
+
+    @cached_property
+    def progress(self) -> np.ndarray:
+        """Along the race [m].  (frames,)"""
+        return self.legs.progress(self.rows(POSITION), self.x["passed"])
 
     @property
     def sampler(self) -> str:
@@ -155,18 +160,15 @@ def stored_competitor(path: Path) -> Competitor:
 
 
 def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
-    legs, x = Legs(course, run.spec["laps"]), run.telemetry
-    p = np.stack([x[name] for name in POSITION], axis=-1)
     return Competitor(
-        name=run.spec["sampler"],
-        spec=run.spec,
-        course=course,
-        legs=legs,
-        x=x,
-        progress=legs.progress(p, x["passed"]) if len(p) else np.zeros(0),
-        events=run.events,
-        laps=tuple(run.laps),
-        outcome=run.outcome,
+        run.spec["sampler"],
+        run.spec,
+        course,
+        Legs(course, run.spec["laps"]),
+        run.telemetry,
+        run.events,
+        tuple(run.laps),
+        run.outcome,
         live=False,
         snapshots=run.snapshots,
         folder=path,

@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
 
-from web.choices import Choices, FlightFactory, Numbers
 from web.competitor import Competitor, named, stored_competitor
+from web.flight_factory import Choices, FlightFactory, Numbers
 from web.live import LiveCompetitor, Notice, Notices
 from web.pace import Pace
 
@@ -125,13 +125,13 @@ class Race:
         changes = [{"name": k, "from": before[k], "to": v} for k, v in asdict(numbers).items() if v != before[k]]
         self._numbers = numbers
         for entry in self._live if changes else ():
-            if entry.outcome is None:
+            if entry.now.outcome is None:
                 entry.tune(numbers, changes)
 
     def end_flights(self) -> None:
         """They stay in view."""
         for entry in self._live:
-            if entry.outcome is None:
+            if entry.now.outcome is None:
                 entry.end()
         self._playing = False
 
@@ -156,10 +156,10 @@ class Race:
         try:
             frame = entry.advance()
         except (ValueError, FloatingPointError) as error:
-            self.notices.add("error", f"{entry.name}: the flight broke off", str(error))
+            self.notices.add("error", f"{entry.now.name}: the flight broke off", str(error))
             entry.end()
             return
-        self.notices.add_events(entry.name, frame, entry.laps)
+        self.notices.add_events(entry.now, frame)
         self._move(max(frame.t, self._t))
         due = perf_counter() - self._trajectories_at > TRAJECTORIES_PERIOD
         if due and self.show_trajectories and entry is self._live[0]:
@@ -175,10 +175,10 @@ class Race:
 
     def _next_to_fly(self) -> LiveCompetitor | None:
         """The one whose time is the least."""
-        return min((e for e in self._live if e.outcome is None), key=lambda e: e.t, default=None)
+        return min((e for e in self._live if e.now.outcome is None), key=lambda e: e.t, default=None)
 
     def _competitors(self) -> list[Competitor]:
-        return [*(e.competitor() for e in self._live), *self._stored]
+        return [*(e.now for e in self._live), *self._stored]
 
     @property
     def _end(self) -> float:

@@ -12,7 +12,7 @@ from typing import Any
 
 from quadsim.record.archive import list_runs
 from quadsim.record.run import RunError
-from web.choices import FlightFactory
+from web.flight_factory import FlightFactory
 from web.race import REST, Race, Snapshot
 
 

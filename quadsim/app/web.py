@@ -63,8 +63,7 @@ def web(
 
 def _open_page(course: str, host: str, port: int, runs_dir: str) -> tuple[Any, Any, Any, str | None]:
     """The server, its page, the session behind it, and the token where one is asked for. Raises UsageError."""
-    from quadsim.app.flight_factory import FlightFactory  # here, so that --help loads neither numba nor viser
-    from web.choices import Choices
+    from web.flight_factory import Choices, FlightFactory  # here, so that --help loads neither numba nor viser
     from web.page.dashboard import Dashboard
     from web.page.guard import new_token, serve
     from web.page.race_panel import Menu

@@ -8,7 +8,6 @@ made in flight, see `not_comparable`; `own`, the user's own parts. There may be 
 from __future__ import annotations
 
 import json
-from array import array
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -151,14 +150,19 @@ class Recorder:
     def __init__(self) -> None:
         self.last: Frame | None = None
         self.events: list[Event] = []
-        self._numbers = array("d")  # rows of the system's columns
+        self._table = np.empty((0, 1))  # the system's columns, with room for more rows
         self._frames = 0
         self._snapshots: list[tuple[int, PlannerSnapshot]] = []
 
     def add(self, f: Frame) -> None:
         if f.snapshot:
             self._snapshots.append((len(self), f.snapshot))
-        self._numbers.extend((f.t, *f.x, *f.u, f.passed, f.lap, f.ess, f.temperature, f.cost, f.plan_ms))
+        row = (f.t, *f.x, *f.u, f.passed, f.lap, f.ess, f.temperature, f.cost, f.plan_ms)
+        if len(self) == len(self._table):  # a new one, as views of the old one must not change
+            table = np.empty((2 * len(self) or 1024, len(row)))
+            table[: len(self)] = self._table
+            self._table = table
+        self._table[len(self)] = row
         self.events += f.events
         self.last = f
         self._frames += 1
@@ -166,15 +170,19 @@ class Recorder:
     def __len__(self) -> int:
         return self._frames
 
+    def views(self, columns: Iterable[str]) -> dict[str, np.ndarray]:
+        """The telemetry so far, not copied; a view stays valid while the flight goes on.  (frames,) each"""
+        names = tuple(columns)
+        return dict(zip(names, self._table[: len(self)].reshape(len(self), len(names)).T, strict=True))
+
     def run(self, spec: dict) -> Run:
         """The flight so far, interrupted where its last frame has no outcome. Raises ValueError for any other one."""
         outcome = (self.last.outcome if self.last else None) or "interrupted"
         if outcome not in get_args(Outcome):
             raise ValueError(f"referee: expected an outcome of {', '.join(get_args(Outcome))}, got {outcome!r}")
         spec = json.loads(canonical(spec))  # tuples become lists now, so that loading gives back the same
-        columns = columns_of(spec)
-        table = np.array(self._numbers).reshape(len(self), len(columns))
-        telemetry = {name: table[:, i].astype(int if name in COUNTS else float) for i, name in enumerate(columns)}
+        views = self.views(columns_of(spec))
+        telemetry = {name: column.astype(int if name in COUNTS else float) for name, column in views.items()}
         return Run(
             spec=spec,
             telemetry=telemetry,

@@ -9,7 +9,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from web_cases import COURSE, Gliders
 
-from web.choices import Choices
+from web.flight_factory import Choices
 from web.session import Session
 
 

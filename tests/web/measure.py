@@ -22,8 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from wire import connect
 
-from quadsim.app.flight_factory import FlightFactory
-from web.choices import Choices
+from web.flight_factory import Choices, FlightFactory
 from web.page.dashboard import Dashboard
 from web.page.guard import serve
 from web.page.race_panel import Menu

@@ -9,7 +9,7 @@ import pytest
 
 from controllers.presets import PRESETS
 from quadsim.record.archive import list_runs, load_run
-from web.choices import RANGES, Choices
+from web.flight_factory import RANGES, Choices, FlightFactory
 from web.race import Race
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (pip install -e '.[dev]')")
@@ -28,7 +28,6 @@ def root(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def session(root):
-    from quadsim.app.flight_factory import FlightFactory
     from web.page.dashboard import Dashboard
     from web.page.guard import serve
     from web.page.race_panel import Menu

@@ -7,7 +7,7 @@ from quadsim.course import course_names, load_course
 from web.pace import Pace
 from web.page.camera import ASPECT, FOV, overview, top_view
 from web.page.drones import quadrotor, ramp, resampled, segments
-from web.page.race_scene import _bars
+from web.page.race_scene import bars_of
 
 
 @pytest.mark.parametrize("name", course_names())
@@ -29,7 +29,7 @@ def test_the_camera_frames_any_course(name, view):
 
 def test_bars_leave_the_opening_free_and_touch_at_the_corners():
     gate = load_course("split_s_swift").gates[0]
-    centres, sizes, _ = _bars(gate)
+    centres, sizes, _ = bars_of(gate)
     local = (centres - gate.position) @ gate.rotation  # gate frame
     inner_z = (abs(local[:2, 2]) - sizes[:2, 2] / 2).tolist()
     inner_y = (abs(local[2:, 1]) - sizes[2:, 1] / 2).tolist()

@@ -9,7 +9,7 @@ import numpy as np
 from controllers.plan import PlannerSnapshot
 from quadsim.course import load_course
 from quadsim.race.events import Event, Frame
-from web.choices import Choices, Numbers
+from web.flight_factory import Choices, Numbers
 
 PERIOD = 0.01  # [s]
 COURSE = "figure8"

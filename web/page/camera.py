@@ -19,28 +19,23 @@ Pose = tuple[np.ndarray, np.ndarray]  # position and the point it looks at [m]
 
 class Camera:
     def __init__(self, server: viser.ViserServer):
-        self._server, self.mode = server, FREE
+        self._server, self._mode = server, FREE
         self._course: Course | None = None
         self._position = self._look_at = np.zeros(3)  # of the chasing camera
         server.on_client_connect(self._place)
 
-    def show_course(self, course: Course) -> None:
-        """The whole course for every client, now and on connecting."""
-        self._course = course
-        set_initial_camera(self._server, course)
-        self._place_all()
-
-    def set(self, mode: str) -> None:
-        self.mode = mode
-        self._place_all()
-
-    def next(self) -> str:
-        self.set(MODES[(MODES.index(self.mode) + 1) % len(MODES)])
-        return self.mode
+    def show(self, mode: str, course: Course | None = None) -> None:
+        """In this mode for every client, now and on connecting; course: another one from now on."""
+        self._mode = mode
+        if course:
+            self._course = course
+            set_initial_camera(self._server, course)
+        for client in self._server.get_clients().values():
+            self._place(client)
 
     def follow(self, s: LapTiming) -> None:
         """Move smoothly behind the drone, looking where it flies."""
-        if self.mode != CHASE:
+        if self._mode != CHASE:
             return
         p, v = s.entry.rows(POSITION, s.i), s.entry.rows(VELOCITY, s.i)
         ahead = np.array([v[0], v[1], 0.3 * v[2]])
@@ -57,18 +52,14 @@ class Camera:
             with client.atomic():
                 client.camera.position, client.camera.look_at = self._position, self._look_at
 
-    def _place_all(self) -> None:
-        for client in self._server.get_clients().values():
-            self._place(client)
-
     def _place(self, client: viser.ClientHandle) -> None:
-        if self._course is None or self.mode == CHASE:
+        if self._course is None or self._mode == CHASE:
             return
-        position, look_at = top_view(self._course) if self.mode == TOP else overview(self._course)
         with client.atomic():
             client.camera.fov = FOV
             client.camera.up_direction = (0.0, 0.0, 1.0)
-            client.camera.position, client.camera.look_at = position, look_at
+            view = top_view if self._mode == TOP else overview
+            client.camera.position, client.camera.look_at = view(self._course)
 
 
 def set_initial_camera(server: viser.ViserServer, course: Course) -> None:

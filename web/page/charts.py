@@ -28,8 +28,6 @@ SIGNALS = {  # title -> (label, column of the telemetry or SPEED, line width)
     "pitch rate [rad/s]": (("", "wy", 1.3),),
     "yaw rate [rad/s]": (("", "wz", 1.3),),
 }
-
-
 Tabs = Mapping[str, viser.GuiTabHandle]  # one for each of TABS
 
 
@@ -43,34 +41,52 @@ class Charts:
     """All of one race."""
 
     def __init__(self, gui: viser.GuiApi, tabs: Tabs, entries: Sequence[Competitor]):
+        lines, legs = [_line(e, e.name) for e in entries], entries[0].legs
+        window = np.linspace(0.0, WINDOW, POINTS)
+        self._signals = []
         with tabs["Signals"]:
-            self.signals = Signals(gui, entries)
+            for title, curves in SIGNALS.items():
+                drawn = [_line(e, f"{e.name} {label}".strip(), width) for e in entries for label, _, width in curves]
+                height = 150 if title.startswith("thrust") else 105
+                self._signals.append(_chart(gui, title, "t [s]", window, drawn, height))
+        self._corner = motor_corner(motor_tau(entries[0].spec["vehicle"]))
+        self._f = np.sort(np.append(FREQUENCIES, [self._corner, self._corner]))
         with tabs["Spectrum"]:
-            self._spectrum = Spectrum(gui, entries)
+            corner = uplot.Series(label="motors' corner", stroke=DIM, width=1.2, dash=(3, 3))
+            title = f"thrust commanded, PSD [10⁻³ (m/s²)²/Hz]; motors' corner {self._corner:.1f} Hz"
+            self._spectrum = _chart(gui, title, "f [Hz]", self._f, [*lines, corner], 250, log=True)
+        self._race = np.linspace(0.0, legs.length, PLACES)
+        self._lap = np.linspace(0.0, float(np.diff(legs.lap_ends, prepend=0.0)[-1]), PLACES)
         with tabs["Gap"]:
-            self._gaps = Gaps(gui, entries)
+            title = "this lap against the best lap of all [s]"
+            self._lap_gap = _chart(gui, title, "place [m]", self._lap, lines, 170)
+            title = f"gap to {entries[0].name} [s]; above 0: behind"
+            self._race_gap = _chart(gui, title, "place [m]", self._race, lines, 170)
 
-    def update_slow(self, timings: Sequence[LapTiming]) -> None:
-        """The charts that take longer to compute and change slowly."""
-        self._spectrum.update(timings)
-        self._gaps.update(timings)
-
-
-class Signals:
-    """The last seconds of every competitor."""
-
-    def __init__(self, gui: viser.GuiApi, entries: Sequence[Competitor]):
-        self._charts = []
-        for title, curves in SIGNALS.items():
-            lines = [_line(e, f"{e.name} {label}".strip(), width) for e in entries for label, _, width in curves]
-            height = 150 if title.startswith("thrust") else 105
-            self._charts.append(_chart(gui, title, "t [s]", np.linspace(0.0, WINDOW, POINTS), lines, height))
-
-    def update(self, timings: Sequence[LapTiming]) -> None:
+    def update_signals(self, timings: Sequence[LapTiming]) -> None:
+        """The last seconds of every competitor."""
         now = max(s.t for s in timings)
         t = np.linspace(max(now - WINDOW, 0.0), max(now, WINDOW), POINTS)
-        for chart, curves in zip(self._charts, SIGNALS.values(), strict=True):
+        for chart, curves in zip(self._signals, SIGNALS.values(), strict=True):
             chart.data = (t, *(_curve(t, s, column) for s in timings for _, column, _ in curves))
+
+    def update_spectrum(self, timings: Sequence[LapTiming]) -> None:
+        """Welch's power spectral density of the commanded thrust, on log axes, with the motors' corner frequency."""
+        rows = [psd(s.entry, self._f) for s in timings]
+        finite = np.concatenate(rows)[np.isfinite(np.concatenate(rows))]
+        if len(finite):
+            line = np.full(len(self._f), np.nan)
+            line[self._f == self._corner] = finite.min(), finite.max()
+            self._spectrum.data = (self._f, *rows, line)
+
+    def update_gaps(self, timings: Sequence[LapTiming]) -> None:
+        """Seconds behind at the same place: this lap behind the best of all, the race behind the first competitor."""
+        flights = [(s.entry.t[: s.i + 1], s.entry.progress[: s.i + 1]) for s in timings]
+        self._race_gap.data = (self._race, *(gap(self._race, f, flights[0]) for f in flights))
+        best = best_lap([s.entry for s in timings])
+        if best is not None:
+            laps = [lap_of(s.entry, s.lap - 1, s.i) for s in timings]
+            self._lap_gap.data = (self._lap, *(gap(self._lap, lap, best) for lap in laps))
 
 
 def _curve(t: np.ndarray, s: LapTiming, column: str) -> np.ndarray:
@@ -80,26 +96,6 @@ def _curve(t: np.ndarray, s: LapTiming, column: str) -> np.ndarray:
     return np.interp(t, s.entry.t[rows], values, left=np.nan, right=np.nan)
 
 
-class Spectrum:
-    """Welch's power spectral density of the commanded thrust, on log axes, with the motors' corner frequency."""
-
-    def __init__(self, gui: viser.GuiApi, entries: Sequence[Competitor]):
-        self._corner = motor_corner(motor_tau(entries[0].spec["vehicle"]))
-        self._f = np.sort(np.append(FREQUENCIES, [self._corner, self._corner]))
-        corner = uplot.Series(label="motors' corner", stroke=DIM, width=1.2, dash=(3, 3))
-        lines = [*(_line(e, e.name) for e in entries), corner]
-        title = f"thrust commanded, PSD [10⁻³ (m/s²)²/Hz]; motors' corner {self._corner:.1f} Hz"
-        self._chart = _chart(gui, title, "f [Hz]", self._f, lines, 250, log=True)
-
-    def update(self, timings: Sequence[LapTiming]) -> None:
-        rows = [psd(s.entry, self._f) for s in timings]
-        finite = np.concatenate(rows)[np.isfinite(np.concatenate(rows))]
-        if len(finite):
-            line = np.full(len(self._f), np.nan)
-            line[self._f == self._corner] = finite.min(), finite.max()
-            self._chart.data = (self._f, *rows, line)
-
-
 def psd(entry: Competitor, f: np.ndarray) -> np.ndarray:
     """[1e-3 (m/s^2)^2/Hz] at these frequencies [Hz], interpolated between the bins of the estimate; nan beyond them."""
     if len(entry.t) < FEWEST:
@@ -107,27 +103,6 @@ def psd(entry: Competitor, f: np.ndarray) -> np.ndarray:
     bins, power = thrust_psd(entry.t, entry.x["a_cmd"])
     curve = np.log(np.maximum(1e3 * power[1:], 1e-3))
     return np.exp(np.interp(np.log(f), np.log(bins[1:]), curve, left=np.nan, right=np.nan))
-
-
-class Gaps:
-    """Seconds behind at the same place: this lap behind the best of all, the race behind the first competitor."""
-
-    def __init__(self, gui: viser.GuiApi, entries: Sequence[Competitor]):
-        legs = entries[0].legs
-        self._race = np.linspace(0.0, legs.length, PLACES)
-        self._lap = np.linspace(0.0, float(np.diff(legs.lap_ends, prepend=0.0)[-1]), PLACES)
-        lines = [_line(e, e.name) for e in entries]
-        over_race = f"gap to {entries[0].name} [s]; above 0: behind"
-        self._over_lap = _chart(gui, "this lap against the best lap of all [s]", "place [m]", self._lap, lines, 170)
-        self._over_race = _chart(gui, over_race, "place [m]", self._race, lines, 170)
-
-    def update(self, timings: Sequence[LapTiming]) -> None:
-        flights = [(s.entry.t[: s.i + 1], s.entry.progress[: s.i + 1]) for s in timings]
-        self._over_race.data = (self._race, *(gap(self._race, f, flights[0]) for f in flights))
-        best = best_lap([s.entry for s in timings])
-        if best is not None:
-            laps = [lap_of(s.entry, s.lap - 1, s.i) for s in timings]
-            self._over_lap.data = (self._lap, *(gap(self._lap, lap, best) for lap in laps))
 
 
 def _line(entry: Competitor, label: str, width: float = 1.8) -> uplot.Series:
@@ -140,20 +115,18 @@ def _chart(
     title: str,
     x_label: str,
     x: np.ndarray,
-    lines: Sequence[uplot.Series],
+    lines: list[uplot.Series],
     height: int,
     log: bool = False,
 ) -> viser.GuiUplotHandle:
-    axis = {"stroke": DIM, "grid": {"stroke": TRACK, "width": 1}, "ticks": {"stroke": TRACK}, "size": 34}
+    axis = {"stroke": DIM, "grid": {"stroke": TRACK, "width": 1}, "ticks": {"stroke": TRACK}}
+    logarithmic: dict = {"distr": 3} if log else {}
     return gui.add_uplot(
         data=(x, *(np.full(len(x), np.nan) for _ in lines)),
         series=(uplot.Series(label=x_label), *lines),
         title=title,
-        scales={
-            "x": uplot.Scale(time=False, distr=3) if log else uplot.Scale(time=False),
-            "y": uplot.Scale(distr=3) if log else uplot.Scale(auto=True),
-        },
-        axes=(uplot.Axis(**axis), uplot.Axis(**{**axis, "size": 46})),
+        scales={"x": uplot.Scale(time=False, **logarithmic), "y": uplot.Scale(**(logarithmic or {"auto": True}))},
+        axes=(uplot.Axis(**axis, size=34), uplot.Axis(**axis, size=46)),
         legend=uplot.Legend(show=False),
         padding=(10, 18, 0, 0),
         height=height,

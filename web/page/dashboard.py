@@ -9,7 +9,7 @@ from typing import Any
 
 import viser
 
-from web.choices import Choices, FlightFactory
+from web.flight_factory import Choices, FlightFactory
 from web.lap_timing import LapTiming, lap_timings
 from web.page.camera import Camera
 from web.page.charts import TABS, Charts, Tabs, remove_charts
@@ -109,7 +109,8 @@ class Dashboard:
                 self._update_tables(s, timings, view)
                 self._tables_at = now
         if view and now - self._slow_at > SLOW:
-            view.charts.update_slow(timings)
+            view.charts.update_spectrum(timings)
+            view.charts.update_gaps(timings)
             self._set("Chatter", chatter(s.competitors))
             self.race.refresh()
             self._slow_at = now
@@ -122,7 +123,7 @@ class Dashboard:
         if not timings or len(timings) != len(s.competitors):
             return None
         self._view, self._slow_at = RaceView(self._server, s, self._tabs, self._options.true_size.value), -1.0
-        self._camera.show_course(s.competitors[0].course)
+        self._camera.show(self._options.camera_mode.value, s.competitors[0].course)
         return self._view
 
     def _update_tables(self, s: Snapshot, timings: list[LapTiming], view: RaceView | None) -> None:
@@ -132,7 +133,7 @@ class Dashboard:
             self._set("Timing", tower(timings) + view.map.draw(timings))
             self._set("Laps", laps(s.competitors))
             self._set("Planner", planner(timings[0]))
-            view.charts.signals.update(timings)
+            view.charts.update_signals(timings)
         self._playback.update(s)
         self.sampler.enable(s)
 

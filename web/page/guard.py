@@ -23,7 +23,7 @@ import rich
 import viser
 import websockets.asyncio.server as websockets_server
 from viser import _messages as messages
-from websockets import Headers
+from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -38,6 +38,7 @@ UNUSED_MESSAGES = (  # that viser's server handles and no control of the page se
     messages.GuiFormDirtyMessage,
     messages.GuiButtonHoldMessage,
 )
+Check = Callable[[ServerConnection, Request], Response | None]  # None: the request may pass; or what ends it
 _patching = threading.Lock()
 
 
@@ -50,7 +51,7 @@ def serve(host: str, port: int, token: str | None, label: str) -> viser.ViserSer
     """A running server. Raises ValueError with one line for a host or port that cannot be used."""
     port = probe(host, port)
     rich.reconfigure(stderr=True, quiet=True)  # viser prints banners through it; stdout is for results
-    with _patching, _checked_requests(request_check(host, port, token), allowed_origins(host, port)):
+    with _patching, _checked_requests(request_check(host, port, token)):
         server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
     if server.get_port() != port:
         server.stop()
@@ -78,40 +79,31 @@ def probe(host: str, port: int) -> int:
         raise ValueError(f"{at}: cannot listen on {host}:{port}: {reason.lower()}") from None
 
 
-def allowed_hosts(host: str, port: int) -> set[str] | None:
-    """What a request's Host may be; None: anything, where the server listens on addresses it cannot know."""
+def request_check(host: str, port: int, token: str | None) -> Check:
+    """Passes requests whose Host is this server, whose Origin, which browsers send, is its own page, and whose cookie
+    holds the token. Any Host passes where the server listens on addresses it cannot know.
+    """
     names = {host, "127.0.0.1", "localhost", "::1"}
-    return None if host in ALL_INTERFACES else {f"[{n}]:{port}" if ":" in n else f"{n}:{port}" for n in names}
+    hosts = {f"[{n}]:{port}" if ":" in n else f"{n}:{port}" for n in names}
+    cookie = f"race{port}"
 
-
-def allowed_origins(host: str, port: int) -> list[Any] | None:
-    """Pages that may open the websocket; None among them: programs that are no browser, which send no Origin."""
-    hosts = allowed_hosts(host, port)
-    return None if hosts is None else [None, *(f"http://{name}" for name in sorted(hosts))]
-
-
-def request_check(host: str, port: int, token: str | None) -> Callable[[Request], Response | None]:
-    """A function of a request: None to let it pass, or the response that ends it."""
-    hosts, cookie = allowed_hosts(host, port), f"race{port}"
-
-    def check(request: Request) -> Response | None:
+    def check(connection: ServerConnection, request: Request) -> Response | None:
         asked, origin = request.headers.get("Host", ""), request.headers.get("Origin")
-        if hosts is not None and asked not in hosts:
-            return _response(HTTPStatus.FORBIDDEN, "this server does not have that name")
+        if host not in ALL_INTERFACES and asked not in hosts:
+            return connection.respond(HTTPStatus.FORBIDDEN, "this server does not have that name\n")
         if origin is not None and origin != f"http://{asked}":
-            return _response(HTTPStatus.FORBIDDEN, "pages of another origin may not use this server")
+            return connection.respond(HTTPStatus.FORBIDDEN, "pages of another origin may not use this server\n")
         if token is None or _equal(_cookie(request, cookie), token):
             return None
-        if _equal(_query_token(request), token):
-            kept = f"{cookie}={token}; HttpOnly; SameSite=Strict; Path=/"
-            return _response(HTTPStatus.SEE_OTHER, "", {"Location": "/", "Set-Cookie": kept})
-        return _response(HTTPStatus.UNAUTHORIZED, "open the address with ?token=... that `race web` printed")
+        if not _equal(parse_qs(urlsplit(request.path).query).get("token", [""])[0], token):
+            advice = "open the address with ?token=... that `race web` printed\n"
+            return connection.respond(HTTPStatus.UNAUTHORIZED, advice)
+        response = connection.respond(HTTPStatus.SEE_OTHER, "")
+        response.headers["Location"] = "/"
+        response.headers["Set-Cookie"] = f"{cookie}={token}; HttpOnly; SameSite=Strict; Path=/"
+        return response
 
     return check
-
-
-def _query_token(request: Request) -> str:
-    return parse_qs(urlsplit(request.path).query).get("token", [""])[0]
 
 
 def _cookie(request: Request, name: str) -> str:
@@ -124,22 +116,16 @@ def _equal(a: str, b: str) -> bool:
     return secrets.compare_digest(a.encode(), b.encode())
 
 
-def _response(status: HTTPStatus, text: str, headers: dict[str, str] | None = None) -> Response:
-    body = f"{text}\n".encode() if text else b""
-    fields = Headers({"Content-Length": str(len(body)), "Content-Type": "text/plain", **(headers or {})})
-    return Response(status, status.phrase, fields, body)
-
-
 @contextmanager
-def _checked_requests(check: Callable, origins: list | None):
+def _checked_requests(check: Check):
     """A server that starts meanwhile runs the check before every request: viser has no argument for that."""
     original = websockets_server.serve
 
-    def checked(*args: Any, process_request: Any = None, **kwargs: Any) -> Any:
-        def process(connection: Any, request: Request) -> Any:
-            return check(request) or (process_request(connection, request) if process_request else None)
+    def checked(*args: Any, process_request: Callable, **kwargs: Any) -> Any:
+        def process(connection: ServerConnection, request: Request) -> Any:
+            return check(connection, request) or process_request(connection, request)
 
-        return original(*args, process_request=process, origins=origins, **kwargs)
+        return original(*args, process_request=process, **kwargs)
 
     websockets_server.serve = checked  # type: ignore[misc,assignment]
     try:
@@ -169,19 +155,15 @@ def validate_input(handle: Any, updates: Any) -> bool:
     """
     if not isinstance(updates, dict) or set(updates) != {"value"}:
         return False
-    value, props = updates["value"], handle._impl.props
+    value, props, held = updates["value"], handle._impl.props, handle._impl.value
     if getattr(props, "disabled", False) or not props.visible:
         return False
     if hasattr(props, "options"):
         return isinstance(value, str) and value in props.options
-    if isinstance(handle._impl.value, bool):
+    if isinstance(held, bool):
         return isinstance(value, bool)
-    if isinstance(handle._impl.value, int | float):
-        return _within(value, props)
-    return isinstance(value, str) and len(value) <= LONGEST_TEXT
-
-
-def _within(value: Any, props: Any) -> bool:
+    if not isinstance(held, int | float):
+        return isinstance(value, str) and len(value) <= LONGEST_TEXT
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
         return False
     low, high = getattr(props, "min", None), getattr(props, "max", None)

@@ -10,7 +10,7 @@ from typing import Any
 
 import viser
 
-from web.choices import RANGES, FlightFactory, Numbers
+from web.flight_factory import RANGES, FlightFactory, Numbers
 from web.page.camera import FREE, MODES, Camera
 from web.page.html import box, small, table
 from web.page.race_panel import RacePanel
@@ -33,20 +33,13 @@ class SamplerPanel:
         self._preset = self._preset_numbers()
         with gui.add_folder("Sampler (live)"):
             for name, value in asdict(self._preset).items():
-                kind = type(value)
-                low, high, step = (kind(v) for v in RANGES[name])
+                low, high, step = (type(value)(v) for v in RANGES[name])
                 label = LABELS.get(name, name.replace("_", " ").capitalize())
                 self.sliders[name] = gui.add_slider(label, low, high, step, value)
                 self.sliders[name].on_update(self._moved)
         race.numbers = self._chosen
-        race.preset.on_update(lambda _: self.reset())
-        race.sampler.on_update(lambda _: self.reset())
-
-    def reset(self) -> None:
-        """The numbers of the preset and sampler chosen."""
-        self._preset = self._preset_numbers()
-        for name, value in asdict(self._preset).items():
-            self.sliders[name].value = value
+        for control in (race.preset, race.sampler):
+            control.on_update(self._reset)
 
     def enable(self, s: Snapshot) -> None:
         """Only live flights can be tuned."""
@@ -54,6 +47,12 @@ class SamplerPanel:
         for slider in self.sliders.values():
             if slider.disabled != off:
                 slider.disabled = off
+
+    def _reset(self, _: object) -> None:
+        """The numbers of the preset and sampler chosen."""
+        self._preset = self._preset_numbers()
+        for name, value in asdict(self._preset).items():
+            self.sliders[name].value = value
 
     def _preset_numbers(self) -> Numbers:
         return self._flight_factory.numbers(self._race.preset.value, self._race.sampler.value).clamped()
@@ -66,7 +65,7 @@ class SamplerPanel:
         return None if self._now() == self._preset else self._now()
 
     def _moved(self, event: viser.GuiEvent) -> None:
-        if event.client_id is not None:  # moved by a client, not by reset()
+        if event.client_id is not None:  # moved by a client, not by _reset()
             self._session.tell(Race.tune, self._now())
 
 
@@ -118,7 +117,6 @@ class ViewPanel:
     """How the race is shown, and the keys that control it."""
 
     def __init__(self, gui: viser.GuiApi, session: Session, camera: Camera):
-        self._gui, self._camera = gui, camera
         with gui.add_folder("View", expand_by_default=False):
             self.camera_mode = gui.add_dropdown("Camera", MODES, initial_value=FREE)
             self.ghosts = gui.add_dropdown("Ghosts", (TIME, PLACE), initial_value=TIME, hint="where others are shown")
@@ -126,14 +124,18 @@ class ViewPanel:
             hint = "the cheapest of the samples; white: the plan"
             self.trajectories = gui.add_checkbox("Sampled trajectories", True, hint=hint)
             self.true_size = gui.add_checkbox("True size", False, hint="of the drones, from the next start")
-        self.camera_mode.on_update(lambda _: camera.set(self.camera_mode.value))
-        self._keys: list[list[str] | str] = []  # rows of the help
-        self._add_key("space", "pause, go on", lambda _: session.tell(Race.play))
-        self._add_key("N", "one step", lambda _: session.tell(Race.step, 1))
-        self._add_key("R", "restart", lambda _: session.tell(Race.restart))
-        self._add_key("E", "next event", lambda _: session.tell(Race.jump))
-        self._add_key("C", "camera: free, chase, top", lambda _: self._next_camera())
-        self._add_key("H", "help: these keys", lambda event: self._help(event.client))
+        self.camera_mode.on_update(lambda _: camera.show(self.camera_mode.value))
+        commands: dict[Any, tuple[str, Callable[[viser.CommandEvent], None]]] = {
+            "space": ("pause, go on", lambda _: session.tell(Race.play)),
+            "N": ("one step", lambda _: session.tell(Race.step, 1)),
+            "R": ("restart", lambda _: session.tell(Race.restart)),
+            "E": ("next event", lambda _: session.tell(Race.jump)),
+            "C": ("camera: free, chase, top", lambda _: self._next_camera()),
+            "H": ("help: these keys", lambda event: _help(event.client, keys)),
+        }
+        keys: list[list[str] | str] = [[key, what] for key, (what, _) in commands.items()]
+        for key, (what, command) in commands.items():
+            gui.add_command(what, hotkey=key).on_trigger(command)
 
     @property
     def by_place(self) -> bool:
@@ -143,18 +145,14 @@ class ViewPanel:
         """Whether trails are coloured by speed: by default if there is no other competitor to tell apart."""
         return self.trails.value == SPEED or (self.trails.value == AUTO and competitors == 1)
 
-    def _add_key(self, key: Any, what: str, command: Callable[[viser.CommandEvent], None]) -> None:
-        self._gui.add_command(what, hotkey=key).on_trigger(command)
-        self._keys.append([key, what])
-
     def _next_camera(self) -> None:
-        mode: Any = self._camera.next()
-        self.camera_mode.value = mode
+        self.camera_mode.value = MODES[(MODES.index(self.camera_mode.value) + 1) % len(MODES)]
 
-    def _help(self, client: viser.ClientHandle | None) -> None:
-        if client is None:
-            return
-        with client.gui.add_modal("Keys") as modal:
-            note = "Sliders act at the next plan; a flight changed so is marked interactive and is not comparable."
-            client.gui.add_html(box(table(["key", "does"], self._keys, left=2), small(note)))
-            client.gui.add_button("Close").on_click(lambda _: modal.close())
+
+def _help(client: viser.ClientHandle | None, keys: list[list[str] | str]) -> None:
+    if client is None:
+        return
+    with client.gui.add_modal("Keys") as modal:
+        note = "Sliders act at the next plan; a flight changed so is marked interactive and is not comparable."
+        client.gui.add_html(box(table(["key", "does"], keys, left=2), small(note)))
+        client.gui.add_button("Close").on_click(lambda _: modal.close())

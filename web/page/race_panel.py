@@ -8,7 +8,7 @@ from pathlib import Path
 
 import viser
 
-from web.choices import Choices, Numbers
+from web.flight_factory import Choices, Numbers
 from web.race import Race
 from web.session import Session
 

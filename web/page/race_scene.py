@@ -15,7 +15,6 @@ from web.competitor import Competitor
 from web.lap_timing import LapTiming, crashed_gates
 from web.page.drones import Drone, SampledTrajectoriesView
 
-DEPTH = 0.12  # of a gate's bars along its passage [m]
 PLAIN = np.array((206, 210, 216), np.uint8)
 NEXT_RGB, HIT_RGB = Style(NEXT, ()).rgb, Style(HIT, ()).rgb
 
@@ -55,17 +54,17 @@ class CourseView:
     """Gates, their numbers and the ground. All bars of all gates are one node: recolouring them sends one array."""
 
     def __init__(self, scene: viser.SceneApi, course: Course):
-        self._gates, unit = len(course.gates), trimesh.creation.box()
-        bars = [_bars(gate) for gate in course.gates]
-        positions, sizes, rotations = (np.concatenate(part) for part in zip(*bars, strict=True))
-        self._colours = np.tile(PLAIN, (len(positions), 1))
+        self._gates, cube = len(course.gates), trimesh.creation.box()
+        bars = [bars_of(gate) for gate in course.gates]
+        centres, sizes, quaternions = (np.concatenate(part) for part in zip(*bars, strict=True))
+        self._colours = np.tile(PLAIN, (len(centres), 1))
         self._bars = scene.add_batched_meshes_simple(
             "/course/gates",
-            unit.vertices,
-            unit.faces,
-            batched_wxyzs=rotations,
-            batched_positions=positions,
-            batched_scales=sizes.astype(np.float32),
+            cube.vertices,
+            cube.faces,
+            batched_wxyzs=quaternions,
+            batched_positions=centres,
+            batched_scales=sizes,
             batched_colors=self._colours,
             flat_shading=True,
             side="double",
@@ -79,23 +78,19 @@ class CourseView:
 
     def colour(self, next_gate: int, hit: set[int]) -> None:
         """1-based numbers; 0: no gate is next."""
-        colours = np.tile(PLAIN, (self._gates, 1))
-        for number in hit:
-            colours[number - 1] = HIT_RGB
-        if next_gate:
-            colours[next_gate - 1] = NEXT_RGB
-        colours = np.repeat(colours, 4, axis=0)
+        colours = np.tile(PLAIN, (self._gates + 1, 1))  # the first is of no gate
+        colours[list(hit)] = HIT_RGB
+        colours[next_gate] = NEXT_RGB
+        colours = np.repeat(colours[1:], 4, axis=0)
         if not np.array_equal(colours, self._colours):
             self._bars.batched_colors = self._colours = colours
 
 
-def _bars(gate: Gate) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centres (4, 3), sizes (4, 3) and quaternions wxyz (4, 4) of a gate's four bars."""
-    (w, h), f = gate.opening, gate.frame_width
-    local = np.array([(0, 0, (h + f) / 2), (0, 0, -(h + f) / 2), (0, (w + f) / 2, 0), (0, -(w + f) / 2, 0)])
-    sizes = np.array([(DEPTH, w + 2 * f, f)] * 2 + [(DEPTH, f, h)] * 2)
+def bars_of(gate: Gate) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centres (4, 3), sizes (4, 3) and quaternions wxyz (4, 4) of a gate's four bars in the world."""
+    centres, halves = np.moveaxis(np.array(gate.bars, np.float32), 1, 0)
     quaternion = SO3.from_matrix(gate.rotation).wxyz
-    return local @ gate.rotation.T + gate.position, sizes, np.tile(quaternion, (4, 1))
+    return centres @ gate.rotation.T + gate.position, 2 * halves, np.tile(quaternion, (4, 1))
 
 
 def _arrows(course: Course) -> np.ndarray:
@@ -114,8 +109,8 @@ def _add_ground(scene: viser.SceneApi, course: Course) -> None:
     width, height = 2 * np.ceil((high - low) / 2 + 5)
     scene.add_grid(
         "/course/ground",
-        width=width,
-        height=height,
+        width,
+        height,
         position=(*(low + high) / 2, 0.0),
         cell_size=1.0,
         section_size=5.0,
