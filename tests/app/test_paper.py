@@ -12,11 +12,11 @@ from campaign_cases import row
 
 from controllers.plan import PlanStats
 from quadsim.app.campaign import runner
-from quadsim.app.campaign.attempt import attempt_key, fly_attempt
-from quadsim.app.campaign.attempt import result as attempt_result
-from quadsim.app.campaign.variants import Variant, Workers
+from quadsim.app.campaign.attempt import attempt_key
+from quadsim.app.campaign.pool import Pool
+from quadsim.app.campaign.variants import Variant
 from quadsim.app.cli import race
-from quadsim.app.paper import result, table2
+from quadsim.app.paper import table2
 from quadsim.app.paper.command import EXPERIMENTS
 from quadsim.app.paper.published import TABLE2
 from quadsim.app.paper.result import flown, load_runs, table1_row
@@ -30,7 +30,7 @@ SMALL = {"samples": 128, "horizon": 20, "timeout": 0.15}
 @pytest.fixture
 def here(monkeypatch):
     """Attempts in this process instead of workers."""
-    monkeypatch.setattr(result, "Workers", lambda: Workers(0))
+    monkeypatch.setattr(runner, "open_pool", lambda *_: Pool())
 
 
 def small(sampler="gaussian"):

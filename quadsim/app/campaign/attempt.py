@@ -18,6 +18,7 @@ from quadsim.record.run import Recorder, Run, canonical, system_of
 
 LABELS = ("host", "preset")  # keys of a spec's record that do not decide the flight
 DRAWN = ("seed", "variation")
+this_provenance = lru_cache(provenance)  # of the code in this process, as it was loaded
 CRASHES = ("hit", "ground", "bounds", "wall")
 
 
@@ -30,14 +31,14 @@ class Flown:
     fault: str | None  # the planner's error, if it raised one in flight
 
 
-def attempt_key(spec: Spec) -> str:
+def attempt_key(spec: Spec, without: tuple[str, ...] = LABELS) -> str:
     """sha256 [hex] of the full specification and seed."""
-    return _hash(spec, LABELS)
+    return sha256(canonical({k: v for k, v in spec.record().items() if k not in without})).hexdigest()
 
 
 def variant_key(spec: Spec) -> str:
     """The same for all seeds of a variant."""
-    return _hash(spec, LABELS + DRAWN)
+    return attempt_key(spec, LABELS + DRAWN)
 
 
 def fly_attempt(spec: Spec) -> Flown:
@@ -58,12 +59,6 @@ def fly_attempt(spec: Spec) -> Flown:
             fault = str(error)
     run = recorder.run(spec.record())
     return Flown(replace(run, outcome="crashed") if fault else run, flown_by, fault)
-
-
-@lru_cache
-def this_provenance() -> dict:
-    """Of the code in this process, as it was loaded."""
-    return provenance()
 
 
 def result(flown: Flown) -> dict:
@@ -90,7 +85,3 @@ def _crash(run: Run) -> dict:
     if last and last.kind in CRASHES:
         crash = {"kind": last.kind, "gate": last.gate, "position": last.position}
     return crash | {"lap": int(x["lap"][-1])}
-
-
-def _hash(spec: Spec, without: tuple[str, ...]) -> str:
-    return sha256(canonical({k: v for k, v in spec.record().items() if k not in without})).hexdigest()

@@ -22,9 +22,9 @@ import yaml
 from msgspec import Meta, Struct, to_builtins
 from msgspec.structs import replace
 
-from quadsim.app.campaign.statistics import false_alarm, proportion_difference, upper_bound
 from quadsim.files.data_files import read_text
 from quadsim.files.strict_yaml import load, unit
+from quadsim.record.statistics import false_alarm, proportion_difference, upper_bound
 
 CONFIDENCE = 0.95
 Share = Annotated[float, Meta(gt=0, le=10)]

@@ -25,7 +25,6 @@ from quadsim.app.campaign.variants import (
     Jobs,
     Scheduler,
     Variant,
-    Workers,
     make_variants,
     parse_variants,
 )
@@ -63,7 +62,7 @@ def compare_command(
     made = make_variants(courses, parse_variants(variants), settings or {})
     path = Path(campaign)
     try:
-        with Runner(path, Workers(jobs, scheduler), this_commit) as runner:
+        with Runner(path, jobs, scheduler, this_commit) as runner:
             rows = runner(made, attempts)
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -133,7 +132,7 @@ def compare(
     made = make_variants(several, each, settings)
     folder = None if campaign else TemporaryDirectory(prefix="quadsim-")
     path = Path(campaign) if campaign else Path(str(folder and folder.name)) / "campaign.sqlite"
-    with Runner(path, Workers(jobs or 0)) as runner:
+    with Runner(path, jobs or 0) as runner:
         rows = runner(made, attempts)
     return Comparison(sections(made, rows, path.parent), folder)
 

@@ -10,54 +10,67 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from socket import create_connection
 from threading import Thread
-from typing import Any, TypeVar
+from typing import Any, Self
 from urllib.parse import urlsplit
 
-from quadsim.app.campaign.attempt import fly_attempt
+from quadsim.app.campaign.attempt import Flown, fly_attempt
 from quadsim.app.flags import UsageError
+from quadsim.race.spec import Spec
 
-Job = TypeVar("Job")
 WAKE = 0.5  # [s] how long the main thread waits before it looks for a signal that another thread received
 
 
-class Processes:
-    """Worker processes of this machine, each with one thread of the compiled loop.
+class Pool:
+    """This process, one attempt after the other, each on every thread: for a script or a notebook."""
 
-    `with Processes() as pool:` ends them at once; what they have not finished is lost. They end with their parent.
-    """
+    size = 1  # workers
+    window = 1  # attempts to submit at once
+    lost: tuple[type[BaseException], ...] = ()  # what the future of a worker that died raises
 
-    lost: tuple[type[BaseException], ...] = (BrokenExecutor,)  # what the future of a worker that died raises
+    def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
+        done: Future = Future()
+        done.set_result(fly(job))
+        return done
+
+    def close(self) -> None:
+        """End the workers at once; what they have not finished is lost."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Processes(Pool):
+    """Worker processes of this machine, each with one thread of the compiled loop. They end with their parent."""
+
+    lost = (BrokenExecutor,)
 
     def __init__(self, jobs: int | None = None):
-        self.size = self.window = jobs or len(os.sched_getaffinity(0))  # workers; attempts to submit at once
+        self.size = self.window = jobs or len(os.sched_getaffinity(0))
         self._executor = self._start()
 
     def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
         try:
             return self._executor.submit(fly, job)
         except BrokenExecutor:  # after one worker is lost the executor cannot be used any more
-            self._end()
+            self.close()
             self._executor = self._start()
             return self._executor.submit(fly, job)
-
-    def __enter__(self) -> Processes:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._end()
 
     def _start(self) -> ProcessPoolExecutor:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # else the workers' BLAS threads compete for the cores
         spawn = mp.get_context("spawn")  # a fork would inherit the locks of threads that it does not have
         return ProcessPoolExecutor(self.window, mp_context=spawn, initializer=_prepare_worker)
 
-    def _end(self) -> None:
+    def close(self) -> None:
         for worker in list((self._executor._processes or {}).values()):
             worker.terminate()
         self._executor.shutdown(wait=True, cancel_futures=True)
 
 
-class Cluster:
+class Cluster(Pool):
     """Workers of a Dask scheduler; Dask itself flies an attempt again whose worker is lost."""
 
     window = 10**6  # the scheduler queues them, also for workers that join later
@@ -72,7 +85,7 @@ class Cluster:
             self._client: Any = Client(address, timeout=10, set_as_default=False)
         except (OSError, ValueError) as error:
             raise UsageError(f"--scheduler: no Dask scheduler at {address!r}: {error}") from None
-        self.lost: tuple[type[BaseException], ...] = (KilledWorker,)
+        self.lost = (KilledWorker,)
         self._executor: Any = self._client.get_executor(pure=False)
 
     @property
@@ -83,61 +96,41 @@ class Cluster:
     def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
         return self._executor.submit(fly, job)
 
-    def __enter__(self) -> Cluster:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         self._executor.shutdown(wait=False)
         self._client.close()
 
 
-class InProcess:
-    """This process, one attempt after the other, each on every thread: for a script or a notebook."""
-
-    size = window = 1
-    lost: tuple[type[BaseException], ...] = ()
-
-    def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
-        done: Future = Future()
-        try:
-            done.set_result(fly(job))
-        except Exception as error:
-            done.set_exception(error)
-        return done
-
-    def __enter__(self) -> InProcess:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
+def open_pool(jobs: int | None = None, scheduler: str | None = None) -> Pool:
+    """A Dask cluster, worker processes (jobs None: one for each core), or with 0 this process. Raises UsageError."""
+    if scheduler:
+        return Cluster(scheduler)
+    return Pool() if jobs == 0 else Processes(jobs)
 
 
-Pool = Processes | Cluster | InProcess
+def fly_all(pool: Pool, specs: Iterable[Spec]) -> Iterator[tuple[Spec, Flown | None]]:
+    """Attempts as they finish. One whose worker dies is flown once more, alone; None if lost again.
 
-
-def fly_all(pool: Pool, jobs: Iterable[Job], fly: Callable[[Job], Any] = fly_attempt) -> Iterator[tuple[Job, Any]]:
-    """(job, what `fly` returns) as they finish. A job whose worker dies is flown once more, alone; None if lost again.
-
-    Raises what `fly` raises.
+    Raises what the attempt raises.
     """
-    waiting = deque((job, False) for job in jobs)
-    running: dict[Future, tuple[Job, bool]] = {}
+    waiting = deque((spec, False) for spec in specs)
+    running: dict[Future, tuple[Spec, bool]] = {}
     while waiting or running:
         while waiting and _may_submit(pool, running, waiting[0][1]):
-            job, again = waiting.popleft()
-            running[pool.submit(fly, job)] = job, again
+            spec, again = waiting.popleft()
+            running[pool.submit(fly_attempt, spec)] = spec, again
         for future in _finished(running):
-            job, again = running.pop(future)
+            spec, again = running.pop(future)
             if not isinstance(future.exception(), pool.lost):
-                yield job, future.result()
+                yield spec, future.result()
             elif again:
-                yield job, None
+                yield spec, None
             else:
-                waiting.append((job, True))
+                waiting.append((spec, True))
 
 
-def _may_submit(pool: Pool, running: dict[Future, tuple[Any, bool]], again: bool) -> bool:
-    """A job that is flown again runs alone: if it kills its worker, all that run beside it are lost too."""
+def _may_submit(pool: Pool, running: dict[Future, tuple[Spec, bool]], again: bool) -> bool:
+    """One that is flown again runs alone: if it kills its worker, all that run beside it are lost too."""
     alone = again or any(a for _, a in running.values())
     return len(running) < (1 if alone else pool.window)
 

@@ -13,11 +13,11 @@ from rich.markup import escape
 
 from quadsim.app.campaign.attempt import Flown, result
 from quadsim.app.campaign.baseline import Baseline, Stored, Verdict, baseline_text, judge, load_baseline
-from quadsim.app.campaign.pool import Pool
+from quadsim.app.campaign.pool import Pool, open_pool
 from quadsim.app.campaign.runner import Tally, fly_variants
 from quadsim.app.campaign.store import code_of
 from quadsim.app.campaign.tables import TextTable, as_table
-from quadsim.app.campaign.variants import INTERRUPTED, Jobs, Scheduler, Variant, Workers, resolve, words_as_settings
+from quadsim.app.campaign.variants import INTERRUPTED, Jobs, Scheduler, Variant, resolve, words_as_settings
 from quadsim.app.console import emit, emit_json
 from quadsim.app.flags import Given, Help, Json, Switch, UsageError
 from quadsim.record.archive import write_whole
@@ -60,7 +60,7 @@ def regress(
         if baseline.stored is None and not regen:
             raise UsageError(f"{path}: nothing stored yet: race regress {path} --regen")
     try:
-        with Workers(jobs, scheduler).start() as pool:
+        with open_pool(jobs, scheduler) as pool:
             flown = fly_baselines(pool, variants, [b.attempts for _, b in files])
     except KeyboardInterrupt:
         return INTERRUPTED

@@ -10,16 +10,16 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from quadsim.app.campaign.attempt import Flown, attempt_key
-from quadsim.app.campaign.pool import Pool, fly_all
-from quadsim.app.campaign.store import Row, Store, this_code
-from quadsim.app.campaign.variants import Variant, Workers
+from quadsim.app.campaign.attempt import Flown, attempt_key, this_provenance
+from quadsim.app.campaign.pool import Pool, fly_all, open_pool
+from quadsim.app.campaign.store import Row, Store, code_of
+from quadsim.app.campaign.variants import Variant
 from quadsim.app.console import complain
 from quadsim.app.fly import uninterrupted
 from quadsim.race.spec import Spec
 
 
-class Tally:
+class Tally(Progress):
     """`with Tally(total, kept) as tally`: a bar; where stderr is no terminal, one line for each attempt.
 
     kept: of the total, flown before.
@@ -30,22 +30,15 @@ class Tally:
             complain(f"{kept} of {total} attempts are kept from before")
         console = Console(stderr=True, highlight=False)
         columns = (BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-        self._bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
-        self._task = self._bar.add_task("", total=total, completed=kept)
-
-    def __enter__(self) -> Tally:
-        self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
+        super().__init__(*columns, console=console, transient=True, disable=not console.is_terminal)
+        self.add_task("", total=total, completed=kept)
 
     def count(self, note: str) -> None:
-        self._bar.advance(self._task)
-        (task,) = self._bar.tasks
+        (task,) = self.tasks
+        self.advance(task.id)
         note += f", {task.time_remaining:.0f} s left" if task.time_remaining else ""
-        self._bar.update(self._task, description=note)
-        if self._bar.disable:
+        self.update(task.id, description=note)
+        if self.disable:
             complain(f"{task.completed:.0f}/{task.total:.0f} {note}")
 
 
@@ -68,9 +61,11 @@ def fly_variants(
 class Runner:
     """`with Runner(...) as runner: rows = runner(variants, attempts)`; the first missing attempt starts the workers."""
 
-    def __init__(self, campaign: Path, workers: Workers, this_commit: bool = False):
-        """this_commit: count only what this commit has flown."""
-        self.campaign, self._workers, self._this_commit = campaign, workers, this_commit
+    def __init__(
+        self, campaign: Path, jobs: int | None = None, scheduler: str | None = None, this_commit: bool = False
+    ):
+        """this_commit: count only what this commit has flown; the workers: see open_pool."""
+        self.campaign, self._workers, self._this_commit = campaign, (jobs, scheduler), this_commit
         self._open = ExitStack()
 
     def __enter__(self) -> Runner:
@@ -84,7 +79,7 @@ class Runner:
 
     @cached_property
     def pool(self) -> Pool:
-        return self._open.enter_context(self._workers.start())
+        return self._open.enter_context(open_pool(*self._workers))
 
     def __call__(self, variants: Sequence[Variant], attempts: int, quiet: bool = False) -> list[list[Row]]:
         """Rows of every variant by seed, without lost attempts. Raises RunError, UsageError, KeyboardInterrupt."""
@@ -102,6 +97,6 @@ class Runner:
 
     def _rows_by_key(self, keys: dict[str, tuple[Variant, Spec]]) -> dict[str, Row]:
         """What is stored, and counts: of several commits this one, else the latest."""
-        code = this_code()
+        code = code_of(this_provenance())
         rows = [r for r in self._store.rows(keys) if r.code == code or not self._this_commit]
-        return {r.key: r for r in sorted(rows, key=lambda r: (r.code == code, r.flown_at))}
+        return {r.key: r for r in sorted(rows, key=lambda r: r.code == code)}  # `rows` are oldest first

@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from quadsim.app.campaign.attempt import Flown, attempt_key, result, this_provenance, variant_key
+from quadsim.app.campaign.attempt import Flown, attempt_key, result, variant_key
 from quadsim.race.spec import Spec
 from quadsim.record.archive import RunFolder
 from quadsim.record.run import RunError, canonical
@@ -132,11 +132,6 @@ class Store:
             self._db.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
         with suppress(sqlite3.OperationalError):  # does not wait: another process that holds the file does the same
             self._db.execute("PRAGMA journal_mode = WAL")
-
-
-def this_code() -> str:
-    """The code that flies in this process."""
-    return code_of(this_provenance())
 
 
 def code_of(provenance: dict) -> str:

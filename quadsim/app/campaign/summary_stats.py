@@ -13,16 +13,17 @@ from math import nan
 from pathlib import Path
 from statistics import fmean, median
 
-from quadsim.app.campaign.statistics import (
+from quadsim.app.campaign.store import Row
+from quadsim.course import Course
+from quadsim.record.statistics import (
+    Mean,
     detectable,
     fisher,
     mcnemar,
+    mean_interval,
     ratio_interval,
     wilson,
 )
-from quadsim.app.campaign.store import Row
-from quadsim.course import Course
-from quadsim.record.statistics import Mean, mean_interval
 
 FINISHED = "finished"
 

@@ -22,7 +22,6 @@ from quadsim.app.campaign.variants import (
     Jobs,
     Scheduler,
     Variant,
-    Workers,
     resolve,
 )
 from quadsim.app.console import complain, emit, emit_json
@@ -67,7 +66,7 @@ def tune(
     journal = Search(Path(campaign).with_suffix(".journal"), identity, found)
     tuner = Tuner(course, trials, attempts, floor, out, journal, base)
     try:
-        with Runner(Path(campaign), Workers(jobs, scheduler)) as runner:
+        with Runner(Path(campaign), jobs, scheduler) as runner:
             tuner.search(runner)
             finals = tuner.finals(runner)
     except KeyboardInterrupt:

@@ -15,7 +15,6 @@ from msgspec import Meta
 
 from controllers.samplers import SAMPLERS
 from quadsim.app.campaign.attempt import variant_key
-from quadsim.app.campaign.pool import Cluster, InProcess, Pool, Processes
 from quadsim.app.flags import Given, Help, UsageError, flag, run_command
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
@@ -25,20 +24,6 @@ INTERRUPTED = 130  # exit code
 Campaign = Annotated[str, Help("FILE.sqlite where attempts are kept")]
 Jobs = Annotated[Annotated[int, Meta(ge=1)] | None, Help("attempts at once; left out: one for each core")]
 Scheduler = Annotated[str | None, Help("tcp://HOST:PORT of a Dask cluster; left out: processes here")]
-
-
-@dataclass(frozen=True)
-class Workers:
-    """Where attempts fly: a Dask cluster, worker processes (None: one for each core), or 0: this process."""
-
-    jobs: int | None = None
-    scheduler: str | None = None
-
-    def start(self) -> Pool:
-        """Raises UsageError where there is no scheduler."""
-        if self.scheduler:
-            return Cluster(self.scheduler)
-        return InProcess() if self.jobs == 0 else Processes(self.jobs)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from rich.table import Table
 from quadsim.app.campaign.runner import Runner
 from quadsim.app.campaign.store import Row
 from quadsim.app.campaign.summary_stats import variant_stats
-from quadsim.app.campaign.variants import Variant, Workers
+from quadsim.app.campaign.variants import Variant
 from quadsim.app.console import plain_table
 from quadsim.app.paper.published import TABLE1
 from quadsim.record.archive import load_run
@@ -39,7 +39,7 @@ def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, lis
     Raises RunError where an attempt is lost, KeyboardInterrupt.
     """
     path = folder / "campaign.sqlite"
-    with Runner(path, Workers()) as runner:
+    with Runner(path) as runner:
         rows = runner(variants, runs)
     if any(len(of_variant) < runs for of_variant in rows):
         raise RunError(f"{path}: a worker process was lost twice; the same command goes on from here")
