@@ -10,11 +10,10 @@ from controllers.adaptation import Adaptation
 from quadsim.course import load_course
 from quadsim.physics.domain_randomization import DRAG, GUST, MASS, Randomization, gusts
 from quadsim.physics.plant import PLANTS, default_plant, start_state
-from quadsim.race.build import build, launch
-from quadsim.race.spec import controller_of, streams
+from quadsim.race.build import build, launch, planner_of
+from quadsim.race.spec import Spec
 from quadsim.systems.quadrotor import ModelParams
 from quadsim.vehicle import GRAVITY, load_vehicle
-from tests.campaign_cases import variant
 
 DT = 0.01
 SWIFT = load_vehicle("swift")
@@ -93,8 +92,8 @@ def _highest(share, u):
 
 
 def test_a_flight_with_a_vehicle_too_heavy_learns_it():
-    flags = ["--vehicle", "swift", "--preset", "race", "--timeout", "1.5", "--randomize", "1"]
-    spec = variant("colored", *flags, "--seed", "4").spec
+    small = {"samples": 128, "horizon": 20, "iterations": 1}
+    spec = Spec.of("paper_flat", vehicle="swift", preset="race", **small, timeout=1.5, randomize=1.0, seed=4)
     plant, mppi, referee = build(spec)
     with closing(plant):
         *_, last = launch(spec, plant, mppi, referee)
@@ -103,6 +102,6 @@ def test_a_flight_with_a_vehicle_too_heavy_learns_it():
     assert last.t == pytest.approx(1.5)
     assert mppi.adaptation.model.thrust_gain == pytest.approx(1 / (1 + mass), abs=0.015)
     assert mppi.system.params == mppi.adaptation.observe(np.array(last.x), mppi.plan[0], 0).params
-    successor = controller_of(spec, streams(spec.seed)[0])
+    successor = planner_of(spec, spec.streams[0])
     successor.take_over(mppi)
     assert successor.adaptation is mppi.adaptation, "a planner that takes over keeps the estimates"

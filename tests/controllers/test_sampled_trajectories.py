@@ -2,18 +2,18 @@
 
 import numpy as np
 import pytest
-from quadsim.app.flight_flags import FlightFlags
 
 from controllers.costs.race import TERMS
 from controllers.sampled_trajectories import cheapest, controls, sampled_trajectories, take_snapshot
 from quadsim.race.build import build, launch
 from quadsim.race.flight import SNAPSHOT_EVERY, fly
+from quadsim.race.spec import Spec
 
 
 @pytest.fixture
 def flight():
     """A flight of few samples over a few frames, closed afterwards."""
-    spec = FlightFlags(sampler="colored").defaults(["--sampler", "colored", "--preset", "paper"]).spec()
+    spec = Spec.of(sampler="colored", preset="paper")
     plant, mppi, referee = build(spec)
     mppi.samples = 256
     yield spec, plant, mppi, referee
@@ -48,7 +48,7 @@ def test_samples_are_ranked_and_begin_where_the_vehicle_is(flight):
 
 
 def test_a_cheapest_sample_flown_again_costs_what_it_cost(flight):
-    """The sampled_trajectories flies the sampled controls themselves."""
+    """What is shown is flown by the sampled controls themselves."""
     _, mppi = flown(flight)
     last = mppi.last
     best = cheapest(last.J, 5)
