@@ -12,7 +12,8 @@ from campaign_cases import row
 
 from controllers.plan import PlanStats
 from quadsim.app.campaign import runner
-from quadsim.app.campaign.attempt import attempt_key
+from quadsim.app.campaign.attempt import attempt_key, fly_attempt
+from quadsim.app.campaign.attempt import result as attempt_result
 from quadsim.app.campaign.pool import Pool
 from quadsim.app.campaign.variants import Variant
 from quadsim.app.cli import race

@@ -13,7 +13,6 @@ from quadsim.physics.plant import PLANTS, default_plant, start_state
 from quadsim.race.build import build, launch, planner_of
 from quadsim.systems.quadrotor import ModelParams
 from quadsim.vehicle import GRAVITY, load_vehicle
-from tests.campaign_cases import variant
 
 DT = 0.01
 SWIFT = load_vehicle("swift")
@@ -92,8 +91,8 @@ def _highest(share, u):
 
 
 def test_a_flight_with_a_vehicle_too_heavy_learns_it():
-    flags = ["--vehicle", "swift", "--preset", "race", "--timeout", "1.5", "--randomize", "1"]
-    spec = variant("colored", *flags, "--seed", "4").spec
+    small = {"samples": 128, "horizon": 20, "iterations": 1}
+    spec = Spec.of("paper_flat", vehicle="swift", preset="race", **small, timeout=1.5, randomize=1.0, seed=4)
     plant, mppi, referee = build(spec)
     with closing(plant):
         *_, last = launch(spec, plant, mppi, referee)

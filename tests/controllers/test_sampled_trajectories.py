@@ -48,7 +48,7 @@ def test_samples_are_ranked_and_begin_where_the_vehicle_is(flight):
 
 
 def test_a_cheapest_sample_flown_again_costs_what_it_cost(flight):
-    """The sampled_trajectories flies the sampled controls themselves."""
+    """What is shown is flown by the sampled controls themselves."""
     _, mppi = flown(flight)
     last = mppi.last
     best = cheapest(last.J, 5)
