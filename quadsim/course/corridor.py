@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from quadsim.course.course_file import COURSES, Metre, Size
 from quadsim.files.data_files import locate, read_text
@@ -20,19 +20,18 @@ from quadsim.files.strict_yaml import parse
 CORRIDORS = COURSES / "corridors"
 
 
-class CorridorFile(Struct, frozen=True, kw_only=True):
+@dataclass(frozen=True, kw_only=True)
+class CorridorFile:
     """What a corridor file may say."""
 
     source: str = ""
-    width: Size
-    points: Annotated[tuple[tuple[Metre, Metre], ...], Meta(min_length=2)]
+    width: Size  # between the walls
+    points: Annotated[tuple[tuple[Metre, Metre], ...], Meta(min_length=2)]  # centre line from start to goal
 
 
-@dataclass(frozen=True)
-class Corridor:
+@dataclass(frozen=True, kw_only=True)
+class Corridor(CorridorFile):
     name: str
-    width: float  # between the walls [m]
-    points: tuple[tuple[float, float], ...]  # centre line from start to goal [m]
     text: str = ""  # the YAML it came from, kept with every run
 
     laps = 1
@@ -79,7 +78,7 @@ def parse_corridor(text: str, file: str) -> Corridor:
     """From its text; `file` is shown in errors and gives the name. Raises FileError."""
     document = parse(text, file)
     entry = document.fill(CorridorFile)
-    corridor = Corridor(Path(file).stem, entry.width, entry.points, text)
+    corridor = Corridor(name=Path(file).stem, text=text, **vars(entry))
     if not corridor.lengths.all():
         raise document.error("points", "expected points that differ, got one twice in a row")
     bends = np.arccos(np.clip((corridor.directions[1:] * corridor.directions[:-1]).sum(axis=1), -1, 1))

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from math import dist
+from typing import Annotated
 
 import numpy as np
+
+from quadsim.files.strict_yaml import unit
 
 FRAME_DEPTH = 0.1  # of a gate's bars along its passage [m]
 
@@ -99,7 +102,7 @@ class Published:
     """A time on these gates that others have published."""
 
     who: str
-    time: float  # [s]
+    time: Annotated[float, unit("s", gt=0)]
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,17 @@
-"""Course files: their keys, units, ranges and defaults, and how they become a Course."""
+"""Course files: their keys, units, ranges and defaults, how they become a Course, and whether all fits together."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
-from math import radians
+from math import cos, radians
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from msgspec import Meta, Struct
 
-from quadsim.course.checks import faults
 from quadsim.course.course import Course, Gate, Published, Start
 from quadsim.files.data_files import locate, names, read_text
 from quadsim.files.strict_yaml import parse, unit
@@ -18,6 +19,9 @@ from quadsim.files.strict_yaml import parse, unit
 COURSES = Path(__file__).parents[2] / "courses"
 MARGIN = 10.0  # of default bounds around start and gates [m]
 BELOW_GROUND = 1.0  # of default bounds below the ground [m]: there the ground ends a flight, not the bounds
+START_ROOM = 0.3  # around the start, free of gate frames [m]: the largest vehicle (.25) and half a bar (.05)
+ROUNDING = 1e-6  # [m]
+SAME_PLACE, SAME_WAY = 0.01, cos(radians(5.0))  # gates closer than this [m, cos] are one gate written twice
 
 Metre = Annotated[float, unit("m", ge=-1e4, le=1e4)]
 Size = Annotated[float, unit("m", gt=0, le=100)]
@@ -25,6 +29,7 @@ Degree = Annotated[float, unit("deg", ge=-360, le=360)]
 Second = Annotated[float, unit("s", gt=0)]
 Point = tuple[Metre, Metre, Metre]
 Span = tuple[Metre, Metre]
+Fault = tuple[str, str]  # key in the file, problem
 Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]  # names folders of runs
 
 
@@ -42,11 +47,6 @@ class StartEntry(Struct, frozen=True, kw_only=True):
     yaw_deg: Degree
 
 
-class PublishedEntry(Struct, frozen=True, kw_only=True):
-    who: str
-    time: Second
-
-
 class CourseFile(Struct, frozen=True, kw_only=True):
     name: Name | None = None  # the file's
     source: str = ""
@@ -57,7 +57,7 @@ class CourseFile(Struct, frozen=True, kw_only=True):
     bounds: tuple[Span, Span, Span] | None = None  # around start and gates with room to fly
     start: StartEntry
     gates: Annotated[tuple[GateEntry, ...], Meta(min_length=1)]
-    published: tuple[PublishedEntry, ...] = ()
+    published: tuple[Published, ...] = ()
 
 
 def course_names() -> tuple[str, ...]:
@@ -75,22 +75,20 @@ def parse_course(text: str, file: str) -> Course:
     """A course from its text; `file` is shown in errors and names a course without a name. Raises FileError."""
     document = parse(text, file)
     entry = document.fill(CourseFile)
-    gates = tuple(_gate(g, entry) for g in entry.gates)
-    start = Start(entry.start.position, radians(entry.start.yaw_deg))
     course = Course(
         name=entry.name or re.sub(r"[^A-Za-z0-9_-]", "_", Path(file).stem)[:64],
         source=entry.source,
-        gates=gates,
-        start=start,
+        gates=tuple(_gate(g, entry) for g in entry.gates),
+        start=Start(entry.start.position, radians(entry.start.yaw_deg)),
         bounds=entry.bounds or (),
         loop=entry.loop,
         laps=entry.laps,
-        published=tuple(Published(p.who, p.time) for p in entry.published),
+        published=entry.published,
         text=text,
     )
     if not entry.bounds:
         course = replace(course, bounds=_default_bounds(course))
-    for path, problem in faults(course):
+    for path, problem in _faults(course):
         raise document.error(path, problem)
     return course
 
@@ -105,3 +103,49 @@ def _default_bounds(course: Course) -> tuple[tuple[float, float], ...]:
     points = course.points()
     (x0, y0, _), (x1, y1, z1) = (points.min(axis=0) - MARGIN).tolist(), (points.max(axis=0) + MARGIN).tolist()
     return (x0, x1), (y0, y1), (-BELOW_GROUND, z1)
+
+
+def _faults(course: Course) -> Iterator[Fault]:
+    """What no single key can show: whether gates, start, bounds and laps fit together."""
+    if course.laps > 1 and not course.loop:
+        yield "laps", f"expected 1 on an open course (or loop: true), got {course.laps}"
+    for i, (axis, (low, high)) in enumerate(zip("xyz", course.bounds, strict=True)):
+        if low >= high:
+            yield f"bounds[{i}]", f"expected {axis}_min < {axis}_max [m], got [{low:g}, {high:g}]"
+    yield from _start_faults(course)
+    yield from _gate_faults(course)
+
+
+def _start_faults(course: Course) -> Iterator[Fault]:
+    start = course.start.position
+    if start[2] < 0.0:
+        yield "start.position", f"expected z >= 0, on or above the ground [m], got {start[2]:g}"
+    if outside := _outside(course, np.array([start])):
+        yield "start.position", outside
+    for i, gate in enumerate(course.gates, start=1):
+        if (room := gate.frame_distance(start)) < START_ROOM:
+            yield "start.position", f"expected {START_ROOM} m of room, got {room:.2f} m to the frame of gate {i}"
+
+
+def _gate_faults(course: Course) -> Iterator[Fault]:
+    centres = np.array([g.position for g in course.gates])  # (gates, 3)
+    passages = np.array([g.rotation[:, 0] for g in course.gates])  # (gates, 3)
+    for i, gate in enumerate(course.gates):
+        key, opening = f"gates[{i}].position", gate.corners()
+        if (low := opening[:, 2].min()) < -ROUNDING:
+            yield key, f"expected an opening above the ground, its lowest corner is at z = {low:.2f} m"
+        if outside := _outside(course, opening):
+            yield key, outside
+        near = np.linalg.norm(centres[:i] - centres[i], axis=1) < SAME_PLACE
+        twins = np.flatnonzero(near & (passages[:i] @ passages[i] > SAME_WAY))
+        if twins.size:
+            yield key, f"the same place and direction as gate {twins[0] + 1} (gates count from 1): remove one"
+
+
+def _outside(course: Course, points: np.ndarray) -> str:
+    """Which bound the first of the points lies beyond, or "".  points: (n, 3)"""
+    for axis, values, (low, high) in zip("xyz", points.T, course.bounds, strict=True):
+        for v in (values.min(), values.max()):
+            if not low - ROUNDING <= v <= high + ROUNDING:
+                return f"outside the bounds, expected {axis} within [{low:g}, {high:g}] [m], got {v:.2f}"
+    return ""

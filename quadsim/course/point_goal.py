@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from msgspec import Struct
-
 from quadsim.course.course_file import COURSES, Metre, Second
 from quadsim.files.data_files import locate, read_text
 from quadsim.files.strict_yaml import parse
@@ -14,25 +12,22 @@ from quadsim.files.strict_yaml import parse
 GOALS = COURSES / "goals"
 
 
-class PointGoalFile(Struct, frozen=True, kw_only=True):
+@dataclass(frozen=True, kw_only=True)
+class PointGoalFile:
     """What a goal file may say."""
 
     source: str = ""
     start: tuple[Metre, Metre]
-    velocity: tuple[float, float] = (0.0, 0.0)
+    velocity: tuple[float, float] = (0.0, 0.0)  # at the start [m/s]
     goal: tuple[Metre, Metre]
     duration: Second
 
 
-@dataclass(frozen=True)
-class PointGoal:
+@dataclass(frozen=True, kw_only=True)
+class PointGoal(PointGoalFile):
     """From a state to a point in the plane; the flight ends after `duration`."""
 
     name: str
-    start: tuple[float, float]  # [m]
-    velocity: tuple[float, float]  # at the start [m/s]
-    goal: tuple[float, float]  # [m]
-    duration: float  # [s]
     text: str = ""  # the YAML it came from, kept with every run
 
     laps = 1
@@ -47,4 +42,4 @@ def load_point_goal(name_or_path: str | Path) -> PointGoal:
 def parse_point_goal(text: str, file: str) -> PointGoal:
     """From its text; `file` is shown in errors and gives the name. Raises FileError."""
     entry = parse(text, file).fill(PointGoalFile)
-    return PointGoal(Path(file).stem, entry.start, entry.velocity, entry.goal, entry.duration, text)
+    return PointGoal(name=Path(file).stem, text=text, **vars(entry))

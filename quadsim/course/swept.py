@@ -10,8 +10,6 @@ Grown boxes stick out where a sphere would round an edge: contact is found up to
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from math import dist, hypot, inf
 from typing import NamedTuple
 
@@ -42,43 +40,29 @@ def clip(a: Sequence[float], b: Sequence[float], low: Vec3, high: Vec3) -> tuple
     return (s_in, s_out) if s_in <= s_out else None
 
 
+def _clip_centred(a: Vec3, b: Vec3, half: Vec3) -> tuple[float, float] | None:
+    return clip(a, b, (-half[0], -half[1], -half[2]), half)
+
+
 def lerp(a: Vec3, b: Vec3, s: float) -> Vec3:
     return (a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2]))
 
 
-@dataclass(frozen=True)
 class SweptGate:
-    """One gate and the radius of what flies through it."""
+    """One gate and the radius of what flies through it [m]."""
 
-    gate: Gate
-    index: int
-    radius: float  # [m]
-
-    @cached_property
-    def half(self) -> tuple[float, float]:
-        return self.gate.opening[0] / 2, self.gate.opening[1] / 2
-
-    @cached_property
-    def shaft(self) -> Vec3:
-        """Half sizes in which the sphere is free; negative where it does not fit [m]."""
-        return inf, self.half[0] - self.radius, self.half[1] - self.radius
-
-    @cached_property
-    def slab(self) -> Vec3:
-        """Half sizes of all that the grown bars fill, shaft included [m]."""
-        grow = self.gate.frame_width + self.radius
-        return FRAME_DEPTH / 2 + self.radius, self.half[0] + grow, self.half[1] + grow
-
-    @cached_property
-    def near(self) -> tuple[float, float]:
-        """Lateral distance within which a crossing of the plane is about this gate: three half sizes and 2 m."""
-        return 3.0 * self.half[0] + 2.0, 3.0 * self.half[1] + 2.0
-
-    @cached_property
-    def reach(self) -> float:
-        """Radius about the centre outside which nothing concerns this gate [m]."""
-        lateral = (max(near, slab) for near, slab in zip(self.near, self.slab[1:], strict=True))
-        return hypot(self.slab[0], *lateral)
+    def __init__(self, gate: Gate, index: int, radius: float):
+        self.gate, self.index = gate, index
+        half_y, half_z = self.half = gate.opening[0] / 2, gate.opening[1] / 2
+        grow = gate.frame_width + radius
+        # Half sizes in which the sphere is free, negative where it does not fit [m]
+        self.shaft: Vec3 = (inf, half_y - radius, half_z - radius)
+        # Half sizes of all that the grown bars fill, shaft included [m]
+        self.slab: Vec3 = (FRAME_DEPTH / 2 + radius, half_y + grow, half_z + grow)
+        # Lateral distance within which a crossing of the plane is about this gate: three half sizes and 2 m
+        self.near = 3.0 * half_y + 2.0, 3.0 * half_z + 2.0
+        # Radius about the centre outside which nothing concerns this gate [m]
+        self.reach = hypot(self.slab[0], *map(max, self.near, self.slab[1:]))
 
     def beyond(self, offset: tuple[float, float]) -> float:
         """How far out of the opening, negative inside: max(|y| - h_y, |z| - h_z) [m]."""
@@ -86,10 +70,10 @@ class SweptGate:
 
     def touch(self, a: Vec3, b: Vec3) -> float | None:
         """Fraction of the segment a -> b (gate frame) at which it first enters a grown bar, None if it enters none."""
-        slab = clip(a, b, _minus(self.slab), self.slab)
+        slab = _clip_centred(a, b, self.slab)
         if slab is None:
             return None
-        shaft = clip(a, b, _minus(self.shaft), self.shaft)
+        shaft = _clip_centred(a, b, self.shaft)
         if shaft is None or not shaft[0] <= slab[0] <= shaft[1]:
             return slab[0]
         return shaft[1] if shaft[1] < slab[1] else None
@@ -115,7 +99,3 @@ class SweptGates:
         """Those that the segment may concern: within reach of the ball around it."""
         gap = ((self._centres - lerp(p0, p1, 0.5)) ** 2).sum(axis=1)  # (gates,)
         return [self.all[k] for k in np.flatnonzero(gap <= (self._reach + dist(p0, p1) / 2) ** 2)]
-
-
-def _minus(v: Vec3) -> Vec3:
-    return -v[0], -v[1], -v[2]

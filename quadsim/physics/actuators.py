@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections import deque
 from math import isfinite
 
-from quadsim.physics.allocation import allocate, mixer, shares
+from quadsim.physics.allocation import Vector, allocate, mixer, shares
 from quadsim.systems.first_order import remaining, response
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
-Vector = tuple[float, ...]  # 3 numbers in space, 4 where it is a quaternion, a command or rotors
 HOVER: Vector = (0.0, 0.0, 0.0, GRAVITY)
 
 

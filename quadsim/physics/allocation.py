@@ -6,7 +6,7 @@ import numpy as np
 
 from quadsim.vehicle import Rotors
 
-Vector = tuple[float, ...]
+Vector = tuple[float, ...]  # 3 numbers in space, 4 where it is a quaternion, a command or rotors
 
 
 def mixer(rotors: Rotors) -> tuple[Vector, ...]:

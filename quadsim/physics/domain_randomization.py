@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import repeat
 from math import radians, sqrt
 
 import numpy as np
@@ -82,8 +81,6 @@ def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3
 
     w <- exp(-dt / tau) w + std sqrt(1 - exp(-2 dt / tau)) N(0, 1)
     """
-    if std == 0:
-        yield from repeat((0.0, 0.0, 0.0))
     keep = remaining(GUST_TAU, dt)
     fresh = std * sqrt(1 - keep * keep)
     rng = np.random.default_rng(seeds)

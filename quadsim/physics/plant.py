@@ -71,8 +71,11 @@ class World(Protocol):
     def close(self) -> None: ...
 
 
-class QuadrotorPlant:
-    """A rigid body behind the vehicle's actuators. Deterministic: each plant has a world of its own."""
+class RigidPlant:
+    """A rigid body, moved by quadsim.physics.rigid_body, behind the vehicle's actuators.
+
+    Deterministic: each plant has a world of its own.
+    """
 
     def __init__(
         self,
@@ -92,18 +95,14 @@ class QuadrotorPlant:
         x = start_state(start or course.start, vehicle.radius)
         self._world.place(x[0:3], x[6:10])
         self._steps = 0
-        self._state = self._read()
+        self.state = self._read()
 
     @staticmethod
     def _new_world(course: Course, body: Vehicle, dt: float) -> World:
-        raise NotImplementedError
-
-    @property
-    def state(self) -> PlantState:
-        return self._state
+        return RigidBody(course, body, dt)
 
     def step(self, u: Vector) -> PlantState:
-        x = self._state.x
+        x = self.state.x
         force, torque = self._actuators.wrench(u, x[10:13], to_body(x[6:10], x[3:6]))
         if self._gusts:
             gust = to_body(x[6:10], next(self._gusts))
@@ -111,8 +110,8 @@ class QuadrotorPlant:
         self._world.apply(force, torque)
         self._world.step()
         self._steps += 1
-        self._state = self._read()
-        return self._state
+        self.state = self._read()
+        return self.state
 
     def _read(self) -> PlantState:
         p, v, q, omega = self._world.read()
@@ -123,8 +122,8 @@ class QuadrotorPlant:
         self._world.close()
 
 
-class BulletPlant(QuadrotorPlant):
-    """In PyBullet. Raises ValueError where that is not installed."""
+class BulletPlant(RigidPlant):
+    """The same in PyBullet. Raises ValueError where that is not installed."""
 
     @staticmethod
     def _new_world(course: Course, body: Vehicle, dt: float) -> World:
@@ -135,15 +134,7 @@ class BulletPlant(QuadrotorPlant):
         return world.World(course, body, dt)
 
 
-class RigidPlant(QuadrotorPlant):
-    """In quadsim.physics.rigid_body, which needs nothing but Python."""
-
-    @staticmethod
-    def _new_world(course: Course, body: Vehicle, dt: float) -> World:
-        return RigidBody(course, body, dt)
-
-
-PLANTS: dict[str, type[QuadrotorPlant]] = {"bullet": BulletPlant, "rigid": RigidPlant}
+PLANTS: dict[str, type[RigidPlant]] = {"bullet": BulletPlant, "rigid": RigidPlant}
 
 
 def has_bullet() -> bool:
@@ -171,17 +162,13 @@ class ModelPlant:
         self.dt = dt
         self._step, self._params, self._disturb = step, params, disturb
         self._steps = 0
-        self._state = PlantState(0.0, x0, ())
-
-    @property
-    def state(self) -> PlantState:
-        return self._state
+        self.state = PlantState(0.0, x0, ())
 
     def step(self, u: Vector) -> PlantState:
-        x = self._step(self._state.x, u, self._params, self.dt)
+        x = self._step(self.state.x, u, self._params, self.dt)
         self._steps += 1
-        self._state = PlantState(self._steps * self.dt, self._disturb(x) if self._disturb else x, ())
-        return self._state
+        self.state = PlantState(self._steps * self.dt, self._disturb(x) if self._disturb else x, ())
+        return self.state
 
     def close(self) -> None:
         pass

@@ -99,9 +99,3 @@ class World:
     def close(self) -> None:
         if bullet.isConnected(**self._at):
             bullet.disconnect(**self._at)
-
-    def __enter__(self) -> World:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

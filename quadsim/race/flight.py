@@ -7,6 +7,7 @@ while it asks, a test takes them all, and pausing is not asking for the next one
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import count
 from time import perf_counter
 from typing import Any, Protocol
 
@@ -15,7 +16,7 @@ import numpy as np
 from controllers.plan import PlannerSnapshot, PlanStats
 from quadsim.course import Vec3
 from quadsim.physics.plant import Plant
-from quadsim.race.clock import Clock, SimulatedClock
+from quadsim.race.clock import Clock
 from quadsim.race.events import Event, Frame
 
 
@@ -91,25 +92,22 @@ def fly(
     plan begins one period after t, or when this one is ready. By default that is at once.
     snapshot: asked every SNAPSHOT_EVERY periods for the planner's best sampled paths, which are kept with the run.
     """
-    clock = clock or SimulatedClock()
+    clock = clock or Clock()
     whole_multiple(period, plant.dt)
     began = perf_counter()
     u = held = tuple(controller.rest.tolist())
-    stats, plan_ms, elapsed, asked = None, 0.0, 0, 0
+    plan, elapsed = (0.0, 0.0, 0.0, 0.0), 0
     events: list[Event] = []
-    while True:
+    for k in count():
         state = plant.state
         if referee.outcome is None:
             before = perf_counter()
             control, stats = controller.control(np.array(state.x), referee.passed, elapsed)
-            plan_ms = 1e3 * (perf_counter() - before)
+            plan = stats.ess, stats.temperature, stats.cost, 1e3 * (perf_counter() - before)
             held, u = u, tuple(control.tolist())
-        ready = clock.now(state.t)  # before anybody looks at the frame
-        assert stats is not None
-        seen = snapshot() if snapshot and referee.outcome is None and asked % SNAPSHOT_EVERY == 0 else None
-        asked += 1
+        ready = clock.now(state.t)  # before the frame is handed out, which may take a while
+        seen = snapshot() if snapshot and referee.outcome is None and k % SNAPSHOT_EVERY == 0 else None
         progress = referee.passed, referee.lap, referee.next_gate + 1
-        plan = stats.ess, stats.temperature, stats.cost, plan_ms
         seconds = perf_counter() - began
         yield Frame(state.t, state.x, u, *progress, *plan, seconds, tuple(events), referee.outcome, seen)
         if referee.outcome is not None:

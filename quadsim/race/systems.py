@@ -27,8 +27,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_words import did_you_mean
 from quadsim.physics.domain_randomization import draw, gusts
 from quadsim.physics.plant import PLANTS, ModelPlant, Plant, diffusion, start_state
-from quadsim.race.corridor_referee import CorridorReferee
-from quadsim.race.duration_referee import DurationReferee
+from quadsim.race.plane_referees import CorridorReferee, DurationReferee
 from quadsim.race.referee import Referee
 from quadsim.systems import System, double_integrator, offroad, quadrotor
 from quadsim.vehicle import load_vehicle, vehicle_names

@@ -64,8 +64,7 @@ class OffroadVehicle:
 
     def params(self, dt: float) -> tuple[float, ...]:
         """For steps of dt [s]."""
-        lags = (response(tau, dt) for tau in (self.steer_tau, self.drive_tau, self.yaw_tau))
-        k_steer, k_drive, k_yaw = lags
+        k_steer, k_drive, k_yaw = (response(tau, dt) for tau in (self.steer_tau, self.drive_tau, self.yaw_tau))
         force = (self.accel, self.brake, self.drag, self.curvature, self.grip)
         return (k_steer, self.steer_rate, k_drive, *force, k_yaw, self.slip)
 

@@ -94,10 +94,8 @@ def step(x, u, p, dt):
 
 Lag = Annotated[float, unit("s", ge=0, le=10)]
 Rate = Annotated[float, unit("rad/s", gt=0, le=100)]
-Drag = Annotated[float, unit("1/s", ge=0, le=20)]
 Factor = Annotated[float, Meta(gt=0, le=10)]
 TiltCost = Annotated[float, unit("m", ge=0, le=10)]
-Thrust = Annotated[float, unit("m/s^2", gt=GRAVITY, le=1000)]  # hovers
 
 
 @dataclass(frozen=True)
@@ -106,9 +104,9 @@ class ModelParams:
 
     rate_tau: tuple[Lag, Lag, Lag]  # lag of the body rates about x, y, z [s]
     motor_tau: Lag  # lag of the rotors, for thrust and torque [s]; 0: they follow at once
-    drag: Drag  # linear, isotropic [1/s]
+    drag: Annotated[float, unit("1/s", ge=0, le=20)]  # linear, isotropic [1/s]
     rate_max: tuple[Rate, Rate, Rate]  # limit of the body-rate commands [rad/s]
-    thrust_max: Thrust  # mass-normalised limit [m/s^2]
+    thrust_max: Annotated[float, unit("m/s^2", gt=GRAVITY, le=1000)]  # mass-normalised limit [m/s^2]
     thrust_min: Annotated[float, unit("m/s^2", ge=0, lt=GRAVITY)] = 0.0  # mass-normalised limit [m/s^2]
     tilt_cost: tuple[TiltCost, TiltCost] = (0.0, 0.0)  # thrust given up per angular acceleration about x, y [m]
     thrust_gain: Factor = 1.0  # acceleration per thrust delivered: less than 1 where the vehicle is too heavy
@@ -136,20 +134,13 @@ def tilt_cost(vehicle: Vehicle) -> tuple[float, float]:
 
 def quadrotor(model: ModelParams, dt: float) -> System:
     """The system MPPI plans with, at control period dt [s]."""
-    gains = (response(tau, dt) / dt for tau in model.rate_tau)
+    gains = (*(response(tau, dt) / dt for tau in model.rate_tau), response(model.motor_tau, dt))
     return System(
         name="quadrotor",
         states=STATE,
         controls=CONTROL,
         step=step,
-        params=(
-            *gains,
-            response(model.motor_tau, dt),
-            model.thrust_gain,
-            model.drag,
-            *model.tilt_cost,
-            model.thrust_max,
-        ),
+        params=(*gains, model.thrust_gain, model.drag, *model.tilt_cost, model.thrust_max),
         dt=dt,
         low=(*(-r for r in model.rate_max), model.thrust_min),
         high=(*model.rate_max, model.thrust_max),

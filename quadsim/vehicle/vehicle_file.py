@@ -67,19 +67,8 @@ def parse_vehicle(text: str, file: str) -> Vehicle:
     rotors = _rotors(entry.rotors) if entry.rotors else None
     full = 4 * rotors.thrust(rotors.omega_max) / entry.mass if rotors else entry.thrust_max
     assert full is not None  # _faults has seen to it
-    return Vehicle(
-        name=Path(file).stem,
-        source=entry.source,
-        mass=entry.mass,
-        inertia=entry.inertia,
-        radius=entry.radius,
-        rate_tau=entry.rate_tau,
-        rate_max=entry.omega_max,
-        thrust_max=full,
-        drag=entry.drag,
-        latency=entry.latency,
-        rotors=rotors,
-    )
+    same = {key: getattr(entry, key) for key in ("source", "mass", "inertia", "radius", "rate_tau", "drag", "latency")}
+    return Vehicle(Path(file).stem, rate_max=entry.omega_max, thrust_max=full, rotors=rotors, **same)
 
 
 def _rotors(entry: RotorsEntry) -> Rotors:
@@ -122,10 +111,8 @@ def _rotor_faults(entry: RotorsEntry, weight: float) -> Iterator[tuple[str, str]
     if low >= high:
         yield "rotors.motor_omega_max", f"expected more than motor_omega_min = {low:g} [rad/s], got {high:g}"
     if c2 <= 0.0 or 2 * c2 * low + c1 < 0.0:
-        yield (
-            "rotors.thrust_map",
-            f"expected thrust that rises, ever faster, with the speed, got {_list(rotors.thrust_map)}",
-        )
+        rising = "expected thrust that rises, ever faster, with the speed"
+        yield "rotors.thrust_map", f"{rising}, got {_list(rotors.thrust_map)}"
     idle, full = 4 * rotors.thrust(low), 4 * rotors.thrust(high)
     if full <= weight:
         yield "rotors", f"cannot hover: expected more than the weight of {weight:.2f} N, got {full:.2f} N at full speed"

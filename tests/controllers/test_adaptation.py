@@ -11,6 +11,7 @@ from quadsim.course import load_course
 from quadsim.physics.domain_randomization import DRAG, GUST, MASS, Randomization, gusts
 from quadsim.physics.plant import PLANTS, default_plant, start_state
 from quadsim.race.build import build, launch, planner_of
+from quadsim.race.spec import Spec
 from quadsim.systems.quadrotor import ModelParams
 from quadsim.vehicle import GRAVITY, load_vehicle
 

@@ -7,9 +7,9 @@ from controllers.costs.corridor import RUN_OUT, CorridorWeights, corridor_cost
 from quadsim.course import course_names
 from quadsim.course.corridor import Corridor, load_corridor
 from quadsim.files.strict_yaml import FileError
-from quadsim.race.corridor_referee import STUCK, CorridorReferee
+from quadsim.race.plane_referees import STUCK, CorridorReferee
 
-CORNER = Corridor("corner", 6.0, ((0.0, 0.0), (20.0, 0.0), (20.0, 20.0)))  # one bend, 90 degrees left
+CORNER = Corridor(name="corner", width=6.0, points=((0.0, 0.0), (20.0, 0.0), (20.0, 20.0)))  # one bend, 90 degrees left
 COST = corridor_cost(CORNER, 0.8, CorridorWeights(margin=0.5), 0.02)
 
 

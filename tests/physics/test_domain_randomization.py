@@ -5,23 +5,21 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from quadsim.app.flight_flags import FlightFlags
 
 from quadsim.course import load_course
 from quadsim.physics.domain_randomization import GUST_TAU, Randomization, draw, gusts
 from quadsim.physics.plant import PLANTS, default_plant
 from quadsim.race.build import build
-from quadsim.race.spec import streams
+from quadsim.race.spec import Spec
+from quadsim.race.systems import random_streams
 from quadsim.systems.quadrotor import ModelParams
 from quadsim.vehicle import GRAVITY, load_vehicle, with_thrust_to_weight
 
 HOVER = (0.0, 0.0, 0.0, GRAVITY)
 
 
-def spec(*argv, **changes):
-    given = FlightFlags.defaults(argv)
-    small = replace(given.mppi, samples=128, horizon=10, iterations=1)
-    return replace(given, mppi=small, **changes).spec()
+def spec(**settings):
+    return Spec.of(samples=128, horizon=10, iterations=1, **settings)
 
 
 def drift(one):
@@ -33,7 +31,7 @@ def drift(one):
 
 
 def test_same_seed_is_the_same_disturbance_for_every_planner():
-    a, b = (spec("--sampler", s, sampler=s, randomize=1.0, seed=7) for s in ("gaussian", "colored"))
+    a, b = (spec(sampler=s, randomize=1.0, seed=7) for s in ("gaussian", "colored"))
     assert a.record()["variation"] == b.record()["variation"]
     assert np.array_equal(drift(a), drift(b))
     assert not np.array_equal(drift(a), drift(replace(a, seed=8))), "another seed draws other numbers"
@@ -57,10 +55,10 @@ def test_randomization_changes_neither_the_planners_samples_nor_its_nominal_mode
 
 
 def test_randomization_is_in_proportion_to_its_size():
-    one, two = (draw(streams(5)[1], size) for size in (1.0, 2.0))
+    one, two = (draw(random_streams(5)[1], size) for size in (1.0, 2.0))
     assert two.offset == pytest.approx([2 * x for x in one.offset])
     assert (two.mass, two.drag, two.gust) == pytest.approx((2 * one.mass, 2 * one.drag, 2 * one.gust))
-    drawn = [draw(streams(seed)[1], 1.0) for seed in range(200)]
+    drawn = [draw(random_streams(seed)[1], 1.0) for seed in range(200)]
     assert max(abs(d.mass) for d in drawn) <= 0.05 < 1.1 * max(abs(d.mass) for d in drawn), "uniform up to 5 %"
     assert abs(np.corrcoef([d.mass for d in drawn], [d.thrust for d in drawn])[0, 1]) < 0.2, "drawn independently"
 

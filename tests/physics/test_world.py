@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from contextlib import closing
 from math import cos, pi, sin
 
 import numpy as np
@@ -29,7 +30,7 @@ COURSE = Course("three", "test", GATES, Start((0.0, 0.0, 1.0), 0.0), ((-9, 9),) 
 
 @pytest.fixture
 def world():
-    with World(COURSE, SPHERE, DT) as world:
+    with closing(World(COURSE, SPHERE, DT)) as world:
         yield world
 
 
@@ -96,7 +97,7 @@ def test_force_and_torque_act_in_the_body_frame_and_quaternions_are_wxyz(world):
 
 def energy_gained(dt):
     """Relative change of the rotational energy in a 6 rad/s tumble of 2 s without torque."""
-    with World(COURSE, SPHERE, dt) as world:
+    with closing(World(COURSE, SPHERE, dt)) as world:
         world.place((0.0, 0.0, 90.0), LEVEL, omega=(12**0.5,) * 3)
         energy = [np.dot(INERTIA, np.square(world.read()[3]))]
         for _ in range(round(2.0 / dt)):
@@ -116,7 +117,7 @@ def test_worlds_do_not_disturb_each_other(world):
         return coast(world, 0.5, (0.1, 0.0, 3.0), (0.001, 0.002, 0.0))
 
     alone = fall(world)
-    with World(COURSE, SPHERE, DT) as other:
+    with closing(World(COURSE, SPHERE, DT)) as other:
         other.place((3.0, 0.0, 5.0), LEVEL, v=(30.0, 0.0, 0.0))
         other.step()
         assert fall(world) == alone

@@ -5,7 +5,7 @@ import pytest
 
 from controllers.plan import PlanStats
 from quadsim.physics.plant import ModelPlant
-from quadsim.race.clock import SimulatedClock, WallClock
+from quadsim.race.clock import Clock, WallClock
 from quadsim.race.flight import fly
 
 DT, PERIOD = 0.0025, 0.01  # four physics steps in a control period
@@ -84,7 +84,7 @@ def test_the_first_plan_takes_no_time_of_the_flight_as_it_may_have_to_compile():
 
 
 def test_under_the_simulated_clock_no_plan_is_ever_late():
-    slow, quick = (flown([seconds] * 4, 0.04, SimulatedClock()) for seconds in (0.5, 0.0))
+    slow, quick = (flown([seconds] * 4, 0.04, Clock()) for seconds in (0.5, 0.0))
     assert slow == quick == ([0.0, 0.01, 0.02, 0.03], [0, 1, 1, 1], [k for k in (1, 2, 3, 4) for _ in range(4)])
 
 

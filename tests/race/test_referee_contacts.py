@@ -5,6 +5,7 @@ PyBullet let pass were from 64 mm outside the bars' true shape (at edges, where 
 inside it (a sphere sampled every v dt cuts across an edge).
 """
 
+from contextlib import closing
 from dataclasses import dataclass
 from math import exp, log, sqrt
 
@@ -78,7 +79,7 @@ def fly_pass(world, trial):
 @pytest.fixture(scope="module")
 def trials():
     rng = np.random.default_rng(1)
-    with World(course(GATE), PROBE, DT) as world:
+    with closing(World(course(GATE), PROBE, DT)) as world:
         return [(trial, *fly_pass(world, trial)) for trial in (random_pass(rng) for _ in range(250))]
 
 
@@ -106,7 +107,7 @@ def test_disagreement_is_put_on_record():
     wrong = gate((0.0, 3.0, 10.0))
     referee = Referee(course(wrong), R, laps=99, timeout=1e3, penalties=True)
     true = gate((0.0, 0.0, 10.0))
-    with World(course(true), PROBE, DT) as world:
+    with closing(World(course(true), PROBE, DT)) as world:
         p0 = (-0.5, HALF[0] + WIDTH / 2, 10.0)
         world.place(p0, (1.0, 0.0, 0.0, 0.0), (5.0, 0.0, 0.0))
         for k in range(60):

@@ -10,10 +10,11 @@ from controllers.costs.corridor import CorridorWeights, corridor_cost
 from controllers.rollout.lanes import LANES, Rollout
 from quadsim.course.corridor import load_corridor
 from quadsim.physics.plant import ModelPlant, diffusion
-from quadsim.systems.offroad import DRIVEN, NOMINAL, STATES, OffroadVehicle, offroad
+from quadsim.systems.offroad import DRIVEN, NOMINAL, OffroadVehicle, offroad
 
 M, T, DT = 300, 250, 0.02
 SYSTEM = offroad(NOMINAL, DT)
+STATES = SYSTEM.states
 COST = corridor_cost(load_corridor("zigzag"), 0.8, CorridorWeights(), DT)
 
 

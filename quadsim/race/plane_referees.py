@@ -1,4 +1,4 @@
-"""The referee of a corridor: ends a drive that reaches the goal, touches a wall or gets stuck."""
+"""The referees of flights in the plane: a drive along a corridor, and a flight without gates of a given duration."""
 
 from __future__ import annotations
 
@@ -34,25 +34,45 @@ class CorridorReferee:
 
     def observe(self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()) -> list[Event]:
         """Judge one physics step. A leg that was driven to its end line is a `pass`, with the leg as its gate."""
-        c, p = self._corridor, np.array(p1[:2])
+        c, p, leg = self._corridor, np.array(p1[:2]), self.passed
         events = []
-        if (p - c.points[self.passed + 1]) @ c.ends[self.passed] >= 0:
+        if (p - c.points[leg + 1]) @ c.ends[leg] >= 0:
             self.passed += 1
-            events.append(self._event("pass", t0, p0, t1, p1))
+            events.append(_event("pass", self.passed, c.offset(leg, p), t0, p0, t1, p1))
         if np.linalg.norm(p - self._moved[1]) > 1.0:
             self._moved = t1, p
         if self.passed == len(c.lengths):
             self.outcome = "finished"
-        elif abs(c.offset(self.passed, p)) > self._room:
+            return events
+        left = c.offset(self.passed, p)
+        if abs(left) > self._room:
             self.outcome = "crashed"
-            events.append(self._event("wall", t0, p0, t1, p1))
+            events.append(_event("wall", 0, left, t0, p0, t1, p1))
         elif t1 - self._moved[0] > STUCK or t1 >= self._timeout:
             self.outcome = "stuck" if t1 - self._moved[0] > STUCK else "timeout"
-            events.append(self._event(self.outcome, t0, p0, t1, p1))
+            events.append(_event(self.outcome, 0, left, t0, p0, t1, p1))
         return events
 
-    def _event(self, kind: str, t0: float, p0: Vec3, t1: float, p1: Vec3) -> Event:
-        leg = min(self.passed - (kind == "pass"), len(self._corridor.lengths) - 1)
-        left = self._corridor.offset(leg, np.array(p1[:2]))
-        speed = dist(p0[:2], p1[:2]) / (t1 - t0)
-        return Event(t1, kind, self.passed if kind == "pass" else 0, 1, (left, 0.0), speed, (p1[0], p1[1], 0.0))
+
+class DurationReferee:
+    """Finished after so many seconds; the end counts as the one gate that is passed."""
+
+    lap, next_gate = 1, 0
+
+    def __init__(self, duration: float):
+        """duration [s]"""
+        self.outcome: str | None = None
+        self.passed = 0
+        self._duration = duration
+
+    def observe(self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()) -> list[Event]:
+        """Judge one physics step."""
+        if t1 < self._duration - 0.5 * (t1 - t0):
+            return []
+        self.outcome, self.passed = "finished", 1
+        return [_event("pass", 1, 0.0, t0, p0, t1, p1)]
+
+
+def _event(kind: str, gate: int, left: float, t0: float, p0: Vec3, t1: float, p1: Vec3) -> Event:
+    """At the end of a step, `left` [m] of the centre line."""
+    return Event(t1, kind, gate, 1, (left, 0.0), dist(p0[:2], p1[:2]) / (t1 - t0), (p1[0], p1[1], 0.0))
