@@ -113,6 +113,26 @@ def test_a_stored_distribution_passes_against_itself_and_fails_against_a_slower_
         assert judge(slow.stored, fast.stored, slow.effects)[1].ok, "faster is no failure"
 
 
+@pytest.mark.parametrize(
+    ("flight", "said"),
+    [
+        ("--help", "expected what `race fly` flies, got '--help'"),
+        ("figure8 --sampler 'colored", "No closing quotation"),
+        ("figure8 --laps 0", "--laps: expected a whole number >= 1 and <= 1000, got 0"),
+        ("figure8 --lapps 1", "no flag --lapps: did you mean '--laps'?"),
+        ("figure9", "no course 'figure9': did you mean 'figure8'?"),
+    ],
+)
+def test_a_flight_that_cannot_be_flown_is_one_line_with_its_file(flight, said, tmp_path, capsys):
+    path = tmp_path / "mine.yaml"
+    path.write_text(f'flight: "{flight}"\n')
+    assert race(["regress", str(path), "--regen"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert err.startswith(f"race regress: {path}: flight: ")
+    assert said in err
+
+
 def test_regen_prints_the_difference_and_stores_it(tmp_path, capsys):
     path = tmp_path / "mine.yaml"
     path.write_text(

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
 
-from controllers.rollout.threads import use_threads
 from quadsim.race.build import build, launch
 from quadsim.race.spec import Spec
 from quadsim.record.metrics import accumulated_cost, chatter
@@ -44,6 +43,8 @@ def variant_key(spec: Spec) -> str:
 def fly_attempt(spec: Spec) -> Flown:
     """One flight, in a worker on one thread. A planner that raises an error in flight counts as a crash."""
     if mp.parent_process() or "distributed.worker" in sys.modules:
+        from controllers.rollout.threads import use_threads  # here: it loads the compiler
+
         use_threads(1)
     flown_by = this_provenance()  # before the flight: of the code that flies
     plant, controller, referee = build(spec)
