@@ -15,7 +15,7 @@ from controllers.costs.quadratic import quadratic_cost
 from controllers.plan import PlanStats
 from quadsim.app.cli import race
 from quadsim.physics.plant import PlantState
-from quadsim.race.duration_referee import DurationReferee
+from quadsim.race.plane_referees import DurationReferee
 from quadsim.systems.double_integrator import double_integrator
 from quadsim.systems.quadrotor import quadrotor
 
