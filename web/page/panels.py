@@ -43,10 +43,8 @@ class SamplerPanel:
 
     def enable(self, s: Snapshot) -> None:
         """Only live flights can be tuned."""
-        off = bool(s.competitors) and not any(e.live for e in s.competitors)
         for slider in self.sliders.values():
-            if slider.disabled != off:
-                slider.disabled = off
+            slider.disabled = bool(s.competitors) and not any(e.live for e in s.competitors)
 
     def _reset(self, _: object) -> None:
         """The numbers of the preset and sampler chosen."""
@@ -87,12 +85,9 @@ class PlaybackPanel:
         self.time.on_update(self._scrubbed)
 
     def update(self, s: Snapshot) -> None:
-        end = round(max(s.end, 1.0), 2)
-        if self.time.max != end:
-            self.time.max = end
-        if self.time.disabled != s.flying:
-            self.time.disabled = s.flying
-        self._show(min(round(s.t, 2), end))
+        self.time.max = round(max(s.end, 1.0), 2)
+        self.time.disabled = s.flying
+        self._show(min(round(s.t, 2), self.time.max))
 
     def _scrubbed(self, event: viser.GuiEvent) -> None:
         if event.client_id is not None and self.time.value != self._shown:

@@ -61,12 +61,9 @@ class RacePanel:
     def refresh(self) -> None:
         """List the stored runs. Names only; a run is read when it is started."""
         names = tuple(path.name for path in self._session.runs()[:RUNS])
-        options = (NONE, *names)
         for control in (self.run, self.second_run):
-            if control.options != options:
-                chosen = control.value
-                control.options = options
-                control.value = chosen if chosen in options else NONE
+            if control.options != (NONE, *names):
+                control.options = (NONE, *names)  # one that is gone becomes NONE
         if self.run.value == NONE and names:
             self.run.value = names[0]
 
