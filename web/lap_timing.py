@@ -103,11 +103,8 @@ def gap(place: np.ndarray, flown: Flown, reference: Flown) -> np.ndarray:
 
 def best_lap(entries: Sequence[Competitor]) -> Flown | None:
     """The fastest lap of all, from its beginning."""
-    laps = [(t, k, n) for n, e in enumerate(entries) for k, t in enumerate(e.laps)]
-    if not laps:
-        return None
-    _, k, n = min(laps)
-    return lap_of(entries[n], k)
+    best = min(((t, k, n) for n, e in enumerate(entries) for k, t in enumerate(e.laps)), default=None)
+    return lap_of(entries[best[2]], best[1]) if best else None
 
 
 def lap_of(entry: Competitor, k: int, until: int | None = None) -> Flown:

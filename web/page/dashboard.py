@@ -14,12 +14,11 @@ from web.lap_timing import LapTiming, lap_timings
 from web.page.camera import Camera
 from web.page.charts import TABS, Charts, Tabs, remove_charts
 from web.page.export import add_export
-from web.page.laps import laps
+from web.page.laps import chatter, laps
 from web.page.panels import PlaybackPanel, SamplerPanel, ViewPanel
-from web.page.planner import chatter, planner
 from web.page.race_panel import Menu, RacePanel
 from web.page.race_scene import RaceScene
-from web.page.timing import Map, events, hud, tower
+from web.page.timing import Map, events, hud, planner, tower
 from web.race import Snapshot
 from web.session import Session
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import viser
+from matplotlib.image import imsave
 
-from quadsim.course import Course
 from quadsim.record.archive import load_run
 from quadsim.record.run import COLUMNS, Run, RunError
 from web.competitor import Competitor, named, stored_competitor
@@ -64,12 +64,9 @@ def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> tuple[str, 
 
 
 def _png(client: viser.ClientHandle) -> bytes:
-    from PIL import Image
-
-    height, width = client.camera.image_height, client.camera.image_width
-    image = client.get_render(height, width, transport_format="png", timeout=RENDER_TIMEOUT)
-    data = io.BytesIO()
-    Image.fromarray(image).save(data, "PNG")
+    data, camera = io.BytesIO(), client.camera
+    render = client.get_render(camera.image_height, camera.image_width, transport_format="png", timeout=RENDER_TIMEOUT)
+    imsave(data, render, format="png")
     return data.getvalue()
 
 
@@ -103,7 +100,9 @@ def offline_page(entries: Sequence[Competitor]) -> str:
 def _record(server: viser.ViserServer, entries: Sequence[Competitor]) -> str:
     course, end = entries[0].course, max(float(e.t[-1]) for e in entries)
     scene = RaceScene(server.scene, entries, samples=8)
-    clock = server.scene.add_label("/clock", "", position=_above_middle(course))
+    centres = course.points(frames=False)[1:]  # of the gates [m]
+    low, high = centres.min(axis=0), centres.max(axis=0)
+    clock = server.scene.add_label("/clock", "", position=(*(low + high)[:2] / 2, high[2] + 3.0))
     set_initial_camera(server, course)
     recording = server.get_scene_serializer()
     for t in np.arange(0.0, end + 1.0 / RATE, 1.0 / RATE):
@@ -112,13 +111,6 @@ def _record(server: viser.ViserServer, entries: Sequence[Competitor]) -> str:
         clock.text = f"{t:.1f} s  lap {timings[0].lap}"
         recording.insert_sleep(1.0 / RATE)
     return recording.as_html(dark_mode=True)
-
-
-def _above_middle(course: Course) -> np.ndarray:
-    """Of the gates [m]."""
-    centres = course.points(frames=False)[1:]
-    low, high = centres.min(axis=0), centres.max(axis=0)
-    return np.append((low + high)[:2] / 2, high[2] + 3.0)
 
 
 def _with_laps(page: str, entries: Sequence[Competitor]) -> str:
