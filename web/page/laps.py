@@ -24,13 +24,9 @@ GATES = 8  # columns of the split table
 def laps(entries: Sequence[Competitor]) -> str:
     if not any(e.events for e in entries):
         return box("no gate passed yet")
-    remarks = [f"<div>{_name(e)} {coloured(not_comparable(e.spec), HIT)}</div>" for e in entries if e.changes]
+    remarks = [f"<div>{label(e)} {coloured(not_comparable(e.spec), HIT)}</div>" for e in entries if e.changes]
     parts = [heading("laps [s]"), _table(entries), *remarks, _strips(entries)]
     return box(*parts, heading("splits by gate [s]"), splits(entries))
-
-
-def _name(entry: Competitor) -> str:
-    return label(entry.name, entry.sampler)
 
 
 def _table(entries: Sequence[Competitor]) -> str:
@@ -40,7 +36,7 @@ def _table(entries: Sequence[Competitor]) -> str:
     rows = []
     for e in entries:
         times = [_time(t, best, min(e.laps)) for t in e.laps] + ["-"] * (most - len(e.laps))
-        rows.append([_name(e), *times, f"{sum(e.laps):.3f}", text(e.outcome or "flying")])
+        rows.append([label(e), *times, f"{sum(e.laps):.3f}", text(e.outcome or "flying")])
     return table(["run", *map(str, range(1, most + 1)), "sum", ""], rows)
 
 
@@ -111,7 +107,7 @@ def chatter(entries: Sequence[Competitor]) -> str:
             t, u, a, tau = e.t, e.x["a_cmd"], e.x["a"], motor_tau(e.spec["vehicle"])
             share = 100 * high_frequency_fraction(t, u, motor_corner(tau))
             figures = (total_variation(t, u), total_variation(t, a), share, motor_residual(t, u, tau))
-            rows.append([label(e.name, e.sampler), *(f"{v:.1f}" for v in figures)])
+            rows.append([label(e), *(f"{v:.1f}" for v in figures)])
     note = (
         "total variation of the thrust, commanded and delivered [m/s²/s]; share of the commanded thrust's power above "
         "the motors' corner frequency [%]; residual: what is too fast for the motors, RMS [m/s²]"

@@ -60,8 +60,8 @@ def _row(place: int, s: LapTiming) -> list[str]:
     gap = "leader" if place == 1 else f"{s.gap:+.2f}" if isfinite(s.gap) else "-"
     best = f"{s.best:.3f}" if s.best else "-"
     hits = coloured(str(s.hits), HIT) if s.hits else "0"
-    name, lap = label(s.entry.name, s.entry.sampler), f"{s.lap}/{s.entry.spec['laps']}"
-    return [str(place), name, lap, f"{s.lap_time:.2f}", gap, best, f"{s.chatter:.2f}", hits]
+    lap = f"{s.lap}/{s.entry.spec['laps']}"
+    return [str(place), label(s.entry), lap, f"{s.lap_time:.2f}", gap, best, f"{s.chatter:.2f}", hits]
 
 
 def events(entries: tuple[Competitor, ...], t: float) -> str:
@@ -72,7 +72,7 @@ def events(entries: tuple[Competitor, ...], t: float) -> str:
     for when, entry, words, crash in sorted(found, key=lambda row: -row[0])[:EVENTS]:
         words = coloured(words, HIT) if crash else words
         words = words if when <= t + 1e-6 else f'<span style="opacity:.45">{words}</span>'
-        rows.append([f"{when:.3f}", label(entry.name, entry.sampler), words])
+        rows.append([f"{when:.3f}", label(entry), words])
     return box(table(["t [s]", "run", "event"], rows, left=3) if rows else "nothing yet")
 
 
