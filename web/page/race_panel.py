@@ -64,8 +64,8 @@ class RacePanel:
         for control in (self.run, self.second_run):
             if control.options != options:
                 control.options = options  # a run that is gone becomes NONE
-        if self.run.value == NONE:
-            self.run.value = options[:2][-1]
+        if self.run.value == NONE and len(options) > 1:
+            self.run.value = options[1]
 
     def _show_controls(self) -> None:
         """Only those that the mode needs."""
