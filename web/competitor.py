@@ -160,16 +160,6 @@ def stored_competitor(path: Path) -> Competitor:
 
 
 def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
-    return Competitor(
-        run.spec["sampler"],
-        run.spec,
-        course,
-        Legs(course, run.spec["laps"]),
-        run.telemetry,
-        run.events,
-        tuple(run.laps),
-        run.outcome,
-        live=False,
-        snapshots=run.snapshots,
-        folder=path,
-    )
+    legs, laps = Legs(course, run.spec["laps"]), tuple(run.laps)
+    shown = run.spec["sampler"], run.spec, course, legs, run.telemetry, run.events, laps, run.outcome
+    return Competitor(*shown, live=False, snapshots=run.snapshots, folder=path)

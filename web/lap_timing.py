@@ -65,6 +65,7 @@ def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
     done = [lap for lap, end in zip(entry.laps, entry.lap_starts[1:], strict=True) if end <= t + 1e-9]
     passed = kinds.count("pass")
     finished = passed == gates * laps
+    rows, tau = slice(max(i - RECENT, 0), i + 1), motor_tau(entry.spec["vehicle"])
     there = time_at(entry.progress[i : i + 1], leader.t, leader.progress)[0]
     return LapTiming(
         entry=entry,
@@ -74,18 +75,11 @@ def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
         gate=0 if finished else passed % gates + 1,
         gap=0.0 if entry is leader else float(t - there),
         best=min(done, default=None),
-        chatter=_chatter(entry, i),
+        chatter=motor_residual(entry.t[rows], entry.x["a_cmd"][rows], tau) if i >= 2 else 0.0,
         hits=sum(kinds.count(kind) for kind in CRASHES),
         progress=float(entry.progress[i]) / entry.legs.length,
         over=entry.outcome is not None and i == len(entry.t) - 1,
     )
-
-
-def _chatter(entry: Competitor, i: int) -> float:
-    if i < 2:
-        return 0.0
-    rows = slice(max(i - RECENT, 0), i + 1)
-    return motor_residual(entry.t[rows], entry.x["a_cmd"][rows], motor_tau(entry.spec["vehicle"]))
 
 
 def time_at(place: np.ndarray, t: np.ndarray, progress: np.ndarray) -> np.ndarray:
@@ -103,11 +97,8 @@ def gap(place: np.ndarray, flown: Flown, reference: Flown) -> np.ndarray:
 
 def best_lap(entries: Sequence[Competitor]) -> Flown | None:
     """The fastest lap of all, from its beginning."""
-    laps = [(t, k, n) for n, e in enumerate(entries) for k, t in enumerate(e.laps)]
-    if not laps:
-        return None
-    _, k, n = min(laps)
-    return lap_of(entries[n], k)
+    best = min(((t, k, n) for n, e in enumerate(entries) for k, t in enumerate(e.laps)), default=None)
+    return lap_of(entries[best[2]], best[1]) if best else None
 
 
 def lap_of(entry: Competitor, k: int, until: int | None = None) -> Flown:

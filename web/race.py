@@ -87,7 +87,7 @@ class Race:
     def play(self, on: bool | None = None) -> None:
         """None: toggle. A replay at its end begins again."""
         self._playing = not self._playing if on is None else on
-        if self._playing and self._next_to_fly() is None and self._t >= self._end:
+        if self._playing and not self._flying and self._t >= self._end:
             self._t = 0.0
         self._pace.anchor(self._t)
 
@@ -97,20 +97,20 @@ class Race:
         entry = self._next_to_fly()
         if entry is not None:
             self._advance(entry)
-        elif entries := [e for e in self._competitors() if len(e.t)]:
+        elif entries := [e for e in self._competitors if len(e.t)]:
             t = entries[0].t
             self.scrub(float(t[min(max(entries[0].at(self._t) + by, 0), len(t) - 1)]))
 
     def scrub(self, t: float) -> None:
         """Show the race at t [s]; has no effect in flight."""
-        if self._next_to_fly() is None:
+        if not self._flying:
             self._t = min(max(t, 0.0), self._end)
             self._pace.anchor(self._t)
 
     def jump(self) -> None:
         """To the next event of any competitor."""
-        later = [e.t for entry in self._competitors() for e in entry.events if e.t > self._t + 1e-6]
-        if later and self._next_to_fly() is None:
+        later = [e.t for entry in self._competitors for e in entry.events if e.t > self._t + 1e-6]
+        if later and not self._flying:
             self._playing = False
             self.scrub(min(later))
 
@@ -124,15 +124,13 @@ class Race:
         before = asdict(self._numbers)
         changes = [{"name": k, "from": before[k], "to": v} for k, v in asdict(numbers).items() if v != before[k]]
         self._numbers = numbers
-        for entry in self._live if changes else ():
-            if entry.now.outcome is None:
-                entry.tune(numbers, changes)
+        for entry in self._flying if changes else ():
+            entry.tune(numbers, changes)
 
     def end_flights(self) -> None:
         """They stay in view."""
-        for entry in self._live:
-            if entry.now.outcome is None:
-                entry.end()
+        for entry in self._flying:
+            entry.end()
         self._playing = False
 
     def snapshot(self) -> Snapshot:
@@ -140,9 +138,9 @@ class Race:
             t=self._t,
             end=self._end,
             playing=self._playing,
-            flying=self._next_to_fly() is not None,
+            flying=bool(self._flying),
             factor=self._pace.factor if self._playing else 0.0,
-            competitors=named(self._competitors()),
+            competitors=named(self._competitors),
             race=self._count,
             notices=self.notices.recent,
         )
@@ -167,7 +165,7 @@ class Race:
             self._trajectories_at = perf_counter()
         if frame.outcome is not None:
             entry.end()
-            self._playing = self._next_to_fly() is not None
+            self._playing = bool(self._flying)
 
     def _move(self, t: float) -> None:
         self._t = t
@@ -175,13 +173,17 @@ class Race:
 
     def _next_to_fly(self) -> LiveCompetitor | None:
         """The one whose time is the least."""
-        return min((e for e in self._live if e.now.outcome is None), key=lambda e: e.t, default=None)
+        return min(self._flying, key=lambda e: e.t, default=None)
 
+    @property
+    def _flying(self) -> list[LiveCompetitor]:
+        return [e for e in self._live if e.now.outcome is None]
+
+    @property
     def _competitors(self) -> list[Competitor]:
         return [*(e.now for e in self._live), *self._stored]
 
     @property
     def _end(self) -> float:
         """Of the longest competitor [s]."""
-        stored = (float(e.t[-1]) for e in self._stored if len(e.t))
-        return max((*(e.t for e in self._live), *stored), default=0.0)
+        return max((float(e.t[-1]) for e in self._competitors if len(e.t)), default=0.0)

@@ -54,7 +54,7 @@ class Session:
 
     def _next(self, wait: float) -> Callable[[], Any]:
         try:
-            return self._commands.get(timeout=wait) if wait > 0 else self._commands.get_nowait()
+            return self._commands.get(timeout=wait)
         except queue.Empty:
             return self._race.turn
 

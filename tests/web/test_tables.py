@@ -12,9 +12,8 @@ from quadsim.palette import BEST, FASTER, STYLES
 from quadsim.record.run import Run
 from web.competitor import Competitor, Legs, named, run_competitor
 from web.lap_timing import gap, lap_timings, order, time_at
-from web.page.laps import laps, splits
-from web.page.planner import chatter, planner
-from web.page.timing import Map, events, hud, tower
+from web.page.laps import chatter, laps, splits
+from web.page.timing import Map, events, hud, planner, tower
 from web.race import Snapshot
 
 

@@ -72,11 +72,10 @@ class Charts:
 
     def update_spectrum(self, timings: Sequence[LapTiming]) -> None:
         """Welch's power spectral density of the commanded thrust, on log axes, with the motors' corner frequency."""
-        rows = [psd(s.entry, self._f) for s in timings]
-        finite = np.concatenate(rows)[np.isfinite(np.concatenate(rows))]
-        if len(finite):
+        rows = np.array([psd(s.entry, self._f) for s in timings])  # (competitors, frequencies)
+        if np.isfinite(rows).any():
             line = np.full(len(self._f), np.nan)
-            line[self._f == self._corner] = finite.min(), finite.max()
+            line[self._f == self._corner] = np.nanmin(rows), np.nanmax(rows)
             self._spectrum.data = (self._f, *rows, line)
 
     def update_gaps(self, timings: Sequence[LapTiming]) -> None:

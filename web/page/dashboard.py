@@ -13,13 +13,12 @@ from web.flight_factory import Choices, FlightFactory
 from web.lap_timing import LapTiming, lap_timings
 from web.page.camera import Camera
 from web.page.charts import TABS, Charts, Tabs, remove_charts
-from web.page.export import ExportPanel
-from web.page.laps import laps
+from web.page.export import add_export
+from web.page.laps import chatter, laps
 from web.page.panels import PlaybackPanel, SamplerPanel, ViewPanel
-from web.page.planner import chatter, planner
 from web.page.race_panel import Menu, RacePanel
 from web.page.race_scene import RaceScene
-from web.page.timing import Map, events, hud, tower
+from web.page.timing import Map, events, hud, planner, tower
 from web.race import Snapshot
 from web.session import Session
 
@@ -48,9 +47,16 @@ class Dashboard:
         self._view: RaceView | None = None
         self._notice = 0  # number of the last that was shown
         self._tables_at = self._slow_at = -1.0  # when they were last updated [s]
+        gui = server.gui
+        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(230, 159, 0))
+        self.race = RacePanel(gui, session, menu, first)
+        self.sampler = SamplerPanel(gui, session, flight_factory, self.race)
+        self._playback = PlaybackPanel(gui, session)
+        self._camera = Camera(server)
+        self._options = ViewPanel(gui, session, self._camera)
+        add_export(gui, session)
+        self._add_panels(gui)
         self._closing = threading.Event()
-        self._add_controls(flight_factory, menu, first)
-        self._add_panels()
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._thread.start()
 
@@ -58,30 +64,17 @@ class Dashboard:
         self._closing.set()
         self._thread.join()
 
-    def _add_controls(self, flight_factory: FlightFactory, menu: Menu, first: Choices) -> None:
-        gui, session = self._server.gui, self._session
-        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(230, 159, 0))
-        self.race = RacePanel(gui, session, menu, first)
-        self.sampler = SamplerPanel(gui, session, flight_factory, self.race)
-        self._playback = PlaybackPanel(gui, session)
-        self._camera = Camera(self._server)
-        self._options = ViewPanel(gui, session, self._camera)
-        ExportPanel(gui, session)
+    def _add_panels(self, gui: viser.GuiApi) -> None:
         gui.main_panel.dock_left()
         gui.main_panel.set_width(270)
-
-    def _add_panels(self) -> None:
-        gui = self._server.gui
         top, below, head = gui.add_panel(), gui.add_panel(), gui.add_panel()
-        self._tables: dict[str, viser.GuiHtmlHandle] = {}
-        for name in ("Timing", "Laps", "Events", "Planner"):
-            with top.add_tab(name):
-                self._tables[name] = gui.add_html("")
         self._tabs = {name: below.add_tab(name) for name in TABS}
-        with self._tabs["Spectrum"]:
-            self._tables["Chatter"] = gui.add_html("", order=1e6)  # below the charts, which come and go
-        with head.add_tab("HUD"):
-            self._tables["HUD"] = gui.add_html("")
+        tabs = {name: top.add_tab(name) for name in ("Timing", "Laps", "Events", "Planner")}
+        tabs |= {"HUD": head.add_tab("HUD"), "Chatter": self._tabs["Spectrum"]}
+        self._tables: dict[str, viser.GuiHtmlHandle] = {}
+        for name, tab in tabs.items():
+            with tab:
+                self._tables[name] = gui.add_html("", order=1e6)  # below the charts of a tab, which come and go
         top.dock_right()
         top.set_width(400)
         below.dock_below(top)
@@ -111,7 +104,7 @@ class Dashboard:
         if view and now - self._slow_at > SLOW:
             view.charts.update_spectrum(timings)
             view.charts.update_gaps(timings)
-            self._set("Chatter", chatter(s.competitors))
+            self._tables["Chatter"].content = chatter(s.competitors)
             self.race.refresh()
             self._slow_at = now
         self._notify(s)
@@ -127,19 +120,15 @@ class Dashboard:
         return self._view
 
     def _update_tables(self, s: Snapshot, timings: list[LapTiming], view: RaceView | None) -> None:
-        self._set("HUD", hud(s, timings))
-        self._set("Events", events(s.competitors, s.t))
+        self._tables["HUD"].content = hud(s, timings)
+        self._tables["Events"].content = events(s.competitors, s.t)
         if view:
-            self._set("Timing", tower(timings) + view.map.draw(timings))
-            self._set("Laps", laps(s.competitors))
-            self._set("Planner", planner(timings[0]))
+            self._tables["Timing"].content = tower(timings) + view.map.draw(timings)
+            self._tables["Laps"].content = laps(s.competitors)
+            self._tables["Planner"].content = planner(timings[0])
             view.charts.update_signals(timings)
         self._playback.update(s)
         self.sampler.enable(s)
-
-    def _set(self, name: str, content: str) -> None:
-        if self._tables[name].content != content:
-            self._tables[name].content = content
 
     def _notify(self, s: Snapshot) -> None:
         for notice in (n for n in s.notices if n.number > self._notice):

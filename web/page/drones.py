@@ -49,7 +49,7 @@ class Drone:
         t = np.linspace(max(entry.t[i] - TRAIL_SPAN, 0.0), entry.t[i], TRAIL + 1)
         rows = np.searchsorted(entry.t, t, side="right") - 1
         self._trail.points = segments(entry.rows(POSITION, rows))
-        self._trail.colors = segments(ramp(entry.speed(rows) / FAST)) if by_speed else self._colours.copy()
+        self._trail.colors = segments(ramp(entry.speed(rows) / FAST)) if by_speed else self._colours
 
 
 class SampledTrajectoriesView:
@@ -68,14 +68,10 @@ class SampledTrajectoriesView:
 
     def show(self, paths: np.ndarray | None, nominal: np.ndarray | None = None) -> None:
         """paths (samples, points, 3), None: hidden; fewer samples than there are lines are repeated."""
-        for node, visible in ((self._samples, paths is not None), (self._plan, nominal is not None)):
-            if node.visible != visible:
-                node.visible = visible
+        self._samples.visible, self._plan.visible = paths is not None, nominal is not None
         if paths is not None:
             rows = np.arange(self._n) * len(paths) // self._n
-            points = np.concatenate([segments(p) for p in resampled(paths, self.POINTS)[rows]])
-            if not np.array_equal(points, self._samples.points):
-                self._samples.points = points
+            self._samples.points = np.concatenate([segments(p) for p in resampled(paths, self.POINTS)[rows]])
         if nominal is not None:
             self._plan.points = segments(nominal)
 

@@ -6,13 +6,13 @@ import csv
 import io
 import secrets
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import viser
+from matplotlib.image import imsave
 
-from quadsim.course import Course
 from quadsim.record.archive import load_run
 from quadsim.record.run import COLUMNS, Run, RunError
 from web.competitor import Competitor, named, stored_competitor
@@ -29,55 +29,45 @@ RATE = 25  # frames a second
 RENDER_TIMEOUT = 30.0  # [s] for a browser that draws in software
 
 
-class ExportPanel:
+def add_export(gui: viser.GuiApi, session: Session) -> None:
     """What is on the page, as downloads of the client that asks."""
+    with gui.add_folder("Export", expand_by_default=False):
+        hint = "page: animated, plays offline; PNG: the view"
+        what = gui.add_button_group("", ("page", "CSV", "zip", "PNG"), hint=hint)
 
-    def __init__(self, gui: viser.GuiApi, session: Session):
-        self._session = session
-        makers = {"page": self._page, "CSV": self._csv, "zip": self._zip, "PNG": _png}
-        with gui.add_folder("Export", expand_by_default=False):
-            what = gui.add_button_group("", tuple(makers), hint="page: animated, plays offline; PNG: the view")
-        what.on_click(lambda event: _send(event, makers[event.target.value]))
+    def send(event: viser.GuiEvent) -> None:
+        if event.client is None:
+            return
+        try:
+            name, data = _download(event.client, what.value, session.snapshot)
+        except (RunError, ValueError, RuntimeError, TimeoutError, OSError) as error:
+            event.client.add_notification("Cannot export", str(error), auto_close_seconds=6.0, color="red")
+        else:
+            event.client.send_file_download(name, data, save_immediately=True)
 
-    def _stored(self) -> list[Path]:
-        """Folders of this race's runs."""
-        folders = [e.folder for e in self._session.snapshot.competitors if e.folder]
-        if not folders:
-            raise ValueError("nothing is stored yet: a flight is kept when it ends")
-        return folders
-
-    def _page(self, _: viser.ClientHandle) -> tuple[str, bytes]:
-        folders = self._stored()
-        return f"{folders[0].name}.html", offline_page(named([stored_competitor(f) for f in folders])).encode()
-
-    def _csv(self, _: viser.ClientHandle) -> tuple[str, bytes]:
-        folder = self._stored()[0]
-        return f"{folder.name}.csv", telemetry_csv(load_run(folder))
-
-    def _zip(self, _: viser.ClientHandle) -> tuple[str, bytes]:
-        folder = self._stored()[0]
-        return f"{folder.name}.zip", zipped(folder)
+    what.on_click(send)
 
 
-def _send(event: viser.GuiEvent, make: Callable[[viser.ClientHandle], tuple[str, bytes]]) -> None:
-    if event.client is None:
-        return
-    try:
-        name, data = make(event.client)
-    except (RunError, ValueError, RuntimeError, TimeoutError, OSError) as error:
-        event.client.add_notification("Cannot export", str(error), auto_close_seconds=6.0, color="red")
-        return
-    event.client.send_file_download(name, data, save_immediately=True)
+def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> tuple[str, bytes]:
+    """Its name and content."""
+    if what == "PNG":
+        return "race.png", _png(client)
+    folders = [e.folder for e in s.competitors if e.folder]
+    if not folders:
+        raise ValueError("nothing is stored yet: a flight is kept when it ends")
+    name = folders[0].name
+    if what == "page":
+        return f"{name}.html", offline_page(named([stored_competitor(f) for f in folders])).encode()
+    if what == "CSV":
+        return f"{name}.csv", telemetry_csv(load_run(folders[0]))
+    return f"{name}.zip", zipped(folders[0])
 
 
-def _png(client: viser.ClientHandle) -> tuple[str, bytes]:
-    from PIL import Image
-
-    height, width = client.camera.image_height, client.camera.image_width
-    image = client.get_render(height, width, transport_format="png", timeout=RENDER_TIMEOUT)
-    data = io.BytesIO()
-    Image.fromarray(image).save(data, "PNG")
-    return "race.png", data.getvalue()
+def _png(client: viser.ClientHandle) -> bytes:
+    data, camera = io.BytesIO(), client.camera
+    render = client.get_render(camera.image_height, camera.image_width, transport_format="png", timeout=RENDER_TIMEOUT)
+    imsave(data, render, format="png")
+    return data.getvalue()
 
 
 def zipped(folder: Path) -> bytes:
@@ -110,7 +100,9 @@ def offline_page(entries: Sequence[Competitor]) -> str:
 def _record(server: viser.ViserServer, entries: Sequence[Competitor]) -> str:
     course, end = entries[0].course, max(float(e.t[-1]) for e in entries)
     scene = RaceScene(server.scene, entries, samples=8)
-    clock = server.scene.add_label("/clock", "", position=_above_middle(course))
+    centres = course.points(frames=False)[1:]  # of the gates [m]
+    low, high = centres.min(axis=0), centres.max(axis=0)
+    clock = server.scene.add_label("/clock", "", position=(*(low + high)[:2] / 2, high[2] + 3.0))
     set_initial_camera(server, course)
     recording = server.get_scene_serializer()
     for t in np.arange(0.0, end + 1.0 / RATE, 1.0 / RATE):
@@ -119,13 +111,6 @@ def _record(server: viser.ViserServer, entries: Sequence[Competitor]) -> str:
         clock.text = f"{t:.1f} s  lap {timings[0].lap}"
         recording.insert_sleep(1.0 / RATE)
     return recording.as_html(dark_mode=True)
-
-
-def _above_middle(course: Course) -> np.ndarray:
-    """Of the gates [m]."""
-    centres = course.points(frames=False)[1:]
-    low, high = centres.min(axis=0), centres.max(axis=0)
-    return np.append((low + high)[:2] / 2, high[2] + 3.0)
 
 
 def _with_laps(page: str, entries: Sequence[Competitor]) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from html import escape
 
 from quadsim.palette import style
+from web.competitor import Competitor
 
 DIM, MARKER_EDGE, TRACK = "#8b93a1", "#111", "#2c3038"  # dim text, outlines of dots, background of bars and strips
 MONO = "font-family:ui-monospace,Menlo,Consolas,monospace;font-variant-numeric:tabular-nums"
@@ -51,9 +52,9 @@ def swatch(sampler: str) -> str:
     return svg("svg", line, width=22, height=10, style="vertical-align:middle;margin-right:5px")
 
 
-def label(name: str, sampler: str) -> str:
-    """A competitor's name in its sampler's colour."""
-    return f'{swatch(sampler)}<b style="color:{style(sampler).colour}">{text(name)}</b>'
+def label(entry: Competitor) -> str:
+    """Its name in its sampler's colour."""
+    return f'{swatch(entry.sampler)}<b style="color:{style(entry.sampler).colour}">{text(entry.name)}</b>'
 
 
 def coloured(what: str, colour: str) -> str:

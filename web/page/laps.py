@@ -1,4 +1,7 @@
-"""Laps and gates as HTML: a table and a strip of lap times, splits by gate; the best purple, a run's own best green."""
+"""Whole runs as HTML: a table and a strip of lap times, splits by gate, chatter of the thrust.
+
+The best time is purple, a run's own best green.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,11 @@ import numpy as np
 
 from quadsim.palette import BEST, FASTER, HIT, style
 from quadsim.race.events import sector_times
+from quadsim.record.metrics import high_frequency_fraction, motor_corner, motor_residual, motor_tau, total_variation
 from quadsim.record.run import not_comparable
 from quadsim.record.statistics import mean_interval
 from web.competitor import Competitor
-from web.page.html import DIM, MARKER_EDGE, TRACK, box, coloured, heading, label, svg, swatch, table, text
+from web.page.html import DIM, MARKER_EDGE, TRACK, box, coloured, heading, label, small, svg, swatch, table, text
 
 WIDTH, ROW = 330, 30  # of the strips [px]
 GATES = 8  # columns of the split table
@@ -20,13 +24,9 @@ GATES = 8  # columns of the split table
 def laps(entries: Sequence[Competitor]) -> str:
     if not any(e.events for e in entries):
         return box("no gate passed yet")
-    remarks = [f"<div>{_name(e)} {coloured(not_comparable(e.spec), HIT)}</div>" for e in entries if e.changes]
+    remarks = [f"<div>{label(e)} {coloured(not_comparable(e.spec), HIT)}</div>" for e in entries if e.changes]
     parts = [heading("laps [s]"), _table(entries), *remarks, _strips(entries)]
     return box(*parts, heading("splits by gate [s]"), splits(entries))
-
-
-def _name(entry: Competitor) -> str:
-    return label(entry.name, entry.sampler)
 
 
 def _table(entries: Sequence[Competitor]) -> str:
@@ -36,7 +36,7 @@ def _table(entries: Sequence[Competitor]) -> str:
     rows = []
     for e in entries:
         times = [_time(t, best, min(e.laps)) for t in e.laps] + ["-"] * (most - len(e.laps))
-        rows.append([_name(e), *times, f"{sum(e.laps):.3f}", text(e.outcome or "flying")])
+        rows.append([label(e), *times, f"{sum(e.laps):.3f}", text(e.outcome or "flying")])
     return table(["run", *map(str, range(1, most + 1)), "sum", ""], rows)
 
 
@@ -97,3 +97,19 @@ def splits(entries: Sequence[Competitor]) -> str:
 def _best(rows: Sequence[Sequence[float]], gates: int) -> list[float]:
     """The fastest time to each gate [s]; 0 where no row has reached it.  (gates,)"""
     return [min((row[g] for row in rows if g < len(row)), default=0.0) for g in range(gates)]
+
+
+def chatter(entries: Sequence[Competitor]) -> str:
+    """Figures of the whole run so far, for the spectrum's tab."""
+    rows = []
+    for e in entries:
+        if len(e.t) > 16:
+            t, u, a, tau = e.t, e.x["a_cmd"], e.x["a"], motor_tau(e.spec["vehicle"])
+            share = 100 * high_frequency_fraction(t, u, motor_corner(tau))
+            figures = (total_variation(t, u), total_variation(t, a), share, motor_residual(t, u, tau))
+            rows.append([label(e), *(f"{v:.1f}" for v in figures)])
+    note = (
+        "total variation of the thrust, commanded and delivered [m/s²/s]; share of the commanded thrust's power above "
+        "the motors' corner frequency [%]; residual: what is too fast for the motors, RMS [m/s²]"
+    )
+    return box(table(["run", "TV", "delivered", "> corner", "residual"], rows), small(note)) if rows else box("")

@@ -43,10 +43,8 @@ class SamplerPanel:
 
     def enable(self, s: Snapshot) -> None:
         """Only live flights can be tuned."""
-        off = bool(s.competitors) and not any(e.live for e in s.competitors)
         for slider in self.sliders.values():
-            if slider.disabled != off:
-                slider.disabled = off
+            slider.disabled = bool(s.competitors) and not any(e.live for e in s.competitors)
 
     def _reset(self, _: object) -> None:
         """The numbers of the preset and sampler chosen."""
@@ -87,30 +85,23 @@ class PlaybackPanel:
         self.time.on_update(self._scrubbed)
 
     def update(self, s: Snapshot) -> None:
-        end = round(max(s.end, 1.0), 2)
-        if self.time.max != end:
-            self.time.max = end
-        if self.time.disabled != s.flying:
-            self.time.disabled = s.flying
-        self._show(min(round(s.t, 2), end))
+        """The time is not set while the slider is moved by hand. Then all clients are told it again: one sent before
+        that may have arrived last.
+        """
+        self.time.max = round(max(s.end, 1.0), 2)
+        self.time.disabled = s.flying
+        t, since = min(round(s.t, 2), self.time.max), perf_counter() - self._scrubbed_at  # -inf: not moved
+        if since >= HOLD:
+            self._scrubbed_at = inf
+            self.time.value = self._shown = t + 0.01 if t < 0.01 else t - 0.01  # viser sends changes only
+        if not 0.0 <= since < HOLD:
+            self.time.value = self._shown = t
 
     def _scrubbed(self, event: viser.GuiEvent) -> None:
         if event.client_id is not None and self.time.value != self._shown:
             self._session.tell(Race.play, False)
             self._session.tell(Race.scrub, float(self.time.value))
             self._scrubbed_at = perf_counter()
-
-    def _show(self, t: float) -> None:
-        """Not while the slider is moved by hand. Then all clients are told the time again: one sent before that
-        may have arrived last."""
-        since = perf_counter() - self._scrubbed_at  # -inf: not moved
-        if 0.0 <= since < HOLD:
-            return
-        if since >= HOLD:
-            self._scrubbed_at = inf
-            self.time.value = self._shown = t + 0.01 if t < 0.01 else t - 0.01  # viser sends changes only
-        if self.time.value != t:
-            self.time.value = self._shown = t
 
 
 class ViewPanel:

@@ -60,15 +60,12 @@ class RacePanel:
 
     def refresh(self) -> None:
         """List the stored runs. Names only; a run is read when it is started."""
-        names = tuple(path.name for path in self._session.runs()[:RUNS])
-        options = (NONE, *names)
+        options = (NONE, *(path.name for path in self._session.runs()[:RUNS]))
         for control in (self.run, self.second_run):
             if control.options != options:
-                chosen = control.value
-                control.options = options
-                control.value = chosen if chosen in options else NONE
-        if self.run.value == NONE and names:
-            self.run.value = names[0]
+                control.options = options  # a run that is gone becomes NONE
+        if self.run.value == NONE and len(options) > 1:
+            self.run.value = options[1]
 
     def _show_controls(self) -> None:
         """Only those that the mode needs."""

@@ -57,7 +57,6 @@ class CourseView:
         self._gates, cube = len(course.gates), trimesh.creation.box()
         bars = [bars_of(gate) for gate in course.gates]
         centres, sizes, quaternions = (np.concatenate(part) for part in zip(*bars, strict=True))
-        self._colours = np.tile(PLAIN, (len(centres), 1))
         self._bars = scene.add_batched_meshes_simple(
             "/course/gates",
             cube.vertices,
@@ -65,7 +64,7 @@ class CourseView:
             batched_wxyzs=quaternions,
             batched_positions=centres,
             batched_scales=sizes,
-            batched_colors=self._colours,
+            batched_colors=np.tile(PLAIN, (len(centres), 1)),
             flat_shading=True,
             side="double",
             lod="off",
@@ -81,9 +80,7 @@ class CourseView:
         colours = np.tile(PLAIN, (self._gates + 1, 1))  # the first is of no gate
         colours[list(hit)] = HIT_RGB
         colours[next_gate] = NEXT_RGB
-        colours = np.repeat(colours[1:], 4, axis=0)
-        if not np.array_equal(colours, self._colours):
-            self._bars.batched_colors = self._colours = colours
+        self._bars.batched_colors = np.repeat(colours[1:], 4, axis=0)
 
 
 def bars_of(gate: Gate) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

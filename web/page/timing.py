@@ -1,4 +1,4 @@
-"""Head-up display, timing tower, map and events, as HTML."""
+"""The race at one instant, as HTML: head-up display, timing tower, events, planner, map."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from quadsim.race.events import Event
 from quadsim.record.run import not_comparable
 from web.competitor import CRASHES, Competitor
 from web.lap_timing import LapTiming, crashed_gates, order
-from web.page.html import DIM, MARKER_EDGE, MONO, bar, box, coloured, label, small, svg, table, text
+from web.page.html import DIM, MARKER_EDGE, MONO, bar, box, coloured, heading, label, small, svg, table, text
 from web.race import Snapshot
 
 WIDTH, HEIGHT = 330, 190  # of the map [px]
@@ -60,8 +60,8 @@ def _row(place: int, s: LapTiming) -> list[str]:
     gap = "leader" if place == 1 else f"{s.gap:+.2f}" if isfinite(s.gap) else "-"
     best = f"{s.best:.3f}" if s.best else "-"
     hits = coloured(str(s.hits), HIT) if s.hits else "0"
-    name, lap = label(s.entry.name, s.entry.sampler), f"{s.lap}/{s.entry.spec['laps']}"
-    return [str(place), name, lap, f"{s.lap_time:.2f}", gap, best, f"{s.chatter:.2f}", hits]
+    lap = f"{s.lap}/{s.entry.spec['laps']}"
+    return [str(place), label(s.entry), lap, f"{s.lap_time:.2f}", gap, best, f"{s.chatter:.2f}", hits]
 
 
 def events(entries: tuple[Competitor, ...], t: float) -> str:
@@ -72,7 +72,7 @@ def events(entries: tuple[Competitor, ...], t: float) -> str:
     for when, entry, words, crash in sorted(found, key=lambda row: -row[0])[:EVENTS]:
         words = coloured(words, HIT) if crash else words
         words = words if when <= t + 1e-6 else f'<span style="opacity:.45">{words}</span>'
-        rows.append([f"{when:.3f}", label(entry.name, entry.sampler), words])
+        rows.append([f"{when:.3f}", label(entry), words])
     return box(table(["t [s]", "run", "event"], rows, left=3) if rows else "nothing yet")
 
 
@@ -83,6 +83,43 @@ def _event(e: Event) -> str:
 
 def _change(c: dict) -> str:
     return f"{text(c['name']).replace('_', ' ')} {c['from']:g} → {c['to']:g}"
+
+
+def planner(s: LapTiming) -> str:
+    x, mppi = s.entry.x, s.entry.spec["planner"]["mppi"]
+    ess, target = float(x["ess"][s.i]), mppi.get("target_ess", mppi.get("ess"))  # older runs say "ess"
+    target = f"target {target:g}" if target else "temperature fixed"
+    meter = bar(ess / max(mppi["samples"] * 0.1, 1.0), NEXT if ess > 5 else HIT, 8)
+    words = (
+        f"<b>{ess:.0f}</b> effective of {mppi['samples']} samples, {target}; "
+        f"temperature <b>{x['temperature'][s.i]:.3g}</b>, planned in <b>{x['plan_ms'][s.i]:.1f}</b> ms"
+    )
+    return box(heading("effective sample size"), meter, _line(words), heading("cost of the plan"), _cost(s))
+
+
+def _cost(s: LapTiming) -> str:
+    terms, when = _terms(s)
+    if not terms:
+        why = "not kept with this run" if s.entry.outcome else "shown together with the samples"
+        return _line(f"J = {s.entry.x['cost'][s.i]:.3f}; its terms: - ({why})")
+    most, rows = max(map(abs, terms.values())), []
+    for name, v in terms.items():
+        if v:
+            rows.append([text(name), f"{v:+.3f}", bar(abs(v) / most, "#6f86d6" if v > 0 else NEXT, width="180px")])
+    J = sum(terms.values())
+    return table(["term", "mean", ""], rows) + _line(f"J = {J:.3f}, the sum{when}; lower is better")
+
+
+def _terms(s: LapTiming) -> tuple[dict[str, float], str]:
+    """Of the plan's cost; for a stored run those of its last snapshot, and when it was taken."""
+    if s.entry.sampled_trajectories:
+        return s.entry.sampled_trajectories.terms, ""
+    found = s.entry.snapshot(s.i)
+    return (found[1].terms, f" at {found[0]:.2f} s") if found else ({}, "")
+
+
+def _line(words: str) -> str:
+    return f'<div style="{MONO};font-size:12px;margin-top:3px">{words}</div>'
 
 
 class Map:
