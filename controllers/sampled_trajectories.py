@@ -28,7 +28,7 @@ def sampled_trajectories(mppi: MPPI, samples: int = MOST, points: int = 25) -> S
     if mppi.last is None:
         return None
     last = mppi.last
-    best = cheapest(last.J, min(samples, MOST, len(last.J)))
+    best = np.argsort(last.J)[: min(samples, MOST)]
     v = np.concatenate([controls(mppi, last, best), mppi.plan.T[None]])  # (samples + 1, n_u, T)
     paths, terms = mppi.rollout.paths(last.x, v, last.target)  # (samples + 1, T, 3), (samples + 1, n_terms)
     shown = np.linspace(0, len(mppi.plan) - 1, points).round().astype(int)
@@ -48,12 +48,6 @@ def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:
         for k in inside:
             v[k] = U + sample(z, which[k] - chunk.start, len(last.centre))
     return np.clip(v, mppi.low[:, None], mppi.high[:, None])
-
-
-def cheapest(J: np.ndarray, n: int) -> np.ndarray:
-    """Indices of the n smallest, in order."""
-    some = np.argpartition(J, n - 1)[:n]
-    return some[np.argsort(J[some])]
 
 
 def take_snapshot(mppi: MPPI, samples: int = 8, points: int = 16) -> PlannerSnapshot | None:

@@ -57,8 +57,7 @@ def terms(x, x_next, u, target, crashed, p):
 
 def corridor_cost(corridor: Corridor, half_width: float, weights: CorridorWeights, dt: float) -> Cost:
     """For a vehicle of this half width [m] and steps of dt [s]."""
-    w = weights
-    room = corridor.width / 2 - half_width - w.margin
+    w, room = weights, corridor.width / 2 - half_width - weights.margin
     params = (w.to_go, w.lethal, w.rollover, w.speed, room, w.margin, w.lateral_max, w.speed_max, dt)
     return Cost("corridor", TERMS, terms, params, targets(corridor), TO_GO)
 
@@ -68,8 +67,7 @@ def targets(corridor: Corridor) -> np.ndarray:
     and one for a last leg behind the goal.  (legs + 1, 7)"""
     e, m = corridor.directions, corridor.ends
     ends = np.array(corridor.points[1:])
-    rows = np.column_stack([ends, e, m])
     run_out = np.concatenate([ends[-1] + RUN_OUT * e[-1], e[-1], e[-1]])
     after = np.append(corridor.lengths[1:], RUN_OUT)
     to_go = np.append(np.cumsum(after[::-1])[::-1], 0.0)
-    return np.column_stack([np.vstack([rows, run_out]), to_go])
+    return np.column_stack([np.vstack([np.column_stack([ends, e, m]), run_out]), to_go])

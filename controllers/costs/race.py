@@ -20,7 +20,7 @@ from msgspec import Meta
 from numpy import maximum, minimum, sqrt, where
 
 from controllers.costs import Cost
-from quadsim.course import FRAME_DEPTH, Course, Gate, in_frame
+from quadsim.course import FRAME_DEPTH, Course, in_frame
 from quadsim.files.strict_yaml import unit
 
 TERMS = ("progress", "heading", "height", "speed", "stabilize", "crash", "waypoint", "path", "clearance")
@@ -103,7 +103,6 @@ def terms(x, x_next, u, target, crashed, p):
     d2 = dx * dx + dy * dy + dz * dz
     past_exit = after[0] > 0.0
     way = sqrt(where(past_exit, rx * rx + ry * ry + rz * rz, d2) + 1e-6) + where(past_exit, approach, 0.0)
-    remaining = where(reached, 0.0, way) + to_go
 
     v_xy = sqrt(vx * vx + vy * vy + 1e-6)
     d_xy = sqrt(dx * dx + dy * dy + 1e-6)
@@ -111,7 +110,7 @@ def terms(x, x_next, u, target, crashed, p):
     ox, oy, oz = off_leg(dx, dy, dz, ex, ey, ez, leg)
     off_speed = v_xy - v_des
     return (
-        a_0 * remaining,
+        a_0 * (where(reached, 0.0, way) + to_go),
         a_1 * heading_error,
         a_2 * oz * oz,
         a_3 * off_speed * off_speed,
@@ -151,28 +150,26 @@ def is_inside(x: np.ndarray, row: np.ndarray, params: tuple[float, ...]) -> bool
 
 
 def targets(course: Course, radius: float, laps: int) -> np.ndarray:
-    """Target rows: one for each gate of every lap, at its exit, and one behind the finish.  (laps * gates + 1, 18)"""
-    gates = course.gates * laps
-    run_out = np.add(gates[-1].position, RUN_OUT * gates[-1].rotation[:, 0])
-    exits = [g.position + clear_of_frame(radius) * g.rotation[:, 0] for g in gates]
-    centres = np.array([course.start.position, *exits, run_out])
-    legs = np.diff(centres, axis=0)
+    """Target rows: one for each gate of every lap, at its exit, and one behind the finish.  (laps * gates + 1, 18)
+
+    Exit, passage, left axis, half the free opening, thickness of the bars around it, distance to go from there, length
+    of the approach, direction and length of the leg to the exit.
+    """
+    gates = (*course.gates * laps, course.gates[-1])
+    passage, left = (np.array([g.rotation[:, k] for g in gates]) for k in (0, 1))
+    opening = np.array([g.opening for g in gates])
+    behind = np.array([clear_of_frame(radius)] * (len(gates) - 1) + [RUN_OUT])
+    exits = np.array([g.position for g in gates]) + behind[:, None] * passage
+    inner = np.minimum(SAFETY_MARGIN, (opening.min(axis=1) / 2 - radius) / 2)  # the safety margin inside the opening
+    free = opening / 2 - radius - inner[:, None]
+    free[-1] = RUN_OUT  # no frame stands there
+    bar = np.array([g.frame_width for g in gates]) + 2 * radius + SAFETY_MARGIN + inner
+    legs = np.diff([course.start.position, *exits], axis=0)
     lengths = np.maximum(np.linalg.norm(legs, axis=1), 1e-6)
-    rows = np.array([_target_row(g, radius) for g in (*gates, gates[-1])])
-    rows[:, :3] = centres[1:]
-    rows[-1, 9:11] = RUN_OUT  # no frame stands there
-    approach = np.array([max(g.opening) for g in (*gates, gates[-1])])
+    approach = opening.max(axis=1)
     # the way from gate to gate as terms() measures it, round a gate that faces away: no jump of the cost at a gate
-    faces_away = (legs * rows[:, 3:6]).sum(axis=1) < 0
-    ways_round = np.linalg.norm(approach[:, None] * rows[:, 3:6] - legs, axis=1) + approach
+    faces_away = (legs * passage).sum(axis=1) < 0
+    ways_round = np.linalg.norm(approach[:, None] * passage - legs, axis=1) + approach
     ways = np.where(faces_away, ways_round, lengths)
     to_go = np.append(np.cumsum(ways[:0:-1])[::-1], 0.0)
-    return np.column_stack([rows, to_go, approach, legs / lengths[:, None], lengths])
-
-
-def _target_row(gate: Gate, radius: float) -> np.ndarray:
-    """Centre, passage, left axis, half the free opening, thickness of the bars around it.  (12,)"""
-    half = np.array(gate.opening) / 2
-    inner = min(SAFETY_MARGIN, (half.min() - radius) / 2)  # the safety margin inside the opening
-    bar = gate.frame_width + 2 * radius + SAFETY_MARGIN + inner
-    return np.array([*gate.position, *gate.rotation.T[:2].ravel(), *(half - radius - inner), bar])
+    return np.column_stack([exits, passage, left, free, bar, to_go, approach, legs / lengths[:, None], lengths])
