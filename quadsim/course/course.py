@@ -16,6 +16,7 @@ from quadsim.files.strict_yaml import unit
 FRAME_DEPTH = 0.1  # of a gate's bars along its passage [m]
 
 Vec3 = tuple[float, float, float]
+Second = Annotated[float, unit("s", gt=0)]
 
 
 def in_frame(d, passage, left, up):
@@ -102,7 +103,7 @@ class Published:
     """A time on these gates that others have published."""
 
     who: str
-    time: Annotated[float, unit("s", gt=0)]
+    time: Second
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,6 @@ SAME_PLACE, SAME_WAY = 0.01, cos(radians(5.0))  # gates closer than this [m, cos
 Metre = Annotated[float, unit("m", ge=-1e4, le=1e4)]
 Size = Annotated[float, unit("m", gt=0, le=100)]
 Degree = Annotated[float, unit("deg", ge=-360, le=360)]
-Second = Annotated[float, unit("s", gt=0)]
 Point = tuple[Metre, Metre, Metre]
 Span = tuple[Metre, Metre]
 Fault = tuple[str, str]  # key in the file, problem

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from quadsim.course.course_file import COURSES, Metre, Second
+from quadsim.course.course import Second
+from quadsim.course.course_file import COURSES, Metre
 from quadsim.files.data_files import locate, read_text
 from quadsim.files.strict_yaml import parse
 

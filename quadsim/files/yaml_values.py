@@ -30,6 +30,8 @@ class Misfit(Exception):  # noqa: N818 (strict_yaml turns it into a FileError, w
 
 def value(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> Any:
     """The node as what `kind` (of msgspec.inspect) asks for; a unit is handed down to the items. Raises Misfit."""
+    text = node.value if isinstance(node, yaml.ScalarNode) else ""
+    unquoted = "" if getattr(node, "style", None) else text
     match kind:
         case inspect.Metadata():
             return value(node, kind.type, path, unit_of(kind, unit))
@@ -37,14 +39,19 @@ def value(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> Any:
             return None if is_null(node) else value(node, unless_null(kind), path, unit)
         case inspect.StructType() | inspect.DataclassType():
             return _mapping(node, kind, path)
-        case inspect.TupleType() | inspect.VarTupleType():
+        case inspect.TupleType() | inspect.VarTupleType() if isinstance(node, yaml.SequenceNode):
             return _sequence(node, kind, path, unit)
-        case inspect.FloatType() | inspect.IntType():
-            return _number(node, kind, path, unit)
-    scalar = _scalar(node, kind)
-    if scalar is None:
-        raise Misfit(node.start_mark, path, f"expected {expected(kind, unit)}, got {found(node, kind)}")
-    return scalar
+        case inspect.FloatType() if DECIMAL.fullmatch(unquoted) and isfinite(float(unquoted)):
+            return _within_range(float(unquoted), node, kind, path, unit)
+        case inspect.IntType() if WHOLE.fullmatch(unquoted) and isfinite(float(unquoted)):
+            return _within_range(int(unquoted), node, kind, path, unit)
+        case inspect.BoolType() if unquoted.lower() in ("true", "false"):
+            return unquoted.lower() == "true"
+        case inspect.StrType() if node.tag == TEXT and re.search(kind.pattern or "", text):
+            return text
+        case inspect.LiteralType() if text in kind.values:
+            return text
+    raise Misfit(node.start_mark, path, f"expected {expected(kind, unit)}, got {found(node, kind)}")
 
 
 def descend(node: yaml.Node, path: str) -> yaml.Node:
@@ -60,32 +67,12 @@ def descend(node: yaml.Node, path: str) -> yaml.Node:
     return node
 
 
-def _number(node: yaml.Node, kind: Any, path: str, unit: str) -> float | int:
-    whole = isinstance(kind, inspect.IntType)
-    text = node.value if isinstance(node, yaml.ScalarNode) and not node.style else ""
-    if not (WHOLE if whole else DECIMAL).fullmatch(text) or not isfinite(float(text)):
-        raise Misfit(node.start_mark, path, f"expected {expected(kind, unit)}, got {found(node, kind)}")
-    number = int(text) if whole else float(text)
+def _within_range(number: float, node: yaml.Node, kind: Any, path: str, unit: str) -> float:
     above = (kind.ge is None or number >= kind.ge) and (kind.gt is None or number > kind.gt)
     below = (kind.le is None or number <= kind.le) and (kind.lt is None or number < kind.lt)
     if not (above and below):
-        raise Misfit(node.start_mark, path, f"expected {expected(kind, unit)} {limits(kind)}, got {text[:60]}")
+        raise Misfit(node.start_mark, path, f"expected {expected(kind, unit)} {limits(kind)}, got {node.value[:60]}")
     return number
-
-
-def _scalar(node: yaml.Node, kind: Any) -> bool | str | None:
-    """The truth or text, None where it is not of that kind (null is no scalar here)."""
-    if not isinstance(node, yaml.ScalarNode):
-        return None
-    text = node.value
-    match kind:
-        case inspect.BoolType() if not node.style and text.lower() in ("true", "false"):
-            return text.lower() == "true"
-        case inspect.StrType() if node.tag == TEXT and re.search(kind.pattern or "", text):
-            return text
-        case inspect.LiteralType() if text in kind.values:
-            return text
-    return None
 
 
 def _mapping(node: yaml.Node, kind: Any, path: str) -> dict[str, Any]:
