@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from msgspec import Meta
 
-from quadsim.app.campaign.variants import INTERRUPTED
 from quadsim.app.console import emit, emit_json
 from quadsim.app.flags import Help, Json, RunsDir, UsageError
 from quadsim.files.yaml_words import did_you_mean
@@ -46,10 +45,7 @@ def paper(
     if name not in NAMES:
         raise UsageError(f"no experiment {name!r}: {did_you_mean(name, NAMES)}")
     folder, chosen = Path(runs_dir) / "paper", tuple(EXPERIMENTS) if name == "all" else (name,)
-    try:
-        results = {one: _make(one, runs, folder, quiet=json) for one in chosen}
-    except KeyboardInterrupt:
-        return INTERRUPTED
+    results = {one: _make(one, runs, folder, quiet=json) for one in chosen}
     if json:
         numbers = {one: result.numbers for one, result in results.items()}
         emit_json(numbers if name == "all" else numbers[name])
