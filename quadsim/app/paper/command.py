@@ -20,8 +20,8 @@ EXPERIMENTS = {  # name -> module with a function of that name, runs of each var
     "exploration": ("sampled", 1, "300 sampled trajectories of the off-road vehicle"),
     "table2": ("table2", 50, "Table II: cost of the double integrator, six samplers, three sigmas"),
     "double_integrator": ("table2", 20, "the best runs of Table II at sigma 1.5"),
-    "quadrotor": ("quadrotor", 20, "Table I, quadrotor rows, on a course of ours"),
-    "offroad": ("offroad", 20, "Table I, off-road rows, with a simulated stand-in for the vehicle"),
+    "quadrotor": ("table1", 20, "Table I, quadrotor rows, on a course of ours"),
+    "offroad": ("table1", 20, "Table I, off-road rows, with a simulated stand-in for the vehicle"),
 }
 Runs = Annotated[int, Meta(ge=1, le=10_000)]
 NAMES = (*EXPERIMENTS, "all")
