@@ -126,8 +126,7 @@ class Tuner:
 
 def _variant(trial: int, base: Variant, params: dict) -> Variant:
     """The model stays: a search changes the planner, not what it is told of the vehicle."""
-    planner = with_parameters(base.spec.planner, params)
-    return Variant(f"trial {trial}", replace(base.spec, planner=planner))
+    return Variant(f"trial {trial}", replace(base.spec, planner=with_parameters(base.spec.planner, params)))
 
 
 def _stats(variant: Variant, rows: Sequence[Row]) -> VariantStats:
