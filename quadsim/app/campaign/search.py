@@ -85,7 +85,7 @@ def with_parameters(planner: Planner, values: dict[str, float]) -> Planner:
     changes: dict[str, dict] = {
         group: {k: x for k, x in v.items() if hasattr(getattr(planner, group), k)} for group in ("mppi", "cost")
     }
-    sampling = {of: list(getattr(planner.sampling, of, ())) for of, _ in CHANNELS.values()}
+    sampling: dict[str, list[float]] = {of: [*getattr(planner.sampling, of, ())] for of, _ in CHANNELS.values()}
     for name, (of, channels) in CHANNELS.items():
         for channel in channels if name in v else ():
             sampling[of][channel] = v[name]
