@@ -66,8 +66,8 @@ def race(argv: list[str]) -> int:
     except OSError as error:  # `race courses > /dev/full`
         _drop_stdout()
         return _complain(f"race {name}: {error.filename or 'stdout'}: {error.strerror}", 2)
-    except KeyboardInterrupt:
-        return _complain(f"race {name}: interrupted, nothing to keep", 130)
+    except KeyboardInterrupt as stop:
+        return _complain(str(stop) or f"race {name}: interrupted, nothing to keep", 130)
 
 
 def _run(name: str, argv: list[str]) -> int:

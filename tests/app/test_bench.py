@@ -8,7 +8,7 @@ import pytest
 from controllers import mppi as algorithm
 from controllers.rollout import layout
 from controllers.samplers import SAMPLERS
-from quadsim.app.bench import bench, stages, tables
+from quadsim.app.bench import bench, stages
 from quadsim.app.bench import cases as bench_cases
 from quadsim.app.bench.cases import HORIZONS, SAMPLES, TIMED, Case, cases, controller, measure, paper_case
 from quadsim.app.bench.machine import Machine
@@ -120,7 +120,7 @@ def test_growth_is_ms_for_a_million_steps_and_all_threads_beside_one():
         name = f"quadrotor {case.size}"
         return {**vars(case), "name": name, "ms_p50": ms, "steps_per_s": 1e3 * case.steps / ms}
 
-    table = tables.growth_table([row(1, 8.0), row(2, 4.0), row(1, 0.5, 256), row(2, 0.4, 256)], 2)
+    table = bench.growth_table([row(1, 8.0), row(2, 4.0), row(1, 0.5, 256), row(2, 0.4, 256)], 2)
     assert cells(table, 0) == ["256 x 150 x 2", "6.51", "5.21", "1.25", "", "", ""]
     assert cells(table, 1) == ["4096 x 150 x 2", "6.51", "3.26", "2.00", "", "", ""]
 

@@ -19,8 +19,8 @@ from quadsim.app.campaign.variants import Variant
 from quadsim.app.cli import race
 from quadsim.app.paper import table2
 from quadsim.app.paper.command import EXPERIMENTS
-from quadsim.app.paper.published import TABLE2
 from quadsim.app.paper.result import flown, load_runs, table1_row
+from quadsim.app.paper.table2 import TABLE2
 from quadsim.race.spec import Spec
 from quadsim.record.metrics import accumulated_cost
 from quadsim.record.run import RunError

@@ -5,10 +5,9 @@ from functools import cache
 import pytest
 
 from controllers.samplers import make_sampler
-from quadsim.app.paper import offroad
-from quadsim.app.paper.published import TABLE2
 from quadsim.app.paper.sampled import SAMPLES, paths, perturbations
-from quadsim.app.paper.table2 import psd, variant
+from quadsim.app.paper.table1 import drive
+from quadsim.app.paper.table2 import TABLE2, psd, variant
 from quadsim.race.build import frames
 from quadsim.race.spec import Spec
 from quadsim.record.metrics import accumulated_cost, chatter
@@ -118,7 +117,7 @@ def test_colored_thrust_varies_less_than_gaussian():
 def test_colored_turns_where_gaussian_cannot():
     """The off-road stand-in for 8 s, with a sixth of the samples and one iteration: colored is round the first bend."""
     reduced = {"samples": 1024, "iterations": 1, "timeout": 8.0}
-    colored, gaussian = (fly(offroad.spec(sampler=name, **reduced)).telemetry for name in ("colored", "gaussian"))
+    colored, gaussian = (fly(drive(sampler=name, **reduced)).telemetry for name in ("colored", "gaussian"))
     assert colored["passed"][-1] >= 1
     assert colored["py"][-1] > 8.0, "up the second leg [m]"
     assert gaussian["py"][-1] < 4.0

@@ -39,9 +39,8 @@ def require_peers() -> None:
 def compare(seconds: float) -> list[dict]:
     """One row for each library: {name, ms_p50, ours_ms, ratio, largest_difference}."""
     mppi, x = controller(paper_case("quadrotor", "gaussian"))
-    ours = MPPI(
-        mppi.system, point_cost(), preset("paper", "gaussian").sampling, replace(mppi.config, rest_fraction=0.0)
-    )
+    config = replace(mppi.config, rest_fraction=0.0)
+    ours = MPPI(mppi.system, point_cost(), preset("paper", "gaussian").sampling, config)
     rows = []
     for name, load in PEERS.items():
         peer = load(ours)

@@ -18,19 +18,11 @@ from quadsim.app.campaign.runner import Runner
 from quadsim.app.campaign.store import Row
 from quadsim.app.campaign.summary_stats import PairStats, Section, VariantStats, all_pairs, lap_limit, variant_stats
 from quadsim.app.campaign.tables import as_markdown, as_table, comparison_tables, notes
-from quadsim.app.campaign.variants import (
-    CAMPAIGN,
-    INTERRUPTED,
-    Campaign,
-    Jobs,
-    Scheduler,
-    Variant,
-    make_variants,
-    parse_variants,
-)
+from quadsim.app.campaign.variants import CAMPAIGN, Campaign, Jobs, Scheduler, Variant, make_variants, parse_variants
 from quadsim.app.console import emit, emit_json
+from quadsim.app.figures.style import write_figure
 from quadsim.app.flags import Given, Help, Json, Switch, UsageError
-from quadsim.record.run import RunError
+from quadsim.record.archive import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,11 +53,8 @@ def compare_command(
         raise UsageError("expected one COURSE or more, got none (race courses lists them)")
     made = make_variants(courses, parse_variants(variants), settings or {})
     path = Path(campaign)
-    try:
-        with Runner(path, jobs, scheduler, this_commit) as runner:
-            rows = runner(made, attempts)
-    except KeyboardInterrupt:
-        return INTERRUPTED
+    with Runner(path, jobs, scheduler, this_commit) as runner:
+        rows = runner(made, attempts)
     comparison = Comparison(sections(made, rows, path.parent))
     if json:
         emit_json(comparison.as_json() | {"campaign": campaign})
@@ -139,9 +128,11 @@ def compare(
 
 def sections(variants: Sequence[Variant], rows: Sequence[Sequence[Row]], home: Path) -> list[Section]:
     """One for each course; variants without an attempt are left out."""
-    flown = [(variant, r) for variant, r in zip(variants, rows, strict=True) if r]
-    courses = dict.fromkeys(variant.course for variant, _ in flown)
-    return [_section([pair for pair in flown if pair[0].course == course], home) for course in courses]
+    flown: dict[str, list[tuple[Variant, Sequence[Row]]]] = {}
+    for variant, of_variant in zip(variants, rows, strict=True):
+        if of_variant:
+            flown.setdefault(variant.course, []).append((variant, of_variant))
+    return [_section(of_course, home) for of_course in flown.values()]
 
 
 def _section(flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path) -> Section:
@@ -162,16 +153,10 @@ def write(found: Sequence[Section], folder: Path) -> list[Path]:
 
     names = dict.fromkeys(a.name for s in found for a in s.variants)
     stem = "_".join([*(s.course.name for s in found), *names])[:120].replace("/", "-")
-    paths = [folder / f"{stem}.{kind}" for kind in ("md", "png", "svg")]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        paths[0].write_text(markdown(found, paths[1].name), encoding="utf-8")
-        figure = draw(found)
-        for path in paths[1:]:
-            figure.savefig(path)
-    except OSError as error:
-        raise RunError(f"{folder}: cannot write the report: {error.strerror or error}") from error
-    return paths
+    text = folder / f"{stem}.md"
+    figures = write_figure(draw(found), folder, stem)
+    write_whole(text, markdown(found, figures[0].name).encode())
+    return [text, *figures]
 
 
 def markdown(found: Sequence[Section], picture: str) -> str:

@@ -17,13 +17,12 @@ from quadsim.app.campaign.pool import Pool, open_pool
 from quadsim.app.campaign.runner import Tally, fly_variants
 from quadsim.app.campaign.store import code_of
 from quadsim.app.campaign.tables import TextTable, as_table
-from quadsim.app.campaign.variants import INTERRUPTED, Jobs, Scheduler, Variant, resolve, words_as_settings
+from quadsim.app.campaign.variants import Jobs, Scheduler, Variant, resolve, words_as_settings
 from quadsim.app.console import emit, emit_json
 from quadsim.app.flags import Given, Help, Json, Switch, UsageError
 from quadsim.record.archive import write_whole
 from quadsim.record.run import RunError
 
-CHANGED = {True: "[green]ok[/]", False: "[red]WORSE[/]"}
 COLUMNS = {
     "": lambda v: v.name,
     "then": lambda v: f"{v.stored:.4g}",
@@ -59,11 +58,8 @@ def regress(
     for path, baseline in files:
         if baseline.stored is None and not regen:
             raise UsageError(f"{path}: nothing stored yet: race regress {path} --regen")
-    try:
-        with open_pool(jobs, scheduler) as pool:
-            flown = fly_baselines(pool, variants, [b.attempts for _, b in files])
-    except KeyboardInterrupt:
-        return INTERRUPTED
+    with open_pool(jobs, scheduler) as pool:
+        flown = fly_baselines(pool, variants, [b.attempts for _, b in files])
     found = [
         (path, b, now, judge(b.stored, now, b.effects) if b.stored else [])
         for (path, b), now in zip(files, flown, strict=True)
@@ -92,7 +88,7 @@ def _present(found: Sequence[tuple[Path, Baseline, Stored, list[Verdict]]], json
     for path, baseline, now, verdicts in found:
         emit(f"[bold]{escape(str(path))}[/]  {escape(baseline.flight)}")
         if verdicts:
-            words = " ".join(f"{v.name} {CHANGED[v.ok]}" for v in verdicts)
+            words = " ".join(f"{v.name} {'[green]ok[/]' if v.ok else '[red]WORSE[/]'}" for v in verdicts)
             emit(as_table(TextTable.of(verdicts, COLUMNS)), words, "")
         else:
             done = [t for t in now.laps if t is not None]
@@ -102,23 +98,21 @@ def _present(found: Sequence[tuple[Path, Baseline, Stored, list[Verdict]]], json
 
 def fly_baselines(pool: Pool, variants: Sequence[Variant], attempts: Sequence[int]) -> list[Stored]:
     """Every attempt of every variant, flown now. Raises RunError where one is lost twice."""
-    todo = [(variant, spec) for variant, n in zip(variants, attempts, strict=True) for spec in variant.attempts(n)]
-    flown: dict[int, dict[int, Flown]] = {id(variant): {} for variant in variants}
+    specs = [variant.attempts(n) for variant, n in zip(variants, attempts, strict=True)]
+    todo = [(variant, spec) for variant, of_variant in zip(variants, specs, strict=True) for spec in of_variant]
     with Tally(len(todo)) as tally:
-        for variant, spec, flight in fly_variants(pool, todo, tally):
-            flown[id(variant)][spec.seed] = flight
-    lost = len(todo) - sum(map(len, flown.values()))
-    if lost:
+        flown = {id(spec): flight for _, spec, flight in fly_variants(pool, todo, tally)}
+    if lost := len(todo) - len(flown):
         raise RunError(f"{lost} of {len(todo)} attempts were lost with their workers")
-    return [_stored([flights[seed] for seed in sorted(flights)]) for flights in flown.values()]
+    return [_stored([flown[id(spec)] for spec in of_variant]) for of_variant in specs]
 
 
 def _stored(flights: Sequence[Flown]) -> Stored:
     """The numbers of these attempts; lap times to a tenth of a millisecond."""
-    runs, results = [f.run for f in flights], [result(f) for f in flights]
+    results = [result(f) for f in flights]
     return Stored(
         commit=code_of(flights[0].provenance),
         cpu=flights[0].provenance["cpu"],
-        laps=tuple(round(fmean(r.laps), 4) if r.outcome == "finished" else None for r in runs),
+        laps=tuple(round(fmean(f.run.laps), 4) if f.run.outcome == "finished" else None for f in flights),
         thrust_tv=tuple(round(r["thrust_tv"]["commanded"], 2) for r in results),
     )

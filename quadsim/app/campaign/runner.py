@@ -72,10 +72,13 @@ class Runner:
         self._store = self._open.enter_context(Store(self.campaign))
         return self
 
-    def __exit__(self, *error: object) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self._open.close()
-        if any(error):
-            complain(f"what has been flown is kept in {self.campaign}: the same command goes on there")
+        kept = f"what has been flown is kept in {self.campaign}: the same command goes on there"
+        if isinstance(error, KeyboardInterrupt):
+            raise KeyboardInterrupt(kept) from None
+        if error:
+            complain(kept)
 
     @cached_property
     def pool(self) -> Pool:

@@ -14,14 +14,20 @@ from typing import Any, Literal, get_args
 import yaml
 
 from controllers.costs.race import RaceWeights
-from controllers.presets import PRESETS, Planner, per_channel
-from controllers.samplers import Colored
+from controllers.presets import PRESETS, Planner
 from quadsim.app.campaign.summary_stats import VariantStats
 from quadsim.app.flags import UsageError
 from quadsim.record.run import RunError
 
 Group = Literal["sigma", "gamma", "temperature", "cost", "margin", "horizon"]
 GROUPS: tuple[Group, ...] = get_args(Group)
+CHANNELS = {  # parameter -> what of the sampler, of which controls
+    "sigma_rates": ("sigma", (0, 1)),
+    "sigma_yaw": ("sigma", (2,)),
+    "sigma_thrust": ("sigma", (3,)),
+    "gamma_rates": ("gamma", (0, 1, 2)),
+    "gamma_thrust": ("gamma", (3,)),
+}
 FACTOR = 4.0  # sigmas and weights: from a quarter of the base's to four times
 GAMMA = (0.0, 4.0)
 ESS = (4.0, 800.0)
@@ -49,12 +55,10 @@ class Parameter:
 def parameters(planner: Planner, sampler: str, groups: Sequence[str]) -> Iterator[Parameter]:
     """Of these groups, those that the sampler and the planner have. Roll and pitch share theirs."""
     s, m, c = planner.sampling, planner.mppi, planner.cost
-    if "sigma" in groups:
-        for name, base in (("sigma_rates", s.sigma[0]), ("sigma_yaw", s.sigma[2]), ("sigma_thrust", s.sigma[3])):
-            yield Parameter(name, base / FACTOR, base * FACTOR, base, log=True)
-    if "gamma" in groups and isinstance(s, Colored):
-        yield Parameter("gamma_rates", *GAMMA, s.gamma[0])
-        yield Parameter("gamma_thrust", *GAMMA, s.gamma[3])
+    for name, (of, channels) in CHANNELS.items():
+        if of in groups and hasattr(s, of):
+            base = getattr(s, of)[channels[0]]
+            yield Parameter(name, *GAMMA, base) if of == "gamma" else _around(name, base)
     if "temperature" in groups:
         if m.target_ess is None:
             yield Parameter("temperature", *TEMPERATURE, m.temperature, log=True)
@@ -68,27 +72,25 @@ def parameters(planner: Planner, sampler: str, groups: Sequence[str]) -> Iterato
     if "cost" in groups:
         for name in WEIGHTS:
             if weight := getattr(c, name):
-                yield Parameter(name, weight / FACTOR, weight * FACTOR, weight, log=True)
+                yield _around(name, weight)
+
+
+def _around(name: str, base: float) -> Parameter:
+    return Parameter(name, base / FACTOR, base * FACTOR, base, log=True)
 
 
 def with_parameters(planner: Planner, values: dict[str, float]) -> Planner:
     """The planner with these values, rounded to three digits, so that a preset file holds what was flown."""
     v = {k: x if isinstance(x, int) else float(f"{x:.3g}") for k, x in values.items()}
-    s = planner.sampling.sigma
-    rates = v.get("sigma_rates", s[0])
-    sigma = (rates, rates, v.get("sigma_yaw", s[2]), v.get("sigma_thrust", s[3])) if _any(v, "sigma") else s
-    sampling = replace(planner.sampling, sigma=sigma)
-    if isinstance(sampling, Colored) and _any(v, "gamma"):
-        gamma = per_channel(v.get("gamma_rates", sampling.gamma[0]), v.get("gamma_thrust", sampling.gamma[3]))
-        sampling = replace(sampling, gamma=gamma)
-    mppi = {k: v[k] for k in ("temperature", "target_ess", "horizon", "tighten") if k in v}
-    cost = {k: v[k] for k in (*WEIGHTS, "margin") if k in v}
-    return replace(
-        planner,
-        sampling=sampling,
-        mppi=replace(planner.mppi, **mppi),
-        cost=replace(planner.cost, **cost),
-    )
+    changes: dict[str, dict] = {
+        group: {k: x for k, x in v.items() if hasattr(getattr(planner, group), k)} for group in ("mppi", "cost")
+    }
+    sampling: dict[str, list[float]] = {of: [*getattr(planner.sampling, of, ())] for of, _ in CHANNELS.values()}
+    for name, (of, channels) in CHANNELS.items():
+        for channel in channels if name in v else ():
+            sampling[of][channel] = v[name]
+    changes["sampling"] = {of: tuple(numbers) for of, numbers in sampling.items() if numbers}
+    return replace(planner, **{group: replace(getattr(planner, group), **said) for group, said in changes.items()})
 
 
 def preset_text(planner: Planner, preset: str, comment: str) -> str:
@@ -139,16 +141,16 @@ class Search:
             constant_liar=True,
             n_startup_trials=STARTUP,
         )
-        for trial in self._trials(self._states.RUNNING):  # a kill left them open: try them again
+        for trial in self._trials("RUNNING"):  # a kill left them open: try them again
             self._study.tell(trial.number, state=self._states.FAIL)
             self._study.enqueue_trial(trial.params)
 
-    def _trials(self, state: Any) -> list[Any]:
-        return self._study.get_trials(deepcopy=False, states=(state,))
+    def _trials(self, state: str = "COMPLETE") -> list[Any]:
+        return self._study.get_trials(deepcopy=False, states=(self._states[state],))
 
     @property
     def done(self) -> int:
-        return len(self._trials(self._states.COMPLETE))
+        return len(self._trials())
 
     def ask(self, number: int) -> list[Any]:
         return [self._study.ask(self._space) for _ in range(number)]
@@ -163,13 +165,13 @@ class Search:
 
     def best(self, number: int) -> list[tuple[int, dict]]:
         """Trial numbers and their parameters, best first; no parameters twice."""
-        ranked = sorted(self._trials(self._states.COMPLETE), key=lambda t: t.value)
+        ranked = sorted(self._trials(), key=lambda t: t.value)
         unique = {str(sorted(t.params.items())): t for t in reversed(ranked)}
         return [(t.number, t.params) for t in sorted(unique.values(), key=lambda t: t.value)[:number]]
 
     def front(self) -> list[dict]:
         """Trials with a lap that no other dominates in lap time, success and thrust variation, fastest first."""
-        trials = [t for t in self._trials(self._states.COMPLETE) if "lap" in t.user_attrs.get("stats", ())]
+        trials = [t for t in self._trials() if "lap" in t.user_attrs.get("stats", ())]
         told = [{"trial": t.number, **t.user_attrs["stats"], "params": t.params} for t in trials]
         best = pareto([(n["lap"], -n["finished"], n["thrust_tv"]) for n in told])
         return sorted((told[i] for i in best), key=lambda n: n["lap"])
@@ -190,7 +192,3 @@ def _distribution(optuna: Any, p: Parameter) -> Any:
     if p.step:
         return optuna.distributions.IntDistribution(int(p.low), int(p.high), step=p.step)
     return optuna.distributions.FloatDistribution(p.low, p.high, log=p.log)
-
-
-def _any(values: dict[str, float], prefix: str) -> bool:
-    return any(k.startswith(prefix) for k in values)

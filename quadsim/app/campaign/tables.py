@@ -84,8 +84,7 @@ def notes(variants: Sequence[VariantStats], pairs: Sequence[PairStats], limit: f
     """What the tables must not be read without."""
     if any(a.finished < a.attempts for a in variants):
         yield f"Laps: of attempts that finished. Penalised: the others count as the time limit, {limit:.1f} s a lap."
-    known = [p for p in pairs if isfinite(p.detectable)]
-    if known:
+    if known := [p for p in pairs if isfinite(p.detectable)]:
         each = ", ".join(f"{p.b} - {p.a} {p.detectable:.3f} s" for p in known)
         yield f"Lap differences that so many pairs detect with power 80 %: {each}."
     commits = sorted({c for a in variants for c in a.commits})

@@ -15,15 +15,7 @@ from quadsim.app.campaign.search import GROUPS, Group, Search, objective, parame
 from quadsim.app.campaign.store import Row
 from quadsim.app.campaign.summary_stats import VariantStats, lap_limit, variant_stats
 from quadsim.app.campaign.tables import TextTable, as_table
-from quadsim.app.campaign.variants import (
-    CAMPAIGN,
-    INTERRUPTED,
-    Campaign,
-    Jobs,
-    Scheduler,
-    Variant,
-    resolve,
-)
+from quadsim.app.campaign.variants import CAMPAIGN, Campaign, Jobs, Scheduler, Variant, resolve
 from quadsim.app.console import complain, emit, emit_json
 from quadsim.app.flags import Given, Help, Json, UsageError
 from quadsim.record.archive import write_whole
@@ -65,12 +57,9 @@ def tune(
     identity = f"{base.key[:16]}-{'-'.join(search)}-{attempts}-{floor:g}-{base.spec.seed}"
     journal = Search(Path(campaign).with_suffix(".journal"), identity, found)
     tuner = Tuner(course, trials, attempts, floor, out, journal, base)
-    try:
-        with Runner(Path(campaign), jobs, scheduler) as runner:
-            tuner.search(runner)
-            finals = tuner.finals(runner)
-    except KeyboardInterrupt:
-        return INTERRUPTED
+    with Runner(Path(campaign), jobs, scheduler) as runner:
+        tuner.search(runner)
+        finals = tuner.finals(runner)
     tuner.present(finals, json)
     return 0
 
@@ -137,8 +126,7 @@ class Tuner:
 
 def _variant(trial: int, base: Variant, params: dict) -> Variant:
     """The model stays: a search changes the planner, not what it is told of the vehicle."""
-    planner = with_parameters(base.spec.planner, params)
-    return Variant(f"trial {trial}", replace(base.spec, planner=planner))
+    return Variant(f"trial {trial}", replace(base.spec, planner=with_parameters(base.spec.planner, params)))
 
 
 def _stats(variant: Variant, rows: Sequence[Row]) -> VariantStats:

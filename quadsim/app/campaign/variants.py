@@ -20,7 +20,6 @@ from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
 
 CAMPAIGN = "campaigns/race.sqlite"
-INTERRUPTED = 130  # exit code
 Campaign = Annotated[str, Help("FILE.sqlite where attempts are kept")]
 Jobs = Annotated[Annotated[int, Meta(ge=1)] | None, Help("attempts at once; left out: one for each core")]
 Scheduler = Annotated[str | None, Help("tcp://HOST:PORT of a Dask cluster; left out: processes here")]

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from msgspec import Meta
 
-from quadsim.app.campaign.variants import INTERRUPTED
 from quadsim.app.console import emit, emit_json
 from quadsim.app.flags import Help, Json, RunsDir, UsageError
 from quadsim.files.yaml_words import did_you_mean
@@ -21,8 +20,8 @@ EXPERIMENTS = {  # name -> module with a function of that name, runs of each var
     "exploration": ("sampled", 1, "300 sampled trajectories of the off-road vehicle"),
     "table2": ("table2", 50, "Table II: cost of the double integrator, six samplers, three sigmas"),
     "double_integrator": ("table2", 20, "the best runs of Table II at sigma 1.5"),
-    "quadrotor": ("quadrotor", 20, "Table I, quadrotor rows, on a course of ours"),
-    "offroad": ("offroad", 20, "Table I, off-road rows, with a simulated stand-in for the vehicle"),
+    "quadrotor": ("table1", 20, "Table I, quadrotor rows, on a course of ours"),
+    "offroad": ("table1", 20, "Table I, off-road rows, with a simulated stand-in for the vehicle"),
 }
 Runs = Annotated[int, Meta(ge=1, le=10_000)]
 NAMES = (*EXPERIMENTS, "all")
@@ -46,10 +45,7 @@ def paper(
     if name not in NAMES:
         raise UsageError(f"no experiment {name!r}: {did_you_mean(name, NAMES)}")
     folder, chosen = Path(runs_dir) / "paper", tuple(EXPERIMENTS) if name == "all" else (name,)
-    try:
-        results = {one: _make(one, runs, folder, quiet=json) for one in chosen}
-    except KeyboardInterrupt:
-        return INTERRUPTED
+    results = {one: _make(one, runs, folder, quiet=json) for one in chosen}
     if json:
         numbers = {one: result.numbers for one, result in results.items()}
         emit_json(numbers if name == "all" else numbers[name])

@@ -1,16 +1,17 @@
-"""What the experiments share: attempts of one campaign, rows of Table I, CSV files."""
+"""What the experiments share: attempts of one campaign, CSV files, and Table I beside the published one.
+
+The paper: Vlahov, Gibson, Theodorou, "Low Frequency Sampling in Model Predictive Path Integral Control",
+IEEE RA-L 2024.
+"""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from rich.console import RenderableType
 from rich.table import Table
 
@@ -19,9 +20,17 @@ from quadsim.app.campaign.store import Row
 from quadsim.app.campaign.summary_stats import variant_stats
 from quadsim.app.campaign.variants import Variant
 from quadsim.app.console import plain_table
-from quadsim.app.paper.published import TABLE1
 from quadsim.record.archive import load_run
 from quadsim.record.run import Run, RunError
+
+# Table I: (system, sampler) -> mean, standard deviation and least time [s] of the valid attempts; valid, attempts
+TABLE1 = {
+    ("offroad", "gaussian"): (None, None, None, 0, None),  # how many attempts is not said
+    ("offroad", "colored"): (38.333, 3.316, 35.99, 5, 6),
+    ("quadrotor", "gaussian"): (8.547, 0.206, 8.360, 9, 37),
+    ("quadrotor", "colored"): (8.691, 0.457, 7.695, 9, 21),
+}
+Rows = Sequence[Row]
 
 
 @dataclass(frozen=True)
@@ -33,8 +42,8 @@ class Result:
     files: tuple[Path, ...]
 
 
-def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, list[Row]]:
-    """Name of each variant -> its attempts by seed; those that the folder's campaign lacks are flown now.
+def flown(variants: Sequence[Variant], runs: int, folder: Path) -> list[list[Row]]:
+    """Rows of every variant, one for each of so many seeds; those that the folder's campaign lacks are flown now.
 
     Raises RunError where an attempt is lost, KeyboardInterrupt.
     """
@@ -43,12 +52,12 @@ def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, lis
         rows = runner(variants, runs)
     if any(len(of_variant) < runs for of_variant in rows):
         raise RunError(f"{path}: a worker process was lost twice; the same command goes on from here")
-    return {variant.name: of_variant for variant, of_variant in zip(variants, rows, strict=True)}
+    return rows
 
 
-def load_runs(attempts: dict[str, list[Row]], folder: Path) -> dict[str, list[Run]]:
-    """The same with their telemetry. Raises RunError."""
-    return {name: [load_run(folder / row.folder) for row in rows] for name, rows in attempts.items()}
+def load_runs(rows: Rows, folder: Path) -> list[Run]:
+    """With their telemetry. Raises RunError."""
+    return [load_run(folder / row.folder) for row in rows]
 
 
 def write_csv(path: Path, rows: Sequence[dict]) -> Path:
@@ -64,25 +73,7 @@ def write_csv(path: Path, rows: Sequence[dict]) -> Path:
     return path
 
 
-def csv_rows(run: Run, columns: Sequence[str]) -> Iterator[dict]:
-    """These columns of the telemetry, a row for each control step, to five decimals."""
-    for values in zip(*(run.telemetry[name].tolist() for name in columns), strict=True):
-        yield {name: round(v, 5) for name, v in zip(columns, values, strict=True)}
-
-
-def draw_paths(axes: Axes, runs: Sequence[Run], colours: Sequence[np.ndarray], cmap: str, top: float) -> LineCollection:
-    """Every run from above; colours: a number from 0 to `top` for each of its control steps."""
-    paths = [np.column_stack([run.telemetry["px"], run.telemetry["py"]]) for run in runs]
-    segments = [segment for p in paths for segment in np.stack([p[:-1], p[1:]], axis=1)]
-    lines = LineCollection(segments, cmap=cmap, linewidths=1.1)
-    lines.set_array(np.concatenate([np.zeros(0), *(c[:-1] for c in colours)]))
-    lines.set_clim(0.0, top)
-    axes.add_collection(lines)
-    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
-    return lines
-
-
-def table1_row(system: str, sampler: str, rows: Sequence[Row]) -> dict:
+def table1_row(system: str, sampler: str, rows: Rows) -> dict:
     """Success and times [s] of the attempts that finished, beside the paper's; None where there are none."""
     ours = variant_stats(sampler, rows, limit=nan)
     times = {"mean": ours.lap_mean, "sd": ours.lap_sd, "min": ours.lap_min}
