@@ -76,10 +76,10 @@ def test_a_flight_with_pictures_is_the_flight_without(flight):
 
 def test_a_picture_is_kept_now_and_then(flight):
     frames, _ = flown(flight, 2 * SNAPSHOT_EVERY + 1)
-    kept = [k for k, frame in enumerate(frames) if frame.picture is not None]
+    kept = [k for k, frame in enumerate(frames) if frame.snapshot is not None]
     assert kept == [0, SNAPSHOT_EVERY, 2 * SNAPSHOT_EVERY]
-    assert frames[0].picture.best.shape == (8, 16, 3)
-    assert list(frames[0].picture.terms) == list(TERMS)
+    assert frames[0].snapshot.best.shape == (8, 16, 3)
+    assert list(frames[0].snapshot.terms) == list(TERMS)
 
 
 def test_a_picture_is_the_fan_and_the_terms_of_the_plan(flight):

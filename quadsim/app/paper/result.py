@@ -42,8 +42,8 @@ class Result:
     files: tuple[Path, ...]
 
 
-def flown(variants: Sequence[Variant], runs: int, folder: Path) -> list[list[Row]]:
-    """Rows of every variant, one for each of so many seeds; those that the folder's campaign lacks are flown now.
+def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, list[Row]]:
+    """Name of each variant -> its attempts by seed; those that the folder's campaign lacks are flown now.
 
     Raises RunError where an attempt is lost, KeyboardInterrupt.
     """
@@ -52,12 +52,12 @@ def flown(variants: Sequence[Variant], runs: int, folder: Path) -> list[list[Row
         rows = runner(variants, runs)
     if any(len(of_variant) < runs for of_variant in rows):
         raise RunError(f"{path}: a worker process was lost twice; the same command goes on from here")
-    return rows
+    return {variant.name: of_variant for variant, of_variant in zip(variants, rows, strict=True)}
 
 
-def load_runs(rows: Rows, folder: Path) -> list[Run]:
-    """With their telemetry. Raises RunError."""
-    return [load_run(folder / row.folder) for row in rows]
+def load_runs(attempts: dict[str, list[Row]], folder: Path) -> dict[str, list[Run]]:
+    """The same with their telemetry. Raises RunError."""
+    return {name: [load_run(folder / row.folder) for row in rows] for name, rows in attempts.items()}
 
 
 def write_csv(path: Path, rows: Sequence[dict]) -> Path:

@@ -37,8 +37,8 @@ LAPS_SHOWN, SECONDS_SHOWN = 9, 8.0  # paths of the quadrotor, controls of the of
 
 def quadrotor(runs: int, folder: Path) -> Result:
     variants = [Variant(name, Spec.of(COURSE, preset="paper", sampler=name)) for name in ("gaussian", "colored")]
-    attempts = dict(zip((v.name for v in variants), flown(variants, runs, folder), strict=True))
-    flights = {name: load_runs(rows, folder) for name, rows in attempts.items()}
+    attempts = flown(variants, runs, folder)
+    flights = load_runs(attempts, folder)
     table = [table1_row("quadrotor", name, rows) | _mean_chatter(flights[name]) for name, rows in attempts.items()]
     files = [write_csv(folder / "quadrotor.csv", table), *write_figure(_draw_laps(flights), folder, "quadrotor_laps")]
     for name, of_sampler in flights.items():
@@ -51,8 +51,8 @@ def quadrotor(runs: int, folder: Path) -> Result:
 def offroad(runs: int, folder: Path) -> Result:
     """A quarter as many runs at the lower temperature."""
     *paper, cold = (Variant(name, drive(**settings)) for name, settings in DRIVES.items())
-    attempts = dict(zip(DRIVES, flown(paper, runs, folder) + flown([cold], -(-runs // 4), folder), strict=True))
-    drives = {name: load_runs(rows, folder) for name, rows in attempts.items()}
+    attempts = flown(paper, runs, folder) | flown([cold], -(-runs // 4), folder)
+    drives = load_runs(attempts, folder)
     table = [table1_row("offroad", name, rows) | _ends(drives[name]) for name, rows in attempts.items()]
     files = [
         write_csv(folder / "offroad.csv", table),

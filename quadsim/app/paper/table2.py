@@ -77,8 +77,8 @@ def double_integrator(runs: int, folder: Path) -> Result:
         name: min(rows, key=lambda row: row.result["cost"])
         for (name, _), rows in attempts(tuple(LOOKS), (SIGMA,), runs, folder).items()
     }
-    flights = [run.telemetry for run in load_runs(tuple(best.values()), folder)]
-    tracks = {name: (x["t"], x["px"], x["ax_cmd"]) for name, x in zip(best, flights, strict=True)}
+    flights = load_runs({name: [row] for name, row in best.items()}, folder)
+    tracks = {name: tuple(run.telemetry[k] for k in ("t", "px", "ax_cmd")) for name, (run,) in flights.items()}
     numbers = {
         name: {"seed": row.seed, "cost": row.result["cost"]} | _summary(*tracks[name]) for name, row in best.items()
     }
@@ -96,7 +96,7 @@ def attempts(
 ) -> dict[tuple[str, float], list[Row]]:
     """(row of the table, sigma) -> attempts by seed."""
     cells = [(name, sigma) for sigma, name in product(sigmas, names)]
-    return dict(zip(cells, flown([variant(*cell) for cell in cells], runs, folder), strict=True))
+    return dict(zip(cells, flown([variant(*cell) for cell in cells], runs, folder).values(), strict=True))
 
 
 def variant(name: str, sigma: float) -> Variant:

@@ -119,7 +119,8 @@ def test_the_result_of_a_system_without_thrust_has_no_thrust_variation(flown, mo
     """A vehicle in the plane: two coordinates and no thrust command."""
     _, flight = flown
     telemetry = {name: x for name, x in flight.run.telemetry.items() if name not in ("pz", "a_cmd")}
-    planar = replace(flight, run=replace(flight.run, telemetry=telemetry, outcome="crashed"))
+    spec = flight.run.spec | {"system": "offroad"}
+    planar = replace(flight, run=replace(flight.run, spec=spec, telemetry=telemetry, outcome="crashed"))
     monkeypatch.setattr(Run, "digest", lambda run: "")
     numbers = result(planar)
     assert numbers["thrust_tv"] is None
