@@ -78,7 +78,8 @@ def double_integrator(runs: int, folder: Path) -> Result:
         for (name, _), rows in attempts(tuple(LOOKS), (SIGMA,), runs, folder).items()
     }
     flights = load_runs({name: [row] for name, row in best.items()}, folder)
-    tracks = {name: tuple(run.telemetry[k] for k in ("t", "px", "ax_cmd")) for name, (run,) in flights.items()}
+    columns = {name: run.telemetry for name, (run,) in flights.items()}
+    tracks = {name: (x["t"], x["px"], x["ax_cmd"]) for name, x in columns.items()}
     numbers = {
         name: {"seed": row.seed, "cost": row.result["cost"]} | _summary(*tracks[name]) for name, row in best.items()
     }
