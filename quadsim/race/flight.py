@@ -69,15 +69,11 @@ def fly(
     whole_multiple(period, plant.dt)
     began = perf_counter()
     u = held = tuple(controller.rest.tolist())
-    stats, plan_ms, elapsed, asked = None, 0.0, 0, 0
-    events: list[Event] = []
+    stats, plan_ms, elapsed, asked, events = None, 0.0, 0, 0, []
     while True:
         state = plant.state
         if referee.outcome is None:
-            before = perf_counter()
-            control, stats = controller.control(np.array(state.x), referee.passed, elapsed)
-            plan_ms = 1e3 * (perf_counter() - before)
-            held, u = u, tuple(control.tolist())
+            held, (u, stats, plan_ms) = u, _planned(controller, state.x, referee.passed, elapsed)
         ready = clock.now(state.t)  # before anybody looks at the frame
         assert stats is not None
         seen = picture() if picture and referee.outcome is None and asked % SNAPSHOT_EVERY == 0 else None
@@ -100,11 +96,34 @@ def fly(
         )
         if referee.outcome is not None:
             return
-        events = hold(plant, referee, held, ready)
-        following = max(state.t + period, plant.state.t)
-        clock.wait(following)
-        events += hold(plant, referee, u, following)
-        elapsed = max(round((following - state.t) / period), 1)
+        events, elapsed = _advance(plant, referee, clock, held, ready, u, period)
+
+
+def _planned(
+    controller: Controller, x: tuple[float, ...], target: int, elapsed: int
+) -> tuple[tuple[float, ...], PlanStats, float]:
+    """The control at x, what the controller says of its plan, and how long it took [ms]."""
+    before = perf_counter()
+    control, stats = controller.control(np.array(x), target, elapsed)
+    return tuple(control.tolist()), stats, 1e3 * (perf_counter() - before)
+
+
+def _advance(
+    plant: Plant,
+    referee: RefereeProtocol,
+    clock: Clock,
+    held: tuple[float, ...],
+    ready: float,
+    u: tuple[float, ...],
+    period: float,
+) -> tuple[list[Event], int]:
+    """Apply the held control until the plan is ready, then u until the next plan begins: events, periods passed."""
+    t = plant.state.t
+    events = hold(plant, referee, held, ready)
+    following = max(t + period, plant.state.t)
+    clock.wait(following)
+    events += hold(plant, referee, u, following)
+    return events, max(round((following - t) / period), 1)
 
 
 def hold(plant: Plant, referee: RefereeProtocol, u: tuple[float, ...], until: float) -> list[Event]:
