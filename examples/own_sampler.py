@@ -20,7 +20,7 @@ class PiecewiseConstant:
 
 
 if __name__ == "__main__":
-    run = quadsim.fly("figure8", sampler=PiecewiseConstant(), laps=1, samples=1024)
+    run = quadsim.fly("figure8", sampler=PiecewiseConstant(), laps=1, samples=512)
     print(run.spec["sampler"], run.outcome, run.laps)
     variants = {"gaussian": {"sampler": "gaussian"}, "mine": {"sampler": PiecewiseConstant()}}
-    print(quadsim.compare("figure8", variants, attempts=2, laps=1, samples=1024))
+    print(quadsim.compare("figure8", variants, attempts=2, laps=1, samples=512))
