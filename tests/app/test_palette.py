@@ -1,6 +1,5 @@
 """One sampler, one colour, wherever it is drawn."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ from quadsim.course import load_course
 from quadsim.palette import OTHER, SPARE, STYLES, dotted, style, styles
 
 ROOT = Path(__file__).parents[2]
-NAMED = re.compile(r"""#[0-9a-fA-F]{6}\b|["']C\d["']|tab:""")  # a colour as matplotlib or HTML would have it
 
 
 def test_a_sampler_has_its_own_style_and_other_variants_the_spare_ones_in_order():
@@ -34,18 +32,6 @@ def test_a_sampler_s_second_line_keeps_its_colour_and_differs_from_the_first():
     for s in STYLES.values():
         assert dotted(s).colour == s.colour
         assert dotted(s).dash != s.dash
-
-
-def test_no_figure_names_a_colour_of_its_own():
-    files = [p for p in (ROOT / "quadsim" / "app").rglob("*.py") if "matplotlib" in p.read_text()]
-    assert len(files) > 8
-    assert [p.name for p in files if NAMED.search(p.read_text())] == []
-
-
-def test_no_other_file_knows_a_sampler_s_colour():
-    palette, colours = ROOT / "quadsim" / "palette.py", {s.colour for s in STYLES.values()}
-    files = {p for package in ("quadsim", "web") for p in (ROOT / package).rglob("*.py")} - {palette}
-    assert [p.name for p in files if any(colour in p.read_text().lower() for colour in colours)] == []
 
 
 def bars(names):
