@@ -1,5 +1,6 @@
 """One sampler, one colour, wherever it is drawn."""
 
+import re
 from pathlib import Path
 
 import numpy as np
