@@ -44,11 +44,7 @@ def resolve(course: Any = None, **given: Any) -> dict[str, Any]:
     f = _flight_settings(given)
     system = f.system or "quadrotor"
     entry = SYSTEMS[system]
-    planner = load_planner(f.preset or entry.default_preset, f.sampler, entry.presets, entry.control_units)
-    vehicle = entry.load_vehicle(f.vehicle or planner.vehicle)
-    if f.thrust_to_weight:
-        vehicle = with_thrust_to_weight(vehicle, f.thrust_to_weight)
-    base = replace(planner, vehicle=vehicle.name, sampling=planner.sampling if sampling is None else sampling)
+    base, vehicle = _preset(f, entry, sampling)
     planner, model = _planned(base, entry.model_of(vehicle), given, entry)
     where = entry.load_course(str(course or entry.default_course)) if isinstance(course, str | Path | None) else course
     plant_dt = f.plant_dt or entry.plant_dt or planner.mppi.dt
@@ -72,6 +68,15 @@ def resolve(course: Any = None, **given: Any) -> dict[str, Any]:
         "plant": f.plant or default_plant() if system == "quadrotor" else "model",
         "own": own,
     }
+
+
+def _preset(f: FlightSettings, entry: SystemEntry, sampling: Any) -> tuple[Planner, Any]:
+    """The preset's planner, with a user's own sampler where there is one, and the vehicle that is flown."""
+    planner = load_planner(f.preset or entry.default_preset, f.sampler, entry.presets, entry.control_units)
+    vehicle = entry.load_vehicle(f.vehicle or planner.vehicle)
+    if f.thrust_to_weight:
+        vehicle = with_thrust_to_weight(vehicle, f.thrust_to_weight)
+    return replace(planner, vehicle=vehicle.name, sampling=planner.sampling if sampling is None else sampling), vehicle
 
 
 def _of_own_system(system: System, sampler: Any = None, start: Any = (), **given: Any) -> dict[str, Any]:
