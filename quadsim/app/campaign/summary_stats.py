@@ -43,6 +43,7 @@ class VariantStats:
     race_median: float  # all laps from the standing start
     flying_median: float  # all laps but the first
     penalised_mean: float  # lap_mean with the time limit's lap for each attempt that did not finish
+    cost: Mean  # accumulated, of those that finished: a double integrator's; nan for other systems
     thrust_tv: float  # commanded, mean of all attempts
     thrust_tv_delivered: float
     plan_ms: float  # median of the attempts' medians
@@ -96,6 +97,7 @@ def variant_stats(name: str, rows: Sequence[Row], limit: float) -> VariantStats:
         race_median=_median([sum(r.result["laps"]) for r in done]),
         flying_median=_median([fmean(r.result["laps"][1:]) for r in done if len(r.result["laps"]) > 1]),
         penalised_mean=fmean([*laps, *[limit] * (len(rows) - len(done))]),
+        cost=mean_interval([cost for r in done if (cost := r.result.get("cost")) is not None]),
         thrust_tv=fmean(thrust_tv(r) for r in rows),
         thrust_tv_delivered=fmean(thrust_tv(r, "delivered") for r in rows),
         plan_ms=median(r.result["plan_ms"]["p50"] for r in rows),

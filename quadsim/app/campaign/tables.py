@@ -75,6 +75,8 @@ def as_markdown(table: TextTable) -> str:
 def comparison_tables(variants: Sequence[VariantStats], pairs: Sequence[PairStats]) -> Iterator[TextTable]:
     """Of one course."""
     yield TextTable.of(variants, LAPS)
+    if any(a.cost.n for a in variants):
+        yield TextTable.of(variants, COSTS)
     yield TextTable.of(variants, CHATTER, folds=(0, len(CHATTER) - 1))
     if pairs:
         yield TextTable.of(pairs, PAIRS)
@@ -121,6 +123,11 @@ LAPS: dict[str, Callable[[VariantStats], str]] = {
     "race": lambda a: number(a.race_median),
     "flying": lambda a: number(a.flying_median),
     "penalised": lambda a: number(a.penalised_mean),
+}
+COSTS: dict[str, Callable[[VariantStats], str]] = {
+    "variant": lambda a: a.name,
+    "accumulated cost": lambda a: interval(a.cost, ".0f"),
+    "sd": lambda a: number(a.cost.sd, ".0f"),
 }
 CHATTER: dict[str, Callable[[VariantStats], str]] = {
     "variant": lambda a: a.name,

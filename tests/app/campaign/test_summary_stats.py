@@ -1,6 +1,7 @@
 """Summary statistics: pairs by seed, laps of finished attempts only, unfinished attempts always counted."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -17,6 +18,21 @@ def test_laps_are_of_finished_attempts_and_the_penalised_mean_is_of_all():
     assert n.penalised_mean == (5.0 + 6.0 + 20.0 + 20.0) / 4
     assert (n.race_median, n.flying_median) == (11.0, 4.5)
     assert n.crashes == {"gate 3": 1, "timeout": 1}
+
+
+def test_accumulated_cost_is_compared_where_the_system_has_one():
+    def flown(seed, cost):
+        one = row(seed, tv=None)
+        return replace(one, result={**one.result, "cost": cost})
+
+    known, unknown = ([flown(s, cost) for s, cost in enumerate(costs)] for costs in ((10.0, 30.0), (None, None)))
+    n = variant_stats("a", known, 20.0)
+    assert (n.cost.mean, n.cost.sd) == (20.0, pytest.approx(200**0.5))
+    heads = [
+        [table.head[1] for table in comparison_tables([variant_stats("a", r, 20.0)], [])] for r in (known, unknown)
+    ]
+    assert "accumulated cost" in heads[0]
+    assert "accumulated cost" not in heads[1]
 
 
 def test_a_variant_that_never_finishes_has_no_laps_but_an_interval_of_success():
