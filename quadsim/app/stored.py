@@ -9,8 +9,7 @@ from quadsim.app.console import emit, emit_json
 from quadsim.app.figures.style import write_figure
 from quadsim.app.flags import Help, Json, RunsDir, Stored, Switch, UsageError
 from quadsim.app.report import present
-from quadsim.record.archive import find_run, load_run
-from quadsim.record.run import RunError
+from quadsim.record.archive import find_run, load_run, write_whole
 
 
 def show(run: Stored = "last", /, *, runs_dir: RunsDir = "runs", json: Json = False) -> int:
@@ -69,10 +68,7 @@ def export(
         raise UsageError(f"--{asked[0]}: expected one run, got {len(folders)}")
     path = Path(out or f"{folders[0].name}.{asked[0]}")
     data = _data(asked[0], folders)
-    try:
-        path.write_bytes(data)
-    except OSError as error:
-        raise RunError(f"{path}: cannot write: {error.strerror or error}") from error
+    write_whole(path, data)
     _say([str(path)], json)
     return 0
 

@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
+from uuid import uuid4
 
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Run, RunError, canonical, hostless
@@ -138,8 +139,8 @@ def _read(path: Path) -> bytes:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Whole or not at all, and on the disk itself. Raises RunError."""
-    temporary = path.with_name(path.name + ".tmp")
+    """Whole or not at all, and on the disk itself; several may write the same file at once. Raises RunError."""
+    temporary = path.with_name(f"{path.name}.{uuid4().hex}.tmp")
     with _one_line(path, "cannot write"):
         try:
             with temporary.open("wb") as file:

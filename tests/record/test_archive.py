@@ -8,13 +8,14 @@ import re
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 
 import numpy as np
 import pytest
 from run_cases import SPEC, same, save, snapshot, two_laps
 
-from quadsim.record.archive import RunFolder, list_runs, load_run
+from quadsim.record.archive import RunFolder, list_runs, load_run, write_whole
 from quadsim.record.run import COLUMNS, Run, RunError
 
 
@@ -114,3 +115,12 @@ def test_full_disk_is_one_line_and_nothing_looks_finished(tmp_path, monkeypatch)
         with pytest.raises(RunError, match=r"telemetry\.npz: cannot write: No space left on device$"):
             folder.save(two_laps())
     assert list(tmp_path.iterdir()) == []
+
+
+def test_many_may_write_one_file_at_once_and_it_is_one_of_theirs(tmp_path):
+    texts = [bytes([i]) * 100_000 for i in range(8)]
+    for _ in range(10):
+        with ThreadPoolExecutor(len(texts)) as pool:
+            list(pool.map(lambda text: write_whole(tmp_path / "report.md", text), texts))
+        assert (tmp_path / "report.md").read_bytes() in texts
+    assert [p.name for p in tmp_path.iterdir()] == ["report.md"]
