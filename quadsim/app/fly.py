@@ -37,7 +37,7 @@ def fly(course: CourseName = None, /, *, settings: Given = None, runs_dir: RunsD
     except ValueError as error:  # laps on an open course, a gate too small for the vehicle
         raise UsageError(str(error)) from None
     if spec.plant == "rigid" and not (settings or {}).get("plant"):
-        complain("PyBullet is not installed: our own rigid body flies (--plant rigid says so without this line)")
+        complain("PyBullet is not installed: quadsim's own rigid body flies, as with --plant rigid")
     with closing(plant), RunFolder.open(runs_dir, spec.record()) as folder:
         if not getattr(controller, "is_cached", True):
             complain(COMPILING)
