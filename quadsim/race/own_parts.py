@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from importlib import import_module
 from types import FunctionType
 from typing import Any
@@ -11,8 +11,10 @@ import numpy as np
 
 from controllers.samplers import SAMPLERS, PlainSampler
 from quadsim.files.yaml_words import did_you_mean
+from quadsim.physics.plant import ModelPlant
 from quadsim.race.settings import SettingError
-from quadsim.race.systems import SystemEntry
+from quadsim.race.systems import SYSTEMS, SystemEntry
+from quadsim.systems import System
 
 OWN = {"cost": "terms", "plant": "step", "controller": "control", "referee": "observe"}  # what such an object has
 LARGE = 1000  # numbers of an array, which a run does not keep
@@ -112,3 +114,26 @@ def plain(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
     return _name(value if _is_maker(value) else type(value))
+
+
+@dataclass(frozen=True)
+class Task:
+    """The place where a system of the user's own is controlled."""
+
+    name: str
+    text: str = ""
+    laps = 1
+
+
+def own_system(system: System, start: tuple[float, ...]) -> SystemEntry:
+    """The entry of a system of the user's own, which is its own world from the state `start` on."""
+    return replace(
+        SYSTEMS["double_integrator"],
+        name=system.name,
+        states=dict.fromkeys(system.states, "1"),
+        controls=dict.fromkeys(system.controls, "1"),
+        system=lambda model, dt: replace(system, dt=dt),
+        cost=lambda spec: spec.own.cost,
+        start=lambda spec: start,
+        plant=lambda spec, streams: ModelPlant(system.step, system.params, start, spec.plant_dt),
+    )

@@ -19,10 +19,10 @@ from quadsim.course.point_goal import PointGoal
 from quadsim.files.yaml_words import did_you_mean
 from quadsim.physics.plant import default_plant
 from quadsim.race.flight import whole_multiple
-from quadsim.race.own_parts import own_parts, sampler_name, sampler_object, with_sample
+from quadsim.race.own_parts import Task, own_parts, own_system, sampler_name, sampler_object, with_sample
 from quadsim.race.preset_file import load_planner
 from quadsim.race.settings import GROUPS, FlightSettings, SettingError, checked, settings_of
-from quadsim.race.systems import SYSTEMS, SystemEntry, Task, own_system, system_of_course
+from quadsim.race.systems import SYSTEMS, SystemEntry, system_of_course
 from quadsim.systems import System
 from quadsim.vehicle import with_thrust_to_weight
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -217,36 +218,16 @@ SYSTEMS: dict[str, SystemEntry] = {
 
 
 def system_of_course(name_or_path: str) -> str:
-    """The system that a course is made for: by the folder its name lies in, or by a key of the file."""
-    for name, entry in SYSTEMS.items():
-        if name_or_path in entry.courses:
-            return name
+    """The system that a course is made for: by the folder its name lies in, or by a key of the file.
+
+    A misspelt name is for the system of the course it is closest to, whose loader then proposes that course.
+    """
+    made_for = {course: name for name, entry in SYSTEMS.items() for course in entry.courses}
+    if name_or_path in made_for:
+        return made_for[name_or_path]
     try:
         lines = Path(name_or_path).read_text(encoding="utf-8", errors="replace").splitlines()
     except (OSError, ValueError):
-        return "quadrotor"  # whose loader says what is wrong with the name
+        return next((made_for[course] for course in get_close_matches(name_or_path, made_for, 1)), "quadrotor")
     keys = {line.partition(":")[0] for line in lines}
     return next((name for name, entry in SYSTEMS.items() if entry.key in keys), "quadrotor")
-
-
-@dataclass(frozen=True)
-class Task:
-    """The place where a system of the user's own is controlled."""
-
-    name: str
-    text: str = ""
-    laps = 1
-
-
-def own_system(system: System, start: tuple[float, ...]) -> SystemEntry:
-    """The entry of a system of the user's own, which is its own world from the state `start` on."""
-    return replace(
-        SYSTEMS["double_integrator"],
-        name=system.name,
-        states=dict.fromkeys(system.states, "1"),
-        controls=dict.fromkeys(system.controls, "1"),
-        system=lambda model, dt: replace(system, dt=dt),
-        cost=lambda spec: spec.own.cost,
-        start=lambda spec: start,
-        plant=lambda spec, streams: ModelPlant(system.step, system.params, start, spec.plant_dt),
-    )

@@ -42,6 +42,7 @@ SIGMAS = "4 numbers [rad/s, rad/s, rad/s, m/s^2]"
 WRONG = {  # command line -> what the one line must say
     "cours": "no command 'cours': did you mean 'courses'?",
     "fly split_s_swfit": "no course 'split_s_swfit': did you mean 'split_s_swift'?",
+    "fly zigzg": "no course 'zigzg': did you mean 'zigzag'?",
     "fly --vehicle swft": "no vehicle 'swft': did you mean 'swift'?",
     "fly --sampler colred": "--sampler: no sampler 'colred': did you mean 'colored'?",
     "fly --preset rac": "no preset 'rac': did you mean 'race'?",

@@ -18,8 +18,9 @@ from quadsim.app.figures.run_figure import draw
 from quadsim.app.progress import Progress
 from quadsim.app.report import report, summary
 from quadsim.race.build import frames
+from quadsim.race.own_parts import own_system
 from quadsim.race.spec import Spec
-from quadsim.race.systems import SYSTEMS, own_system
+from quadsim.race.systems import SYSTEMS
 from quadsim.record.archive import load_run
 from quadsim.record.run import Run, columns_of
 from quadsim.systems import System
