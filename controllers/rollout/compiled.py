@@ -1,49 +1,67 @@
-"""Generated modules on disk, so that their compiled code is found again by the next process."""
+"""Compiled code, and generated modules that are compiled."""
 
 from __future__ import annotations
 
-import importlib.util
 import inspect
-import os
+import linecache
+import signal
 import sys
-import tempfile
-from collections.abc import Callable
-from pathlib import Path
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import ModuleType
+from typing import Any
+
+from controllers.rollout.code_cache import CodeCache, cache_folder
 
 
-def cache_folder() -> Path:
-    """Where generated code lives: $XDG_CACHE_HOME/quadsim, or a folder of this user's under /tmp."""
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "quadsim"
+def kept(function: Any) -> Any:
+    """A decorator above numba's njit: compiled code stays on the disk for the next process. Ctrl-C ends compiling."""
+    compile_ = function.compile
+
+    def compiled(signature: Any) -> Any:
+        with interruptible():
+            return compile_(signature)
+
+    function._cache, function.compile = CodeCache(function), compiled
+    return function
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """KeyboardInterrupt at the end of what is inside, where that has swallowed one.
+
+    An exception that a signal raises inside a callback of LLVM is printed and forgotten, as in any callback from C.
+    """
+    before, came = signal.getsignal(signal.SIGINT), []
+    if not callable(before) or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupted(number: int, frame: Any) -> None:
+        came.append(number)
+        before(number, frame)
+
+    signal.signal(signal.SIGINT, interrupted)
     try:
-        home.mkdir(parents=True, exist_ok=True)
-        writable = os.access(home, os.W_OK)
-    except OSError:
-        writable = False
-    if writable:
-        return home
-    return Path(tempfile.mkdtemp(prefix="quadsim-"))
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if came:
+        raise KeyboardInterrupt
 
 
 def load_module(name: str, source: str) -> ModuleType:
-    """Import `source` from a file of this name, written whole or not at all (two processes may race)."""
-    path = cache_folder() / f"{name}.py"
-    if not path.exists():
-        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-        with os.fdopen(handle, "w") as file:
-            file.write(source)
-        os.replace(temporary, path)
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # numba's cache unpickles compiled code by module name
-    spec.loader.exec_module(module)
+    """The module with this text. No file is written; tracebacks and compilers find its lines by `linecache`."""
+    module = ModuleType(name)
+    module.__file__ = f"<{name}>"
+    linecache.cache[module.__file__] = len(source), None, source.splitlines(keepends=True), module.__file__
+    sys.modules[name] = module  # compiled code is unpickled by module name
+    exec(compile(source, module.__file__, "exec"), module.__dict__)
     return module
 
 
 def is_cached(function: Callable) -> bool:
-    """Whether numba finds compiled code of this function on the disk, so that its first call is quick."""
-    source = Path(inspect.getfile(inspect.unwrap(function)))
-    folder = Path(function._cache.cache_path)  # pyright: ignore[reportFunctionMemberAccess]
-    return any(folder.glob(f"{source.stem}.{function.__name__}-*.nbi"))
+    """Whether compiled code of this function is on the disk, so that its first call is quick."""
+    folder = cache_folder()
+    return folder is not None and any(folder.glob(f"{CodeCache.stem(inspect.unwrap(function))}-*"))

@@ -14,6 +14,7 @@ from llvmlite import ir
 from numba import extending, njit, prange, types
 
 from controllers.rollout import FAST
+from controllers.rollout.compiled import kept
 
 F = np.float32
 U4 = np.uint32
@@ -96,14 +97,16 @@ def normal_rows(out, scale, lane, group, key, call):
             o0[i] = n0 * s0
 
 
-@njit(fastmath=FAST, error_model="numpy", parallel=True, cache=True)
+@kept
+@njit(fastmath=FAST, error_model="numpy", parallel=True)
 def fill_normals(out, scale, key, call, first=0):
     """out[b, r, l] = scale[r] N(0, 1), independent over everything.  out (blocks, rows, LANES), key (2,) uint32."""
     for b in prange(out.shape[0]):
         normal_rows(out[b], scale, (first + b) * out.shape[2], 0, key, call)
 
 
-@njit(cache=True)
+@kept
+@njit
 def philox_words(counter, key):
     """One block of the generator for the published test vectors.  counter (4,), key (2,) uint32 -> four uint32."""
     return philox(counter[0], counter[1], counter[2], counter[3], key[0], key[1])

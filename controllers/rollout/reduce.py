@@ -6,12 +6,14 @@ import numpy as np
 from numba import njit, prange
 
 from controllers.rollout import FAST
+from controllers.rollout.compiled import kept
 from controllers.rollout.layout import in_blocks
 
 CHUNK = 25  # steps a thread sums at a time: 6 kB of partial sums
 
 
-@njit(fastmath=FAST, error_model="numpy", parallel=True, cache=True)
+@kept
+@njit(fastmath=FAST, error_model="numpy", parallel=True)
 def _lane_sums(noise, U, low, high, weights, sums):
     """sums[c, t, l] = sum_b w[b, l] (clip(U + noise) - U): block after block, so every thread count adds alike."""
     T, n_u = U.shape

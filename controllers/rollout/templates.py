@@ -20,6 +20,7 @@ HEADER = """
 import math
 import numpy as np
 from numba import njit, prange
+from controllers.rollout.compiled import kept
 
 F = np.{dtype}
 FAST = set({fast})
@@ -74,7 +75,8 @@ if hits > 0:
 """
 
 ROLLOUT = """
-@njit(fastmath=FAST, error_model="numpy", parallel=True, cache=True)
+@kept
+@njit(fastmath=FAST, error_model="numpy", parallel=True)
 def rollout(x0, U, noise, J, low, high, dt, targets, p_system, p_cost):
     T = U.shape[0]
     halves = noise.shape[2] // T
@@ -96,7 +98,8 @@ def rollout(x0, U, noise, J, low, high, dt, targets, p_system, p_cost):
 """
 
 PATHS = """
-@njit(fastmath=FAST, error_model="numpy", cache=True)
+@kept
+@njit(fastmath=FAST, error_model="numpy")
 def paths(x0, U, E, path, means, low, high, dt, targets, p_system, p_cost):
     T = U.shape[0]
     t0 = 0

@@ -28,6 +28,7 @@ W = 16  # lanes
 MODULE = """# on normals {normals}
 import numpy as np
 from numba import njit, prange
+from controllers.rollout.compiled import kept
 from controllers.rollout.normals import normal_rows
 
 F = np.float32
@@ -39,7 +40,8 @@ def settle(z, offset):
         for l in range({W}):
             z[t * {W} + l] -= offset[t] * z1[l]
 
-@njit(fastmath=set({fast}), error_model="numpy", parallel=True, cache=True)
+@kept
+@njit(fastmath=set({fast}), error_model="numpy", parallel=True)
 def transformed(out, scale, offset, turns, key, call, first):
     series, channels, steps, lanes = out.shape
     for b in prange((series + 1) // 2):

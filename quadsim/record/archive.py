@@ -13,8 +13,8 @@ from contextlib import contextmanager, suppress
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
-from uuid import uuid4
 
+from quadsim.files.atomic import replace_file
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Run, RunError, canonical, hostless
 from quadsim.record.run_format import read_json, read_npz, write_csv, write_json, write_npz
@@ -139,18 +139,9 @@ def _read(path: Path) -> bytes:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Whole or not at all, and on the disk itself; several may write the same file at once. Raises RunError."""
-    temporary = path.with_name(f"{path.name}.{uuid4().hex}.tmp")
+    """See replace_file. Raises RunError."""
     with _one_line(path, "cannot write"):
-        try:
-            with temporary.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            temporary.replace(path)
-        except OSError:
-            temporary.unlink(missing_ok=True)
-            raise
+        replace_file(path, data)
 
 
 def _sync(folder: Path) -> None:

@@ -37,7 +37,7 @@ def plan(tmp_path):
 
     By a process whose caches lie under tmp_path, empty at first.
     """
-    env = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+    env = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
 
     def run(seed):
         command = [sys.executable, "-c", PLANS, str(seed)]
@@ -49,7 +49,7 @@ def plan(tmp_path):
 
 def test_fresh_code_and_code_from_the_cache_plan_alike_to_the_last_bit(plan, tmp_path):
     def compiled():
-        return {path.name: path.stat().st_mtime_ns for path in tmp_path.rglob("*.nbc")}
+        return {path.name: path.stat().st_mtime_ns for path in tmp_path.rglob("*.code")}
 
     (fresh, was_cached), built = plan(1), compiled()
     assert not was_cached

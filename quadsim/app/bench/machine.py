@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit, prange
 
 from controllers.mppi import MPPI
+from controllers.rollout.compiled import kept
 from controllers.rollout.inline import WORDS
 from controllers.rollout.layout import CHUNK
 from controllers.rollout.normals import box_muller, philox
@@ -65,7 +66,8 @@ def bandwidth_gb(size: int = 20_000_000) -> float:
     return 3 * a.nbytes / _fastest(lambda: triad(a, b, c)) / 1e9
 
 
-@njit(parallel=True, cache=True)
+@kept
+@njit(parallel=True)
 def triad(a, b, c):
     for i in prange(a.size):
         a[i] = b[i] + np.float32(3) * c[i]
