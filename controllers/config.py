@@ -1,4 +1,4 @@
-"""The numbers of MPPI besides its sampler and cost: the budget and the update."""
+"""Parameters of MPPI apart from its sampler and cost: the sampling budget and the update."""
 
 from __future__ import annotations
 
@@ -12,17 +12,21 @@ from quadsim.files.strict_yaml import unit
 
 @dataclass(frozen=True)
 class MPPIConfig:
-    """Numbers of Algorithm 1 of Vlahov et al. 2024, with the paper's symbols M, T, I, dt, lambda, alpha."""
+    """Parameters of Algorithm 1 of Vlahov et al. 2024, with the paper's symbols M, T, I, dt, lambda, alpha.
 
-    samples: Annotated[int, Meta(ge=2, le=10**6)] = 4096  # M, controls sampled per iteration
+    These are the library's defaults; `race fly` takes its values from a preset, see controllers/presets.py.
+    """
+
+    samples: Annotated[int, Meta(ge=2, le=10**6)] = 4096  # M, control sequences sampled per iteration
     horizon: Annotated[int, unit("steps", ge=2, le=10_000)] = 150  # T [steps]
-    iterations: Annotated[int, Meta(ge=1, le=100)] = 2  # I
+    iterations: Annotated[int, Meta(ge=1, le=100)] = 2  # I, iterations per control step
     dt: Annotated[float, unit("s", gt=0, le=0.5)] = 0.01  # control period [s]
-    temperature: Annotated[float, Meta(gt=0, le=1e6)] = 0.3  # lambda, in units of the mean cost
-    step_size: Annotated[float, Meta(gt=0, le=1)] = 1.0  # alpha, share of the update that is taken
-    rest_fraction: Annotated[float, Meta(ge=0, le=1)] = 0.01  # of the samples: perturb the rest control, not the plan
-    tighten: Annotated[float, Meta(ge=0, lt=1)] = 0.0  # share of the way from rest to each limit left unused
-    adapt: bool = False  # learn thrust gain, drag and the highest thrust in flight
-    freeze_first: bool = False  # every sample keeps the plan's first control
+    temperature: Annotated[float, Meta(gt=0, le=1e6)] = 0.3  # lambda, in units of the mean stage cost
+    step_size: Annotated[float, Meta(gt=0, le=1)] = 1.0  # alpha, fraction of the update that is applied
+    # With a smooth sampler these samples perturb the plan without its momentum instead, see MPPI.nominals in mppi.py.
+    rest_fraction: Annotated[float, Meta(ge=0, le=1)] = 0.01  # fraction of samples that perturb the rest control
+    tighten: Annotated[float, Meta(ge=0, lt=1)] = 0.0  # fraction of the range from rest to each limit not used
+    adapt: bool = False  # estimate thrust gain, drag and maximum thrust in flight
+    freeze_first: bool = False  # do not perturb the first control of the plan
     smooth: bool = False  # Savitzky-Golay filter over the plan after each update
-    target_ess: Annotated[float, Meta(ge=1)] | None = None  # steer the temperature to this effective sample size
+    target_ess: Annotated[float, Meta(ge=1)] | None = None  # adapt the temperature to this effective sample size

@@ -1,4 +1,4 @@
-"""Model Predictive Path Integral control (MPPI): Algorithm 1 of Vlahov et al. 2024.
+"""Model Predictive Path Integral control (MPPI): Algorithm 1 of Vlahov et al. 2024, with a few extensions.
 
     for i in 1..I:
         z^m   <- the sampler                          m = 1..M
@@ -7,8 +7,18 @@
         w^m   <- exp(-(J^m - min J) / lambda) / eta
         U     <- U + alpha sum_m w^m (v^m - U)
 
-The temperature acts on the horizon's mean cost, as in the authors' public library. How samples lie in memory, and why
-they are drawn in chunks, is said in controllers.rollout.layout.
+J is the mean over the horizon of the stage cost q, as in the authors' public library, so lambda here is the textbook's
+lambda / T. There is no terminal cost, and no control-cost term lambda u^T Sigma^-1 z: that term is part of the
+importance weights of Gaussian perturbations, and samplers of other distributions are to be compared under the same cost.
+
+Extensions, most of them optional in MPPIConfig: the last samples perturb another sequence (rest_fraction), the control
+limits are tightened, the temperature is adapted to an effective sample size (ESS), the plan is filtered, the model is
+estimated in flight (adaptation), and a sampler may have momentum (controllers.samplers.smooth).
+How samples lie in memory, and why they are drawn in chunks, is said in controllers.rollout.layout.
+
+Source: B. Vlahov, J. Gibson, D. D. Fan, P. Spieler, A. Agha-mohammadi and E. A. Theodorou, "Low Frequency Sampling in
+Model Predictive Path Integral Control", IEEE Robotics and Automation Letters 9(5), 2024, 4543-4550;
+doi:10.48550/arXiv.2404.03094.
 """
 
 from __future__ import annotations
@@ -27,50 +37,56 @@ from controllers.rollout.lanes import Rollout
 from controllers.rollout.reduce import weighted_mean
 from controllers.samplers import PlainSampler, Sampling, build_lanes
 from controllers.samplers.lane_sampler import stream_key
-from controllers.update import savitzky_golay, shares, steer, weights
+from controllers.update import adapt_temperature, savitzky_golay, softmax_weights, weights
 from quadsim.systems import System
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Iteration:
-    """All that decided the last iteration: its samples can be drawn again, see controllers.sampled_trajectories."""
+    """Inputs of the last iteration, enough to draw its samples again; see controllers.sampled_trajectories."""
 
-    x: np.ndarray  # (n_x,)
-    target: int
-    call: int  # of the sampler
-    centre: np.ndarray  # (T, n_u) what the samples perturbed
-    rest_offset: np.ndarray  # (T, n_u) from the centre to what the last ones perturbed, the share `rest_fraction`
-    J: np.ndarray  # (M,)
+    x: np.ndarray  # state from which the rollouts started  (n_x,)
+    target: int  # row of the cost's targets
+    call: int  # index of the sampler call
+    nominal: np.ndarray  # control sequence that the samples perturb  (T, n_u)
+    rest_offset: np.ndarray  # from it to the alternative that the last rest_fraction * M samples perturb  (T, n_u)
+    J: np.ndarray  # cost of each sample  (M,)
 
 
 class Adaptation(Protocol):
-    """Learns the system from its states; see controllers.adaptation."""
+    """Estimates the parameters of the system in flight; see controllers.adaptation."""
 
     def observe(self, x: np.ndarray, u: np.ndarray, elapsed: int) -> System:
-        """The system as estimated at x (n_x,), `elapsed` control periods of u (n_u,) after the last state."""
+        """The estimated system, `elapsed` control periods under u (n_u,) after the last state, at x (n_x,)."""
         ...
 
 
 class MPPI:
-    """Receding-horizon controller. Keeps the plan U (T, n_u) between calls.
+    """Receding-horizon controller. Keeps the plan, the control sequence U (T, n_u), between calls.
 
+    >>> import numpy as np
+    >>> from quadsim import MPPI, Gaussian, MPPIConfig
+    >>> from quadsim.systems.double_integrator import double_integrator
+    >>> from controllers.costs.quadratic import quadratic_cost
     >>> system, cost = double_integrator(dt=0.05), quadratic_cost(goal=(0.0, 0.0))
     >>> mppi = MPPI(system, cost, Gaussian(sigma=(1.0, 1.0)), MPPIConfig(samples=512, horizon=40, dt=0.05))
     >>> x = np.array([2.0, -1.0, 0.0, 0.0])
     >>> for _ in range(100):
     ...     u, stats = mppi.control(x)
     ...     x = np.array(system.step(x, u, system.params, system.dt))
+    >>> bool(np.hypot(x[0], x[1]) < 0.1)  # at the goal [m]
+    True
 
     Args:
         system: the model that is planned with.
-        cost: of a step; its rollouts are compiled when the planner is made.
+        cost: stage cost; the rollout loop is compiled at the first call.
         sampler: one of controllers.samplers, or any object with `sample`, see PlainSampler.
-        config: budget and update; its dt is the system's.
-        seed: of the perturbations. What is drawn depends on it and the number of the call alone, never on threads.
+        config: sampling budget and update; its dt must be the system's.
+        seed: of the random perturbations. They depend on it and the index of the call alone, never on threads.
         adaptation: estimates the system in flight; None: the model stays as it is.
 
     Raises:
-        ValueError: the numbers of sampler, system and configuration do not go together.
+        ValueError: sampler, system and configuration differ in the number of controls or in dt.
     """
 
     def __init__(
@@ -85,12 +101,12 @@ class MPPI:
         if config.dt != system.dt:
             raise ValueError(f"dt: expected the system's {system.dt:g} s, got {config.dt:g}")
         self.cost, self.config, self.adaptation = cost, config, adaptation
-        self.use_model(system)
-        held, n_u = min(config.samples, layout.CHUNK), len(system.controls)
-        self.sampler = build_lanes(sampler, n_u, held, config.horizon, stream_key(seed), config.dt)
-        self.rest = np.array(system.rest)
+        self.set_model(system)
+        chunk_size, n_u = min(config.samples, layout.CHUNK), len(system.controls)
+        self.sampler = build_lanes(sampler, n_u, chunk_size, config.horizon, stream_key(seed), config.dt)
+        self.rest = np.array(system.rest)  # the control at rest; of a quadrotor hover: no rates, thrust g  (n_u,)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
-        self.executed = np.tile(self.rest, (2, 1))  # the last two controls, left padding of the filter
+        self.executed = np.tile(self.rest, (2, 1))  # the last two controls, left padding of the smoothing filter
         self.temperature = config.temperature
         self.samples = config.samples  # M, which a deadline may change
         self.last: Iteration | None = None
@@ -98,99 +114,106 @@ class MPPI:
 
     @property
     def is_cached(self) -> bool:
-        """Whether its loops were compiled on this machine before; else the first plan takes some 20 s."""
+        """Whether the loops were compiled on this machine before; otherwise the first plan takes some 20 s."""
         return self.rollout.is_cached and (self.sampler.loop is None or is_cached(self.sampler.loop))
 
-    def use_model(self, system: System) -> None:
-        """Plan with this system from now on: the same states and controls, other numbers."""
+    def set_model(self, system: System) -> None:
+        """Plan with this system from now on: the same states and controls, other parameters."""
         self.system = system.tightened(self.config.tighten)
         self.rollout = Rollout(self.system, self.cost)
         self.low, self.high = np.array(self.system.low), np.array(self.system.high)
 
-    def take_over(self, other: MPPI) -> None:
-        """Go on with another planner's plan: new numbers act from the next plan on. Same system, same horizon."""
-        self.plan, self.executed, self._calls = other.plan, other.executed, other._calls
-        self.adaptation = other.adaptation
-        if self.sampler.momentum and other.sampler.momentum:
-            self.sampler.momentum.change = other.sampler.momentum.change
+    def continue_from(self, planner: MPPI) -> None:
+        """Start from another planner's plan, momentum and estimates. It must have the same system and horizon."""
+        self.plan, self.executed, self._calls = planner.plan, planner.executed, planner._calls
+        self.adaptation = planner.adaptation
+        if self.sampler.momentum and planner.sampler.momentum:
+            self.sampler.momentum.change = planner.sampler.momentum.change
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
         """The control to apply at state x.
 
         Args:
             x: (n_x,)
-            target: row of the cost's targets that is flown to.
-            elapsed: control periods since the last call; the plan is shifted by them.
+            target: row of the cost's targets that the vehicle flies to.
+            elapsed: control periods since the last call; the plan is shifted by as many steps.
 
         Returns:
-            The control (n_u,) and what is to be reported of the plan.
+            The control (n_u,) and statistics of the plan.
 
         Raises:
-            ValueError: x is no state, for example of a plant that has diverged.
+            ValueError: x has another length or is not finite, as when the plant has diverged.
             FloatingPointError: no sample has a finite cost.
         """
         self.system.check(x)
         if self.adaptation:
-            self.use_model(self.adaptation.observe(x, self.plan[0], elapsed))
+            self.set_model(self.adaptation.observe(x, self.plan[0], elapsed))
         if self._calls and elapsed:
             self.shift(elapsed)
         for _ in range(self.config.iterations):
-            stats = self.improve(x, target)
+            stats = self.iterate(x, target)
         return self.plan[0].copy(), stats
 
     def shift(self, steps: int) -> None:
-        """Warm start: drop the controls of the past, append rest controls."""
+        """Warm start: drop the controls that lie in the past, append rest controls."""
         self.executed = np.vstack([self.executed, self.plan[:steps]])[-2:]
         tail = np.tile(self.rest, (min(steps, len(self.plan)), 1))
         self.plan = np.vstack([self.plan[steps:], tail])
         if self.sampler.momentum:
             self.sampler.momentum.shift(steps)
 
-    def improve(self, x: np.ndarray, target: int) -> PlanStats:
+    def iterate(self, x: np.ndarray, target: int) -> PlanStats:
         """One iteration of Algorithm 1 on the plan."""
         self._calls += 1
-        U, other = self.centres()
+        U, alternative = self.nominals()
         J = np.empty(self.samples)
-        self.last = Iteration(x, target, self._calls, U, other - U, J)
+        self.last = Iteration(x, target, self._calls, U, alternative - U, J)
+        # Weights are first normalised within a chunk: its perturbations are overwritten by the next chunk's, before the
+        # least cost of all samples is known. mean_of_chunks then weighs each chunk by its part of the total weight.
         means = []
         for chunk in layout.chunks(self.samples):
             z = self.perturbations(self.last, chunk)
             J[chunk] = self.costs(self.last, z, len(J[chunk]))
-            means.append(weighted_mean(z, U, self.low, self.high, shares(J[chunk], self.temperature)))
+            means.append(weighted_mean(z, U, self.low, self.high, softmax_weights(J[chunk], self.temperature)))
         w = weights(J, self.temperature)
         self.update(U + self.config.step_size * layout.mean_of_chunks(means, w))
         stats = PlanStats(float(J[0]), float(1 / np.sum(w * w)), self.temperature)
-        self.temperature = steer(self.temperature, stats.ess, self.config.target_ess)
+        self.temperature = adapt_temperature(self.temperature, stats.ess, self.config.target_ess)
         return stats
 
-    def centres(self) -> tuple[np.ndarray, np.ndarray]:
-        """What samples perturb, and what the last ones do, the share `rest_fraction`.  (T, n_u) each
+    def nominals(self) -> tuple[np.ndarray, np.ndarray]:
+        """Control sequences to perturb: the main one, and the alternative for the last rest_fraction of the samples.
 
-        The plan and the rest control; of a plan with momentum, where that leads and the plan without it.
+        Without momentum: the plan, and the rest control. With momentum: plan + momentum, and the plan.
+
+        Returns: (T, n_u) and (T, n_u), or (n_u,) for the rest control.
         """
         momentum = self.sampler.momentum
         return (self.plan + momentum.change, self.plan) if momentum else (self.plan, self.rest)
 
-    def perturbations(self, i: Iteration, chunk: slice) -> np.ndarray:
-        """z of these samples, around the centre: sample 0 is the centre itself.  (series, n_u, halves * T, LANES)"""
-        count, T, M = chunk.stop - chunk.start, self.config.horizon, len(i.J)
-        z = self.sampler.sample(i.call, chunk.start, count)
-        at_rest = M - int(self.config.rest_fraction * M)  # the first sample around the rest control
-        layout.add_from(z, max(at_rest - chunk.start, 0), count, i.rest_offset)
+    def perturbations(self, it: Iteration, chunk: slice) -> np.ndarray:
+        """z of the chunk's samples, relative to it.nominal; z of sample 0 is zero.
+
+        Returns: (series, n_u, halves * T, LANES), a layout described in controllers.rollout.layout.
+        """
+        count, T, M = chunk.stop - chunk.start, self.config.horizon, len(it.J)
+        z = self.sampler.sample(it.call, chunk.start, count)
+        first = M - int(self.config.rest_fraction * M)  # first sample that perturbs the alternative
+        layout.add_from(z, max(first - chunk.start, 0), count, it.rest_offset)
         if self.config.freeze_first:
             layout.first_steps(z, T)[:] = 0
         if chunk.start == 0:
             layout.sample(z, 0, T)[:] = 0
         return z
 
-    def costs(self, i: Iteration, z: np.ndarray, count: int) -> np.ndarray:
-        """J of the first `count` samples of z, flown from x.  (count,)"""
+    def costs(self, it: Iteration, z: np.ndarray, count: int) -> np.ndarray:
+        """J of the first `count` samples of z, rolled out from it.x.  (count,)"""
         J = np.empty((layout.blocks(count), layout.LANES), z.dtype)
-        self.rollout(i.x, i.centre, z, i.target, J)
+        self.rollout(it.x, it.nominal, z, it.target, J)
         return J.ravel()[:count]
 
     def update(self, plan: np.ndarray) -> None:
-        """The new plan within the limits, filtered where that is wanted, and the momentum that led to it."""
+        """Set the plan, clipped to the limits and filtered if configured, and the momentum, if the sampler has one."""
         plan = np.clip(plan, self.low, self.high)
         if self.sampler.momentum:
             self.sampler.momentum.change = plan - self.plan

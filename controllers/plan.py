@@ -1,4 +1,4 @@
-"""What a controller reports of its last plan: numbers at every control step, now and then its best sampled paths."""
+"""Statistics that a controller returns at every control step, and a snapshot of its samples for display."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True)
 class PlanStats:
-    """What a controller reports of its last iteration."""
+    """Statistics of the last iteration of one control step."""
 
-    cost: float  # J of the nominal plan (sample 0)
+    cost: float  # J of the unperturbed sample (sample 0), before the update
     ess: float  # effective sample size (ESS), 1 / sum w^2, 1..M
-    temperature: float
+    temperature: float  # lambda that the weights were computed with
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannerSnapshot:
     """The planner at one control step, kept for display."""
 
-    best: np.ndarray  # its best sampled paths, the cheapest first [m]  (8, points, 3)
-    terms: dict[str, float]  # of the plan's cost J, horizon means, they sum to J; empty: not kept
+    best: np.ndarray  # paths of the samples with the least cost, best first [m]  (8, points, 3)
+    terms: dict[str, float]  # cost of the updated plan by term, horizon means that sum to its J; empty: not stored

@@ -1,4 +1,4 @@
-"""The planner's last iteration, for display: its best samples, the plan after the update and the terms of its cost."""
+"""The planner's last iteration for display: its best samples, the updated plan and the terms of the plan's cost."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from controllers.mppi import MPPI, Iteration
 from controllers.plan import PlannerSnapshot
 from controllers.rollout.layout import LANES, chunks, sample
 
-MOST = LANES - 1  # samples; the plan takes the last lane of the block
+MOST = LANES - 1  # samples; the updated plan takes the last lane of the block
 
 
 @dataclass(frozen=True)
 class SampledTrajectories:
     """Positions [m] over the horizon, the samples ranked by cost."""
 
-    paths: np.ndarray  # (samples, points, 3) the cheapest first
+    paths: np.ndarray  # (samples, points, 3) least cost first
     costs: np.ndarray  # (samples,) J
-    nominal: np.ndarray  # (points, 3) of the plan after the update
-    terms: dict[str, float]  # of the nominal's J, horizon means; they sum to J
+    plan: np.ndarray  # (points, 3) of the updated plan
+    terms: dict[str, float]  # cost of the updated plan by term, horizon means that sum to its J
 
 
 def sampled_trajectories(mppi: MPPI, samples: int = MOST, points: int = 25) -> SampledTrajectories | None:
-    """None before the first plan. Drawn and rolled out anew, which changes nothing that the planner uses."""
+    """The samples are drawn and rolled out again, which does not change the planner. None before the first plan."""
     if mppi.last is None:
         return None
     last = mppi.last
@@ -39,18 +39,18 @@ def sampled_trajectories(mppi: MPPI, samples: int = MOST, points: int = 25) -> S
 
 
 def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:
-    """v of these samples of the iteration.  (samples,) -> (samples, n_u, T)"""
-    U, v = last.centre.T, np.empty((len(which), *last.centre.T.shape))
+    """The controls v of the samples with these indices.  (samples,) -> (samples, n_u, T)"""
+    U, v = last.nominal.T, np.empty((len(which), *last.nominal.T.shape))
     for chunk in chunks(len(last.J)):
         inside = np.flatnonzero((which >= chunk.start) & (which < chunk.stop))
         if len(inside):
             z = mppi.perturbations(last, chunk)
         for k in inside:
-            v[k] = U + sample(z, which[k] - chunk.start, len(last.centre))
+            v[k] = U + sample(z, which[k] - chunk.start, len(last.nominal))
     return np.clip(v, mppi.low[:, None], mppi.high[:, None])
 
 
 def take_snapshot(mppi: MPPI, samples: int = 8, points: int = 16) -> PlannerSnapshot | None:
-    """What a run keeps; the paths rounded to a centimetre, which compresses well."""
+    """The snapshot that is stored with a run; paths rounded to a centimetre, which compresses well."""
     seen = sampled_trajectories(mppi, samples, points)
     return None if seen is None else PlannerSnapshot(np.round(seen.paths, 2), seen.terms)

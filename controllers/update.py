@@ -1,4 +1,4 @@
-"""From costs to weights, the temperature that decides how sharply, and a filter over the updated plan."""
+"""The weights of the samples, the temperature of that softmax, and a filter over the updated plan."""
 
 from __future__ import annotations
 
@@ -6,24 +6,27 @@ from math import isfinite
 
 import numpy as np
 
-TEMPERATURE_STEP = 1.1  # factor per iteration when steering to an effective sample size
+TEMPERATURE_STEP = 1.1  # factor per iteration towards the target effective sample size
 TEMPERATURE_RANGE = (1e-4, 1e4)
 SAVITZKY_GOLAY = np.array([-3, 12, 17, 12, -3]) / 35  # 5 points, order 2
 
 
 def weights(J: np.ndarray, temperature: float) -> np.ndarray:
-    """w^m = exp(-(J^m - rho) / lambda) / eta, rho = min J; a rollout that overflowed weighs nothing.  (M,) -> (M,)
+    """w^m = exp(-(J^m - rho) / lambda) / eta, rho = min J; zero where J is not finite.  (M,) -> (M,)
 
-    Raises FloatingPointError when every rollout overflowed.
+    Raises FloatingPointError where no rollout has a finite cost.
     """
-    w = shares(J, temperature)
+    w = softmax_weights(J, temperature)
     if not w.any():
         raise FloatingPointError(f"MPPI: cost: expected a finite J, got none in {len(J)} rollouts; lower the weights")
     return w
 
 
-def shares(J: np.ndarray, temperature: float) -> np.ndarray:
-    """The same of some of the samples; zeros where none of them has a finite cost."""
+def softmax_weights(J: np.ndarray, temperature: float) -> np.ndarray:
+    """Weights of a chunk of samples, normalised within it; zeros where none of them has a finite cost.  (n,) -> (n,)
+
+    layout.mean_of_chunks recombines the chunks.
+    """
     J = np.where(np.isnan(J), np.inf, J)
     if not isfinite(J.min()):
         return np.zeros_like(J)
@@ -31,8 +34,8 @@ def shares(J: np.ndarray, temperature: float) -> np.ndarray:
     return w / w.sum()
 
 
-def steer(temperature: float, ess: float, target: float | None) -> float:
-    """The next temperature: a fixed factor up or down towards the target effective sample size."""
+def adapt_temperature(temperature: float, ess: float, target: float | None) -> float:
+    """The next temperature: higher by a fixed factor if the ESS is below the target, else lower; None: unchanged."""
     if target is None:
         return temperature
     low, high = TEMPERATURE_RANGE

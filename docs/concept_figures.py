@@ -52,7 +52,7 @@ def weights_and_temperature() -> Any:
     share = np.exp(-(seen.costs - seen.costs.min()) / mppi.temperature)
     for path, s in reversed(list(zip(seen.paths, share, strict=True))):
         plane.plot(*path[:, :2].T, color=plt.cm.viridis_r(s), linewidth=0.4 + 1.2 * s)
-    plane.plot(*seen.nominal[:, :2].T, color=INK, linewidth=2.5, label="plan: the weighted mean")
+    plane.plot(*seen.plan[:, :2].T, color=INK, linewidth=2.5, label="plan: the weighted mean")
     plane.plot(*x[:2], "o", color=INK)
     plane.annotate("vehicle", x[:2], xytext=(6, -4), textcoords="offset points")
     plane.plot(0, 0, "*", color=NEXT, markersize=12)

@@ -102,7 +102,7 @@ class Flight:
         before = self._spec.planner.mppi.temperature
         self._spec = replace(self._spec, planner=numbers.of(self._base))
         mppi = planner_of(self._spec, self._spec.streams[0])
-        mppi.take_over(self._mppi)
+        mppi.continue_from(self._mppi)
         if mppi.config.temperature == before:  # then the one reached by steering to the target ESS stays
             mppi.temperature = self._mppi.temperature
         self._mppi = mppi

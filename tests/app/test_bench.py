@@ -54,11 +54,11 @@ def test_cases_are_the_papers_budgets_and_the_sweeps_each_once_on_one_thread_and
 
 @pytest.mark.parametrize("sampler", PARTS)
 def test_stages_are_named_and_every_function_is_put_back(sampler):
-    before = algorithm.shares, algorithm.weights, algorithm.weighted_mean
+    before = algorithm.softmax_weights, algorithm.weights, algorithm.weighted_mean
     rows = list(stages.stages(small("quadrotor", sampler), SHORT, MACHINE))
     assert [row["part"] for row in rows] == PARTS[sampler]
     assert {row["part"] for row in rows if "roofline" in row} == {*PARTS[sampler]} - {"weights", "rest", "whole"}
-    assert (algorithm.shares, algorithm.weights, algorithm.weighted_mean) == before
+    assert (algorithm.softmax_weights, algorithm.weights, algorithm.weighted_mean) == before
 
 
 @pytest.mark.parametrize(("samples", "chunks"), [(1100, 3), (512, 1)])
@@ -82,7 +82,7 @@ def test_each_part_has_the_time_of_its_calls_in_one_iteration_and_rest_what_rema
     mppi, x = controller(small("double_integrator", sampler, samples, iterations=2))
     mppi.sampler = replace(mppi.sampler, sample=lasting(40.0, mppi.sampler.sample))
     mppi.rollout = lasting(3.0, mppi.rollout)
-    for name, ms in {"shares": 1.0, "weights": 7.0, "weighted_mean": 2.0, "steer": 11.0}.items():
+    for name, ms in {"softmax_weights": 1.0, "weights": 7.0, "weighted_mean": 2.0, "adapt_temperature": 11.0}.items():
         monkeypatch.setattr(algorithm, name, lasting(ms, getattr(algorithm, name)))
     monkeypatch.setattr(stages, "fill_normals", lasting(30.0, stages.fill_normals))
 

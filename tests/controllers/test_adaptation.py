@@ -103,5 +103,5 @@ def test_a_flight_with_a_vehicle_too_heavy_learns_it():
     assert mppi.adaptation.model.thrust_gain == pytest.approx(1 / (1 + mass), abs=0.015)
     assert mppi.system.params == mppi.adaptation.observe(np.array(last.x), mppi.plan[0], 0).params
     successor = planner_of(spec, spec.streams[0])
-    successor.take_over(mppi)
+    successor.continue_from(mppi)
     assert successor.adaptation is mppi.adaptation, "a planner that takes over keeps the estimates"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from point import START, make
 
-from controllers.update import steer, weights
+from controllers.update import adapt_temperature, weights
 
 
 def test_effective_sample_size_counts_equal_samples():
@@ -30,15 +30,15 @@ def test_steering_reaches_its_effective_sample_size_and_stays(start):
     for _ in range(300):
         w = weights(rng.chisquare(6, 1000), temperature)
         seen.append(1 / np.sum(w * w))
-        temperature = steer(temperature, seen[-1], 50)
+        temperature = adapt_temperature(temperature, seen[-1], 50)
     settled = np.array(seen[-100:])
     assert np.median(settled) == pytest.approx(50, rel=0.1)
     assert 50 / 3 < settled.min() < settled.max() < 50 * 3  # the costs are drawn anew each time
-    assert steer(0.3, 1.0, None) == 0.3
+    assert adapt_temperature(0.3, 1.0, None) == 0.3
 
 
 def test_plan_with_steering_has_its_effective_sample_size():
     mppi = make(samples=512, target_ess=40.0, temperature=1e-3)
-    sizes = [mppi.improve(START, 0).ess for _ in range(200)]
+    sizes = [mppi.iterate(START, 0).ess for _ in range(200)]
     assert sizes[0] < 10
     assert np.median(sizes[-50:]) == pytest.approx(40, rel=0.25)

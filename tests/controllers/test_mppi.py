@@ -33,7 +33,7 @@ def test_plan_is_that_of_a_naive_version_given_the_same_noise(sampler, samples, 
         z[samples - rest :] += (REST - mppi.plan).T
     expected, ess = naive(mppi.plan, z, 0.1, step_size)
     colder, _ = naive(mppi.plan, z, 0.09, step_size)
-    stats = mppi.improve(START, 0)
+    stats = mppi.iterate(START, 0)
     np.testing.assert_allclose(mppi.plan, expected, atol=1e-5)
     assert stats.ess == pytest.approx(ess, rel=1e-3)
     assert abs(mppi.plan - colder).max() > 3e-5 or ess < 1.001  # one of two samples may have all the weight
@@ -46,7 +46,7 @@ def test_iterations_go_on_from_each_others_plans():
     mppi, other = make(iterations=3), make()
     u, _ = mppi.control(START)
     for _ in range(3):
-        other.improve(START, 0)
+        other.iterate(START, 0)
     np.testing.assert_array_equal(mppi.plan, other.plan)
     np.testing.assert_array_equal(u, mppi.plan[0])
 
@@ -54,7 +54,7 @@ def test_iterations_go_on_from_each_others_plans():
 def test_cost_of_the_nominal_plan_is_that_of_sample_zero():
     mppi = make()
     expected = naive_cost(mppi.plan)
-    assert mppi.improve(START, 0).cost == pytest.approx(expected, rel=1e-5)
+    assert mppi.iterate(START, 0).cost == pytest.approx(expected, rel=1e-5)
     assert not perturbed(mppi)[0].any()
 
 
@@ -63,7 +63,7 @@ def test_temperature_meets_the_mean_over_the_horizon(horizon):
     """A constant cost c per step is J = c however long the horizon: here a point that stays 2 m off."""
     still = replace(POINT, low=(0.0, 0.0), high=(0.0, 0.0))
     mppi = make(horizon=horizon, system=still)
-    assert mppi.improve(np.array([2.0, 0.0, 0.0, 0.0]), 0).cost == pytest.approx(4.0)
+    assert mppi.iterate(np.array([2.0, 0.0, 0.0, 0.0]), 0).cost == pytest.approx(4.0)
 
 
 def test_last_samples_perturb_the_rest_control():
@@ -77,7 +77,7 @@ def test_last_samples_perturb_the_rest_control():
 def test_frozen_first_control_is_the_same_in_every_sample_and_stays(sampler):
     mppi = make(sampler=sampler, freeze_first=True)
     before = mppi.plan.copy()
-    mppi.improve(START, 0)
+    mppi.iterate(START, 0)
     np.testing.assert_array_equal(mppi.plan[0], before[0])
     assert (abs(mppi.plan - before)[1:] > 0).all()
     assert not perturbed(mppi)[:, :, 0].any()
@@ -94,8 +94,8 @@ def test_filter_is_savitzky_golay_of_five_points_and_order_two():
 
 def test_smooth_filters_the_plan_after_the_update():
     mppi, plain = make(smooth=True), make()
-    mppi.improve(START, 0)
-    plain.improve(START, 0)
+    mppi.iterate(START, 0)
+    plain.iterate(START, 0)
     np.testing.assert_allclose(mppi.plan, savitzky_golay(plain.plan, np.tile(REST, (2, 1))))
 
 
@@ -119,21 +119,21 @@ def test_executed_controls_are_those_of_the_periods_that_passed():
 def test_first_call_does_not_shift():
     mppi, other = make(), make()
     mppi.control(START, elapsed=5)
-    other.improve(START, 0)
+    other.iterate(START, 0)
     np.testing.assert_array_equal(mppi.plan, other.plan)
 
 
 def test_plan_stays_within_the_limits():
     mppi = make(sigma=(50.0, 50.0), temperature=1e-3, smooth=True)
     for _ in range(5):
-        mppi.improve(START, 0)
+        mppi.iterate(START, 0)
         assert np.all((mppi.plan >= POINT.low) & (mppi.plan <= POINT.high))
     assert np.any((mppi.plan == POINT.low) | (mppi.plan == POINT.high))
 
 
 def test_iterations_lower_the_cost_of_the_plan():
     mppi = make(temperature=0.02)
-    costs = [mppi.improve(START, 0).cost for _ in range(30)]
+    costs = [mppi.iterate(START, 0).cost for _ in range(30)]
     assert costs[-1] < 0.4 * costs[0]
 
 
@@ -167,11 +167,11 @@ def test_state_that_is_no_state_is_refused_by_name(x, found):
 def test_samples_in_chunks_are_the_samples_at_once(sampler, monkeypatch):
     """The same costs, the same plan but for rounding, and the last samples perturb the rest control in both."""
     whole = make(sampler=sampler, samples=1100)
-    stats = whole.improve(START, 0)
+    stats = whole.iterate(START, 0)
     monkeypatch.setattr(layout, "CHUNK", 512)
     chunked = make(sampler=sampler, samples=1100)
     assert chunked.sampler.sample(1).shape[0] < whole.sampler.sample(1).shape[0]
-    assert chunked.improve(START, 0) == stats
+    assert chunked.iterate(START, 0) == stats
     np.testing.assert_array_equal(chunked.last.J, whole.last.J)
     np.testing.assert_allclose(chunked.plan, whole.plan, atol=1e-6)
 
@@ -188,10 +188,10 @@ def test_a_chunk_whose_rollouts_all_overflow_weighs_nothing(monkeypatch):
 
     mppi.rollout = second_overflows
     before = mppi.plan.copy()
-    mppi.improve(START, 0)
+    mppi.iterate(START, 0)
     half = make(samples=256)
     half.config = replace(half.config, rest_fraction=0.0)
-    half.improve(START, 0)
+    half.iterate(START, 0)
     assert abs(mppi.plan - before).max() > 0.01
     np.testing.assert_allclose(mppi.plan, half.plan, atol=1e-6)
 
@@ -201,7 +201,7 @@ def test_tightened_limits_keep_a_share_of_the_way_from_rest_for_corrections():
     np.testing.assert_allclose(tight.low - REST, 0.75 * (free.low - REST))
     np.testing.assert_allclose(tight.high - REST, 0.75 * (free.high - REST))
     for mppi in (free, tight):
-        mppi.improve(START, 0)
+        mppi.iterate(START, 0)
     assert ((tight.low <= tight.plan) & (tight.plan <= tight.high)).all()
     assert (free.plan < tight.low).any()
 
@@ -218,7 +218,7 @@ def test_samplers_of_ones_own_are_drawn_again_chunk_by_chunk(monkeypatch):
     """What is shown are the samples that were flown, in every chunk."""
     monkeypatch.setattr(layout, "CHUNK", 256)
     mppi = make(sampler=White((0.8, 0.5)), samples=700)
-    mppi.improve(START, 0)
+    mppi.iterate(START, 0)
     some = np.array([0, 1, 255, 256, 600, 699])
     v = controls(mppi, mppi.last, some)
     np.testing.assert_allclose(mppi.last.J[some], [naive_cost(u.T) for u in v], rtol=1e-4)

@@ -35,7 +35,7 @@ def test_smooth_is_the_published_iteration_over_derivatives(name):
         xi[0] = 0.0
         U, D = kim(U, D, xi, dt, 0.1)
         forgetful, _ = kim(forgetful, 0.0 * D, xi, dt, 0.1)
-        mppi.improve(START, 0)
+        mppi.iterate(START, 0)
     np.testing.assert_allclose(mppi.plan, U, atol=1e-4)
     np.testing.assert_allclose(mppi.sampler.momentum.change / dt, D, atol=1e-3)
     assert abs(mppi.plan - forgetful).max() > 1e-2
@@ -52,7 +52,7 @@ def test_nominal_of_a_plan_with_momentum_leads_where_the_momentum_does():
     mppi.sampler.momentum.change = 0.1 * np.cos(np.arange(2.0 * T)).reshape(T, 2)
     led, plain = naive_cost(mppi.plan + mppi.sampler.momentum.change), naive_cost(mppi.plan)
     assert abs(led - plain) > 1e-3
-    assert mppi.improve(START, 0).cost == pytest.approx(led, rel=1e-5)
+    assert mppi.iterate(START, 0).cost == pytest.approx(led, rel=1e-5)
 
 
 def test_last_samples_perturb_the_plan_without_its_momentum():
@@ -66,7 +66,7 @@ def test_last_samples_perturb_the_plan_without_its_momentum():
 def test_momentum_does_not_wind_up_at_the_limits():
     mppi = make(sampler="smooth_star", sigma=(5.0, 5.0))
     for _ in range(20):
-        mppi.improve(START, 0)
+        mppi.iterate(START, 0)
         reach = np.subtract(POINT.high, POINT.low)
         assert np.all(abs(mppi.sampler.momentum.change) <= reach)
 

@@ -40,7 +40,7 @@ class RaceScene:
         self._course.colour(first.gate, crashed_gates(timings))
         live, stored = first.entry.sampled_trajectories, first.entry.snapshot(first.i)
         if trajectories and live:
-            self._trajectories.show(live.paths, live.nominal)
+            self._trajectories.show(live.paths, live.plan)
         else:
             self._trajectories.show(stored[1].best if trajectories and stored else None)
 

@@ -77,7 +77,7 @@ def timed_parts(mppi: MPPI) -> Iterator[dict[str, float]]:
         patches.enter_context(patch.object(mppi, "sampler", sampler))
         for part, owner, name in (
             ("rollouts", mppi, "rollout"),
-            ("weights", algorithm, "shares"),
+            ("weights", algorithm, "softmax_weights"),
             ("weights", algorithm, "weights"),
             ("weighted mean", algorithm, "weighted_mean"),
         ):
