@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
@@ -13,11 +13,13 @@ import msgspec
 import numpy as np
 
 from controllers.plan import PlannerSnapshot
+from controllers.presets import PRESETS
 from quadsim.course import Course, parse_course
 from quadsim.race.events import Event
 from quadsim.record.archive import load_run
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.run import INTERACTIVE, Run, RunError
+from web.flight_factory import numbers_of
 
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories
@@ -64,6 +66,7 @@ class Competitor:
     snapshots: PlannerSnapshots | None = None  # of the planner, once the flight has ended
     sampled_trajectories: SampledTrajectories | None = None  # while it flies
     folder: Path | None = None
+    start_numbers: Mapping[str, float] = field(default_factory=dict)  # of web.flight_factory.RANGES
 
     @cached_property
     def progress(self) -> np.ndarray:
@@ -82,6 +85,10 @@ class Competitor:
     def changes(self) -> list[dict]:
         """Of the planner's numbers in flight."""
         return self.spec.get(INTERACTIVE, [])
+
+    def numbers(self, t: float) -> dict[str, float]:
+        """The planner's numbers at t: those of the start with the changes until then."""
+        return {**self.start_numbers, **{c["name"]: c["to"] for c in self.changes if c["t"] <= t}}
 
     @property
     def lap_starts(self) -> list[float]:
@@ -121,12 +128,19 @@ def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
 
 class _MPPI(msgspec.Struct):
     samples: int
+    temperature: float = 1.0
     target_ess: float | None = None
     ess: float | None = None  # the name of the same in older runs
 
 
+class _Sampling(msgspec.Struct):
+    sigma: list[float] | None = None
+    gamma: list[float] | None = None
+
+
 class _Planner(msgspec.Struct):
     mppi: _MPPI
+    sampling: _Sampling | str | None = None
 
 
 class _Change(msgspec.Struct):
@@ -162,4 +176,6 @@ def stored_competitor(path: Path) -> Competitor:
 def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
     legs, laps = Legs(course, run.spec["laps"]), tuple(run.laps)
     shown = run.spec["sampler"], run.spec, course, legs, run.telemetry, run.events, laps, run.outcome
-    return Competitor(*shown, live=False, snapshots=run.snapshots, folder=path)
+    planner = PRESETS.get(str(run.spec["preset"]), {}).get(run.spec["sampler"])
+    numbers = numbers_of(run.spec["planner"], getattr(planner and planner.sampling, "sigma", ()))
+    return Competitor(*shown, live=False, snapshots=run.snapshots, folder=path, start_numbers=numbers)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,45 +15,51 @@ from controllers.samplers import Colored
 from quadsim.race.build import build, planner_of
 from quadsim.race.events import Frame
 from quadsim.race.flight import fly
+from quadsim.race.own_parts import plain
 from quadsim.race.spec import Spec
 
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories
 
-RANGES = {  # of Numbers: name -> lowest, highest, step
-    "sigma": (0.1, 4.0, 0.05),
-    "gamma_rates": (0.0, 6.0, 0.05),
-    "gamma_thrust": (0.0, 6.0, 0.05),
+RANGES = {  # of the numbers that may change in flight: name -> lowest, highest, step
+    "sigma": (0.1, 4.0, 0.05),  # factor on the preset's standard deviations
+    "gamma_rates": (0.0, 6.0, 0.05),  # color exponent of the body rates
+    "gamma_thrust": (0.0, 6.0, 0.05),  # and of the thrust
     "temperature": (0.01, 10.0, 0.01),
-    "target_ess": (0.0, 400.0, 5.0),
+    "target_ess": (0.0, 400.0, 5.0),  # effective sample size that the temperature is steered to; 0: it is fixed
     "samples": (256, 8192, 256),
 }
 
 
-@dataclass(frozen=True)
-class Numbers:
-    """The planner's numbers that can be changed in flight."""
+def numbers_of(planner: Mapping[str, Any], sigma: Sequence[float] = ()) -> dict[str, float]:
+    """Those of RANGES in a planner as a run records it. sigma: the standard deviations that scale 1 stands for."""
+    mppi, sampling = planner["mppi"], planner.get("sampling")
+    sampling = sampling if isinstance(sampling, dict) else {}
+    own, gamma = sampling.get("sigma") or (1.0,), sampling.get("gamma") or (0.0,)
+    return {
+        "sigma": round(own[0] / (sigma or own)[0], 4),
+        "gamma_rates": gamma[0],
+        "gamma_thrust": gamma[-1],
+        "temperature": mppi.get("temperature", 1.0),
+        "target_ess": mppi.get("target_ess", mppi.get("ess")) or 0.0,  # older runs say "ess"
+        "samples": mppi["samples"],
+    }
 
-    sigma: float = 1.0  # factor on the preset's standard deviations
-    gamma_rates: float = 2.0  # color exponent of the body rates
-    gamma_thrust: float = 2.0  # and of the thrust
-    temperature: float = 1.0
-    target_ess: float = 50.0  # effective sample size that the temperature is steered to; 0: the temperature is fixed
-    samples: int = 4096
 
-    def clamped(self) -> Numbers:
-        """Each number moved into its range."""
-        return Numbers(**{k: type(v)(min(max(v, RANGES[k][0]), RANGES[k][1])) for k, v in asdict(self).items()})
-
-    def of(self, base: Planner) -> Planner:
-        """The preset with these numbers, moved into their ranges."""
-        n = self.clamped()
-        sampling = replace(base.sampling, sigma=tuple(n.sigma * s for s in base.sampling.sigma))  # pyright: ignore
-        if isinstance(sampling, Colored):
-            sampling = replace(sampling, gamma=per_channel(n.gamma_rates, n.gamma_thrust))
-        target_ess = min(n.target_ess, n.samples / 2) if n.target_ess >= 1 else None
-        mppi = replace(base.mppi, temperature=n.temperature, target_ess=target_ess, samples=n.samples)
-        return replace(base, sampling=sampling, mppi=mppi)
+def with_number(planner: Planner, preset: Planner, name: str, value: float) -> Planner:
+    """The planner with this number of RANGES; gamma is of colored sampling alone and leaves others as they are."""
+    sampling: Any = planner.sampling
+    if name == "sigma":
+        return replace(planner, sampling=replace(sampling, sigma=tuple(value * s for s in preset.sampling.sigma)))  # pyright: ignore
+    if name.startswith("gamma"):
+        if not isinstance(sampling, Colored):
+            return planner
+        rates, thrust = (value, sampling.gamma[3]) if name == "gamma_rates" else (sampling.gamma[0], value)
+        return replace(planner, sampling=replace(sampling, gamma=per_channel(rates, thrust)))
+    changed: dict[str, Any] = {name: value if name != "target_ess" or value >= 1 else None}
+    mppi = replace(planner.mppi, **changed)
+    target = min(mppi.target_ess, mppi.samples / 2) if mppi.target_ess else None
+    return replace(planner, mppi=replace(mppi, target_ess=target))
 
 
 @dataclass(frozen=True)
@@ -64,15 +70,13 @@ class Choices:
     sampler: str = "colored"
     seed: int = 0
     laps: int = 0  # 0: the course's
-    numbers: Numbers | None = None  # None: the preset's
+    numbers: Mapping[str, float] = field(default_factory=dict)  # of RANGES, where they are not the preset's
 
 
 class FlightFactory:
-    def numbers(self, preset: str, sampler: str) -> Numbers:
-        """The preset's own."""
-        p = presets.preset(preset, sampler)
-        gamma = p.sampling.gamma if isinstance(p.sampling, Colored) else (0.0,) * 4
-        return Numbers(1.0, gamma[0], gamma[3], p.mppi.temperature, p.mppi.target_ess or 0.0, p.mppi.samples)
+    def numbers(self, preset: str, sampler: str) -> dict[str, float]:
+        """The preset's own of RANGES."""
+        return numbers_of(plain(presets.preset(preset, sampler)))
 
     def flight(self, choices: Choices) -> Flight:
         """Raises ValueError with one line for choices that cannot be flown."""
@@ -85,9 +89,11 @@ class Flight:
     def __init__(self, c: Choices):
         settings = {"sampler": c.sampler, "preset": c.preset, "vehicle": c.vehicle, "seed": c.seed}
         spec = Spec.of(c.course, **settings, laps=c.laps or None)
-        self._base = spec.planner  # the preset that the page's factors multiply
-        self._spec = replace(spec, planner=c.numbers.of(self._base)) if c.numbers else spec
-        self.spec, self.course, self.period = self._spec.record(), spec.course, self._base.mppi.dt
+        self._preset = spec.planner  # whose standard deviations the page's factor multiplies
+        self._spec = spec
+        for name, value in c.numbers.items():
+            self._spec = self._with(name, value)
+        self.spec, self.course, self.period = self._spec.record(), spec.course, self._preset.mppi.dt
         self._plant, planner, referee = build(self._spec)
         self._mppi: Any = planner  # MPPI, whose module loads the compiler
         self.rest = self._mppi.rest
@@ -97,10 +103,28 @@ class Flight:
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
         return self._mppi.control(x, target, elapsed)
 
-    def tune(self, numbers: Numbers) -> None:
-        """Use these numbers from the next plan on: another planner takes over the plan."""
-        before = self._spec.planner.mppi.temperature
-        self._spec = replace(self._spec, planner=numbers.of(self._base))
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Those of RANGES that it flies with."""
+        return numbers_of(plain(self._spec.planner), self._preset.sampling.sigma)  # pyright: ignore
+
+    def tune(self, name: str, value: float | None) -> list[dict]:
+        """Use this number of RANGES from the next plan on, None: the preset's. Another planner takes over the plan.
+
+        Returns what changed, [{name, from, to}]: nothing where its sampler has no such number.
+        """
+        old, before = self.numbers, self._spec.planner.mppi.temperature
+        self._spec = self._with(name, numbers_of(plain(self._preset))[name] if value is None else value)
+        changes = [{"name": k, "from": old[k], "to": v} for k, v in self.numbers.items() if v != old[k]]
+        if changes:
+            self._replan(before)
+        return changes
+
+    def _with(self, name: str, value: float) -> Spec:
+        return replace(self._spec, planner=with_number(self._spec.planner, self._preset, name, value))
+
+    def _replan(self, before: float) -> None:
+        """By a new planner; before: the temperature that the spec said until now."""
         mppi = planner_of(self._spec, self._spec.streams[0])
         mppi.continue_from(self._mppi)
         if mppi.config.temperature == before:  # then the one reached by steering to the target ESS stays

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from quadsim.record.metrics import motor_residual, motor_tau
+from quadsim.record.metrics import total_variation
 from web.competitor import CRASHES, Competitor
 from web.race import Snapshot
 
-RECENT = 400  # frames that the chatter in the timing tower is computed over
 Flown = tuple[np.ndarray, np.ndarray]  # times [s] and progress [m] of a flight or a lap, each  (frames,)
 
 
@@ -24,10 +23,15 @@ class LapTiming:
     gate: int  # next, 1-based; 0: the race is over
     gap: float  # behind the leader at the same place [s]; 0 for the leader
     best: float | None  # lap [s]
-    chatter: float  # motor_residual of the commanded thrust, lately [m/s^2]
+    chatter: float  # total variation of the commanded thrust so far [m/s^2/s]
     hits: int
-    progress: float  # share of the race
+    place: float  # how far along the race it is [m]
     over: bool
+
+    @property
+    def progress(self) -> float:
+        """Share of its race."""
+        return self.place / self.entry.legs.length
 
     @property
     def t(self) -> float:
@@ -50,8 +54,8 @@ def lap_timings(s: Snapshot, by_place: bool) -> list[LapTiming]:
 
 
 def order(timings: Sequence[LapTiming]) -> list[LapTiming]:
-    """The leader first."""
-    return sorted(timings, key=lambda s: (-s.progress, s.t))
+    """The leader first: who is farthest along the course, whatever the number of laps each has to fly."""
+    return sorted(timings, key=lambda s: (-s.place, s.t))
 
 
 def crashed_gates(timings: Sequence[LapTiming]) -> set[int]:
@@ -65,7 +69,6 @@ def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
     done = [lap for lap, end in zip(entry.laps, entry.lap_starts[1:], strict=True) if end <= t + 1e-9]
     passed = kinds.count("pass")
     finished = passed == gates * laps
-    rows, tau = slice(max(i - RECENT, 0), i + 1), motor_tau(entry.spec["vehicle"])
     there = time_at(entry.progress[i : i + 1], leader.t, leader.progress)[0]
     return LapTiming(
         entry=entry,
@@ -75,9 +78,9 @@ def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
         gate=0 if finished else passed % gates + 1,
         gap=0.0 if entry is leader else float(t - there),
         best=min(done, default=None),
-        chatter=motor_residual(entry.t[rows], entry.x["a_cmd"][rows], tau) if i >= 2 else 0.0,
+        chatter=total_variation(entry.t[: i + 1], entry.x["a_cmd"][: i + 1]),
         hits=sum(kinds.count(kind) for kind in CRASHES),
-        progress=float(entry.progress[i]) / entry.legs.length,
+        place=float(entry.progress[i]),
         over=entry.outcome is not None and i == len(entry.t) - 1,
     )
 

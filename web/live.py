@@ -11,7 +11,7 @@ from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.record.archive import RunFolder
 from quadsim.record.run import COLUMNS, INTERACTIVE, Recorder
 from web.competitor import CRASHES, Competitor, Legs
-from web.flight_factory import Flight, Numbers
+from web.flight_factory import Flight
 
 
 class LiveCompetitor:
@@ -20,7 +20,8 @@ class LiveCompetitor:
     def __init__(self, flight: Flight, root: str, name: str):
         self.flight, self._recorder = flight, Recorder()
         legs, x = Legs(flight.course, flight.spec["laps"]), self._recorder.views(COLUMNS)
-        self.now = Competitor(name, flight.spec, flight.course, legs, x, (), (), outcome=None, live=True)
+        shown = name, flight.spec, flight.course, legs, x, (), (), None
+        self.now = Competitor(*shown, live=True, start_numbers=flight.numbers)
         self._folder = RunFolder.open(root, flight.spec)
 
     @property
@@ -41,11 +42,11 @@ class LiveCompetitor:
         """Take the sampled trajectories of the last plan, for display."""
         self.now = replace(self.now, sampled_trajectories=self.flight.sampled_trajectories())
 
-    def tune(self, numbers: Numbers, changes: list[dict]) -> None:
-        """Use these numbers from the next plan on; the changes, {name, from, to}, are noted in the spec."""
-        self.flight.tune(numbers)
-        noted = [{"t": max(self.t, 0.0), **change} for change in changes]
-        self.now = replace(self.now, spec={**self.now.spec, INTERACTIVE: [*self.now.changes, *noted]})
+    def tune(self, name: str, value: float | None) -> None:
+        """Use this number from the next plan on, None: the preset's; the spec notes {t, name, from, to}."""
+        noted = [{"t": max(self.t, 0.0), **change} for change in self.flight.tune(name, value)]
+        if noted:
+            self.now = replace(self.now, spec={**self.now.spec, INTERACTIVE: [*self.now.changes, *noted]})
 
     def end(self) -> None:
         """Free the plant and store the run, unless it was interrupted before its first gate."""

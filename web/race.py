@@ -6,12 +6,12 @@ Flights are flown in turns on one thread: two threads in numba's parallel loops 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
 from web.competitor import Competitor, named, stored_competitor
-from web.flight_factory import Choices, FlightFactory, Numbers
+from web.flight_factory import Choices, FlightFactory
 from web.live import LiveCompetitor, Notice, Notices
 from web.pace import Pace
 
@@ -41,7 +41,6 @@ class Race:
         self._live: list[LiveCompetitor] = []
         self._stored: tuple[Competitor, ...] = ()
         self._choices: list[Choices] = []
-        self._numbers = Numbers()
         self._t, self._count, self._trajectories_at = 0.0, 0, 0.0
         self._playing = False
         self._pace = Pace()
@@ -58,7 +57,6 @@ class Race:
         self._live, self._stored, self._choices = [], stored, list(choices)
         for c, flight in zip(choices, flights, strict=True):
             self._live.append(LiveCompetitor(flight, self._root, c.sampler))
-            self._numbers = c.numbers or self._flight_factory.numbers(c.preset, c.sampler)
         if not all(flight.is_cached for flight in flights):
             self.notices.add("wait", "Compiling the planner for this machine", "once; it takes some 20 s")
         self._begin()
@@ -119,13 +117,10 @@ class Race:
         self._pace.speed = factor
         self._pace.anchor(self._t)
 
-    def tune(self, numbers: Numbers) -> None:
-        """Every live flight uses these from its next plan on; each change is noted in its spec."""
-        before = asdict(self._numbers)
-        changes = [{"name": k, "from": before[k], "to": v} for k, v in asdict(numbers).items() if v != before[k]]
-        self._numbers = numbers
-        for entry in self._flying if changes else ():
-            entry.tune(numbers, changes)
+    def tune(self, name: str, value: float | None) -> None:
+        """Every live flight uses this number from its next plan on, None: its preset's; its spec notes the change."""
+        for entry in self._flying:
+            entry.tune(name, value)
 
     def end_flights(self) -> None:
         """They stay in view."""

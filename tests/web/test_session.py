@@ -50,19 +50,19 @@ def test_two_samplers_fly_turn_by_turn(session):
 def test_a_change_in_flight_is_on_the_record_and_marks_the_run(session, flight_factory, tmp_path):
     session.tell(Race.start, [choices(laps=2)])
     assert until(lambda: session.snapshot.competitors and len(session.snapshot.competitors[0].t) > 5)
-    session.tell(Race.tune, replace(flight_factory.numbers("race", "colored"), gamma_rates=1.0))
+    session.tell(Race.tune, "gamma_rates", 1.0)
     fast(session)
     assert over(session)
     (change,) = load_run(list_runs(tmp_path)[0]).spec["interactive"]
     assert (change["name"], change["from"], change["to"]) == ("gamma_rates", 2.0, 1.0)
     assert 0.0 < change["t"] < session.snapshot.end
-    assert flight_factory.built[0].tuned[0].gamma_rates == 1.0
+    assert flight_factory.built[0].numbers["gamma_rates"] == 1.0
 
 
 def test_an_untouched_flight_is_not_marked(session, flight_factory, tmp_path):
     fast(session)
     session.tell(Race.start, [choices()])
-    session.tell(Race.tune, flight_factory.numbers("race", "colored"))  # unchanged numbers
+    session.tell(Race.tune, "samples", flight_factory.numbers("race", "colored")["samples"])  # unchanged
     assert over(session)
     assert "interactive" not in load_run(list_runs(tmp_path)[0]).spec
 
@@ -125,9 +125,9 @@ def test_a_replay_ignores_the_sliders(session, flight_factory, tmp_path):
     session.tell(Race.start, [choices()])
     assert over(session)
     session.tell(Race.start, [], list_runs(tmp_path))
-    session.tell(Race.tune, replace(flight_factory.numbers("race", "colored"), samples=512))
+    session.tell(Race.tune, "samples", 512)
     assert until(lambda: session.snapshot.race == 2)
-    assert flight_factory.built[0].tuned == []
+    assert flight_factory.built[0].numbers["samples"] != 512
 
 
 def test_choices_that_cannot_be_flown_are_a_notice_and_the_race_goes_on(session):

@@ -9,10 +9,12 @@ import numpy as np
 from controllers.plan import PlannerSnapshot
 from quadsim.course import load_course
 from quadsim.race.events import Event, Frame
-from web.flight_factory import Choices, Numbers
+from web.flight_factory import Choices, numbers_of
 
 PERIOD = 0.01  # [s]
 COURSE = "figure8"
+MPPI = {"samples": 1024, "target_ess": 10.0}
+PRESET = numbers_of({"mppi": MPPI, "sampling": {"sigma": [1.0], "gamma": [2.0]}})
 SPEED = {"colored": 40.0, "gaussian": 36.0}  # [m/s], so that tests are short
 
 
@@ -30,16 +32,17 @@ class Glider:
             "seed": choices.seed,
             "laps": self.laps,
             "vehicle": {"name": choices.vehicle, "rotors": {"tau": 0.033}, "thrust_max": 40.0},
-            "planner": {"mppi": {"samples": 64, "target_ess": 10.0}},
+            "planner": {"mppi": MPPI},
             "host": {},
         }
-        self.tuned: list[Numbers] = []
+        self.numbers = {**PRESET, **choices.numbers}
         self.closed, self.is_cached = False, True
         self._speed, self._outcome = SPEED[choices.sampler], outcome
         self.frames = self._fly()
 
-    def tune(self, numbers: Numbers) -> None:
-        self.tuned.append(numbers)
+    def tune(self, name, value):
+        before, self.numbers = self.numbers, {**self.numbers, name: PRESET[name] if value is None else value}
+        return [{"name": name, "from": before[name], "to": self.numbers[name]}] if self.numbers != before else []
 
     def sampled_trajectories(self):
         return None
@@ -83,8 +86,8 @@ class Gliders:
     def __init__(self):
         self.built: list[Glider] = []
 
-    def numbers(self, preset: str, sampler: str) -> Numbers:
-        return Numbers(samples=1024)
+    def numbers(self, preset, sampler):
+        return dict(PRESET)
 
     def flight(self, choices: Choices) -> Glider:
         if choices.laps > 50:

@@ -15,9 +15,10 @@ from web.page.camera import Camera
 from web.page.charts import TABS, Charts, Tabs, remove_charts
 from web.page.export import add_export
 from web.page.laps import chatter, laps
-from web.page.panels import PlaybackPanel, SamplerPanel, ViewPanel
+from web.page.panels import PlaybackPanel, ViewPanel
 from web.page.race_panel import Menu, RacePanel
 from web.page.race_scene import RaceScene
+from web.page.sampler_panel import SamplerPanel
 from web.page.timing import Map, events, hud, planner, tower
 from web.race import Snapshot
 from web.session import Session
@@ -128,7 +129,7 @@ class Dashboard:
             self._tables["Planner"].content = planner(timings[0])
             view.charts.update_signals(timings)
         self._playback.update(s)
-        self.sampler.enable(s)
+        self.sampler.update(s)
 
     def _notify(self, s: Snapshot) -> None:
         for notice in (n for n in s.notices if n.number > self._notice):

@@ -11,7 +11,7 @@ import numpy as np
 
 from quadsim.palette import BEST, FASTER, HIT, style
 from quadsim.race.events import sector_times
-from quadsim.record.metrics import high_frequency_fraction, motor_corner, motor_residual, motor_tau, total_variation
+from quadsim.record.metrics import high_frequency_fraction, motor_corner, motor_tau, total_variation
 from quadsim.record.run import not_comparable
 from quadsim.record.statistics import mean_interval
 from web.competitor import Competitor
@@ -100,16 +100,16 @@ def _best(rows: Sequence[Sequence[float]], gates: int) -> list[float]:
 
 
 def chatter(entries: Sequence[Competitor]) -> str:
-    """Figures of the whole run so far, for the spectrum's tab."""
+    """Figures of the whole run so far, for the spectrum's tab; the same as `race show` prints."""
     rows = []
     for e in entries:
         if len(e.t) > 16:
-            t, u, a, tau = e.t, e.x["a_cmd"], e.x["a"], motor_tau(e.spec["vehicle"])
-            share = 100 * high_frequency_fraction(t, u, motor_corner(tau))
-            figures = (total_variation(t, u), total_variation(t, a), share, motor_residual(t, u, tau))
-            rows.append([label(e), *(f"{v:.1f}" for v in figures)])
+            t, u, a, corner = e.t, e.x["a_cmd"], e.x["a"], motor_corner(motor_tau(e.spec["vehicle"]))
+            share = 100 * high_frequency_fraction(t, u, corner)
+            rows.append([label(e), *(f"{v:.1f}" for v in (total_variation(t, u), total_variation(t, a), share))])
     note = (
-        "total variation of the thrust, commanded and delivered [m/s²/s]; share of the commanded thrust's power above "
-        "the motors' corner frequency [%]; residual: what is too fast for the motors, RMS [m/s²]"
+        "thrust chatter: total variation of the thrust, commanded and delivered [m/s²/s]; share of the commanded "
+        "thrust's power above the motors' corner frequency [%]"
     )
-    return box(table(["run", "TV", "delivered", "> corner", "residual"], rows), small(note)) if rows else box("")
+    head = ["run", "total variation", "delivered", "above corner [%]"]
+    return box(table(head, rows), small(note)) if rows else box("")

@@ -1,70 +1,23 @@
-"""The controls of a race that is on: the planner's numbers, the playback, how it is shown, the keys."""
+"""The controls of a race that is on: the playback, how it is shown, the keys."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
 from math import inf
 from time import perf_counter
 from typing import Any
 
 import viser
 
-from web.flight_factory import RANGES, FlightFactory, Numbers
 from web.page.camera import FREE, MODES, Camera
 from web.page.html import box, small, table
-from web.page.race_panel import RacePanel
 from web.race import Race, Snapshot
 from web.session import Session
 
 HOLD = 0.4  # [s] after the time slider was moved by hand, before it follows the race again
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
-LABELS = {"sigma": "Sigma scale", "target_ess": "Target ESS"}  # where it is not the name itself
 TIME, PLACE = "by time", "by place"
 AUTO, SPEED, SAMPLER = "auto", "speed", "sampler"
-
-
-class SamplerPanel:
-    """The planner's numbers, live: they act at the next plan."""
-
-    def __init__(self, gui: viser.GuiApi, session: Session, flight_factory: FlightFactory, race: RacePanel):
-        self._session, self._flight_factory, self._race = session, flight_factory, race
-        self.sliders: dict[str, viser.GuiSliderHandle] = {}
-        self._preset = self._preset_numbers()
-        with gui.add_folder("Sampler (live)"):
-            for name, value in asdict(self._preset).items():
-                low, high, step = (type(value)(v) for v in RANGES[name])
-                label = LABELS.get(name, name.replace("_", " ").capitalize())
-                self.sliders[name] = gui.add_slider(label, low, high, step, value)
-                self.sliders[name].on_update(self._moved)
-        race.numbers = self._chosen
-        for control in (race.preset, race.sampler):
-            control.on_update(self._reset)
-
-    def enable(self, s: Snapshot) -> None:
-        """Only live flights can be tuned."""
-        for slider in self.sliders.values():
-            slider.disabled = bool(s.competitors) and not any(e.live for e in s.competitors)
-
-    def _reset(self, _: object) -> None:
-        """The numbers of the preset and sampler chosen."""
-        self._preset = self._preset_numbers()
-        for name, value in asdict(self._preset).items():
-            self.sliders[name].value = value
-
-    def _preset_numbers(self) -> Numbers:
-        return self._flight_factory.numbers(self._race.preset.value, self._race.sampler.value).clamped()
-
-    def _now(self) -> Numbers:
-        return Numbers(**{name: type(v)(self.sliders[name].value) for name, v in asdict(self._preset).items()})
-
-    def _chosen(self) -> Numbers | None:
-        """None where no slider was moved: then the preset counts, also where it is outside their ranges."""
-        return None if self._now() == self._preset else self._now()
-
-    def _moved(self, event: viser.GuiEvent) -> None:
-        if event.client_id is not None:  # moved by a client, not by _reset()
-            self._session.tell(Race.tune, self._now())
 
 
 class PlaybackPanel:

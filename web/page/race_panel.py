@@ -8,7 +8,7 @@ from pathlib import Path
 
 import viser
 
-from web.flight_factory import Choices, Numbers
+from web.flight_factory import Choices
 from web.race import Race
 from web.session import Session
 
@@ -29,9 +29,9 @@ class Menu:
 
 class RacePanel:
     def __init__(self, gui: viser.GuiApi, session: Session, menu: Menu, first: Choices):
-        """`numbers` is to be replaced by what asks the sliders; None: the preset's."""
+        """`numbers` is to be replaced by what asks the sliders."""
         self._session, self._menu = session, menu
-        self.numbers: Callable[[], Numbers | None] = lambda: None
+        self.numbers: Callable[[], dict[str, float]] = dict  # that are not the preset's
         with gui.add_folder("Race"):
             self.mode = gui.add_dropdown("Mode", MODES, initial_value=LIVE)
             self.course = gui.add_dropdown("Course", menu.courses, initial_value=first.course)
@@ -93,7 +93,7 @@ class RacePanel:
             sampler=sampler,
             seed=int(self.seed.value),
             laps=int(self.laps.value),
-            numbers=self.numbers() if sampler == self.sampler.value else None,
+            numbers=self.numbers(),
         )
 
     def _choose_vehicle(self) -> None:

@@ -52,7 +52,7 @@ def tower(timings: list[LapTiming]) -> str:
     rows: list[list[str] | str] = []
     for place, s in enumerate(order(timings), 1):
         rows += [_row(place, s), bar(s.progress, style(s.entry.sampler).colour)]
-    note = "gap [s]: behind at the same place; chatter: commanded thrust too fast for the motors, RMS [m/s²]"
+    note = "gap [s]: behind at the same place; chatter: total variation of the commanded thrust [m/s²/s]"
     return box(table(head, rows, left=2), small(note))
 
 
@@ -61,7 +61,7 @@ def _row(place: int, s: LapTiming) -> list[str]:
     best = f"{s.best:.3f}" if s.best else "-"
     hits = coloured(str(s.hits), HIT) if s.hits else "0"
     lap = f"{s.lap}/{s.entry.spec['laps']}"
-    return [str(place), label(s.entry), lap, f"{s.lap_time:.2f}", gap, best, f"{s.chatter:.2f}", hits]
+    return [str(place), label(s.entry), lap, f"{s.lap_time:.2f}", gap, best, f"{s.chatter:.1f}", hits]
 
 
 def events(entries: tuple[Competitor, ...], t: float) -> str:

@@ -1,0 +1,46 @@
+"""A page in a real browser: its controls by their labels, as a person finds them."""
+
+import re
+
+SLOW = 60_000  # [ms] a first frame drawn in software
+
+
+def field(page, label):
+    """The inputs of a control."""
+    label = page.locator("label").filter(has_text=re.compile(f"^{re.escape(label)}$"))
+    return label.locator("xpath=ancestor::div[contains(@class,'Flex-root')][1]").locator("input:not([type=hidden])")
+
+
+def choose(page, label, option):
+    field(page, label).click()
+    page.get_by_role("option", name=option, exact=True).click()
+
+
+def fill(page, label, value):
+    field(page, label).last.fill(str(value))
+    field(page, label).last.press("Enter")
+
+
+def press(page, name):
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def seen(page, words):
+    """Wait until they can be read."""
+    page.locator(":is(td, span, p, b):visible", has_text=words).first.wait_for()
+
+
+def waited(page, claim, seconds=90):
+    """Whether it comes true while the browser lives on."""
+    for _ in range(int(seconds / 0.1)):
+        if claim():
+            return True
+        page.wait_for_timeout(100)
+    return False
+
+
+def drone(page, k=0):
+    """Where the page draws a drone [m]."""
+    script = """name => { const n = window.__viserMutable?.nodeRefFromName[name];
+                return n ? [n.position.x, n.position.y, n.position.z] : null }"""
+    return page.evaluate(script, f"/competitor/{k}")
