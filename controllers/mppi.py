@@ -8,8 +8,8 @@
         U     <- U + alpha sum_m w^m (v^m - U)
 
 J is the mean over the horizon of the stage cost q, as in the authors' public library, so lambda here is the textbook's
-lambda / T. There is no terminal cost, and no control-cost term lambda u^T Sigma^-1 z: that term is part of the
-importance weights of Gaussian perturbations, and samplers of other distributions are to be compared under the same cost.
+lambda / T. There is no terminal cost, and no control-cost term lambda u^T Sigma^-1 z: that term stems from
+importance sampling with a Gaussian, and samplers of other distributions are to be compared under the same cost.
 
 Extensions, most of them optional in MPPIConfig: the last samples perturb another sequence (rest_fraction), the control
 limits are tightened, the temperature is adapted to an effective sample size (ESS), the plan is filtered, the model is
