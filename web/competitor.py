@@ -15,6 +15,7 @@ import numpy as np
 from controllers.plan import PlannerSnapshot
 from controllers.presets import PRESETS
 from quadsim.course import Course, parse_course
+from quadsim.palette import Style, dotted, style
 from quadsim.race.events import Event
 from quadsim.record.archive import load_run
 from quadsim.record.planner_snapshot import PlannerSnapshots
@@ -67,6 +68,7 @@ class Competitor:
     sampled_trajectories: SampledTrajectories | None = None  # while it flies
     folder: Path | None = None
     start_numbers: Mapping[str, float] = field(default_factory=dict)  # of web.flight_factory.RANGES
+    again: bool = False  # another competitor before it has the same sampler
 
     @cached_property
     def progress(self) -> np.ndarray:
@@ -78,8 +80,18 @@ class Competitor:
         return self.spec["sampler"]
 
     @property
+    def style(self) -> Style:
+        """Its sampler's; dotted where another competitor has that already."""
+        return dotted(style(self.sampler)) if self.again else style(self.sampler)
+
+    @property
     def t(self) -> np.ndarray:
         return self.x["t"]
+
+    @property
+    def state(self) -> tuple[int, str | None, int]:
+        """Differs where anything of it that is shown differs."""
+        return len(self.t), self.outcome, len(self.changes)
 
     @property
     def changes(self) -> list[dict]:
@@ -107,6 +119,16 @@ class Competitor:
         """Index of the frame at t."""
         return int(np.clip(np.searchsorted(self.t, t + 1e-9) - 1, 0, len(self.t) - 1))
 
+    def until(self, t: float) -> Competitor:
+        """As it was at t: later frames, events, laps and the outcome left out."""
+        if not len(self.t) or t >= self.t[-1] - 1e-9:
+            return self
+        rows, ends = slice(self.at(t) + 1), self.lap_starts[1:]
+        x = {name: column[rows] for name, column in self.x.items()}
+        events = tuple(e for e in self.events if e.t <= t + 1e-9)
+        laps = tuple(lap for lap, end in zip(self.laps, ends, strict=True) if end <= t + 1e-9)
+        return replace(self, x=x, events=events, laps=laps, outcome=None)
+
     def at_place(self, progress: float) -> int:
         """Index of the first frame that is this far along [m]."""
         return int(np.clip(np.searchsorted(self.progress, progress), 0, len(self.t) - 1))
@@ -123,7 +145,8 @@ def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
     seeds = [f"{e.sampler} s{e.spec['seed']}" for e in entries]
     numbers = [f"{e.sampler} #{i}" for i, e in enumerate(entries, 1)]
     names = next(names for names in (samplers, seeds, numbers) if len(set(names)) == len(entries))
-    return tuple(replace(e, name=name) for e, name in zip(entries, names, strict=True))
+    again = [e.sampler in samplers[:i] for i, e in enumerate(entries)]
+    return tuple(replace(e, name=n, again=a) for e, n, a in zip(entries, names, again, strict=True))
 
 
 class _MPPI(msgspec.Struct):

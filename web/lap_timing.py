@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from quadsim.race.events import Event, sector_times
 from quadsim.record.metrics import total_variation
 from web.competitor import CRASHES, Competitor
 from web.race import Snapshot
 
+MISSES = ("miss", "wrong_way")  # kinds of events
 Flown = tuple[np.ndarray, np.ndarray]  # times [s] and progress [m] of a flight or a lap, each  (frames,)
 
 
@@ -22,11 +24,14 @@ class LapTiming:
     lap_time: float  # so far in this lap [s]
     gate: int  # next, 1-based; 0: the race is over
     gap: float  # behind the leader at the same place [s]; 0 for the leader
+    last: float | None  # lap [s]
     best: float | None  # lap [s]
     chatter: float  # total variation of the commanded thrust so far [m/s^2/s]
     hits: int
+    misses: int
+    sectors: list[list[float]]  # seconds from gate to gate, a row a lap
     place: float  # how far along the race it is [m]
-    over: bool
+    over: bool  # its last frame
 
     @property
     def progress(self) -> float:
@@ -37,6 +42,17 @@ class LapTiming:
     def t(self) -> float:
         """Of its frame [s]."""
         return float(self.entry.t[self.i])
+
+    @property
+    def next_gate(self) -> int:
+        """0: none is, as the flight is over."""
+        return 0 if self.over else self.gate
+
+    @property
+    def crash(self) -> Event | None:
+        """What ended it, if that was a crash."""
+        found = [e for e in self.entry.events if e.kind in CRASHES]
+        return found[-1] if found and self.over and self.entry.outcome == "crashed" else None
 
 
 def lap_timings(s: Snapshot, by_place: bool) -> list[LapTiming]:
@@ -65,7 +81,8 @@ def crashed_gates(timings: Sequence[LapTiming]) -> set[int]:
 
 def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
     t, gates, laps = float(entry.t[i]), entry.legs.gates, entry.spec["laps"]
-    kinds = [e.kind for e in entry.events if e.t <= t + 1e-9]
+    events = [e for e in entry.events if e.t <= t + 1e-9]
+    kinds = [e.kind for e in events]
     done = [lap for lap, end in zip(entry.laps, entry.lap_starts[1:], strict=True) if end <= t + 1e-9]
     passed = kinds.count("pass")
     finished = passed == gates * laps
@@ -77,9 +94,12 @@ def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
         lap_time=done[-1] if finished and done else t - sum(done),
         gate=0 if finished else passed % gates + 1,
         gap=0.0 if entry is leader else float(t - there),
+        last=done[-1] if done else None,
         best=min(done, default=None),
         chatter=total_variation(entry.t[: i + 1], entry.x["a_cmd"][: i + 1]),
         hits=sum(kinds.count(kind) for kind in CRASHES),
+        misses=sum(kinds.count(kind) for kind in MISSES),
+        sectors=sector_times(events),
         place=float(entry.progress[i]),
         over=entry.outcome is not None and i == len(entry.t) - 1,
     )

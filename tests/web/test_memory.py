@@ -84,3 +84,27 @@ def test_the_server_keeps_no_more_after_many_races_than_after_two(page, session,
         assert (sizes[-1] <= sizes[1] + 10) == frees, sizes
 
     asyncio.run(client_does())
+
+
+def test_a_race_that_has_ended_or_stands_still_sends_nothing(page, session):
+    """While it flies, pages are sent the drone and the tables."""
+    _, server = page
+
+    async def client_does():
+        async with onlooker(server) as seen:
+            await race(page, session, GHOST)
+            session.tell(Race.play, False)
+            await asyncio.sleep(1.5)  # what was on its way
+            standing = len(seen)
+            await asyncio.sleep(1.5)
+            assert [m["type"] for m in seen[standing:]] == []
+            session.tell(Race.play, True)
+            session.tell(Race.set_speed, 1e6)
+            assert await asyncio.to_thread(until, lambda: not session.snapshot.flying)
+            await asyncio.sleep(1.5)
+            ended = len(seen)
+            assert ended > standing
+            await asyncio.sleep(1.5)
+            assert [m["type"] for m in seen[ended:]] == []
+
+    asyncio.run(client_does())

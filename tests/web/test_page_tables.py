@@ -12,8 +12,10 @@ from quadsim.palette import BEST, FASTER, STYLES
 from quadsim.record.run import Run
 from web.competitor import Competitor, Legs, named, run_competitor
 from web.lap_timing import gap, lap_timings, order, time_at
+from web.page.course_map import Map, timeline
+from web.page.html import RED, label
 from web.page.laps import chatter, laps, splits
-from web.page.timing import Map, events, hud, planner, tower
+from web.page.timing import events, hud, planner, tower
 from web.race import Snapshot
 
 
@@ -76,6 +78,66 @@ def test_names_of_runs_differ():
     assert [x.name for x in named([competitor(), competitor("gaussian")])] == ["colored", "gaussian"]
     assert [x.name for x in named([competitor(), competitor(seed=1)])] == ["colored s0", "colored s1"]
     assert [x.name for x in named([competitor(), competitor()])] == ["colored #1", "colored #2"]
+
+
+def test_two_runs_of_one_sampler_differ_in_line_and_others_keep_theirs(competitors):
+    one, two = named([competitor(), competitor(seed=1)])
+    assert one.style == STYLES["colored"] != two.style
+    assert two.style.colour == one.style.colour
+    assert label(one) != label(two).replace("s1", "s0")
+    assert [x.style for x in competitors] == [STYLES["colored"], STYLES["gaussian"]]
+
+
+def ended(entry, outcome, *events):
+    """The same flight with another end."""
+    at_end = [replace(e, t=float(entry.t[-1])) for e in events]
+    return replace(entry, outcome=outcome, events=(*entry.events, *at_end))
+
+
+def test_how_a_flight_ended_is_said_in_words(competitors):
+    one, last = competitors[0], competitors[0].events[-1]
+    hit, ground = replace(last, kind="hit", gate=4, lap=2), replace(last, kind="ground", gate=0, lap=3)
+    said = {
+        f"FINISHED {sum(one.laps):.3f} s": one,
+        "CRASHED at gate 4, lap 2": ended(one, "crashed", hit),
+        "CRASHED on the ground, lap 3": ended(one, "crashed", hit, ground),
+        "DNF timeout, lap 3": ended(one, "timeout"),
+    }
+    for words, entry in said.items():
+        s = Snapshot(t=99.0, end=99.0, competitors=(entry,))
+        assert words in hud(s, at([entry], 99.0))
+        assert words not in hud(s, at([entry], 0.5))
+
+
+def test_the_tower_says_who_did_not_finish_and_counts_misses(competitors):
+    last = competitors[1].events[-1]
+    missed = ended(competitors[1], "timeout", replace(last, kind="miss"), replace(last, kind="wrong_way"))
+    rows = tower(at([competitors[0], missed], 99.0))
+    assert rows.count("DNF") == 1
+    assert at([missed], 99.0)[0].misses == 2
+    assert "DNF" not in tower(at(competitors, 99.0))
+
+
+def test_the_last_lap_and_its_sectors_are_coloured_by_who_was_faster(competitors):
+    """The second one's first lap, from the start, is its slowest; none of its sectors is the best of all."""
+    me, other = at(competitors, float(competitors[1].t[-1]))
+    assert other.last == competitors[1].laps[-1]
+    assert other.best == min(competitors[1].laps)
+    page = tower([me, other])
+    assert BEST in page
+    assert FASTER in page
+    alone = tower([other])
+    assert f"color:{FASTER}" not in alone.partition("gap [s]")[0]
+
+
+def test_the_time_line_ticks_every_event_and_marks_hits(competitors):
+    one = competitors[0]
+    hit = ended(one, "crashed", replace(one.events[-1], kind="hit"))
+    ticks = [timeline([e], 1.0, 9.0).count("<line") for e in (one, hit)]
+    assert ticks == [len(one.events) + 1, len(one.events) + 2]  # one more is now
+    assert RED in timeline([hit], 1.0, 9.0)
+    assert RED not in timeline([one], 1.0, 9.0)
+    assert [f"lap {n}<" in timeline([one], 1.0, 9.0) for n in (1, 2, 3, 4)] == [True, True, True, False]
 
 
 def test_names_from_files_cannot_run_scripts(competitors):

@@ -2,12 +2,17 @@
 
 import numpy as np
 import pytest
+from web_cases import Glider, choices
 
 from quadsim.course import course_names, load_course
+from quadsim.palette import NEXT, STYLES, Style
+from quadsim.record.run import Run
+from web.competitor import run_competitor
 from web.pace import Pace
 from web.page.camera import ASPECT, FOV, overview, top_view
-from web.page.drones import quadrotor, ramp, resampled, segments
-from web.page.race_scene import bars_of
+from web.page.drones import SPAN, quadrotor, ramp, resampled, segments
+from web.page.race_scene import _arrows, bars_of, visible_scale
+from web.page.scene_colours import INTO, OUT, decoded, encoded, line_colour, mesh_colour
 
 
 @pytest.mark.parametrize("name", course_names())
@@ -90,3 +95,47 @@ def test_the_factor_is_race_seconds_a_second():
         clock.t = 0.02 * k
         pace.mark(0.01 * k)
     assert pace.factor == pytest.approx(0.5)
+
+
+def shown(sent, linear):
+    """The sRGB colour on the screen, as three.js maps it: exposure, Hill's fit of ACES, encoding."""
+    light = np.asarray(sent) / 255 if linear else decoded(np.asarray(sent) / 255)
+    v = INTO @ (light / 0.6)
+    return 255 * encoded(
+        np.clip(OUT @ ((v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.432951) + 0.238081)), 0, 1)
+    )
+
+
+@pytest.mark.parametrize("colour", [s.colour for s in STYLES.values()] + [NEXT, "#ced2d8"])
+def test_what_is_sent_looks_like_the_legend(colour):
+    """Off by less than two colours differ where it cannot be shown, as no blue at all beside a bright orange."""
+    rgb = Style(colour, ()).rgb
+    assert abs(shown(line_colour(rgb), True) - rgb).max() < 42
+    assert abs(shown(mesh_colour(rgb), False) - rgb).max() < 42
+    assert abs(shown(line_colour(rgb), True) - rgb).mean() < 22
+
+
+def test_sent_as_it_is_orange_would_look_pale():
+    """The colour that was found in a screenshot."""
+    assert shown((230, 159, 0), True) == pytest.approx([226, 209, 73], abs=1)
+
+
+@pytest.mark.parametrize("name", course_names())
+def test_drones_and_arrows_fit_through_the_narrowest_gate(name):
+    course = load_course(name)
+    opening = min(min(gate.opening) for gate in course.gates)
+    assert SPAN * visible_scale(course) <= opening
+    lengths = np.linalg.norm(np.diff(_arrows(course), axis=1), axis=-1)
+    assert lengths.max() <= 1.2 * max(opening, 0.01)
+
+
+def test_a_scrubbed_competitor_is_as_it_was_then():
+    flight = Glider(choices(laps=2))
+    whole = run_competitor(Run.from_frames(flight.spec, list(flight.frames)), flight.course, None)
+    t = whole.laps[0] + 0.05
+    then = whole.until(t)
+    assert then.laps == whole.laps[:1]
+    assert then.outcome is None
+    assert then.t[-1] <= t < whole.t[-1]
+    assert then.events == tuple(e for e in whole.events if e.t <= t)
+    assert whole.until(whole.t[-1]) is whole

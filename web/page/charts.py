@@ -8,7 +8,6 @@ import numpy as np
 import viser
 from viser import uplot
 
-from quadsim.palette import style
 from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
 from web.competitor import Competitor
 from web.lap_timing import LapTiming, best_lap, gap, lap_of
@@ -105,7 +104,7 @@ def psd(entry: Competitor, f: np.ndarray) -> np.ndarray:
 
 
 def _line(entry: Competitor, label: str, width: float = 1.8) -> uplot.Series:
-    s = style(entry.sampler)
+    s = entry.style
     return uplot.Series(label=label, stroke=s.colour, width=width, dash=s.dash)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import traceback
+from math import inf
 from time import perf_counter
 from typing import Any
 
@@ -13,18 +14,33 @@ from web.flight_factory import Choices, FlightFactory
 from web.lap_timing import LapTiming, lap_timings
 from web.page.camera import Camera
 from web.page.charts import TABS, Charts, Tabs, remove_charts
+from web.page.course_map import Map
 from web.page.export import add_export
 from web.page.laps import chatter, laps
 from web.page.panels import PlaybackPanel, ViewPanel
 from web.page.race_panel import Menu, RacePanel
 from web.page.race_scene import RaceScene
 from web.page.sampler_panel import SamplerPanel
-from web.page.timing import Map, events, hud, planner, tower
+from web.page.timing import events, hud, planner, tower
 from web.race import Snapshot
 from web.session import Session
 
 SCENE, TABLES, SLOW = 1 / 25, 1 / 8, 1.0  # periods of the scene, of tables and signals, of spectra and gaps [s]
 COLOURS: dict[str, Any] = {"error": "red", "crash": "orange", "lap": "green", "wait": "blue"}  # of notices
+
+
+class Due:
+    """Whether to show something again: when it has changed, but not more often than once a period [s]."""
+
+    def __init__(self, period: float):
+        self._period, self._at, self._shown = period, -inf, None
+
+    def __call__(self, what: object) -> bool:
+        now = perf_counter()
+        if what == self._shown or now - self._at < self._period:
+            return False
+        self._shown, self._at = what, now
+        return True
 
 
 class RaceView:
@@ -47,7 +63,8 @@ class Dashboard:
         self._server, self._session = server, session
         self._view: RaceView | None = None
         self._notice = 0  # number of the last that was shown
-        self._tables_at = self._slow_at = -1.0  # when they were last updated [s]
+        self._scene_due, self._tables_due, self._slow_due = Due(0.0), Due(TABLES), Due(SLOW)
+        self._controls_due, self._runs_due = Due(TABLES), Due(SLOW)
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(230, 159, 0))
         self.race = RacePanel(gui, session, menu, first)
@@ -77,7 +94,7 @@ class Dashboard:
             with tab:
                 self._tables[name] = gui.add_html("", order=1e6)  # below the charts of a tab, which come and go
         top.dock_right()
-        top.set_width(400)
+        top.set_width(430)
         below.dock_below(top)
         head.float(x=200, y=12, width=520)
 
@@ -93,21 +110,27 @@ class Dashboard:
                     self._closing.wait(1.0)
 
     def _update(self, s: Snapshot) -> None:
-        now, timings = perf_counter(), lap_timings(s, self._options.by_place)
+        """Only what has changed: a race that has ended, or stands still, sends nothing."""
+        now, options, timings = perf_counter(), self._options, lap_timings(s, self._options.by_place)
+        look = (options.by_place, options.by_speed(len(timings)), options.trajectories.value)
+        state = (s.race, s.t, s.end, s.playing, s.flying, look, tuple(e.state for e in s.competitors))
         with self._server.atomic():
             view = self._view_of(s, timings)
             if view:
-                view.scene.update(timings, self._options.by_speed(len(timings)), self._options.trajectories.value)
+                if self._scene_due((view, state)):
+                    view.scene.update(timings, *look[1:])
                 self._camera.follow(timings[0])
-            if now - self._tables_at > TABLES:
+            if self._tables_due((view, state)):
                 self._update_tables(s, timings, view)
-                self._tables_at = now
-        if view and now - self._slow_at > SLOW:
+            if self._controls_due(now):
+                self._playback.update(s)
+                self.sampler.update(s)
+        if view and self._slow_due((view, state)):
             view.charts.update_spectrum(timings)
             view.charts.update_gaps(timings)
-            self._tables["Chatter"].content = chatter(s.competitors)
+            self._tables["Chatter"].content = chatter([e.until(s.t) for e in s.competitors])
+        if self._runs_due(now):
             self.race.refresh()
-            self._slow_at = now
         self._notify(s)
 
     def _view_of(self, s: Snapshot, timings: list[LapTiming]) -> RaceView | None:
@@ -116,7 +139,7 @@ class Dashboard:
             return self._view
         if not timings or len(timings) != len(s.competitors):
             return None
-        self._view, self._slow_at = RaceView(self._server, s, self._tabs, self._options.true_size.value), -1.0
+        self._view = RaceView(self._server, s, self._tabs, self._options.true_size.value)
         self._camera.show(self._options.camera_mode.value, s.competitors[0].course)
         return self._view
 
@@ -125,11 +148,9 @@ class Dashboard:
         self._tables["Events"].content = events(s.competitors, s.t)
         if view:
             self._tables["Timing"].content = tower(timings) + view.map.draw(timings)
-            self._tables["Laps"].content = laps(s.competitors)
+            self._tables["Laps"].content = laps([e.until(s.t) for e in s.competitors])
             self._tables["Planner"].content = planner(timings[0])
             view.charts.update_signals(timings)
-        self._playback.update(s)
-        self.sampler.update(s)
 
     def _notify(self, s: Snapshot) -> None:
         for notice in (n for n in s.notices if n.number > self._notice):

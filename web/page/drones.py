@@ -10,8 +10,8 @@ from trimesh.creation import box, cylinder
 from trimesh.transformations import rotation_matrix, translation_matrix
 from trimesh.util import concatenate
 
-from quadsim.palette import style
 from web.competitor import POSITION, QUATERNION, Competitor
+from web.page.scene_colours import line_colour, mesh_colour
 
 TRAIL, TRAIL_SPAN = 160, 4.0  # segments, and the seconds they span
 PATH = 500  # segments of a whole run
@@ -22,34 +22,46 @@ SPAN = 0.34  # of a drone from rotor to rotor [m]
 class Drone:
     """One competitor's drone and trail. The arrays keep their length: viser accepts another one, but draws it wrong."""
 
-    def __init__(self, scene: viser.SceneApi, name: str, entry: Competitor, ghost: bool, scale: float):
-        """ghost: drawn paler and with its name, as every competitor but the first."""
+    def __init__(self, scene: viser.SceneApi, name: str, entry: Competitor, ghost: bool, scale: float, width: float):
+        """ghost: drawn paler and with its name, as every competitor but the first; width: factor on that of lines."""
         node = f"/competitor/{name}"
-        colour = style(entry.sampler).rgb
+        colour = entry.style.rgb
         self._frame = scene.add_frame(node, show_axes=False)
         for part, mesh in quadrotor(SPAN * scale).items():
-            shade = colour if part == "body" else (225, 228, 232)
+            shade = mesh_colour(colour if part == "body" else (205, 208, 212))
             opacity = 0.45 if ghost else 1.0 if part == "body" else 0.8
             look = {"color": shade, "opacity": opacity, "flat_shading": True, "side": "double"}
             scene.add_mesh_simple(f"{node}/{part}", mesh.vertices, mesh.faces, **look)
         none, dark = np.zeros((TRAIL, 2, 3), np.float32), np.zeros((TRAIL, 2, 3), np.uint8)
-        self._trail = scene.add_line_segments(f"/trail/{name}", none, dark, thickness=0.035 if ghost else 0.06)
-        self._colours = np.tile(np.array(colour, np.uint8), (TRAIL, 2, 1))
+        self._trail = scene.add_line_segments(
+            f"/trail/{name}", none, dark, thickness=width * (0.035 if ghost else 0.06)
+        )
+        self._dashed = entry.again  # as its line in the charts
+        self._colours = np.tile(line_colour(colour), (TRAIL, 2, 1))
         if ghost:
-            scene.add_label(f"{node}/name", entry.name, position=(0.0, 0.0, 0.5))
+            scene.add_label(f"{node}/name", entry.name, position=(0.0, 0.0, 0.5 * width))
         if not entry.live:
             rows = np.linspace(0, len(entry.t) - 1, PATH + 1).astype(int)
-            path = segments(entry.rows(POSITION, rows).astype(np.float32))
-            scene.add_line_segments(f"/path/{name}", path, np.array(colour) // 2, thickness=0.02)
+            path = self._segments(entry.rows(POSITION, rows).astype(np.float32))
+            scene.add_line_segments(f"/path/{name}", path, line_colour(colour), thickness=0.02 * width)
 
     def show(self, entry: Competitor, i: int, by_speed: bool) -> None:
         """At frame i, with its trail coloured by speed or by sampler."""
         self._frame.position = entry.rows(POSITION, i)
         self._frame.wxyz = entry.rows(QUATERNION, i)
-        t = np.linspace(max(entry.t[i] - TRAIL_SPAN, 0.0), entry.t[i], TRAIL + 1)
+        piece = TRAIL_SPAN / TRAIL  # its ends stand still while the drone flies on: so do the dashes
+        t = piece * (np.floor(entry.t[i] / piece) + np.arange(1 - TRAIL, 2))
+        t = np.clip(t, 0.0, entry.t[i])
         rows = np.searchsorted(entry.t, t, side="right") - 1
-        self._trail.points = segments(entry.rows(POSITION, rows))
-        self._trail.colors = segments(ramp(entry.speed(rows) / FAST)) if by_speed else self._colours
+        self._trail.points = self._segments(entry.rows(POSITION, rows), int(entry.t[i] / piece))
+        self._trail.colors = segments(line_colour(ramp(entry.speed(rows) / FAST))) if by_speed else self._colours
+
+    def _segments(self, points: np.ndarray, first: int = 0) -> np.ndarray:
+        pieces = segments(points)
+        if self._dashed:
+            gaps = (first + np.arange(len(pieces))) % 6 >= 3
+            pieces[gaps, 1] = pieces[gaps, 0]
+        return pieces
 
 
 class SampledTrajectoriesView:
@@ -57,14 +69,16 @@ class SampledTrajectoriesView:
 
     POINTS = 25
 
-    def __init__(self, scene: viser.SceneApi, samples: int):
+    def __init__(self, scene: viser.SceneApi, samples: int, width: float):
         self._n, p = samples, self.POINTS
-        shades = np.repeat(ramp(np.linspace(1.0, 0.05, samples)) * 0.8, p - 1, axis=0).astype(np.uint8)
+        shades = np.repeat(line_colour(ramp(np.linspace(1.0, 0.05, samples)) * 0.8), p - 1, axis=0)
         colours = np.repeat(shades[:, None], 2, axis=1)  # (samples * (p - 1), 2, 3)
         none, nothing = np.zeros((len(colours), 2, 3), np.float32), np.zeros((p - 1, 2, 3), np.float32)
         name, white = "/sampled_trajectories", (255, 255, 255)
-        self._samples = scene.add_line_segments(f"{name}/samples", none, colours, thickness=0.014, visible=False)
-        self._plan = scene.add_line_segments(f"{name}/plan", nothing, white, thickness=0.045, visible=False)
+        self._samples = scene.add_line_segments(
+            f"{name}/samples", none, colours, thickness=0.014 * width, visible=False
+        )
+        self._plan = scene.add_line_segments(f"{name}/plan", nothing, white, thickness=0.045 * width, visible=False)
 
     def show(self, paths: np.ndarray | None, nominal: np.ndarray | None = None) -> None:
         """paths (samples, points, 3), None: hidden; fewer samples than there are lines are repeated."""

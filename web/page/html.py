@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from quadsim.palette import style
+from quadsim.palette import Style
 from web.competitor import Competitor
 
-DIM, MARKER_EDGE, TRACK = "#8b93a1", "#111", "#2c3038"  # dim text, outlines of dots, background of bars and strips
+DIM, MARKER_EDGE, TRACK = "#9aa3b2", "#111", "#2c3038"  # dim text, outlines of dots, background of bars and strips
+RED, GREY = "#ff6b6b", "#e2e6ec"  # hits and crashes, as light as text on a dark page has to be; what is neither
 MONO = "font-family:ui-monospace,Menlo,Consolas,monospace;font-variant-numeric:tabular-nums"
 
 
@@ -21,16 +22,16 @@ def table(head: list[str], rows: Sequence[list[str] | str], left: int = 1) -> st
     top = _row(head, "th", f"color:{DIM};font-weight:400;border-bottom:1px solid #3a3f48", left)
     body = ""
     for row in rows:
-        wide = f'<tr><td colspan="{len(head)}" style="padding:0 5px 5px">{row}</td></tr>'
+        wide = f'<tr><td colspan="{len(head)}" style="padding:0 4px 5px">{row}</td></tr>'
         body += wide if isinstance(row, str) else _row(row, "td", "", left)
-    return f'<table style="width:100%;border-collapse:collapse;font-size:12px;{MONO}">{top}{body}</table>'
+    return f'<table style="width:100%;border-collapse:collapse;font-size:11.5px;{MONO}">{top}{body}</table>'
 
 
 def _row(cells: list[str], tag: str, look: str, left: int) -> str:
     out = ""
     for i, cell in enumerate(cells):
         side = "left" if i < left else "right"
-        out += f'<{tag} style="text-align:{side};padding:2px 5px;white-space:nowrap;{look}">{cell}</{tag}>'
+        out += f'<{tag} style="text-align:{side};padding:2px 4px;white-space:nowrap;{look}">{cell}</{tag}>'
     return f"<tr>{out}</tr>"
 
 
@@ -44,9 +45,8 @@ def small(words: str) -> str:
     return f'<div style="color:{DIM};font-size:11px">{words}</div>'
 
 
-def swatch(sampler: str) -> str:
-    """The sampler's colour and line style as a short line."""
-    s = style(sampler)
+def swatch(s: Style) -> str:
+    """The colour and the line style as a short line."""
     dash = " ".join(map(str, s.dash))
     line = svg("line", x1=0, y1=5, x2=22, y2=5, stroke=s.colour, stroke_width=3, stroke_dasharray=dash)
     return svg("svg", line, width=22, height=10, style="vertical-align:middle;margin-right:5px")
@@ -54,7 +54,7 @@ def swatch(sampler: str) -> str:
 
 def label(entry: Competitor) -> str:
     """Its name in its sampler's colour."""
-    return f'{swatch(entry.sampler)}<b style="color:{style(entry.sampler).colour}">{text(entry.name)}</b>'
+    return f'{swatch(entry.style)}<b style="color:{entry.style.colour}">{text(entry.name)}</b>'
 
 
 def coloured(what: str, colour: str) -> str:

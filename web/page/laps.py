@@ -9,13 +9,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from quadsim.palette import BEST, FASTER, HIT, style
+from quadsim.palette import BEST, FASTER
 from quadsim.race.events import sector_times
 from quadsim.record.metrics import high_frequency_fraction, motor_corner, motor_tau, total_variation
 from quadsim.record.run import not_comparable
 from quadsim.record.statistics import mean_interval
 from web.competitor import Competitor
-from web.page.html import DIM, MARKER_EDGE, TRACK, box, coloured, heading, label, small, svg, swatch, table, text
+from web.page.html import DIM, MARKER_EDGE, RED, TRACK, box, coloured, heading, label, small, svg, swatch, table, text
 
 WIDTH, ROW = 330, 30  # of the strips [px]
 GATES = 8  # columns of the split table
@@ -24,7 +24,7 @@ GATES = 8  # columns of the split table
 def laps(entries: Sequence[Competitor]) -> str:
     if not any(e.events for e in entries):
         return box("no gate passed yet")
-    remarks = [f"<div>{label(e)} {coloured(not_comparable(e.spec), HIT)}</div>" for e in entries if e.changes]
+    remarks = [f"<div>{label(e)} {coloured(not_comparable(e.spec), RED)}</div>" for e in entries if e.changes]
     parts = [heading("laps [s]"), _table(entries), *remarks, _strips(entries)]
     return box(*parts, heading("splits by gate [s]"), splits(entries))
 
@@ -35,12 +35,13 @@ def _table(entries: Sequence[Competitor]) -> str:
     best = min((t for e in entries for t in e.laps), default=0.0)
     rows = []
     for e in entries:
-        times = [_time(t, best, min(e.laps)) for t in e.laps] + ["-"] * (most - len(e.laps))
+        times = [coloured_time(t, best, min(e.laps)) for t in e.laps] + ["-"] * (most - len(e.laps))
         rows.append([label(e), *times, f"{sum(e.laps):.3f}", text(e.outcome or "flying")])
     return table(["run", *map(str, range(1, most + 1)), "sum", ""], rows)
 
 
-def _time(t: float, best: float, own: float, decimals: int = 3) -> str:
+def coloured_time(t: float, best: float, own: float, decimals: int = 3) -> str:
+    """Purple for the best of all, green for a run's own best."""
     words = f"{t:.{decimals}f}"
     return coloured(words, BEST) if t == best else coloured(words, FASTER) if t == own else words
 
@@ -64,7 +65,7 @@ def _strips(entries: Sequence[Competitor]) -> str:
 
 
 def _strip(entry: Competitor, y: float, x: Callable[[float], float]) -> str:
-    colour, n = style(entry.sampler).colour, len(entry.laps)
+    colour, n = entry.style.colour, len(entry.laps)
     out = svg("line", x1=4, x2=WIDTH - 4, y1=y, y2=y, stroke=TRACK)
     if n >= 3:
         a, b = (x(v) for v in np.percentile(entry.laps, [25, 75]))
@@ -81,20 +82,20 @@ def splits(entries: Sequence[Competitor]) -> str:
     """Seconds from gate to gate, a row a lap."""
     gates = entries[0].legs.gates
     sectors = [sector_times(e.events) for e in entries]
-    own = [_best(rows, gates) for rows in sectors]
-    best = _best([row for rows in sectors for row in rows], gates)
+    own = [best_sectors(rows, gates) for rows in sectors]
+    best = best_sectors([row for rows in sectors for row in rows], gates)
     parts = []
     for first in range(0, gates, GATES):
         shown, rows = range(first, min(first + GATES, gates)), []
         for e, e_sectors, e_best in zip(entries, sectors, own, strict=True):
             for number, row in enumerate(e_sectors, 1):
-                cells = [_time(row[g], best[g], e_best[g], 2) if g < len(row) else "" for g in shown]
-                rows.append([swatch(e.sampler) if number == 1 else "", str(number), *cells])
+                cells = [coloured_time(row[g], best[g], e_best[g], 2) if g < len(row) else "" for g in shown]
+                rows.append([swatch(e.style) if number == 1 else "", str(number), *cells])
         parts.append(table(["", "lap", *(f"G{g + 1}" for g in shown)], rows))
     return "".join(parts)
 
 
-def _best(rows: Sequence[Sequence[float]], gates: int) -> list[float]:
+def best_sectors(rows: Sequence[Sequence[float]], gates: int) -> list[float]:
     """The fastest time to each gate [s]; 0 where no row has reached it.  (gates,)"""
     return [min((row[g] for row in rows if g < len(row)), default=0.0) for g in range(gates)]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 import trimesh
@@ -10,13 +11,16 @@ import viser
 from viser.transforms import SO3
 
 from quadsim.course import Course, Gate
-from quadsim.palette import HIT, NEXT, Style
-from web.competitor import Competitor
+from quadsim.palette import NEXT, Style
+from web.competitor import CRASHES, Competitor
 from web.lap_timing import LapTiming, crashed_gates
-from web.page.drones import Drone, SampledTrajectoriesView
+from web.page.drones import SPAN, Drone, SampledTrajectoriesView
+from web.page.html import RED
+from web.page.scene_colours import add_lights, line_colour
 
-PLAIN = np.array((206, 210, 216), np.uint8)
-NEXT_RGB, HIT_RGB = Style(NEXT, ()).rgb, Style(HIT, ()).rgb
+PLAIN, NEXT_GATE, HIT_GATE = (line_colour(rgb) for rgb in ((206, 210, 216), Style(NEXT, ()).rgb, Style(RED, ()).rgb))
+GATE = 1.5  # opening of a racing gate [m]
+IMPACTS = 12  # most that are marked, the last ones
 
 
 class RaceScene:
@@ -27,17 +31,19 @@ class RaceScene:
     ):
         """true_size: of the drones, else enlarged; samples: trajectories that are drawn."""
         course = entries[0].course
-        scale = 1.0 if true_size else visible_scale(course)
-        self._course = CourseView(scene, course)
-        self._drones = [Drone(scene, str(k), entry, k > 0, scale) for k, entry in enumerate(entries)]
-        self._trajectories = SampledTrajectoriesView(scene, samples)
+        scale, width = 1.0 if true_size else visible_scale(course), gate_scale(course)
+        add_lights(scene)
+        self._course, self._impacts = CourseView(scene, course), Impacts(scene, width)
+        self._drones = [Drone(scene, str(k), entry, k > 0, scale, width) for k, entry in enumerate(entries)]
+        self._trajectories = SampledTrajectoriesView(scene, samples, width)
 
     def update(self, timings: Sequence[LapTiming], by_speed: bool, trajectories: bool = True) -> None:
         """by_speed: colour trails by speed, else by sampler; trajectories: of the first competitor, if it has some."""
         for drone, s in zip(self._drones, timings, strict=True):
             drone.show(s.entry, s.i, by_speed)
+        self._impacts.show(timings)
         first = timings[0]
-        self._course.colour(first.gate, crashed_gates(timings))
+        self._course.colour(first.next_gate, crashed_gates(timings))
         live, stored = first.entry.sampled_trajectories, first.entry.snapshot(first.i)
         if trajectories and live:
             self._trajectories.show(live.paths, live.plan)
@@ -47,7 +53,33 @@ class RaceScene:
 
 def visible_scale(course: Course) -> float:
     """Factor on the size of the drones, to be seen where the whole course is in view."""
-    return float(np.clip(np.linalg.norm(np.ptp(course.points(frames=False), axis=0)) / 8.0, 2.0, 8.0))
+    wanted = np.clip(np.linalg.norm(np.ptp(course.points(frames=False), axis=0)) / 8.0, 2.0, 8.0)
+    return float(min(wanted, 0.9 * GATE * gate_scale(course) / SPAN))
+
+
+def gate_scale(course: Course) -> float:
+    """Factor on arrows, lines and marks: the narrowest opening against that of a racing gate, at most 1."""
+    return min(1.0, min(min(gate.opening) for gate in course.gates) / GATE)
+
+
+class Impacts:
+    """A red cross in space wherever something was hit so far."""
+
+    def __init__(self, scene: viser.SceneApi, scale: float):
+        arms = np.array(list(product((-1.0, 1.0), repeat=3))[:4], np.float32)  # half of the diagonals of a cube
+        self._arms = 0.35 * scale * np.stack([-arms, arms], axis=1)  # (4, 2, 3)
+        none = np.zeros((4 * IMPACTS, 2, 3), np.float32)
+        colour = line_colour(Style(RED, ()).rgb)
+        self._lines = scene.add_line_segments("/impacts", none, colour, thickness=0.13 * scale, visible=False)
+        self._shown = 0
+
+    def show(self, timings: Sequence[LapTiming]) -> None:
+        spots = [e.position for s in timings for e in s.entry.events if e.kind in CRASHES and e.t <= s.t + 1e-9]
+        if len(spots) != self._shown:
+            self._shown, self._lines.visible = len(spots), bool(spots)
+            rows = np.resize(np.array(spots[-IMPACTS:] or [(0.0, 0.0, 0.0)], np.float32), (IMPACTS, 3))
+            crosses = (rows[:, None, None] + self._arms).reshape(-1, 2, 3)
+            self._lines.points = crosses.astype(np.float32)
 
 
 class CourseView:
@@ -70,16 +102,20 @@ class CourseView:
             lod="off",
         )
         for number, gate in enumerate(course.gates, 1):
-            top = np.array(gate.position) + gate.rotation[:, 2] * (gate.opening[1] / 2 + gate.frame_width + 0.35)
+            top = np.array(gate.position) + gate.rotation[:, 2] * (
+                gate.opening[1] / 2 + gate.frame_width + 0.35 * gate_scale(course)
+            )
             scene.add_label(f"/course/number/{number}", str(number), position=top)
-        scene.add_line_segments("/course/arrows", _arrows(course), (120, 132, 150), thickness=0.05)
+        scene.add_line_segments(
+            "/course/arrows", _arrows(course), line_colour((150, 165, 190)), thickness=0.05 * gate_scale(course)
+        )
         _add_ground(scene, course)
 
     def colour(self, next_gate: int, hit: set[int]) -> None:
         """1-based numbers; 0: no gate is next."""
         colours = np.tile(PLAIN, (self._gates + 1, 1))  # the first is of no gate
-        colours[list(hit)] = HIT_RGB
-        colours[next_gate] = NEXT_RGB
+        colours[list(hit)] = HIT_GATE
+        colours[next_gate] = NEXT_GATE
         self._bars.batched_colors = np.repeat(colours[1:], 4, axis=0)
 
 
@@ -92,9 +128,9 @@ def bars_of(gate: Gate) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _arrows(course: Course) -> np.ndarray:
     """One through every gate, along the legal passage.  (segments, 2, 3)"""
-    arrows = []
+    arrows, scale = [], gate_scale(course)
     for gate in course.gates:
-        along, left, _ = gate.rotation.T
+        along, left, _ = scale * gate.rotation.T
         tail, head = gate.position - 0.5 * along, gate.position + 0.7 * along
         arrows += [(tail, head), (head, head - 0.3 * along + 0.2 * left), (head, head - 0.3 * along - 0.2 * left)]
     return np.array(arrows, np.float32)

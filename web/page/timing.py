@@ -1,26 +1,27 @@
-"""The race at one instant, as HTML: head-up display, timing tower, events, planner, map."""
+"""The race at one instant, as HTML: head-up display, timing tower, events, planner."""
 
 from __future__ import annotations
 
 from math import isfinite
 
-import numpy as np
-
-from quadsim.course import Course, Gate
-from quadsim.palette import FASTER, HIT, NEXT, style
+from quadsim.palette import BEST, FASTER, NEXT
 from quadsim.race.events import Event
 from quadsim.record.run import not_comparable
 from web.competitor import CRASHES, Competitor
-from web.lap_timing import LapTiming, crashed_gates, order
-from web.page.html import DIM, MARKER_EDGE, MONO, bar, box, coloured, heading, label, small, svg, table, text
+from web.lap_timing import LapTiming, order
+from web.page.course_map import timeline
+from web.page.html import DIM, MONO, RED, TRACK, bar, box, coloured, heading, label, small, table, text
+from web.page.laps import best_sectors, coloured_time
 from web.race import Snapshot
 
-WIDTH, HEIGHT = 330, 190  # of the map [px]
 EVENTS = 60  # newest that are listed
+SLOWER = "#8b93a1"  # of a sector that is no best
 
 
 def hud(s: Snapshot, timings: list[LapTiming]) -> str:
-    """Of the first competitor: lap, its time, next gate, speed, gap; below, what the race is doing."""
+    """Of the first competitor: lap, its time, next gate, speed, gap; below, what the race is doing, the results and
+    the time line.
+    """
     if not timings:
         return box(f'<div style="text-align:center;color:{DIM}">Choose a race and press START</div>')
     first, entry = timings[0], timings[0].entry
@@ -29,39 +30,77 @@ def hud(s: Snapshot, timings: list[LapTiming]) -> str:
     cells = [lap, f"{first.lap_time:.2f} s", gate, speed]
     if gaps := [other.gap - first.gap for other in timings[1:] if isfinite(other.gap)]:
         behind = -min(gaps)
-        cells.append(coloured(f"{behind:+.2f}", FASTER if behind < 0 else HIT))
+        cells.append(coloured(f"{behind:+.2f}", FASTER if behind < 0 else RED))
     spans = "".join(f"<span>{c}</span>" for c in cells)
-    look = f"display:flex;justify-content:space-between;gap:14px;font-size:19px;font-weight:650;{MONO}"
-    return box(f'<div style="{look}">{spans}</div>', _state(s, first))
+    look = f"display:flex;justify-content:space-between;flex-wrap:wrap;gap:0 14px;font-size:19px;font-weight:650;{MONO}"
+    results = "".join(_result(one, len(timings) > 1) for one in timings if one.over)
+    return box(f'<div style="{look}">{spans}</div>', results, _state(s, first), timeline(s.competitors, s.t, s.end))
+
+
+def _result(s: LapTiming, named: bool) -> str:
+    """How its flight ended. It stays until another race begins."""
+    words, colour = result(s)
+    name = label(s.entry) + " " if named else ""
+    return f'<div style="text-align:center;font-size:17px;{MONO}">{name}{coloured(words, colour)}</div>'
+
+
+def result(s: LapTiming) -> tuple[str, str]:
+    """In words, and their colour."""
+    entry = s.entry
+    if entry.outcome == "finished":
+        return f"FINISHED {sum(entry.laps):.3f} s", FASTER
+    if crash := s.crash:
+        where = {"hit": f"at gate {crash.gate}", "ground": "on the ground", "bounds": "out of bounds"}
+        return f"CRASHED {where[crash.kind]}, lap {crash.lap}", RED
+    return f"DNF {text(entry.outcome)}, lap {s.lap}", RED
 
 
 def _state(s: Snapshot, first: LapTiming) -> str:
-    if s.playing:
-        doing = "flying" if s.flying else "replay"
-    else:
-        doing = text(first.entry.outcome) if first.over and not s.flying else "paused"
+    still = "ended" if first.over and not s.flying else "paused"
+    doing = still if not s.playing else "flying" if s.flying else "replay"
     words = [doing, f"t {s.t:.2f} s", f"{s.factor:.2f} x real time" if s.playing else f"of {s.end:.2f} s"]
     if remark := not_comparable(first.entry.spec):
-        words.append(coloured(remark, HIT))
+        words.append(coloured(remark, RED))
     return f'<div style="color:{DIM};font-size:11px;text-align:center;margin-top:2px">{" · ".join(words)}</div>'
 
 
 def tower(timings: list[LapTiming]) -> str:
-    """One row a run, the leader first; below each a bar with its share of the race."""
-    head = ["", "run", "lap", "now", "gap", "best", "chatter", "hits"]
+    """One row a run, the leader first; below each the sectors of its lap and a bar with its share of the race."""
+    head = ["", "run", "lap", "gap", "last", "best", "hits", "miss", "chatter"]
+    gates = max(s.entry.legs.gates for s in timings)
+    best = best_sectors([row for s in timings for row in s.sectors], gates)
+    laps = [s.best for s in timings if s.best]
     rows: list[list[str] | str] = []
     for place, s in enumerate(order(timings), 1):
-        rows += [_row(place, s), bar(s.progress, style(s.entry.sampler).colour)]
-    note = "gap [s]: behind at the same place; chatter: total variation of the commanded thrust [m/s²/s]"
+        rows.append(_row(place, s, min(laps, default=0.0)))
+        rows.append(_sectors(s, best) + bar(s.progress, s.entry.style.colour))
+    note = (
+        f"gap [s]: behind at the same place; last, best: lap [s]; {coloured('purple', BEST)} the best of all, "
+        f"{coloured('green', FASTER)} a run's own best; chatter: total variation of the commanded thrust [m/s²/s]"
+    )
     return box(table(head, rows, left=2), small(note))
 
 
-def _row(place: int, s: LapTiming) -> list[str]:
-    gap = "leader" if place == 1 else f"{s.gap:+.2f}" if isfinite(s.gap) else "-"
-    best = f"{s.best:.3f}" if s.best else "-"
-    hits = coloured(str(s.hits), HIT) if s.hits else "0"
+def _row(place: int, s: LapTiming, best: float) -> list[str]:
+    lost = s.over and s.entry.outcome != "finished"
+    gap = coloured("DNF", RED) if lost else "leader" if place == 1 else f"{s.gap:+.2f}" if isfinite(s.gap) else "-"
+    last, own = (coloured_time(t, best, s.best or 0.0) if t else "-" for t in (s.last, s.best))
+    hits, misses = (coloured(str(n), RED) if n else "0" for n in (s.hits, s.misses))
     lap = f"{s.lap}/{s.entry.spec['laps']}"
-    return [str(place), label(s.entry), lap, f"{s.lap_time:.2f}", gap, best, f"{s.chatter:.1f}", hits]
+    return [str(place), label(s.entry), lap, gap, last, own, hits, misses, f"{s.chatter:.1f}"]
+
+
+def _sectors(s: LapTiming, best: list[float]) -> str:
+    """A cell a gate of this lap, as its time compares; grey: no best, dark: not there yet."""
+    own = best_sectors(s.sectors, len(best))
+    row = s.sectors[s.lap - 1] if len(s.sectors) >= s.lap else []
+    cells = ""
+    for gate, (record, mine) in enumerate(zip(best, own, strict=True)):
+        t = row[gate] if gate < len(row) else None
+        colour = TRACK if t is None else BEST if t == record else FASTER if t == mine else SLOWER
+        words = f"G{gate + 1}: {t:.2f} s" if t is not None else f"G{gate + 1}"
+        cells += f'<div title="{words}" style="flex:1;height:8px;background:{colour};border-radius:2px"></div>'
+    return f'<div style="display:flex;gap:2px;margin-bottom:3px">{cells}</div>'
 
 
 def events(entries: tuple[Competitor, ...], t: float) -> str:
@@ -70,7 +109,7 @@ def events(entries: tuple[Competitor, ...], t: float) -> str:
     found += [(c["t"], entry, _change(c), False) for entry in entries for c in entry.changes]
     rows = []
     for when, entry, words, crash in sorted(found, key=lambda row: -row[0])[:EVENTS]:
-        words = coloured(words, HIT) if crash else words
+        words = coloured(words, RED) if crash else words
         words = words if when <= t + 1e-6 else f'<span style="opacity:.45">{words}</span>'
         rows.append([f"{when:.3f}", label(entry), words])
     return box(table(["t [s]", "run", "event"], rows, left=3) if rows else "nothing yet")
@@ -89,7 +128,7 @@ def planner(s: LapTiming) -> str:
     x, mppi = s.entry.x, s.entry.spec["planner"]["mppi"]
     ess, target = float(x["ess"][s.i]), mppi.get("target_ess", mppi.get("ess"))  # older runs say "ess"
     target = f"target {target:g}" if target else "temperature fixed"
-    meter = bar(ess / max(mppi["samples"] * 0.1, 1.0), NEXT if ess > 5 else HIT, 8)
+    meter = bar(ess / max(mppi["samples"] * 0.1, 1.0), NEXT if ess > 5 else RED, 8)
     words = (
         f"<b>{ess:.0f}</b> effective of {mppi['samples']} samples, {target}; "
         f"temperature <b>{x['temperature'][s.i]:.3g}</b>, planned in <b>{x['plan_ms'][s.i]:.1f}</b> ms"
@@ -120,44 +159,3 @@ def _terms(s: LapTiming) -> tuple[dict[str, float], str]:
 
 def _line(words: str) -> str:
     return f'<div style="{MONO};font-size:12px;margin-top:3px">{words}</div>'
-
-
-class Map:
-    """The course from above as SVG, its longer side horizontal, with the drones on it."""
-
-    def __init__(self, course: Course):
-        points = course.points(frames=False)[:, :2]
-        low, span = points.min(axis=0), np.maximum(np.ptp(points, axis=0), 1.0)
-        self._turned = span[1] > span[0]
-        if self._turned:
-            low, span = low[::-1], span[::-1]
-        self._scale = min((WIDTH - 90) / span[0], (HEIGHT - 60) / span[1])
-        self._low, self._margin = low, (np.array([WIDTH, HEIGHT]) - span * self._scale) / 2
-        path = [*points, points[1]] if course.loop else points
-        path = " ".join(f"{x:.1f},{y:.1f}" for x, y in map(self._pixels, path))
-        self._course = svg("polyline", points=path, fill="none", stroke="#4a5160", stroke_dasharray="3 4")
-        self._gates = [self._gate(number, gate) for number, gate in enumerate(course.gates, 1)]
-
-    def draw(self, timings: list[LapTiming]) -> str:
-        """The next gate of the first competitor is green, gates that were hit are red."""
-        hit, parts = crashed_gates(timings), [self._course]
-        for number, (ends, number_text) in enumerate(self._gates, 1):
-            colour = NEXT if timings and number == timings[0].gate else HIT if number in hit else "#e2e6ec"
-            parts += [svg("line", stroke=colour, stroke_width=3, **ends), number_text]
-        for s in reversed(timings):
-            x, y = self._pixels(s.entry.rows(("px", "py"), s.i))
-            parts.append(svg("circle", cx=x, cy=y, r=6, fill=style(s.entry.sampler).colour, stroke=MARKER_EDGE))
-        return svg("svg", "".join(parts), viewBox=f"0 0 {WIDTH} {HEIGHT}", style="width:100%;display:block")
-
-    def _pixels(self, p: np.ndarray) -> np.ndarray:
-        """From x, y [m]."""
-        x, y = ((p[::-1] if self._turned else p) - self._low) * self._scale + self._margin
-        return np.array([x, y if self._turned else HEIGHT - y])
-
-    def _gate(self, number: int, gate: Gate) -> tuple[dict, str]:
-        """The ends of its line, and its number beside it."""
-        centre, half = np.array(gate.position[:2]), gate.rotation[:2, 1] * max(*gate.opening, 1.6) / 2
-        a, b = self._pixels(centre - half), self._pixels(centre + half)
-        x, y = b + (b - a) / max(float(np.linalg.norm(b - a)), 1e-6) * 8
-        number_text = svg("text", str(number), x=x, y=y + 3, fill="#aab2c0", font_size=10, text_anchor="middle")
-        return dict(zip(("x1", "y1", "x2", "y2"), (*a, *b), strict=True)), number_text
