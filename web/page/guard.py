@@ -1,9 +1,9 @@
-"""Access control: a viser server with a token, checks of Host and Origin, and validated messages.
+"""Access control: a viser server with a token, checks of Host and Origin, and a page that talks to this server alone.
 
 It listens on loopback by default. On any other address a token is required: given once in the URL, it is kept in a
-cookie. Host and Origin are checked, so that pages of other sites cannot reach the server through a browser. Of the
-messages that clients may send, only clicks, hotkeys and values within a control's own range are accepted; the share
-tunnel and uploads are switched off.
+cookie. Host and Origin are checked, so that pages of other sites cannot reach the server through a browser. The page
+comes with a Content-Security-Policy: its own scripts, known by a nonce, its own server, no frame around it. What
+visitors may send is in web.page.messages.
 """
 
 from __future__ import annotations
@@ -14,30 +14,35 @@ import socket
 import threading
 from collections.abc import Callable
 from contextlib import contextmanager
+from functools import cache
 from http import HTTPStatus
-from math import isfinite
+from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qsl, urlencode, urlsplit
 
 import rich
 import viser
 import websockets.asyncio.server as websockets_server
-from viser import _messages as messages
 from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
+
+from web.page.messages import LOG, restrict_messages
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 ALL_INTERFACES = ("0.0.0.0", "::")
-LONGEST_TEXT = 200  # characters
-UNUSED_MESSAGES = (  # that viser's server handles and no control of the page sends
-    messages.ShareUrlRequest,
-    messages.ShareUrlDisconnect,
-    messages.FileTransferStartUpload,
-    messages.FileTransferPart,
-    messages.GuiFormSubmitMessage,
-    messages.GuiFormDirtyMessage,
-    messages.GuiButtonHoldMessage,
+REDIRECTIONS = ("websocket", "playbackPath")  # of viser's page: to another server, to a recording
+POLICY = (
+    "default-src 'none'; script-src 'self' 'nonce-{nonce}' 'wasm-unsafe-eval'; worker-src blob:; connect-src 'self'; "
+    "img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; font-src 'self' data:; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'"
 )
+PAGE_CHANGES = {  # of viser's page
+    "<title>Viser</title>": "<title>race</title>",
+    "<script data-p=": '<script nonce="NONCE" data-p=',
+    "const d=document.currentScript.dataset;": "const {dataset:d,nonce:pass}=document.currentScript;",
+    'e.type="module";': 'e.type="module";e.nonce=pass;',
+}
 Check = Callable[[ServerConnection, Request], Response | None]  # None: the request may pass; or what ends it
 _patching = threading.Lock()
 
@@ -56,7 +61,7 @@ def serve(host: str, port: int, token: str | None, label: str) -> viser.ViserSer
     if server.get_port() != port:
         server.stop()
         raise ValueError(f"port: {port} on {host} was taken in this moment; choose another")
-    _restrict_messages(server)
+    restrict_messages(server)
     return server
 
 
@@ -88,14 +93,19 @@ def request_check(host: str, port: int, token: str | None) -> Check:
     cookie = f"race{port}"
 
     def check(connection: ServerConnection, request: Request) -> Response | None:
+        if not all(value.isascii() for _, value in request.headers.raw_items()) or any(
+            len(request.headers.get_all(name)) > 1 for name in ("Host", "Origin", "Cookie")
+        ):
+            return connection.respond(HTTPStatus.BAD_REQUEST, "expected ASCII headers, and each of them once\n")
         asked, origin = request.headers.get("Host", ""), request.headers.get("Origin")
         if host not in ALL_INTERFACES and asked not in hosts:
             return connection.respond(HTTPStatus.FORBIDDEN, "this server does not have that name\n")
         if origin is not None and origin != f"http://{asked}":
             return connection.respond(HTTPStatus.FORBIDDEN, "pages of another origin may not use this server\n")
+        asks = parse_qsl(urlsplit(request.path).query, keep_blank_values=True)
         if token is None or _equal(_cookie(request, cookie), token):
-            return None
-        if not _equal(parse_qs(urlsplit(request.path).query).get("token", [""])[0], token):
+            return _without_redirection(connection, asks)
+        if not _equal(dict(asks).get("token", ""), token):
             advice = "open the address with ?token=... that `race web` printed\n"
             return connection.respond(HTTPStatus.UNAUTHORIZED, advice)
         response = connection.respond(HTTPStatus.SEE_OTHER, "")
@@ -104,6 +114,44 @@ def request_check(host: str, port: int, token: str | None) -> Check:
         return response
 
     return check
+
+
+def _without_redirection(connection: ServerConnection, asks: list[tuple[str, str]]) -> Response | None:
+    """None, or the way to the same address without what would make the page play or obey something else."""
+    kept = [(name, value) for name, value in asks if name not in REDIRECTIONS]
+    if len(kept) == len(asks):
+        return None
+    response = connection.respond(HTTPStatus.SEE_OTHER, "")
+    response.headers["Location"] = f"/?{urlencode(kept)}"
+    return response
+
+
+def protected(response: Response, nonce: str) -> Response:
+    """With the headers that keep a browser from other scripts, servers and frames than this page's own."""
+    response.headers["Content-Security-Policy"] = POLICY.format(nonce=nonce)
+    response.headers["X-Frame-Options"] = "DENY"
+    response.headers["X-Content-Type-Options"] = "nosniff"
+    response.headers["Referrer-Policy"] = "no-referrer"  # an address may hold the token
+    response.headers["Cache-Control"] = "no-store"
+    return response
+
+
+def page_response(nonce: str) -> Response:
+    """viser's page under our title; its loader, and the script that this writes into the page, have the nonce."""
+    body = _viser_page().replace("NONCE", nonce).encode()
+    headers = Headers({"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(body))})
+    return Response(HTTPStatus.OK, "OK", headers, body)
+
+
+@cache
+def _viser_page() -> str:
+    """Raises RuntimeError for another version of viser than the one that is pinned."""
+    page = (Path(viser.__file__).parent / "client/build/index.html").read_text(encoding="utf-8")
+    for old, new in PAGE_CHANGES.items():
+        if page.count(old) != 1:
+            raise RuntimeError(f"viser {viser.__version__}: its page has no {old!r}; see PAGE_CHANGES in {__file__}")
+        page = page.replace(old, new)
+    return page
 
 
 def _cookie(request: Request, name: str) -> str:
@@ -122,49 +170,19 @@ def _checked_requests(check: Check):
     original = websockets_server.serve
 
     def checked(*args: Any, process_request: Callable, **kwargs: Any) -> Any:
-        def process(connection: ServerConnection, request: Request) -> Any:
-            return check(connection, request) or process_request(connection, request)
+        def process(connection: ServerConnection, request: Request) -> Response | None:
+            response = check(connection, request)
+            if response is None and request.headers.get("Upgrade") == "websocket":
+                return process_request(connection, request)
+            nonce = secrets.token_urlsafe(18)
+            is_page = urlsplit(request.path).path in ("/", "/index.html")
+            response = response or (page_response(nonce) if is_page else process_request(connection, request))
+            return protected(response, nonce) if response else None
 
-        return original(*args, process_request=process, **kwargs)
+        return original(*args, process_request=process, logger=LOG, **kwargs)
 
     websockets_server.serve = checked  # type: ignore[misc,assignment]
     try:
         yield
     finally:
         websockets_server.serve = original  # type: ignore[misc]
-
-
-def _restrict_messages(server: viser.ViserServer) -> None:
-    handlers = server._websock_server._incoming_handlers
-    for kind in UNUSED_MESSAGES:
-        handlers.pop(kind, None)
-    server.request_share_url = lambda *_, **__: None  # type: ignore[method-assign]
-    update: Any = handlers[messages.GuiUpdateMessage][0]
-
-    async def checked(client_id: Any, message: Any) -> None:
-        handle = server.gui._gui_input_handle_from_uuid.get(message.uuid)
-        if handle is not None and validate_input(handle, message.updates):
-            await update(client_id, message)
-
-    handlers[messages.GuiUpdateMessage] = [checked]
-
-
-def validate_input(handle: Any, updates: Any) -> bool:
-    """Whether the control itself could have sent this: only its value, of its type and within its range. viser itself
-    would set any attribute.
-    """
-    if not isinstance(updates, dict) or set(updates) != {"value"}:
-        return False
-    value, props, held = updates["value"], handle._impl.props, handle._impl.value
-    if getattr(props, "disabled", False) or not props.visible:
-        return False
-    if hasattr(props, "options"):
-        return isinstance(value, str) and value in props.options
-    if isinstance(held, bool):
-        return isinstance(value, bool)
-    if not isinstance(held, int | float):
-        return isinstance(value, str) and len(value) <= LONGEST_TEXT
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-        return False
-    low, high = getattr(props, "min", None), getattr(props, "max", None)
-    return (low is None or value >= low) and (high is None or value <= high)

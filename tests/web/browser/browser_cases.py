@@ -1,8 +1,30 @@
 """A page in a real browser: its controls by their labels, as a person finds them."""
 
 import re
+from contextlib import contextmanager
+
+from web.flight_factory import Choices
 
 SLOW = 60_000  # [ms] a first frame drawn in software
+
+
+@contextmanager
+def dashboard(root, flight_factory, **first):
+    """A running page: its session, which knows its address."""
+    from web.page.dashboard import Dashboard
+    from web.page.guard import serve
+    from web.page.race_panel import Menu
+    from web.session import Session
+
+    server = serve("127.0.0.1", 0, None, "race")
+    session = Session(flight_factory, str(root))
+    menu = Menu(("split_s_swift", "figure8"), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
+    page = Dashboard(server, session, flight_factory, menu, Choices(**first))
+    session.server, session.address = server, f"http://127.0.0.1:{server.get_port()}/?fixedDpr=0.4"
+    yield session
+    page.close()
+    session.close()
+    server.stop()
 
 
 def field(page, label):

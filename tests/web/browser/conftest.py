@@ -2,16 +2,15 @@
 
 import shutil
 import sys
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from browser_cases import SLOW
+from browser_cases import SLOW, dashboard
 
-from web.flight_factory import Choices, FlightFactory
+from web.flight_factory import FlightFactory
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (pip install -e '.[dev]')")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -27,25 +26,6 @@ def browser():
         browser = p.chromium.launch(executable_path=CHROMIUM, headless=True, args=SOFTWARE + QUIET)
         yield browser
         browser.close()
-
-
-@contextmanager
-def dashboard(root, flight_factory, **first):
-    """A running page: its session, which knows its address."""
-    from web.page.dashboard import Dashboard
-    from web.page.guard import serve
-    from web.page.race_panel import Menu
-    from web.session import Session
-
-    server = serve("127.0.0.1", 0, None, "race")
-    session = Session(flight_factory, str(root))
-    menu = Menu(("split_s_swift", "figure8"), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
-    page = Dashboard(server, session, flight_factory, menu, Choices(**first))
-    session.server, session.address = server, f"http://127.0.0.1:{server.get_port()}/?fixedDpr=0.4"
-    yield session
-    page.close()
-    session.close()
-    server.stop()
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,7 @@
 """Claims about what the timing tower says, over flights without physics."""
 
 import pytest
-from browser_cases import waited
-from conftest import dashboard
+from browser_cases import dashboard, waited
 from web_cases import COURSE, Glider, Gliders, choices
 
 from quadsim.record.archive import RunFolder, list_runs
