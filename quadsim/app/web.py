@@ -39,17 +39,18 @@ def web(
     """
     load_course(course)  # what is wrong with it is said now
     paths = [find_run(run, runs_dir) for run in runs]
+    from web.page.guard import address
     from web.race import Race
 
     server, page, session, token = _open_page(course, host, port, runs_dir)
     if paths:
         page.race.show_replay(paths)
         session.tell(Race.start, [], paths)
-    address = f"http://{host}:{server.get_port()}/" + (f"?token={token}" if token else "")
+    url = address(host, server.get_port()) + (f"?token={token}" if token else "")
     if json:
-        emit_json({"url": address, "pid": os.getpid()})
+        emit_json({"url": url, "pid": os.getpid()})
     else:
-        emit(address)
+        emit(url)
         complain("race web: open the address in a browser; Ctrl-C ends it")
     with suppress(KeyboardInterrupt):  # the way a server ends
         while True:

@@ -4,6 +4,7 @@ import asyncio
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from contextlib import contextmanager
@@ -65,13 +66,15 @@ def test_one_click_flies_and_ctrl_c_keeps_what_was_flown(tmp_path):
 def test_another_host_prints_a_token_that_opens_it(tmp_path):
     with running("--runs-dir", str(tmp_path), "--host", "0.0.0.0") as (_, said):
         port, path = port_of(said), said["url"].partition("/?")[2]
+        name = said["url"].partition("//")[2].partition(":")[0]
+        assert name != "0.0.0.0"  # no browser elsewhere finds that
+        with socket.create_connection((name, port), timeout=5):
+            pass
         assert get(port)[0] == 401
         assert get(port, path=f"/?{path}")[0] == 303
 
 
 def test_a_busy_port_is_one_line(capsys):
-    import socket
-
     with socket.socket() as busy:
         busy.bind(("127.0.0.1", free_port()))
         busy.listen()

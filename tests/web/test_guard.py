@@ -1,12 +1,13 @@
 """Claims about who may use the server, over raw sockets."""
 
 import asyncio
+import gc
 import socket
 
 import pytest
 from viser import _messages as messages
 from websockets.exceptions import InvalidStatus
-from wire import connect, get
+from wire import CAMERA, connect, get
 
 from web.page.guard import new_token, probe, serve
 
@@ -81,6 +82,66 @@ def test_a_foreign_page_is_refused_even_with_the_token(token_server):
     port = token_server.get_port()
     cookie = {"Cookie": f"race{port}={TOKEN}"}
     assert refused(port, additional_headers=cookie, origin="http://evil.example") == 403
+
+
+@pytest.mark.parametrize(
+    "lines",
+    ["Host: 127.0.0.1:{0}\r\nHost: evil.example", "Host: 127.0.0.1:{0}\r\nCookie: race{0}=\u00e9", "Host: \u00e9"],
+)
+@pytest.mark.parametrize("server", ["open_server", "token_server"])
+def test_headers_that_no_browser_sends_are_a_bad_request(server, lines, request):
+    port = request.getfixturevalue(server).get_port()
+    with socket.create_connection(("127.0.0.1", port), timeout=5) as raw:
+        raw.sendall(f"GET / HTTP/1.1\r\n{lines.format(port)}\r\n\r\n".encode())
+        assert raw.recv(100).startswith(b"HTTP/1.1 400 ")
+
+
+def test_every_answer_forbids_frames_and_foreign_scripts(token_server):
+    port = token_server.get_port()
+    cookie = f"race{port}={TOKEN}"
+    for path, headers in (
+        ("/", {}),
+        ("/", {"Cookie": cookie}),
+        ("/nothing", {"Cookie": cookie}),
+        (f"/?token={TOKEN}", {}),
+    ):
+        _, got = get(port, path=path, **headers)
+        assert got["X-Frame-Options"] == "DENY"
+        assert "frame-ancestors 'none'" in got["Content-Security-Policy"]
+        assert "connect-src 'self'" in got["Content-Security-Policy"]
+        assert "unsafe-inline" not in got["Content-Security-Policy"].partition("script-src")[2].partition(";")[0]
+
+
+def test_no_two_pages_have_the_same_nonce(open_server):
+    policies = {get(open_server.get_port())[1]["Content-Security-Policy"] for _ in range(2)}
+    assert len(policies) == 2
+
+
+@pytest.mark.parametrize(
+    "message",
+    ["a text", b"\xc1", b"\x80", b"\x81\xa4type\xa4none", b"\x81\xa4type\xb0GuiUpdateMessage", b"\x93\x01\x02\x03"],
+)
+def test_a_malformed_message_ends_in_one_line(open_server, message, caplog):
+    async def client_does():
+        async with connect(open_server.get_port()) as client:
+            await client._socket.send(message)
+            await asyncio.wait_for(client._socket.wait_closed(), 5.0)
+
+    asyncio.run(client_does())
+    (record,) = caplog.records
+    assert record.getMessage().startswith("race web: ")
+    assert len(caplog.text.splitlines()) == 1
+
+
+def test_a_camera_of_no_numbers_ends_in_one_line(open_server, caplog):
+    async def client_does():
+        async with connect(open_server.get_port()) as client:
+            await client.send(**{**CAMERA, "fov": "wide", "position": "here", "wxyz": None})
+            await asyncio.sleep(0.5)
+
+    asyncio.run(client_does())
+    gc.collect()  # what a task raised is reported when it is freed
+    assert len(caplog.text.splitlines()) == len(caplog.records) > 0
 
 
 def test_only_other_machines_need_a_token():

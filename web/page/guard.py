@@ -52,6 +52,19 @@ def new_token(host: str) -> str | None:
     return None if host in LOOPBACK else secrets.token_urlsafe(18)
 
 
+def address(host: str, port: int) -> str:
+    """The page's, for a browser; where the server listens on all interfaces, the one that other machines reach."""
+    if host in ALL_INTERFACES:
+        family, elsewhere = (socket.AF_INET6, "2001:db8::1") if ":" in host else (socket.AF_INET, "192.0.2.1")
+        try:
+            with socket.socket(family, socket.SOCK_DGRAM) as way:  # connecting it sends nothing
+                way.connect((elsewhere, 9))
+                host = way.getsockname()[0]
+        except OSError:  # no network
+            host = socket.gethostname()
+    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
+
+
 def serve(host: str, port: int, token: str | None, label: str) -> viser.ViserServer:
     """A running server. Raises ValueError with one line for a host or port that cannot be used."""
     port = probe(host, port)

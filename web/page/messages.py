@@ -28,7 +28,7 @@ def one_line(record: logging.LogRecord) -> bool:
     if record.exc_info and record.exc_info[1]:
         error = record.exc_info[1]
         words = " ".join(str(error).split())[:200]
-        record.msg, record.args = "%s: %s: %s", (record.getMessage(), type(error).__name__, words)
+        record.msg, record.args = "race web: %s: %s: %s", (record.getMessage(), type(error).__name__, words)
         record.exc_info = None
     return True
 
