@@ -6,8 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from quadsim.race.build import frames as _frames
-from quadsim.race.build import with_threads
+from quadsim.race.build import flight_frames, with_threads
 from quadsim.race.events import Frame
 from quadsim.race.spec import Spec
 from quadsim.record.archive import RunFolder, find_run
@@ -21,32 +20,33 @@ if TYPE_CHECKING:
 
 
 def fly(course: Any = None, **settings: Any) -> Run:
-    """Fly once and return the Run: laps, events, telemetry.
+    """Simulate one flight and return the Run: laps, events, telemetry.
 
     Args:
-        course: a course by name ("split_s_swift"), a FILE.yaml, a Course, or a Spec that says everything.
-        settings: every flag of `race fly` by name, for example sampler="gaussian", seed=3, horizon=120,
-            sigma=(1, 1, 1, 4) [rad/s, rad/s, rad/s, m/s^2], vehicle="swift", laps=1, randomize=1.0.
-            sampler, cost, system, plant, controller and referee may be objects of your own, see docs/library.md.
+        course: a course by name ("split_s_swift"), a FILE.yaml, a Course, or a complete Spec.
+        settings: every flight, planner, cost and model option of `race fly`, with `_` for `-`: sampler="gaussian",
+            seed=3, horizon=120, sigma=(1, 1, 1, 4) [rad/s, rad/s, rad/s, m/s^2], vehicle="swift", laps=1. Options with
+            a dot: **{"model.drag": 0.0}. sampler, cost, system, plant, controller and referee may be objects of your
+            own, see docs/library.md.
 
     Returns:
         The Run. The same arguments on the same machine give the same run to the last bit, for any number of threads.
 
     Raises:
-        SettingError: a setting that cannot be used (a ValueError): name, what was expected, what was found.
+        SettingError: an invalid setting (a ValueError): name, what was expected, what was found.
         FileError: a course, vehicle or preset that cannot be read (a ValueError).
     """
     spec = _spec(course, settings)
-    return Run.from_frames(spec.record(), _frames(spec))
+    return Run.from_frames(spec.record(), flight_frames(spec))
 
 
 def frames(course: Any = None, **settings: Any) -> Iterator[Frame]:
-    """Fly step by step: an iterator of Frames, one for each control period, the last one with the outcome.
+    """Simulate step by step: an iterator of Frames, one for each control period, the last one with the outcome.
 
-    The same arguments and errors as `fly`. Nothing is computed until the next frame is asked for; an iterator that is
-    not read to its end ends the flight.
+    The same arguments and errors as `fly`. The simulation advances only when the next frame is asked for; closing the
+    iterator ends the flight.
     """
-    return _frames(_spec(course, settings))
+    return flight_frames(_spec(course, settings))
 
 
 def _spec(course: Any, settings: Mapping[str, Any]) -> Spec:
@@ -58,7 +58,7 @@ def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
     """Read a stored run.
 
     Args:
-        run: its folder, a part of a name that only one run in `runs_dir` has, or "last".
+        run: its folder, a part of its name that no other run in `runs_dir` has, or "last".
         runs_dir: the folder of runs.
 
     Raises:
@@ -106,16 +106,16 @@ def compare(
     campaign: str | Path | None = None,
     **settings: Any,
 ) -> Comparison:
-    """Fly variants against each other, paired by seed: which is faster, safer, smoother, with 95 % intervals.
+    """Compare variants over many flights, paired by seed: lap times, finish rates, thrust chatter, 95 % intervals.
 
     Args:
         courses: one course or several.
         variants: samplers by name, or {name: settings}; attempt i of each flies seed + i.
         attempts: flights of each variant on each course.
-        jobs: worker processes; left out, flights are flown here, one after the other. With workers a script needs
+        jobs: worker processes; None: all flights in this process, one after the other. With workers a script needs
             `if __name__ == "__main__":`, and objects of your own must be importable by them.
-        campaign: an SQLite file that keeps finished attempts, so that the same call goes on where it stopped.
-        settings: of all variants, as for `fly`; randomize=1.0 draws another vehicle, start and wind for each seed.
+        campaign: an SQLite file that stores finished attempts; the same call resumes where it stopped.
+        settings: of all variants, as for `fly`; randomize=1.0 randomizes vehicle, start and wind by seed.
 
     Returns:
         A Comparison: `.variants` and `.pairs` with the numbers, `print(comparison)` for tables, `.plot(path)`.

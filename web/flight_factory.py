@@ -14,7 +14,7 @@ from controllers.presets import Planner, per_channel
 from controllers.samplers import Colored
 from quadsim.race.build import build, planner_of
 from quadsim.race.events import Frame
-from quadsim.race.flight import fly
+from quadsim.race.flight import simulate
 from quadsim.race.own_parts import plain
 from quadsim.race.spec import Spec
 
@@ -98,7 +98,7 @@ class Flight:
         self._mppi: Any = planner  # MPPI, whose module loads the compiler
         self.rest = self._mppi.rest
         self.is_cached = self._mppi.is_cached  # False: the first plan has to compile, which takes some 20 s
-        self.frames: Iterator[Frame] = fly(self._plant, self, referee, self.period, snapshot=self._snapshot)
+        self.frames: Iterator[Frame] = simulate(self._plant, self, referee, self.period, snapshot=self._snapshot)
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
         return self._mppi.control(x, target, elapsed)

@@ -1,4 +1,4 @@
-"""From a Spec to a flight: the plant, the controller and the referee are built, then flown."""
+"""From a Spec to a flight: build plant, controller and referee, then simulate."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from quadsim.physics.plant import Plant
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
-from quadsim.race.flight import Controller, PlainController, RefereeProtocol, fly
+from quadsim.race.flight import Controller, PlainController, RefereeProtocol, simulate
 from quadsim.race.own_parts import made
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def with_threads(spec: Spec) -> Spec:
-    """The spec, whose number of threads (None: every core) is used from now on. Raises SettingError."""
+    """Use the spec's number of CPU threads from now on (None: all) and note it in the spec. Raises SettingError."""
     from controllers.rollout.threads import use_threads  # which loads the compiler
 
     try:
@@ -33,7 +33,7 @@ def with_threads(spec: Spec) -> Spec:
 
 
 def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
-    """The world, the controller and the referee of one flight. The caller closes the plant.
+    """The plant, the controller and the referee of one flight. The caller closes the plant.
 
     Raises ValueError where course, laps and vehicle do not fit together.
     """
@@ -46,7 +46,7 @@ def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
 
 
 def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
-    """The planner alone, drawing from this stream."""
+    """The planner alone; `stream` seeds its perturbations."""
     from controllers.adaptation import Adaptation
     from controllers.mppi import MPPI  # here: they load the compiler
 
@@ -61,18 +61,18 @@ def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
 
 
 def launch(spec: Spec, plant: Plant, controller: Any, referee: RefereeProtocol) -> Iterator[Frame]:
-    """The frames of a flight that `build` made ready."""
+    """The frames of a flight, of the parts that `build` returned."""
     from controllers.deadline import Deadline
     from controllers.mppi import MPPI
     from controllers.sampled_trajectories import take_snapshot
 
-    pilot = Deadline(controller, spec.deadline_ms) if spec.deadline_ms else controller
+    timed = Deadline(controller, spec.deadline_ms) if spec.deadline_ms else controller
     snapshot = partial(take_snapshot, controller) if isinstance(controller, MPPI) else None
-    return fly(plant, pilot, referee, spec.planner.mppi.dt, CLOCKS[spec.clock](), snapshot)
+    return simulate(plant, timed, referee, spec.planner.mppi.dt, CLOCKS[spec.clock](), snapshot)
 
 
-def frames(spec: Spec) -> Iterator[Frame]:
-    """Fly: one Frame for each control step, the last one with the outcome. Whoever asks for frames sets the pace."""
+def flight_frames(spec: Spec) -> Iterator[Frame]:
+    """Build and simulate: one Frame for each control step, the last one with the outcome."""
     plant, controller, referee = build(spec)
     with closing(plant):
         yield from launch(spec, plant, controller, referee)

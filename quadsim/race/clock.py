@@ -1,4 +1,4 @@
-"""Clocks: whether simulated time passes while a plan is made."""
+"""Clocks: whether simulated time passes while the controller plans."""
 
 from __future__ import annotations
 
@@ -7,29 +7,29 @@ from time import perf_counter, sleep
 
 
 class Clock:
-    """Relates simulated time t, which counts from the start of the flight [s], to the time that planning takes.
+    """Simulated clock: planning takes no simulated time, so that every flight is reproducible to the last bit.
 
-    Here a plan takes no simulated time: every flight is reproducible to the last bit.
+    Time t [s] counts from the start of the flight.
     """
 
     def now(self, t: float) -> float:
-        """The simulated time at which a plan that was begun at t is ready."""
+        """The simulated time now, when the planning that started at t has ended [s]."""
         return t
 
     def wait(self, t: float) -> None:
-        """Return when it is t."""
+        """Return when the time is t [s]."""
 
 
 class WallClock(Clock):
-    """Simulated seconds are real ones: a plan acts once it is ready."""
+    """Real-time clock: simulated time runs on while the controller plans."""
 
     def __init__(self, time: Callable[[], float] = perf_counter, sleep: Callable[[float], None] = sleep):
-        """time: [s] from any instant on. sleep: passes so many seconds of it."""
+        """time: a clock [s] of any origin. sleep: waits for a number of seconds."""
         self._time, self._sleep = time, sleep
         self._began: float | None = None
 
     def now(self, t: float) -> float:
-        if self._began is None:  # the flight begins when the first plan is ready, which may have had to compile
+        if self._began is None:  # time starts when the first plan is ready, as that one may include compiling
             self._began = self._time() - t
         return self._time() - self._began
 

@@ -1,4 +1,4 @@
-"""What happens in a flight: events that the referee calls, a frame for each control step, laps read off the events."""
+"""Records of a flight: the referee's events, a frame for each control step; lap times computed from the events."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PENALTY = 3.0  # [s] a hit in the timed mode, as AirSim Drone Racing Lab scores
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """What the referee reports, at the instant inside a physics step at which it happened."""
+    """An event that the referee reports; its time is resolved within the physics step."""
 
     t: float  # [s]
     kind: str  # pass, hit, miss, wrong_way, ground, bounds, timeout, unseen_contact
@@ -26,39 +26,39 @@ class Event:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """One control step: the state at t, and the control held from t on."""
+    """One control step: the state at t, and the control that is computed from it."""
 
     t: float  # [s]
-    x: tuple[float, ...]  # STATE at t
-    u: tuple[float, ...]  # CONTROL over the following control period
-    passed: int  # gates since the start
+    x: tuple[float, ...]  # state at t, see the system's STATE_UNITS
+    u: tuple[float, ...]  # control for the following control period
+    passed: int  # gates passed since the start
     lap: int  # 1-based
     gate: int  # 1-based number of the next gate
     ess: float  # effective sample size of the last iteration
-    temperature: float
-    cost: float  # of the nominal
-    plan_ms: float  # wall clock [ms]
-    elapsed: float  # wall clock since the flight began [s]
+    temperature: float  # lambda of the last iteration
+    cost: float  # J of the unperturbed sample of the last iteration
+    plan_ms: float  # planning time, wall clock [ms]
+    elapsed: float  # wall clock since the start of the simulation [s]
     events: tuple[Event, ...] = ()  # of the physics steps that led to t
     outcome: str | None = None  # None: still flying; finished, crashed, timeout
-    snapshot: PlannerSnapshot | None = None  # of the planner, every SNAPSHOT_EVERY periods
+    snapshot: PlannerSnapshot | None = None  # the planner's best samples, every SNAPSHOT_EVERY periods
 
 
 def flown_laps(events: Iterable[Event], completed: int) -> list[float]:
-    """A lap ends at its last pass; the first begins at t = 0, so that laps sum to the race [s]."""
+    """Lap times [s]. A lap ends at its last gate; the first begins at t = 0, so that the laps sum to the race time."""
     ends = {e.lap: e.t for e in events if e.kind == "pass"}
     ends = [0.0, *(ends[lap] for lap in range(1, completed + 1))]
     return [b - a for a, b in pairwise(ends)]
 
 
 def lap_penalties(events: Iterable[Event], completed: int) -> list[float]:
-    """PENALTY for every hit of a completed lap [s]. Only in the timed mode is a lap with a hit ever completed."""
+    """Penalty time of each completed lap [s]: PENALTY for every hit. Without --penalties a hit ends the flight."""
     hits = [e.lap for e in events if e.kind == "hit"]
     return [PENALTY * hits.count(lap) for lap in range(1, completed + 1)]
 
 
 def sector_times(events: Iterable[Event]) -> list[list[float]]:
-    """Flown seconds from gate to gate, one list a lap; they sum to the lap without its penalties."""
+    """Time from gate to gate [s], one list per lap; they sum to the lap time without penalties."""
     laps: dict[int, list[float]] = {}
     last = 0.0
     for e in events:

@@ -1,7 +1,7 @@
-"""fly(): the one loop. The controller plans, the plant moves, the referee watches; each control step is a Frame.
+"""simulate(): the loop in which the controller plans, the plant steps and the referee checks; one Frame per step.
 
-A generator, so that whoever asks for frames sets the pace: the command line collects them, a page draws
-while it asks, a test takes them all, and pausing is not asking for the next one.
+It is a generator: the consumer sets the pace. The command line collects the frames, the web page draws them as they
+come and pauses by not asking for the next one.
 """
 
 from __future__ import annotations
@@ -15,29 +15,35 @@ import numpy as np
 
 from controllers.plan import PlannerSnapshot, PlanStats
 from quadsim.course import Vec3
-from quadsim.physics.plant import Plant
+from quadsim.physics.plant import Plant, PlantState
 from quadsim.race.clock import Clock
 from quadsim.race.events import Event, Frame
 
 
 class Controller(Protocol):
-    """Chooses u at state x on the way to gate number `target` (gates passed since the start).
-
-    `elapsed` control periods have passed since it was last asked, 0 the first time.
-    """
+    """Computes the control u at the state x. MPPI is one."""
 
     @property
     def rest(self) -> np.ndarray:
-        """The control that holds still, for the time before there is a plan.  (n_u,)"""
+        """The control at rest, of a quadrotor hover; applied until the first plan is ready.  (n_u,)"""
         ...
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
-        """The control (n_u,) to apply at the state x (n_x,), and what is to be reported of the plan."""
+        """The control to apply at the state x, and statistics of the plan.
+
+        Args:
+            x: (n_x,)
+            target: index into the sequence of gates over all laps, from 0; equals the gates passed since the start.
+            elapsed: control periods since the last call, 0 at the first.
+
+        Returns:
+            u (n_u,) and PlanStats.
+        """
         ...
 
 
 class PlainController:
-    """A user's controller that has nothing but `control(x) -> u`, as a Controller."""
+    """Adapts a user's controller that has only `control(x) -> u` to the Controller protocol."""
 
     def __init__(self, inner: Any, rest: Sequence[float]):
         self._inner, self.rest = inner, np.array(rest)
@@ -47,7 +53,7 @@ class PlainController:
 
 
 class RefereeProtocol(Protocol):
-    """Watches every physics step until it has an outcome; see quadsim.race.referee.Referee."""
+    """Checks every physics step and ends the flight by setting an outcome; see quadsim.race.referee.Referee."""
 
     @property
     def outcome(self) -> str | None:
@@ -70,14 +76,14 @@ class RefereeProtocol(Protocol):
         ...
 
     def observe(self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()) -> list[Event]:
-        """What happened in the physics step from p0 at t0 to p1 at t1 [m, s]. contacts: what the plant touched."""
+        """Events of the physics step from p0 at t0 to p1 at t1 [m, s]. contacts: objects that the vehicle touches."""
         ...
 
 
 SNAPSHOT_EVERY = 10  # control periods from one PlannerSnapshot to the next
 
 
-def fly(
+def simulate(
     plant: Plant,
     controller: Controller,
     referee: RefereeProtocol,
@@ -85,42 +91,66 @@ def fly(
     clock: Clock | None = None,
     snapshot: Callable[[], PlannerSnapshot | None] | None = None,
 ) -> Iterator[Frame]:
-    """Fly until the referee ends it. The last frame carries the outcome and the control that led there.
+    """Simulate until the referee ends the flight. The last frame has the outcome and the last control applied.
 
-    period: control period [s], a whole multiple of the plant's step; raises ValueError otherwise.
-    A plan made from the state at t acts when it is ready, until then the control before it does; the next
-    plan begins one period after t, or when this one is ready. By default that is at once.
-    snapshot: asked every SNAPSHOT_EVERY periods for the planner's best sampled paths, which are kept with the run.
+    With the wall clock, the previous control is applied until the new plan is ready; the next planning step starts one
+    period after this one started, or when this plan is ready if that is later. With the default clock, planning takes
+    no simulated time.
+
+    Args:
+        plant, controller, referee: used for this one flight.
+        period: control period [s], a whole multiple of the plant's step.
+        clock: default: simulated time.
+        snapshot: called every SNAPSHOT_EVERY periods; the result is stored in the frame.
+
+    Raises:
+        ValueError: period is no whole multiple of the plant's step.
     """
     clock = clock or Clock()
     whole_multiple(period, plant.dt)
     began = perf_counter()
-    u = held = tuple(controller.rest.tolist())
-    plan, elapsed = (0.0, 0.0, 0.0, 0.0), 0
+    u = previous_u = tuple(controller.rest.tolist())
+    stats, plan_ms, elapsed = PlanStats(cost=0.0, ess=0.0, temperature=0.0), 0.0, 0
     events: list[Event] = []
     for k in count():
-        state = plant.state
-        if referee.outcome is None:
+        state, flying = plant.state, referee.outcome is None
+        if flying:
             before = perf_counter()
             control, stats = controller.control(np.array(state.x), referee.passed, elapsed)
-            plan = stats.ess, stats.temperature, stats.cost, 1e3 * (perf_counter() - before)
-            held, u = u, tuple(control.tolist())
-        ready = clock.now(state.t)  # before the frame is handed out, which may take a while
-        seen = snapshot() if snapshot and referee.outcome is None and k % SNAPSHOT_EVERY == 0 else None
-        progress = referee.passed, referee.lap, referee.next_gate + 1
-        seconds = perf_counter() - began
-        yield Frame(state.t, state.x, u, *progress, *plan, seconds, tuple(events), referee.outcome, seen)
-        if referee.outcome is not None:
+            plan_ms = 1e3 * (perf_counter() - before)
+            previous_u, u = u, tuple(control.tolist())
+        plan_ready_time = clock.now(state.t)  # read before the frame is yielded, as its consumer may take a while
+        best = snapshot() if snapshot and flying and k % SNAPSHOT_EVERY == 0 else None
+        wall = {"plan_ms": plan_ms, "elapsed": perf_counter() - began}
+        yield frame(state, u, referee, stats, **wall, events=tuple(events), snapshot=best)
+        if not flying:
             return
-        events = hold(plant, referee, held, ready)
-        following = max(state.t + period, plant.state.t)
-        clock.wait(following)
-        events += hold(plant, referee, u, following)
-        elapsed = max(round((following - state.t) / period), 1)
+        events = apply_control(plant, referee, previous_u, plan_ready_time)
+        next_time = max(state.t + period, plant.state.t)  # later if the plan took more than a period
+        clock.wait(next_time)
+        events += apply_control(plant, referee, u, next_time)
+        elapsed = max(round((next_time - state.t) / period), 1)
 
 
-def hold(plant: Plant, referee: RefereeProtocol, u: tuple[float, ...], until: float) -> list[Event]:
-    """Apply u until the given time, to the nearest physics step; the referee sees every step."""
+def frame(state: PlantState, u: tuple[float, ...], referee: RefereeProtocol, stats: PlanStats, **more: Any) -> Frame:
+    """The Frame of this state and control; `more`: its other fields."""
+    return Frame(
+        t=state.t,
+        x=state.x,
+        u=u,
+        passed=referee.passed,
+        lap=referee.lap,
+        gate=referee.next_gate + 1,
+        ess=stats.ess,
+        temperature=stats.temperature,
+        cost=stats.cost,
+        outcome=referee.outcome,
+        **more,
+    )
+
+
+def apply_control(plant: Plant, referee: RefereeProtocol, u: tuple[float, ...], until: float) -> list[Event]:
+    """Step the plant under u to the physics step nearest to the time `until` [s]; the referee checks every step."""
     events: list[Event] = []
     while plant.state.t < until - plant.dt / 2 and referee.outcome is None:
         before = plant.state
@@ -130,7 +160,7 @@ def hold(plant: Plant, referee: RefereeProtocol, u: tuple[float, ...], until: fl
 
 
 def whole_multiple(period: float, dt: float) -> int:
-    """How many physics steps of dt make a control period. Raises ValueError unless it is a whole number."""
+    """Number of physics steps of dt in a control period. Raises ValueError unless it is a whole number."""
     substeps = round(period / dt)
     if substeps < 1 or abs(substeps * dt - period) > 1e-9:
         raise ValueError(f"dt: expected a whole multiple of the plant's step {dt:g} [s], got {period:g}")

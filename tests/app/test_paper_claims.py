@@ -8,14 +8,14 @@ from controllers.samplers import make_sampler
 from quadsim.app.paper.sampled import SAMPLES, paths, perturbations
 from quadsim.app.paper.table1 import drive
 from quadsim.app.paper.table2 import TABLE2, psd, variant
-from quadsim.race.build import frames
+from quadsim.race.build import flight_frames
 from quadsim.race.spec import Spec
 from quadsim.record.metrics import accumulated_cost, chatter
 from quadsim.record.run import Run
 
 
 def fly(spec: Spec) -> Run:
-    return Run.from_frames(spec.record(), frames(spec))
+    return Run.from_frames(spec.record(), flight_frames(spec))
 
 
 @cache

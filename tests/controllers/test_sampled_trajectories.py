@@ -6,7 +6,7 @@ import pytest
 from controllers.costs.race import TERMS
 from controllers.sampled_trajectories import controls, sampled_trajectories, take_snapshot
 from quadsim.race.build import build, launch
-from quadsim.race.flight import SNAPSHOT_EVERY, fly
+from quadsim.race.flight import SNAPSHOT_EVERY, simulate
 from quadsim.race.spec import Spec
 
 
@@ -69,7 +69,7 @@ def test_a_flight_with_pictures_is_the_flight_without(flight):
     plant.close()
     plant, mppi, referee = build(spec)
     mppi.samples = 256
-    blind = fly(plant, mppi, referee, spec.planner.mppi.dt)
+    blind = simulate(plant, mppi, referee, spec.planner.mppi.dt)
     for a, b in zip(seen, (next(blind) for _ in range(12)), strict=True):
         assert (a.x, a.u, a.cost) == (b.x, b.u, b.cost)
 

@@ -6,7 +6,7 @@ import pytest
 from controllers.plan import PlanStats
 from quadsim.physics.plant import ModelPlant
 from quadsim.race.clock import Clock, WallClock
-from quadsim.race.flight import fly
+from quadsim.race.flight import simulate
 
 DT, PERIOD = 0.0025, 0.01  # four physics steps in a control period
 
@@ -59,7 +59,7 @@ def flown(durations, end, clock=None):
     time = FakeTime()
     planner, watch = Planner(time, durations), Watch(end)
     plant = ModelPlant(lambda x, u, p, dt: (x[0] + u[0], x[1] + dt, 0.0), (), (0.0, 0.0, 0.0), DT)
-    list(fly(plant, planner, watch, PERIOD, clock or WallClock(time, time.pass_by)))
+    list(simulate(plant, planner, watch, PERIOD, clock or WallClock(time, time.pass_by)))
     return planner.begun, planner.elapsed, watch.controls
 
 

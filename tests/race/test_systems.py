@@ -17,7 +17,7 @@ from controllers.samplers import SAMPLERS, Colored
 from quadsim.app.figures.run_figure import draw
 from quadsim.app.progress import Progress
 from quadsim.app.report import report, summary
-from quadsim.race.build import frames
+from quadsim.race.build import flight_frames
 from quadsim.race.own_parts import own_system
 from quadsim.race.spec import Spec
 from quadsim.race.systems import SYSTEMS
@@ -86,7 +86,7 @@ def test_a_run_has_a_column_with_its_unit_for_time_every_state_and_every_control
     assert columns_of(run.spec) == entry.columns
     assert len(run.telemetry["t"]) > 10
     assert all(np.isfinite(column).all() for column in run.telemetry.values())
-    first = next(iter(frames(spec_of(system))))
+    first = next(iter(flight_frames(spec_of(system))))
     assert [run.telemetry[name][0] for name in (*entry.states, *entry.controls)] == [*first.x, *first.u]
 
 
@@ -156,7 +156,7 @@ def test_the_live_line_names_what_is_passed(system, shown, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "120")
     spec = spec_of(system)
     with Progress(spec) as line:
-        line.show(next(iter(frames(spec))))
+        line.show(next(iter(flight_frames(spec))))
     text = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", capsys.readouterr().err)
     assert shown in text
     assert ("m/s" in text) == (system != "own"), "the unit of a user's own state is not known"
