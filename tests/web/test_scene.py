@@ -1,5 +1,7 @@
 """Claims about where things are drawn in the view, and about the pace of the race."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from web_cases import Glider, choices
@@ -8,28 +10,50 @@ from quadsim.course import course_names, load_course
 from quadsim.palette import NEXT, STYLES, Style
 from quadsim.record.run import Run
 from web.competitor import run_competitor
+from web.lap_timing import lap_timings
 from web.pace import Pace
-from web.page.camera import ASPECT, FOV, overview, top_view
+from web.page.camera import FOV, fpv, free_part, overview, top_view
 from web.page.drones import SPAN, quadrotor, ramp, resampled, segments
 from web.page.race_scene import _arrows, bars_of, visible_scale
-from web.page.scene_colours import INTO, OUT, decoded, encoded, line_colour, mesh_colour
+from web.page.scene_colours import INTO, OUT, array_colour, decoded, encoded, single_colour
+from web.race import Snapshot
 
 
 @pytest.mark.parametrize("name", course_names())
 @pytest.mark.parametrize("view", [overview, top_view])
-def test_the_camera_frames_any_course(name, view):
+@pytest.mark.parametrize("size", [(900, 900), (572, 720), (390, 844)], ids=["1600 px", "1280 px", "a phone"])
+def test_the_camera_frames_any_course_in_what_panels_leave_free(name, view, size):
+    """All of it, and no smaller than need be."""
     course = load_course(name)
-    eye, centre = view(course)
+    eye, centre = view(course, size)
     forward = (centre - eye) / np.linalg.norm(centre - eye)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    up = np.cross(right, forward)
-    p = np.vstack([g.corners(g.frame_width) for g in course.gates]) - eye
-    depth = p @ forward
-    high, wide = abs(p @ up) / depth, abs(p @ right) / depth / ASPECT
-    filled = max(high.max(), wide.max()) / np.tan(FOV / 2)
-    assert (depth > 0).all()
-    assert 0.8 < filled < 1.0  # all of it, and no smaller than need be
+    p = np.vstack([course.start.position, *(g.corners(g.frame_width) for g in course.gates)]) - eye
+    x, y = (p @ axis / (p @ forward) / np.tan(FOV / 2) for axis in (right, np.cross(right, forward)))
+    x *= size[1] / size[0]
+    left, right_edge, bottom, top = free_part(size)
+    assert (p @ forward > 0).all()
+    assert left < x.min() < x.max() < right_edge
+    assert bottom < y.min() < y.max() < top
+    assert max(np.ptp(x) / (right_edge - left), np.ptp(y) / (top - bottom)) > 0.8
+
+
+def test_a_phones_sheet_leaves_the_upper_half():
+    assert free_part((390, 844))[2] == free_part((780, 1688))[2] == 0.0  # whatever the density of its pixels
+    assert free_part((572, 720))[2] == -1.0
+
+
+def test_the_drones_camera_looks_ahead_and_up_from_its_centre():
+    """Level at yaw 90 degrees it looks north, 20 degrees up; its up direction is at right angles."""
+    flight = Glider(choices())
+    one = run_competitor(Run.from_frames(flight.spec, list(flight.frames)), flight.course, None)
+    x = one.x | {"qw": np.full(len(one.t), np.sqrt(0.5)), "qz": np.full(len(one.t), np.sqrt(0.5))}
+    (s,) = lap_timings(Snapshot(t=0.5, end=9.0, competitors=(replace(one, x=x),)), by_place=False)
+    (eye, ahead), up = fpv(s)
+    assert np.allclose(eye, one.rows(("px", "py", "pz"), s.i))
+    assert np.allclose(ahead - eye, [0.0, np.cos(np.radians(20)), np.sin(np.radians(20))])
+    assert np.allclose(up, [0.0, -np.sin(np.radians(20)), np.cos(np.radians(20))])
 
 
 def test_bars_leave_the_opening_free_and_touch_at_the_corners():
@@ -110,9 +134,9 @@ def shown(sent, linear):
 def test_what_is_sent_looks_like_the_legend(colour):
     """Off by less than two colours differ where it cannot be shown, as no blue at all beside a bright orange."""
     rgb = Style(colour, ()).rgb
-    assert abs(shown(line_colour(rgb), True) - rgb).max() < 42
-    assert abs(shown(mesh_colour(rgb), False) - rgb).max() < 42
-    assert abs(shown(line_colour(rgb), True) - rgb).mean() < 22
+    assert abs(shown(array_colour(rgb), True) - rgb).max() < 42
+    assert abs(shown(single_colour(rgb), False) - rgb).max() < 42
+    assert abs(shown(array_colour(rgb), True) - rgb).mean() < 22
 
 
 def test_sent_as_it_is_orange_would_look_pale():

@@ -31,7 +31,7 @@ def timeline(entries: Sequence[Competitor], t: float, end: float) -> str:
             look = {"stroke": RED if bad else GREY, "stroke_width": 2.5 if bad else 1.2}
             x = event.t * scale
             parts.append(svg("line", x1=x, x2=x, y1=y + 4.5 - tall / 2, y2=y + 4.5 + tall / 2, **look))
-    for number, (a, b) in enumerate(pairwise(entries[0].lap_starts), 1):
+    for number, (a, b) in enumerate(pairwise(max(entries, key=lambda e: len(e.laps)).lap_starts), 1):
         words = {"y": height - 1.0, "fill": DIM, "font_size": 9, "text_anchor": "middle"}
         parts.append(svg("text", f"lap {number}", x=(a + b) / 2 * scale, **words))
     x = min(t, end) * scale

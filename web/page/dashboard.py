@@ -16,6 +16,7 @@ from web.page.camera import Camera
 from web.page.charts import TABS, Charts, Tabs, remove_charts
 from web.page.course_map import Map
 from web.page.export import add_export
+from web.page.html import STYLE
 from web.page.laps import chatter, laps
 from web.page.panels import PlaybackPanel, ViewPanel
 from web.page.race_panel import Menu, RacePanel
@@ -67,6 +68,7 @@ class Dashboard:
         self._controls_due, self._runs_due = Due(TABLES), Due(SLOW)
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(230, 159, 0))
+        gui.add_html(STYLE)
         self.race = RacePanel(gui, session, menu, first)
         self.sampler = SamplerPanel(gui, session, flight_factory, self.race)
         self._playback = PlaybackPanel(gui, session)
@@ -96,7 +98,8 @@ class Dashboard:
         top.dock_right()
         top.set_width(430)
         below.dock_below(top)
-        head.float(x=200, y=12, width=520)
+        head.float(x=12, y=12, width=545)
+        head.expand()  # on a phone it is a part of the sheet, folded by itself
 
     def _run(self) -> None:
         while not self._closing.wait(SCENE):
@@ -140,7 +143,7 @@ class Dashboard:
         if not timings or len(timings) != len(s.competitors):
             return None
         self._view = RaceView(self._server, s, self._tabs, self._options.true_size.value)
-        self._camera.show(self._options.camera_mode.value, s.competitors[0].course)
+        self._camera.show(s.competitors[0].course, self._view.scene.drone_size)
         return self._view
 
     def _update_tables(self, s: Snapshot, timings: list[LapTiming], view: RaceView | None) -> None:

@@ -11,7 +11,7 @@ from trimesh.transformations import rotation_matrix, translation_matrix
 from trimesh.util import concatenate
 
 from web.competitor import POSITION, QUATERNION, Competitor
-from web.page.scene_colours import line_colour, mesh_colour
+from web.page.scene_colours import array_colour, single_colour
 
 TRAIL, TRAIL_SPAN = 160, 4.0  # segments, and the seconds they span
 PATH = 500  # segments of a whole run
@@ -28,7 +28,7 @@ class Drone:
         colour = entry.style.rgb
         self._frame = scene.add_frame(node, show_axes=False)
         for part, mesh in quadrotor(SPAN * scale).items():
-            shade = mesh_colour(colour if part == "body" else (205, 208, 212))
+            shade = single_colour(colour if part == "body" else (205, 208, 212))
             opacity = 0.45 if ghost else 1.0 if part == "body" else 0.8
             look = {"color": shade, "opacity": opacity, "flat_shading": True, "side": "double"}
             scene.add_mesh_simple(f"{node}/{part}", mesh.vertices, mesh.faces, **look)
@@ -37,13 +37,13 @@ class Drone:
             f"/trail/{name}", none, dark, thickness=width * (0.035 if ghost else 0.06)
         )
         self._dashed = entry.again  # as its line in the charts
-        self._colours = np.tile(line_colour(colour), (TRAIL, 2, 1))
+        self._colours = np.tile(array_colour(colour), (TRAIL, 2, 1))
         if ghost:
             scene.add_label(f"{node}/name", entry.name, position=(0.0, 0.0, 0.5 * width))
         if not entry.live:
             rows = np.linspace(0, len(entry.t) - 1, PATH + 1).astype(int)
             path = self._segments(entry.rows(POSITION, rows).astype(np.float32))
-            scene.add_line_segments(f"/path/{name}", path, line_colour(colour), thickness=0.02 * width)
+            scene.add_line_segments(f"/path/{name}", path, single_colour(colour), thickness=0.03 * width)
 
     def show(self, entry: Competitor, i: int, by_speed: bool) -> None:
         """At frame i, with its trail coloured by speed or by sampler."""
@@ -54,7 +54,7 @@ class Drone:
         t = np.clip(t, 0.0, entry.t[i])
         rows = np.searchsorted(entry.t, t, side="right") - 1
         self._trail.points = self._segments(entry.rows(POSITION, rows), int(entry.t[i] / piece))
-        self._trail.colors = segments(line_colour(ramp(entry.speed(rows) / FAST))) if by_speed else self._colours
+        self._trail.colors = segments(array_colour(ramp(entry.speed(rows) / FAST))) if by_speed else self._colours
 
     def _segments(self, points: np.ndarray, first: int = 0) -> np.ndarray:
         pieces = segments(points)
@@ -71,7 +71,7 @@ class SampledTrajectoriesView:
 
     def __init__(self, scene: viser.SceneApi, samples: int, width: float):
         self._n, p = samples, self.POINTS
-        shades = np.repeat(line_colour(ramp(np.linspace(1.0, 0.05, samples)) * 0.8), p - 1, axis=0)
+        shades = np.repeat(array_colour(ramp(np.linspace(1.0, 0.05, samples)) * 0.8), p - 1, axis=0)
         colours = np.repeat(shades[:, None], 2, axis=1)  # (samples * (p - 1), 2, 3)
         none, nothing = np.zeros((len(colours), 2, 3), np.float32), np.zeros((p - 1, 2, 3), np.float32)
         name, white = "/sampled_trajectories", (255, 255, 255)

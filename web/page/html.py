@@ -12,6 +12,24 @@ DIM, MARKER_EDGE, TRACK = "#9aa3b2", "#111", "#2c3038"  # dim text, outlines of 
 RED, GREY = "#ff6b6b", "#e2e6ec"  # hits and crashes, as light as text on a dark page has to be; what is neither
 MONO = "font-family:ui-monospace,Menlo,Consolas,monospace;font-variant-numeric:tabular-nums"
 
+PHONE = "@media (max-width: 36em)"  # where viser puts all panels into one sheet at the bottom
+STYLE = f"""<style>
+.mantine-Notifications-root {{ top: auto !important; bottom: 1em !important }}
+{PHONE} {{
+  .hud {{ position: fixed; top: 0; left: 0; right: 0; z-index: 20; background: #1f2125 }}
+  .mantine-Notifications-root {{ bottom: 51% !important }}
+  .hud .numbers {{ font-size: 15px !important; gap: 0 8px !important }}
+  .mantine-Paper-root:has(.hud), .mantine-Paper-root:has(.hud) [style*="width: 20em"] {{ width: 100% !important }}
+  .mantine-Paper-root:has(.hud) {{ max-height: 50% !important }}
+  [aria-label$="panel HUD"] {{ display: none !important }}
+}}
+</style>"""  # notes stand below, where they hide neither the head-up display nor the drone
+
+
+def head_up(*parts: str) -> str:
+    """The head-up display, on a phone at the top of the page."""
+    return f'<div class="hud">{box(*parts)}</div>'
+
 
 def text(value: object) -> str:
     return escape(str(value), quote=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import viser
 
-from web.page.camera import FREE, MODES, Camera
+from web.page.camera import MODES, Camera
 from web.page.html import box, small, table
 from web.race import Race, Snapshot
 from web.session import Session
@@ -61,20 +61,20 @@ class ViewPanel:
     """How the race is shown, and the keys that control it."""
 
     def __init__(self, gui: viser.GuiApi, session: Session, camera: Camera):
-        with gui.add_folder("View", expand_by_default=False):
-            self.camera_mode = gui.add_dropdown("Camera", MODES, initial_value=FREE)
+        with gui.add_folder("View"):
+            self.camera = gui.add_button_group("Camera", MODES, hint="each visitor's own; FPV: from the drone")
             self.ghosts = gui.add_dropdown("Ghosts", (TIME, PLACE), initial_value=TIME, hint="where others are shown")
             self.trails = gui.add_dropdown("Trails", (AUTO, SPEED, SAMPLER), initial_value=AUTO)
             hint = "the cheapest of the samples; white: the plan"
             self.trajectories = gui.add_checkbox("Sampled trajectories", True, hint=hint)
             self.true_size = gui.add_checkbox("True size", False, hint="of the drones, from the next start")
-        self.camera_mode.on_update(lambda _: camera.show(self.camera_mode.value))
+        self.camera.on_click(lambda event: camera.choose(event.client, self.camera.value))
         commands: dict[Any, tuple[str, Callable[[viser.CommandEvent], None]]] = {
             "space": ("pause, go on", lambda _: session.tell(Race.play)),
             "N": ("one step", lambda _: session.tell(Race.step, 1)),
             "R": ("restart", lambda _: session.tell(Race.restart)),
             "E": ("next event", lambda _: session.tell(Race.jump)),
-            "C": ("camera: free, chase, top", lambda _: self._next_camera()),
+            "C": (f"camera: {', '.join(MODES)}", lambda event: camera.choose(event.client)),
             "H": ("help: these keys", lambda event: _help(event.client, keys)),
         }
         keys: list[list[str] | str] = [[key, what] for key, (what, _) in commands.items()]
@@ -88,9 +88,6 @@ class ViewPanel:
     def by_speed(self, competitors: int) -> bool:
         """Whether trails are coloured by speed: by default if there is no other competitor to tell apart."""
         return self.trails.value == SPEED or (self.trails.value == AUTO and competitors == 1)
-
-    def _next_camera(self) -> None:
-        self.camera_mode.value = MODES[(MODES.index(self.camera_mode.value) + 1) % len(MODES)]
 
 
 def _help(client: viser.ClientHandle | None, keys: list[list[str] | str]) -> None:

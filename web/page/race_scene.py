@@ -16,9 +16,9 @@ from web.competitor import CRASHES, Competitor
 from web.lap_timing import LapTiming, crashed_gates
 from web.page.drones import SPAN, Drone, SampledTrajectoriesView
 from web.page.html import RED
-from web.page.scene_colours import add_lights, line_colour
+from web.page.scene_colours import add_lights, array_colour, single_colour
 
-PLAIN, NEXT_GATE, HIT_GATE = (line_colour(rgb) for rgb in ((206, 210, 216), Style(NEXT, ()).rgb, Style(RED, ()).rgb))
+PLAIN, NEXT_GATE, HIT_GATE = (array_colour(rgb) for rgb in ((206, 210, 216), Style(NEXT, ()).rgb, Style(RED, ()).rgb))
 GATE = 1.5  # opening of a racing gate [m]
 IMPACTS = 12  # most that are marked, the last ones
 
@@ -32,6 +32,7 @@ class RaceScene:
         """true_size: of the drones, else enlarged; samples: trajectories that are drawn."""
         course = entries[0].course
         scale, width = 1.0 if true_size else visible_scale(course), gate_scale(course)
+        self.drone_size = SPAN * scale  # [m]
         add_lights(scene)
         self._course, self._impacts = CourseView(scene, course), Impacts(scene, width)
         self._drones = [Drone(scene, str(k), entry, k > 0, scale, width) for k, entry in enumerate(entries)]
@@ -69,7 +70,7 @@ class Impacts:
         arms = np.array(list(product((-1.0, 1.0), repeat=3))[:4], np.float32)  # half of the diagonals of a cube
         self._arms = 0.35 * scale * np.stack([-arms, arms], axis=1)  # (4, 2, 3)
         none = np.zeros((4 * IMPACTS, 2, 3), np.float32)
-        colour = line_colour(Style(RED, ()).rgb)
+        colour = single_colour(Style(RED, ()).rgb)
         self._lines = scene.add_line_segments("/impacts", none, colour, thickness=0.13 * scale, visible=False)
         self._shown = 0
 
@@ -107,7 +108,7 @@ class CourseView:
             )
             scene.add_label(f"/course/number/{number}", str(number), position=top)
         scene.add_line_segments(
-            "/course/arrows", _arrows(course), line_colour((150, 165, 190)), thickness=0.05 * gate_scale(course)
+            "/course/arrows", _arrows(course), single_colour((130, 142, 165)), thickness=0.05 * gate_scale(course)
         )
         _add_ground(scene, course)
 

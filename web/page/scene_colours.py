@@ -1,8 +1,8 @@
 """Colours of the scene: what to send so that the screen shows the colours of the legend.
 
-The page's renderer (three.js) takes the numbers of lines and batched meshes as linear light, those of a mesh as sRGB,
-and maps both by its fit of the ACES filmic curve: sent as they are, all colours come out pale. That mapping,
-x -> sRGB(O f(I x / 0.6)), is inverted here. (Stephen Hill's fit, as in three.js, tonemapping_pars_fragment.glsl.js)
+The page's renderer (three.js) takes colours in an array, of lines or batched meshes, as linear light, a single colour
+of a mesh or of lines as sRGB, and maps both by its fit of the ACES filmic curve: sent as they are, all come out pale.
+That mapping, x -> sRGB(O f(I x / 0.6)), is inverted here. (Stephen Hill's fit, in tonemapping_pars_fragment.glsl.js)
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ EXPOSURE = 0.6
 BRIGHT = np.pi  # intensity of a light under which a mesh has its own colour, its reflection being colour / pi
 
 
-def line_colour(rgb: tuple[int, int, int] | np.ndarray) -> np.ndarray:
-    """To be sent for lines and batched meshes that are to look like this sRGB colour.  (..., 3) uint8, as given"""
+def array_colour(rgb: tuple[int, int, int] | np.ndarray) -> np.ndarray:
+    """To be sent in an array for what is to look like this sRGB colour.  (..., 3) uint8, as given"""
     return np.rint(255 * _linear(rgb)).astype(np.uint8)
 
 
-def mesh_colour(rgb: tuple[int, int, int] | np.ndarray) -> tuple[int, int, int]:
-    """To be sent for a mesh whose lit side is to look like this sRGB colour."""
+def single_colour(rgb: tuple[int, int, int] | np.ndarray) -> tuple[int, int, int]:
+    """To be sent alone for what is to look like this sRGB colour; of a mesh, its lit side."""
     red, green, blue = np.rint(255 * encoded(_linear(rgb))).astype(int).tolist()
     return red, green, blue
 

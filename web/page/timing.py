@@ -10,7 +10,7 @@ from quadsim.record.run import not_comparable
 from web.competitor import CRASHES, Competitor
 from web.lap_timing import LapTiming, order
 from web.page.course_map import timeline
-from web.page.html import DIM, MONO, RED, TRACK, bar, box, coloured, heading, label, small, table, text
+from web.page.html import DIM, MONO, RED, TRACK, bar, box, coloured, head_up, heading, label, small, table, text
 from web.page.laps import best_sectors, coloured_time
 from web.race import Snapshot
 
@@ -23,7 +23,7 @@ def hud(s: Snapshot, timings: list[LapTiming]) -> str:
     the time line.
     """
     if not timings:
-        return box(f'<div style="text-align:center;color:{DIM}">Choose a race and press START</div>')
+        return head_up(f'<div style="text-align:center;color:{DIM}">Choose a race and press START</div>')
     first, entry = timings[0], timings[0].entry
     gate = f"G{first.gate}/{entry.legs.gates}" if first.gate else "FINISH"
     lap, speed = f"LAP {first.lap}/{entry.spec['laps']}", f"{entry.speed(first.i):.1f} m/s"
@@ -34,7 +34,8 @@ def hud(s: Snapshot, timings: list[LapTiming]) -> str:
     spans = "".join(f"<span>{c}</span>" for c in cells)
     look = f"display:flex;justify-content:space-between;flex-wrap:wrap;gap:0 14px;font-size:19px;font-weight:650;{MONO}"
     results = "".join(_result(one, len(timings) > 1) for one in timings if one.over)
-    return box(f'<div style="{look}">{spans}</div>', results, _state(s, first), timeline(s.competitors, s.t, s.end))
+    line = timeline(s.competitors, s.t, s.end)
+    return head_up(f'<div class="numbers" style="{look}">{spans}</div>', results, _state(s, first), line)
 
 
 def _result(s: LapTiming, named: bool) -> str:
