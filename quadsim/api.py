@@ -91,10 +91,11 @@ def plot(run: Run, path: str | Path | None = None) -> Figure:
         The matplotlib Figure.
     """
     from quadsim.app.figures.run_figure import draw  # which loads matplotlib
+    from quadsim.app.figures.style import save_figure
 
     figure = draw(run)
     if path is not None:
-        figure.savefig(path)
+        save_figure(figure, Path(path))
     return figure
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 
 from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
-from quadsim.record.archive import RunFolder
+from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.run import COLUMNS, INTERACTIVE, Recorder
 from web.competitor import CRASHES, Competitor, Legs
 from web.flight_factory import Flight
@@ -22,6 +22,7 @@ class LiveCompetitor:
         legs, x = Legs(flight.course, flight.spec["laps"]), self._recorder.views(COLUMNS)
         shown = name, flight.spec, flight.course, legs, x, (), (), None
         self.now = Competitor(*shown, live=True, start_numbers=flight.numbers)
+        remove_unfinished(root)
         self._folder = RunFolder.open(root, flight.spec)
 
     @property

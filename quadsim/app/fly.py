@@ -15,7 +15,7 @@ from quadsim.race.build import build, launch, with_threads
 from quadsim.race.events import Frame
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
-from quadsim.record.archive import RunFolder
+from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.run import Recorder, Run, RunError
 
 EXIT = {"finished": 0, "crashed": 1, "stuck": 1, "timeout": 1, "interrupted": 130}
@@ -38,6 +38,7 @@ def fly(course: CourseName = None, /, *, settings: Given = None, runs_dir: RunsD
         raise UsageError(str(error)) from None
     if spec.plant == "rigid" and not (settings or {}).get("plant"):
         complain("PyBullet is not installed: quadsim's own rigid body flies, as with --plant rigid")
+    remove_unfinished(runs_dir)
     with closing(plant), RunFolder.open(runs_dir, spec.record()) as folder:
         if not getattr(controller, "is_cached", True):
             complain(COMPILING)

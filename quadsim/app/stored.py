@@ -9,7 +9,8 @@ from quadsim.app.console import emit, emit_json
 from quadsim.app.figures.style import write_figure
 from quadsim.app.flags import Help, Json, RunsDir, Stored, Switch, UsageError
 from quadsim.app.report import present
-from quadsim.record.archive import find_run, load_run, write_whole
+from quadsim.record.archive import find_run, load_run
+from quadsim.record.whole_files import write_whole
 
 
 def show(run: Stored = "last", /, *, runs_dir: RunsDir = "runs", json: Json = False) -> int:

@@ -1,33 +1,38 @@
 """Archive: one folder a run, `<UTC>_<course>_<sampler>_s<seed>_<hash>/` with run.json, telemetry.npz, events.csv.
 
-It is named `<name>.part` from before the flight until all is on disk: what looks finished is finished.
+It is named `<name>.part` from before the flight until all is on disk: what looks finished is finished. Its process
+holds a lock on it, so that the next flight can tell what a killed one left behind.
 """
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
+import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
 
-from quadsim.files.atomic import replace_file
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Run, RunError, canonical, hostless
 from quadsim.record.run_format import read_json, read_npz, write_csv, write_json, write_npz
+from quadsim.record.whole_files import one_line, sync, write_whole
 
 PART = ".part"
+STARTED = "[0-9]" * 8 + "T" + "[0-9]" * 6 + "Z_"  # how the name of a run begins
 
 
 class RunFolder:
     """`with RunFolder.open(root, spec) as folder: ... folder.save(run)`. Leaving without a save drops what is empty."""
 
-    def __init__(self, path: Path, flown_by: dict | None = None):
+    def __init__(self, path: Path, lock: int, flown_by: dict | None = None):
         self.path = path  # once finished
         self.part = path.with_name(path.name + PART)
+        self._lock = lock  # handle of the .part, locked until this process ends
         self._provenance = flown_by or provenance()  # of the code that is about to fly
 
     @classmethod
@@ -37,31 +42,60 @@ class RunFolder:
         flown_by: provenance of a flight that another process flew.
         """
         name = run_name(spec)
-        with _one_line(root, "cannot make a folder for runs here"):
+        with one_line(root, "cannot make a folder for runs here"):
             Path(root).mkdir(parents=True, exist_ok=True)
-        for attempt in count(1):
-            path = Path(root) / (name if attempt == 1 else f"{name}-{attempt}")
-            if _claim(path):
-                break
-        return cls(path, flown_by)
+        paths = (Path(root) / (name if attempt == 1 else f"{name}-{attempt}") for attempt in count(1))
+        path, lock = next((path, lock) for path in paths if (lock := _claim(path)) is not None)
+        return cls(path, lock, flown_by)
 
     def __enter__(self) -> RunFolder:
         return self
 
     def __exit__(self, *_: object) -> None:
-        with suppress(OSError):  # gone after save(), or not empty and kept
+        with suppress(OSError):  # gone after save()
             self.part.rmdir()
+        os.close(self._lock)
 
     def save(self, run: Run) -> Path:
-        """Write all, then take `.part` off the name. A full disk is a RunError; what was written stays in `.part`."""
-        write_whole(self.part / "telemetry.npz", write_npz(run))
-        write_whole(self.part / "events.csv", write_csv(run.events))
-        write_whole(self.part / "run.json", write_json(run, self._provenance))
-        with _one_line(self.path, "cannot finish the run folder"):
-            _sync(self.part)
+        """Write all, then take `.part` off the name. A full disk is a RunError, and what was written is removed."""
+        self.write(run)
+        return self.finish()
+
+    def write(self, run: Run) -> None:
+        """All of it, still under the name that says it is not finished. Raises RunError."""
+        try:
+            write_whole(self.part / "telemetry.npz", write_npz(run))
+            write_whole(self.part / "events.csv", write_csv(run.events))
+            write_whole(self.part / "run.json", write_json(run, self._provenance))
+            with one_line(self.path, "cannot finish the run folder"):
+                sync(self.part)
+        except RunError:
+            self.drop()
+            raise
+
+    def drop(self) -> None:
+        """Remove what is written."""
+        shutil.rmtree(self.part, ignore_errors=True)
+
+    def finish(self) -> Path:
+        """What is written gets its name."""
+        with one_line(self.path, "cannot finish the run folder"):
             self.part.rename(self.path)
-            _sync(self.path.parent)
+            sync(self.path.parent)
         return self.path
+
+
+def remove_unfinished(root: str | Path, kept: Callable[[str], bool] = lambda name: False) -> None:
+    """Remove the `.part` folders of flights that were killed: no process holds their lock any more.
+
+    kept: whether the folder of this name is known to be complete; then it gets its name instead.
+    """
+    for part in Path(root).glob(f"{STARTED}*{PART}"):
+        with suppress(OSError), _locked(part):
+            if kept(part.name.removesuffix(PART)):
+                part.rename(part.with_suffix(""))
+            else:
+                shutil.rmtree(part)
 
 
 def run_name(spec: dict) -> str:
@@ -119,43 +153,34 @@ def _digest(run: Run) -> str | None:
         return None
 
 
-def _claim(path: Path) -> bool:
-    """Whether the name was free: it belongs to the flight that makes the .part."""
+def _claim(path: Path) -> int | None:
+    """Where the name was free, it belongs to the flight that makes the .part and holds its lock: a handle."""
     part = path.with_name(path.name + PART)
-    with _one_line(part, "cannot make a run folder"):
+    with one_line(part, "cannot make a run folder"):
         try:
             part.mkdir()
         except FileExistsError:
-            return False
+            return None
         if path.exists():  # another flight of this second has just finished
             part.rmdir()
-            return False
-        return True
+            return None
+        handle = os.open(part, os.O_RDONLY)
+        with suppress(OSError):  # a file system without locks, on which nothing is taken for unfinished either
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return handle
 
 
-def _read(path: Path) -> bytes:
-    with _one_line(path, "cannot read"):
-        return path.read_bytes()
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """See replace_file. Raises RunError."""
-    with _one_line(path, "cannot write"):
-        replace_file(path, data)
-
-
-def _sync(folder: Path) -> None:
-    """Put a folder's own entries on the disk."""
-    handle = os.open(folder, os.O_RDONLY)
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Raises OSError where another process holds the lock."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        os.fsync(handle)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
     finally:
         os.close(handle)
 
 
-@contextmanager
-def _one_line(path: str | Path, what: str) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise RunError(f"{path}: {what}: {error.strerror or error}") from error
+def _read(path: Path) -> bytes:
+    with one_line(path, "cannot read"):
+        return path.read_bytes()

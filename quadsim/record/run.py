@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from hashlib import sha256
 from itertools import takewhile
-from typing import Literal, get_args
+from typing import Literal, TypedDict, get_args
 
 import numpy as np
 
@@ -27,6 +27,13 @@ COLUMNS = SYSTEMS["quadrotor"].columns  # telemetry column -> unit
 COUNTS = ("passed", "lap")  # integer columns
 Outcome = Literal["finished", "crashed", "stuck", "timeout", "interrupted"]
 WALL_CLOCK = ("plan_ms",)  # columns that differ from flight to flight and are no part of the digest
+
+
+class PlanTime(TypedDict):
+    """Of a flight's plans: median and 95th percentile [ms]."""
+
+    p50: float
+    p95: float
 
 
 def system_of(spec: dict) -> str | None:

@@ -17,7 +17,7 @@ import numpy as np
 from quadsim.race.events import Event
 from quadsim.record.metrics import chatter
 from quadsim.record.planner_snapshot import PlannerSnapshots
-from quadsim.record.run import COUNTS, Outcome, Run, RunError, columns_of, own_parts
+from quadsim.record.run import COUNTS, Outcome, PlanTime, Run, RunError, columns_of, own_parts
 
 SCHEMA_VERSION = 1
 
@@ -29,7 +29,7 @@ class Record:
     spec: dict[str, Any]
     outcome: Outcome
     events: tuple[Event, ...]
-    plan_ms: dict[str, float]
+    plan_ms: PlanTime
     real_time_factor: float
     digest: str
 

@@ -109,7 +109,7 @@ def test_a_campaign_that_cannot_be_kept_is_one_line(tmp_path):
 def test_no_two_cells_are_one_variant_and_no_two_seeds_one_attempt():
     cells = [table2.variant(name, sigma) for name in table2.CHOICES for sigma in table2.SIGMAS]
     assert len({cell.key for cell in cells}) == len({cell.name for cell in cells}) == 36
-    assert len({attempt_key(spec) for spec in cells[0].attempts(3)}) == 3
+    assert len({attempt_key(spec.record()) for spec in cells[0].attempts(3)}) == 3
     assert cells[0].key == table2.variant("gaussian", 0.5).key
 
 
@@ -140,10 +140,15 @@ def test_figures_come_as_png_and_svg_with_their_numbers(tmp_path, capsys, name):
 
 
 def test_an_interrupted_command_says_where_the_runs_are(here, tmp_path, monkeypatch, capsys):
-    def stopped(*_):
+    def stopped(pool, specs, flights=runner.fly_all):
+        yield from flights(pool, specs[:flown_before])
         raise KeyboardInterrupt
 
     monkeypatch.setattr(runner, "fly_all", stopped)
+    flown_before = 0
+    assert race(["paper", "table2", "--runs-dir", str(tmp_path)]) == 130
+    assert capsys.readouterr().err == "race paper: interrupted, nothing to keep\n"
+    flown_before = 1
     assert race(["paper", "table2", "--runs-dir", str(tmp_path)]) == 130
     err = capsys.readouterr().err
     assert str(tmp_path / "paper" / "campaign.sqlite") in err

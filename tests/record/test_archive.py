@@ -10,13 +10,19 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
 from run_cases import SPEC, same, save, snapshot, two_laps
 
-from quadsim.record.archive import RunFolder, list_runs, load_run, write_whole
+from quadsim.record.archive import RunFolder, list_runs, load_run, remove_unfinished
 from quadsim.record.run import COLUMNS, Run, RunError
+from quadsim.record.whole_files import write_whole
+
+
+def full(_):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 @pytest.mark.parametrize("seen", [None, snapshot(), snapshot(terms=())])
@@ -96,6 +102,20 @@ with RunFolder.open({str(tmp_path)!r}, {SPEC!r}):
     assert list_runs(tmp_path) == []
     with pytest.raises(RunError, match=r"\.part"):
         load_run(part)
+    remove_unfinished(tmp_path)
+    assert list(tmp_path.iterdir()) == [], "the next flight removes it"
+
+
+def test_what_another_process_or_a_user_has_there_is_not_removed(tmp_path):
+    (tmp_path / "film.part").mkdir()
+    with RunFolder.open(tmp_path, SPEC) as folder:
+        there = sorted(tmp_path.iterdir())
+        assert folder.part in there
+        remove_unfinished(tmp_path)
+        assert sorted(tmp_path.iterdir()) == there
+        folder.write(two_laps())
+    remove_unfinished(tmp_path, kept=lambda name: name == folder.path.name)
+    assert same(load_run(folder.path), two_laps()), "it was complete but for its name"
 
 
 @pytest.mark.parametrize("root", ["file", "file/runs", "dangling"])
@@ -107,11 +127,8 @@ def test_root_that_cannot_be_written_is_one_line_before_the_flight(tmp_path, roo
 
 
 def test_full_disk_is_one_line_and_nothing_looks_finished(tmp_path, monkeypatch):
-    def full(_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
     with RunFolder.open(tmp_path, SPEC) as folder, monkeypatch.context() as patch:
-        patch.setattr("quadsim.record.archive.os.fsync", full)
+        patch.setattr("quadsim.files.atomic.os.fsync", full)
         with pytest.raises(RunError, match=r"telemetry\.npz: cannot write: No space left on device$"):
             folder.save(two_laps())
     assert list(tmp_path.iterdir()) == []
@@ -124,3 +141,37 @@ def test_many_may_write_one_file_at_once_and_it_is_one_of_theirs(tmp_path):
             list(pool.map(lambda text: write_whole(tmp_path / "report.md", text), texts))
         assert (tmp_path / "report.md").read_bytes() in texts
     assert [p.name for p in tmp_path.iterdir()] == ["report.md"]
+
+
+@pytest.mark.parametrize("named", [False, True], ids=["file without a name", "temporary name"])
+def test_a_full_disk_leaves_the_older_file_as_it_was(tmp_path, monkeypatch, named):
+    if named:
+        monkeypatch.setattr("quadsim.files.atomic.unnamed_file", lambda folder: None)
+    write_whole(tmp_path / "x.csv", b"older")
+    monkeypatch.setattr("quadsim.files.atomic.os.fsync", full)
+    with pytest.raises(RunError, match=r"x\.csv: cannot write: No space left on device$"):
+        write_whole(tmp_path / "x.csv", b"newer")
+    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("x.csv", b"older")]
+
+
+def test_a_writer_that_is_killed_leaves_the_older_file_and_nothing_else(tmp_path):
+    write_whole(tmp_path / "x.csv", b"older")
+    code = f"""
+import os, signal
+from pathlib import Path
+from quadsim.record import whole_files
+os.fsync = lambda handle: os.kill(os.getpid(), signal.SIGKILL)
+whole_files.write_whole(Path({str(tmp_path / "x.csv")!r}), b"newer")
+"""
+    assert subprocess.run([sys.executable, "-c", code]).returncode == -signal.SIGKILL
+    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("x.csv", b"older")]
+
+
+@pytest.mark.parametrize("name", ["", ".", "folder", "pipe", "/dev/null", "x" * 300])
+def test_a_path_that_is_no_file_is_one_line(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    os.mkfifo("pipe")
+    with pytest.raises(RunError, match=r"expected the name of a file|File name too long") as error:
+        write_whole(Path(name), b"")
+    assert "\n" not in str(error.value)

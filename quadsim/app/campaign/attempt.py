@@ -1,22 +1,28 @@
-"""An attempt is one flight of a campaign, known by the hash of all that decides it; any process can fly it."""
+"""An attempt is one flight of a campaign, known by the hash of all that decides it; any process can fly it.
+
+That is its specification, and the versions of the libraries that it is computed with.
+"""
 
 from __future__ import annotations
 
 import multiprocessing as mp
 import sys
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
+from typing import NotRequired, TypedDict
 
 from quadsim.race.build import build, launch
 from quadsim.race.spec import Spec
 from quadsim.record.metrics import accumulated_cost, chatter
 from quadsim.record.provenance import provenance
-from quadsim.record.run import Recorder, Run, canonical, system_of
+from quadsim.record.run import PlanTime, Recorder, Run, canonical, system_of
 
 LABELS = ("host", "preset")  # keys of a spec's record that do not decide the flight
 DRAWN = ("seed", "variation")
+LIBRARIES = ("numpy", "numba", "pybullet")  # whose versions decide a flight; the attempt's commit stands beside its key
 this_provenance = lru_cache(provenance)  # of the code in this process, as it was loaded
 CRASHES = ("hit", "ground", "bounds", "wall")
 
@@ -30,14 +36,27 @@ class Flown:
     fault: str | None  # the planner's error, if it raised one in flight
 
 
-def attempt_key(spec: Spec, without: tuple[str, ...] = LABELS) -> str:
-    """sha256 [hex] of the full specification and seed."""
-    return sha256(canonical({k: v for k, v in spec.record().items() if k not in without})).hexdigest()
+def attempt_key(record: dict, versions: Mapping[str, str | None] | None = None) -> str:
+    """sha256 [hex] of the full specification, its seed, and the libraries' versions; left out: of this process.
+
+    record: of a Spec.
+    """
+    used = this_provenance()["versions"] if versions is None else versions
+    return _hash(record | {"libraries": {name: used.get(name) for name in LIBRARIES}})
 
 
-def variant_key(spec: Spec) -> str:
+def variant_key(record: dict, versions: Mapping[str, str | None] | None = None) -> str:
     """The same for all seeds of a variant."""
-    return attempt_key(spec, LABELS + DRAWN)
+    return attempt_key({k: v for k, v in record.items() if k not in DRAWN}, versions)
+
+
+def planner_key(record: dict) -> str:
+    """The same for all seeds and libraries."""
+    return _hash({k: v for k, v in record.items() if k not in DRAWN})
+
+
+def _hash(record: dict) -> str:
+    return sha256(canonical({k: v for k, v in record.items() if k not in LABELS})).hexdigest()
 
 
 def fly_attempt(spec: Spec) -> Flown:
@@ -62,8 +81,38 @@ def fly_attempt(spec: Spec) -> Flown:
     return Flown(replace(run, outcome="crashed") if fault else run, flown_by, fault)
 
 
-def result(flown: Flown) -> dict:
-    """The numbers of an attempt that reports are made of. Seconds, metres, m/s^2/s, milliseconds."""
+class Crash(TypedDict):
+    """Where a flight crashed."""
+
+    kind: str  # of CRASHES, or planner
+    gate: int  # 0: none
+    lap: int
+    position: list[float]  # [m]; two coordinates in the plane
+
+
+class ThrustVariation(TypedDict):
+    """[m/s^2/s]"""
+
+    commanded: float
+    delivered: float
+
+
+class Result(TypedDict):
+    """The numbers of an attempt that reports are made of."""
+
+    laps: list[float]  # [s]
+    crash: Crash | None
+    fault: str | None  # the planner's error
+    cost: NotRequired[float | None]  # accumulated, a double integrator's
+    thrust_tv: ThrustVariation | None
+    plan_ms: PlanTime
+    real_time_factor: float
+    cpu: str
+    digest: str
+
+
+def result(flown: Flown) -> Result:
+    """See Result."""
     run = flown.run
     thrust = chatter(run) if system_of(run.spec) == "quadrotor" else None  # only a quadrotor commands thrust
     return {
@@ -71,7 +120,12 @@ def result(flown: Flown) -> dict:
         "crash": _crash(run) if run.outcome == "crashed" else None,
         "fault": flown.fault,
         "cost": accumulated_cost(run),
-        "thrust_tv": thrust and {of: thrust[of]["thrust_tv"] for of in ("commanded", "delivered")},
+        "thrust_tv": {
+            "commanded": thrust["commanded"]["thrust_tv"],
+            "delivered": thrust["delivered"]["thrust_tv"],
+        }
+        if thrust
+        else None,
         "plan_ms": run.wall["plan_ms"],
         "real_time_factor": run.wall["real_time_factor"],
         "cpu": flown.provenance["cpu"],
@@ -79,10 +133,10 @@ def result(flown: Flown) -> dict:
     }
 
 
-def _crash(run: Run) -> dict:
-    """Kind, gate (0: none), lap and position [m], which has two coordinates in the plane."""
+def _crash(run: Run) -> Crash:
     x, last = run.telemetry, run.events[-1] if run.events else None
-    crash = {"kind": "planner", "gate": 0, "position": [float(x[p][-1]) for p in ("px", "py", "pz") if p in x]}
+    lap = int(x["lap"][-1])
     if last and last.kind in CRASHES:
-        crash = {"kind": last.kind, "gate": last.gate, "position": last.position}
-    return crash | {"lap": int(x["lap"][-1])}
+        return {"kind": last.kind, "gate": last.gate, "lap": lap, "position": list(last.position)}
+    here = [float(x[p][-1]) for p in ("px", "py", "pz") if p in x]
+    return {"kind": "planner", "gate": 0, "lap": lap, "position": here}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,9 +21,10 @@ from quadsim.app.campaign.summary_stats import PairStats, Section, VariantStats,
 from quadsim.app.campaign.tables import as_markdown, as_table, comparison_tables, notes
 from quadsim.app.campaign.variants import CAMPAIGN, Campaign, Jobs, Scheduler, Variant, make_variants, parse_variants
 from quadsim.app.console import emit, emit_json
-from quadsim.app.figures.style import write_figure
+from quadsim.app.figures.style import save_figure, write_figure
 from quadsim.app.flags import Given, Help, Json, Switch, UsageError
-from quadsim.record.archive import write_whole
+from quadsim.record.run import RunError, canonical
+from quadsim.record.whole_files import expect_file, expect_writable, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,14 +55,19 @@ def compare_command(
         raise UsageError("expected one COURSE or more, got none (race courses lists them)")
     made = make_variants(courses, parse_variants(variants), settings or {})
     path = Path(campaign)
+    expect_file(path)
+    report = Path(out) if out else path.with_name(f"{path.stem}.report")
+    expect_writable(report)
     with Runner(path, jobs, scheduler, this_commit) as runner:
         rows = runner(made, attempts)
     comparison = Comparison(sections(made, rows, path.parent))
+    if not comparison.sections:
+        raise RunError("no attempt was flown: nothing to compare")
     if json:
         emit_json(comparison.as_json() | {"campaign": campaign})
     else:
         emit(*comparison.renderables())
-    written = write(comparison.sections, Path(out) if out else path.with_suffix(".report"))
+    written = write(comparison.sections, report, _identity(made, attempts))
     if not json:
         emit("", *(f"[dim]{escape(str(file))}[/]" for file in written))
     return 0 if all(len(flown) == attempts for flown in rows) else 1
@@ -92,7 +99,7 @@ class Comparison:
 
         figure = draw(self.sections)
         if path is not None:
-            figure.savefig(path)
+            save_figure(figure, Path(path))
         return figure
 
     def renderables(self) -> list[RenderableType]:
@@ -147,12 +154,18 @@ def _section(flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path) -> Sect
     return Section(spec.course, setting, lap_limit(spec.record()), stats, pairs, list(rows), home)
 
 
-def write(found: Sequence[Section], folder: Path) -> list[Path]:
+def _identity(variants: Sequence[Variant], attempts: int) -> str:
+    """Digits of a comparison that no other one has, whatever its flags."""
+    specs = [{"name": v.name} | v.spec.record() for v in variants]
+    return sha256(canonical([attempts, specs])).hexdigest()[:6]
+
+
+def write(found: Sequence[Section], folder: Path, identity: str) -> list[Path]:
     """Markdown, PNG and SVG, named after courses and variants. Raises RunError."""
     from quadsim.app.figures.comparison import draw  # here, so that --help does not load matplotlib
 
     names = dict.fromkeys(a.name for s in found for a in s.variants)
-    stem = "_".join([*(s.course.name for s in found), *names])[:120].replace("/", "-")
+    stem = "_".join([*(s.course.name for s in found), *names])[:120].replace("/", "-") + f"_{identity}"
     text = folder / f"{stem}.md"
     figures = write_figure(draw(found), folder, stem)
     write_whole(text, markdown(found, figures[0].name).encode())

@@ -61,6 +61,7 @@ class Processes(Pool):
 
     def _start(self) -> ProcessPoolExecutor:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # else the workers' BLAS threads compete for the cores
+        os.environ["PYTHONSAFEPATH"] = "1"  # else Python looks for its own modules in the current folder first
         spawn = mp.get_context("spawn")  # a fork would inherit the locks of threads that it does not have
         return ProcessPoolExecutor(self.window, mp_context=spawn, initializer=_prepare_worker)
 

@@ -20,8 +20,8 @@ from quadsim.app.campaign.tables import TextTable, as_table
 from quadsim.app.campaign.variants import Jobs, Scheduler, Variant, resolve, words_as_settings
 from quadsim.app.console import emit, emit_json
 from quadsim.app.flags import Given, Help, Json, Switch, UsageError
-from quadsim.record.archive import write_whole
 from quadsim.record.run import RunError
+from quadsim.record.whole_files import write_whole
 
 COLUMNS = {
     "": lambda v: v.name,
@@ -76,9 +76,12 @@ def baseline_variant(path: Path, baseline: Baseline, settings: Mapping[str, Any]
     """What the file's `flight` flies, with these settings on top. Raises UsageError, FileError."""
     try:
         course, flight = words_as_settings(shlex.split(baseline.flight))
-        return Variant(path.stem, resolve(course, flight | dict(settings)))
+        spec = resolve(course, flight | dict(settings))
     except ValueError as error:
         raise UsageError(f"{path}: flight: {error}") from None
+    if spec.system != "quadrotor":
+        raise UsageError(f"{path}: flight: expected one of a quadrotor, got the system {spec.system}")
+    return Variant(path.stem, spec)
 
 
 def _present(found: Sequence[tuple[Path, Baseline, Stored, list[Verdict]]], json: bool) -> None:
@@ -114,5 +117,5 @@ def _stored(flights: Sequence[Flown]) -> Stored:
         commit=code_of(flights[0].provenance),
         cpu=flights[0].provenance["cpu"],
         laps=tuple(round(fmean(f.run.laps), 4) if f.run.outcome == "finished" else None for f in flights),
-        thrust_tv=tuple(round(r["thrust_tv"]["commanded"], 2) for r in results),
+        thrust_tv=tuple(round(r["thrust_tv"]["commanded"], 2) for r in results if r["thrust_tv"]),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from functools import cached_property
 from pathlib import Path
@@ -10,13 +10,14 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from quadsim.app.campaign.attempt import Flown, attempt_key, this_provenance
+from quadsim.app.campaign.attempt import LIBRARIES, Flown, attempt_key, this_provenance
 from quadsim.app.campaign.pool import Pool, fly_all, open_pool
 from quadsim.app.campaign.store import Row, Store, code_of
 from quadsim.app.campaign.variants import Variant
 from quadsim.app.console import complain
 from quadsim.app.fly import uninterrupted
 from quadsim.race.spec import Spec
+from quadsim.record.run import RunError
 
 
 class Tally(Progress):
@@ -62,10 +63,16 @@ class Runner:
     """`with Runner(...) as runner: rows = runner(variants, attempts)`; the first missing attempt starts the workers."""
 
     def __init__(
-        self, campaign: Path, jobs: int | None = None, scheduler: str | None = None, this_commit: bool = False
+        self,
+        campaign: Path,
+        jobs: int | None = None,
+        scheduler: str | None = None,
+        this_commit: bool = False,
+        telemetry: bool = True,
     ):
-        """this_commit: count only what this commit has flown; the workers: see open_pool."""
+        """this_commit: count only what this commit has flown; telemetry: keep it; the workers: see open_pool."""
         self.campaign, self._workers, self._this_commit = campaign, (jobs, scheduler), this_commit
+        self._telemetry, self._kept = telemetry, 0
         self._open = ExitStack()
 
     def __enter__(self) -> Runner:
@@ -74,11 +81,12 @@ class Runner:
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self._open.close()
+        if not error or not self._kept:
+            return
         kept = f"what has been flown is kept in {self.campaign}: the same command goes on there"
         if isinstance(error, KeyboardInterrupt):
             raise KeyboardInterrupt(kept) from None
-        if error:
-            complain(kept)
+        complain(kept)
 
     @cached_property
     def pool(self) -> Pool:
@@ -86,15 +94,18 @@ class Runner:
 
     def __call__(self, variants: Sequence[Variant], attempts: int, quiet: bool = False) -> list[list[Row]]:
         """Rows of every variant by seed, without lost attempts. Raises RunError, UsageError, KeyboardInterrupt."""
-        keys = [{attempt_key(spec): (variant, spec) for spec in variant.attempts(attempts)} for variant in variants]
+        keys = [{attempt_key(s.record()): (variant, s) for s in variant.attempts(attempts)} for variant in variants]
         wanted = dict(pair for seed in zip(*(k.items() for k in keys), strict=True) for pair in seed)  # seed by seed
         rows = self._rows_by_key(wanted)
+        self._kept += len(rows)
         missing = [pair for key, pair in wanted.items() if key not in rows]
         if missing:
             with nullcontext() if quiet else Tally(len(wanted), len(rows)) as tally:
                 for variant, spec, flown in fly_variants(self.pool, missing, tally):
                     with uninterrupted():
-                        self._store.add(spec, variant.name, flown)
+                        self._store.add(spec, variant.name, flown, self._telemetry)
+                    self._kept += 1
+                    _expect_same_libraries(flown.provenance["versions"])
             rows = self._rows_by_key(wanted)
         return [[rows[k] for k in of_variant if k in rows] for of_variant in keys]
 
@@ -103,3 +114,11 @@ class Runner:
         code = code_of(this_provenance())
         rows = [r for r in self._store.rows(keys) if r.code == code or not self._this_commit]
         return {r.key: r for r in sorted(rows, key=lambda r: r.code == code)}  # `rows` are oldest first
+
+
+def _expect_same_libraries(theirs: Mapping[str, str | None]) -> None:
+    """A worker of a cluster may have others: what it flies is another attempt. Raises RunError."""
+    ours = this_provenance()["versions"]
+    for name in LIBRARIES:
+        if theirs.get(name) != ours.get(name):
+            raise RunError(f"a worker flies with {name} {theirs.get(name)}, here is {ours.get(name)}: install the same")

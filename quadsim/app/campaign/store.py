@@ -1,36 +1,41 @@
 """Store: one SQLite file with one row for each attempt; the telemetry lies beside it, one folder for each flight.
 
-A row is written in one transaction, after its telemetry is on the disk, so that every row is a complete flight.
-Write-ahead logging and a busy timeout let several campaigns write at once.
+A row is written in one transaction, after its telemetry is on the disk, so that every row is a complete flight; only
+then does the telemetry's folder get its name. Write-ahead logging and a busy timeout let several campaigns write at
+once.
 """
 
 from __future__ import annotations
 
 import json
-import shutil
 import sqlite3
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import cast
 
-from quadsim.app.campaign.attempt import Flown, attempt_key, result, variant_key
+import msgspec
+
+from quadsim.app.campaign.attempt import Flown, Result, attempt_key, result, variant_key
+from quadsim.app.console import complain
 from quadsim.race.spec import Spec
-from quadsim.record.archive import RunFolder
-from quadsim.record.run import RunError, canonical
+from quadsim.record.archive import RunFolder, remove_unfinished
+from quadsim.record.run import Outcome, RunError, canonical
+from quadsim.record.whole_files import expect_file
 
 BUSY_TIMEOUT = 60.0  # for another writer's transaction [s]
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 
 @dataclass(frozen=True)
 class Row:
     """One finished attempt: a column of the table for each field, and the specification, which `Store.spec` reads."""
 
-    key: str  # sha256 of specification and seed
+    key: str  # sha256 of specification, seed and libraries
     code: str  # commit that flew it
-    variant: str  # sha256 of the specification without the seed
+    variant: str  # sha256 of the same without the seed
     name: str  # of the variant, when it flew
     course: str
     sampler: str
@@ -38,13 +43,13 @@ class Row:
     vehicle: str
     randomize: float
     seed: int
-    outcome: str  # finished, crashed, timeout
-    result: dict  # JSON, see attempt.result
-    folder: str  # telemetry, relative to the file
+    outcome: Outcome
+    result: Result  # JSON
+    folder: str  # telemetry, relative to the file; empty where it is not kept
     flown_at: str  # UTC
 
 
-SQL_TYPES = {"str": "TEXT", "dict": "TEXT", "float": "REAL", "int": "INTEGER"}
+SQL_TYPES = {"str": "TEXT", "Outcome": "TEXT", "Result": "TEXT", "float": "REAL", "int": "INTEGER"}
 COLUMNS = tuple(f.name for f in fields(Row))
 TYPED = ", ".join(f"{f.name} {SQL_TYPES[str(f.type)]} NOT NULL" for f in fields(Row))
 TABLE = f"CREATE TABLE attempts ({TYPED}, spec TEXT NOT NULL, PRIMARY KEY (key, code))"
@@ -52,6 +57,7 @@ INDEX = "CREATE INDEX attempts_by_variant ON attempts (variant, seed)"
 UPGRADES = {  # version of a file -> the statements that bring it to the present one; 0: an empty file
     0: (TABLE, INDEX),
     1: ("ALTER TABLE attempts RENAME COLUMN arm TO variant", "DROP INDEX attempts_by_arm", INDEX),
+    2: (),
 }
 
 
@@ -59,7 +65,9 @@ class Store:
     """`with Store(path) as store`. Raises RunError: one line, the path, what is wrong."""
 
     def __init__(self, path: Path, create: bool = True):
+        expect_file(path)
         self.path, self.flights = path, path.with_suffix(".flights")
+        self._bad: set[tuple[str, str]] = set()  # key and code of rows that cannot be read
         if not create and not path.exists():
             raise RunError(f"{path}: no such campaign; `race compare` makes one")
         with _one_line(path):
@@ -67,6 +75,8 @@ class Store:
             self._db = sqlite3.connect(path, timeout=BUSY_TIMEOUT, isolation_level=None)
             if self._version() != SCHEMA_VERSION:
                 self._upgrade()
+            if create:
+                remove_unfinished(self.flights, self._has)
 
     def __enter__(self) -> Store:
         return self
@@ -74,14 +84,25 @@ class Store:
     def __exit__(self, *_: object) -> None:
         self._db.close()
 
-    def add(self, spec: Spec, name: str, flown: Flown) -> bool:
+    def add(self, spec: Spec, name: str, flown: Flown, telemetry: bool = True) -> bool:
         """Keep an attempt; False if another campaign has stored it meanwhile, whose row stays."""
-        record = spec.record()
-        folder = RunFolder.open(self.flights, record, flown.provenance).save(flown.run)
+        if not telemetry:
+            return self._insert(spec, name, flown, "")
+        with RunFolder.open(self.flights, spec.record(), flown.provenance) as folder:
+            folder.write(flown.run)
+            if added := self._insert(spec, name, flown, str(folder.path.relative_to(self.path.parent))):
+                folder.finish()
+            else:
+                folder.drop()
+        return added
+
+    def _insert(self, spec: Spec, name: str, flown: Flown, folder: str) -> bool:
+        """A row, in the place of one that cannot be read."""
+        record, versions = spec.record(), flown.provenance["versions"]
         row = Row(
-            key=attempt_key(spec),
+            key=attempt_key(record, versions),
             code=code_of(flown.provenance),
-            variant=variant_key(spec),
+            variant=variant_key(record, versions),
             name=name,
             course=record["course"],
             sampler=record["sampler"],
@@ -89,33 +110,52 @@ class Store:
             vehicle=(record.get("vehicle") or {}).get("name", ""),
             randomize=record.get("randomize", 0.0),
             seed=record["seed"],
-            outcome=flown.run.outcome,
+            outcome=cast(Outcome, flown.run.outcome),
             result=result(flown),
-            folder=str(folder.relative_to(self.path.parent)),
+            folder=folder,
             flown_at=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         )
         values = [canonical(v).decode() if isinstance(v, dict) else v for v in (*vars(row).values(), record)]
+        columns, marks = ", ".join((*COLUMNS, "spec")), ", ".join("?" * len(values))
+        clash = "REPLACE" if (row.key, row.code) in self._bad else "IGNORE"
         with _one_line(self.path):
-            columns, marks = ", ".join((*COLUMNS, "spec")), ", ".join("?" * len(values))
-            added = self._db.execute(f"INSERT OR IGNORE INTO attempts ({columns}) VALUES ({marks})", values).rowcount
-        if not added:
-            shutil.rmtree(folder)
-        return bool(added)
+            statement = f"INSERT OR {clash} INTO attempts ({columns}) VALUES ({marks})"
+            return bool(self._db.execute(statement, values).rowcount)
 
     def rows(self, keys: Iterable[str] | None = None) -> list[Row]:
-        """Attempts with these keys, or all, oldest first."""
-        query, given = f"SELECT {', '.join(COLUMNS)} FROM attempts", ()
+        """Attempts with these keys, or all, oldest first; a row that cannot be read is named and left out."""
+        query, given = f"SELECT {', '.join(COLUMNS)}, rowid FROM attempts", ()
         if keys is not None:
             query, given = query + " WHERE key IN (SELECT value FROM json_each(?))", (json.dumps(list(keys)),)
         with _one_line(self.path):
             found = self._db.execute(query + " ORDER BY flown_at, seed", given).fetchall()
-        columns = (dict(zip(COLUMNS, values, strict=True)) for values in found)
-        return [Row(**c | {"result": json.loads(c["result"])}) for c in columns]
+        return [row for *values, number in found if (row := self._row(values, number))]
+
+    def _row(self, values: list, number: int) -> Row | None:
+        columns = dict(zip(COLUMNS, values, strict=True))
+        try:
+            return msgspec.convert(columns | {"result": msgspec.json.decode(columns["result"])}, Row)
+        except (msgspec.MsgspecError, TypeError, UnicodeDecodeError) as error:
+            bad = columns["key"], columns["code"]
+            if bad not in self._bad:
+                what = f"the attempt {columns['name']} seed {columns['seed']}"
+                complain(f"{self.path}: row {number}, {what}, is damaged and does not count: {error}")
+            self._bad.add(bad)
+            return None
 
     def spec(self, key: str) -> dict:
-        """The full specification of an attempt."""
+        """The full specification of an attempt. Raises RunError."""
         with _one_line(self.path):
-            return json.loads(self._db.execute("SELECT spec FROM attempts WHERE key = ?", (key,)).fetchone()[0])
+            (text,) = self._db.execute("SELECT spec FROM attempts WHERE key = ?", (key,)).fetchone()
+        try:
+            return msgspec.json.decode(text, type=dict)
+        except (msgspec.MsgspecError, TypeError) as error:
+            raise RunError(f"{self.path}: the specification of attempt {key[:8]} is damaged: {error}") from error
+
+    def _has(self, folder: str) -> bool:
+        """Whether a row names this folder of telemetry."""
+        name = str((self.flights / folder).relative_to(self.path.parent))
+        return bool(self._db.execute("SELECT 1 FROM attempts WHERE folder = ?", (name,)).fetchone())
 
     def _version(self) -> int:
         return self._db.execute("PRAGMA user_version").fetchone()[0]
@@ -129,9 +169,19 @@ class Store:
                 raise RunError(f"{self.path}: expected a campaign of version {SCHEMA_VERSION} or older, got {version}")
             for statement in UPGRADES.get(version, ()):
                 self._db.execute(statement)
+            if version in (1, 2):
+                self._hash_with_libraries()
             self._db.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
         with suppress(sqlite3.OperationalError):  # does not wait: another process that holds the file does the same
             self._db.execute("PRAGMA journal_mode = WAL")
+
+    def _hash_with_libraries(self) -> None:
+        """Keys of version 3 hold the libraries' versions, which the telemetry names; without it a row keeps its key."""
+        for row, spec, folder in self._db.execute("SELECT rowid, spec, folder FROM attempts").fetchall():
+            with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+                versions = json.loads((self.path.parent / folder / "run.json").read_bytes())["versions"]
+                keys = attempt_key(json.loads(spec), versions), variant_key(json.loads(spec), versions)
+                self._db.execute("UPDATE OR IGNORE attempts SET key = ?, variant = ? WHERE rowid = ?", (*keys, row))
 
 
 def code_of(provenance: dict) -> str:

@@ -12,6 +12,7 @@ from itertools import combinations
 from math import nan
 from pathlib import Path
 from statistics import fmean, median
+from typing import Literal
 
 from quadsim.app.campaign.store import Row
 from quadsim.course import Course
@@ -138,7 +139,7 @@ def mean_lap(row: Row) -> float:
     return fmean(row.result["laps"] or [nan])
 
 
-def thrust_tv(row: Row, of: str = "commanded") -> float:
+def thrust_tv(row: Row, of: Literal["commanded", "delivered"] = "commanded") -> float:
     """[m/s^2/s]; nan for a system without thrust. of: commanded, delivered"""
     return row.result["thrust_tv"][of] if row.result["thrust_tv"] else nan
 

@@ -18,7 +18,7 @@ from quadsim.app.campaign.tables import TextTable, as_table
 from quadsim.app.campaign.variants import CAMPAIGN, Campaign, Jobs, Scheduler, Variant, resolve
 from quadsim.app.console import complain, emit, emit_json
 from quadsim.app.flags import Given, Help, Json, UsageError
-from quadsim.record.archive import write_whole
+from quadsim.record.whole_files import expect_file, expect_writable, write_whole
 
 FINALISTS = 3  # of the search, flown again on fresh seeds: the best of many trials is also one with lucky seeds
 FRESH = 10**6  # offset of their seeds
@@ -48,6 +48,8 @@ def tune(
 
     race tune paper_flat --preset paper --sampler gaussian --search sigma temperature
     """
+    expect_file(Path(out))
+    expect_writable(Path(out).parent)
     base = Variant("base", resolve(course, settings))
     if base.spec.system != "quadrotor":
         raise UsageError(f"expected a course for a quadrotor, got {course!r} for the system {base.spec.system}")

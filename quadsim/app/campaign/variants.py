@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from msgspec import Meta
 
 from controllers.samplers import SAMPLERS
-from quadsim.app.campaign.attempt import variant_key
+from quadsim.app.campaign.attempt import planner_key
 from quadsim.app.flags import Given, Help, UsageError, flag, run_command
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
@@ -34,7 +34,7 @@ class Variant:
 
     @property
     def key(self) -> str:
-        return variant_key(self.spec)
+        return planner_key(self.spec.record())
 
     @property
     def course(self) -> str:

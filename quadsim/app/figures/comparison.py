@@ -57,7 +57,7 @@ def _draw_laps(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     """Every attempt's mean lap, a box of the quartiles, and the mean with its interval."""
     for y, (rows, look) in enumerate(zip(section.rows, looks, strict=True)):
         colour = look.colour
-        laps = np.array([fmean(r.result["laps"]) for r in rows if r.outcome == FINISHED])
+        laps = np.array([fmean(r.result["laps"]) for r in rows if r.outcome == FINISHED and r.result["laps"]])
         if not len(laps):
             axes.text(0.5, y, "none finished", transform=axes.get_yaxis_transform(), ha="center", color=colour)
             continue

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from quadsim.palette import GRID, Style
-from quadsim.record.run import RunError
+from quadsim.record.whole_files import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure  # a command's --help does not wait for matplotlib
@@ -35,11 +36,12 @@ def line(s: Style) -> dict[str, Any]:
 
 def write_figure(figure: Figure, folder: Path, stem: str) -> tuple[Path, ...]:
     """PNG and SVG. Raises RunError where the folder cannot be written."""
-    paths = tuple(folder / f"{stem}.{kind}" for kind in FORMATS)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for path in paths:
-            figure.savefig(path)
-    except OSError as error:
-        raise RunError(f"{folder}: cannot write the figures: {error.strerror or error}") from error
-    return paths
+    return tuple(save_figure(figure, folder / f"{stem}.{kind}") for kind in FORMATS)
+
+
+def save_figure(figure: Figure, path: Path) -> Path:
+    """In the format that the path's end names. Raises RunError; ValueError for a format that matplotlib lacks."""
+    data = BytesIO()
+    figure.savefig(data, format=path.suffix[1:] or FORMATS[0])
+    write_whole(path, data.getvalue())
+    return path

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import StringIO
 from math import isnan, nan
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from quadsim.app.campaign.variants import Variant
 from quadsim.app.console import plain_table
 from quadsim.record.archive import load_run
 from quadsim.record.run import Run, RunError
+from quadsim.record.whole_files import write_whole
 
 # Table I: (system, sampler) -> mean, standard deviation and least time [s] of the valid attempts; valid, attempts
 TABLE1 = {
@@ -61,15 +63,12 @@ def load_runs(attempts: dict[str, list[Row]], folder: Path) -> dict[str, list[Ru
 
 
 def write_csv(path: Path, rows: Sequence[dict]) -> Path:
-    """Rows of equal keys."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", newline="") as file:
-            writer = csv.DictWriter(file, rows[0])
-            writer.writeheader()
-            writer.writerows(rows)
-    except OSError as error:
-        raise RunError(f"{path}: cannot write: {error.strerror or error}") from error
+    """Rows of equal keys. Raises RunError."""
+    text = StringIO(newline="")
+    writer = csv.DictWriter(text, rows[0])
+    writer.writeheader()
+    writer.writerows(rows)
+    write_whole(path, text.getvalue().encode())
     return path
 
 

@@ -1,9 +1,11 @@
 """The store: one row for each attempt, telemetry before the row, two writers at once, one line for every error."""
 
 import math
+import shutil
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 from threading import Barrier
 
 import pytest
@@ -13,7 +15,7 @@ from quadsim.app.campaign.attempt import attempt_key, fly_attempt, result
 from quadsim.app.campaign.store import Store
 from quadsim.app.campaign.summary_stats import variant_stats
 from quadsim.app.campaign.tables import as_markdown, comparison_tables
-from quadsim.record.archive import list_runs, load_run
+from quadsim.record.archive import RunFolder, list_runs, load_run
 from quadsim.record.run import Run, RunError
 from tests.campaign_cases import row, specs
 
@@ -29,7 +31,7 @@ def test_a_stored_attempt_is_read_back_with_its_telemetry(tmp_path, flown):
     spec, flight = flown
     with Store(tmp_path / "c.sqlite") as store:
         assert store.add(spec, "mine", flight)
-        (kept,) = store.rows([attempt_key(spec)])
+        (kept,) = store.rows([attempt_key(spec.record())])
         assert store.spec(kept.key)["seed"] == spec.seed
         assert store.rows(["another"]) == []
     assert (kept.name, kept.outcome, kept.seed) == ("mine", "timeout", 0)
@@ -64,11 +66,12 @@ def test_many_may_make_the_same_campaign_at_once(tmp_path):
 
 
 def as_version_1(path, spec, flight):
-    """A campaign file as version 1 wrote it: another name of one column and of the index."""
+    """A campaign file as version 1 wrote it: other keys, another name of one column and of the index."""
     with Store(path) as store:
         store.add(spec, "mine", flight)
         (kept,) = store.rows()
     with sqlite3.connect(path) as db:
+        db.execute("UPDATE attempts SET key = 'k', variant = 'v'")
         db.execute("DROP INDEX attempts_by_variant")
         db.execute("ALTER TABLE attempts RENAME COLUMN variant TO arm")
         db.execute("CREATE INDEX attempts_by_arm ON attempts (arm, seed)")
@@ -77,19 +80,19 @@ def as_version_1(path, spec, flight):
 
 
 @pytest.mark.parametrize("create", [True, False], ids=["to write", "to read"])
-def test_a_file_of_version_1_is_brought_to_version_2_where_it_lies(tmp_path, flown, create):
+def test_a_file_of_version_1_is_brought_to_version_3_where_it_lies(tmp_path, flown, create):
     kept = as_version_1(tmp_path / "c.sqlite", *flown)
     with Store(tmp_path / "c.sqlite", create) as store:
         assert store.rows() == [kept]
         assert not store.add(flown[0], "again", flown[1]), "its attempts still count"
     with sqlite3.connect(tmp_path / "c.sqlite") as db:
-        assert db.execute("PRAGMA user_version").fetchone() == (2,)
+        assert db.execute("PRAGMA user_version").fetchone() == (3,)
         indices = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'index'")}
     assert "attempts_by_variant" in indices
     assert "attempts_by_arm" not in indices
 
 
-def test_many_may_bring_one_file_to_version_2_at_once(tmp_path, flown):
+def test_many_may_bring_one_file_to_version_3_at_once(tmp_path, flown):
     path = tmp_path / "c.sqlite"
     kept = as_version_1(path, *flown)
     at_once = Barrier(4)
@@ -113,6 +116,68 @@ def test_an_upgrade_that_fails_leaves_the_file_as_it_was(tmp_path, flown):
     with sqlite3.connect(path) as db:
         assert db.execute("PRAGMA user_version").fetchone() == (1,)
         assert db.execute("SELECT arm FROM attempts").fetchall()
+
+
+def test_a_row_of_version_2_whose_telemetry_is_gone_is_kept_as_it_is(tmp_path, flown):
+    as_version_1(tmp_path / "c.sqlite", *flown)
+    shutil.rmtree(tmp_path / "c.flights")
+    with Store(tmp_path / "c.sqlite") as store:
+        assert [r.key for r in store.rows()] == ["k"]
+
+
+def test_an_attempt_may_be_kept_without_its_telemetry(tmp_path, flown):
+    with Store(tmp_path / "c.sqlite") as store:
+        assert store.add(flown[0], "mine", flown[1], telemetry=False)
+        (kept,) = store.rows()
+    assert (kept.folder, kept.result["digest"]) == ("", flown[1].run.digest())
+    assert not (tmp_path / "c.flights").exists()
+
+
+DAMAGED = {  # column -> values that no flight has written
+    "result": ["", "null", "{", "[]", "{}", '{"laps": 3}', b"\xff\xfe", 7],
+    "outcome": ["finishe", ""],
+    "seed": ["one", 0.5],
+}
+
+
+@pytest.mark.parametrize(("column", "value"), [(c, v) for c, values in DAMAGED.items() for v in values])
+def test_a_damaged_row_is_named_and_flown_again(tmp_path, flown, capsys, column, value):
+    path = tmp_path / "c.sqlite"
+    with Store(path) as store:
+        store.add(flown[0], "mine", flown[1])
+        (kept,) = store.rows()
+    with sqlite3.connect(path) as db:
+        db.execute(f"UPDATE attempts SET {column} = ?", (value,))
+    with Store(path) as store:
+        assert store.rows() == store.rows([kept.key]) == []
+        assert store.add(*flown[:1], "mine", flown[1])
+        assert [r.result for r in store.rows()] == [kept.result]
+    said = capsys.readouterr().err
+    assert said.startswith(f"{path}: row 1, the attempt mine seed ")
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("key", ["laps", "crash", "fault", "thrust_tv", "plan_ms", "digest"])
+def test_a_row_that_lacks_a_number_is_damaged_one_of_an_older_version_is_not(tmp_path, flown, capsys, key):
+    with Store(tmp_path / "c.sqlite") as store:
+        store.add(flown[0], "mine", flown[1])
+        for missing, rows in (("cost", 1), (key, 0)):
+            store._db.execute(f"UPDATE attempts SET result = json_remove(result, '$.{missing}')")
+            assert len(store.rows()) == rows
+    assert key in capsys.readouterr().err
+
+
+def test_a_kill_between_row_and_folder_loses_nothing(tmp_path, flown):
+    """The next campaign that is opened gives the folder its name; what has no row is removed."""
+    with Store(tmp_path / "c.sqlite") as store, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(RunFolder, "finish", lambda folder: None)
+        store.add(flown[0], "mine", flown[1])
+        (tmp_path / "c.flights" / "20260101T000000Z_x.part").mkdir()
+        (kept,) = store.rows()
+    assert list_runs(tmp_path / "c.flights") == []
+    with Store(tmp_path / "c.sqlite"):
+        assert [p.name for p in (tmp_path / "c.flights").iterdir()] == [Path(kept.folder).name]
+    assert load_run(tmp_path / kept.folder).digest() == flown[1].run.digest()
 
 
 def test_the_result_of_a_system_without_thrust_has_no_thrust_variation(flown, monkeypatch):
@@ -153,7 +218,7 @@ def test_a_planner_that_raises_an_error_in_flight_is_a_crash_with_its_reason(mon
 
 @pytest.mark.parametrize(
     ("content", "said"),
-    [(b"not a database" * 100, "file is not a database"), (b"", None), (None, "version 2 or older, got 99")],
+    [(b"not a database" * 100, "file is not a database"), (b"", None), (None, "version 3 or older, got 99")],
 )
 def test_a_file_that_is_no_campaign_is_one_line(tmp_path, content, said):
     path = tmp_path / "c.sqlite"

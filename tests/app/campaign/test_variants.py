@@ -2,7 +2,7 @@
 
 import pytest
 
-from quadsim.app.campaign.attempt import attempt_key, variant_key
+from quadsim.app.campaign.attempt import attempt_key, this_provenance, variant_key
 from quadsim.app.campaign.variants import Jobs, make_variants, parse_variants, resolve, words_as_settings
 from quadsim.app.cli import race
 from quadsim.app.flags import Given, Json, run_command
@@ -52,13 +52,22 @@ def test_settings_of_other_samplers_are_left_out_and_those_of_one_variant_hold_f
 
 
 def test_key_is_decided_by_all_that_decides_a_flight_and_by_nothing_else():
-    one = variant().spec
-    same = resolve(COURSE, SETTINGS | {"sampler": "colored", "vehicle": "paper"})
+    one = variant().spec.record()
+    same = resolve(COURSE, SETTINGS | {"sampler": "colored", "vehicle": "paper"}).record()
     assert attempt_key(one) == attempt_key(same)
     for change in (["--seed", "1"], ["--margin", ".2"], ["--randomize", ".5"], ["--thrust-to-weight", "3"]):
-        other = variant("colored", *change).spec
+        other = variant("colored", *change).spec.record()
         assert attempt_key(other) != attempt_key(one), change
         assert (variant_key(other) == variant_key(one)) == (change[0] == "--seed")
+
+
+def test_a_library_of_another_version_flies_another_attempt_and_one_that_only_measures_does_not():
+    one, here = variant().spec.record(), this_provenance()["versions"]
+    assert attempt_key(one) == attempt_key(one, here | {"scipy": "0", "python": "0"})
+    for library in ("numpy", "numba", "pybullet"):
+        other = here | {library: "0.1"}
+        assert attempt_key(one, other) != attempt_key(one)
+        assert variant_key(one, other) != variant_key(one)
 
 
 WRONG = {
