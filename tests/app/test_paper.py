@@ -22,6 +22,7 @@ from quadsim.app.paper.command import EXPERIMENTS
 from quadsim.app.paper.result import flown, load_runs, table1_row
 from quadsim.app.paper.table2 import TABLE2
 from quadsim.race.spec import Spec
+from quadsim.record.archive import list_runs
 from quadsim.record.metrics import accumulated_cost
 from quadsim.record.run import RunError
 
@@ -49,12 +50,36 @@ def test_a_finished_run_is_never_made_twice(here, tmp_path, capsys):
 
 def test_the_accumulated_cost_is_that_of_the_states_reached_and_kept_with_the_attempt(here, tmp_path):
     attempts = flown([small()], 2, tmp_path)
-    (rows,), (flights,) = attempts.values(), load_runs(attempts, tmp_path).values()
+    (rows,), (flights,) = attempts.values(), load_runs([small()], attempts, tmp_path).values()
     for kept, run in zip(rows, flights, strict=True):
         px, py, vx, vy = (run.telemetry[name][1:] for name in ("px", "py", "vx", "vy"))
         total = np.sum(5.0 * ((px + 4.0) ** 2 + (py + 4.0) ** 2) + 0.5 * (vx**2 + vy**2))
         assert kept.result["cost"] == accumulated_cost(run) == pytest.approx(total, rel=1e-12)
     assert rows[0].result["cost"] != rows[1].result["cost"]
+
+
+def test_telemetry_that_is_not_kept_or_damaged_is_flown_again_and_the_same(here, tmp_path, capsys):
+    kept = flown([small()], 1, tmp_path)
+    (row,) = kept["gaussian"]
+    (flight,) = load_runs([small()], kept, tmp_path)["gaussian"]
+    bare = flown([small()], 1, tmp_path / "bare", telemetry=False)
+    assert not list((tmp_path / "bare").glob("*.flights"))
+    (tmp_path / row.folder / "telemetry.npz").write_bytes(b"half")
+    capsys.readouterr()
+    for attempts, folder in ((bare, tmp_path / "bare"), (kept, tmp_path)):
+        (again,) = load_runs([small()], attempts, folder)["gaussian"]
+        assert again.digest() == flight.digest()
+    (said,) = capsys.readouterr().err.splitlines()
+    assert said.startswith(f"{tmp_path / row.folder / 'telemetry.npz'}: damaged: ")
+    assert said.endswith("; flown again")
+
+
+@pytest.mark.parametrize(("flags", "folders"), [([], 0), (["--telemetry"], 12)])
+def test_only_a_flag_keeps_the_telemetry_of_table2(here, tmp_path, monkeypatch, flags, folders):
+    monkeypatch.setattr(table2, "Spec", SimpleNamespace(of=partial(Spec.of, **SMALL)))
+    monkeypatch.setattr(table2, "SIGMAS", (0.5,))
+    assert race(["paper", "table2", "--runs", "1", "--runs-dir", str(tmp_path), *flags]) == 0
+    assert len(list_runs(tmp_path / "paper" / "campaign.flights")) == folders
 
 
 class FullThrottle:
@@ -116,7 +141,7 @@ def test_no_two_cells_are_one_variant_and_no_two_seeds_one_attempt():
 def test_table2_has_every_cell_of_the_paper_and_six_rows_more(tmp_path, monkeypatch, capsys):
     """With runs that a stand-in has made."""
     one = row(result={"cost": 100.0, "plan_ms": {"p50": 1.0}})
-    monkeypatch.setattr(table2, "flown", lambda variants, runs, _: {v.name: [one] * runs for v in variants})
+    monkeypatch.setattr(table2, "flown", lambda variants, runs, *_: {v.name: [one] * runs for v in variants})
     assert race(["paper", "table2", "--runs", "2", "--json", "--runs-dir", str(tmp_path)]) == 0
     cells = json.loads(capsys.readouterr().out)["cells"]
     assert {(c["sampler"], c["sigma"]) for c in cells if c["paper_mean"]} == set(TABLE2)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from msgspec import Meta
 
 from quadsim.app.console import emit, emit_json
-from quadsim.app.flags import Help, Json, RunsDir, UsageError
+from quadsim.app.flags import Help, Json, RunsDir, Switch, UsageError
 from quadsim.files.yaml_words import did_you_mean
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def paper(
     *,
     runs: Annotated[Runs | None, Help("of each variant; left out: table2 50, else 20")] = None,
     runs_dir: RunsDir = "runs",
+    telemetry: Annotated[bool, Switch("keep that of table2 and double_integrator too, 1.3 GB of 36 000 runs")] = False,
     json: Json = False,
 ) -> int:
     """A table or figure of "Low Frequency Sampling in Model Predictive Path Integral Control", rerun.
@@ -45,16 +46,17 @@ def paper(
     if name not in NAMES:
         raise UsageError(f"no experiment {name!r}: {did_you_mean(name, NAMES)}")
     folder, chosen = Path(runs_dir) / "paper", tuple(EXPERIMENTS) if name == "all" else (name,)
-    results = {one: _make(one, runs, folder, quiet=json) for one in chosen}
+    results = {one: _make(one, runs, folder, telemetry, quiet=json) for one in chosen}
     if json:
         numbers = {one: result.numbers for one, result in results.items()}
         emit_json(numbers if name == "all" else numbers[name])
     return 0
 
 
-def _make(name: str, runs: int | None, folder: Path, quiet: bool) -> Result:
+def _make(name: str, runs: int | None, folder: Path, telemetry: bool, quiet: bool) -> Result:
     module, usual, about = EXPERIMENTS[name]
-    result = getattr(import_module(f"quadsim.app.paper.{module}"), name)(runs or usual, folder)
+    experiment = getattr(import_module(f"quadsim.app.paper.{module}"), name)
+    result = experiment(runs or usual, folder, **({"telemetry": telemetry} if module == "table2" else {}))
     if not quiet:
         emit(about, *result.shown, *map(str, result.files), "")
     return result

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import StringIO
 from math import isnan, nan
 from pathlib import Path
@@ -16,11 +16,13 @@ from pathlib import Path
 from rich.console import RenderableType
 from rich.table import Table
 
+from quadsim.app.campaign.attempt import fly_attempt
 from quadsim.app.campaign.runner import Runner
 from quadsim.app.campaign.store import Row
 from quadsim.app.campaign.summary_stats import variant_stats
 from quadsim.app.campaign.variants import Variant
-from quadsim.app.console import plain_table
+from quadsim.app.console import complain, plain_table
+from quadsim.race.spec import Spec
 from quadsim.record.archive import load_run
 from quadsim.record.run import Run, RunError
 from quadsim.record.whole_files import write_whole
@@ -44,22 +46,36 @@ class Result:
     files: tuple[Path, ...]
 
 
-def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, list[Row]]:
+def flown(variants: Sequence[Variant], runs: int, folder: Path, telemetry: bool = True) -> dict[str, list[Row]]:
     """Name of each variant -> its attempts by seed; those that the folder's campaign lacks are flown now.
 
+    telemetry: keep it of those, some 36 kB each.
     Raises RunError where an attempt is lost, KeyboardInterrupt.
     """
     path = folder / "campaign.sqlite"
-    with Runner(path) as runner:
+    with Runner(path, telemetry=telemetry) as runner:
         rows = runner(variants, runs)
     if any(len(of_variant) < runs for of_variant in rows):
         raise RunError(f"{path}: a worker process was lost twice; the same command goes on from here")
     return {variant.name: of_variant for variant, of_variant in zip(variants, rows, strict=True)}
 
 
-def load_runs(attempts: dict[str, list[Row]], folder: Path) -> dict[str, list[Run]]:
-    """The same with their telemetry. Raises RunError."""
-    return {name: [load_run(folder / row.folder) for row in rows] for name, rows in attempts.items()}
+def load_runs(variants: Sequence[Variant], attempts: dict[str, list[Row]], folder: Path) -> dict[str, list[Run]]:
+    """The same with their telemetry; what is not there or damaged is flown again."""
+    specs = {variant.name: variant.spec for variant in variants}
+    return {name: [_load(row, specs[name], folder) for row in rows] for name, rows in attempts.items()}
+
+
+def _load(row: Row, spec: Spec, folder: Path) -> Run:
+    if row.folder:
+        try:
+            return load_run(folder / row.folder)
+        except RunError as error:
+            complain(f"{error}; flown again")
+    run = fly_attempt(replace(spec, seed=row.seed)).run
+    if run.digest() != row.result["digest"]:
+        complain(f"{row.name} seed {row.seed}: flown again it is another flight, as the code or the machine is another")
+    return run
 
 
 def write_csv(path: Path, rows: Sequence[dict]) -> Path:

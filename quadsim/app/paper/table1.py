@@ -38,7 +38,7 @@ LAPS_SHOWN, SECONDS_SHOWN = 9, 8.0  # paths of the quadrotor, controls of the of
 def quadrotor(runs: int, folder: Path) -> Result:
     variants = [Variant(name, Spec.of(COURSE, preset="paper", sampler=name)) for name in ("gaussian", "colored")]
     attempts = flown(variants, runs, folder)
-    flights = load_runs(attempts, folder)
+    flights = load_runs(variants, attempts, folder)
     table = [table1_row("quadrotor", name, rows) | _mean_chatter(flights[name]) for name, rows in attempts.items()]
     files = [write_csv(folder / "quadrotor.csv", table), *write_figure(_draw_laps(flights), folder, "quadrotor_laps")]
     for name, of_sampler in flights.items():
@@ -52,7 +52,7 @@ def offroad(runs: int, folder: Path) -> Result:
     """A quarter as many runs at the lower temperature."""
     *paper, cold = (Variant(name, drive(**settings)) for name, settings in DRIVES.items())
     attempts = flown(paper, runs, folder) | flown([cold], -(-runs // 4), folder)
-    drives = load_runs(attempts, folder)
+    drives = load_runs([*paper, cold], attempts, folder)
     table = [table1_row("offroad", name, rows) | _ends(drives[name]) for name, rows in attempts.items()]
     files = [
         write_csv(folder / "offroad.csv", table),

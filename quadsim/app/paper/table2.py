@@ -6,6 +6,7 @@ Figure 7: state, control and spectrum of the best run at sigma 1.5 of each of th
 from __future__ import annotations
 
 from itertools import product
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -67,22 +68,23 @@ SPECTRUM = 2.0  # seconds of controls in the spectrum
 Track = tuple[np.ndarray, np.ndarray, np.ndarray]  # t [s], position [m] and control [m/s^2] of one axis
 
 
-def table2(runs: int, folder: Path) -> Result:
-    cells = [_cell(*cell, rows) for cell, rows in attempts(tuple(CHOICES), SIGMAS, runs, folder).items()]
+def table2(runs: int, folder: Path, telemetry: bool = False) -> Result:
+    """Thousands of runs, of which the table needs only the costs."""
+    flown_cells = attempts(tuple(CHOICES), SIGMAS, runs, folder, telemetry)
+    cells = [_cell(*cell, rows) for cell, rows in flown_cells.items()]
     return Result({"cells": cells}, (_table(cells),), (write_csv(folder / "table2.csv", cells),))
 
 
-def double_integrator(runs: int, folder: Path) -> Result:
+def double_integrator(runs: int, folder: Path, telemetry: bool = False) -> Result:
     best = {
-        name: min(rows, key=lambda row: row.result["cost"])
-        for (name, _), rows in attempts(tuple(LOOKS), (SIGMA,), runs, folder).items()
+        name: min(rows, key=_cost)
+        for (name, _), rows in attempts(tuple(LOOKS), (SIGMA,), runs, folder, telemetry).items()
     }
-    flights = load_runs({name: [row] for name, row in best.items()}, folder)
-    columns = {name: run.telemetry for name, (run,) in flights.items()}
+    cells = [variant(name, SIGMA) for name in LOOKS]
+    flights = load_runs(cells, {cell.name: [row] for cell, row in zip(cells, best.values(), strict=True)}, folder)
+    columns = {name: run.telemetry for name, (run,) in zip(LOOKS, flights.values(), strict=True)}
     tracks = {name: (x["t"], x["px"], x["ax_cmd"]) for name, x in columns.items()}
-    numbers = {
-        name: {"seed": row.seed, "cost": row.result["cost"]} | _summary(*tracks[name]) for name, row in best.items()
-    }
+    numbers = {name: {"seed": row.seed, "cost": _cost(row)} | _summary(*tracks[name]) for name, row in best.items()}
     rows = [
         {"sampler": name, "t": t, "p": p, "u": u}
         for name, track in tracks.items()
@@ -93,15 +95,21 @@ def double_integrator(runs: int, folder: Path) -> Result:
 
 
 def attempts(
-    names: tuple[str, ...], sigmas: tuple[float, ...], runs: int, folder: Path
+    names: tuple[str, ...], sigmas: tuple[float, ...], runs: int, folder: Path, telemetry: bool
 ) -> dict[tuple[str, float], list[Row]]:
     """(row of the table, sigma) -> attempts by seed."""
     cells = [(name, sigma) for sigma, name in product(sigmas, names)]
-    return dict(zip(cells, flown([variant(*cell) for cell in cells], runs, folder).values(), strict=True))
+    rows = flown([variant(*cell) for cell in cells], runs, folder, telemetry).values()
+    return dict(zip(cells, rows, strict=True))
 
 
 def variant(name: str, sigma: float) -> Variant:
     return Variant(f"{name} sigma {sigma:g}", Spec.of(COURSE, sigma=(sigma, sigma), **CHOICES[name]))
+
+
+def _cost(row: Row) -> float:
+    """nan where the attempt has none."""
+    return nan if (cost := row.result.get("cost")) is None else cost
 
 
 def _cell(name: str, sigma: float, rows: list[Row]) -> dict:
@@ -109,7 +117,7 @@ def _cell(name: str, sigma: float, rows: list[Row]) -> dict:
 
     ms: of a control step, one thread, every core busy; paper_ms: on an RTX 3080.
     """
-    cost = np.array([r.result["cost"] for r in rows])
+    cost = np.array([_cost(r) for r in rows])
     paper_mean, paper_sd, paper_ms = TABLE2.get((name, sigma), (None, None, None))
     return {
         "sampler": name,
