@@ -4,11 +4,17 @@ import json
 import os
 import resource
 import signal
+import subprocess
+import sys
 import time
+from pathlib import Path
 
+import pytest
+
+import quadsim
 from quadsim.app.campaign.store import Store
 from quadsim.app.cli import race
-from tests.campaign_cases import FLIGHT, end_after, seeds_flown, start
+from tests.campaign_cases import FLIGHT, RACE, end_after, seeds_flown, start
 
 MANY = 40  # attempts that are never all flown before the signal comes
 
@@ -113,3 +119,38 @@ def test_results_lists_what_is_stored_and_compares_it_across_campaigns(tmp_path,
     assert pair["seeds"] == 5
     assert race(["results", "--campaigns", one, "--sampler", "smooth"]) == 0
     assert "no stored attempt matches" in capsys.readouterr().out
+
+
+def test_a_comparison_with_other_flags_does_not_overwrite_the_report(tmp_path, capsys):
+    campaign, reports = tmp_path / "c.sqlite", []
+    for flags in (["--seed", "0"], ["--seed", "1"], ["--margin", ".3"], ["--seed", "0"]):
+        argv = ["compare", *FLIGHT, *flags, "--attempts", "1", "--campaign", str(campaign), "--jobs", "1"]
+        assert race(argv) == 0
+        reports.append(sorted(p.name for p in (tmp_path / "c.report").iterdir()))
+    assert [len(names) for names in reports] == [3, 6, 9, 9], "the same command writes its own anew"
+
+
+@pytest.mark.parametrize("out", ["file/report", "file"])
+def test_where_the_report_cannot_be_written_nothing_is_flown(tmp_path, capsys, out):
+    (tmp_path / "file").write_text("")
+    campaign = tmp_path / "c.sqlite"
+    assert race(["compare", *FLIGHT, "--out", str(tmp_path / out), "--campaign", str(campaign), "--jobs", "1"]) == 2
+    assert capsys.readouterr().err.startswith(f"race compare: {tmp_path / out}: cannot write here: ")
+    assert not campaign.exists()
+
+
+def test_workers_do_not_import_what_lies_in_the_current_folder(tmp_path):
+    for name in ("socket", "numpy", "random"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('this is no module of Python')")
+    command = [sys.executable, "-P", "-c", RACE[-1], "compare", *FLIGHT, "--attempts", "1", "--jobs", "1"]
+    root = str(Path(quadsim.__file__).parents[1])
+    done = subprocess.run(command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": root}, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_comparison_that_lost_all_its_attempts_is_one_line(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("quadsim.app.campaign.runner.fly_all", lambda pool, specs: [(spec, None) for spec in specs])
+    argv = ["compare", *FLIGHT, "--attempts", "1", "--campaign", str(tmp_path / "c.sqlite"), "--jobs", "1"]
+    assert race(argv) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == "race compare: no attempt was flown: nothing to compare"
+    assert not (tmp_path / "c.report").exists()
