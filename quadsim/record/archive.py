@@ -11,8 +11,8 @@ import os
 import re
 import shutil
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from hashlib import sha256
 from itertools import count
 from pathlib import Path
@@ -91,11 +91,15 @@ def remove_unfinished(root: str | Path, kept: Callable[[str], bool] = lambda nam
     kept: whether the folder of this name is known to be complete; then it gets its name instead.
     """
     for part in Path(root).glob(f"{STARTED}*{PART}"):
-        with suppress(OSError), _locked(part):
-            if kept(part.name.removesuffix(PART)):
-                part.rename(part.with_suffix(""))
-            else:
-                shutil.rmtree(part)
+        with suppress(OSError):
+            handle = _lock(part)
+            try:
+                if kept(part.name.removesuffix(PART)):
+                    part.rename(part.with_suffix(""))
+                else:
+                    shutil.rmtree(part)
+            finally:
+                os.close(handle)
 
 
 def run_name(spec: dict) -> str:
@@ -164,21 +168,21 @@ def _claim(path: Path) -> int | None:
         if path.exists():  # another flight of this second has just finished
             part.rmdir()
             return None
-        handle = os.open(part, os.O_RDONLY)
-        with suppress(OSError):  # a file system without locks, on which nothing is taken for unfinished either
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return handle
+        with suppress(FileNotFoundError, BlockingIOError):  # another process has just taken it for unfinished
+            return _lock(part)
+        return None
 
 
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Raises OSError where another process holds the lock."""
+def _lock(folder: Path) -> int:
+    """A handle that holds the folder's lock. Raises OSError; BlockingIOError where another process has it."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
-    finally:
+        os.stat(folder)
+    except BaseException:
         os.close(handle)
+        raise
+    return handle
 
 
 def _read(path: Path) -> bytes:
