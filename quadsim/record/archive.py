@@ -168,9 +168,12 @@ def _claim(path: Path) -> int | None:
         if path.exists():  # another flight of this second has just finished
             part.rmdir()
             return None
-        with suppress(FileNotFoundError, BlockingIOError):  # another process has just taken it for unfinished
+        try:
             return _lock(part)
-        return None
+        except (FileNotFoundError, BlockingIOError):  # another process has just taken it for unfinished
+            return None
+        except OSError:  # a file system without locks, where nothing is taken for unfinished
+            return os.open(part, os.O_RDONLY)
 
 
 def _lock(folder: Path) -> int:
