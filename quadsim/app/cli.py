@@ -21,6 +21,7 @@ COMMANDS = {  # name -> module and function, what it does
     "results": ("quadsim.app.campaign.results:results", "what campaigns have stored: list, filter, compare"),
     "tune": ("quadsim.app.campaign.tune:tune", "search a planner's numbers for the fastest safe lap"),
     "regress": ("quadsim.app.campaign.regress:regress", "has the racer got slower, less safe, less smooth?"),
+    "limit": ("quadsim.app.limit:limit", "the least time in which a vehicle can fly a course, by optimisation"),
     "bench": ("quadsim.app.bench.bench:bench", "time control steps on this machine, beside its limits and its peers"),
     "paper": ("quadsim.app.paper.command:paper", "the paper's tables and figures, rerun"),
 }

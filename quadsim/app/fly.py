@@ -84,13 +84,13 @@ def _save(folder: RunFolder, run: Run) -> RunError | None:
 
 
 @contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Ctrl-C and SIGTERM wait until what is inside is done: then KeyboardInterrupt comes."""
+def uninterrupted() -> Iterator[list[int]]:
+    """Ctrl-C and SIGTERM wait until what is inside is done: then KeyboardInterrupt comes. Gives those that wait."""
     came: list[int] = []
     signals = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(s, lambda number, _: came.append(number)) for s in signals]
     try:
-        yield
+        yield came
     finally:
         for s, handler in zip(signals, before, strict=True):
             signal.signal(s, handler)

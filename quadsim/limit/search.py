@@ -1,0 +1,65 @@
+"""Several starts on one mesh, the fastest once more on a finer one; the fastest that holds is the best known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+from quadsim.limit.dynamics import dynamics
+from quadsim.limit.guess import Guess, flown, solved, speeds, straight
+from quadsim.limit.solution import Race, Solution
+from quadsim.limit.solve import NotSolvedError, Show, solve
+from quadsim.limit.task import mesh, race_task
+from quadsim.limit.verify import Verified, verify
+
+FINER = 1.5  # intervals of the last mesh over those of the first
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One start on one mesh."""
+
+    start: str
+    nodes: int
+    time: float | None  # of the solution, where there is one [s]
+    broken: list[str]  # why it does not count, one line each
+    solved: tuple[Solution, Verified] | None = None
+
+
+class Search:
+    """Of one race. Raises ValueError for a vehicle that the model does not cover."""
+
+    def __init__(self, race: Race, referee: Callable[[], Any], show: Callable[[str, int], Show]):
+        """referee: makes a new one for each solution. show: of a start and a number of nodes, tells the iterations."""
+        self.task = race_task(race.course, race.vehicle.radius, race.laps, race.closed)
+        self.model = dynamics(race.vehicle, race.model)
+        self._speeds = speeds(self.task, race.vehicle.thrust_max)
+        self._referee, self._show = referee, show
+
+    def attempts(self, flights: Iterable[tuple[str, dict[str, Any], list[float]]], intervals: int) -> Iterator[Attempt]:
+        """From straight lines and from flights: name, telemetry, passes [s]. intervals: to a gate, in the mean."""
+        lines = (straight(self.task, self.model, speed) for speed in self._speeds)
+        found = []
+        for guess in chain((flown(name, self.model, x, passes) for name, x, passes in flights), lines):
+            found.append(self._attempt(guess, mesh(self.task, intervals)))
+            yield found[-1]
+        fastest = best(found)
+        if fastest and fastest.solved:
+            finer = solved(f"{fastest.start}, refined", fastest.solved[0], self.task)
+            yield self._attempt(finer, mesh(self.task, FINER * intervals))
+
+    def _attempt(self, guess: Guess, intervals: list[int]) -> Attempt:
+        nodes = sum(intervals)
+        try:
+            solution = solve(self.task, self.model, intervals, guess, self._show(guess.name, nodes))
+        except NotSolvedError as error:
+            return Attempt(guess.name, nodes, None, [f"optimiser: {error}"])
+        verified = verify(solution, self.model, self._referee())
+        return Attempt(guess.name, len(solution.t), solution.time, verified.broken, (solution, verified))
+
+
+def best(attempts: Iterable[Attempt]) -> Attempt | None:
+    """The fastest that holds, None where none does."""
+    return min((a for a in attempts if a.time and not a.broken), key=lambda a: a.time or 0.0, default=None)

@@ -1,0 +1,138 @@
+"""Solutions: a race by its nodes; kept as npz, looked up by course, vehicle and laps."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from quadsim.course import Course
+from quadsim.vehicle import Vehicle
+
+SOLUTIONS = Path(__file__).parent / "solutions"  # those that come with the project
+ARRAYS = ("x", "u", "costate")
+NAMES = ("name", "source", "text", "published", "laps", "loop")  # of a course or a vehicle: what changes no race
+
+
+class LimitError(ValueError):
+    """A solution that cannot be read. One line: the file, what is wrong."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A race by its nodes; from one to the next the control is constant."""
+
+    model: str  # rotors, rates
+    t: np.ndarray  # (nodes,) [s]
+    x: np.ndarray  # (nodes, n_x) states of the model
+    u: np.ndarray  # (nodes - 1, n_u)
+    costate: np.ndarray  # (nodes - 1, n_x) how the time that is left changes with the state after the interval [s]
+    target: np.ndarray  # (nodes - 1,) index of the target that the interval leads to, from 0
+
+    @property
+    def time(self) -> float:
+        """[s]"""
+        return float(self.t[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """The best solution known of a race, and what its check has found."""
+
+    course: str
+    vehicle: str
+    laps: int
+    closed: bool
+    lap_times: list[float]  # [s]
+    verified: dict
+    solution: Solution
+
+    @property
+    def time(self) -> float:
+        """Of the race, by the referee [s]."""
+        return sum(self.lap_times)
+
+
+@dataclass(frozen=True)
+class Race:
+    """What a limit is the limit of."""
+
+    course: Course
+    vehicle: Vehicle
+    laps: int
+    model: str  # rotors, rates
+    closed: bool = False  # one lap that ends as it begins
+
+    @classmethod
+    def of(cls, course: Course, vehicle: Vehicle, laps: int) -> Race:
+        """From a standing start, with the model by which the vehicle flies in the plant."""
+        return cls(course, vehicle, laps, "rotors" if vehicle.rotors else "rates")
+
+    @cached_property
+    def key(self) -> str:
+        """sha256 [16 hex digits] of all that decides the limit."""
+        whole = asdict(self)
+        for part in ("course", "vehicle"):
+            whole[part] = {k: v for k, v in whole[part].items() if k not in NAMES}
+        return sha256(json.dumps(_rounded(whole), sort_keys=True).encode()).hexdigest()[:16]
+
+    @property
+    def file_name(self) -> str:
+        parts = self.course.name, self.vehicle.name, str(self.laps), *(["closed"] if self.closed else []), self.model
+        return f"{re.sub(r'[^A-Za-z0-9_.-]', '-', '_'.join(parts))}_{self.key}.npz"
+
+    def best_known(self, *folders: Path) -> Limit | None:
+        """The fastest solution that lies here or comes with the project. Raises LimitError."""
+        paths = (path for folder in (SOLUTIONS, *folders) for path in sorted(folder.glob(f"*_{self.key}.npz")))
+        return min(map(load, paths), key=lambda limit: limit.time, default=None)
+
+
+def dump(limit: Limit) -> bytes:
+    """As npz without pickles; states in single precision, whose rounding the check allows for."""
+    s = limit.solution
+    facts = {k: getattr(limit, k) for k in ("course", "vehicle", "laps", "closed", "lap_times", "verified")}
+    arrays: dict[str, Any] = {name: getattr(s, name).astype("<f4") for name in ARRAYS}
+    arrays |= {"t": s.t.astype("<f8"), "target": s.target.astype("<i2")}
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, facts=np.array(json.dumps(facts | {"model": s.model})), **arrays)
+    return buffer.getvalue()
+
+
+def load(path: Path) -> Limit:
+    """Raises LimitError."""
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            facts = json.loads(str(data["facts"]))
+            arrays = {name: data[name].astype(float) for name in (*ARRAYS, "t")}
+            solution = Solution(facts.pop("model"), target=data["target"].astype(int), **arrays)
+        return _sound(Limit(**facts, solution=solution))
+    except Exception as error:  # a damaged zip fails in a dozen ways
+        raise LimitError(f"{path}: expected the solution of a race: {error}") from error
+
+
+def _sound(limit: Limit) -> Limit:
+    s, n = limit.solution, len(limit.solution.t)
+    if n < 2 or len(s.x) != n or not len(s.u) == len(s.costate) == len(s.target) == n - 1:
+        raise ValueError("its arrays are not of one length")
+    if not all(np.isfinite(part).all() for part in (s.t, s.x, s.u, s.costate)) or not (np.diff(s.t) > 0.0).all():
+        raise ValueError("expected finite numbers and rising times")
+    return limit
+
+
+def _rounded(value: Any) -> Any:
+    """To 9 digits: the last bits of an angle in radians are no other course."""
+    match value:
+        case dict():
+            return {k: _rounded(v) for k, v in value.items()}
+        case list() | tuple():
+            return [_rounded(v) for v in value]
+        case float() | int() if not isinstance(value, bool):
+            return float(f"{value:.9g}")
+    return value

@@ -1,0 +1,87 @@
+"""Does a solution hold? Fine integration from every node, the limits on the way, and the referee's own test."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field, replace
+from math import hypot
+from typing import Any
+
+import numpy as np
+
+from quadsim.limit.dynamics import Dynamics
+from quadsim.limit.solution import Solution
+
+RESIDUAL = 5e-3  # [m] between a node and where the interval before it leads
+WORTH = 1e-3  # of the race's time
+UNIT = 1e-3  # of |q|
+RATE = 0.02  # of the limit of a body rate, between two nodes
+
+
+@dataclass
+class Verified:
+    """What the check of a solution has found; it counts where nothing is broken."""
+
+    residual: float = 0.0  # greatest distance from a node to where the interval before it leads [m]
+    worth: float = 0.0  # what all residuals are worth in time, |costate . residual| summed [s]
+    attitude: float = 0.0  # greatest | |q| - 1 |
+    body_rate: float = 0.0  # greatest body rate, as a share of its limit
+    outcome: str | None = None  # the referee's, where there is one
+    events: tuple = ()  # the referee's
+    broken: list[str] = field(default_factory=list)  # one line each
+
+    def summary(self) -> dict[str, Any]:
+        """As JSON, the events counted by their kind."""
+        return asdict(replace(self, events=())) | {"events": dict(Counter(e.kind for e in self.events))}
+
+
+def verify(solution: Solution, model: Dynamics, referee: Any = None) -> Verified:
+    """referee: as of quadsim.race.referee, for these laps; it sees every step of the fine integration."""
+    found, high = Verified(), model.high[10:13]
+    x, t = solution.x.tolist(), solution.t.tolist()
+    for k, u in enumerate(solution.u.tolist()):
+        path = list(model.fine(tuple(x[k]), tuple(u), t[k + 1] - t[k]))
+        residual = np.array(path[-1]) - solution.x[k + 1]
+        found.residual = max(found.residual, float(np.linalg.norm(residual[:3])))
+        found.worth += abs(float(solution.costate[k] @ residual))
+        found.attitude = max(found.attitude, *(abs(hypot(*p[6:10]) - 1.0) for p in path))
+        found.body_rate = max(found.body_rate, float((np.abs([p[10:13] for p in path]) / high).max()))
+        if referee:
+            points = [x[k], *path[:-1], x[k + 1]]  # what is left at the node is part of the last step
+            times = np.linspace(t[k], t[k + 1], len(points)).tolist()
+            for i in range(len(path)):
+                referee.observe(times[i], tuple(points[i][:3]), times[i + 1], tuple(points[i + 1][:3]))
+    if referee:
+        found.outcome = referee.outcome
+        found.events = tuple(referee.events)
+    found.broken = [*_broken(found, solution), *_outside(solution, model), *_incidents(referee)]
+    return found
+
+
+def _broken(found: Verified, solution: Solution) -> Iterator[str]:
+    if found.residual > RESIDUAL:
+        yield f"nodes: expected at most {RESIDUAL:g} m from the finely integrated path, got {found.residual:.2g}"
+    if found.worth > WORTH * solution.time:
+        yield f"nodes: expected residuals worth at most {WORTH * solution.time:.2g} s, got {found.worth:.2g}"
+    if found.attitude > UNIT:
+        yield f"attitude: expected |q| = 1 within {UNIT:g}, got a difference of {found.attitude:.2g}"
+    if found.body_rate > 1.0 + RATE:
+        yield f"body rates: expected at most {1 + RATE:.0%} of their limits, got {found.body_rate:.1%}"
+
+
+def _outside(solution: Solution, model: Dynamics) -> Iterator[str]:
+    """Of the limits at the nodes, where they hold to rounding."""
+    tolerance = 1e-4 * np.maximum(np.abs(model.u_high), np.abs(model.u_low))
+    if (solution.u < model.u_low - tolerance).any() or (solution.u > model.u_high + tolerance).any():
+        yield "controls: expected all within the vehicle's limits, found one beyond"
+    spare = [s for x, u in zip(solution.x, solution.u, strict=False) for s in model.spare(tuple(x), tuple(u))]
+    if min(spare, default=0.0) < -1e-2:
+        yield f"thrust: expected room for the torque [m/s^2], got {min(spare):.2g}"
+
+
+def _incidents(referee: Any) -> Iterator[str]:
+    if referee and referee.outcome != "finished":
+        last = referee.events[-1] if referee.events else None
+        what = f"{last.kind} at gate {last.gate}, lap {last.lap}, t = {last.t:.3f} s" if last else "nothing passed"
+        yield f"referee: expected a finished race, got {referee.outcome or 'none'}: {what}"
