@@ -25,12 +25,19 @@ class Snapshot:
 
     t: float = 0.0  # race time [s]
     end: float = 0.0  # of the race so far [s]
+    flown: float = 0.0  # what can be shown [s]: less than the end beside a longer stored run
     playing: bool = False
     flying: bool = False  # some live competitor has not ended
     factor: float = 0.0  # race seconds a second, measured
     competitors: tuple[Competitor, ...] = ()
     race: int = 0  # counts the races: for another number, another scene
     notices: tuple[Notice, ...] = ()
+
+    @property
+    def next_event(self) -> float | None:
+        """[s] of the next one that can be shown; None while the race is being flown."""
+        later = [e.t for entry in self.competitors for e in entry.events if self.t + 1e-6 < e.t <= self.flown]
+        return min(later, default=None) if not (self.flying and self.playing) else None
 
 
 class Race:
@@ -83,34 +90,34 @@ class Race:
         return max(wait, 0.0)
 
     def play(self, on: bool | None = None) -> None:
-        """None: toggle. A replay at its end begins again."""
+        """None: toggle. A replay at its end begins again; a flight goes on where it has come to."""
         self._playing = not self._playing if on is None else on
-        if self._playing and not self._flying and self._t >= self._end:
-            self._t = 0.0
+        if self._playing:
+            self._t = self._flown if self._flying else self._t if self._t < self._end else 0.0
         self._pace.anchor(self._t)
 
     def step(self, by: int = 1) -> None:
-        """One control period; a replay also goes back."""
+        """One control period forward or back; a flight goes on from the last one that was flown."""
         self._playing = False
         entry = self._next_to_fly()
-        if entry is not None:
+        if entry is not None and by > 0 and self._t >= self._flown - 1e-9:
             self._advance(entry)
         elif entries := [e for e in self._competitors if len(e.t)]:
             t = entries[0].t
             self.scrub(float(t[min(max(entries[0].at(self._t) + by, 0), len(t) - 1)]))
 
     def scrub(self, t: float) -> None:
-        """Show the race at t [s]; has no effect in flight."""
-        if not self._flying:
-            self._t = min(max(t, 0.0), self._end)
+        """Show the race at t [s]; no effect while it is being flown."""
+        if not (self._flying and self._playing):
+            self._t = min(max(t, 0.0), self._flown if self._flying else self._end)
             self._pace.anchor(self._t)
 
     def jump(self) -> None:
-        """To the next event of any competitor."""
-        later = [e.t for entry in self._competitors for e in entry.events if e.t > self._t + 1e-6]
-        if later and not self._flying:
+        """To the next event of any competitor, if there is one so far."""
+        t = self.snapshot().next_event
+        if t is not None:
             self._playing = False
-            self.scrub(min(later))
+            self.scrub(t)
 
     def set_speed(self, factor: float) -> None:
         """Race seconds a second; a live flight comes as near as the machine can."""
@@ -132,6 +139,7 @@ class Race:
         return Snapshot(
             t=self._t,
             end=self._end,
+            flown=self._flown if self._flying else self._end,
             playing=self._playing,
             flying=bool(self._flying),
             factor=self._pace.factor if self._playing else 0.0,
@@ -173,6 +181,11 @@ class Race:
     @property
     def _flying(self) -> list[LiveCompetitor]:
         return [e for e in self._live if e.now.outcome is None]
+
+    @property
+    def _flown(self) -> float:
+        """Until when some flight that goes on has been flown [s]."""
+        return max((e.t for e in self._flying), default=0.0)
 
     @property
     def _competitors(self) -> list[Competitor]:

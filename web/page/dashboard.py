@@ -18,7 +18,8 @@ from web.page.course_map import Map
 from web.page.export import add_export
 from web.page.html import STYLE
 from web.page.laps import chatter, laps
-from web.page.panels import PlaybackPanel, ViewPanel
+from web.page.messages import VISITORS
+from web.page.panels import PlaybackPanel, ViewPanel, add_visitors
 from web.page.race_panel import Menu, RacePanel
 from web.page.race_scene import RaceScene
 from web.page.sampler_panel import SamplerPanel
@@ -69,12 +70,14 @@ class Dashboard:
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(230, 159, 0))
         gui.add_html(STYLE)
-        self.race = RacePanel(gui, session, menu, first)
+        visitors = VISITORS[server]
+        self.race = RacePanel(gui, session, menu, first, visitors)
         self.sampler = SamplerPanel(gui, session, flight_factory, self.race)
-        self._playback = PlaybackPanel(gui, session)
+        self._playback = PlaybackPanel(gui, session, self.race)
         self._camera = Camera(server)
-        self._options = ViewPanel(gui, session, self._camera)
-        add_export(gui, session)
+        self._options = ViewPanel(gui, session, self._camera, self.race)
+        visitors.free |= {add_export(gui, session)._impl.uuid, *self._options.free}
+        add_visitors(gui, visitors)
         self._add_panels(gui)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
@@ -128,6 +131,7 @@ class Dashboard:
             if self._controls_due(now):
                 self._playback.update(s)
                 self.sampler.update(s)
+                self.race.update(s)
         if view and self._slow_due((view, state)):
             view.charts.update_spectrum(timings)
             view.charts.update_gaps(timings)

@@ -29,8 +29,8 @@ RATE = 25  # frames a second
 RENDER_TIMEOUT = 30.0  # [s] for a browser that draws in software
 
 
-def add_export(gui: viser.GuiApi, session: Session) -> None:
-    """What is on the page, as downloads of the client that asks."""
+def add_export(gui: viser.GuiApi, session: Session) -> viser.GuiButtonGroupHandle:
+    """What is on the page, as downloads of the client that asks. -> their buttons"""
     with gui.add_folder("Export", expand_by_default=False):
         hint = "page: animated, plays offline; PNG: the view"
         what = gui.add_button_group("", ("page", "CSV", "zip", "PNG"), hint=hint)
@@ -46,6 +46,7 @@ def add_export(gui: viser.GuiApi, session: Session) -> None:
             event.client.send_file_download(name, data, save_immediately=True)
 
     what.on_click(send)
+    return what
 
 
 def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> tuple[str, bytes]:

@@ -27,7 +27,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from web.page.messages import LOG, restrict_messages
+from web.page.messages import LOG, VISITOR, cookie_of, restrict_messages
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 ALL_INTERFACES = ("0.0.0.0", "::")
@@ -69,7 +69,7 @@ def serve(host: str, port: int, token: str | None, label: str) -> viser.ViserSer
     """A running server. Raises ValueError with one line for a host or port that cannot be used."""
     port = probe(host, port)
     rich.reconfigure(stderr=True, quiet=True)  # viser prints banners through it; stdout is for results
-    with _patching, _checked_requests(request_check(host, port, token)):
+    with _patching, _checked_requests(request_check(host, port, token), f"{VISITOR}{port}"):
         server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
     if server.get_port() != port:
         server.stop()
@@ -116,7 +116,7 @@ def request_check(host: str, port: int, token: str | None) -> Check:
         if origin is not None and origin != f"http://{asked}":
             return connection.respond(HTTPStatus.FORBIDDEN, "pages of another origin may not use this server\n")
         asks = parse_qsl(urlsplit(request.path).query, keep_blank_values=True)
-        if token is None or _equal(_cookie(request, cookie), token):
+        if token is None or _equal(cookie_of(request, cookie), token):
             return _without_redirection(connection, asks)
         if not _equal(dict(asks).get("token", ""), token):
             advice = "open the address with ?token=... that `race web` printed\n"
@@ -167,19 +167,17 @@ def _viser_page() -> str:
     return page
 
 
-def _cookie(request: Request, name: str) -> str:
-    pairs = (part.strip().partition("=") for part in request.headers.get("Cookie", "").split(";"))
-    return next((value for key, _, value in pairs if key == name), "")
-
-
 def _equal(a: str, b: str) -> bool:
     """In constant time."""
     return secrets.compare_digest(a.encode(), b.encode())
 
 
 @contextmanager
-def _checked_requests(check: Check):
-    """A server that starts meanwhile runs the check before every request: viser has no argument for that."""
+def _checked_requests(check: Check, visitor: str):
+    """A server that starts meanwhile runs the check before every request: viser has no argument for that.
+
+    visitor: name of the cookie by which a browser is known again.
+    """
     original = websockets_server.serve
 
     def checked(*args: Any, process_request: Callable, **kwargs: Any) -> Any:
@@ -189,7 +187,11 @@ def _checked_requests(check: Check):
                 return process_request(connection, request)
             nonce = secrets.token_urlsafe(18)
             is_page = urlsplit(request.path).path in ("/", "/index.html")
-            response = response or (page_response(nonce) if is_page else process_request(connection, request))
+            if response is None and is_page:
+                response = page_response(nonce)
+                if not cookie_of(request, visitor):
+                    response.headers["Set-Cookie"] = f"{visitor}={nonce}; HttpOnly; SameSite=Strict; Path=/"
+            response = response or process_request(connection, request)
             return protected(response, nonce) if response else None
 
         return original(*args, process_request=process, logger=LOG, **kwargs)

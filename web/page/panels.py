@@ -11,6 +11,8 @@ import viser
 
 from web.page.camera import MODES, Camera
 from web.page.html import box, small, table
+from web.page.messages import Visitors
+from web.page.race_panel import RacePanel
 from web.race import Race, Snapshot
 from web.session import Session
 
@@ -23,17 +25,20 @@ AUTO, SPEED, SAMPLER = "auto", "speed", "sampler"
 class PlaybackPanel:
     """Pause, step, scrub, speed."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session):
+    def __init__(self, gui: viser.GuiApi, session: Session, race: RacePanel):
         self._session, self._shown = session, 0.0
         self._scrubbed_at = inf  # when the time slider was last moved by hand [s]
         with gui.add_folder("Playback"):
             self.time = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0)
-            self.buttons = gui.add_button_group("", ("<", "pause", ">", "event"))
+            self.buttons = gui.add_button_group("", ("<", "pause", ">"))
+            self.event = gui.add_button("Next event", icon=viser.Icon.PLAYER_SKIP_FORWARD, color="gray", disabled=True)
             self.restart = gui.add_button("Restart", icon=viser.Icon.REPEAT, color="gray")
             self.speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
-        commands = {"<": (Race.step, -1), "pause": (Race.play,), ">": (Race.step, 1), "event": (Race.jump,)}
+        commands: dict[str, tuple] = {"<": (Race.step, -1), ">": (Race.step, 1)}
+        commands |= {"pause": (Race.play, False), "play": (Race.play, True)}
         self.buttons.on_click(lambda e: session.tell(*commands[e.target.value]))
-        self.restart.on_click(lambda _: session.tell(Race.restart))
+        self.event.on_click(lambda _: session.tell(Race.jump))
+        self.restart.on_click(race.restart_flight)
         self.speed.on_update(lambda _: session.tell(Race.set_speed, float(self.speed.value)))
         self.time.on_update(self._scrubbed)
 
@@ -42,7 +47,9 @@ class PlaybackPanel:
         that may have arrived last.
         """
         self.time.max = round(max(s.end, 1.0), 2)
-        self.time.disabled = s.flying
+        self.time.disabled = s.flying and s.playing
+        self.buttons.options = ("<", "pause" if s.playing else "play", ">")
+        self.event.disabled, self.restart.disabled = s.next_event is None, not s.race
         t, since = min(round(s.t, 2), self.time.max), perf_counter() - self._scrubbed_at  # -inf: not moved
         if since >= HOLD:
             self._scrubbed_at = inf
@@ -60,7 +67,8 @@ class PlaybackPanel:
 class ViewPanel:
     """How the race is shown, and the keys that control it."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, camera: Camera):
+    def __init__(self, gui: viser.GuiApi, session: Session, camera: Camera, race: RacePanel):
+        """`free` will hold the uuids of what is each visitor's own."""
         with gui.add_folder("View"):
             self.camera = gui.add_button_group("Camera", MODES, hint="each visitor's own; FPV: from the drone")
             self.ghosts = gui.add_dropdown("Ghosts", (TIME, PLACE), initial_value=TIME, hint="where others are shown")
@@ -72,14 +80,21 @@ class ViewPanel:
         commands: dict[Any, tuple[str, Callable[[viser.CommandEvent], None]]] = {
             "space": ("pause, go on", lambda _: session.tell(Race.play)),
             "N": ("one step", lambda _: session.tell(Race.step, 1)),
-            "R": ("restart", lambda _: session.tell(Race.restart)),
+            "B": ("one step back", lambda _: session.tell(Race.step, -1)),
+            "S": ("start", race.start_flight),
+            "X": ("stop", race.stop_flight),
+            "R": ("restart", race.restart_flight),
             "E": ("next event", lambda _: session.tell(Race.jump)),
             "C": (f"camera: {', '.join(MODES)}", lambda event: camera.choose(event.client)),
             "H": ("help: these keys", lambda event: _help(event.client, keys)),
         }
         keys: list[list[str] | str] = [[key, what] for key, (what, _) in commands.items()]
+        self.free = {self.camera._impl.uuid}
         for key, (what, command) in commands.items():
-            gui.add_command(what, hotkey=key).on_trigger(command)
+            handle = gui.add_command(what, hotkey=key)
+            handle.on_trigger(command)
+            if key in ("C", "H"):
+                self.free.add(handle._impl.uuid)
 
     @property
     def by_place(self) -> bool:
@@ -88,6 +103,18 @@ class ViewPanel:
     def by_speed(self, competitors: int) -> bool:
         """Whether trails are coloured by speed: by default if there is no other competitor to tell apart."""
         return self.trails.value == SPEED or (self.trails.value == AUTO and competitors == 1)
+
+
+def add_visitors(gui: viser.GuiApi, visitors: Visitors) -> None:
+    """The switch by which the first visitor alone has the controls."""
+    with gui.add_folder("Visitors", expand_by_default=False):
+        hint = "the first visitor keeps the controls, the others have their cameras and the exports"
+        alone = gui.add_checkbox("Others only watch", False, hint=hint)
+    visitors.switch = alone._impl.uuid
+
+    @alone.on_update
+    async def _(_: viser.GuiEvent) -> None:
+        visitors.only_first = alone.value
 
 
 def _help(client: viser.ClientHandle | None, keys: list[list[str] | str]) -> None:

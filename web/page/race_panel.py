@@ -9,7 +9,8 @@ from pathlib import Path
 import viser
 
 from web.flight_factory import Choices
-from web.race import Race
+from web.page.messages import Visitors
+from web.race import Race, Snapshot
 from web.session import Session
 
 LIVE, GHOSTS, AGAINST, REPLAY = MODES = ("live", "live: two samplers", "live against a run", "replay")
@@ -28,9 +29,9 @@ class Menu:
 
 
 class RacePanel:
-    def __init__(self, gui: viser.GuiApi, session: Session, menu: Menu, first: Choices):
+    def __init__(self, gui: viser.GuiApi, session: Session, menu: Menu, first: Choices, visitors: Visitors):
         """`numbers` is to be replaced by what asks the sliders."""
-        self._session, self._menu = session, menu
+        self._session, self._menu, self._visitors = session, menu, visitors
         self.numbers: Callable[[], dict[str, float]] = dict  # that are not the preset's
         with gui.add_folder("Race"):
             self.mode = gui.add_dropdown("Mode", MODES, initial_value=LIVE)
@@ -44,7 +45,9 @@ class RacePanel:
             self.run = gui.add_dropdown("Run", (NONE,), initial_value=NONE)
             self.second_run = gui.add_dropdown("Second run", (NONE,), initial_value=NONE)
             self.start = gui.add_button("START", icon=viser.Icon.FLAG, color="orange")
-        self.start.on_click(lambda _: self._start())
+            self.stop = gui.add_button("STOP", icon=viser.Icon.PLAYER_STOP, color="red", disabled=True)
+        self.start.on_click(self.start_flight)
+        self.stop.on_click(self.stop_flight)
         self.mode.on_update(lambda _: self._show_controls())
         self.preset.on_update(lambda _: self._choose_vehicle())
         self.run.on_update(lambda _: self._choose_course())
@@ -67,6 +70,9 @@ class RacePanel:
         if self.run.value == NONE and len(options) > 1:
             self.run.value = options[1]
 
+    def update(self, s: Snapshot) -> None:
+        self.stop.disabled = not s.flying
+
     def _show_controls(self) -> None:
         """Only those that the mode needs."""
         mode = self.mode.value
@@ -76,6 +82,16 @@ class RacePanel:
         self.run.visible = mode in (AGAINST, REPLAY)
         self.second_run.visible = mode == REPLAY
         self.start.label = "REPLAY" if mode == REPLAY else "START"
+
+    def start_flight(self, event: viser.GuiEvent | viser.CommandEvent) -> None:
+        self._visitors.end_flight(event, self._session.snapshot.flying, self._start)
+
+    def stop_flight(self, event: viser.GuiEvent | viser.CommandEvent) -> None:
+        if flying := self._session.snapshot.flying:
+            self._visitors.end_flight(event, flying, lambda: self._session.tell(Race.end_flights))
+
+    def restart_flight(self, event: viser.GuiEvent | viser.CommandEvent) -> None:
+        self._visitors.end_flight(event, self._session.snapshot.flying, lambda: self._session.tell(Race.restart))
 
     def _start(self) -> None:
         mode = self.mode.value
