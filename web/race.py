@@ -12,8 +12,7 @@ from time import perf_counter
 
 from web.competitor import Competitor, named, stored_competitor
 from web.flight_factory import Choices, FlightFactory
-from web.live import LiveCompetitor, Notice, Notices
-from web.pace import Pace
+from web.live import LiveCompetitor, Notice, Notices, Pace
 
 REST = 0.02  # [s] between two turns while nothing is flown
 TRAJECTORIES_PERIOD = 0.06  # [s] of wall clock between two updates of the sampled trajectories

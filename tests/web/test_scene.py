@@ -11,7 +11,7 @@ from quadsim.palette import NEXT, STYLES, Style
 from quadsim.record.run import Run
 from web.competitor import run_competitor
 from web.lap_timing import lap_timings
-from web.pace import Pace
+from web.live import Pace
 from web.page.camera import FOV, fpv, free_part, overview, top_view
 from web.page.drones import SPAN, quadrotor, ramp, resampled, segments
 from web.page.race_scene import _arrows, bars_of, visible_scale
