@@ -122,13 +122,7 @@ class Search:
     def __init__(self, journal: Path, name: str, parameters: Sequence[Parameter]):
         """Raises UsageError, RunError."""
         optuna = _import_optuna()
-        try:
-            journal.parent.mkdir(parents=True, exist_ok=True)
-            backend = optuna.storages.journal.JournalFileBackend(str(journal))
-            storage = optuna.storages.JournalStorage(backend)
-            self._study: Any = optuna.create_study(storage=storage, study_name=name, load_if_exists=True)
-        except OSError as error:
-            raise RunError(f"{journal}: cannot keep the search here: {error}") from error
+        self._study: Any = _open_study(optuna, journal, name)
         self._states = optuna.trial.TrialState
         self._space = {p.name: _distribution(optuna, p) for p in parameters}
         so_far = self._study.get_trials(deepcopy=False)
@@ -177,10 +171,23 @@ class Search:
         return sorted((told[i] for i in best), key=lambda n: n["lap"])
 
 
+def _open_study(optuna: Any, path: Path, name: str) -> Any:
+    """Raises RunError."""
+    from quadsim.app.campaign.journal import Journal  # which needs optuna
+
+    journal = Journal(path)
+    try:
+        storage = optuna.storages.JournalStorage(journal)
+        return optuna.create_study(storage=storage, study_name=name, load_if_exists=True)
+    except RunError:
+        raise
+    except Exception as error:  # a record that optuna did not write fails in a dozen ways
+        raise journal.damaged(f"not what optuna writes: {type(error).__name__} {error}") from error
+
+
 def _import_optuna() -> Any:
     try:
         import optuna
-        import optuna.storages.journal
     except ImportError:
         raise UsageError("race tune needs the extra 'tune': pip install 'quadsim[tune]'") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)

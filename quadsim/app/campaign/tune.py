@@ -62,6 +62,9 @@ def tune(
     with Runner(Path(campaign), jobs, scheduler) as runner:
         tuner.search(runner)
         finals = tuner.finals(runner)
+    if not finals or not finals[0][0].finished:
+        complain(f"race tune: no attempt finished on fresh seeds: {out} is not written")
+        return 1
     tuner.present(finals, json)
     return 0
 
