@@ -14,7 +14,7 @@ import viser
 from matplotlib.image import imsave
 
 from quadsim.record.archive import load_run
-from quadsim.record.run import COLUMNS, Run, RunError
+from quadsim.record.run import Run, RunError, columns_of
 from web.competitor import Competitor, named, stored_competitor
 from web.lap_timing import lap_timings
 from web.page.camera import set_initial_camera
@@ -84,8 +84,9 @@ def telemetry_csv(run: Run) -> bytes:
     """One row a control step; the header has column and unit, `px [m]`."""
     lines = io.StringIO(newline="")
     out = csv.writer(lines)
-    out.writerow([f"{name} [{unit}]" for name, unit in COLUMNS.items()])
-    out.writerows(zip(*(run.telemetry[name].tolist() for name in COLUMNS), strict=True))
+    columns = columns_of(run.spec)
+    out.writerow([f"{name} [{unit}]" for name, unit in columns.items()])
+    out.writerows(zip(*(run.telemetry[name].tolist() for name in columns), strict=True))
     return lines.getvalue().encode()
 
 

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from fnmatch import fnmatch
 from functools import cached_property
 from itertools import combinations
+from math import nan
 from pathlib import Path
 from typing import Annotated
 
@@ -16,8 +17,9 @@ from quadsim.app.campaign.store import Row, Store
 from quadsim.app.campaign.summary_stats import VariantStats, lap_limit, pair_stats, variant_stats
 from quadsim.app.campaign.tables import PAIRS, TextTable, as_table, number, short
 from quadsim.app.campaign.variants import CAMPAIGN
-from quadsim.app.console import emit, emit_json
+from quadsim.app.console import complain, emit, emit_json
 from quadsim.app.flags import Help, Json, UsageError
+from quadsim.record.run import RunError
 
 ID = 6  # hex digits of a variant that are shown
 
@@ -110,9 +112,20 @@ def stored(campaigns: Sequence[str]) -> Iterator[Group]:
                 rows = groups.setdefault((row.variant, row.code), {})
                 rows[row.key] = row  # one attempt in two campaigns counts once
                 if row.variant not in limits:
-                    limits[row.variant] = lap_limit(store.spec(row.key))
+                    limits[row.variant] = _limit(store, row)
     for (variant, _), rows in groups.items():
         yield Group(tuple(sorted(rows.values(), key=lambda r: r.seed)), limits[variant])
+
+
+def _limit(store: Store, row: Row) -> float:
+    """[s] a lap; nan where the row's specification is damaged."""
+    try:
+        return lap_limit(store.spec(row.key))
+    except (KeyError, TypeError):
+        complain(f"{store.path}: the specification of attempt {row.key[:8]} is damaged: no time limit")
+    except RunError as error:
+        complain(str(error))
+    return nan
 
 
 def _find(groups: Sequence[Group], wanted: str) -> Group:

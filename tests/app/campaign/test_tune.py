@@ -16,7 +16,8 @@ from quadsim.race.preset_file import parse_planner
 from quadsim.record.run import RunError
 from tests.campaign_cases import FLIGHT, row
 
-ONE_GATE = """name: near
+ONE_GATE = """
+opening: [1.6, 1.6]
 start: {position: [0, 0, 1.5], yaw_deg: 0}
 gates:
   - {position: [1.5, 0, 1.5], yaw_deg: 0}
@@ -103,9 +104,7 @@ def test_half_a_line_at_the_end_is_cut_and_said_and_the_search_goes_on(tmp_path,
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.parametrize(
-    "text", [b"{", b"null", b"\x00\xff", b'{"op_code":4}', b'{"op_code":99,"worker_id":""}', b"{}"]
-)
+@pytest.mark.parametrize("text", [b"{", b"null", b"\x00\xff", b'{"op_code":4}', b'{"op_code":99}', b"{}"])
 def test_damage_further_up_names_file_and_line_and_what_to_do(tmp_path, text):
     path = tmp_path / "s.journal"
     again = searched(path)
@@ -142,9 +141,8 @@ def test_a_search_that_finished_nothing_writes_no_preset(tmp_path, capsys, monke
     monkeypatch.chdir(tmp_path)
     argv = ["tune", *FLIGHT, "--attempts", "1", "--search", "sigma", "--jobs", "1", "--trials", "1"]
     assert race(argv) == 1
-    assert capsys.readouterr().err.endswith(
-        "race tune: no attempt finished on fresh seeds: tuned.yaml is not written\n"
-    )
+    said = capsys.readouterr().err.splitlines()
+    assert said[-1] == "race tune: no attempt finished on fresh seeds: tuned.yaml is not written"
     assert not (tmp_path / "tuned.yaml").exists()
 
 
