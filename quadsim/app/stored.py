@@ -49,13 +49,13 @@ def plot(
 def export(
     *runs: Stored,
     html: Annotated[bool, Switch("one animated page, the drones in their scene")] = False,
-    csv: Annotated[bool, Switch("telemetry, one row a control step")] = False,
-    zip: Annotated[bool, Switch("the run folder")] = False,
+    csv: Annotated[bool, Switch("telemetry, one row a control step; of several runs also a column `run`")] = False,
+    zip: Annotated[bool, Switch("the run folders")] = False,
     out: Annotated[str | None, Help("file to write; left out: <run>.html, .csv or .zip here")] = None,
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
-    """A run as a page that plays offline, as a table, as one file.
+    """Runs as a page that plays offline, as a table, as one file.
 
     race export last --html
 
@@ -65,8 +65,6 @@ def export(
     if len(asked) != 1:
         raise UsageError(f"expected one of --html, --csv, --zip, got {' and '.join(asked) or 'none'}")
     folders = [find_run(run, runs_dir) for run in runs or ("last",)]
-    if asked != ["html"] and len(folders) > 1:
-        raise UsageError(f"--{asked[0]}: expected one run, got {len(folders)}")
     path = Path(out or f"{folders[0].name}.{asked[0]}")
     data = _data(asked[0], folders)
     write_whole(path, data)
@@ -86,10 +84,11 @@ def _data(kind: str, folders: list[Path]) -> bytes:
     from web.page.export import offline_page, telemetry_csv, zipped
 
     if kind == "csv":
-        return telemetry_csv(load_run(folders[0]))
+        return telemetry_csv(folders)
     if kind == "zip":
-        load_run(folders[0])  # raises RunError for a damaged run
-        return zipped(folders[0])
+        for folder in folders:
+            load_run(folder)  # raises RunError for a damaged run
+        return zipped(folders)
     competitors = named([stored_competitor(folder) for folder in folders])
     if len({entry.spec["course_text"] for entry in competitors}) > 1:
         raise UsageError("--html: expected runs of one course, got several")

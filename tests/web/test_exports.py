@@ -4,14 +4,19 @@ import csv
 import io
 import re
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 from web_cases import Glider, choices
 
 from quadsim.app.cli import race
+from quadsim.palette import STYLES
 from quadsim.record.archive import RunFolder, load_run
 from quadsim.record.run import COLUMNS, Run
+from web.competitor import named, stored_competitor
+from web.page.export import picture
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +34,40 @@ def test_the_table_holds_every_number_of_the_run(folder, tmp_path, capsys):
     table = np.array(rows, float)
     for i, name in enumerate(COLUMNS):
         assert np.array_equal(table[:, i], load_run(folder).telemetry[name])
+
+
+def test_two_runs_are_in_one_table_and_one_zip(folder, tmp_path):
+    flight = Glider(choices("gaussian"))
+    with RunFolder.open(tmp_path, flight.spec) as other:
+        other = other.save(Run.from_frames(flight.spec, list(flight.frames)))
+    for kind in ("csv", "zip"):
+        assert race(["export", str(folder), str(other), f"--{kind}", "--out", str(tmp_path / f"two.{kind}")]) == 0
+    head, *rows = csv.reader(io.StringIO((tmp_path / "two.csv").read_text()))
+    assert head == ["run", *(f"{name} [{unit}]" for name, unit in COLUMNS.items())]
+    for path in (folder, other):
+        px = [float(row[2]) for row in rows if row[0] == path.name]
+        assert px == load_run(path).telemetry["px"].tolist()
+    with zipfile.ZipFile(tmp_path / "two.zip") as archive:
+        archive.extractall(tmp_path / "out")
+    for path in (folder, other):
+        assert load_run(tmp_path / "out" / path.name).digest() == load_run(path).digest()
+
+
+def test_a_picture_has_a_dark_ground_everywhere_and_names_both_runs(folder):
+    """The scene comes with a transparent ground: on white paper its pale lines could not be seen."""
+    one = stored_competitor(folder)
+    two = replace(one, spec={**one.spec, "sampler": "gaussian"})
+    render = np.zeros((200, 300, 4), np.uint8)
+    render[50, 60] = 10, 200, 30, 255
+    image = imread(io.BytesIO(picture(render, named([one, two]))))
+    assert image.shape[:2] == (200 + 50, 300)
+    assert image.shape[2] == 3 or (image[..., 3] == 1.0).all()
+    assert np.allclose(image[50 + 50, 60, :3] * 255, [10, 200, 30], atol=2)
+    assert image[50:, :, :3].mean() < 0.1
+    assert (image[-1, -1, :3] < 0.1).all()
+    for k, colour in enumerate(("colored", "gaussian")):
+        line = 255 * image[8 + 20 * k : 28 + 20 * k, :, :3].reshape(-1, 3)
+        assert abs(line - STYLES[colour].rgb).sum(axis=1).min() < 30
 
 
 def test_the_zip_holds_a_run_that_can_be_loaded(folder, tmp_path):

@@ -12,6 +12,7 @@ from quadsim.palette import BEST, FASTER, STYLES
 from quadsim.record.run import Run
 from web.competitor import Competitor, Legs, named, run_competitor
 from web.lap_timing import gap, lap_timings, order, time_at
+from web.page.charts import marked
 from web.page.course_map import Map, timeline
 from web.page.html import RED, label
 from web.page.laps import chatter, laps, splits
@@ -53,6 +54,15 @@ def test_the_gap_of_two_steady_flights_grows_with_the_way(competitors):
     found = gap(place, (competitors[1].t, competitors[1].progress), (competitors[0].t, competitors[0].progress))
     assert np.allclose(found, place * (1 / 36.0 - 1 / 40.0), atol=0.03)
     assert not np.allclose(found, 0.0, atol=0.03)
+
+
+def test_a_mark_is_a_vertical_line_that_moves_no_value():
+    x = np.linspace(0.0, 9.0, 10)
+    at, curve, line = marked(x, 4.5, lambda t: [2.0 * t])
+    assert at.tolist() == [0, 1, 2, 3, 4, 4.5, 4.5, 5, 6, 7, 8, 9]
+    assert np.array_equal(curve, 2.0 * at)
+    assert line[at == 4.5].tolist() == [0.0, 1.0]
+    assert np.isnan(line[at != 4.5]).all()
 
 
 def test_a_place_not_reached_has_no_time():

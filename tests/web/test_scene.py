@@ -13,9 +13,20 @@ from web.competitor import run_competitor
 from web.lap_timing import lap_timings
 from web.live import Pace
 from web.page.camera import FOV, fpv, free_part, overview, top_view
-from web.page.drones import SPAN, quadrotor, ramp, resampled, segments
+from web.page.drones import (
+    INTO,
+    OUT,
+    SPAN,
+    array_colour,
+    decoded,
+    encoded,
+    quadrotor,
+    ramp,
+    resampled,
+    segments,
+    single_colour,
+)
 from web.page.race_scene import _arrows, bars_of, visible_scale
-from web.page.scene_colours import INTO, OUT, array_colour, decoded, encoded, single_colour
 from web.race import Snapshot
 
 

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import viser
-from matplotlib.image import imsave
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 
 from quadsim.record.archive import load_run
-from quadsim.record.run import Run, RunError, columns_of
+from quadsim.record.run import RunError, columns_of
 from web.competitor import Competitor, named, stored_competitor
 from web.lap_timing import lap_timings
 from web.page.camera import set_initial_camera
@@ -25,6 +26,7 @@ from web.page.race_scene import RaceScene
 from web.race import Snapshot
 from web.session import Session
 
+GROUND, LINE = "#141517", 20  # of a picture: the page's dark ground; height of a line of text [px]
 RATE = 25  # frames a second
 RENDER_TIMEOUT = 30.0  # [s] for a browser that draws in software
 
@@ -52,7 +54,7 @@ def add_export(gui: viser.GuiApi, session: Session) -> viser.GuiButtonGroupHandl
 def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> tuple[str, bytes]:
     """Its name and content."""
     if what == "PNG":
-        return "race.png", _png(client)
+        return "race.png", picture(_rendered(client), [e.until(s.t) for e in s.competitors])
     folders = [e.folder for e in s.competitors if e.folder]
     if not folders:
         raise ValueError("nothing is stored yet: a flight is kept when it ends")
@@ -60,33 +62,56 @@ def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> tuple[str, 
     if what == "page":
         return f"{name}.html", offline_page(named([stored_competitor(f) for f in folders])).encode()
     if what == "CSV":
-        return f"{name}.csv", telemetry_csv(load_run(folders[0]))
-    return f"{name}.zip", zipped(folders[0])
+        return f"{name}.csv", telemetry_csv(folders)
+    return f"{name}.zip", zipped(folders)
 
 
-def _png(client: viser.ClientHandle) -> bytes:
-    data, camera = io.BytesIO(), client.camera
-    render = client.get_render(camera.image_height, camera.image_width, transport_format="png", timeout=RENDER_TIMEOUT)
-    imsave(data, render, format="png")
+def _rendered(client: viser.ClientHandle) -> np.ndarray:
+    """The scene as this visitor sees it, without a background.  (height, width, 4) uint8"""
+    camera = client.camera
+    return client.get_render(camera.image_height, camera.image_width, transport_format="png", timeout=RENDER_TIMEOUT)
+
+
+def picture(render: np.ndarray, entries: Sequence[Competitor]) -> bytes:
+    """A PNG: the scene on the page's dark ground, which can be read on white paper too; above it a line a run."""
+    height, width = render.shape[:2]
+    band = LINE * len(entries) + 10  # pixels
+    figure = Figure(figsize=(width / 100, (height + band) / 100), dpi=100, facecolor=GROUND)
+    ground = 255 * np.array(to_rgb(GROUND))
+    share = render[..., 3:] / 255
+    figure.figimage((share * render[..., :3] + (1 - share) * ground).astype(np.uint8))
+    for k, e in enumerate(entries):
+        laps = "  ".join(f"{lap:.3f}" for lap in e.laps)
+        words = f"{e.course.name}  {e.name}  laps {laps or '-'} s  {e.outcome or 'flying'} at {e.t[-1]:.2f} s"
+        y = 1 - (8 + LINE * (k + 0.5)) / (height + band)
+        figure.text(12 / width, y, words, color=e.style.colour, fontsize=9, va="center", parse_math=False)
+    data = io.BytesIO()
+    figure.savefig(data, format="png")
     return data.getvalue()
 
 
-def zipped(folder: Path) -> bytes:
-    """The run folder as it is on the disk."""
+def zipped(folders: Sequence[Path]) -> bytes:
+    """The run folders as they are on the disk."""
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path in sorted(p for p in folder.iterdir() if p.is_file()):
-            archive.write(path, f"{folder.name}/{path.name}")
+        for path in (p for folder in folders for p in sorted(folder.iterdir()) if p.is_file()):
+            archive.write(path, f"{path.parent.name}/{path.name}")
     return data.getvalue()
 
 
-def telemetry_csv(run: Run) -> bytes:
-    """One row a control step; the header has column and unit, `px [m]`."""
-    lines = io.StringIO(newline="")
-    out = csv.writer(lines)
-    columns = columns_of(run.spec)
-    out.writerow([f"{name} [{unit}]" for name, unit in columns.items()])
-    out.writerows(zip(*(run.telemetry[name].tolist() for name in columns), strict=True))
+def telemetry_csv(folders: Sequence[Path]) -> bytes:
+    """One row a control step; the header has column and unit, `px [m]`. Of several runs the first column is the run.
+
+    Raises RunError for a damaged run, and for runs with other columns than the first has.
+    """
+    lines, several, runs = io.StringIO(newline=""), len(folders) > 1, [load_run(folder) for folder in folders]
+    columns, out = columns_of(runs[0].spec), csv.writer(lines)
+    out.writerow(["run"] * several + [f"{name} [{unit}]" for name, unit in columns.items()])
+    for folder, run in zip(folders, runs, strict=True):
+        if columns_of(run.spec) != columns:
+            raise RunError(f"{folder}: a table of several runs needs runs of one system, got others than the first's")
+        names = [[folder.name] * len(run.telemetry["t"])] * several
+        out.writerows(zip(*names, *(run.telemetry[name].tolist() for name in columns), strict=True))
     return lines.getvalue().encode()
 
 

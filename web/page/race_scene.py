@@ -14,9 +14,8 @@ from quadsim.course import Course, Gate
 from quadsim.palette import NEXT, Style
 from web.competitor import CRASHES, Competitor
 from web.lap_timing import LapTiming, crashed_gates
-from web.page.drones import SPAN, Drone, SampledTrajectoriesView
+from web.page.drones import SPAN, Drone, SampledTrajectoriesView, add_lights, array_colour, single_colour
 from web.page.html import RED
-from web.page.scene_colours import add_lights, array_colour, single_colour
 
 PLAIN, NEXT_GATE, HIT_GATE = (array_colour(rgb) for rgb in ((206, 210, 216), Style(NEXT, ()).rgb, Style(RED, ()).rgb))
 GATE = 1.5  # opening of a racing gate [m]

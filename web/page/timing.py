@@ -30,7 +30,7 @@ def hud(s: Snapshot, timings: list[LapTiming]) -> str:
     cells = [lap, f"{first.lap_time:.2f} s", gate, speed]
     if gaps := [other.gap - first.gap for other in timings[1:] if isfinite(other.gap)]:
         behind = -min(gaps)
-        cells.append(coloured(f"{behind:+.2f}", FASTER if behind < 0 else RED))
+        cells.append(coloured(f"{behind:+.2f} s", FASTER if behind < 0 else RED))
     spans = "".join(f"<span>{c}</span>" for c in cells)
     look = f"display:flex;justify-content:space-between;flex-wrap:wrap;gap:0 14px;font-size:19px;font-weight:650;{MONO}"
     results = "".join(_result(one, len(timings) > 1) for one in timings if one.over)
@@ -111,7 +111,7 @@ def events(entries: tuple[Competitor, ...], t: float) -> str:
     rows = []
     for when, entry, words, crash in sorted(found, key=lambda row: -row[0])[:EVENTS]:
         words = coloured(words, RED) if crash else words
-        words = words if when <= t + 1e-6 else f'<span style="opacity:.45">{words}</span>'
+        words = words if when <= t + 1e-6 else f'<span style="opacity:.65">{words}</span>'
         rows.append([f"{when:.3f}", label(entry), words])
     return box(table(["t [s]", "run", "event"], rows, left=3) if rows else "nothing yet")
 
