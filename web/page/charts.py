@@ -89,7 +89,7 @@ class Charts:
 
 
 def marked(x: np.ndarray, at: float, curves: Callable[[np.ndarray], list[np.ndarray]]) -> tuple[np.ndarray, ...]:
-    """x with `at` put in twice, the curves there, and 0 and 1 at `at`: a vertical line on a scale of its own.  (n + 2,)"""
+    """x with `at` put in twice, the curves there, and 0, 1 at `at`: a vertical line on a scale of its own.  (n + 2,)"""
     x = np.sort(np.append(x, [at, at]))
     line, k = np.full(len(x), np.nan), int(np.searchsorted(x, at))
     line[k : k + 2] = 0.0, 1.0

@@ -16,7 +16,7 @@ PHONE = "@media (max-width: 36em)"  # where viser puts all panels into one sheet
 STYLE = f"""<style>
 .mantine-Notifications-root {{ top: auto !important; bottom: 1em !important }}
 label, .mantine-Slider-markLabel, .mantine-Notification-description, .u-legend .u-value {{ color: #b4bcc8 !important }}
-.u-legend .u-series:last-child {{ display: none }}
+.u-legend .u-series:last-child, .u-cursor-pt:last-child {{ display: none }}
 {PHONE} {{
   .hud {{ position: fixed; top: 0; left: 0; right: 0; z-index: 20; background: #1f2125 }}
   .mantine-Notifications-root {{ bottom: 51% !important }}
@@ -25,7 +25,7 @@ label, .mantine-Slider-markLabel, .mantine-Notification-description, .u-legend .
   .mantine-Paper-root:has(.hud) {{ max-height: 50% !important }}
   [aria-label$="panel HUD"] {{ display: none !important }}
 }}
-</style>"""  # notes stand below, where they hide neither the head-up display nor the drone; the last series of a chart is its mark
+</style>"""  # notes stand below, where they hide neither the drone nor the numbers; a chart's last series is its mark
 
 
 def head_up(*parts: str) -> str:
