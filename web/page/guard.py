@@ -34,8 +34,8 @@ ALL_INTERFACES = ("0.0.0.0", "::")
 REDIRECTIONS = ("websocket", "playbackPath")  # of viser's page: to another server, to a recording
 POLICY = (
     "default-src 'none'; script-src 'self' 'nonce-{nonce}' 'wasm-unsafe-eval'; worker-src blob:; "
-    "connect-src 'self' data:; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; font-src 'self' data:; base-uri 'none'; "
-    "form-action 'none'; frame-ancestors 'none'"
+    "connect-src 'self' data:; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; font-src 'self' data:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 PAGE_CHANGES = {  # of viser's page
     "<title>Viser</title>": "<title>race</title>",
