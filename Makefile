@@ -1,8 +1,9 @@
 # Everything a checkout needs: `make race` flies, `make test` checks; both make .venv when it is missing.
-# The first of these that is Python 3.11 or newer makes .venv; 3.11 comes first, as PyBullet has wheels for it.
+# The first of these that is fit makes .venv; 3.11 comes first, as PyBullet has wheels for it.
 PYTHON ?= python3.11 python3.12 python3.13 python3
 VENV   := .venv
 BIN    := $(VENV)/bin
+FIT    := import sys; assert (3, 11) <= sys.version_info[:2] <= (3, 13)
 
 .PHONY: race web bench test regression lint docs clean
 
@@ -33,11 +34,11 @@ docs: $(VENV)/.dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 $(VENV)/.app: pyproject.toml
-	@test -x $(BIN)/python || { \
+	@$(BIN)/python -c '$(FIT); import pip' 2>/dev/null || { \
 	for python in $(PYTHON); do \
-		$$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && exec $$python -m venv $(VENV); \
+		$$python -c '$(FIT); import venv, ensurepip' 2>/dev/null && exec $$python -m venv --clear $(VENV); \
 	done; \
-	echo "needs Python 3.11 or newer, tried: $(PYTHON); name one with PYTHON=/path/to/python3.11" >&2; exit 1; }
+	echo "needs Python 3.11 to 3.13 with venv, tried: $(PYTHON); name one with PYTHON=/path/to/python3.11" >&2; exit 1; }
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	touch $@
 

@@ -8,6 +8,8 @@ import sys
 from collections.abc import Callable
 from importlib import import_module, metadata
 
+from quadsim.app.completion import COMPLETE, SHELLS, candidates, script
+
 COMMANDS = {  # name -> module and function, what it does
     "fly": ("quadsim.app.fly:fly", "fly a course: laps, splits, crashes, chatter, plan time"),
     "show": ("quadsim.app.stored:show", "the report of a stored run"),
@@ -41,17 +43,15 @@ Version: race --version. Completion: source the output of
 race --completion bash (or zsh, fish).
 Exit code: 0 finished, 1 not finished, 2 usage or bad file, 130 interrupted.
 """
-SHELLS = ("bash", "zsh", "fish")
+COMPILES = ("fly", "web", "compare", "tune", "regress", "bench", "paper")
 PIPE_CLOSED = 128 + signal.SIGPIPE  # what a shell reports for a program that the signal has ended
 
 
 def main() -> None:
     """The console script."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # like Ctrl-C
-    for name in ("stdout", "stderr"):
-        stream = getattr(sys, name) or open(os.devnull, "w")  # noqa: SIM115 (`>&-` closes it; it lives to the end)
-        stream.reconfigure(errors="replace")  # an ASCII terminal gets question marks
-        setattr(sys, name, stream)
+    from quadsim.app.console import prepare_process
+
+    prepare_process()
     sys.path.append("")  # "--sampler module:Class" may lie in the current folder
     sys.exit(race(sys.argv[1:]))
 
@@ -77,6 +77,10 @@ def _run(name: str, argv: list[str]) -> int:
     from quadsim.record.run import RunError
 
     try:
+        if name in COMPILES and not {"-h", "--help"} & set(argv) and any(v.startswith("NUMBA_") for v in os.environ):
+            from quadsim.app.fly import check_compiler
+
+            check_compiler()
         return run_command(_command(name), f"race {name}", argv)
     except (UsageError, FileError, RunError) as error:
         return _complain(f"race {name}: {error}", 2)
@@ -95,26 +99,17 @@ def _about(name: str, rest: list[str]) -> int:
     if name == "--version":
         print(f"race {metadata.version('quadsim')}", flush=True)
         return 0
+    if name == "--completion" and rest[:1] in [[shell] for shell in SHELLS]:
+        print(script(rest[0]), flush=True)
+        return 0
     if name == "--completion":
-        return _completion(rest)
+        return _complain(f"race: --completion: expected one of {', '.join(SHELLS)}", 2)
+    if name == COMPLETE:
+        print(*(f"{word}\n" for word in candidates(rest, COMMANDS)), sep="", end="", flush=True)
+        return 0
     from quadsim.files.yaml_words import did_you_mean
 
     return _complain(f"race: no command {name!r}: {did_you_mean(name, COMMANDS)} (race --help)", 2)
-
-
-def _completion(rest: list[str]) -> int:
-    """A script for the shell, from the flags of all commands."""
-    if rest[:1] not in [[shell] for shell in SHELLS]:
-        return _complain(f"race: --completion: expected one of {', '.join(SHELLS)}", 2)
-    from cyclopts import App
-
-    from quadsim.app.flags import with_flags
-
-    app = App(name="race")
-    for name in COMMANDS:
-        app.command(with_flags(_command(name)), name=name)
-    print(app.generate_completion(shell=rest[0]), flush=True)  # pyright: ignore[reportArgumentType]
-    return 0
 
 
 def _drop_stdout() -> None:

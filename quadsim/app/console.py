@@ -1,17 +1,42 @@
-"""Two streams: results on stdout, progress and errors on stderr; and the one look of tables."""
+"""Two streams: results on stdout, progress and errors on stderr; what they need; and the one look of tables."""
 
 from __future__ import annotations
 
 import json
+import os
+import signal
 import sys
+import warnings
 from collections.abc import Collection
 from math import isfinite
+from typing import Any
 
 from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
 COMPILING = "compiling the planner for this machine, once: some 20 s"
+
+
+def prepare_process() -> None:
+    """Streams that can be written to, warnings of one line, and no window."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # like Ctrl-C
+    for handle in range(3):  # `>&-` closes one: the next file to be opened would take its place, and the output
+        try:
+            os.fstat(handle)
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_RDWR), handle)
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name) or open(os.devnull, "w")  # noqa: SIM115 (it lives to the end)
+        stream.reconfigure(errors="replace")  # an ASCII terminal gets question marks
+        setattr(sys, name, stream)
+    os.environ["MPLBACKEND"] = "agg"  # figures are files; matplotlib cannot be loaded with a backend it does not know
+    warnings.showwarning = _show_warning
+
+
+def _show_warning(message: Any, *_: object) -> None:
+    if sys.stderr:
+        sys.stderr.write(f"warning: {str(message).strip().splitlines()[0]}\n")
 
 
 def emit(*parts: RenderableType) -> None:
@@ -22,6 +47,11 @@ def emit(*parts: RenderableType) -> None:
             console.print(part, soft_wrap=isinstance(part, str))
     sys.stdout.write("".join(line.rstrip() + "\n" for line in captured.get().splitlines()))
     sys.stdout.flush()
+
+
+def progress_console() -> Console:
+    """stderr, for what moves: only in a terminal, though FORCE_COLOR may ask for colours in a file too."""
+    return Console(stderr=True, highlight=False, force_terminal=sys.stderr.isatty())
 
 
 def width() -> int:

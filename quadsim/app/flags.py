@@ -6,9 +6,12 @@ line: the flag, what was expected with its unit, what came.
 
 from __future__ import annotations
 
+import shlex
+import sys
 from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from functools import wraps
+from importlib import metadata
 from inspect import signature
 from itertools import pairwise
 from typing import Annotated, Any, Literal, TypedDict, get_type_hints
@@ -48,7 +51,8 @@ TITLES = {"flight": "Flight", "sampling": "Sampling", "mppi": "Planner", "cost":
 def run_command(command: Callable[..., int], prog: str, argv: Sequence[str]) -> int:
     """Call the command with what argv says. Raises UsageError, and what the command raises; `--help` returns 0."""
     settings = flight_settings(argv) if _hints(command).get("settings") == Given else {}
-    app = App(name=prog, version_flags=(), help_format="plaintext", help_flags=("--help", "-h"))
+    usage = _usage(prog, command)
+    app = App(name=prog, usage=usage, version_flags=(), help_format="plaintext", help_flags=("--help", "-h"))
     app["--help"].group = app.group_parameters
     app.default(with_flags(command, settings))
     try:
@@ -62,6 +66,17 @@ def run_command(command: Callable[..., int], prog: str, argv: Sequence[str]) -> 
         if isinstance(value, int | float) and not isinstance(value, bool):
             check(name, value, _hints(command)[name])
     return call(*given.args, **given.kwargs)
+
+
+def _usage(prog: str, command: Callable[..., int]) -> str:
+    """What may be left out stands in brackets."""
+    words = [prog]
+    for p in signature(command).parameters.values():
+        if p.kind is p.VAR_POSITIONAL:
+            words.append(f"[{p.name.upper()}...]")
+        elif p.kind is p.POSITIONAL_ONLY:
+            words.append(p.name.upper() if p.default is p.empty else f"[{p.name.upper()}]")
+    return f"Usage: {' '.join(words)} [FLAGS]"
 
 
 def with_flags(command: Callable[..., int], settings: dict[str, Setting] | None = None) -> Callable[..., int]:
@@ -89,6 +104,12 @@ def check(name: str, value: Any, hint: Any) -> None:
         raise UsageError(f"{flag(name)}: {error.problem}") from None
 
 
+def needs_extra(extra: str) -> str:
+    """What installs an extra of pyproject.toml: its packages by name, as no index has this project."""
+    asked = [r.partition(";")[0] for r in metadata.requires("quadsim") or () if f"extra == '{extra}'" in r]
+    return f"not installed: {sys.executable} -m pip install {shlex.join(asked)}"
+
+
 def flag(name: str) -> str:
     """The setting "rest_fraction" is set by `--rest-fraction`, "model.drag" by `--model.drag`."""
     return "--" + name.replace("_", "-")
@@ -100,23 +121,23 @@ def flight_settings(argv: Sequence[str]) -> dict[str, Setting]:
     Raises UsageError for a system, FileError for a preset that does not exist.
     """
     entry = _entry_of(argv)
-    sampler = _said(argv, "--sampler", FlightSettings.sampler)
+    sampler = last_said(argv, "--sampler", FlightSettings.sampler)
     own = sampler not in SAMPLERS  # "module:Class" has no flags; of other names `resolve` says what is wrong
-    preset = _said(argv, "--preset", entry.default_preset)
+    preset = last_said(argv, "--preset", entry.default_preset)
     base = load_planner(preset, "colored" if own else sampler, entry.presets, entry.control_units)
     return {name: s for name, s in settings_of(entry, base).items() if not (own and s.group == "sampling")}
 
 
 def _entry_of(argv: Sequence[str]) -> SystemEntry:
     """The system that these words ask for: by --system, else by a course among them."""
-    system = _said(argv, "--system", "")
+    system = last_said(argv, "--system", "")
     if system and system not in SYSTEMS:
         raise UsageError(f"--system: no system {system!r}: {did_you_mean(system, SYSTEMS)}")
     courses = (system_of_course(word) for word in argv if not word.startswith("-"))
     return SYSTEMS[system or next((name for name in courses if name != "quadrotor"), "quadrotor")]
 
 
-def _said(argv: Sequence[str], name: str, default: str) -> str:
+def last_said(argv: Sequence[str], name: str, default: str) -> str:
     """What argv says after this flag, the last time it does."""
     words = [w for arg in argv for w in (arg.split("=", 1) if arg.startswith(f"{name}=") else [arg])]
     values = [b for a, b in pairwise(words) if a == name]

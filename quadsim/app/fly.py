@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
 from typing import Annotated
@@ -96,3 +98,28 @@ def uninterrupted() -> Iterator[list[int]]:
             signal.signal(s, handler)
     if came:
         raise KeyboardInterrupt
+
+
+def check_compiler() -> None:
+    """Raises UsageError where a NUMBA_ variable keeps numba from compiling, here or in a worker."""
+    given = ", ".join(f"{name}={value!r}" for name, value in sorted(os.environ.items()) if name.startswith("NUMBA_"))
+    if given and (problem := _compiler_problem()):
+        raise UsageError(f"{given}: {problem}: unset it, or give it a value that numba knows")
+
+
+def _compiler_problem() -> str:
+    """What numba says of its variables: the first line, or ""."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        try:
+            import numba
+
+            if numba.config.DISABLE_JIT:  # pyright: ignore[reportPrivateImportUsage, reportAttributeAccessIssue]
+                return "the planner has to be compiled"
+            from controllers.rollout.threads import use_threads
+
+            use_threads(None)
+        except (ValueError, ImportError, RuntimeError) as error:
+            return str(error).splitlines()[0].rstrip(".")
+    unread = [str(warning.message) for warning in said if "Environment variable" in str(warning.message)]
+    return unread[0].splitlines()[0].rstrip(".") if unread else ""

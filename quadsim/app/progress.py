@@ -5,11 +5,11 @@ from __future__ import annotations
 from math import hypot
 from time import perf_counter
 
-from rich.console import Console
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
+from quadsim.app.console import progress_console
 from quadsim.race.events import Frame
 from quadsim.race.spec import Spec
 
@@ -22,7 +22,7 @@ class Progress:
     """`with Progress(spec) as line: line.show(frame)`. Draws nothing where stderr is no terminal."""
 
     def __init__(self, spec: Spec, quiet: bool = False):
-        console = Console(stderr=True, highlight=False)
+        console = progress_console()
         self._laps, self._timeout = spec.laps, spec.timeout
         self._targets = {
             k: len(getattr(spec.course, name)) for k, name in TARGETS.items() if hasattr(spec.course, name)

@@ -42,9 +42,9 @@ class SettingError(ValueError):
 class FlightSettings:
     """What to fly; None: what the course, the vehicle or the preset says."""
 
-    system: Literal["quadrotor", "offroad", "double_integrator"] | None = None  # left out: the course's
+    system: Literal["quadrotor", "offroad", "double_integrator"] | None = None  # what is flown; left out: the course's
     sampler: str = "colored"  # of the perturbations
-    preset: str | None = None  # of every number that is not given: a name or a FILE.yaml
+    preset: str | None = None  # of the planner's numbers that are not given: a name or a FILE.yaml
     vehicle: str | None = None  # see `race vehicles`, or a FILE.yaml
     thrust_to_weight: Annotated[float, Meta(gt=1, le=20)] | None = None  # stronger or weaker propellers
     laps: Annotated[int, Meta(ge=1, le=1000)] | None = None  # from the standing start

@@ -201,12 +201,6 @@ def test_flags_take_values_after_a_space_or_an_equals_sign(cwd, capsys):
     assert flown[0] == flown[1]
 
 
-def test_completion_knows_every_command_and_the_flags_of_fly(capsys):
-    code, script, err = outcome("--completion bash", capsys)
-    assert (code, err) == (0, "")
-    assert all(name in script for name in (*COMMANDS, "--model.rate-tau", "--sigma"))
-
-
 QUICK = [["--help"], ["courses"], ["check", "split_s_swift"], ["fly", "--help"], ["compare", "--help"], ["plot", "-h"]]
 
 

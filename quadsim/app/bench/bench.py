@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Annotated
 
 from msgspec import Meta
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 from rich.progress import track
 from rich.table import Table
 
@@ -15,7 +15,7 @@ from controllers.rollout.threads import use_threads
 from quadsim.app.bench.cases import SWEPT, cases, measure, paper_case
 from quadsim.app.bench.machine import measure_machine
 from quadsim.app.bench.stages import stages
-from quadsim.app.console import emit, emit_json, plain_table
+from quadsim.app.console import emit, emit_json, plain_table, progress_console
 from quadsim.app.flags import Help, Json
 
 Rows = list[dict]
@@ -50,7 +50,7 @@ def bench(
 def _measure(seconds: float) -> dict:
     most = use_threads(None)
     machine = measure_machine(most)
-    console = Console(stderr=True)
+    console = progress_console()
     found = track(list(cases(most)), "timing, the first time also compiling", console=console, transient=True)
     rows = [measure(case, seconds, machine) for case in found]
     use_threads(None)

@@ -22,7 +22,7 @@ from controllers.rollout.lanes import Rollout
 from controllers.rollout.layout import LANES
 from controllers.rollout.threads import threads
 from quadsim.app.bench.cases import controller, median_ms, paper_case
-from quadsim.app.flags import UsageError
+from quadsim.app.flags import UsageError, needs_extra
 
 AGREEMENT = 1e-3  # relative, of float32 costs over 150 steps
 SIGMA = (0.3, 0.3, 0.3, 3.5)  # of the noise that the other libraries draw [rad/s, rad/s, rad/s, m/s^2]
@@ -31,9 +31,8 @@ POINT = (50.0, 0.0, 2.0)  # [m]
 
 def require_peers() -> None:
     """Raises UsageError where the extra is not installed, before minutes of timing."""
-    for name in ("torch", "pytorch_mppi", "jax"):
-        if find_spec(name) is None:
-            raise UsageError(f"--peers: {name} is not installed: pip install 'quadsim[peers]'")
+    if missing := [name for name in ("torch", "pytorch_mppi", "jax") if find_spec(name) is None]:
+        raise UsageError(f"--peers: {' and '.join(missing)} {needs_extra('peers')}")
 
 
 def compare(seconds: float) -> list[dict]:

@@ -14,7 +14,7 @@ from typing import Any, Self
 from urllib.parse import urlsplit
 
 from quadsim.app.campaign.attempt import Flown, fly_attempt
-from quadsim.app.flags import UsageError
+from quadsim.app.flags import UsageError, needs_extra
 from quadsim.race.spec import Spec
 
 WAKE = 0.5  # [s] how long the main thread waits before it looks for a signal that another thread received
@@ -80,7 +80,7 @@ class Cluster(Pool):
         try:
             from distributed import Client, KilledWorker
         except ImportError:
-            raise UsageError("--scheduler: needs the extra 'cluster': pip install 'quadsim[cluster]'") from None
+            raise UsageError(f"--scheduler: Dask {needs_extra('cluster')}") from None
         try:
             _check_reachable(address)
             self._client: Any = Client(address, timeout=10, set_as_default=False)

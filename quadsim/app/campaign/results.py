@@ -11,6 +11,7 @@ from math import nan
 from pathlib import Path
 from typing import Annotated
 
+from rich.console import RenderableType
 from rich.markup import escape
 
 from quadsim.app.campaign.store import Row, Store
@@ -65,6 +66,8 @@ COLUMNS = {
     "commit": lambda g: short(g.first.code),
 }
 
+SHARED = {"course": "course", "vehicle": "vehicle", "rnd": "randomized", "commit": "commit"}  # column -> in a sentence
+
 
 def results(
     *ids: Annotated[str, Help("first digits of variants; ID@COMMIT is one commit's")],
@@ -94,12 +97,27 @@ def results(
         variants = [asdict(g.stats) | {"id": g.id, "seeds": g.seeds} for g in groups]
         emit_json({"variants": variants, "pairs": [asdict(p) for p in pairs], "campaigns": list(campaigns)})
         return 0
-    emit(as_table(TextTable.of(groups, COLUMNS, folds=(1, 2, 3))) if groups else "no stored attempt matches")
+    emit(*results_table(groups))
     if pairs:
         emit("", as_table(TextTable.of(pairs, PAIRS)))
     if len({g.first.code for g in groups}) > 1 and pairs:
         emit("", escape("MIXED COMMITS: " + ", ".join(g.label for g in groups)))
     return 0
+
+
+def results_table(groups: Sequence[Group], width: int | None = None) -> Iterator[RenderableType]:
+    """One table; what all groups share is said above it once, so that the rest is not so wide."""
+    if not groups:
+        yield "no stored attempt matches"
+        return
+    said = {head: {COLUMNS[head](g) for g in groups} for head in SHARED}
+    shared = {head: cells.pop() for head, cells in said.items() if len(cells) == 1}
+    if shared:
+        yield escape(", ".join(f"{SHARED[head]} {cell}" for head, cell in shared.items()))
+        yield ""
+    columns = {head: cell for head, cell in COLUMNS.items() if head not in shared}
+    texts = tuple(i for i, head in enumerate(columns) if head in ("variant", "course", "vehicle"))
+    yield as_table(TextTable.of(groups, columns, folds=texts), width)
 
 
 def stored(campaigns: Sequence[str]) -> Iterator[Group]:

@@ -7,14 +7,13 @@ from contextlib import ExitStack, nullcontext
 from functools import cached_property
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from quadsim.app.campaign.attempt import LIBRARIES, Flown, attempt_key, this_provenance
 from quadsim.app.campaign.pool import Pool, fly_all, open_pool
 from quadsim.app.campaign.store import Row, Store, code_of
 from quadsim.app.campaign.variants import Variant
-from quadsim.app.console import complain
+from quadsim.app.console import complain, progress_console
 from quadsim.app.fly import uninterrupted
 from quadsim.race.spec import Spec
 from quadsim.record.run import RunError
@@ -29,7 +28,7 @@ class Tally(Progress):
     def __init__(self, total: int, kept: int = 0):
         if kept:
             complain(f"{kept} of {total} attempts are kept from before")
-        console = Console(stderr=True, highlight=False)
+        console = progress_console()
         columns = (BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
         super().__init__(*columns, console=console, transient=True, disable=not console.is_terminal)
         self.add_task("", total=total, completed=kept)

@@ -16,7 +16,7 @@ import yaml
 from controllers.costs.race import RaceWeights
 from controllers.presets import PRESETS, Planner
 from quadsim.app.campaign.summary_stats import VariantStats
-from quadsim.app.flags import UsageError
+from quadsim.app.flags import UsageError, needs_extra
 from quadsim.record.run import RunError
 
 Group = Literal["sigma", "gamma", "temperature", "cost", "margin", "horizon"]
@@ -189,7 +189,7 @@ def _import_optuna() -> Any:
     try:
         import optuna
     except ImportError:
-        raise UsageError("race tune needs the extra 'tune': pip install 'quadsim[tune]'") from None
+        raise UsageError(f"optuna {needs_extra('tune')}") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     warnings.filterwarnings("ignore", category=optuna.exceptions.ExperimentalWarning)
     return optuna

@@ -7,6 +7,7 @@ from campaign_cases import row
 from rich.console import Console
 from rich.padding import Padding
 
+from quadsim.app.campaign.results import Group, results_table
 from quadsim.app.campaign.summary_stats import all_pairs, variant_stats
 from quadsim.app.campaign.tables import TextTable, as_markdown, as_table, comparison_tables
 
@@ -75,3 +76,14 @@ def test_a_name_wider_than_the_terminal_is_wrapped_and_nothing_of_it_is_lost():
 
 def test_heads_of_two_lines_are_one_in_markdown():
     assert as_markdown(TextTable(("variant", "lap\n[s]"), (("a", "5.5"),))).splitlines()[0] == "| variant | lap [s] |"
+
+
+def test_stored_variants_of_a_long_named_course_and_vehicle_are_one_table_of_80_columns():
+    names = {"course": "split_s_swift", "vehicle": "kingfisher", "randomize": 1.0}
+    groups = [Group((row(0, **names, variant=f"{k}" * 64, name=name),), 10.0) for k, name in enumerate(NAMES)]
+    console = Console(file=StringIO(), width=80, highlight=False)
+    console.print(*results_table(groups, 80), sep="\n")
+    lines = console.file.getvalue().splitlines()
+    assert max(map(len, lines)) <= 80
+    assert lines[0] == "course split_s_swift, vehicle kingfisher, randomized 1, commit aaaaaaa"
+    assert [line.split()[1] for line in lines[3:]] == list(NAMES)
