@@ -5,7 +5,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 FIT    := import sys; assert (3, 11) <= sys.version_info[:2] <= (3, 13)
 
-.PHONY: race web bench test regression lint docs clean
+.PHONY: race web bench test fuzz regression lint docs clean
 
 race: $(VENV)/.app
 	$(BIN)/race fly
@@ -19,6 +19,11 @@ bench: $(VENV)/.app
 
 test: $(VENV)/.dev
 	$(BIN)/pytest
+
+# 1200 damaged inputs, disks and environments, some minutes; other ones: make fuzz SEED=1
+SEED ?= 0
+fuzz: $(VENV)/.dev
+	$(BIN)/python -m tests.fuzz --seed $(SEED)
 
 # Is the racer as fast, safe and smooth as stored? Flies some minutes; race regress FILE --regen stores anew.
 regression: $(VENV)/.dev

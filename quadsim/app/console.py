@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import sys
 import warnings
@@ -35,8 +36,10 @@ def prepare_process() -> None:
 
 
 def _show_warning(message: Any, *_: object) -> None:
+    """Its first line, without colours."""
     if sys.stderr:
-        sys.stderr.write(f"warning: {str(message).strip().splitlines()[0]}\n")
+        plain = re.sub("\x1b[^m]*m", "", str(message)).strip()
+        sys.stderr.write(f"warning: {plain.splitlines()[0]}\n")
 
 
 def emit(*parts: RenderableType) -> None:

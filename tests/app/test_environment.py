@@ -67,6 +67,8 @@ def test_matplotlib_is_loaded_whatever_backend_the_variable_names(tmp_path):
 
 
 def test_a_warning_of_a_library_is_one_line():
-    code = "from quadsim.app.console import prepare_process as p; p(); import warnings; warnings.warn('one\\ntwo')"
+    code = (
+        "from quadsim.app.console import prepare_process as p; p(); import warnings; warnings.warn('\\x1b[1mone\\ntwo')"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr == "warning: one\n"

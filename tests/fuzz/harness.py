@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import fcntl
 import os
-import random
 import re
 import resource
 import shutil
@@ -18,7 +17,7 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,7 +26,6 @@ HANG = 60.0  # [s]; on a machine that does other things too, of processor time o
 LATEST = 300.0  # [s] of the clock on the wall
 CODES = {0, 1, 2, 130, 141}  # finished, not finished, usage or bad file, interrupted, the reader of a pipe has left
 PIPE = 1 << 20  # bytes that a command may print before anyone reads
-F_SETPIPE_SZ = 1031
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 RACE = "import sys; from quadsim.app.cli import main; main()"
 
@@ -47,7 +45,9 @@ class Case:
 
     prepare(folder): makes what is damaged; after(folder, said): what is wrong besides, or "".
     codes: exit codes that are right here. fsize: largest file that may be written [bytes], as on a disk that fills.
-    env: other variables; such a command gets a fresh interpreter. closed: streams without a file (0, 1, 2).
+    env: other variables, {here} in them is the folder; closed: streams without a file (0, 1, 2).
+    fresh: in an interpreter of its own, as libraries read variables when they are loaded.
+    call: in the place of a command, returns its exit code.
     """
 
     kind: str
@@ -57,7 +57,9 @@ class Case:
     after: Callable[[Path, Said], str] = lambda *_: ""
     codes: frozenset[int] = field(default=frozenset(CODES))
     fsize: int | None = None
-    env: dict[str, str] | None = None
+    env: dict[str, str] = field(default_factory=dict)
+    fresh: bool = False
+    call: Callable[[], int] | None = None
     closed: tuple[int, ...] = ()
     to: str | None = None  # the file that stdout is, for example /dev/full
 
@@ -67,7 +69,7 @@ def run(case: Case) -> str:
     folder = Path(tempfile.mkdtemp(prefix="quadsim-fuzz-"))
     try:
         case.prepare(folder)
-        said = _fresh(case, folder) if case.env is not None else forked(case, folder)
+        said = _fresh(case, folder) if case.fresh else forked(case, folder)
         return wrong(case, said) or case.after(folder, said)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
@@ -94,7 +96,7 @@ def wrong(case: Case, said: Said) -> str:
     return ""
 
 
-def forked(case: Case, folder: Path) -> Said:
+def forked(case: Case, folder: Path, patience: int = 1) -> Said:
     """In a child of this process, in which all modules are loaded but no thread runs yet."""
     pipes = [os.pipe() for _ in range(2)]
     sys.stdout.flush()
@@ -104,8 +106,8 @@ def forked(case: Case, folder: Path) -> Said:
         _child(case, folder, pipes)
     for read, write in pipes:
         os.close(write)
-        fcntl.fcntl(read, F_SETPIPE_SZ, PIPE)
-    return _wait(child, [read for read, _ in pipes])
+        fcntl.fcntl(read, fcntl.F_SETPIPE_SZ, PIPE)
+    return _wait(child, [read for read, _ in pipes], patience)
 
 
 def _child(case: Case, folder: Path, pipes: list[tuple[int, int]]) -> None:
@@ -126,7 +128,8 @@ def _child(case: Case, folder: Path, pipes: list[tuple[int, int]]) -> None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (case.fsize, case.fsize))
         sys.stdin, sys.stdout, sys.stderr = (open(i, "r" if i == 0 else "w") for i in range(3))  # noqa: SIM115
         sys.argv = ["race", *case.argv]
-        main()
+        os.environ.update(_variables(case, folder))
+        code = case.call() if case.call else main()  # main() ends by SystemExit
     except SystemExit as end:
         code = int(end.code or 0)
     except BaseException:
@@ -138,10 +141,10 @@ def _child(case: Case, folder: Path, pipes: list[tuple[int, int]]) -> None:
         os._exit(code)
 
 
-def _wait(child: int, reads: list[int]) -> Said:
+def _wait(child: int, reads: list[int], patience: int) -> Said:
     """Until the child ends, or hangs: then it and what it started are killed."""
     began, pid = time.monotonic(), 0
-    while not pid and not _hangs(child, time.monotonic() - began):
+    while not pid and not _hangs(child, (time.monotonic() - began) / patience):
         time.sleep(0.005)
         pid, status = os.waitpid(child, os.WNOHANG)
     with suppress(ProcessLookupError):
@@ -153,6 +156,10 @@ def _wait(child: int, reads: list[int]) -> Said:
         with open(read, "rb") as pipe:
             texts.append(pipe.read().decode(errors="replace"))
     return Said(os.waitstatus_to_exitcode(status) if pid else None, *texts)
+
+
+def _variables(case: Case, folder: Path) -> dict[str, str]:
+    return {name: value.replace("{here}", str(folder)) for name, value in case.env.items()}
 
 
 def _hangs(child: int, seconds: float) -> bool:
@@ -171,7 +178,7 @@ def _fresh(case: Case, folder: Path) -> Said:
         shut = " ".join(f"{i}{'<' if i == 0 else '>'}&-" for i in case.closed)
         command = ["sh", "-c", f'exec "$@" {shut}', "sh", *command]
     out = open(case.to, "w") if case.to else subprocess.PIPE  # noqa: SIM115
-    env = {k: v for k, v in (os.environ | (case.env or {})).items() if v != "unset"}
+    env = {k: v for k, v in (os.environ | _variables(case, folder)).items() if v != "unset"}
     child = subprocess.Popen(
         command, cwd=folder, env=env, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.PIPE,
         text=True, errors="replace", start_new_session=True,
@@ -183,10 +190,3 @@ def _fresh(case: Case, folder: Path) -> Said:
         child.communicate()
         return Said(None, "", "")
     return Said(child.returncode, *(text or "" for text in texts))
-
-
-def spread(rng: random.Random, *makers: Callable[[random.Random], Case]) -> Iterator[Case]:
-    """Cases without end, one maker after the other."""
-    while True:
-        for make in makers:
-            yield make(rng)

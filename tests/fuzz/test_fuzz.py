@@ -1,0 +1,59 @@
+"""The fuzzers judge rightly, and the first cases of each find nothing; `make fuzz` tries many more."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz.harness import Case, Said, forked, run, wrong
+
+ROOT = Path(__file__).parents[2]
+FLY = Case("flags", "", ("fly",))
+BAD = {
+    "hangs": Said(None, "", ""),
+    "traceback": Said(1, "", "Traceback (most recent call last):\nKeyError: 'x'\n"),
+    "exit code 3": Said(3, "", ""),
+    "control character": Said(2, "", "race fly: no course '\x1b[31m'\n"),
+    "without a word": Said(2, "", ""),
+    "expected one line": Said(2, "", "race fly: a\nrace fly: b\n"),
+}
+
+
+@pytest.mark.parametrize("problem", BAD)
+def test_what_no_command_may_do_is_found(problem):
+    assert problem in wrong(FLY, BAD[problem])
+
+
+def test_one_line_and_a_documented_exit_code_are_right():
+    assert wrong(FLY, Said(2, "", "race fly: no course 'x'\n")) == ""
+    assert wrong(FLY, Said(1, "a report", "compiling\n")) == ""
+
+
+def fails():
+    raise KeyError("x")
+
+
+def killed():
+    os.abort()
+
+
+def writes():
+    Path("big").write_bytes(bytes(1000))
+    return 0
+
+
+def test_a_command_that_fails_is_seen_from_outside(tmp_path):
+    assert run(Case("calls", "", (), call=fails)) == "traceback: KeyError: 'x'"
+    assert run(Case("calls", "", (), call=killed)).startswith("exit code -6")
+    assert run(Case("calls", "", (), call=writes)) == ""
+    assert forked(Case("calls", "", (), call=writes, fsize=100), tmp_path).code == 1
+    assert (tmp_path / "big").stat().st_size == 100
+
+
+def test_the_first_cases_of_every_fuzzer_find_nothing():
+    command = [sys.executable, "-m", "tests.fuzz", "--first", "2", "--jobs", "1"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "18 cases     0 failed" in done.stdout
