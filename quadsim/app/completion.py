@@ -21,8 +21,9 @@ compdef _race race""",
     "fish": "complete -c race -a '(race --complete (commandline -opc)[2..] (commandline -ct) 2>/dev/null)'",
 }
 ARGUMENTS = {  # command -> what its words name
-    "fly": ("courses",), "compare": ("courses",), "tune": ("courses",), "check": ("courses", "vehicles"),
-    "show": ("runs",), "plot": ("runs",), "export": ("runs",), "web": ("runs",), "paper": ("experiments",),
+    "fly": ("courses",), "compare": ("courses",), "tune": ("courses",), "limit": ("courses",),
+    "check": ("courses", "vehicles"), "show": ("runs",), "plot": ("runs",), "export": ("runs",), "web": ("runs",),
+    "paper": ("experiments",),
 }  # fmt: skip
 VALUES = {"--course": "courses", "--vehicle": "vehicles", "--preset": "presets", "--variants": "samplers"}
 

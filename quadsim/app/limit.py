@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from quadsim.app.console import complain, emit, emit_json
-from quadsim.app.flags import Help, Json, RunsDir, Stored, Switch, UsageError
+from quadsim.app.flags import Help, Json, RunsDir, Stored, Switch, UsageError, needs_extra
 from quadsim.app.fly import EXIT, uninterrupted
 from quadsim.course import load_course
 from quadsim.limit.solution import Limit, Race, dump
@@ -90,7 +90,7 @@ def _race(
 def _search(race: Race, show: Callable) -> Search:
     """Raises UsageError."""
     if find_spec("casadi") is None:
-        raise UsageError("casadi is not installed: pip install 'quadsim[limit]'")
+        raise UsageError(f"casadi {needs_extra('limit')}")
     from quadsim.limit.search import Search
 
     def referee() -> Referee:

@@ -16,7 +16,10 @@ TINY = {"--samples": "128", "--horizon": "20", "--iterations": "1", "--laps": "1
 COURSES = ("paper_flat", "split_s_swift", "zigzag", "table2", "split_s_swfit", "", ".", "no.yaml", "/dev/null", "-")
 GOOD = ("gaussian", "colored", "smooth", "race", "paper", "swift", "rigid", "wall", "0.5", "1 1 1 1", "quadrotor")
 LONG = {"--timeout", "--laps", "--seconds", "--trials", "--attempts", "--runs", "--samples", "--horizon"}
-NEEDS = {"bench": ("--seconds", "0"), "web": ("--port", "-1"), "paper": ("--runs", "0"), "tune": ("--trials", "0")}
+NEEDS = {
+    "bench": ("--seconds", "0"), "web": ("--port", "-1"), "paper": ("--runs", "0"), "tune": ("--trials", "0"),
+    "limit": ("--nodes", "7"),
+}  # fmt: skip
 FLIES = ("fly", "compare", "tune", "regress")
 
 
