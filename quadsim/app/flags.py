@@ -104,10 +104,10 @@ def check(name: str, value: Any, hint: Any) -> None:
         raise UsageError(f"{flag(name)}: {error.problem}") from None
 
 
-def needs_extra(extra: str) -> str:
+def needs_extra(package: str, extra: str) -> str:
     """What installs an extra of pyproject.toml: its packages by name, as no index has this project."""
     asked = [r.partition(";")[0] for r in metadata.requires("quadsim") or () if f"extra == '{extra}'" in r]
-    return f"not installed: {sys.executable} -m pip install {shlex.join(asked)}"
+    return f"{package} is not installed: {sys.executable} -m pip install {shlex.join(asked or [package])}"
 
 
 def flag(name: str) -> str:

@@ -90,7 +90,7 @@ def _race(
 def _search(race: Race, show: Callable) -> Search:
     """Raises UsageError."""
     if find_spec("casadi") is None:
-        raise UsageError(f"casadi {needs_extra('limit')}")
+        raise UsageError(needs_extra("casadi", "limit"))
     from quadsim.limit.search import Search
 
     def referee() -> Referee:

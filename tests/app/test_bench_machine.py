@@ -113,7 +113,7 @@ def test_a_peer_that_is_not_installed_is_named_before_anything_is_timed(monkeypa
     monkeypatch.setattr(bench, "cases", None)
     assert race(["bench", "--peers"]) == 2
     said = capsys.readouterr().err
-    assert said.startswith("race bench: --peers: jax not installed: ")
+    assert said.startswith("race bench: --peers: jax is not installed: ")
     assert said.count("\n") == 1
     assert all(name in said for name in ("-m pip install", "torch==", "pytorch-mppi", "jax"))
     assert "quadsim" not in said.partition("pip install")[2], "no index has this project"

@@ -32,7 +32,7 @@ POINT = (50.0, 0.0, 2.0)  # [m]
 def require_peers() -> None:
     """Raises UsageError where the extra is not installed, before minutes of timing."""
     if missing := [name for name in ("torch", "pytorch_mppi", "jax") if find_spec(name) is None]:
-        raise UsageError(f"--peers: {' and '.join(missing)} {needs_extra('peers')}")
+        raise UsageError(f"--peers: {needs_extra(' and '.join(missing), 'peers')}")
 
 
 def compare(seconds: float) -> list[dict]:

@@ -80,7 +80,7 @@ class Cluster(Pool):
         try:
             from distributed import Client, KilledWorker
         except ImportError:
-            raise UsageError(f"--scheduler: Dask {needs_extra('cluster')}") from None
+            raise UsageError(f"--scheduler: {needs_extra('distributed', 'cluster')}") from None
         try:
             _check_reachable(address)
             self._client: Any = Client(address, timeout=10, set_as_default=False)

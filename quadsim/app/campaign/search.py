@@ -189,7 +189,7 @@ def _import_optuna() -> Any:
     try:
         import optuna
     except ImportError:
-        raise UsageError(f"optuna {needs_extra('tune')}") from None
+        raise UsageError(needs_extra("optuna", "tune")) from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     warnings.filterwarnings("ignore", category=optuna.exceptions.ExperimentalWarning)
     return optuna
