@@ -1,8 +1,8 @@
 """`race limit`: what it says, keeps and does when it is stopped; the solutions that are kept."""
 
 import json
-import re
 import os
+import re
 import signal
 import subprocess
 import sys
