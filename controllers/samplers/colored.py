@@ -61,7 +61,7 @@ class Colored:
 
     sigma: Sigma  # standard deviation of each control, in its unit
     gamma: Gamma  # exponent of each control, power spectral density ~ 1/f^gamma; 0: white
-    law: Law = "exact"  # of the noise: see controllers/samplers/colored.py
+    law: Law = "exact"  # spectrum: exact (no wrap-around), paper (as published), library (the authors' public code)
 
     def __post_init__(self) -> None:
         if len(self.gamma) != len(self.sigma):

@@ -11,21 +11,21 @@ from importlib import import_module, metadata
 from quadsim.app.completion import COMPLETE, SHELLS, candidates, script
 
 COMMANDS = {  # name -> module and function, what it does
-    "fly": ("quadsim.app.fly:fly", "fly a course: laps, splits, crashes, chatter, plan time"),
+    "fly": ("quadsim.app.fly:fly", "simulate a flight: lap and split times, crashes, chatter"),
     "show": ("quadsim.app.stored:show", "the report of a stored run"),
     "plot": ("quadsim.app.stored:plot", "a stored run as a picture: path, height, controls, spectrum"),
-    "web": ("quadsim.app.web:web", "watch, tune, race ghosts and replay in a browser"),
+    "web": ("quadsim.app.web:web", "watch, tune, race and replay in a browser"),
     "export": ("quadsim.app.stored:export", "a stored run as a page that plays offline, as CSV, as a zip"),
     "courses": ("quadsim.app.listing:courses", "the courses that come with the project"),
     "vehicles": ("quadsim.app.listing:vehicles", "the vehicles that come with the project"),
     "check": ("quadsim.app.listing:check", "check course, vehicle and preset files"),
-    "compare": ("quadsim.app.campaign.compare:compare_command", "variants against each other, paired by seed, kept"),
-    "results": ("quadsim.app.campaign.results:results", "what campaigns have stored: list, filter, compare"),
-    "tune": ("quadsim.app.campaign.tune:tune", "search a planner's numbers for the fastest safe lap"),
-    "regress": ("quadsim.app.campaign.regress:regress", "has the racer got slower, less safe, less smooth?"),
     "limit": ("quadsim.app.limit:limit", "the least time in which a vehicle can fly a course, by optimisation"),
-    "bench": ("quadsim.app.bench.bench:bench", "time control steps on this machine, beside its limits and its peers"),
-    "paper": ("quadsim.app.paper.command:paper", "the paper's tables and figures, rerun"),
+    "compare": ("quadsim.app.campaign.compare:compare_command", "compare variants over many flights, paired by seed"),
+    "results": ("quadsim.app.campaign.results:results", "stored comparisons: list, filter, compare"),
+    "tune": ("quadsim.app.campaign.tune:tune", "search planner parameters for the fastest safe lap"),
+    "regress": ("quadsim.app.campaign.regress:regress", "regression test for lap times, success and chatter"),
+    "bench": ("quadsim.app.bench.bench:bench", "planning time on this machine; compare with pytorch-mppi and JAX"),
+    "paper": ("quadsim.app.paper.command:paper", "reproduce the paper's tables and figures"),
 }
 HELP = """usage: race COMMAND [FLAGS]
 

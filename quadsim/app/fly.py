@@ -21,17 +21,19 @@ from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.run import Recorder, Run, RunError
 
 EXIT = {"finished": 0, "crashed": 1, "stuck": 1, "timeout": 1, "interrupted": 130}
-CourseName = Annotated[str | None, Help("see `race courses`, or a FILE.yaml; left out: split_s_swift")]
+CourseName = Annotated[str | None, Help("a name (see `race courses`) or a FILE.yaml; default: split_s_swift")]
 
 
 def fly(course: CourseName = None, /, *, settings: Given = None, runs_dir: RunsDir = "runs", json: Json = False) -> int:
-    """Fly a course: laps, splits, crashes, chatter, plan time. `race fly` alone flies the Split-S course.
+    """Simulate one flight: lap and split times, crashes, thrust chatter, planning time. Default: the Split-S course.
 
     race fly split_s_swift --sampler gaussian --seed 3
 
     race fly mine.yaml --preset race --vehicle kingfisher --laps 2 --samples 2048 --model.drag 0
 
-    race fly zigzag, race fly --system double_integrator
+    race fly zigzag  (an off-road vehicle along a corridor)
+
+    race fly --system double_integrator  (a point mass to a goal)
     """
     spec = spec_of(course, settings)
     try:
@@ -39,7 +41,7 @@ def fly(course: CourseName = None, /, *, settings: Given = None, runs_dir: RunsD
     except ValueError as error:  # laps on an open course, a gate too small for the vehicle
         raise UsageError(str(error)) from None
     if spec.plant == "rigid" and not (settings or {}).get("plant"):
-        complain("PyBullet is not installed: quadsim's own rigid body flies, as with --plant rigid")
+        complain("PyBullet is not installed: using the built-in rigid-body simulation (--plant rigid)")
     remove_unfinished(runs_dir)
     with closing(plant), RunFolder.open(runs_dir, spec.record()) as folder:
         if not getattr(controller, "is_cached", True):

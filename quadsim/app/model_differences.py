@@ -1,4 +1,4 @@
-"""The numbers of the planner's model that differ from those of the vehicle it controls."""
+"""The parameters of the planner's model that differ from those of the vehicle it controls."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ Number = float | list[float]  # one, or one for each axis
 
 
 def model_table(spec: dict) -> RenderableType:
-    """A row for each number that differs, or a line that none does."""
+    """A row for each parameter that differs, or a line that none does."""
     rows, meanings = differing(spec), _meanings(spec)
     flies = system_of(spec) == "quadrotor"
     adapts = flies and spec["planner"]["mppi"].get("adapt")
     if not rows:
-        numbers = "lags, drag and limits" if flies else "numbers"
-        estimated = "; thrust, drag and limit are estimated in flight" if adapts else ""
-        return f"[dim]model[/]  the planner's model has the vehicle's own {numbers}{estimated}"
+        if adapts:
+            estimated = "thrust gain, drag and maximum thrust are estimated in flight"
+            return f"[dim]model[/]  starts from the vehicle's nominal parameters; {estimated}"
+        return "[dim]model[/]  the planner's model has the vehicle's nominal parameters"
     table = plain_table("model", "planner's, at first" if adapts else "planner's", "vehicle's", "", left=range(4))
     for name, sides in rows.items():
         texts = (" ".join(f"{x:g}" for x in sides[side]) for side in ("model", "vehicle"))

@@ -61,7 +61,7 @@ def _planning(run: Run) -> str:
     missed = f", {missed_deadlines(run)} of {len(ess)} deadlines missed" if wall else ""
     return (
         f"[dim]planning[/]  {ms['p50']:.1f} ms p50, {ms['p95']:.1f} ms p95, "
-        f"{run.wall['real_time_factor']:.2f} x real time, median ESS {median:.0f}{missed}"
+        f"median ESS {median:.0f}{missed}\n[dim]simulation[/]  {run.wall['real_time_factor']:.2f} x real time"
     )
 
 

@@ -16,10 +16,11 @@ from quadsim.record.run import Run
 LEFT, PENALTY = 23, 9  # columns of the terminal for lap, time, top speed and the word "gate"; for penalties
 INCIDENTS = ("hit", "miss", "wrong_way", "ground", "bounds", "unseen_contact")
 CHATTER = (  # key, what it is, unit, factor
-    ("thrust_tv", "total variation", "m/s^2/s", 1.0),
-    ("thrust_slew_max", "largest slew", "m/s^2/s", 1.0),
-    ("high_frequency_fraction", "power above {corner:.1f} Hz, the motors' corner", "%", 100.0),
-    ("motor_residual", "beyond a motor of {tau:g} s, RMS", "m/s^2", 1.0),
+    ("thrust_tv", "thrust, total variation per second", "m/s^2/s", 1.0),
+    ("thrust_slew_max", "thrust, largest rate of change", "m/s^2/s", 1.0),
+    ("high_frequency_fraction", "thrust variance above motor cut-off {corner:.1f} Hz", "%", 100.0),
+    ("motor_residual", "thrust minus its low-pass ({tau:g} s), RMS", "m/s^2", 1.0),
+    ("body_rates_tv", "body rates, total variation per second", "rad/s^2", 1.0),
 )
 
 
@@ -78,7 +79,7 @@ def incident_table(run: Run) -> RenderableType:
 
 def chatter_table(run: Run) -> Table:
     numbers = chatter(run)
-    table = plain_table("thrust chatter", "commanded", "delivered", "", left=(0, 3))
+    table = plain_table("chatter", "commanded", "delivered", "", left=(0, 3))
     for key, name, unit, factor in CHATTER:
         values = (f"{factor * numbers[of][key]:.1f}" for of in ("commanded", "delivered"))
         table.add_row(name.format(corner=numbers["motor_corner"], tau=numbers["motor_tau"]), *values, f"[dim]{unit}[/]")
@@ -94,7 +95,7 @@ def published_table(run: Run, course: Course) -> RenderableType:
         times.append((min(run.laps), "this run, best lap", "bold"))
     if len(run.laps) > 1:
         times.append((sum(run.laps), f"this run, {len(run.laps)} laps", "bold"))
-    table = plain_table("time [s]", "published, each with its own dynamics", left=(1,))
+    table = plain_table("time [s]", "published: other vehicles and simulators, sources in the course file", left=(1,))
     for time, who, style in sorted(times):
         table.add_row(f"{time:.3f}", escape(who), style=style)
     return table

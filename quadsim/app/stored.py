@@ -29,7 +29,7 @@ def plot(
     run: Stored = "last",
     /,
     *,
-    out: Annotated[str | None, Help("folder for the figures; left out: the run's folder")] = None,
+    out: Annotated[str | None, Help("folder for the figures; default: the run's folder")] = None,
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
@@ -51,7 +51,7 @@ def export(
     html: Annotated[bool, Switch("one animated page, the drones in their scene")] = False,
     csv: Annotated[bool, Switch("telemetry, one row a control step; of several runs also a column `run`")] = False,
     zip: Annotated[bool, Switch("the run folders")] = False,
-    out: Annotated[str | None, Help("file to write; left out: <run>.html, .csv or .zip here")] = None,
+    out: Annotated[str | None, Help("file to write; default: <run>.html, .csv or .zip here")] = None,
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:

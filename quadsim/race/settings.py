@@ -31,7 +31,7 @@ Count = Annotated[int, Meta(ge=1)]
 
 
 class SettingError(ValueError):
-    """A setting that cannot be used: its name, what was expected with its unit, what came."""
+    """An invalid setting: its name, the value expected with its unit, the value found."""
 
     def __init__(self, name: str, problem: str):
         super().__init__(f"{name}: {problem}")
@@ -40,23 +40,23 @@ class SettingError(ValueError):
 
 @dataclass(frozen=True)
 class FlightSettings:
-    """What to fly; None: what the course, the vehicle or the preset says."""
+    """Options of a flight; None: the value of the course, the vehicle or the preset."""
 
-    system: Literal["quadrotor", "offroad", "double_integrator"] | None = None  # what is flown; left out: the course's
-    sampler: str = "colored"  # of the perturbations
-    preset: str | None = None  # of the planner's numbers that are not given: a name or a FILE.yaml
-    vehicle: str | None = None  # see `race vehicles`, or a FILE.yaml
-    thrust_to_weight: Annotated[float, Meta(gt=1, le=20)] | None = None  # stronger or weaker propellers
-    laps: Annotated[int, Meta(ge=1, le=1000)] | None = None  # from the standing start
-    seed: Annotated[int, Meta(ge=0, le=10**9)] = 0  # of everything random
-    randomize: Annotated[float, Meta(ge=0, le=3)] = 0.0  # size of domain randomization: start, vehicle, gusts
-    timeout: Annotated[float, unit("s", gt=0, le=1e5)] | None = None  # of the flight [s]
-    threads: Count | None = None  # left out: every core; results do not depend on it
-    penalties: bool = False  # a hit costs 3 s instead of ending the flight
-    plant: Literal["bullet", "rigid"] | None = None  # rigid body: PyBullet's or our own
-    plant_dt: Annotated[float, unit("s", gt=0, le=0.02)] | None = None  # step of the simulated world [s]
-    clock: Literal["simulated", "wall"] = "simulated"  # wall: the world does not wait for the planner
-    deadline_ms: Annotated[float, unit("ms", gt=0, le=1e4)] | None = None  # shrink the samples to hold it [ms]
+    system: Literal["quadrotor", "offroad", "double_integrator"] | None = None  # default: the one the course is for
+    sampler: str = "colored"  # sampling distribution of the perturbations
+    preset: str | None = None  # source of defaults: a name or a FILE.yaml (default: race; paper for other systems)
+    vehicle: str | None = None  # a name (see `race vehicles`) or a FILE.yaml (default: the preset's)
+    thrust_to_weight: Annotated[float, Meta(gt=1, le=20)] | None = None  # override the thrust-to-weight ratio
+    laps: Annotated[int, Meta(ge=1, le=1000)] | None = None  # laps from standing start (default: the course's)
+    seed: Annotated[int, Meta(ge=0, le=10**9)] = 0  # random seed
+    randomize: Annotated[float, Meta(ge=0, le=3)] = 0.0  # scale of domain randomization: start, vehicle, gusts
+    timeout: Annotated[float, unit("s", gt=0, le=1e5)] | None = None  # time limit [s] (default: set by the course)
+    threads: Count | None = None  # CPU threads (default: all); results do not depend on it
+    penalties: bool = False  # a hit adds 3 s instead of ending the flight
+    plant: Literal["bullet", "rigid"] | None = None  # rigid-body simulation (default: bullet if PyBullet is installed)
+    plant_dt: Annotated[float, unit("s", gt=0, le=0.02)] | None = None  # physics time step [s] (default: the system's)
+    clock: Literal["simulated", "wall"] = "simulated"  # wall: simulated time runs on while the controller plans
+    deadline_ms: Annotated[float, unit("ms", gt=0, le=1e4)] | None = None  # reduce the samples to plan within this [ms]
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,7 @@ def test_the_nominal_model_is_held_against_the_driven_vehicle_field_by_field():
     assert re.search(r"grip +6 +5\.5 +of the tyres", printed(drive()))
     same = replace(drive(), spec=spec | {"vehicle": spec["model"]})
     assert differing(same.spec) == {}
-    assert "the planner's model has the vehicle's own numbers" in printed(same)
+    assert "the planner's model has the vehicle's nominal parameters" in printed(same)
 
 
 def move(states):

@@ -38,7 +38,7 @@ def compare_command(
     scheduler: Scheduler = None,
     campaign: Campaign = CAMPAIGN,
     this_commit: Annotated[bool, Switch("count only attempts that this commit has flown")] = False,
-    out: Annotated[str | None, Help("folder of Markdown and figures; left out: beside the campaign")] = None,
+    out: Annotated[str | None, Help("folder of Markdown and figures; default: beside the campaign")] = None,
     json: Json = False,
     settings: Given = None,
 ) -> int:

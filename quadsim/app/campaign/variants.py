@@ -21,8 +21,8 @@ from quadsim.race.spec import Spec
 
 CAMPAIGN = "campaigns/race.sqlite"
 Campaign = Annotated[str, Help("FILE.sqlite where attempts are kept")]
-Jobs = Annotated[Annotated[int, Meta(ge=1)] | None, Help("attempts at once; left out: one for each core")]
-Scheduler = Annotated[str | None, Help("tcp://HOST:PORT of a Dask cluster; left out: processes here")]
+Jobs = Annotated[Annotated[int, Meta(ge=1)] | None, Help("attempts at once; default: one for each core")]
+Scheduler = Annotated[str | None, Help("tcp://HOST:PORT of a Dask cluster; default: processes here")]
 
 
 @dataclass(frozen=True)

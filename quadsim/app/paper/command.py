@@ -31,7 +31,7 @@ def paper(
     name: Annotated[str, Help(f"{', '.join(EXPERIMENTS)} or all; see docs/paper.md")],
     /,
     *,
-    runs: Annotated[Runs | None, Help("of each variant; left out: table2 50, else 20")] = None,
+    runs: Annotated[Runs | None, Help("of each variant; default: table2 50, else 20")] = None,
     runs_dir: RunsDir = "runs",
     telemetry: Annotated[bool, Switch("keep that of table2 and double_integrator too, 1.3 GB of 36 000 runs")] = False,
     json: Json = False,
