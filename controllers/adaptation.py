@@ -34,7 +34,7 @@ STEP = 0.1  # share of the error by which each such period corrects the highest 
 class AdaptationConfig:
     """The filter's prior: how far a real vehicle may be from its nominal model.
 
-    mass and drag are half widths of uniform laws, of which the filter takes the standard deviation. The defaults are
+    mass and drag are half widths of uniform distributions; the filter takes their standard deviation. The defaults are
     those of a careful outdoor flight: a battery more or less, drag as well as it is usually known, 1.25 m/s of wind
     on a drag of 0.4 1/s.
     """
@@ -53,7 +53,7 @@ class Adaptation:
         self._nominal, self._dt = model, dt
         self._config = c = config or AdaptationConfig()
         self._theta = np.array([model.thrust_gain, model.drag, 0.0, 0.0, 0.0])
-        std = np.array([c.mass, c.drag * model.drag]) / np.sqrt(3)  # of uniform laws of these half widths
+        std = np.array([c.mass, c.drag * model.drag]) / np.sqrt(3)  # of uniform distributions of these half widths
         self._P = np.diag([*std**2, *(c.gust**2,) * 3])
         self._thrust_max = model.thrust_max
         lags = zip(model.tilt_cost, model.rate_tau[:2], strict=True)

@@ -1,4 +1,4 @@
-"""Samplers: where the perturbations eps of v = u + eps come from. One short file each, with its law.
+"""Samplers: distributions of the perturbations z of v = u + z, one short file each.
 
 A sampler is a frozen dataclass of its numbers; `build` makes the source of perturbations that MPPI draws from.
 """

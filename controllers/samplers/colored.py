@@ -1,6 +1,6 @@
 """Colored sampling, PSD(f) ~ 1/f^gamma: independent Gaussians in the frequency domain, then an inverse FFT.
 
-Timmer and Koenig 1995; Vlahov et al. 2024, section III-A and Algorithm 1. Three laws go by this name:
+Timmer and Koenig 1995; Vlahov et al. 2024, section III-A and Algorithm 1. Three methods go by this name:
 
 exact    a transform of length n >= 2T whose steps 0..T-1 and T..2T-1 are two samples. The periodic wrap of the
          transform falls outside both, and the variance is sigma^2 at every t. The two are antithetic
@@ -25,11 +25,11 @@ from controllers.samplers.lane_sampler import Gamma, LaneSampler, Sigma
 
 Law = Literal["exact", "paper", "library"]
 LAWS: tuple[Law, ...] = get_args(Law)
-OFFSET_DECAY = 0.97  # per step; law "library" only
+OFFSET_DECAY = 0.97  # per step; "library" only
 
 
 def transform_length(horizon: int, law: Law) -> int:
-    """n of the law: for `exact` any length that holds two samples will do, so one whose transform is fast."""
+    """n of the method: for `exact` any length that holds two samples will do, so one whose transform is fast."""
     return {"exact": fast_length(2 * horizon), "paper": horizon, "library": 2 * horizon}[law]
 
 
@@ -55,7 +55,7 @@ def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
 class Colored:
     """v = u + sigma z, PSD(f) of z ~ 1/f^gamma, independent for every control; Vlahov et al. 2024.
 
-    sigma (n_u,) in the units of the controls, gamma (n_u,), 0: white. The laws stand at the head of this module.
+    sigma (n_u,) in the units of the controls, gamma (n_u,), 0: white. The methods: see this module's docstring.
     Raises ValueError where gamma and sigma have different lengths.
     """
 

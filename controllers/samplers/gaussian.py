@@ -1,4 +1,4 @@
-"""White Gaussian sampling: eps_t ~ N(0, sigma^2), independent over t. The default of MPPI (Williams et al. 2018)."""
+"""White Gaussian sampling: z_t ~ N(0, sigma^2), independent over t. The default of MPPI (Williams et al. 2018)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a sampler is configured by and what it builds: perturbations eps of v = u + eps, in lanes of samples.
+"""What a sampler is configured by and what it builds: perturbations z of v = u + z, in lanes of samples.
 
 Memory layout and chunks of samples: see controllers.rollout.layout.
 """
@@ -34,7 +34,7 @@ class Momentum:
 class LaneSampler:
     """What MPPI draws from: perturbations of its plan, or of its plan and the momentum that this has.
 
-    sample(call, first=0, samples=as built) -> eps (series, n_u, halves * T, LANES) of the samples from `first` on, a
+    sample(call, first=0, samples=as built) -> z (series, n_u, halves * T, LANES) of the samples from `first` on, a
     multiple of 4 LANES: a function of (key, call, number of the sample) alone. The next call writes to the same memory.
     """
 

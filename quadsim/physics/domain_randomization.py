@@ -17,7 +17,7 @@ from quadsim.course import Start
 from quadsim.systems.first_order import remaining
 from quadsim.vehicle import Vec3, Vehicle, scale_thrust
 
-# Half widths of the uniform laws at size 1.
+# Half widths of the uniform distributions at size 1.
 OFFSET = 0.2  # of the start, per axis [m]
 TURN = radians(10)  # of its yaw [rad]
 MASS = 0.05  # share: a battery more or less, which the flight controller is not told
@@ -59,7 +59,7 @@ class Randomization:
 
 
 def draw(seeds: np.random.SeedSequence, size: float) -> Randomization:
-    """What these seeds change at this size: uniform laws, all independent."""
+    """What these seeds change at this size: uniform distributions, all independent."""
     if size == 0:
         return Randomization()
     x = (size * np.random.default_rng(seeds).uniform(-1, 1, 9)).tolist()

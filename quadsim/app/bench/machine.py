@@ -100,7 +100,7 @@ def work(mppi: MPPI, sampler: str) -> dict[str, Work]:
 
 
 def _noise(sampler: str, n_u: int, horizon: int) -> dict[str, Work]:
-    """Colored, law exact: 2 n normals become two series of n = 2 T numbers by 5 n log2 n operations, as FFTW's
+    """Colored, method exact: 2 n normals become two series of n = 2 T numbers by 5 n log2 n operations, as FFTW's
     benchmark counts them; the normals stay in the first-level cache.
     """
     # four from one counter, each scaled; the two additions a round to the key serve all lanes

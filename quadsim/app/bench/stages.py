@@ -88,7 +88,7 @@ def timed_parts(mppi: MPPI) -> Iterator[dict[str, float]]:
 def normals_ms(mppi: MPPI, seconds: float) -> float:
     """As many normals as one iteration's noise has numbers, chunk after chunk in the sampler's own memory.
 
-    Law exact: two series of n = 2 T steps come from 2 n normals a channel.
+    Method exact: two series of n = 2 T steps come from 2 n normals a channel.
     """
     key, parts = np.zeros(2, np.uint32), chunks(mppi.samples)
     noise = [mppi.sampler.sample(0, part.start, part.stop - part.start) for part in parts]
