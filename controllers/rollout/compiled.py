@@ -29,7 +29,7 @@ def kept(function: Any) -> Any:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """KeyboardInterrupt at the end of what is inside, where that has swallowed one.
+    """KeyboardInterrupt at the end of what is inside, where that has swallowed one or failed for it.
 
     An exception that a signal raises inside a callback of LLVM is printed and forgotten, as in any callback from C.
     """
@@ -45,6 +45,9 @@ def interruptible() -> Iterator[None]:
     signal.signal(signal.SIGINT, interrupted)
     try:
         yield
+    except Exception:  # of the compiler, which misses what the callback was to do
+        if not came:
+            raise
     finally:
         signal.signal(signal.SIGINT, before)
     if came:

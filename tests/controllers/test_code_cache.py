@@ -4,6 +4,7 @@ import os
 import random
 import signal
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -129,6 +130,20 @@ def test_an_interrupt_that_the_compiler_swallows_ends_the_command_when_it_return
         sys.unraisablehook = hook
     assert done == ["swallowed", "went on"]
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def interrupted_and_failing(sent):
+    with interruptible():
+        with suppress(KeyboardInterrupt):
+            if sent:
+                os.kill(os.getpid(), signal.SIGINT)
+        raise RuntimeError("no compiled object yet")
+
+
+@pytest.mark.parametrize(("sent", "comes"), [(True, KeyboardInterrupt), (False, RuntimeError)])
+def test_a_compiler_that_fails_for_an_interrupt_is_interrupted(sent, comes):
+    with pytest.raises(comes):
+        interrupted_and_failing(sent)
 
 
 def test_an_interrupt_while_a_kept_function_is_compiled_comes_out_of_its_call(monkeypatch):
