@@ -23,6 +23,7 @@ from numba.core.serialize import dumps
 from quadsim.files.atomic import replace_file
 
 SUM = sha256().digest_size
+LARGEST = 50_000_000  # [bytes] that are read, of a device too; the code of a planner has 300 000
 log = logging.getLogger("quadsim")  # of a program that has not set up logging: one line on stderr
 
 
@@ -79,7 +80,8 @@ class CodeCache(NullCache):
 def _read(path: Path) -> bytes | None:
     """Code as it was written; None where there is none, and with one line where it cannot be used."""
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            data = file.read(LARGEST)
     except FileNotFoundError:
         return None
     except OSError as error:

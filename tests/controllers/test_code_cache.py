@@ -74,6 +74,17 @@ def test_damaged_code_is_never_loaded_and_is_compiled_anew_with_one_line(seed, h
     assert len(caplog.messages) == 1
 
 
+def test_a_file_without_an_end_is_damaged(home, caplog, monkeypatch):
+    loaded(fresh())
+    (path,) = files(home)
+    path.unlink()
+    path.symlink_to("/dev/zero")
+    monkeypatch.setattr("controllers.rollout.code_cache.LARGEST", 10_000)
+    assert not loaded(fresh())
+    assert caplog.messages == [f"{path}: damaged compiled code, compiled anew"]
+    assert not path.is_symlink()
+
+
 def test_code_of_another_text_is_not_taken_for_it(home):
     loaded(fresh())
     other = load_module("kept_code", TEXT.replace("2 * x", "3 * x")).twice
