@@ -23,7 +23,7 @@ from controllers.presets import PRESETS, Planner
 from quadsim.course import COURSES, load_course, parse_course
 from quadsim.course.corridor import CORRIDORS, load_corridor, parse_corridor
 from quadsim.course.point_goal import GOALS, load_point_goal, parse_point_goal
-from quadsim.files.data_files import names
+from quadsim.files.data_files import names, read_text
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_words import did_you_mean
 from quadsim.physics.domain_randomization import draw, gusts
@@ -225,9 +225,12 @@ def system_of_course(name_or_path: str) -> str:
     made_for = {course: name for name, entry in SYSTEMS.items() for course in entry.courses}
     if name_or_path in made_for:
         return made_for[name_or_path]
-    try:
-        lines = Path(name_or_path).read_text(encoding="utf-8", errors="replace").splitlines()
+    path = Path(name_or_path)
+    try:  # a pipe can be read once, a device without an end
+        lines = read_text(path).splitlines() if path.is_file() else None
     except (OSError, ValueError):
+        lines = None
+    if lines is None:
         return next((made_for[course] for course in get_close_matches(name_or_path, made_for, 1)), "quadrotor")
     keys = {line.partition(":")[0] for line in lines}
     return next((name for name, entry in SYSTEMS.items() if entry.key in keys), "quadrotor")

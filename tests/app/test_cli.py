@@ -48,6 +48,7 @@ WRONG = {  # command line -> what the one line must say
     "fly --preset rac": "no preset 'rac': did you mean 'race'?",
     "fly --preset none.yaml": "none.yaml: no such file",
     "fly none.yaml": "none.yaml: no such file",
+    "fly /dev/zero": "/dev/zero: expected at most 1000000 bytes, got more",
     "fly --sampels 3": "no flag --sampels: did you mean '--samples'?",
     "fly --rate-tau 1": "no flag --rate-tau: did you mean '--model.rate-tau'?",
     "fly --sigma -0.3 1 1 1": f"--sigma: expected {SIGMAS} > 0 and <= 1000, got -0.3 1 1 1",

@@ -10,6 +10,7 @@ import time
 from collections import Counter
 from importlib import import_module
 
+from quadsim.app.cli import COMMANDS
 from tests.fuzz.base import base, campaign_base
 from tests.fuzz.harness import Case, run
 
@@ -46,7 +47,7 @@ def asked() -> argparse.Namespace:
 
 def main() -> int:
     said = asked()
-    for module in LOADED:
+    for module in (*LOADED, *(place.partition(":")[0] for place, _ in COMMANDS.values())):
         import_module(module)
     numbers = {kind: said.first or round(CASES[kind] * said.times) for kind in said.kinds}
     places = [(k, i, said.seed) for k, n in numbers.items() for i in range(n)]

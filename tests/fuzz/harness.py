@@ -25,6 +25,7 @@ from pathlib import Path
 HANG = 60.0  # [s]; on a machine that does other things too, of processor time or of doing nothing
 LATEST = 300.0  # [s] of the clock on the wall
 CODES = {0, 1, 2, 130, 141}  # finished, not finished, usage or bad file, interrupted, the reader of a pipe has left
+MEMORY = 8 << 30  # [bytes] of address space: what reads without an end fails before the machine does
 PIPE = 1 << 20  # bytes that a command may print before anyone reads
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 RACE = "import sys; from quadsim.app.cli import main; main()"
@@ -124,6 +125,7 @@ def _child(case: Case, folder: Path, pipes: list[tuple[int, int]]) -> None:
             streams[1] = os.open(case.to, os.O_WRONLY | os.O_CREAT)
         for to, stream in enumerate(streams):
             os.dup2(stream, to)
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         if case.fsize is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (case.fsize, case.fsize))
         sys.stdin, sys.stdout, sys.stderr = (open(i, "r" if i == 0 else "w") for i in range(3))  # noqa: SIM115
