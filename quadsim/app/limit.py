@@ -94,7 +94,7 @@ def _search(race: Race, show: Callable) -> Search:
     from quadsim.limit.search import Search
 
     def referee() -> Referee:
-        return Referee(race.course, race.vehicle.radius, race.laps, TIMEOUT)
+        return Referee(race.course, race.vehicle.radius, race.laps, TIMEOUT, penalties=True)  # all hits, not the first
 
     try:
         referee()

@@ -8,6 +8,7 @@ from typing import Any
 import casadi
 import numpy as np
 
+from quadsim.limit.detours import Detour
 from quadsim.limit.dynamics import Dynamics
 from quadsim.limit.guess import Guess
 from quadsim.limit.solution import Solution
@@ -63,12 +64,19 @@ class Watch(casadi.Callback):
         return [0]
 
 
-def solve(task: Task, model: Dynamics, nodes: list[int], guess: Guess, show: Show | None = None) -> Solution:
-    """nodes: intervals on the way to each of `task.points` but the first.
+def solve(
+    task: Task,
+    model: Dynamics,
+    nodes: list[int],
+    guess: Guess,
+    show: Show | None = None,
+    around: Sequence[Detour] = (),
+) -> Solution:
+    """nodes: intervals on the way to each of `task.points` but the first; around: frames beside the targets.
 
     Raises NotSolvedError, and what `show` raises.
     """
-    s = shooting(task, model, nodes, guess)
+    s = shooting(task, model, nodes, guess, around)
     lengths = np.array([segment.intervals for segment in s.plan])
     z, g = casadi.vertcat(*s.program.z), casadi.vertcat(*s.program.g)
     time = casadi.dot(casadi.DM(lengths), casadi.vertcat(*s.h))

@@ -10,12 +10,15 @@ method does to |q|, whose square scales the thrust: laps 15 % too fast that solv
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import casadi
 import numpy as np
 
+from quadsim.course import Gate
+from quadsim.limit.detours import Detour
 from quadsim.limit.dynamics import BODY, Dynamics, runge_kutta
 from quadsim.limit.guess import Guess
 from quadsim.limit.task import PAST, Segment, Task, Waypoint, reach, room, segments
@@ -72,7 +75,7 @@ class Shooting:
     defects: list[slice]  # (nodes - 1) of the continuity constraints
 
 
-def shooting(task: Task, model: Dynamics, nodes: list[int], guess: Guess) -> Shooting:
+def shooting(task: Task, model: Dynamics, nodes: list[int], guess: Guess, around: Sequence[Detour] = ()) -> Shooting:
     """nodes: intervals on the way to each of `task.points` but the first."""
     plan = segments(task, nodes)
     s = Shooting(task, model, plan, Program(), [], [], [], [])
@@ -84,7 +87,7 @@ def shooting(task: Task, model: Dynamics, nodes: list[int], guess: Guess) -> Sho
     x = s.program.variable("x0", x0, low0, high0, scale)
     s.x.append(x)
     advance, spare, began = _interval(model), _spare(model), 0.0
-    for segment, length in zip(plan, guess.durations(plan, task), strict=True):
+    for i, (segment, length) in enumerate(zip(plan, guess.durations(plan, task), strict=True)):
         h0 = length / segment.intervals
         h = s.program.variable("h", np.array([h0]), FASTEST * h0, SLOWEST * h0, 0.02)
         s.h.append(h)
@@ -92,7 +95,8 @@ def shooting(task: Task, model: Dynamics, nodes: list[int], guess: Guess) -> Sho
         states, controls = guess.at(ends)[0], guess.at(ends - 0.5 * h0)[1]
         for k, (x_guess, u_guess) in enumerate(zip(states, controls, strict=True), start=1):
             u = s.program.variable("u", u_guess, model.u_low, model.u_high, model.u_high)
-            after = s.program.variable("x", x_guess, low, high, scale)
+            lowest = low if i else np.minimum(low, low0)  # a start on the ground rises from there
+            after = s.program.variable("x", x_guess, lowest, high, scale)
             reached, between = advance(x, u, h)
             s.defects.append(s.program.hold((reached - after) / casadi.DM(scale), 0.0, 0.0))
             s.program.hold(between, np.tile(low[RATES], STEPS - 1), np.tile(high[RATES], STEPS - 1))
@@ -102,6 +106,9 @@ def shooting(task: Task, model: Dynamics, nodes: list[int], guess: Guess) -> Sho
             s.x.append(x)
             s.u.append(u)
             _hold_at(s, segment, x, k == segment.intervals)
+            for detour in around:
+                if k < segment.intervals and detour.holds_at(i, k, segment.intervals):
+                    s.program.hold(detour.spare(_local(detour.gate, x)), 0.0, np.inf)
         began += length
     if not task.start:
         _close(s.program, s.x[0], x)
@@ -152,7 +159,7 @@ def _hold_at(s: Shooting, segment: Segment, x: Any, at_end: bool) -> None:
         return
     if segment.kind == "rest" or (segment.kind == "approach" and not at_end):
         return
-    local = casadi.DM(target.rotation.T) @ (x[0:3] - casadi.DM(target.position))
+    local = _local(target, x)
     y, z = room(target, task)
     hold(local[1], -y, y)
     hold(local[2], -z, z)
@@ -160,6 +167,11 @@ def _hold_at(s: Shooting, segment: Segment, x: Any, at_end: bool) -> None:
         plane = {"approach": -reach(task), "inside": reach(task), "finish": PAST}[segment.kind]
         hold(local[0], plane, plane)
         hold(casadi.DM(target.axes[0]).T @ x[3:6], FORWARD, SPEED_MAX)
+
+
+def _local(gate: Gate, x: Any) -> Any:
+    """The position of a state in the gate's frame [m]."""
+    return casadi.DM(gate.rotation.T) @ (x[0:3] - casadi.DM(gate.position))
 
 
 def _close(program: Program, first: Any, last: Any) -> None:

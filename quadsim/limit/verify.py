@@ -17,6 +17,7 @@ RESIDUAL = 5e-3  # [m] between a node and where the interval before it leads
 WORTH = 1e-3  # of the race's time
 UNIT = 1e-3  # of |q|
 RATE = 0.02  # of the limit of a body rate, between two nodes
+FOUL = ("hit", "ground", "bounds", "timeout")
 
 
 @dataclass
@@ -37,7 +38,7 @@ class Verified:
 
 
 def verify(solution: Solution, model: Dynamics, referee: Any = None) -> Verified:
-    """referee: as of quadsim.race.referee, for these laps; it sees every step of the fine integration."""
+    """referee: of quadsim.race.referee, in the mode that goes on after a hit; it sees every step of the integration."""
     found, high = Verified(), model.high[10:13]
     x, t = solution.x.tolist(), solution.t.tolist()
     for k, u in enumerate(solution.u.tolist()):
@@ -81,7 +82,8 @@ def _outside(solution: Solution, model: Dynamics) -> Iterator[str]:
 
 
 def _incidents(referee: Any) -> Iterator[str]:
+    for e in referee.events if referee else ():
+        if e.kind in FOUL:
+            yield f"referee: {e.kind.replace('_', ' ')}{f' at gate {e.gate}' if e.gate else ''}, t = {e.t:.3f} s"
     if referee and referee.outcome != "finished":
-        last = referee.events[-1] if referee.events else None
-        what = f"{last.kind} at gate {last.gate}, lap {last.lap}, t = {last.t:.3f} s" if last else "nothing passed"
-        yield f"referee: expected a finished race, got {referee.outcome or 'none'}: {what}"
+        yield f"referee: expected a finished race, got {referee.outcome or 'one that goes on'}"
