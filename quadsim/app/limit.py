@@ -16,7 +16,7 @@ from quadsim.app.console import complain, emit, emit_json
 from quadsim.app.flags import Help, Json, RunsDir, Stored, Switch, UsageError, needs_extra
 from quadsim.app.fly import EXIT, uninterrupted
 from quadsim.course import load_course
-from quadsim.limit.solution import Limit, Race, dump
+from quadsim.limit.solution import LIMITS, Limit, Race, dump
 from quadsim.race.events import flown_laps
 from quadsim.race.referee import Referee
 from quadsim.race.systems import system_of_course
@@ -26,7 +26,6 @@ from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 if TYPE_CHECKING:
     from quadsim.limit.search import Attempt, Search
 
-LIMITS = "limits"  # folder among the runs
 Laps = Annotated[int, Meta(ge=1, le=20)]
 Ratio = Annotated[float, Meta(gt=1, le=20)]
 TIMEOUT = 1e4  # [s] of the referee: a solution has an end

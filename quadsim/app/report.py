@@ -14,6 +14,7 @@ from rich.padding import Padding
 from quadsim.app.console import emit, emit_json, width
 from quadsim.app.model_differences import differing, model_table
 from quadsim.app.report_systems import report_of
+from quadsim.limit.solution import LIMITS, Limit, limit_of
 from quadsim.record.metrics import chatter, missed_deadlines, splits
 from quadsim.record.run import INTERACTIVE, Run, flown_with, not_comparable, own_parts, system_of
 
@@ -30,7 +31,7 @@ def present(run: Run, folder: Path | None, as_json: bool) -> None:
 
 def report(run: Run, folder: Path | None, columns: int) -> Iterator[RenderableType]:
     system = report_of(run)
-    yield from _head(run, system.progress(run))
+    yield from _head(run, system.progress(run), known_limit(run, folder))
     parts = [*system.results(run, columns - 2), system.chatter(run), _planning(run)]
     if system_of(run.spec):
         parts.append(model_table(run.spec))
@@ -44,12 +45,19 @@ def report(run: Run, folder: Path | None, columns: int) -> Iterator[RenderableTy
     yield f"stored in {escape(str(folder))}" if folder else "[red]not stored[/]"
 
 
-def _head(run: Run, progress: str) -> Iterator[str]:
+def known_limit(run: Run, folder: Path | None) -> Limit | None:
+    """The best known limit of the run's race, of those that come with the project and those kept beside the run."""
+    return limit_of(run.spec, *([folder.parent / LIMITS] if folder else []))
+
+
+def _head(run: Run, progress: str, limit: Limit | None) -> Iterator[str]:
     spec, colour = run.spec, COLOUR.get(run.outcome, "yellow")
     reached = f"{progress}, {run.duration:.3f} s" if progress else f"{run.duration:.3f} s"
     yield f"[bold]{escape(spec['course'])}[/]  [bold {colour}]{run.outcome}[/]  {reached}"
     randomized = f", randomized {spec['randomize']:g}" if spec.get("randomize") else ""
     yield escape(flown_with(spec)) + randomized
+    if limit and run.outcome == "finished":
+        yield f"[bold]{limit.above(run.duration):.1%}[/] above the best known limit of {limit.time:.3f} s"
     if remark := not_comparable(spec):
         yield f"[yellow]{remark}[/]"
 
@@ -66,8 +74,9 @@ def _planning(run: Run) -> str:
 
 
 def summary(run: Run, folder: Path | None) -> dict:
-    """Seconds, metres, m/s; `plan_ms` in milliseconds. run_dir is null when the run could not be stored."""
-    spec = run.spec
+    """Seconds, metres, m/s; `plan_ms` in milliseconds. limit: null where none is known.
+    run_dir is null when the run could not be stored."""
+    spec, finished, limit = run.spec, run.outcome == "finished", known_limit(run, folder)
     return {
         "system": spec.get("system", "quadrotor"),
         **{name: spec[name] for name in ("course", "sampler", "preset")},
@@ -79,6 +88,7 @@ def summary(run: Run, folder: Path | None) -> dict:
         "penalties": run.penalties,
         "splits": splits(run),
         "gates": run.gates,
+        "limit": limit and {"time": limit.time, "above": limit.above(run.duration) if finished else None},
         "events": [asdict(e) for e in run.events],
         **report_of(run).numbers(run),
         "chatter": chatter(run),

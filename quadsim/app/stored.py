@@ -8,7 +8,7 @@ from typing import Annotated
 from quadsim.app.console import emit, emit_json
 from quadsim.app.figures.style import write_figure
 from quadsim.app.flags import Help, Json, RunsDir, Stored, Switch, UsageError
-from quadsim.app.report import present
+from quadsim.app.report import known_limit, present
 from quadsim.record.archive import find_run, load_run
 from quadsim.record.whole_files import write_whole
 
@@ -41,7 +41,8 @@ def plot(
     flown = load_run(folder)
     from quadsim.app.figures.run_figure import draw  # here, so that --help does not load matplotlib
 
-    paths = write_figure(draw(flown), Path(out or folder), "plot" if out is None else folder.name)
+    figure = draw(flown, known_limit(flown, folder))
+    paths = write_figure(figure, Path(out or folder), "plot" if out is None else folder.name)
     _say([str(path) for path in paths], json)
     return 0
 

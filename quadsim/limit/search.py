@@ -50,7 +50,7 @@ class Search:
             for attempt in self._rounds(guess, mesh(self.task, intervals), ()):
                 found.append(attempt)
                 yield attempt
-        fastest = best(found)
+        fastest = best(found) or min((a for a in found if a.time), key=lambda a: len(a.broken), default=None)
         if fastest and fastest.solved:
             finer = solved(f"{fastest.start}, refined", fastest.solved[0], self.task)
             yield from self._rounds(finer, mesh(self.task, FINER * intervals), fastest.around)

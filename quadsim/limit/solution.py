@@ -5,23 +5,28 @@ from __future__ import annotations
 import io
 import json
 import re
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
-from quadsim.course import Course
+from quadsim.course import Course, parse_course
+from quadsim.files.strict_yaml import FileError
 from quadsim.vehicle import Vehicle
 
 SOLUTIONS = Path(__file__).parent / "solutions"  # those that come with the project
+LIMITS = "limits"  # folder among the runs, for those that are found here
 ARRAYS = ("x", "u", "costate")
 NAMES = ("name", "source", "text", "published", "laps", "loop")  # of a course or a vehicle: what changes no race
 
 
-class LimitError(ValueError):
+class LimitError(FileError):
     """A solution that cannot be read. One line: the file, what is wrong."""
 
 
@@ -59,6 +64,15 @@ class Limit:
         """Of the race, by the referee [s]."""
         return sum(self.lap_times)
 
+    def path(self, rate: float = 100.0) -> np.ndarray:
+        """Positions at so many times a second, cubic between the nodes, as their velocities are known.  (n, 3)"""
+        t, x = self.solution.t, self.solution.x
+        return CubicHermiteSpline(t, x[:, :3], x[:, 3:6])(np.append(np.arange(0.0, t[-1], 1.0 / rate), t[-1]))
+
+    def above(self, time: float) -> float:
+        """By how much a race's time [s] exceeds it, as a share."""
+        return time / self.time - 1.0
+
 
 @dataclass(frozen=True)
 class Race:
@@ -74,6 +88,15 @@ class Race:
     def of(cls, course: Course, vehicle: Vehicle, laps: int) -> Race:
         """From a standing start, with the model by which the vehicle flies in the plant."""
         return cls(course, vehicle, laps, "rotors" if vehicle.rotors else "rates")
+
+    @classmethod
+    def of_run(cls, spec: dict) -> Race | None:
+        """The race that a run's spec says; None for another system, for parts of a user's own and the timed mode."""
+        own = {"plant", "referee", "system"} & set(spec.get("own", {}))
+        if spec.get("system", "quadrotor") != "quadrotor" or own or spec.get("penalties"):
+            return None
+        course = parse_course(spec["course_text"], spec["course"])
+        return cls.of(course, msgspec.convert(spec["vehicle"], Vehicle), spec["laps"])
 
     @cached_property
     def key(self) -> str:
@@ -92,6 +115,16 @@ class Race:
         """The fastest solution that lies here or comes with the project. Raises LimitError."""
         paths = (path for folder in (SOLUTIONS, *folders) for path in sorted(folder.glob(f"*_{self.key}.npz")))
         return min(map(load, paths), key=lambda limit: limit.time, default=None)
+
+
+def limit_of(spec: dict, *folders: Path) -> Limit | None:
+    """The best known limit of the race that a run's spec says; None too where that or the limit's file is damaged.
+
+    folders: where else than in the project to look.
+    """
+    with suppress(FileError, KeyError, msgspec.ValidationError):
+        race = Race.of_run(spec)
+        return race.best_known(*folders) if race else None
 
 
 def dump(limit: Limit) -> bytes:

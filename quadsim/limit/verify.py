@@ -16,7 +16,7 @@ from quadsim.limit.solution import Solution
 RESIDUAL = 5e-3  # [m] between a node and where the interval before it leads
 WORTH = 1e-3  # of the race's time
 UNIT = 1e-3  # of |q|
-RATE = 0.02  # of the limit of a body rate, between two nodes
+RATE = 0.02, 0.06  # of the limit of a body rate, and [rad/s], which may come on top of it between two nodes
 FOUL = ("hit", "ground", "bounds", "timeout")
 
 
@@ -27,7 +27,7 @@ class Verified:
     residual: float = 0.0  # greatest distance from a node to where the interval before it leads [m]
     worth: float = 0.0  # what all residuals are worth in time, |costate . residual| summed [s]
     attitude: float = 0.0  # greatest | |q| - 1 |
-    body_rate: float = 0.0  # greatest body rate, as a share of its limit
+    body_rate: tuple[float, ...] = (0.0, 0.0, 0.0)  # greatest about x, y, z [rad/s]
     outcome: str | None = None  # the referee's, where there is one
     events: tuple = ()  # the referee's
     broken: list[str] = field(default_factory=list)  # one line each
@@ -39,7 +39,7 @@ class Verified:
 
 def verify(solution: Solution, model: Dynamics, referee: Any = None) -> Verified:
     """referee: of quadsim.race.referee, in the mode that goes on after a hit; it sees every step of the integration."""
-    found, high = Verified(), model.high[10:13]
+    found = Verified()
     x, t = solution.x.tolist(), solution.t.tolist()
     for k, u in enumerate(solution.u.tolist()):
         path = list(model.fine(tuple(x[k]), tuple(u), t[k + 1] - t[k]))
@@ -47,7 +47,7 @@ def verify(solution: Solution, model: Dynamics, referee: Any = None) -> Verified
         found.residual = max(found.residual, float(np.linalg.norm(residual[:3])))
         found.worth += abs(float(solution.costate[k] @ residual))
         found.attitude = max(found.attitude, *(abs(hypot(*p[6:10]) - 1.0) for p in path))
-        found.body_rate = max(found.body_rate, float((np.abs([p[10:13] for p in path]) / high).max()))
+        found.body_rate = tuple(np.abs([found.body_rate, *(p[10:13] for p in path)]).max(axis=0).tolist())
         if referee:
             points = [x[k], *path[:-1], x[k + 1]]  # what is left at the node is part of the last step
             times = np.linspace(t[k], t[k + 1], len(points)).tolist()
@@ -56,7 +56,7 @@ def verify(solution: Solution, model: Dynamics, referee: Any = None) -> Verified
     if referee:
         found.outcome = referee.outcome
         found.events = tuple(referee.events)
-    found.broken = [*_broken(found, solution), *_outside(solution, model), *_incidents(referee)]
+    found.broken = [*_broken(found, solution), *_outside(found, solution, model), *_incidents(referee)]
     return found
 
 
@@ -67,12 +67,14 @@ def _broken(found: Verified, solution: Solution) -> Iterator[str]:
         yield f"nodes: expected residuals worth at most {WORTH * solution.time:.2g} s, got {found.worth:.2g}"
     if found.attitude > UNIT:
         yield f"attitude: expected |q| = 1 within {UNIT:g}, got a difference of {found.attitude:.2g}"
-    if found.body_rate > 1.0 + RATE:
-        yield f"body rates: expected at most {1 + RATE:.0%} of their limits, got {found.body_rate:.1%}"
 
 
-def _outside(solution: Solution, model: Dynamics) -> Iterator[str]:
-    """Of the limits at the nodes, where they hold to rounding."""
+def _outside(found: Verified, solution: Solution, model: Dynamics) -> Iterator[str]:
+    """Of the vehicle's limits: of the controls at the nodes, where they hold to rounding, of the body rates always."""
+    allowed = (1.0 + RATE[0]) * model.high[10:13] + RATE[1]
+    if (np.array(found.body_rate) > allowed).any():
+        asked, got = (", ".join(f"{w:.3g}" for w in rates) for rates in (allowed, found.body_rate))
+        yield f"body rates: expected at most {asked} rad/s, got {got}"
     tolerance = 1e-4 * np.maximum(np.abs(model.u_high), np.abs(model.u_low))
     if (solution.u < model.u_low - tolerance).any() or (solution.u > model.u_high + tolerance).any():
         yield "controls: expected all within the vehicle's limits, found one beyond"

@@ -14,7 +14,7 @@ import pytest
 from quadsim.app import limit as command
 from quadsim.app.cli import race
 from quadsim.course import parse_course
-from quadsim.limit.solution import LimitError, Race, dump, load
+from quadsim.limit.solution import LIMITS, LimitError, Race, dump, load
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 
 COURSE = """opening: [1.5, 1.5]
@@ -56,7 +56,7 @@ def test_the_limit_is_told_with_its_starts_and_its_check(place):
 
 def test_the_limit_is_kept_and_found_again(place):
     folder, told = place
-    kept = mine().best_known(folder / "runs" / command.LIMITS)
+    kept = mine().best_known(folder / "runs" / LIMITS)
     assert kept.time == told["time"]
     assert len(kept.solution.t) == told["nodes"]
     assert kept.solution.x[-1, 0] == pytest.approx(4.0, abs=1e-3)
@@ -74,7 +74,7 @@ def test_the_limit_is_kept_and_found_again(place):
     ids=["gate", "opening", "thrust", "model", "laps"],
 )
 def test_a_limit_belongs_to_its_race_alone(place, other):
-    assert other.best_known(place[0] / "runs" / command.LIMITS) is None
+    assert other.best_known(place[0] / "runs" / LIMITS) is None
 
 
 def test_names_and_remarks_make_no_other_race():
@@ -83,7 +83,7 @@ def test_names_and_remarks_make_no_other_race():
 
 
 def test_a_damaged_solution_is_one_line(place, tmp_path):
-    (kept,) = (place[0] / "runs" / command.LIMITS).iterdir()
+    (kept,) = (place[0] / "runs" / LIMITS).iterdir()
     (tmp_path / kept.name).write_bytes(kept.read_bytes()[:-200])
     with pytest.raises(LimitError, match="expected the solution of a race"):
         load(tmp_path / kept.name)
@@ -96,7 +96,7 @@ def test_a_damaged_solution_is_one_line(place, tmp_path):
 
 def test_a_slower_solution_does_not_replace_a_faster_one(place, tmp_path, capsys):
     folder, told = place
-    kept, faster = folder / "runs" / command.LIMITS, tmp_path / command.LIMITS
+    kept, faster = folder / "runs" / LIMITS, tmp_path / LIMITS
     limit = mine().best_known(kept)
     faster.mkdir()
     (faster / mine().file_name).write_bytes(dump(replace(limit, lap_times=[told["time"] - 0.1])))

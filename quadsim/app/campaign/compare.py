@@ -17,7 +17,15 @@ from rich.padding import Padding
 from controllers.samplers import SAMPLERS
 from quadsim.app.campaign.runner import Runner
 from quadsim.app.campaign.store import Row
-from quadsim.app.campaign.summary_stats import PairStats, Section, VariantStats, all_pairs, lap_limit, variant_stats
+from quadsim.app.campaign.summary_stats import (
+    PairStats,
+    Section,
+    VariantStats,
+    all_pairs,
+    best_known_time,
+    lap_limit,
+    variant_stats,
+)
 from quadsim.app.campaign.tables import as_markdown, as_table, comparison_tables, notes
 from quadsim.app.campaign.variants import CAMPAIGN, Campaign, Jobs, Scheduler, Variant, make_variants, parse_variants
 from quadsim.app.console import emit, emit_json
@@ -144,7 +152,11 @@ def sections(variants: Sequence[Variant], rows: Sequence[Sequence[Row]], home: P
 
 def _section(flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path) -> Section:
     variants, rows = zip(*flown, strict=True)
-    stats = [variant_stats(variant.name, r, lap_limit(variant.spec.record())) for variant, r in flown]
+    specs = [variant.spec.record() for variant in variants]
+    stats = [
+        variant_stats(variant.name, r, lap_limit(spec), best_known_time(spec))
+        for variant, r, spec in zip(variants, rows, specs, strict=True)
+    ]
     spec = variants[0].spec
     seeds = sorted({r.seed for of_variant in rows for r in of_variant})
     vehicles = ", ".join(dict.fromkeys(r[0].vehicle for r in rows))

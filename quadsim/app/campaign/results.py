@@ -15,7 +15,7 @@ from rich.console import RenderableType
 from rich.markup import escape
 
 from quadsim.app.campaign.store import Row, Store
-from quadsim.app.campaign.summary_stats import VariantStats, lap_limit, pair_stats, variant_stats
+from quadsim.app.campaign.summary_stats import VariantStats, best_known_time, lap_limit, pair_stats, variant_stats
 from quadsim.app.campaign.tables import PAIRS, TextTable, as_table, number, short
 from quadsim.app.campaign.variants import CAMPAIGN
 from quadsim.app.console import complain, emit, emit_json
@@ -31,6 +31,7 @@ class Group:
 
     rows: tuple[Row, ...]
     limit: float  # [s] a lap
+    best_known: float  # of the race [s]
 
     @property
     def first(self) -> Row:
@@ -50,7 +51,7 @@ class Group:
 
     @cached_property
     def stats(self) -> VariantStats:
-        return variant_stats(self.first.name, self.rows, self.limit)
+        return variant_stats(self.first.name, self.rows, self.limit, self.best_known)
 
 
 COLUMNS = {
@@ -62,6 +63,7 @@ COLUMNS = {
     "seeds": lambda g: g.seeds,
     "done": lambda g: f"{g.stats.finished}/{g.stats.attempts}",
     "lap [s]": lambda g: number(g.stats.lap_mean),
+    "above [%]": lambda g: number(100.0 * g.stats.above_limit, ".1f"),
     "thrust": lambda g: number(g.stats.thrust_tv, ".1f"),
     "commit": lambda g: short(g.first.code),
 }
@@ -123,27 +125,28 @@ def results_table(groups: Sequence[Group], width: int | None = None) -> Iterator
 def stored(campaigns: Sequence[str]) -> Iterator[Group]:
     """Every group, in the order of its first flight. Raises RunError."""
     groups: dict[tuple[str, str], dict[str, Row]] = {}
-    limits: dict[str, float] = {}
+    limits: dict[str, tuple[float, float]] = {}
     for path in campaigns:
         with Store(Path(path), create=False) as store:
             for row in store.rows():
                 rows = groups.setdefault((row.variant, row.code), {})
                 rows[row.key] = row  # one attempt in two campaigns counts once
                 if row.variant not in limits:
-                    limits[row.variant] = _limit(store, row)
+                    limits[row.variant] = _limits(store, row)
     for (variant, _), rows in groups.items():
-        yield Group(tuple(sorted(rows.values(), key=lambda r: r.seed)), limits[variant])
+        yield Group(tuple(sorted(rows.values(), key=lambda r: r.seed)), *limits[variant])
 
 
-def _limit(store: Store, row: Row) -> float:
-    """[s] a lap; nan where the row's specification is damaged."""
+def _limits(store: Store, row: Row) -> tuple[float, float]:
+    """Time limit [s] a lap, best known limit of the race [s]; nan where the row's specification is damaged."""
     try:
-        return lap_limit(store.spec(row.key))
+        spec = store.spec(row.key)
+        return lap_limit(spec), best_known_time(spec)
     except (KeyError, TypeError):
         complain(f"{store.path}: the specification of attempt {row.key[:8]} is damaged: no time limit")
     except RunError as error:
         complain(str(error))
-    return nan
+    return nan, nan
 
 
 def _find(groups: Sequence[Group], wanted: str) -> Group:

@@ -16,6 +16,7 @@ from typing import Literal
 
 from quadsim.app.campaign.store import Row
 from quadsim.course import Course
+from quadsim.limit.solution import LIMITS, limit_of
 from quadsim.record.statistics import (
     Mean,
     detectable,
@@ -43,6 +44,7 @@ class VariantStats:
     lap_min: float  # the fastest single lap
     race_median: float  # all laps from the standing start
     flying_median: float  # all laps but the first
+    above_limit: float  # of race_median, over the best known limit of the race, a share
     penalised_mean: float  # lap_mean with the time limit's lap for each attempt that did not finish
     cost: Mean  # accumulated, of those that finished: a double integrator's; nan for other systems
     thrust_tv: float  # commanded, mean of all attempts
@@ -81,11 +83,14 @@ class Section:
     home: Path  # folder that their telemetry is relative to
 
 
-def variant_stats(name: str, rows: Sequence[Row], limit: float) -> VariantStats:
-    """limit: time limit of the flight for each lap [s]; every variant of a comparison has the same."""
+def variant_stats(name: str, rows: Sequence[Row], limit: float, best_known: float = nan) -> VariantStats:
+    """limit: time limit of the flight for each lap [s]; every variant of a comparison has the same.
+
+    best_known: see `best_known_time`.
+    """
     done = [r for r in rows if r.outcome == FINISHED]
     laps = [mean_lap(r) for r in done]
-    lap = mean_interval(laps)
+    lap, races = mean_interval(laps), _median([sum(r.result["laps"]) for r in done])
     return VariantStats(
         course=rows[0].course,
         name=name,
@@ -95,7 +100,8 @@ def variant_stats(name: str, rows: Sequence[Row], limit: float) -> VariantStats:
         lap_mean=lap.mean,
         lap_sd=lap.sd,
         lap_min=min((t for r in done for t in r.result["laps"]), default=nan),
-        race_median=_median([sum(r.result["laps"]) for r in done]),
+        race_median=races,
+        above_limit=races / best_known - 1.0,
         flying_median=_median([fmean(r.result["laps"][1:]) for r in done if len(r.result["laps"]) > 1]),
         penalised_mean=fmean([*laps, *[limit] * (len(rows) - len(done))]),
         cost=mean_interval([cost for r in done if (cost := r.result.get("cost")) is not None]),
@@ -147,6 +153,12 @@ def thrust_tv(row: Row, of: Literal["commanded", "delivered"] = "commanded") -> 
 def lap_limit(spec: dict) -> float:
     """What a flight that does not finish counts as, a lap [s]; spec: the record of one."""
     return spec["timeout"] / (spec.get("laps") or 1)
+
+
+def best_known_time(spec: dict) -> float:
+    """The best known limit of a race from the record of one flight, of its nominal vehicle [s]; nan: not known."""
+    limit = limit_of(spec, Path("runs") / LIMITS)
+    return limit.time if limit else nan
 
 
 def _where_it_ended(row: Row) -> str:

@@ -74,7 +74,7 @@ def as_markdown(table: TextTable) -> str:
 
 def comparison_tables(variants: Sequence[VariantStats], pairs: Sequence[PairStats]) -> Iterator[TextTable]:
     """Of one course."""
-    yield TextTable.of(variants, LAPS)
+    yield TextTable.of(variants, LAPS | (ABOVE if any(isfinite(a.above_limit) for a in variants) else {}))
     if any(a.cost.n for a in variants):
         yield TextTable.of(variants, COSTS)
     yield TextTable.of(variants, CHATTER, folds=(0, len(CHATTER) - 1))
@@ -89,6 +89,8 @@ def notes(variants: Sequence[VariantStats], pairs: Sequence[PairStats], limit: f
     if known := [p for p in pairs if isfinite(p.detectable)]:
         each = ", ".join(f"{p.b} - {p.a} {p.detectable:.3f} s" for p in known)
         yield f"Lap differences that so many pairs detect with power 80 %: {each}."
+    if any(isfinite(a.above_limit) for a in variants):
+        yield "Above the limit: the median race over the best known limit of the same, nominal vehicle (race limit)."
     commits = sorted({c for a in variants for c in a.commits})
     if len(commits) > 1:
         each = "; ".join(f"{a.name}: {', '.join(map(short, a.commits))}" for a in variants)
@@ -123,6 +125,9 @@ LAPS: dict[str, Callable[[VariantStats], str]] = {
     "race": lambda a: number(a.race_median),
     "flying": lambda a: number(a.flying_median),
     "penalised": lambda a: number(a.penalised_mean),
+}
+ABOVE: dict[str, Callable[[VariantStats], str]] = {
+    "above the\nlimit [%]": lambda a: number(100.0 * a.above_limit, ".1f"),
 }
 COSTS: dict[str, Callable[[VariantStats], str]] = {
     "variant": lambda a: a.name,

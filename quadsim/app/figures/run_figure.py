@@ -14,6 +14,7 @@ from matplotlib.patheffects import withStroke
 from quadsim.app.figures.style import STYLE, line
 from quadsim.app.figures.system_figure import COMMANDED, FEWEST, draw_events, draw_path, draw_system, title
 from quadsim.course import Course, Gate, parse_course
+from quadsim.limit.solution import Limit
 from quadsim.palette import FINE, FRAME, INK, LIMIT, MARK, style
 from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
 from quadsim.record.run import Run, system_of
@@ -23,17 +24,21 @@ NUMBER["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]
 DELIVERED = 0.8  # width of lines, less than COMMANDED: both are seen where they agree
 
 
-def draw(run: Run) -> Figure:
+def draw(run: Run, limit: Limit | None = None) -> Figure:
+    """limit: the best known one of the run's race, whose path is drawn as well."""
     with rc_context(STYLE):
         figure = Figure(figsize=(15, 9.5), dpi=130, layout="constrained")
-        (_draw_race if system_of(run.spec) == "quadrotor" else draw_system)(figure, run)
+        if system_of(run.spec) == "quadrotor":
+            _draw_race(figure, run, limit)
+        else:
+            draw_system(figure, run)
         figure.suptitle(title(run), x=0.012, ha="left", fontsize=12)
     return figure
 
 
-def _draw_race(figure: Figure, run: Run) -> None:
+def _draw_race(figure: Figure, run: Run, limit: Limit | None) -> None:
     left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1), squeeze=False)[0]
-    draw_views(left, run, parse_course(run.spec["course_text"], run.spec["course"]))
+    draw_views(left, run, parse_course(run.spec["course_text"], run.spec["course"]), limit)
     over_time, over_frequency = right.subfigures(2, 1, height_ratios=(3.9, 1.8), squeeze=False)[:, 0]
     thrust, *rates = over_time.subplots(4, 1, height_ratios=(1.5, 0.8, 0.8, 0.8), sharex=True)
     draw_thrust(thrust, run)
@@ -41,7 +46,7 @@ def _draw_race(figure: Figure, run: Run) -> None:
     draw_spectrum(over_frequency.subplots(), run)
 
 
-def draw_views(figure: SubFigure, run: Run, course: Course) -> None:
+def draw_views(figure: SubFigure, run: Run, course: Course, limit: Limit | None = None) -> None:
     """Above, x and y to scale; below, the longer of both and the height."""
     x = run.telemetry
     points = np.stack([x[k] for k in ("px", "py", "pz")], axis=1)  # (frames, 3)
@@ -52,6 +57,9 @@ def draw_views(figure: SubFigure, run: Run, course: Course) -> None:
     top, below = figure.subplots(2, 1, height_ratios=(2.7, 1.0))
     for axes, plane, name in ((top, (0, 1), "from above"), (below, (side, 2), "from the side, height stretched")):
         lines = draw_path(axes, points[:, plane], speed)
+        if limit:
+            look = {"color": LIMIT, "linestyle": "--", "linewidth": 1.0, "zorder": 2.5}
+            axes.plot(*limit.path()[:, plane].T, label=f"best known limit, {limit.time:.3f} s", **look)
         draw_gates(axes, course, plane, scale)
         draw_events(axes, run, plane)
         axes.set(title=name, xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")

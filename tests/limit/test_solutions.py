@@ -1,0 +1,28 @@
+"""The solutions that come with the project hold: each is read back, integrated finely and judged by the referee."""
+
+import numpy as np
+import pytest
+
+from quadsim.course import load_course
+from quadsim.limit.dynamics import dynamics
+from quadsim.limit.solution import SOLUTIONS, Race, load
+from quadsim.limit.verify import verify
+from quadsim.race.events import flown_laps
+from quadsim.race.referee import Referee
+from quadsim.vehicle import load_vehicle
+
+FILES = sorted(SOLUTIONS.glob("*.npz"))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_a_solution_of_the_project_holds(path):
+    limit = load(path)
+    course, vehicle = load_course(limit.course), load_vehicle(limit.vehicle)
+    race = Race(course, vehicle, limit.laps, limit.solution.model, limit.closed)
+    assert path.name == race.file_name, "the course or the vehicle has changed: race limit finds the new limit"
+    assert path.stat().st_size <= 100_000
+    referee = Referee(course, vehicle.radius, limit.laps, 1e3, penalties=True)
+    found = verify(limit.solution, dynamics(vehicle, limit.solution.model), referee)
+    assert found.broken == []
+    assert flown_laps(found.events, limit.laps) == pytest.approx(limit.lap_times, abs=1e-4)
+    assert np.abs(np.linalg.norm(limit.solution.x[:, 6:10], axis=1) - 1.0).max() < 1e-5
