@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from math import atan, radians
+from math import radians
 
 import numpy as np
 import viser
@@ -15,8 +15,7 @@ from web.lap_timing import LapTiming
 
 FREE, CHASE, TOP, FPV = MODES = ("free", "chase", "top", "FPV")
 FOV, NEAR = 0.9, 0.01  # vertical [rad]; nothing nearer is drawn [m]
-# a racing drone's camera, that of the AI Grand Prix: 360 rows at a focal length of 320 pixels, tilted up
-DRONE_FOV, DRONE_TILT = 2 * atan(180 / 320), radians(20.0)
+DRONE_FOV, DRONE_TILT = radians(100.0), radians(45.0)  # of the drone's camera: wide, tilted up, as pilots have it
 PHONE = 0.6  # width over height: on a narrower canvas the panels are taken to be a sheet at the bottom, as on a phone
 HUD, SHEET = 0.2, 0.5  # shares of the canvas's height that the head-up display and the sheet take
 MARGIN = 0.04  # of the free part, on each side

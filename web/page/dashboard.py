@@ -101,7 +101,7 @@ class Dashboard:
         top.dock_right()
         top.set_width(430)
         below.dock_below(top)
-        head.float(x=12, y=12, width=545)
+        head.float(x=10, y=12, width=480)
         head.expand()  # on a phone it is a part of the sheet, folded by itself
 
     def _run(self) -> None:

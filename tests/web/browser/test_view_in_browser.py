@@ -1,0 +1,161 @@
+"""Claims about what is seen, in a real browser, of two stored flights: one finishes, one hits a gate."""
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from browser_cases import SLOW, dashboard, press, seen, waited
+from matplotlib.image import imread
+from web_cases import Glider, Gliders, choices
+
+from quadsim.palette import STYLES
+from quadsim.race.events import Event
+from quadsim.record.archive import RunFolder
+from quadsim.record.run import Run
+from web.competitor import stored_competitor
+from web.race import Race
+
+PALE = (226, 209, 73)  # how an orange of (230, 159, 0) looks where it is sent as it is
+CONTRAST = """least => {
+  const light = c => c.map(v => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0);
+  const parsed = s => { const n = s.match(/[\\d.]+/g).map(Number); return n.length > 3 ? n : [...n, 1] };
+  const over = (a, b) => [0, 1, 2].map(k => a[k] * a[3] + b[k] * (1 - a[3]));
+  const poor = [], texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  let count = 0;
+  while (texts.nextNode()) {
+    const e = texts.currentNode.parentElement, words = texts.currentNode.textContent.trim();
+    const drawn = e.checkVisibility({opacityProperty: true, visibilityProperty: true});
+    const live = !e.closest("style, script, :disabled, [data-disabled]");
+    if (!words || !drawn || !live || !e.getBoundingClientRect().width) continue;
+    const grounds = [];
+    let opacity = 1, ground = [20, 20, 20];
+    for (let n = e; n; n = n.parentElement) {
+      grounds.unshift(parsed(getComputedStyle(n).backgroundColor));
+      opacity *= getComputedStyle(n).opacity;
+    }
+    for (const g of grounds) ground = over(g, ground);
+    const ink = parsed(getComputedStyle(e)[e.namespaceURI.includes("svg") ? "fill" : "color"]);
+    const pair = [light(over([...ink.slice(0, 3), ink[3] * opacity], ground)), light(ground)].sort((a, b) => b - a);
+    count += 1;
+    if ((pair[0] + 0.05) / (pair[1] + 0.05) < least) poor.push(words);
+  }
+  return [count, poor];
+}"""  # how many texts, and those with less contrast to their ground (WCAG 2.1, 1.4.3: inactive controls are exempt)
+
+
+@pytest.fixture(scope="module")
+def race(tmp_path_factory):
+    """A page on a replay at its end."""
+    root = tmp_path_factory.mktemp("runs")
+    for sampler in ("colored", "gaussian"):
+        flight = Glider(choices(sampler))
+        *frames, last = flight.frames
+        if sampler == "gaussian":
+            hit = Event(last.t, "hit", 4, 1, (0.0, 0.0), 9.0, (1.0, 2.0, 3.0))
+            last = replace(last, outcome="crashed", events=(hit,))
+            frames = [f for f in frames if f.t < 0.8 * last.t]
+            last = replace(last, t=frames[-1].t + 0.01, passed=frames[-1].passed)
+            last = replace(last, events=(replace(hit, t=last.t),))
+        with RunFolder.open(root, flight.spec) as folder:
+            folder.save(Run.from_frames(flight.spec, [*frames, last]))
+    with dashboard(root, Gliders()) as session:
+        session.tell(Race.start, [], sorted(root.iterdir()))
+        session.tell(Race.play, False)
+        session.tell(Race.scrub, 99.0)
+        yield session
+
+
+@pytest.fixture(scope="module")
+def page(browser, race):
+    page = browser.new_page(viewport={"width": 1200, "height": 800})
+    page.said = []
+    page.on("console", lambda m: page.said.append(m.text) if m.type == "error" else None)
+    page.set_default_timeout(SLOW)
+    page.goto(race.address)
+    page.get_by_text("Playback").first.wait_for()
+    assert waited(page, lambda: scene(page, "/impacts") is not None)
+    yield page
+    page.close()
+
+
+def scene(page, name):
+    """Whether a node of the scene is drawn; None: there is none."""
+    return page.evaluate("name => window.__viserMutable?.nodeRefFromName[name]?.visible ?? null", name)
+
+
+def pixels(page):
+    """Of the view, between the panels.  (n, 3)"""
+    image = imread(io.BytesIO(page.screenshot(timeout=SLOW)))
+    return 255 * image[220:620, 300:750, :3].reshape(-1, 3)
+
+
+def near(found, colour, most=14):
+    return int((abs(found - np.array(colour)).max(axis=1) < most).sum())
+
+
+def test_how_each_flight_ended_stays_on_the_page(page, race):
+    finished, crashed = (stored_competitor(e.folder) for e in race.snapshot.competitors)
+    if finished.outcome == "crashed":
+        finished, crashed = crashed, finished
+    seen(page, f"FINISHED {sum(finished.laps):.3f} s")
+    seen(page, "CRASHED at gate 4, lap 1")
+    seen(page, "DNF")
+    assert scene(page, "/impacts") is True
+    race.tell(Race.scrub, 0.2)
+    assert waited(page, lambda: scene(page, "/impacts") is False)
+    assert page.get_by_text("CRASHED").count() == 0
+    race.tell(Race.scrub, 99.0)
+    seen(page, "CRASHED at gate 4, lap 1")
+
+
+def test_paths_have_the_colours_of_the_legend(page):
+    """(230, 159, 0) came out as (226, 209, 73), in a view where lines are many pixels wide."""
+    orange = (*STYLES["colored"].rgb[:2], 32)  # as near as the renderer can come: some blue is left
+    press(page, "chase")
+    assert waited(page, lambda: near(pixels(page), orange) > 100, 2)
+    assert near(pixels(page), PALE, 6) < 20
+    press(page, "free")
+
+
+def test_all_text_can_be_read(page):
+    for tab in ("Laps", "Events", "Planner", "Spectrum", "Timing"):
+        page.get_by_role("tab", name=tab).click()
+        count, poor = page.evaluate(CONTRAST, 4.5)
+        assert count > 40
+        assert poor == []
+
+
+def test_the_pointer_over_a_chart_shows_the_values_there(page, race):
+    page.get_by_role("tab", name="Signals").click()
+    chart = page.locator(".u-over").first
+    chart.wait_for()
+    chart.hover()
+    thrust = page.locator(".u-series", has_text="colored delivered").locator(".u-value").first
+    assert waited(page, lambda: thrust.inner_text() == "9.81", 10), thrust.inner_text()
+
+
+def test_each_visitor_has_a_camera_and_fpv_is_the_drones(page, race, browser):
+    other = browser.new_page(viewport={"width": 390, "height": 844})
+    other.set_default_timeout(SLOW)
+    other.goto(race.address)
+    clients = race.server.get_clients
+    assert waited(other, lambda: len(clients()) == 2)
+    other.get_by_text("Playback").first.wait_for()
+    first, second = (clients()[number].camera for number in sorted(clients()))
+    before, p = first.position.copy(), race.snapshot.competitors[0].rows(("px", "py", "pz"), -1)
+    press(other, "FPV")
+    assert waited(other, lambda: np.allclose(second.position, p, atol=0.01), 10)
+    assert np.allclose(first.position, before)
+    press(other, "top")
+    assert waited(other, lambda: second.position[2] > 10.0, 10)
+    hud = other.locator(".hud").bounding_box()
+    assert (hud["x"], hud["y"], hud["width"]) == (0, 0, 390)  # first on a phone
+    sheet = other.get_by_text("Playback").first.bounding_box()
+    assert sheet["y"] > hud["height"]
+    other.close()
+
+
+def test_the_browser_has_nothing_to_complain_about(page):
+    assert page.said == []
