@@ -131,7 +131,7 @@ def test_the_pointer_over_a_chart_shows_the_values_there(page, race):
     page.get_by_role("tab", name="Signals").click()
     chart = page.locator(".u-over").first
     chart.wait_for()
-    chart.hover()
+    chart.hover(position={"x": 20, "y": 30})
     thrust = page.locator(".u-series", has_text="colored delivered").locator(".u-value").first
     assert waited(page, lambda: thrust.inner_text() == "9.81", 10), thrust.inner_text()
 
