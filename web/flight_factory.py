@@ -16,7 +16,9 @@ from quadsim.race.build import build, planner_of
 from quadsim.race.events import Frame
 from quadsim.race.flight import simulate
 from quadsim.race.own_parts import plain
+from quadsim.race.settings import Setting, settings_of
 from quadsim.race.spec import Spec
+from quadsim.race.systems import SYSTEMS
 
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories
@@ -71,12 +73,20 @@ class Choices:
     seed: int = 0
     laps: int = 0  # 0: the course's
     numbers: Mapping[str, float] = field(default_factory=dict)  # of RANGES, where they are not the preset's
+    settings: Mapping[str, Any] = field(default_factory=dict)  # any others, as of quadsim.fly
 
 
 class FlightFactory:
     def numbers(self, preset: str, sampler: str) -> dict[str, float]:
         """The preset's own of RANGES."""
         return numbers_of(plain(presets.preset(preset, sampler)))
+
+    def settings(self, preset: str, vehicle: str, sampler: str) -> dict[str, Setting]:
+        """Every other number of the planner and its model of the vehicle, by name."""
+        entry = SYSTEMS["quadrotor"]
+        model = entry.model_of(entry.load_vehicle(vehicle))
+        found = settings_of(entry, presets.preset(preset, sampler), model)
+        return {name: s for name, s in found.items() if s.group != "flight" and name not in RANGES}
 
     def flight(self, choices: Choices) -> Flight:
         """Raises ValueError with one line for choices that cannot be flown."""
@@ -87,7 +97,7 @@ class Flight:
     """One live flight, to be used by one thread."""
 
     def __init__(self, c: Choices):
-        settings = {"sampler": c.sampler, "preset": c.preset, "vehicle": c.vehicle, "seed": c.seed}
+        settings = {"sampler": c.sampler, "preset": c.preset, "vehicle": c.vehicle, "seed": c.seed, **c.settings}
         spec = Spec.of(c.course, **settings, laps=c.laps or None)
         self._preset = spec.planner  # whose standard deviations the page's factor multiplies
         self._spec = spec

@@ -31,6 +31,7 @@ class Snapshot:
     competitors: tuple[Competitor, ...] = ()
     race: int = 0  # counts the races: for another number, another scene
     notices: tuple[Notice, ...] = ()
+    compiling: bool = False  # what flies has no first plan yet, as its planner is being compiled
 
     @property
     def next_event(self) -> float | None:
@@ -145,6 +146,7 @@ class Race:
             competitors=named(self._competitors),
             race=self._count,
             notices=self.notices.recent,
+            compiling=any(e.now.outcome is None and not len(e.now.t) and not e.flight.is_cached for e in self._live),
         )
 
     def _begin(self) -> None:

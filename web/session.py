@@ -6,9 +6,12 @@ import queue
 import threading
 import traceback
 from collections.abc import Callable
-from functools import partial
+from datetime import datetime
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from quadsim.record.archive import list_runs
 from quadsim.record.run import RunError
@@ -36,9 +39,15 @@ class Session:
         """Whether the sampled trajectories are needed: they cost 0.3 ms now and then."""
         self._race.show_trajectories = on
 
-    def runs(self) -> list[Path]:
-        """Stored runs, the latest first."""
-        return list_runs(self._root)[::-1]
+    def titled_runs(self, most: int) -> dict[str, Path]:
+        """Stored runs by what to call them, the latest first: "16:15 split_s_swift colored 16.378 s"."""
+        found: dict[str, Path] = {}
+        for path in list_runs(self._root)[: -most - 1 : -1]:
+            when, what = _flown_at(path), _flown(path)
+            day = "%H:%M" if when.date() == datetime.now().date() else "%d %b %H:%M"
+            titles = (f"{when.strftime(clock)} {what}" for clock in (day, f"{day}:%S"))
+            found[next((title for title in titles if title not in found), path.name)] = path
+        return found
 
     def close(self) -> None:
         """End every flight, store what has passed a gate, end the thread."""
@@ -71,3 +80,35 @@ class Session:
 
     def _end(self) -> None:
         self._closing = True
+
+
+class _Chosen(msgspec.Struct):
+    course: str
+    sampler: str
+
+
+class _Ended(msgspec.Struct):
+    """What a title needs of a run.json."""
+
+    outcome: str
+    laps: list[float]
+    spec: _Chosen
+
+
+@cache
+def _flown(path: Path) -> str:
+    """Course, sampler and time or outcome; the folder's name where they cannot be read."""
+    try:
+        run = msgspec.json.decode((path / "run.json").read_bytes(), type=_Ended)
+    except (OSError, msgspec.DecodeError):
+        return path.name
+    ended = f"{sum(run.laps):.3f} s" if run.outcome == "finished" else f"{run.outcome}, lap {len(run.laps) + 1}"
+    return f"{run.spec.course} {run.spec.sampler} {ended}"
+
+
+def _flown_at(path: Path) -> datetime:
+    """In local time: from its name, or else when it was written."""
+    try:
+        return datetime.strptime(path.name.partition("_")[0] + "+0000", "%Y%m%dT%H%M%SZ%z").astimezone()
+    except ValueError:
+        return datetime.fromtimestamp(path.stat().st_mtime if path.exists() else 0.0).astimezone()

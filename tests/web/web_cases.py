@@ -9,7 +9,7 @@ import numpy as np
 from controllers.plan import PlannerSnapshot
 from quadsim.course import load_course
 from quadsim.race.events import Event, Frame
-from web.flight_factory import Choices, numbers_of
+from web.flight_factory import Choices, FlightFactory, numbers_of
 
 PERIOD = 0.01  # [s]
 COURSE = "figure8"
@@ -22,7 +22,7 @@ class Glider:
     """A flight: straight from gate to gate."""
 
     def __init__(self, choices: Choices, outcome: str = "finished"):
-        self.course, self.period = load_course(choices.course), PERIOD
+        self.choices, self.course, self.period = choices, load_course(choices.course), PERIOD
         self.laps = choices.laps or 1
         self.spec = {
             "course": self.course.name,
@@ -80,7 +80,7 @@ def _snapshot(k: int) -> PlannerSnapshot:
     return PlannerSnapshot(np.full((8, 16, 3), float(k)), {"progress": float(k), "crash": 0.0, "waypoint": -0.5})
 
 
-class Gliders:
+class Gliders(FlightFactory):
     """A flight factory of gliders."""
 
     def __init__(self):

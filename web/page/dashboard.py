@@ -10,6 +10,7 @@ from typing import Any
 
 import viser
 
+from quadsim.course import Course
 from web.flight_factory import Choices, FlightFactory
 from web.lap_timing import LapTiming, lap_timings
 from web.page.camera import Camera
@@ -21,7 +22,7 @@ from web.page.laps import chatter, laps
 from web.page.messages import VISITORS
 from web.page.panels import PlaybackPanel, ViewPanel, add_visitors
 from web.page.race_panel import Menu, RacePanel
-from web.page.race_scene import RaceScene
+from web.page.race_scene import RaceScene, preview
 from web.page.sampler_panel import SamplerPanel
 from web.page.timing import events, hud, planner, tower
 from web.race import Snapshot
@@ -49,9 +50,7 @@ class RaceView:
     """What is built for one race: its scene, map and charts."""
 
     def __init__(self, server: viser.ViserServer, s: Snapshot, tabs: Tabs, true_size: bool):
-        server.scene.reset()
-        remove_charts(tabs)
-        forget_removed(server)
+        clear(server, tabs)
         self.race = s.race
         self.scene = RaceScene(server.scene, s.competitors, true_size)
         self.map = Map(s.competitors[0].course)
@@ -64,6 +63,7 @@ class Dashboard:
     ):
         self._server, self._session = server, session
         self._view: RaceView | None = None
+        self._previewed: Course | None = None
         self._notice = 0  # number of the last that was shown
         self._scene_due, self._tables_due, self._slow_due = Due(0.0), Due(TABLES), Due(SLOW)
         self._controls_due, self._runs_due = Due(TABLES), Due(SLOW)
@@ -141,7 +141,13 @@ class Dashboard:
         self._notify(s)
 
     def _view_of(self, s: Snapshot, timings: list[LapTiming]) -> RaceView | None:
-        """None until every competitor of the race has a frame."""
+        """None until every competitor of the race has a frame, and while another course is chosen than was flown."""
+        course = None if s.flying else self.race.preview()
+        if course and not any(e.course.text == course.text for e in s.competitors):
+            if course is not self._previewed:
+                self._preview(course)
+            return None
+        self._previewed = None
         if self._view is not None and self._view.race == s.race:
             return self._view
         if not timings or len(timings) != len(s.competitors):
@@ -149,6 +155,13 @@ class Dashboard:
         self._view = RaceView(self._server, s, self._tabs, self._options.true_size.value)
         self._camera.show(s.competitors[0].course, self._view.scene.drone_size)
         return self._view
+
+    def _preview(self, course: Course) -> None:
+        """The course that START will fly."""
+        clear(self._server, self._tabs)
+        self._view, self._previewed = None, course
+        self._camera.show(course, preview(self._server.scene, course))
+        self._tables["Timing"].content = Map(course).draw([])
 
     def _update_tables(self, s: Snapshot, timings: list[LapTiming], view: RaceView | None) -> None:
         self._tables["HUD"].content = hud(s, timings)
@@ -164,6 +177,13 @@ class Dashboard:
             self._notice = notice.number
             for client in self._server.get_clients().values():
                 client.add_notification(notice.title, notice.text, auto_close_seconds=6.0, color=COLOURS[notice.kind])
+
+
+def clear(server: viser.ViserServer, tabs: Tabs) -> None:
+    """Remove the scene and the charts."""
+    server.scene.reset()
+    remove_charts(tabs)
+    forget_removed(server)
 
 
 def forget_removed(server: viser.ViserServer) -> None:

@@ -37,11 +37,13 @@ POLICY = (
     "connect-src 'self' data:; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; font-src 'self' data:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
+OURS = Path(__file__).with_name("page.js")
 PAGE_CHANGES = {  # of viser's page
     "<title>Viser</title>": "<title>race</title>",
     "<script data-p=": '<script nonce="NONCE" data-p=',
     "const d=document.currentScript.dataset;": "const {dataset:d,nonce:pass}=document.currentScript;",
     'e.type="module";': 'e.type="module";e.nonce=pass;',
+    "</head>": f'<script nonce="NONCE">{OURS.read_text(encoding="utf-8")}</script></head>',
 }
 Check = Callable[[ServerConnection, Request], Response | None]  # None: the request may pass; or what ends it
 _patching = threading.Lock()

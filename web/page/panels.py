@@ -17,7 +17,7 @@ from web.race import Race, Snapshot
 from web.session import Session
 
 HOLD = 0.4  # [s] after the time slider was moved by hand, before it follows the race again
-SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
+SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")  # race seconds a second
 TIME, PLACE = "by time", "by place"
 AUTO, SPEED, SAMPLER = "auto", "speed", "sampler"
 
@@ -33,7 +33,7 @@ class PlaybackPanel:
             self.buttons = gui.add_button_group("", ("<", "pause", ">"))
             self.event = gui.add_button("Next event", icon=viser.Icon.PLAYER_SKIP_FORWARD, color="gray", disabled=True)
             self.restart = gui.add_button("Restart", icon=viser.Icon.REPEAT, color="gray")
-            self.speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
+            self.speed = gui.add_dropdown("Speed [x real time]", SPEEDS, initial_value="1")
         commands: dict[str, tuple] = {"<": (Race.step, -1), ">": (Race.step, 1)}
         commands |= {"pause": (Race.play, False), "play": (Race.play, True)}
         self.buttons.on_click(lambda e: session.tell(*commands[e.target.value]))

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import viser
 
+from quadsim.course import Course, load_course
+from quadsim.files.strict_yaml import FileError
 from web.flight_factory import Choices
 from web.page.messages import Visitors
 from web.race import Race, Snapshot
@@ -16,6 +20,7 @@ from web.session import Session
 LIVE, GHOSTS, AGAINST, REPLAY = MODES = ("live", "live: two samplers", "live against a run", "replay")
 NONE: str = "none"
 RUNS = 200  # latest that are offered
+LAPS = (1, 2, 3, 5, 10, 20, 50, 100)
 
 
 @dataclass(frozen=True)
@@ -30,9 +35,12 @@ class Menu:
 
 class RacePanel:
     def __init__(self, gui: viser.GuiApi, session: Session, menu: Menu, first: Choices, visitors: Visitors):
-        """`numbers` is to be replaced by what asks the sliders."""
+        """`numbers` and `settings` are to be replaced by what asks the controls of the planner."""
         self._session, self._menu, self._visitors = session, menu, visitors
         self.numbers: Callable[[], dict[str, float]] = dict  # that are not the preset's
+        self.settings: Callable[[str], dict[str, Any]] = lambda _: {}  # the same, for a sampler
+        self._loaded: tuple[str, Course | None] = "", None
+        self._paths: dict[str, Path] = {}  # of the stored runs, by title
         with gui.add_folder("Race"):
             self.mode = gui.add_dropdown("Mode", MODES, initial_value=LIVE)
             self.course = gui.add_dropdown("Course", menu.courses, initial_value=first.course)
@@ -41,7 +49,8 @@ class RacePanel:
             self.sampler = gui.add_dropdown("Sampler", menu.samplers, initial_value=first.sampler)
             self.second = gui.add_dropdown("Second sampler", menu.samplers, initial_value="gaussian")
             self.seed = gui.add_number("Seed", first.seed, min=0, max=10**9, step=1)
-            self.laps = gui.add_number("Laps", first.laps, min=0, max=100, step=1, hint="0: as many as the course says")
+            options = (self._own_laps(), *map(str, sorted({*LAPS, first.laps} - {0})))
+            self.laps = gui.add_dropdown("Laps", options, initial_value=str(first.laps) if first.laps else options[0])
             self.run = gui.add_dropdown("Run", (NONE,), initial_value=NONE)
             self.second_run = gui.add_dropdown("Second run", (NONE,), initial_value=NONE)
             self.start = gui.add_button("START", icon=viser.Icon.FLAG, color="orange")
@@ -57,13 +66,15 @@ class RacePanel:
     def show_replay(self, runs: Sequence[Path]) -> None:
         """These are being replayed."""
         self.mode.value = REPLAY
+        titles = {path: title for title, path in self._paths.items()}
         for control, path in zip((self.run, self.second_run), runs, strict=False):
-            if path.name in control.options:
-                control.value = path.name
+            if path in titles:
+                control.value = titles[path]
 
     def refresh(self) -> None:
-        """List the stored runs. Names only; a run is read when it is started."""
-        options = (NONE, *(path.name for path in self._session.runs()[:RUNS]))
+        """List the stored runs, the latest first."""
+        self._paths = self._session.titled_runs(RUNS)
+        options = (NONE, *self._paths)
         for control in (self.run, self.second_run):
             if control.options != options:
                 control.options = options  # a run that is gone becomes NONE
@@ -72,6 +83,23 @@ class RacePanel:
 
     def update(self, s: Snapshot) -> None:
         self.stop.disabled = not s.flying
+        self.laps.options = (self._own_laps(), *self.laps.options[1:])
+
+    def preview(self) -> Course | None:
+        """The course that START will fly, None where a stored run is shown instead."""
+        return None if self.mode.value == REPLAY else self._course()
+
+    def _course(self) -> Course | None:
+        """As it was when it was chosen; None: its file cannot be read, START will say why."""
+        if self._loaded[0] != self.course.value:
+            self._loaded = self.course.value, None
+            with suppress(FileError):
+                self._loaded = self.course.value, load_course(self.course.value)
+        return self._loaded[1]
+
+    def _own_laps(self) -> str:
+        course = self._course()
+        return f"course ({course.laps})" if course else "course"
 
     def _show_controls(self) -> None:
         """Only those that the mode needs."""
@@ -97,8 +125,7 @@ class RacePanel:
         mode = self.mode.value
         names = {AGAINST: [self.run.value], REPLAY: [self.run.value, self.second_run.value]}.get(mode, [])
         samplers = {REPLAY: [], GHOSTS: [self.sampler.value, self.second.value]}.get(mode, [self.sampler.value])
-        stored = {path.name: path for path in self._session.runs()} if names else {}
-        runs = [stored[name] for name in names if name in stored]
+        runs = [self._paths[name] for name in names if name in self._paths]
         self._session.tell(Race.start, [self._choices(sampler) for sampler in samplers], runs)
 
     def _choices(self, sampler: str) -> Choices:
@@ -108,8 +135,9 @@ class RacePanel:
             preset=self.preset.value,
             sampler=sampler,
             seed=int(self.seed.value),
-            laps=int(self.laps.value),
+            laps=int(self.laps.value) if self.laps.value.isdigit() else 0,
             numbers=self.numbers(),
+            settings=self.settings(sampler),
         )
 
     def _choose_vehicle(self) -> None:
@@ -117,6 +145,7 @@ class RacePanel:
 
     def _choose_course(self) -> None:
         """A live flight beside a stored run flies the run's course, which its name contains."""
-        found = [c for c in self.course.options if f"_{c}_" in self.run.value]
+        path = self._paths.get(self.run.value)
+        found = [c for c in self.course.options if path and f"_{c}_" in path.name]
         if self.mode.value == AGAINST and found:
             self.course.value = max(found, key=len)

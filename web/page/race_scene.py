@@ -51,6 +51,13 @@ class RaceScene:
             self._trajectories.show(stored[1].best if trajectories and stored else None)
 
 
+def preview(scene: viser.SceneApi, course: Course) -> float:
+    """A course without a race; -> the size that drones will have [m]."""
+    add_lights(scene)
+    CourseView(scene, course)
+    return SPAN * visible_scale(course)
+
+
 def visible_scale(course: Course) -> float:
     """Factor on the size of the drones, to be seen where the whole course is in view."""
     wanted = np.clip(np.linalg.norm(np.ptp(course.points(frames=False), axis=0)) / 8.0, 2.0, 8.0)

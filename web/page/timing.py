@@ -22,8 +22,10 @@ def hud(s: Snapshot, timings: list[LapTiming]) -> str:
     """Of the first competitor: lap, its time, next gate, speed, gap; below, what the race is doing, the results and
     the time line.
     """
-    if not timings:
-        return head_up(f'<div style="text-align:center;color:{DIM}">Choose a race and press START</div>')
+    if s.compiling or not timings:
+        words = "Compiling the planner for this machine: once, it takes some 20 s"
+        words = words if s.compiling else "Choose a race and press START"
+        return head_up(f'<div style="text-align:center;color:{DIM}">{words}</div>')
     first, entry = timings[0], timings[0].entry
     gate = f"G{first.gate}/{entry.legs.gates}" if first.gate else "FINISH"
     lap, speed = f"LAP {first.lap}/{entry.spec['laps']}", f"{entry.speed(first.i):.1f} m/s"
@@ -36,6 +38,10 @@ def hud(s: Snapshot, timings: list[LapTiming]) -> str:
     results = "".join(_result(one, len(timings) > 1) for one in timings if one.over)
     line = timeline(s.competitors, s.t, s.end)
     return head_up(f'<div class="numbers" style="{look}">{spans}</div>', results, _state(s, first), line)
+
+
+def _remark(words: str) -> str:
+    return box(f'<div style="text-align:center;color:{DIM}">{words}</div>')
 
 
 def _result(s: LapTiming, named: bool) -> str:

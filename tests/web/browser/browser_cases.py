@@ -61,6 +61,18 @@ def waited(page, claim, seconds=90):
     return False
 
 
+def listen(page):
+    """Collect what the page complains of, in page.complaints: errors and warnings of its console, errors of scripts."""
+    page.complaints = complaints = []
+
+    def heard(message):
+        if message.type in ("error", "warning") and not message.text.startswith("[.WebGL"):  # of the renderer
+            complaints.append(message.text)
+
+    page.on("console", heard)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+
+
 def drone(page, k=0):
     """Where the page draws a drone [m]."""
     script = """name => { const n = window.__viserMutable?.nodeRefFromName[name];

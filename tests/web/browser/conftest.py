@@ -8,7 +8,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from browser_cases import SLOW, dashboard
+from browser_cases import SLOW, dashboard, listen
 
 from web.flight_factory import FlightFactory
 
@@ -45,6 +45,7 @@ def page(browser, session):
     """A visitor's page, opened."""
     page = browser.new_page(viewport={"width": 1200, "height": 800}, accept_downloads=True)
     page.set_default_timeout(SLOW)
+    listen(page)
     page.goto(session.address)
     page.get_by_role("button", name="START", exact=True).wait_for()
     yield page

@@ -55,7 +55,8 @@ def test_a_scrubbed_replay_shows_the_drone_where_the_telemetry_says(page, sessio
     folder = next(f for f in list_runs(root) if "colored" in f.name)
     x = load_run(folder).telemetry
     choose(page, "Mode", "replay")
-    choose(page, "Run", folder.name)
+    titles = {path: title for title, path in session.titled_runs(9).items()}
+    choose(page, "Run", titles[folder])
     page.get_by_role("button", name="REPLAY", exact=True).click()
     assert waited(page, lambda: session.snapshot.competitors and not session.snapshot.competitors[0].live)
     session.tell(Race.play, False)  # a slider that moves by itself cannot be typed into
@@ -88,3 +89,8 @@ def test_the_exported_page_plays_without_a_network(browser, page, session, flown
     assert waited(offline, moves, 60)
     assert offline.get_by_text("splits by gate").count() == 1
     context.close()
+
+
+def test_the_console_holds_no_error_and_no_warning(page, flown):
+    """After all of the above: live, two samplers, a replay, an export."""
+    assert page.complaints == []

@@ -1,0 +1,98 @@
+"""Claims that the page can be used by its names and keys, and says when it is cut off, over flights without physics."""
+
+import pytest
+from browser_cases import dashboard, press, waited
+from web_cases import COURSE, Gliders
+
+from web.race import Race
+
+UNNAMED = """() => [...document.querySelectorAll(
+    "input:not([type=hidden]), textarea, button, canvas, [role=slider], [role=button]")]
+    .filter(e => e.offsetParent && e.ariaHidden !== "true" && !e.labels?.length)
+    .filter(e => !e.getAttribute("aria-label")?.trim() && !e.innerText?.trim())
+    .map(e => e.outerHTML.slice(0, 200))"""
+
+
+@pytest.fixture(scope="module")
+def session(root):
+    with dashboard(root, Gliders(), course=COURSE, laps=40) as session:
+        yield session
+
+
+def focused(page):
+    return page.evaluate("document.activeElement.innerText || document.activeElement.getAttribute('aria-label') || ''")
+
+
+def tab_to(page, name):
+    for _ in range(80):
+        if focused(page).strip() == name:
+            return True
+        page.keyboard.press("Tab")
+    return False
+
+
+def test_every_control_that_can_be_seen_has_a_name(page):
+    assert page.title() == "race"
+    page.get_by_text("Export", exact=True).click()
+    assert waited(page, lambda: page.evaluate(UNNAMED) == [], 10), page.evaluate(UNNAMED)
+    assert page.get_by_label("Samples", exact=True).count() >= 1
+    page.get_by_text("Export", exact=True).click()
+
+
+def test_a_flight_is_started_paused_and_stopped_with_the_keyboard(page, session):
+    page.keyboard.press("s")
+    assert waited(page, lambda: session.snapshot.flying and session.snapshot.t > 0.1, 20)
+    page.keyboard.press("Space")
+    assert waited(page, lambda: not session.snapshot.playing)
+    assert session.snapshot.flying
+    t = session.snapshot.t
+    page.keyboard.press("b")
+    assert waited(page, lambda: session.snapshot.t < t)
+    page.keyboard.press("x")
+    assert waited(page, lambda: not session.snapshot.flying)
+
+
+def test_after_a_click_on_start_the_space_bar_pauses(page, session):
+    race = session.snapshot.race
+    press(page, "START")
+    assert waited(page, lambda: session.snapshot.race == race + 1 and session.snapshot.t > 0.1, 20)
+    page.keyboard.press("Space")
+    assert waited(page, lambda: not session.snapshot.playing)
+    page.wait_for_timeout(300)
+    assert session.snapshot.flying
+    assert session.snapshot.race == race + 1
+    session.tell(Race.end_flights)
+
+
+def test_a_button_that_has_the_focus_is_pressed_by_the_space_bar_alone(page, session):
+    assert tab_to(page, "START")
+    race = session.snapshot.race
+    page.keyboard.press("Space")
+    assert waited(page, lambda: session.snapshot.race == race + 1, 20)
+    page.wait_for_timeout(500)
+    assert session.snapshot.playing  # and not paused by the same key
+    session.tell(Race.end_flights)
+
+
+def test_a_folder_opens_with_the_keyboard(page):
+    folder = page.get_by_role("button", name="Export", exact=True)
+    opened = folder.get_attribute("aria-expanded")
+    assert tab_to(page, "Export")
+    page.keyboard.press("Enter")
+    assert waited(page, lambda: folder.get_attribute("aria-expanded") != opened, 20)
+
+
+def test_a_lost_connection_is_said_in_words_until_it_is_back(page, session):
+    said = page.get_by_role("status").filter(has_text="Disconnected")
+    assert said.count() == 0
+    page.context.set_offline(True)  # keeps it from coming back
+    session.server._websock_server.disconnect_all_clients()
+    said.first.wait_for()
+    assert "disconnected" in page.title()
+    page.context.set_offline(False)
+    assert waited(page, lambda: said.count() == 0 and page.title() == "race", 30)
+
+
+def test_the_console_holds_no_error_and_no_warning(page):
+    cut = ("WebSocket", "ERR_INTERNET_DISCONNECTED")  # as the test above did to it
+    assert [words for words in page.complaints if not any(word in words for word in cut)] == []

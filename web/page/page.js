@@ -1,0 +1,89 @@
+// Written into viser's page before its own script: what that leaves without a name or without words.
+(() => {
+  // viser starts a sorter for Gaussian splats, of which this page has none: it needs eval, which the policy forbids.
+  addEventListener("unhandledrejection", (event) => event.reason instanceof EvalError && event.preventDefault());
+  // Of three.js to viser, and of viser to itself where a chart was removed while its last curve was on the way.
+  const unimportant = /^(THREE\.Clock: |Tried to update non-existent component)/;
+  for (const kind of ["warn", "error"]) {
+    const say = console[kind];
+    console[kind] = (...words) => unimportant.test(words[0]) || say(...words);
+  }
+
+  const lost = "Disconnected: this is the last that arrived. The page connects again by itself while it has the focus.";
+  const status = document.createElement("div");
+  status.setAttribute("role", "status");
+  status.style.cssText =
+    "position:fixed;left:50%;bottom:16px;transform:translateX(-50%);z-index:10000;padding:8px 16px;border-radius:6px;" +
+    "background:#b3261e;color:#fff;font:600 15px sans-serif;display:none";
+
+  function connected(on) {
+    status.style.display = on ? "none" : "block";
+    status.textContent = on ? "" : lost;
+    document.title = on ? "race" : "race (disconnected)";
+  }
+
+  // The connection lives in viser's worker, which reports its state.
+  window.Worker = class extends Worker {
+    constructor(...where) {
+      super(...where);
+      this.addEventListener("message", ({ data }) => {
+        if (data?.type === "connected" || data?.type === "closed") connected(data.type === "connected");
+      });
+    }
+  };
+
+  const icons = { "list-search": "Commands", adjustments: "Connection", "adjustments-off": "Controls", "arrow-back": "Back" };
+
+  function nameControls() {
+    for (const label of document.querySelectorAll("label[for]")) {
+      const row = label.closest("[class*=Flex-root]");
+      for (const control of row ? row.querySelectorAll("input:not([type=hidden]), [role=slider]") : []) {
+        if (!control.labels?.length) control.setAttribute("aria-label", label.textContent);
+      }
+    }
+    for (const [icon, name] of Object.entries(icons)) {
+      document.querySelectorAll(`button > .tabler-icon-${icon}, button .tabler-icon-${icon}`).forEach((svg) => {
+        svg.closest("button").setAttribute("aria-label", name);
+      });
+    }
+    document.querySelectorAll("button[class*=CloseButton]").forEach((close) => close.setAttribute("aria-label", "Close"));
+    for (const input of document.querySelectorAll("input[value^='ws']")) input.setAttribute("aria-label", "Server");
+    for (const arrow of document.querySelectorAll(".tabler-icon-chevron-up, .tabler-icon-chevron-down")) {
+      const title = arrow.parentElement; // of a folder
+      if (title.tagName !== "DIV" || !title.textContent.trim()) continue;
+      title.setAttribute("aria-expanded", arrow.classList.contains("tabler-icon-chevron-up"));
+      if (title.tabIndex === 0) continue;
+      title.tabIndex = 0;
+      title.setAttribute("role", "button");
+      title.addEventListener("keydown", (event) => {
+        if (event.key === "Enter" || event.key === " ") {
+          event.preventDefault();
+          title.click();
+        }
+      });
+    }
+    document.querySelectorAll("canvas:not([aria-label])").forEach((canvas) => {
+      canvas.setAttribute("aria-label", "The course and the drones");
+    });
+  }
+
+  addEventListener("DOMContentLoaded", () => {
+    document.body.append(status);
+    // The space bar presses what has the focus; only elsewhere is it the key for pause.
+    document.body.addEventListener("keydown", (event) => {
+      const pressed = event.target.closest("button, [role=button], [role=tab], [role=option]");
+      if (pressed && event.key === " ") event.stopPropagation();
+    });
+    // Clicked with the mouse, a button keeps no focus: the space bar would press it again instead of pausing.
+    document.body.addEventListener("click", (event) => {
+      if (event.detail > 0) document.activeElement.closest("button, [role=button]")?.blur();
+    });
+    let due = 0;
+    new MutationObserver(() => {
+      due ||= setTimeout(() => {
+        due = 0;
+        nameControls();
+      }, 200);
+    }).observe(document.body, { childList: true, subtree: true });
+  });
+})();
