@@ -83,7 +83,8 @@ class RacePanel:
 
     def update(self, s: Snapshot) -> None:
         self.stop.disabled = not s.flying
-        self.laps.options = (self._own_laps(), *self.laps.options[1:])
+        if self.laps.options[0] != (own := self._own_laps()):  # viser sends options also where they stay
+            self.laps.options = (own, *self.laps.options[1:])
 
     def preview(self) -> Course | None:
         """The course that START will fly, None where a stored run is shown instead."""
