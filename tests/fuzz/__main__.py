@@ -61,6 +61,8 @@ def main() -> int:
         for kind, i, label, problem, took in pool.imap_unordered(_timed, places):
             ran[kind] += 1
             seconds[kind] += took
+            if ran.total() % 50 == 0:
+                print(f"{ran.total()} of {len(places)}", file=sys.stderr, flush=True)
             if problem:
                 failed[kind] += 1
                 print(f"FAILED {kind} --only {i} --seed {said.seed}: {problem}\n    {label[:300]}", flush=True)
