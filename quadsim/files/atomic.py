@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 from typing import BinaryIO
@@ -9,7 +10,12 @@ from uuid import uuid4
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Whole or not at all, and on the disk itself; several may write the same file at once. Raises OSError."""
+    """Whole or not at all, and on the disk itself; several may write the same file at once. Raises OSError.
+
+    What is there and is no file stays: a user with all rights would replace /dev/null itself.
+    """
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "expected a file or a new name, found a folder, a pipe or a device")
     temporary = path.with_name(f"{path.name[:40]}.{uuid4().hex}.tmp")
     try:
         with unnamed_file(path.parent) or temporary.open("xb") as file:

@@ -6,6 +6,7 @@ file, the same error from write(), without a file system of its own.
 
 from __future__ import annotations
 
+import os
 import random
 import shutil
 from functools import partial
@@ -27,7 +28,7 @@ def exports(rng: random.Random) -> Case:
     kind = rng.choice([*KINDS, "plot"])
     command = ("plot",) if kind == "plot" else ("export", kind)
     if rng.random() < 0.4:
-        out = rng.choice(("/dev/full", "/proc/x", "old", "runs", "no/such/folder/x", "old/x", *WORDS))
+        out = rng.choice(("pipe", "to-null", "/proc/x", "old", "runs", "no/such/folder/x", "old/x", *WORDS))
         return Case("exports", f"{command} to {out!r}", (*command, "--out", out), partial(_with_runs, True))
     size = rng.choice((0, 1, 512, 4096, rng.randrange(20_000)))
     return Case(
@@ -57,6 +58,8 @@ def _with_runs(older: bool, folder: Path) -> None:
     shutil.copytree(base().runs[0], folder / "runs" / base().runs[0].name)
     if older:
         (folder / "old").write_bytes(OLD)
+        os.mkfifo(folder / "pipe")
+        (folder / "to-null").symlink_to("/dev/null")
 
 
 def _with_campaign(folder: Path) -> None:
@@ -69,7 +72,7 @@ def _older_or_whole(folder: Path, said: Said) -> str:
         return ""
     if (folder / "old").read_bytes() != OLD:
         return "the older file is lost"
-    left = sorted(p.name for p in folder.iterdir() if p.name not in ("runs", "old", "figures"))
+    left = sorted(p.name for p in folder.iterdir() if p.name not in ("runs", "old", "figures", "pipe", "to-null"))
     left += [p.name for p in folder.glob("figures/*")]
     return f"left behind: {left}" if left else ""
 

@@ -13,7 +13,7 @@ from tests.fuzz.damage import WORDS
 from tests.fuzz.harness import Case
 
 TINY = {"--samples": "128", "--horizon": "20", "--iterations": "1", "--laps": "1", "--timeout": "0.1"}
-COURSES = ("paper_flat", "split_s_swift", "zigzag", "table2", "split_s_swfit", "", ".", "no.yaml", "/dev/null", "-")
+COURSES = ("paper_flat", "split_s_swift", "zigzag", "table2", "split_s_swfit", "", ".", "no.yaml", "-")
 GOOD = ("gaussian", "colored", "smooth", "race", "paper", "swift", "rigid", "wall", "0.5", "1 1 1 1", "quadrotor")
 LONG = {"--timeout", "--laps", "--seconds", "--trials", "--attempts", "--runs", "--samples", "--horizon"}
 NEEDS = {
