@@ -22,9 +22,8 @@ def wheel(tmp_path_factory):
 
 def test_the_wheel_holds_the_four_packages_and_nothing_else(wheel):
     names = {n for n in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in n}
-    files = (
-        p for package in PACKAGES for p in (ROOT / package).rglob("*") if p.suffix in (".py", ".yaml", ".typed", ".js")
-    )
+    kinds = (".py", ".yaml", ".typed", ".js", ".npz")
+    files = (p for package in PACKAGES for p in (ROOT / package).rglob("*") if p.suffix in kinds)
     assert names == {p.relative_to(ROOT).as_posix() for p in files}
     assert any(n.startswith("courses/") for n in names)
     assert any(n.startswith("quadsim/vehicle/") for n in names)

@@ -17,7 +17,7 @@ def flown(page, session, root):
     """A colored and a Gaussian flight, started from the page, and their runs."""
     choose(page, "Mode", "live: two samplers")
     fill(page, "Samples", 512)
-    choose(page, "Speed", "4")
+    choose(page, "Speed [x real time]", "4")
     page.get_by_role("button", name="START", exact=True).click()
     assert waited(page, lambda: session.snapshot.flying, 60)
     assert waited(page, lambda: session.snapshot.race and not session.snapshot.flying, 120)
