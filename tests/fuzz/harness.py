@@ -7,6 +7,7 @@ No traceback, no hang, only documented exit codes, one line of plain text for an
 from __future__ import annotations
 
 import fcntl
+import multiprocessing as mp
 import os
 import re
 import resource
@@ -117,6 +118,7 @@ def _child(case: Case, folder: Path, pipes: list[tuple[int, int]]) -> None:
     try:
         from quadsim.app.cli import main
 
+        mp.current_process()._config["daemon"] = False  # as a member of a pool it could start no workers
         os.setsid()
         os.chdir(folder)
         signal.signal(signal.SIGINT, signal.default_int_handler)

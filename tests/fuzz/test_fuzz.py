@@ -55,8 +55,7 @@ def test_a_command_that_fails_is_seen_from_outside(tmp_path):
 
 
 def test_the_first_cases_of_every_fuzzer_find_nothing():
-    kinds = [kind for kind in CASES if kind != "journals"]
-    command = [sys.executable, "-m", "tests.fuzz", *kinds, "--first", "2", "--jobs", "1"]
+    command = [sys.executable, "-m", "tests.fuzz", "--first", "2", "--jobs", "1"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert f"{2 * len(kinds)} cases     0 failed" in done.stdout
+    assert f"{2 * len(CASES)} cases     0 failed" in done.stdout
