@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import numpy as np
 from msgspec import Meta
 from rich.console import Console
 from rich.markup import escape
@@ -17,10 +19,12 @@ from quadsim.app.flags import Help, Json, RunsDir, Stored, Switch, UsageError, n
 from quadsim.app.fly import EXIT, uninterrupted
 from quadsim.course import load_course
 from quadsim.limit.solution import LIMITS, Limit, Race, dump
-from quadsim.race.events import flown_laps
+from quadsim.race.events import Frame, flown_laps
 from quadsim.race.referee import Referee
+from quadsim.race.spec import Spec
 from quadsim.race.systems import system_of_course
-from quadsim.record.archive import find_run, load_run, write_whole
+from quadsim.record.archive import RunFolder, find_run, load_run, write_whole
+from quadsim.record.run import Recorder, Run
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:
@@ -42,6 +46,7 @@ def limit(
     model: Annotated[Literal["rotors", "rates"], Help("four rotors, or the planner's model")] = "rotors",
     nodes: Annotated[int, Meta(ge=8, le=200), Help("on the way to a gate, in the mean")] = 20,
     start: Annotated[tuple[Stored, ...], Help("runs to start from too", consume_multiple=True)] = (),
+    known: Annotated[bool, Switch("no search: what is known, kept as a run to replay and to race on the page")] = False,
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
@@ -51,25 +56,44 @@ def limit(
     race limit split_s_swift
 
     race limit mine.yaml --vehicle kingfisher --laps 2 --start last
+
+    race limit split_s_swift --known, then race web last
     """
     race = _race(course, vehicle, thrust_to_weight, 1 if closed else laps, closed, model)
     flights, home = [_flight(race, name, runs_dir) for name in start], Path(runs_dir) / LIMITS
+    if known:
+        return _show_known(race, home, json)
     attempts: list[Attempt] = []
     with suppress(KeyboardInterrupt), uninterrupted() as stopped:  # the optimiser would take Ctrl-C for a failure
         for attempt in _search(race, _progress(stopped, quiet=json)).attempts(flights, nodes):
             attempts.append(attempt)
             name = f"{attempt.start}, {attempt.nodes} nodes"
             complain(f"{name}: {'; '.join(attempt.broken) or f'{attempt.time:.3f} s'}")
-    known, found = race.best_known(home), _found(race, attempts)
-    if found and not (known and known.time <= found.time):
-        known = found
+    best, found = race.best_known(home), _found(race, attempts)
+    if found and not (best and best.time <= found.time):
+        best = found
         home.mkdir(parents=True, exist_ok=True)
         write_whole(home / race.file_name, dump(found))
     if json:
-        emit_json(_summary(race, known, attempts))
+        emit_json(_summary(race, best, attempts))
     else:
-        emit(*_report(race, known, found))
-    return EXIT["interrupted"] if stopped else 0 if known else 1
+        emit(*_report(race, best, found))
+    return EXIT["interrupted"] if stopped else 0 if best else 1
+
+
+def _show_known(race: Race, home: Path, json: bool) -> int:
+    """Raises RunError."""
+    best = race.best_known(home)
+    folder = None
+    if best and not race.closed:
+        run = as_run(best, race)
+        with RunFolder.open(home.parent, run.spec) as kept:
+            folder = kept.save(run)
+    if json:
+        emit_json(_summary(race, best, []) | {"run_dir": folder and str(folder)})
+    else:
+        emit(*_report(race, best, best), *([f"stored in {escape(str(folder))}"] if folder else []))
+    return 0 if best else 1
 
 
 def _race(
@@ -156,11 +180,29 @@ def _summary(race: Race, known: Limit | None, attempts: list[Attempt]) -> dict:
     }
 
 
+def as_run(limit: Limit, race: Race) -> Run:
+    """A solution as a run: what the vehicle does 100 times a second, with the referee's events."""
+    referee = Referee(race.course, race.vehicle.radius, race.laps, TIMEOUT, penalties=True)
+    spec = Spec.of(race.course, laps=race.laps).record() | {"vehicle": asdict(race.vehicle), "plant": race.model}
+    spec |= {"sampler": "limit", "preset": "limit", "own": {"controller": {"class": "best known limit"}}}
+    fine, recorder, events = limit.path(1000.0).tolist(), Recorder(), []
+    states = limit.states(race.vehicle, np.array(fine)[:, 0])
+    for k, (t, *p) in enumerate(fine):
+        if k:
+            events += referee.observe(fine[k - 1][0], (*fine[k - 1][1:],), t, (*p,))
+        if k % 10 == 0 or k == len(fine) - 1:
+            x, progress = tuple(states[k].tolist()), (referee.passed, referee.lap, referee.next_gate + 1)
+            done = referee.outcome if k == len(fine) - 1 else None
+            recorder.add(Frame(t, x, (*x[10:13], x[13]), *progress, 0.0, 0.0, 0.0, 0.0, t, tuple(events), done))
+            events = []
+    return recorder.run(spec)
+
+
 def _report(race: Race, known: Limit | None, found: Limit | None) -> Iterator[str]:
     name = f"[bold]{escape(race.course.name)}[/], {escape(race.vehicle.name)}"
     what = "a closed lap" if race.closed else f"{race.laps} lap{'s' * (race.laps > 1)} from rest"
     if not known:
-        yield f"{name}, {what}: no solution holds"
+        yield f"{name}, {what}: no solution is known"
         return
     v, nodes = known.verified, len(known.solution.t)
     yield f"{name}, {what}: best known limit [bold]{known.time:.3f} s[/], model {race.model}"

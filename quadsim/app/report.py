@@ -57,7 +57,8 @@ def _head(run: Run, progress: str, limit: Limit | None) -> Iterator[str]:
     randomized = f", randomized {spec['randomize']:g}" if spec.get("randomize") else ""
     yield escape(flown_with(spec)) + randomized
     if limit and run.outcome == "finished":
-        yield f"[bold]{limit.above(run.duration):.1%}[/] above the best known limit of {limit.time:.3f} s"
+        above = round(100.0 * limit.above(run.duration), 1) + 0.0  # no negative zero
+        yield f"[bold]{above:.1f} %[/] above the best known limit of {limit.time:.3f} s"
     if remark := not_comparable(spec):
         yield f"[yellow]{remark}[/]"
 

@@ -48,7 +48,7 @@ class Guess:
 def speeds(task: Task, acceleration: float) -> list[float]:
     """Of straight lines to start from [m/s]: shares of what this acceleration [m/s^2] gives on a mean leg from rest."""
     lengths = legs(task)
-    return [round(share * sqrt(2.0 * acceleration * sum(lengths) / len(lengths)), 1) for share in (0.3, 0.6)]
+    return [round(share * sqrt(2.0 * acceleration * sum(lengths) / len(lengths)), 1) for share in (0.2, 0.3, 0.45)]
 
 
 def straight(task: Task, model: Dynamics, speed: float) -> Guess:

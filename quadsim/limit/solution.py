@@ -65,9 +65,25 @@ class Limit:
         return sum(self.lap_times)
 
     def path(self, rate: float = 100.0) -> np.ndarray:
-        """Positions at so many times a second, cubic between the nodes, as their velocities are known.  (n, 3)"""
+        """Time [s] and position [m] so many times a second, cubic between nodes as they have velocities.  (n, 4)"""
         t, x = self.solution.t, self.solution.x
-        return CubicHermiteSpline(t, x[:, :3], x[:, 3:6])(np.append(np.arange(0.0, t[-1], 1.0 / rate), t[-1]))
+        times = np.append(np.arange(0.0, t[-1] - 0.5 / rate, 1.0 / rate), t[-1])
+        return np.column_stack([times, CubicHermiteSpline(t, x[:, :3], x[:, 3:6])(times)])
+
+    def states(self, vehicle: Vehicle, t: np.ndarray) -> np.ndarray:
+        """STATE, linear between the nodes but for the position.  t (n,) -> (n, 17)"""
+        s, rotors = self.solution, vehicle.rotors
+        u = np.vstack([s.u, s.u[-1:]])
+        if s.model == "rotors" and rotors:
+            thrusts = rotors.thrust(s.x[:, 13:17]) if rotors.tau > 0.0 else u  # pyright: ignore[reportArgumentType]
+            thrust = np.sum(thrusts, axis=1) / vehicle.mass
+        else:
+            thrust = s.x[:, 13] if s.x.shape[1] > 13 else u[:, 3]
+        spin = np.gradient(s.x[:, 10:13], s.t, axis=0)
+        whole = np.column_stack([s.x[:, :13], thrust, spin])
+        x = np.column_stack([np.interp(t, s.t, column) for column in whole.T])
+        x[:, :3] = CubicHermiteSpline(s.t, s.x[:, :3], s.x[:, 3:6])(t)
+        return x
 
     def above(self, time: float) -> float:
         """By how much a race's time [s] exceeds it, as a share."""

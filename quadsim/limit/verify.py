@@ -16,7 +16,9 @@ from quadsim.limit.solution import Solution
 RESIDUAL = 5e-3  # [m] between a node and where the interval before it leads
 WORTH = 1e-3  # of the race's time
 UNIT = 1e-3  # of |q|
-RATE = 0.02, 0.06  # of the limit of a body rate, and [rad/s], which may come on top of it between two nodes
+# Of the limit of a body rate, and [rad/s], which may come on top of it between two nodes. The limit is one of commands:
+# behind it the rates of a flown vehicle overshoot by up to 8 % (damping 0.62).
+RATE = 0.05, 0.06
 FOUL = ("hit", "ground", "bounds", "timeout")
 
 

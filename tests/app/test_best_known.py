@@ -66,7 +66,7 @@ def shown(folder, capsys, *more):
 
 def test_the_report_says_how_far_above_the_limit_a_race_was(runs, capsys):
     folder = save(runs, flown())
-    assert "25.0% above the best known limit of 0.800 s" in shown(folder, capsys)
+    assert "25.0 % above the best known limit of 0.800 s" in shown(folder, capsys)
     assert json.loads(shown(folder, capsys, "--json"))["limit"] == {"time": BEST, "above": pytest.approx(0.25)}
 
 
@@ -92,7 +92,8 @@ def test_the_limits_path_is_drawn_with_the_run(runs):
     labels = [text.get_text() for axes in draw(flown(), limit()).axes for text in (axes.get_legend() or _none()).texts]
     assert "best known limit, 0.800 s" in labels
     path = limit().path()
-    assert np.allclose(path[:, 0], 5.0 * np.linspace(0.0, 0.8, 81))
+    assert np.allclose(path[:, 1], 5.0 * path[:, 0])
+    assert np.allclose(path[:, 0], np.linspace(0.0, 0.8, 81))
 
 
 class _none:  # noqa: N801 (axes without a legend)

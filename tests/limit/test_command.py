@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ from quadsim.app import limit as command
 from quadsim.app.cli import race
 from quadsim.course import parse_course
 from quadsim.limit.solution import LIMITS, LimitError, Race, dump, load
+from quadsim.record.archive import load_run
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
+from web.competitor import stored_competitor
 
 COURSE = """opening: [1.5, 1.5]
 start: {position: [0, 0, 2], yaw_deg: 0}
@@ -144,3 +147,26 @@ def test_a_search_that_is_stopped_says_so(tmp_path, sent):
         search.kill()
     assert search.returncode == 130
     assert "best known limit" in out
+
+
+def test_what_is_known_is_kept_as_a_run_that_the_page_can_race(place, capsys):
+    folder, told = place
+    runs = folder / "runs"
+    code, out, _ = said(capsys, "limit", str(folder / "mine.yaml"), "--known", "--runs-dir", str(runs), "--json")
+    assert code == 0
+    run = load_run(json.loads(out)["run_dir"])
+    assert run.outcome == "finished"
+    assert run.duration == pytest.approx(told["time"], abs=1e-4)
+    speed = np.gradient(run.telemetry["px"], run.telemetry["t"])
+    assert np.abs(speed - run.telemetry["vx"])[1:-2].max() < 0.1
+    assert run.telemetry["a"].max() <= SWIFT.thrust_max * 1.001
+    entry = stored_competitor(Path(json.loads(out)["run_dir"]))
+    assert entry.progress[-1] == pytest.approx(entry.legs.length, abs=0.01)
+
+
+def test_nothing_known_is_no_run(capsys, tmp_path):
+    (tmp_path / "mine.yaml").write_text(COURSE)
+    code, out, _ = said(capsys, "limit", str(tmp_path / "mine.yaml"), "--known", "--runs-dir", str(tmp_path / "runs"))
+    assert code == 1
+    assert "no solution is known" in out
+    assert not (tmp_path / "runs").exists()

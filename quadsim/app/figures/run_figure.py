@@ -58,8 +58,8 @@ def draw_views(figure: SubFigure, run: Run, course: Course, limit: Limit | None 
     for axes, plane, name in ((top, (0, 1), "from above"), (below, (side, 2), "from the side, height stretched")):
         lines = draw_path(axes, points[:, plane], speed)
         if limit:
-            look = {"color": LIMIT, "linestyle": "--", "linewidth": 1.0, "zorder": 2.5}
-            axes.plot(*limit.path()[:, plane].T, label=f"best known limit, {limit.time:.3f} s", **look)
+            look = {"color": INK, "linestyle": "--", "linewidth": 0.8, "zorder": 2.5}
+            axes.plot(*limit.path()[:, 1:][:, plane].T, label=f"best known limit, {limit.time:.3f} s", **look)
         draw_gates(axes, course, plane, scale)
         draw_events(axes, run, plane)
         axes.set(title=name, xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
