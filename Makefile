@@ -25,9 +25,10 @@ SEED ?= 0
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --seed $(SEED)
 
-# Is the racer as fast, safe and smooth as stored? Flies some minutes; race regress FILE --regen stores anew.
+# Is the racer as fast, safe and smooth as stored, and are nasty courses flown? Flies some minutes; race regress FILE --regen stores anew.
 regression: $(VENV)/.dev
 	$(BIN)/race regress tests/lap_times/*.yaml
+	$(BIN)/pytest -m long tests/courses_nasty
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from controllers.costs import Cost
+from controllers.costs.frames import touches
 from controllers.rollout.lanes import LANES
+from controllers.rollout.obstacles import MARKS, steps_between
 from quadsim.systems import System
+
+GRAZE = 1e-4  # [m] by which float32 may judge otherwise whether a line touches a frame
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,7 @@ def fly_rows(system: System, cost: Cost, x0, U, z, target: int = 0, clearance=No
     x = tuple(np.full(M, value, float) for value in x0)
     row, crashed, clear = np.zeros(M, int), np.zeros(M), np.full(M, np.inf)
     total = np.zeros((len(cost.term_names), M))
+    lines = Lines(cost, x0, T, system.dt, row < len(targets) - 1)
     for t in range(T):
         u = tuple(np.clip(U[t, k] + z[:, k, t], system.low[k], system.high[k]) for k in range(U.shape[1]))
         x_next = system.step(x, u, system.params, system.dt)
@@ -42,7 +48,43 @@ def fly_rows(system: System, cost: Cost, x0, U, z, target: int = 0, clearance=No
         total += q
         row = np.minimum(row + reached, len(targets) - 1)
         x = x_next
+        if cost.obstacles is not None:
+            near = lines.meet(t, np.array(x[:3]), crashed, total, row < len(targets) - 1)
+            clear = np.minimum(clear, near) if clearance is not None else clear
     return Flown(total.sum(axis=0) / T, row, crashed, clear, total.T / T)
+
+
+class Lines:
+    """The lines that the lanes test against obstacles: between positions `stride` steps apart, MARKS at a time."""
+
+    def __init__(self, cost: Cost, x0, T: int, dt: float, unfinished):
+        self.T, self.stride, self.unfinished, self.obstacles = T, steps_between(dt), unfinished, cost.obstacles
+        self.marked = [np.repeat(np.array(x0[:3])[:, None], len(unfinished), axis=1)]  # (3, M) each
+        self.rows = cost.obstacles.near(np.asarray(x0), T * dt) if cost.obstacles else ()
+
+    def meet(self, t, p, crashed, total, unfinished):
+        """Latch crashes and add their cost; how far the decisions were from turning out otherwise [m].  (M,)"""
+        least, end = np.full(len(crashed), np.inf), t == self.T - 1
+        if (t + 1) % self.stride == 0 or end:
+            self.marked += [p] * (MARKS - len(self.marked) if end else 1)
+        if len(self.marked) < MARKS:
+            return least
+        for row in self.rows:
+            for m, (a, b) in enumerate(pairwise(self.marked), 1):
+                new = self.obstacles.touches(a, b, row) & (crashed == 0) & self.unfinished
+                due = (MARKS - 1 - m) * self.stride + 1
+                total[self.obstacles.term] += self.obstacles.weight * due * new
+                crashed[new] = 1.0
+                least = np.minimum(least, line_distance(a, b, row))
+        self.marked, self.unfinished = [p], unfinished
+        return least
+
+
+def line_distance(a, b, row) -> np.ndarray:
+    """How far a line is from touching a grown frame if it does not, or from not touching it if it does, about [m]."""
+    grown = [np.concatenate([row[:18], row[18:19] + e, row[19:21] - e, row[21:] + e]) for e in (-GRAZE, 0.0, GRAZE)]
+    low, here, high = (touches(a, b, g) for g in grown)
+    return np.where((low == here) & (here == high), np.inf, 0.0)
 
 
 def decision_distance(x, x_next, target, params) -> np.ndarray:
@@ -52,7 +94,7 @@ def decision_distance(x, x_next, target, params) -> np.ndarray:
     step crosses a plane or ends between them, the bounds, and the balls in which heading and waypoint switch.
     """
     g, n, left = (np.array(target[i : i + 3]) for i in (0, 3, 6))
-    near, depth, box = params[10], params[12], params[13:]
+    near, depth, box = params[10], target[19], params[11:]
     before, after = np.array(x[:3]) - g, np.array(x_next[:3]) - g
     s0, s1 = (before * n).sum(axis=0), (after * n).sum(axis=0)
     nearest = [abs(s) for s in (s0, s1, s0 + depth, s1 + depth)]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 from time import perf_counter
 
-from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
+from quadsim.race.events import NO_PROGRESS, Event, Frame, flown_laps, lap_penalties
 from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.run import COLUMNS, INTERACTIVE, Recorder
 from web.competitor import CRASHES, Competitor, Legs
@@ -102,6 +102,8 @@ class Notices:
                 self.add("crash", f"{name}: {what[e.kind].format(gate=e.gate)}", f"at {e.t:.2f} s, {e.speed:.1f} m/s")
             if e.kind == "timeout":
                 self.add("crash", f"{name}: out of time", f"after {e.t:.1f} s")
+            if e.kind == "stuck":
+                self.add("crash", f"{name}: no progress for {NO_PROGRESS:g} s", f"before gate {e.gate}")
         passed = any(e.kind == "pass" for e in frame.events)
         if passed and len(laps) > 1 and laps[-1] == min(laps) and abs(sum(laps) - frame.t) < 0.02:
             self.add("lap", f"{name}: best lap", f"{laps[-1]:.3f} s")

@@ -12,6 +12,22 @@ import numpy as np
 
 
 @dataclass(frozen=True)
+class Obstacles:
+    """What samples may run into wherever they fly to; who does has crashed, as if `terms` had said so.
+
+    `touches(p0, p1, row)` is compiled like terms: whether the straight line between two positions (3,) touches the
+    obstacle of this row. The first six numbers of a row are the corners of a box around it [m]. A sample that has
+    reached its last target but one is past the finish and touches nothing.
+    """
+
+    touches: Callable
+    rows: np.ndarray  # (obstacles, n_obstacle)
+    near: Callable  # (x, seconds) -> those rows that may be reached from x in this time
+    term: int  # of the crash
+    weight: float  # of the crash, per step
+
+
+@dataclass(frozen=True)
 class Cost:
     """A cost with its numbers. J = (1/T) sum_t q_t, q = sum of the terms.
 
@@ -26,12 +42,13 @@ class Cost:
     params: tuple[float, ...]
     targets: np.ndarray  # (targets, n_target) the target rows, from the first target on
     to_go: int | None = None  # column of targets that counts distance still to fly, if any
-    holds: Callable | None = None  # (x, row, params) -> whether this target, just reached, can still be hit from x
+    obstacles: Obstacles | None = None
+    holds: Callable | None = None  # (x, row) -> whether this target, just reached, can still be hit from x
 
     def targets_from(self, target: int, x: np.ndarray, dtype: type = np.float32) -> np.ndarray:
         """Rows from the current target on, the distance to go counted from it (small numbers for float32)."""
         target = min(target, len(self.targets) - 1)
-        if self.holds and target > 0 and self.holds(x, self.targets[target - 1], self.params):
+        if self.holds and target > 0 and self.holds(x, self.targets[target - 1]):
             target -= 1
         rows = np.array(self.targets[target:], dtype=dtype)
         if self.to_go is not None:

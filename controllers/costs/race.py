@@ -13,20 +13,19 @@ the frame behind it, the entry plane as far in front of the gate.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated
 
-import numpy as np
 from msgspec import Meta
 from numpy import maximum, minimum, sqrt, where
 
 from controllers.costs import Cost
-from quadsim.course import FRAME_DEPTH, Course, in_frame
+from controllers.costs.frames import SAFETY_MARGIN, frame_obstacles
+from controllers.costs.race_targets import RUN_OUT, TO_GO, clear_of_frame, cross, is_inside, targets
+from quadsim.course import Course, in_frame
 from quadsim.files.strict_yaml import unit
 
 TERMS = ("progress", "heading", "height", "speed", "stabilize", "crash", "waypoint", "path", "clearance")
-TO_GO = 12  # column of the target rows
-SAFETY_MARGIN = 0.02  # [m] kept between vehicle and frame; where a gate is narrow, at most half of the room there is
-RUN_OUT = 100.0  # [m] from the last gate to a last target behind it, so that plans do not end at the finish
 
 Weight = Annotated[float, Meta(ge=0, le=1e6)]
 
@@ -47,11 +46,6 @@ class RaceWeights:
     desired_speed: Annotated[float, unit("m/s", ge=0, le=100)] = 9.0  # horizontal, of the speed term [m/s]
     waypoint_radius: Annotated[float, unit("m", gt=0, le=100)] = 0.5  # around a gate's exit [m]
     margin: Annotated[float, unit("m", ge=0, le=10)] = 0.25  # wanted between vehicle and frame, within a gate [m]
-
-
-def cross(a, b):
-    """a x b of three numbers each."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def step_at_gate(before, after, free_y, free_z, bar, depth):
@@ -84,8 +78,8 @@ def off_leg(dx, dy, dz, ex, ey, ez, leg):
 
 def terms(x, x_next, u, target, crashed, p):
     """The weighted terms of eq. (8) for one step of one sample, with reached and crashed."""
-    gx, gy, gz, nx, ny, nz, lx, ly, lz, free_y, free_z, bar, to_go, approach, ex, ey, ez, leg = target
-    a_0, a_1, a_2, a_3, a_4, a_5, a_6, a_7, a_8, v_des, near, margin, depth, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
+    gx, gy, gz, nx, ny, nz, lx, ly, lz, free_y, free_z, bar, to_go, approach, ex, ey, ez, leg, margin, depth = target
+    a_0, a_1, a_2, a_3, a_4, a_5, a_6, a_7, a_8, v_des, near, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
     px, py, pz, vx, vy, qx, qy = x_next[0], x_next[1], x_next[2], x_next[3], x_next[4], x_next[7], x_next[8]
     # position relative to the gate's exit, before and after: along the passage, left, up
     dx, dy, dz = px - gx, py - gy, pz - gz
@@ -96,7 +90,8 @@ def terms(x, x_next, u, target, crashed, p):
     tight = where(within, maximum(at_end + margin, 0.0), 0.0)
     below_floor = (pz < floor) & (pz < x[2])  # a start on the ground is no crash, coming down is
     out_of_bounds = (px < x_lo) | (px > x_hi) | (py < y_lo) | (py > y_hi) | (pz > z_hi)
-    crashed = where(clipped | below_floor | out_of_bounds, 1.0, crashed)
+    before_finish = free_y < RUN_OUT
+    crashed = where(clipped | ((below_floor | out_of_bounds) & before_finish), 1.0, crashed)
 
     # for a sample behind the exit that has not passed, the way leads round to a point in front of the gate
     rx, ry, rz = dx + approach * nx, dy + approach * ny, dz + approach * nz
@@ -127,49 +122,21 @@ def terms(x, x_next, u, target, crashed, p):
 def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) -> Cost:
     """The cost of a course for a vehicle of this radius [m]."""
     w = weights
-    (x_lo, x_hi), (y_lo, y_hi), (z_lo, z_hi) = course.bounds
-    gap = radius + SAFETY_MARGIN
-    box = (max(gap + min(w.margin, 0.1), z_lo), x_lo + gap, x_hi - gap, y_lo + gap, y_hi - gap, z_hi - gap)
+    box = room_to_fly(course, radius, w.margin)
     params = (w.progress, w.heading, w.height, w.speed, w.stabilize, w.crash, w.waypoint, w.path, w.clearance)
-    params += (w.desired_speed, w.waypoint_radius, w.margin, 2.0 * clear_of_frame(radius), *box)
-    return Cost("race", TERMS, terms, params, targets(course, radius, laps), TO_GO, is_inside)
+    params += (w.desired_speed, w.waypoint_radius, *box)
+    frames = frame_obstacles(course.gates, radius, w.crash, TERMS.index("crash"))
+    rows = targets(course, radius, w.margin, box, laps)
+    return Cost("race", TERMS, terms, params, rows, TO_GO, frames, partial(is_inside, clear_of_frame(radius)))
 
 
-def clear_of_frame(radius: float) -> float:
-    """From the gate's plane to the exit plane, where the vehicle is clear of the frame [m]."""
-    return FRAME_DEPTH / 2 + radius + SAFETY_MARGIN
+def room_to_fly(course: Course, radius: float, margin: float) -> tuple[float, ...]:
+    """Where samples may fly: floor, x_low, x_high, y_low, y_high, z_high [m].
 
-
-def is_inside(x: np.ndarray, row: np.ndarray, params: tuple[float, ...]) -> bool:
-    """Whether x is past the gate's plane, within its outline, but not yet clear of its frame."""
-    depth = params[len(TERMS) + 3]
-    passage, left = row[3:6], row[6:9]
-    s, y, z = in_frame(x[:3] - row[:3], passage, left, cross(passage, left))
-    free_y, free_z, bar = row[9:12]
-    return bool(-depth / 2 <= s < 0.0 and max(abs(y) - free_y, abs(z) - free_z) < bar)
-
-
-def targets(course: Course, radius: float, laps: int) -> np.ndarray:
-    """Target rows: one for each gate of every lap, at its exit, and one behind the finish.  (laps * gates + 1, 18)
-
-    Exit, passage, left axis, half the free opening, thickness of the bars around it, distance to go from there, length
-    of the approach, direction and length of the leg to the exit.
+    At most .1 m of the margin is kept from the ground, and half of what the lowest gate leaves.
     """
-    gates = (*course.gates * laps, course.gates[-1])
-    passage, left = (np.array([g.rotation[:, k] for g in gates]) for k in (0, 1))
-    opening = np.array([g.opening for g in gates])
-    behind = np.array([clear_of_frame(radius)] * (len(gates) - 1) + [RUN_OUT])
-    exits = np.array([g.position for g in gates]) + behind[:, None] * passage
-    inner = np.minimum(SAFETY_MARGIN, (opening.min(axis=1) / 2 - radius) / 2)  # the safety margin inside the opening
-    free = opening / 2 - radius - inner[:, None]
-    free[-1] = RUN_OUT  # no frame stands there
-    bar = np.array([g.frame_width for g in gates]) + 2 * radius + SAFETY_MARGIN + inner
-    legs = np.diff([course.start.position, *exits], axis=0)
-    lengths = np.maximum(np.linalg.norm(legs, axis=1), 1e-6)
-    approach = opening.max(axis=1)
-    # the way from gate to gate as terms() measures it, round a gate that faces away: no jump of the cost at a gate
-    faces_away = (legs * passage).sum(axis=1) < 0
-    ways_round = np.linalg.norm(approach[:, None] * passage - legs, axis=1) + approach
-    ways = np.where(faces_away, ways_round, lengths)
-    to_go = np.append(np.cumsum(ways[:0:-1])[::-1], 0.0)
-    return np.column_stack([exits, passage, left, free, bar, to_go, approach, legs / lengths[:, None], lengths])
+    (x_low, x_high), (y_low, y_high), (z_low, z_high) = course.bounds
+    gap = radius + SAFETY_MARGIN
+    lowest = min(g.position[2] for g in course.gates)
+    floor = gap + max(min(margin, 0.1, (lowest - gap) / 2), 0.0)
+    return max(floor, z_low), x_low + gap, x_high - gap, y_low + gap, y_high - gap, z_high - gap

@@ -15,6 +15,7 @@ import numpy as np
 
 from controllers.rollout import FAST
 from controllers.rollout.inline import lane_source
+from controllers.rollout.obstacles import obstacle_words
 
 HEADER = """
 import math
@@ -48,6 +49,7 @@ hit = np.zeros(L, np.int32)
 row = np.zeros(L, np.int32)
 for k in range({n_x}):
     X[k, :] = x0[k]
+{begin_marks}
 for k in range({n_target}):
     A[k, :] = targets[0, k]
 """
@@ -77,7 +79,7 @@ if hits > 0:
 ROLLOUT = """
 @kept
 @njit(fastmath=FAST, error_model="numpy", parallel=True)
-def rollout(x0, U, noise, J, low, high, dt, targets, p_system, p_cost):
+def rollout(x0, U, noise, J, low, high, dt, targets, p_system, p_cost{arguments}):
     T = U.shape[0]
     halves = noise.shape[2] // T
     last = targets.shape[0] - 1
@@ -93,6 +95,7 @@ def rollout(x0, U, noise, J, low, high, dt, targets, p_system, p_cost):
 {step_16}
                 cost[l] += {q}
 {next_targets_12}
+{keep_rollout_12}
         for l in range(L):
             J[b, l] = cost[l] / F(T)
 """
@@ -100,7 +103,7 @@ def rollout(x0, U, noise, J, low, high, dt, targets, p_system, p_cost):
 PATHS = """
 @kept
 @njit(fastmath=FAST, error_model="numpy")
-def paths(x0, U, E, path, means, low, high, dt, targets, p_system, p_cost):
+def paths(x0, U, E, path, means, low, high, dt, targets, p_system, p_cost{arguments}):
     T = U.shape[0]
     t0 = 0
     last = targets.shape[0] - 1
@@ -114,19 +117,25 @@ def paths(x0, U, E, path, means, low, high, dt, targets, p_system, p_cost):
             {keep_path}
             {add_terms}
 {next_targets_8}
+{keep_paths_8}
     for k in range({n_terms}):
         for l in range(L):
             means[k, l] /= F(T)
 """
 
 
-def module_source(step: Callable, terms: Callable, sizes: tuple[int, ...], dtype: type, lanes: int) -> str:
-    """sizes: numbers of states, controls, targets, terms, parameters of the system and of the cost."""
+def module_source(
+    step: Callable, terms: Callable, touches: Callable | None, sizes: tuple[int, ...], dtype: type, lanes: int
+) -> str:
+    """sizes: numbers of states, controls, targets, terms, parameters of the system and of the cost, of an obstacle."""
     source = HEADER.format(dtype=np.dtype(dtype).name, lanes=lanes, fast=sorted(FAST))
     for name, function in {"step": step, "terms": terms}.items():
         source += "\n" + "\n\n".join(lane_source(function, name).values()) + "\n"
-    words = _words(*sizes)
-    for name, text in {"start": START, "step": STEP, "next_targets": NEXT_TARGETS}.items():
+    obstacles = obstacle_words(touches, sizes[-1], lanes)
+    source += obstacles.pop("tests")
+    words = _words(*sizes[:-1]) | obstacles
+    parts = {name: obstacles[name] for name in ("keep_rollout", "keep_paths")}
+    for name, text in {"start": START, "step": STEP, "next_targets": NEXT_TARGETS, **parts}.items():
         body = text.strip("\n").format(**words)
         words |= {f"{name}_{depth}": indent(body, " " * depth) for depth in (4, 8, 12, 16)}
     return source + ROLLOUT.format(**words) + PATHS.format(**words)

@@ -10,11 +10,12 @@ from rich.table import Table
 
 from quadsim.app.console import plain_table
 from quadsim.course import Course
+from quadsim.race.events import NO_PROGRESS
 from quadsim.record.metrics import chatter, splits
 from quadsim.record.run import Run
 
 LEFT, PENALTY = 23, 9  # columns of the terminal for lap, time, top speed and the word "gate"; for penalties
-INCIDENTS = ("hit", "miss", "wrong_way", "ground", "bounds", "unseen_contact")
+INCIDENTS = ("hit", "miss", "wrong_way", "ground", "bounds", "stuck", "unseen_contact")
 CHATTER = (  # key, what it is, unit, factor
     ("thrust_tv", "thrust, total variation per second", "m/s^2/s", 1.0),
     ("thrust_slew_max", "thrust, largest rate of change", "m/s^2/s", 1.0),
@@ -72,7 +73,7 @@ def incident_table(run: Run) -> RenderableType:
     table = plain_table("t [s]", "lap", "gate", "incident", "left [m]", "up [m]", "speed [m/s]", left=(3,))
     for e in found:
         offset = [f"{v:+.2f}" for v in e.offset] if e.gate else ["", ""]
-        kind = e.kind.replace("_", " ")
+        kind = f"no progress for {NO_PROGRESS:g} s" if e.kind == "stuck" else e.kind.replace("_", " ")
         table.add_row(f"{e.t:.3f}", str(e.lap), str(e.gate or ""), f"[red]{kind}[/]", *offset, f"{e.speed:.1f}")
     return table
 

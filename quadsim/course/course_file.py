@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from math import cos, radians
+from math import radians
 from pathlib import Path
 from typing import Annotated
 
@@ -19,9 +19,8 @@ from quadsim.files.strict_yaml import parse, unit
 COURSES = Path(__file__).parents[2] / "courses"
 MARGIN = 10.0  # of default bounds around start and gates [m]
 BELOW_GROUND = 1.0  # of default bounds below the ground [m]: there the ground ends a flight, not the bounds
-START_ROOM = 0.3  # around the start, free of gate frames [m]: the largest vehicle (.25) and half a bar (.05)
+ROOM = 0.3  # around the start, and before and behind gates [m]: the largest vehicle (.25) and half a bar (.05)
 ROUNDING = 1e-6  # [m]
-SAME_PLACE, SAME_WAY = 0.01, cos(radians(5.0))  # gates closer than this [m, cos] are one gate written twice
 
 Metre = Annotated[float, unit("m", ge=-1e4, le=1e4)]
 Size = Annotated[float, unit("m", gt=0, le=100)]
@@ -122,23 +121,27 @@ def _start_faults(course: Course) -> Iterator[Fault]:
     if outside := _outside(course, np.array([start])):
         yield "start.position", outside
     for i, gate in enumerate(course.gates, start=1):
-        if (room := gate.frame_distance(start)) < START_ROOM:
-            yield "start.position", f"expected {START_ROOM} m of room, got {room:.2f} m to the frame of gate {i}"
+        if (room := gate.frame_distance(start)) < ROOM:
+            yield "start.position", f"expected {ROOM} m of room, got {room:.2f} m to the frame of gate {i}"
 
 
 def _gate_faults(course: Course) -> Iterator[Fault]:
-    centres = np.array([g.position for g in course.gates])  # (gates, 3)
-    passages = np.array([g.rotation[:, 0] for g in course.gates])  # (gates, 3)
     for i, gate in enumerate(course.gates):
-        key, opening = f"gates[{i}].position", gate.corners()
+        key, opening, centre = f"gates[{i}].position", gate.corners(), np.array(gate.position)
+        before, behind = centre - ROOM * gate.rotation[:, 0], centre + ROOM * gate.rotation[:, 0]
         if (low := opening[:, 2].min()) < -ROUNDING:
             yield key, f"expected an opening above the ground, its lowest corner is at z = {low:.2f} m"
         if outside := _outside(course, opening):
             yield key, outside
-        near = np.linalg.norm(centres[:i] - centres[i], axis=1) < SAME_PLACE
-        twins = np.flatnonzero(near & (passages[:i] @ passages[i] > SAME_WAY))
-        if twins.size:
-            yield key, f"the same place and direction as gate {twins[0] + 1} (gates count from 1): remove one"
+        for where, point in (("before", before), ("behind", behind)):
+            if point[2] < -ROUNDING:
+                yield (
+                    key,
+                    f"expected {ROOM} m of room {where} the gate, the ground is nearer than that",
+                )
+            ends = point is behind and i == len(course.gates) - 1 and not course.loop
+            if not ends and (outside := _outside(course, np.array([point]))):
+                yield key, f"{ROOM} m {where} the gate, along its passage, is {outside}"
 
 
 def _outside(course: Course, points: np.ndarray) -> str:

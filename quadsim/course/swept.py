@@ -88,11 +88,13 @@ class SweptGate:
 
 
 class SweptGates:
-    """All gates of a course, for a vehicle of this radius [m]."""
+    """All gates of a course, for a vehicle of this radius [m]. One that is flown through several times a lap is one."""
 
     def __init__(self, gates: Sequence[Gate], radius: float):
-        self.all = tuple(SweptGate(gate, index, radius) for index, gate in enumerate(gates))
-        self._centres = np.array([g.position for g in gates])  # (gates, 3)
+        first: dict[Gate, SweptGate] = {}
+        self.of = tuple(first.setdefault(gate, SweptGate(gate, k, radius)) for k, gate in enumerate(gates))
+        self.all = tuple(first.values())  # each with the index of the first gate that it is
+        self._centres = np.array([g.gate.position for g in self.all])  # (gates, 3)
         self._reach = np.array([g.reach for g in self.all])  # (gates,)
 
     def near(self, p0: Vec3, p1: Vec3) -> list[SweptGate]:

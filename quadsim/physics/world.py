@@ -7,13 +7,17 @@ from __future__ import annotations
 
 import os
 from importlib import import_module
+from math import dist, hypot
 from typing import Any
+
+import numpy as np
 
 from quadsim.course import Course, Gate
 from quadsim.physics.actuators import Vector, to_body
 from quadsim.vehicle import GRAVITY, Vehicle
 
 ORIGIN = (0.0, 0.0, 0.0)
+NEAR = 10.0  # [m] from the vehicle to the frames that stand in the world, more than any step of the flight
 
 
 def _import_quietly(name: str) -> Any:
@@ -41,9 +45,26 @@ class World:
         bullet.setGravity(0.0, 0.0, -GRAVITY, **self._at)
         plane = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], **self._at)
         self._names = {bullet.createMultiBody(0.0, plane, **self._at): "ground"}
-        for number, gate in enumerate(course.gates, start=1):
-            self._names[self._add_gate(gate)] = f"gate {number}"
+        self._gates = tuple(dict.fromkeys(course.gates))  # each once, however often a lap leads through it
+        self._numbers = [course.gates.index(gate) + 1 for gate in self._gates]
+        self._standing: dict[int, int] = {}  # of those near the vehicle: place in _gates -> body
+        self._centres = np.array([gate.position for gate in self._gates])  # (gates, 3)
+        self._reach = np.array([NEAR + hypot(*gate.opening) / 2 + 2 * gate.frame_width for gate in self._gates])
+        self._place = self._gates_stand_around = ORIGIN
         self._body = self._add_vehicle(vehicle)
+
+    def _put_up_gates(self) -> None:
+        """Bullet visits every body in each step, so only the gates around the vehicle stand."""
+        self._gates_stand_around = self._place
+        away = np.linalg.norm(self._centres - self._place, axis=1) > self._reach
+        for k in [k for k in self._standing if away[k]]:
+            body = self._standing.pop(k)
+            del self._names[body]
+            bullet.removeBody(body, **self._at)
+        for k in np.flatnonzero(~away).tolist():
+            if k not in self._standing:
+                self._standing[k] = body = self._add_gate(self._gates[k])
+                self._names[body] = f"gate {self._numbers[k]}"
 
     def _add_gate(self, gate: Gate) -> int:
         """One static compound of boxes. Not a mesh, whose collision shape is its hull: a solid opening."""
@@ -73,6 +94,8 @@ class World:
         w, x, y, z = q
         bullet.resetBasePositionAndOrientation(self._body, p, (x, y, z, w), **self._at)
         bullet.resetBaseVelocity(self._body, v, omega, **self._at)
+        self._place = p
+        self._put_up_gates()
 
     def apply(self, force_body: Vector, torque_body: Vector) -> None:
         """Act for the next step only [N, N m]; gravity is added by Bullet."""
@@ -81,6 +104,8 @@ class World:
 
     def step(self) -> None:
         """Velocities first, then poses with the new velocities. Then contacts, else they would lag one step."""
+        if dist(self._place, self._gates_stand_around) > NEAR / 2:
+            self._put_up_gates()
         bullet.stepSimulation(**self._at)
         bullet.performCollisionDetection(**self._at)
 
@@ -89,6 +114,7 @@ class World:
         p, (x, y, z, w) = bullet.getBasePositionAndOrientation(self._body, **self._at)
         v, omega = bullet.getBaseVelocity(self._body, **self._at)
         q = (w, x, y, z)
+        self._place = p
         return p, v, q, to_body(q, omega)
 
     def contacts(self) -> tuple[str, ...]:

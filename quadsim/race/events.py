@@ -8,6 +8,7 @@ from itertools import pairwise
 
 from controllers.plan import PlannerSnapshot
 
+NO_PROGRESS = 5.0  # [s] without getting nearer to the next gate than before, after which a flight is over
 PENALTY = 3.0  # [s] a hit in the timed mode, as AirSim Drone Racing Lab scores
 
 
@@ -16,7 +17,7 @@ class Event:
     """An event that the referee reports; its time is resolved within the physics step."""
 
     t: float  # [s]
-    kind: str  # pass, hit, miss, wrong_way, ground, bounds, timeout, unseen_contact
+    kind: str  # pass, hit, miss, wrong_way, ground, bounds, stuck, timeout, unseen_contact
     gate: int  # 1-based; 0: no gate
     lap: int  # 1-based
     offset: tuple[float, float]  # from the gate's centre: left, up in the gate frame [m]
@@ -40,7 +41,7 @@ class Frame:
     plan_ms: float  # planning time, wall clock [ms]
     elapsed: float  # wall clock since the start of the simulation [s]
     events: tuple[Event, ...] = ()  # of the physics steps that led to t
-    outcome: str | None = None  # None: still flying; finished, crashed, timeout
+    outcome: str | None = None  # None: still flying; finished, crashed, stuck, timeout
     snapshot: PlannerSnapshot | None = None  # the planner's best samples, every SNAPSHOT_EVERY periods
 
 

@@ -4,6 +4,9 @@ pass       the next gate's plane crossed forward, free of the frame
 hit        first contact with a frame: any gate, any direction, before a bounce
 wrong_way  any gate's opening crossed backward
 miss       the next gate's plane crossed forward beyond the frame, within three half sizes and 2 m: fly back and pass it
+stuck      no nearer to the next gate than before for NO_PROGRESS seconds, on the way round it where it faces away
+A vehicle that has not taken off passes no gate. A gate that comes twice in a row, or another in its place, is passed by
+a crossing of its own: only once the vehicle has been clear of the frame behind the first.
 A hit, the ground and the bounds end the flight. In the timed mode a hit costs PENALTY seconds instead, and a gate
 counts as passed when the centre crosses inside opening and frame, hit or not.
 """
@@ -14,12 +17,13 @@ from collections.abc import Sequence
 from math import dist, inf, isfinite
 
 from quadsim.course import Course, Vec3
-from quadsim.course.swept import Incident, SweptGates, clip, lerp
-from quadsim.race.events import Event
+from quadsim.course.swept import Incident, SweptGate, SweptGates, clip, lerp
+from quadsim.race.events import NO_PROGRESS, Event
+from quadsim.race.gate_rules import TAKE_OFF, check, crossed_at_once, way_left
 
 GROUND_MARGIN = 1e-3  # [m] a sphere this close to the ground is on it
-TAKE_OFF = 0.1  # [m] between sphere and ground; only after that is the ground a crash, as a flight may start on it
 CLEAR = 0.5  # [s] without contact, after which touching the same gate again is a new hit
+NEARER = 0.1  # [m] towards the next gate that count as progress
 CONFIRMS = 0.02  # [s] between the referee's contact and the plant's, at most, for one to confirm the other
 
 
@@ -29,14 +33,16 @@ class Referee:
     def __init__(self, course: Course, radius: float, laps: int, timeout: float, penalties: bool = False):
         self.course, self.radius, self.laps, self.timeout, self.timed = course, radius, laps, timeout, penalties
         self.passed = 0  # gates since the start
-        self.outcome: str | None = None  # None while flying; finished, crashed, timeout
+        self.outcome: str | None = None  # None while flying; finished, crashed, stuck, timeout
         self.events: list[Event] = []
         self._swept = SweptGates(course.gates, radius)
-        self._gates = self._swept.all
-        self._check()
+        self._gates = self._swept.of
+        check(course, laps, self._swept.all, radius)
         self._touched = [-inf] * len(self._gates)  # when the referee last saw contact [s]
         self._reported = [-inf] * len(self._gates)  # when the plant last reported contact [s]
         self._airborne = False
+        self._leaving: SweptGate | None = None  # the next gate, where it can be crossed along with the one just passed
+        self._nearest = (0.0, inf)  # when, and how near the next gate was since the last pass [s, m]
 
     @property
     def next_gate(self) -> int:
@@ -77,6 +83,12 @@ class Referee:
         inside = clip(p0, p1, low, high)  # None for a start outside, which may still come in
         if inside and not clip(p1, p1, low, high):
             found.append(Incident(inside[1], "bounds"))
+        if self._leaving and self._leaving.gate.to_local(p0)[0] > self._leaving.slab[0]:
+            self._leaving = None
+        if (left := way_left(self._gates[self.next_gate].gate, p1)) < self._nearest[1] - NEARER:
+            self._nearest = t1, left
+        elif t1 - self._nearest[0] >= NO_PROGRESS:
+            found.append(Incident(1.0, "stuck"))
         if t1 >= self.timeout:
             found.append(Incident((self.timeout - t0) / (t1 - t0), "timeout"))
         return found
@@ -98,20 +110,26 @@ class Referee:
         through = beyond <= gate.gate.frame_width  # without penalties, a touch of the frame has ended the flight before
         if kind == "backward":
             return "wrong_way" if through else None
-        if k == self.next_gate and through:
-            return "pass"
+        if gate is self._gates[self.next_gate] and through and self._airborne:
+            return None if self._leaving else "pass"
         close = abs(offset[0]) <= gate.near[0] and abs(offset[1]) <= gate.near[1]
-        return "miss" if k == target == self.next_gate and close else None
+        return "miss" if gate is self._gates[target] and target == self.next_gate and close else None
 
     def _call(self, kind: str, t: float, position: Vec3, speed: float, incident: Incident) -> None:
-        self.events.append(Event(float(t), kind, incident.gate + 1, self.lap, incident.offset, speed, position))
+        is_next = kind == "stuck" or (incident.gate >= 0 and self._gates[incident.gate] is self._gates[self.next_gate])
+        number = 1 + (self.next_gate if is_next else incident.gate)
+        self.events.append(Event(float(t), kind, number, self.lap, incident.offset, speed, position))
         if kind == "pass":
+            before = self._gates[self.next_gate].gate
             self.passed += 1
+            following = self._gates[self.next_gate]
+            self._leaving = following if crossed_at_once(before, following.gate) else None
+            self._nearest = (t, inf)
             self.outcome = "finished" if self.passed == self.laps * len(self._gates) else None
         elif kind in ("ground", "bounds") or (kind == "hit" and not self.timed):
             self.outcome = "crashed"
-        elif kind == "timeout":
-            self.outcome = "timeout"
+        elif kind in ("stuck", "timeout"):
+            self.outcome = kind
 
     def _compare(self, t: float, position: Vec3, speed: float, contacts: Sequence[str]) -> None:
         """Record once a contact that the plant reports and the swept test did not find: one of the two is wrong."""
@@ -121,16 +139,3 @@ class Referee:
                 _, left, up = self._gates[k].gate.to_local(position)
                 self._call("unseen_contact", t, position, speed, Incident(1.0, "contact", k, (left, up)))
             self._reported[k] = t
-
-    def _check(self) -> None:
-        most = self.laps if self.course.loop else 1
-        if not 1 <= self.laps <= most:
-            wanted = "at least 1 lap" if self.course.loop else "1 lap, as the course is open"
-            raise ValueError(f"{self.course.name}: expected {wanted}, got {self.laps}")
-        for number, swept in enumerate(self._gates, 1):
-            if min(swept.shaft) <= 0.0:
-                width, height = swept.gate.opening
-                raise ValueError(
-                    f"{self.course.name}: gates[{number - 1}]: expected an opening wider than the vehicle's "
-                    f"{2 * self.radius:g} m, got {width:g} x {height:g} m"
-                )

@@ -100,7 +100,7 @@ def test_laps_follow_each_other_without_a_seam():
     np.testing.assert_array_equal(targets[4:8, :12], targets[:4, :12])
     np.testing.assert_allclose(targets[8:12, 13:], targets[4:8, 13:])
     np.testing.assert_allclose(np.diff(targets[:12, TO_GO]), -np.hypot(*leg))
-    np.testing.assert_allclose(targets[4, 14:], (*leg / np.hypot(*leg), 0.0, np.hypot(*leg)))  # from gate 4
+    np.testing.assert_allclose(targets[4, 14:18], (*leg / np.hypot(*leg), 0.0, np.hypot(*leg)))  # from gate 4
     late = cost.targets_from(8, np.array((5.0, 5.0, 20.0)))
     np.testing.assert_allclose(late[:4, TO_GO], targets[8:12, TO_GO] - targets[8, TO_GO], rtol=1e-6)
 

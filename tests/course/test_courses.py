@@ -74,8 +74,14 @@ BAD = [
     ("[-5, 0, 2]", "[0.1, 0.9, 2]", "4:19: start.position: expected 0.3 m of room, got 0.10 m to the frame of gate 1"),
     (
         "[8, 4, 3]\n    yaw_deg: 90\n    pitch_deg: 10",
-        "[0, 0, 2]\n    yaw_deg: 1",
-        "7:15: gates[1].position: the same place and direction as gate 1 (gates count from 1): remove one",
+        "[8, 4, 0.05]\n    yaw_deg: 90\n    pitch_deg: 90",
+        "7:15: gates[1].position: expected 0.3 m of room behind the gate, the ground is nearer than that",
+    ),
+    (
+        "loop: true\n",
+        "loop: true\n" + ROOMY.replace("[-20, 20], [0", "[-20, 4.1], [0"),
+        "8:15: gates[1].position: 0.3 m behind the gate, along its passage, is outside the bounds, "
+        "expected y within [-20, 4.1] [m], got 4.30",
     ),
 ]
 
@@ -123,7 +129,9 @@ def test_default_bounds_leave_room_around_start_and_gates():
     assert y1 > 14 and z1 > 13.5  # noqa: PT018
 
 
-def test_opposite_and_stacked_gates_share_a_place():
+def test_a_gate_may_come_again_and_opposite_and_stacked_gates_share_a_place():
+    again = GOOD.replace("[8, 4, 3]", "[0, 0, 2]").replace("yaw_deg: 90\n    pitch_deg: 10", "yaw_deg: 1")
+    assert len(parse_course(again, "mine.yaml").gates) == 2
     twice = GOOD.replace("[8, 4, 3]", "[0, 0, 2]").replace("yaw_deg: 90\n    pitch_deg: 10", "yaw_deg: 180")
     assert len(parse_course(twice, "mine.yaml").gates) == 2
     stacked = GOOD.replace("[8, 4, 3]", "[0, 0, 3.9]").replace("yaw_deg: 90\n    pitch_deg: 10", "yaw_deg: 0")

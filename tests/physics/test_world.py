@@ -168,6 +168,30 @@ def test_a_contact_is_reported_in_the_step_that_makes_it(world):
     assert v[0] == pytest.approx(10.0)  # the state that touches, not the one thrown back
 
 
+def test_of_many_gates_only_those_around_the_vehicle_stand_and_keep_their_numbers():
+    gates = tuple(Gate((4.0 * k, 0.0, 2.0), 0.0, 0.0, 0.0, (1.5, 1.5), 0.275) for k in range(1, 201))
+    course = Course("line", "", gates * 2, Start((0.0, 0.0, 2.0), 0.0), ((-1e4, 1e4),) * 3, False, 1, (), "")
+    with closing(World(course, SPHERE, DT)) as world:
+        for number in (1, 150, 200, 3):
+            world.place((4.0 * number, 0.8, 2.0), LEVEL)
+            world.step()
+            assert world.contacts() == (f"gate {number}",)
+            assert len(world._standing) < 10
+
+
+def test_gates_are_put_up_on_the_way():
+    gates = tuple(Gate((4.0 * k, 0.0, 2.0), 0.0, 0.0, 0.0, (1.5, 1.5), 0.275) for k in range(1, 41))
+    course = Course("line", "", gates, Start((0.0, 0.0, 2.0), 0.0), ((-1e4, 1e4),) * 3, False, 1, (), "")
+    with closing(World(course, SPHERE, DT)) as world:
+        world.place((4.0, 0.0, 2.0), LEVEL, (90.0, 0.0, 0.0))
+        for _ in range(600):
+            world.step()
+            p = world.read()[0]
+            stand = {name for name in world._names.values() if name != "ground"}
+            assert stand >= {f"gate {k}" for k in range(1, 41) if abs(4.0 * k - p[0]) < 4.0}
+    assert p[0] > 100.0
+
+
 def test_resting_on_the_ground_is_a_contact_and_a_millimetre_above_is_none(world):
     world.place((0.0, 0.0, RADIUS + 1e-3), LEVEL)
     world.step()

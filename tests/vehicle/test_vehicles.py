@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quadsim.course import FRAME_DEPTH
-from quadsim.course.course_file import START_ROOM
+from quadsim.course.course_file import ROOM
 from quadsim.files.strict_yaml import FileError
 from quadsim.vehicle import GRAVITY, Vehicle, load_vehicle, parse_vehicle, vehicle_names
 
@@ -151,7 +151,7 @@ def test_every_vehicle_hovers_with_thrust_to_spare(vehicle):
 
 
 def test_every_vehicle_stands_free_at_every_start(vehicle):
-    assert vehicle.radius + FRAME_DEPTH / 2 <= START_ROOM
+    assert vehicle.radius + FRAME_DEPTH / 2 <= ROOM
 
 
 def test_every_vehicles_inertia_is_that_of_a_body(vehicle):

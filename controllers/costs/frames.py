@@ -1,0 +1,77 @@
+"""The frames of all gates as obstacles of a rollout: rows of numbers, and the test of a straight line against one.
+
+The vehicle is a sphere whose centre moves on the line. The four bars, as boxes grown by the sphere's radius and a
+margin, fill a slab around the gate's plane from a free shaft to the outer edge, as for the referee
+(quadsim.course.swept).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from numpy import maximum, minimum, where
+
+from controllers.costs import Obstacles
+from quadsim.course import FRAME_DEPTH, Gate, in_frame
+
+SAFETY_MARGIN = 0.02  # [m] kept between vehicle and frame; where a gate is narrow, at most half of the room there is
+ACCELERATION = 40.0  # [m/s^2] with which frames may be reached
+
+
+def touches(p0, p1, row):
+    """Whether the line from p0 to p1 touches the frame: within the slab not all in the shaft, nor all on one side."""
+    _x, _y, _z, _X, _Y, _Z, gx, gy, gz, nx, ny, nz, lx, ly, lz, ux, uy, uz, half, free_y, free_z, out_y, out_z = row
+    n, left, up = (nx, ny, nz), (lx, ly, lz), (ux, uy, uz)
+    s0, y0, z0 = in_frame((p0[0] - gx, p0[1] - gy, p0[2] - gz), n, left, up)
+    s1, y1, z1 = in_frame((p1[0] - gx, p1[1] - gy, p1[2] - gz), n, left, up)
+    span = where(abs(s1 - s0) < 1e-6, 1e-6, s1 - s0)
+    a, b = (-half - s0) / span, (half - s0) / span
+    enters, leaves = maximum(minimum(a, b), 0.0), minimum(maximum(a, b), 1.0)  # the slab, fractions of the line
+    ya, yb = y0 + enters * (y1 - y0), y0 + leaves * (y1 - y0)
+    za, zb = z0 + enters * (z1 - z0), z0 + leaves * (z1 - z0)
+    off_shaft = maximum(maximum(abs(ya), abs(yb)) - free_y, maximum(abs(za), abs(zb)) - free_z) > 0.0
+    across = (minimum(ya, yb) < out_y) & (maximum(ya, yb) > -out_y)
+    upright = (minimum(za, zb) < out_z) & (maximum(za, zb) > -out_z)
+    return (enters < leaves) & off_shaft & across & upright
+
+
+def inner_margin(openings: np.ndarray, radius: float) -> np.ndarray:
+    """The safety margin inside openings (gates, 2) for a vehicle of this radius [m].  (gates,)"""
+    return np.minimum(SAFETY_MARGIN, (openings.min(axis=1) / 2 - radius) / 2)
+
+
+def frame_obstacles(gates: Sequence[Gate], radius: float, crash: float, term: int) -> Obstacles:
+    """Every frame once. Lines run beside the curve that is flown, by .008 m at 40 m/s^2 over .04 s: half of the safety
+    margin is left to that, so that a gate flown through as `terms` allows is no crash here.
+    """
+    gates = tuple(dict.fromkeys(gates))
+    inner = inner_margin(np.array([g.opening for g in gates]), radius)[:, None]
+    rows, bare = frame_rows(gates, radius, inner / 2, SAFETY_MARGIN / 2), frame_rows(gates, radius, 0 * inner, 0.0)
+    return Obstacles(touches, rows, partial(in_reach, rows, bare), term, crash)
+
+
+def frame_rows(gates: Sequence[Gate], radius: float, inner: np.ndarray, outer: float) -> np.ndarray:
+    """For `touches`, with margins inside the openings (gates, 1) and around the frames [m].  (gates, 23)"""
+    opening, width = np.array([g.opening for g in gates]), np.array([[g.frame_width] for g in gates])
+    half = np.full_like(width, FRAME_DEPTH / 2 + radius + outer)
+    out = opening / 2 + width + radius + outer
+    turns = np.array([g.rotation for g in gates])  # (gates, 3, 3)
+    centres = np.array([g.position for g in gates])
+    reach = (abs(turns) @ np.hstack([half, out])[:, :, None])[:, :, 0]  # of the box around the grown frame
+    axes = turns.transpose(0, 2, 1).reshape(-1, 9)  # passage, left, up
+    return np.hstack([centres - reach, centres + reach, centres, axes, half, opening / 2 - radius - inner, out])
+
+
+def in_reach(rows: np.ndarray, bare: np.ndarray, x: np.ndarray, seconds: float) -> np.ndarray:
+    """The rows that may be reached from the state x; without the margin, where x is within it."""
+    p, way, turn = x[:3], x[3:6] * seconds, 0.5 * ACCELERATION * seconds**2
+    low, high = rows[:, :3] - np.maximum(way, 0.0) - turn, rows[:, 3:6] - np.minimum(way, 0.0) + turn
+    near = np.flatnonzero(((low <= p) & (p <= high)).all(axis=1))
+    inside = near[((rows[near, :3] <= p) & (p <= rows[near, 3:6])).all(axis=1)]
+    found = rows[near]
+    for k in inside:
+        if touches(p, p, rows[k]):
+            found[near == k] = bare[k]
+    return found

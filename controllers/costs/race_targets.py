@@ -1,0 +1,71 @@
+"""The rows of numbers that samples of the racing cost fly to: a gate's exit, its free opening, the way that is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from controllers.costs.frames import SAFETY_MARGIN, inner_margin
+from quadsim.course import FRAME_DEPTH, Course, Gate, in_frame
+
+TO_GO, DEPTH = 12, 19  # columns of the target rows
+RUN_OUT = 100.0  # [m] from the last gate to a last target behind it, so that plans do not end at the finish
+
+
+def cross(a, b):
+    """a x b of three numbers each."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def targets(course: Course, radius: float, margin: float, box: Sequence[float], laps: int) -> np.ndarray:
+    """Target rows: one for each gate of every lap, at its exit, and one behind the finish.  (laps * gates + 1, 20)
+
+    Exit, passage, left axis, half the free opening, thickness of the bars around it, distance to go from there, length
+    of the approach, direction and length of the leg to the exit, margin wanted, from entry to exit.
+    """
+    gates = (*course.gates * laps, course.gates[-1])
+    passage, left = (np.array([g.rotation[:, k] for g in gates]) for k in (0, 1))
+    opening = np.array([g.opening for g in gates])
+    behind = np.array([exit_distance(g, radius, box) for g in gates[:-1]] + [RUN_OUT])
+    exits = np.array([g.position for g in gates]) + behind[:, None] * passage
+    inner = inner_margin(opening, radius)
+    free = opening / 2 - radius - inner[:, None]
+    wanted = np.minimum(margin, free.min(axis=1) / 2)  # a narrow gate leaves less
+    free[-1] = RUN_OUT  # no frame stands there
+    bar = np.array([g.frame_width for g in gates]) + 2 * radius + SAFETY_MARGIN + inner
+    legs = np.diff([course.start.position, *exits], axis=0)
+    lengths = np.maximum(np.linalg.norm(legs, axis=1), 1e-6)
+    approach = opening.max(axis=1)
+    # the way from gate to gate as terms() measures it, round a gate that faces away: no jump of the cost at a gate
+    faces_away = (legs * passage).sum(axis=1) < 1e-6
+    ways_round = np.linalg.norm(approach[:, None] * passage - legs, axis=1) + approach
+    ways = np.where(faces_away, ways_round, lengths)
+    to_go = np.append(np.cumsum(ways[:0:-1])[::-1], 0.0)
+    depth = behind + clear_of_frame(radius)
+    along = legs / lengths[:, None]
+    return np.column_stack([exits, passage, left, free, bar, to_go, approach, along, lengths, wanted, depth])
+
+
+def clear_of_frame(radius: float) -> float:
+    """From the gate's plane to the entry, and to the exit, where the vehicle is clear of the frame [m]."""
+    return FRAME_DEPTH / 2 + radius + SAFETY_MARGIN
+
+
+def exit_distance(gate: Gate, radius: float, box: Sequence[float]) -> float:
+    """From the gate's plane to its exit: where the box ends sooner, half of the way there [m]."""
+    floor, x_low, x_high, y_low, y_high, z_high = box
+    room = [clear_of_frame(radius)]
+    sides = ((x_low, x_high), (y_low, y_high), (floor, z_high))
+    for centre, way, (low, high) in zip(gate.position, gate.axes[0], sides, strict=True):
+        if abs(way) > 1e-9:
+            room.append(((high if way > 0.0 else low) - centre) / way / 2)
+    return max(min(room), 1e-3)
+
+
+def is_inside(clear: float, x: np.ndarray, row: np.ndarray) -> bool:
+    """Whether x is past the gate's plane, within its outline, but not yet at its exit; clear: see clear_of_frame."""
+    passage, left = row[3:6], row[6:9]
+    s, y, z = in_frame(x[:3] - row[:3], passage, left, cross(passage, left))
+    free_y, free_z, bar = row[9:12]
+    return bool(clear - row[DEPTH] <= s < 0.0 and max(abs(y) - free_y, abs(z) - free_z) < bar)

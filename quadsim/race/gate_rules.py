@@ -1,0 +1,44 @@
+"""What the referee asks of gates: does the vehicle fit, how far is the way, are two crossed at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, dist, hypot, radians
+
+from quadsim.course import Course, Gate, Vec3
+from quadsim.course.swept import SweptGate
+
+TAKE_OFF = 0.1  # [m] between sphere and ground; only after that is the ground a crash, as a flight may start on it
+SAME_PLACE, SAME_WAY = 0.1, cos(radians(45.0))  # gates closer than this [m, cos] are crossed at once
+
+
+def check(course: Course, laps: int, gates: Sequence[SweptGate], radius: float) -> None:
+    """Raises ValueError for laps that the course does not have and for a gate that the vehicle cannot pass."""
+    most = laps if course.loop else 1
+    if not 1 <= laps <= most:
+        wanted = "at least 1 lap" if course.loop else "1 lap, as the course is open"
+        raise ValueError(f"{course.name}: expected {wanted}, got {laps}")
+    for swept in gates:
+        where, (_, free_y, free_z) = f"{course.name}: gates[{swept.index}]", swept.shaft
+        if min(free_y, free_z) <= 0.0:
+            width, height = swept.gate.opening
+            wider = f"expected an opening wider than the vehicle's {2 * radius:g} m"
+            raise ValueError(f"{where}: {wider}, got {width:g} x {height:g} m")
+        _, left, up = swept.gate.axes
+        highest = swept.gate.position[2] + abs(left[2]) * free_y + abs(up[2]) * free_z
+        if highest < radius + TAKE_OFF:
+            above = f"expected an opening that is free {radius + TAKE_OFF:g} m above the ground, for the vehicle"
+            raise ValueError(f"{where}: {above}, got {highest:.2f} m")
+
+
+def way_left(gate: Gate, p: Vec3) -> float:
+    """From p to the gate's centre, behind the gate by a point as far in front of it as its opening is wide [m]."""
+    x, y, z = gate.to_local(p)
+    approach = max(gate.opening)
+    return hypot(x, y, z) if x <= 0.0 else hypot(x + approach, y, z) + approach
+
+
+def crossed_at_once(gate: Gate, following: Gate) -> bool:
+    """Whether one crossing leads through both: they stand in one place and face alike."""
+    alike = sum(a * b for a, b in zip(gate.axes[0], following.axes[0], strict=True)) > SAME_WAY
+    return alike and dist(gate.position, following.position) < SAME_PLACE
