@@ -37,9 +37,9 @@ def numbers_of(planner: Mapping[str, Any], sigma: Sequence[float] = ()) -> dict[
     """Those of RANGES in a planner as a run records it. sigma: the standard deviations that scale 1 stands for."""
     mppi, sampling = planner["mppi"], planner.get("sampling")
     sampling = sampling if isinstance(sampling, dict) else {}
-    own, gamma = sampling.get("sigma") or (1.0,), sampling.get("gamma") or (0.0,)
+    own, gamma = sampling.get("sigma"), sampling.get("gamma") or (0.0,)
     return {
-        "sigma": round(own[0] / (sigma or own)[0], 4),
+        "sigma": round(own[0] / sigma[0], 4) if own and sigma else 1.0,
         "gamma_rates": gamma[0],
         "gamma_thrust": gamma[-1],
         "temperature": mppi.get("temperature", 1.0),

@@ -20,7 +20,7 @@ def flown(page, session, root):
     choose(page, "Speed [x real time]", "4")
     page.get_by_role("button", name="START", exact=True).click()
     assert waited(page, lambda: session.snapshot.flying, 60)
-    assert waited(page, lambda: session.snapshot.race and not session.snapshot.flying, 120)
+    assert waited(page, lambda: session.snapshot.race and not session.snapshot.flying, 400)
     return [json.loads((folder / "run.json").read_text()) for folder in list_runs(root)]
 
 
