@@ -100,7 +100,7 @@ def test_a_race_that_has_ended_or_stands_still_sends_nothing(page, session):
             assert [m["type"] for m in seen[standing:]] == []
             session.tell(Race.play, True)
             session.tell(Race.set_speed, 1e6)
-            assert await asyncio.to_thread(until, lambda: not session.snapshot.flying)
+            assert await asyncio.to_thread(until, lambda: not session.snapshot.flying, 60.0)
             await asyncio.sleep(1.5)
             ended = len(seen)
             assert ended > standing

@@ -28,7 +28,7 @@ from web.page.timing import events, hud, planner, tower
 from web.race import Snapshot
 from web.session import Session
 
-SCENE, TABLES, SLOW = 1 / 25, 1 / 8, 1.0  # periods of the scene, of tables and signals, of spectra and gaps [s]
+SCENE, TABLES, SIGNALS, SLOW = 1 / 25, 1 / 8, 1 / 5, 1.0  # periods of the scene, tables, signals, spectra and gaps [s]
 COLOURS: dict[str, Any] = {"error": "red", "crash": "orange", "lap": "green", "wait": "blue"}  # of notices
 
 
@@ -66,7 +66,7 @@ class Dashboard:
         self._previewed: Course | None = None
         self._notice = 0  # number of the last that was shown
         self._scene_due, self._tables_due, self._slow_due = Due(0.0), Due(TABLES), Due(SLOW)
-        self._controls_due, self._runs_due = Due(TABLES), Due(SLOW)
+        self._controls_due, self._signals_due, self._runs_due = Due(TABLES), Due(SIGNALS), Due(SLOW)
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(230, 159, 0))
         gui.add_html(STYLE)
@@ -132,6 +132,9 @@ class Dashboard:
                 self._playback.update(s)
                 self.sampler.update(s)
                 self.race.update(s)
+        if view and self._signals_due((view, state)):
+            view.charts.update_signals(timings)
+            self._tables["Laps"].content = laps([e.until(s.t) for e in s.competitors])
         if view and self._slow_due((view, state)):
             view.charts.update_spectrum(timings)
             view.charts.update_gaps(timings)
@@ -168,9 +171,7 @@ class Dashboard:
         self._tables["Events"].content = events(s.competitors, s.t)
         if view:
             self._tables["Timing"].content = tower(timings) + view.map.draw(timings)
-            self._tables["Laps"].content = laps([e.until(s.t) for e in s.competitors])
             self._tables["Planner"].content = planner(timings[0])
-            view.charts.update_signals(timings)
 
     def _notify(self, s: Snapshot) -> None:
         for notice in (n for n in s.notices if n.number > self._notice):

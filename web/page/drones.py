@@ -7,6 +7,8 @@ That mapping, x -> sRGB(O f(I x / 0.6)), is inverted here. (Stephen Hill's fit, 
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import trimesh
 import viser
@@ -63,7 +65,7 @@ class Drone:
         t = np.clip(t, 0.0, entry.t[i])
         rows = np.searchsorted(entry.t, t, side="right") - 1
         self._trail.points = self._segments(entry.rows(POSITION, rows), int(entry.t[i] / piece))
-        self._trail.colors = segments(array_colour(ramp(entry.speed(rows) / FAST))) if by_speed else self._colours
+        self._trail.colors = segments(shades_of(entry.speed(rows) / FAST)) if by_speed else self._colours
 
     def _segments(self, points: np.ndarray, first: int = 0) -> np.ndarray:
         pieces = segments(points)
@@ -115,6 +117,17 @@ def segments(points: np.ndarray) -> np.ndarray:
 def ramp(share: np.ndarray) -> np.ndarray:
     """Colours of 0..1, dark to bright, without plasma's darkest eighth.  (n,) -> (n, 3) uint8"""
     return colormaps["plasma"](0.125 + 0.875 * np.clip(share, 0.0, 1.0), bytes=True)[..., :3]
+
+
+@cache
+def _shades() -> np.ndarray:
+    """What to send for 256 shares of the ramp.  (256, 3) uint8"""
+    return array_colour(ramp(np.linspace(0.0, 1.0, 256)))
+
+
+def shades_of(share: np.ndarray) -> np.ndarray:
+    """The ramp's colours of 0..1, to be sent in an array.  (n,) -> (n, 3) uint8"""
+    return _shades()[(255 * np.clip(share, 0.0, 1.0)).astype(int)]
 
 
 def quadrotor(span: float) -> dict[str, trimesh.Trimesh]:
