@@ -24,6 +24,7 @@ test: $(VENV)/.dev
 SEED ?= 0
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --seed $(SEED)
+	$(BIN)/python -m tests.fuzz.moments --seed $(SEED)
 
 # Is the racer as fast, safe and smooth as stored, and are nasty courses flown? Flies some minutes; race regress FILE --regen stores anew.
 regression: $(VENV)/.dev

@@ -118,5 +118,7 @@ def _drop_stdout() -> None:
 
 
 def _complain(line: str, code: int) -> int:
-    print(line, file=sys.stderr, flush=True)
+    from quadsim.app.console import complain
+
+    complain(line)
     return code

@@ -16,6 +16,7 @@ from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
+CONTROL = re.compile(r"(?!\x1b\[[\d;]*m)[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 COMPILING = "compiling the planner for this machine, once: some 20 s"
 
 
@@ -48,7 +49,7 @@ def emit(*parts: RenderableType) -> None:
     with console.capture() as captured:
         for part in parts:
             console.print(part, soft_wrap=isinstance(part, str))
-    sys.stdout.write("".join(line.rstrip() + "\n" for line in captured.get().splitlines()))
+    sys.stdout.write("".join(line.rstrip() + "\n" for line in plain(captured.get()).split("\n")[:-1]))
     sys.stdout.flush()
 
 
@@ -85,5 +86,10 @@ def _without_nan(value: object) -> object:
 
 
 def complain(line: str) -> None:
-    sys.stderr.write(line + "\n")
+    sys.stderr.write(plain(line) + "\n")
     sys.stderr.flush()
+
+
+def plain(text: str) -> str:
+    """Control characters of names and files escaped, so that none reaches the terminal; colours of rich stay."""
+    return CONTROL.sub(lambda found: repr(found[0])[1:-1], text)

@@ -85,6 +85,10 @@ def describe(text: str, file: str) -> tuple[str, str]:
     if "base" in keys:
         entry = SYSTEMS["quadrotor"]
         planner = parse_planner(text, file, "colored", entry.presets, entry.control_units)
+        try:
+            entry.load_vehicle(planner.vehicle)
+        except FileError as error:
+            raise parse(text, file).error("vehicle", str(error)) from None
         return "preset", f"{planner.mppi.samples} samples, horizon {planner.mppi.horizon}"
     system = next((name for name, entry in SYSTEMS.items() if entry.key in keys), "quadrotor")
     c = SYSTEMS[system].parse_course(text, file)

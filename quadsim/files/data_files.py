@@ -27,7 +27,9 @@ def locate(name_or_path: str | Path, folder: Path, kind: str) -> Path:
         return Path(given)
     known = _files(folder)
     if given not in known:
-        raise FileError(f"no {kind} {shown(given)}: {did_you_mean(given, known)} (race {kind}s lists them)")
+        near = did_you_mean(given, known)
+        near = f": {near}" if near.startswith("did") else ""  # what else is known may be of another system
+        raise FileError(f"no {kind} {shown(given)}{near} (race {kind}s lists them)")
     return known[given]
 
 
@@ -38,6 +40,8 @@ def _files(folder: Path) -> dict[str, Path]:
 def read_text(path: Path) -> str:
     """The file's text. Raises FileError: missing, a folder, unreadable, too large, not UTF-8."""
     try:
+        if path.is_fifo() and path.parts[:2] != ("/", "dev"):  # nobody may ever write; <(command) is one in /dev/fd
+            raise FileError(f"{path}: expected a YAML file, got a pipe")
         with path.open("rb") as file:
             data = file.read(SIZE_MAX + 1)
     except FileNotFoundError:

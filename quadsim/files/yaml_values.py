@@ -17,6 +17,7 @@ from msgspec import inspect
 from quadsim.files.yaml_words import TEXT, did_you_mean, expected, found, is_null, limits, shown, unit_of, unless_null
 
 DECIMAL = re.compile(r"[-+]?((0|[1-9]\d*)(\.\d*)?|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+RENAMED = {"ess": "target_ess"}  # keys of older versions
 WHOLE = re.compile(r"[-+]?(0|[1-9]\d*)", re.ASCII)
 
 
@@ -98,7 +99,9 @@ def _key(node: yaml.Node, path: str, known: Iterable[str], lines: dict[str, int]
     key = node.value
     where = _join(path, key if key.isidentifier() and len(key) <= 60 else shown(key))
     if key not in known:
-        raise Misfit(node.start_mark, where, f"unknown key, {did_you_mean(key, known)}")
+        new = RENAMED.get(key, "")
+        advice = f"renamed to {new}" if new in known else did_you_mean(key, known)
+        raise Misfit(node.start_mark, where, f"unknown key, {advice}")
     if key in lines:
         raise Misfit(node.start_mark, where, f"duplicate key, first on line {lines[key]}")
     return key

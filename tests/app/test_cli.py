@@ -42,6 +42,15 @@ SIGMAS = "4 numbers [rad/s, rad/s, rad/s, m/s^2]"
 WRONG = {  # command line -> what the one line must say
     "cours": "no command 'cours': did you mean 'courses'?",
     "fly split_s_swfit": "no course 'split_s_swfit': did you mean 'split_s_swift'?",
+    "fly xyzzy": "no course 'xyzzy' (race courses lists them)",
+    "fly --plant-dt 1e-9": "--plant-dt: expected a number [s] >= 0.0001 and <= 0.02, got 1e-9",
+    "compare paper_flat --arms colred": "--variants: no sampler or preset 'colred': did you mean 'colored'?",
+    "compare paper_flat --variants a\x07=colored": "expected a name of printable characters, got 'a\\x07'",
+    "compare paper_flat --campaign .": "'.': expected the name of a file, got a folder",
+    "compare paper_flat --campaign=": "'.': expected the name of a file, got a folder",
+    "results --campaigns .": "'.': expected the name of a file, got a folder",
+    "results --campaigns /dev/null": "'/dev/null': expected the name of a file, got a pipe or a device",
+    "check no\x1b[2J.yaml": "no\\x1b[2J.yaml: no such file",
     "fly zigzg": "no course 'zigzg': did you mean 'zigzag'?",
     "fly --vehicle swft": "no vehicle 'swft': did you mean 'swift'?",
     "fly --sampler colred": "--sampler: no sampler 'colred': did you mean 'colored'?",
@@ -230,3 +239,33 @@ def test_a_full_disk_behind_stdout_is_one_line():
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert (done.returncode, done.stderr) == (2, "race courses: stdout: No space left on device\n")
+
+
+@pytest.mark.parametrize("command", ["check", "fly", "regress"])
+def test_a_pipe_that_nobody_writes_to_does_not_hang(tmp_path, capsys, command):
+    os.mkfifo(tmp_path / "pipe.yaml")
+    assert outcome(f"{command} {tmp_path}/pipe.yaml", capsys)[::2] == (
+        2,
+        f"{'' if command == 'check' else f'race {command}: '}{tmp_path}/pipe.yaml: expected a YAML file, got a pipe\n",
+    )
+
+
+def test_no_control_character_of_a_file_reaches_the_terminal(cwd, capsys):
+    name = "a\x1b[2J\rb.yaml"
+    (cwd / name).write_text(COURSE)
+    assert race(["check", name]) == 0
+    assert capsys.readouterr().out.startswith("a\\x1b[2Jb.yaml: ok, course")
+
+
+def test_check_refuses_a_preset_whose_vehicle_does_not_exist(tmp_path, capsys):
+    (tmp_path / "p.yaml").write_text("base: race\nvehicle: swft\n")
+    code, _, err = outcome(f"check {tmp_path}/p.yaml", capsys)
+    assert (code, err.splitlines()[0]) == (
+        2,
+        f"{tmp_path}/p.yaml:2:10: vehicle: no vehicle 'swft': did you mean 'swift'? (race vehicles lists them)",
+    )
+
+
+def test_a_key_of_an_older_version_is_told_its_new_name(tmp_path, capsys):
+    (tmp_path / "p.yaml").write_text("base: race\nmppi: {ess: 3}\n")
+    assert "p.yaml:2:8: mppi.ess: unknown key, renamed to target_ess" in outcome(f"check {tmp_path}/p.yaml", capsys)[2]

@@ -43,8 +43,8 @@ class Stored(Struct, frozen=True):
 
     commit: str
     cpu: str
-    laps: tuple[Annotated[float, unit("s", gt=0)] | None, ...]  # mean lap [s]; null: it did not finish
-    thrust_tv: tuple[Annotated[float, unit("m/s^2/s", ge=0)], ...]  # commanded
+    laps: Annotated[tuple[Annotated[float, unit("s", gt=0)] | None, ...], Meta(min_length=1)]  # mean [s]; null: none
+    thrust_tv: Annotated[tuple[Annotated[float, unit("m/s^2/s", ge=0)], ...], Meta(min_length=1)]  # commanded
 
 
 class Baseline(Struct, frozen=True, kw_only=True):
@@ -97,9 +97,9 @@ def judge(then: Stored, now: Stored, effects: Effects) -> list[Verdict]:
 
 def _relative(name: str, pairs: Sequence[tuple[float, float]], effect: float) -> Verdict:
     """Relative to the stored mean, so that one unusual seed cannot dominate."""
-    if len(pairs) < 2:
+    a, b = zip(*pairs, strict=True) if pairs else ((), ())
+    if len(pairs) < 2 or not any(a):
         return Verdict(name, nan, nan, nan, nan, effect, 1.0)
-    a, b = zip(*pairs, strict=True)
     differences = [(y - x) / fmean(a) for x, y in pairs]
     sd = sqrt(2) * stdev(a) / fmean(a)  # of a difference, if the seeds shared nothing
     alarm = false_alarm(sd, len(a), effect, CONFIDENCE)

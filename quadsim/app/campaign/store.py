@@ -73,6 +73,7 @@ class Store:
         with _one_line(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             self._db = sqlite3.connect(path, timeout=BUSY_TIMEOUT, isolation_level=None)
+            self._db.text_factory = lambda data: data.decode(errors="backslashreplace")  # JSON has no \x
             if self._version() != SCHEMA_VERSION:
                 self._upgrade()
             if create:

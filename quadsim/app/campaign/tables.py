@@ -32,13 +32,13 @@ class TextTable:
         return cls(tuple(columns), tuple(tuple(cell(item) for cell in columns.values()) for item in items), folds)
 
 
-def as_table(sheet: TextTable, columns: int | None = None) -> Group:
+def as_table(texts: TextTable, columns: int | None = None) -> Group:
     """One table, or where that is too wide several below each other, each with the first column. No word is broken.
 
     columns: of the terminal; None: of this one.
     """
     room = (width() if columns is None else columns) - INDENT
-    name, *others = (_least_width(sheet, i) for i in range(len(sheet.head)))
+    name, *others = (_least_width(texts, i) for i in range(len(texts.head)))
     widths = [min(name, max(TEXT, room - GAP - max(others))), *others]  # only a longer name is broken
     parts = [[0]]
     for i in range(1, len(widths)):
@@ -49,20 +49,20 @@ def as_table(sheet: TextTable, columns: int | None = None) -> Group:
     for part in parts:
         table = plain_table()
         for i in part:
-            text, head = i in sheet.folds, escape(sheet.head[i])
+            text, head = i in texts.folds, escape(texts.head[i])
             side = "left" if text else "right"
             table.add_column(head, justify=side, no_wrap=not text, overflow="fold", min_width=widths[i])
-        for row in sheet.rows:
+        for row in texts.rows:
             table.add_row(*(escape(row[i]) for i in part))
         shown += ["", table]
     return Group(*shown[1:])
 
 
-def _least_width(sheet: TextTable, i: int) -> int:
+def _least_width(table: TextTable, i: int) -> int:
     """Columns of the terminal that column i takes: its longest line, less where it is a text that wraps."""
-    texts = [*sheet.head[i].split("\n"), *(row[i] for row in sheet.rows)]
+    texts = [*table.head[i].split("\n"), *(row[i] for row in table.rows)]
     whole = max(map(len, texts))
-    if i not in sheet.folds[1:]:
+    if i not in table.folds[1:]:
         return whole
     return min(whole, max(TEXT, *(len(word) for text in texts for word in text.split())))
 

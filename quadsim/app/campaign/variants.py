@@ -16,8 +16,11 @@ from msgspec import Meta
 from controllers.samplers import SAMPLERS
 from quadsim.app.campaign.attempt import planner_key
 from quadsim.app.flags import Given, Help, UsageError, flag, run_command
+from quadsim.files.data_files import SUFFIXES
+from quadsim.files.yaml_words import did_you_mean
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
+from quadsim.race.systems import SYSTEMS
 
 CAMPAIGN = "campaigns/race.sqlite"
 Campaign = Annotated[str, Help("FILE.sqlite where attempts are kept")]
@@ -54,6 +57,8 @@ def parse_variants(text: str) -> dict[str, dict[str, Any]]:
             raise UsageError(f"--variants: expected a sampler or NAME=part+part, got {one.strip()!r}")
         if name in found:
             raise UsageError(f"--variants: expected different names, got {name!r} twice; name them NAME=...")
+        if not name.isprintable():
+            raise UsageError(f"--variants: expected a name of printable characters, got {name!r}")
         found[name] = dict(_setting(part) for part in (parts if named else name).split("+"))
     return found
 
@@ -104,7 +109,12 @@ def words_as_settings(words: Sequence[str]) -> tuple[str, dict[str, Any]]:
 def _setting(part: str) -> tuple[str, Any]:
     name, has_value, text = part.partition("=")
     if not has_value:
-        return ("sampler" if part in SAMPLERS or ":" in part else "preset"), part
+        presets = dict.fromkeys(preset for entry in SYSTEMS.values() for preset in entry.presets)
+        if part in SAMPLERS or ":" in part:
+            return "sampler", part
+        if part not in presets and not part.endswith(SUFFIXES):
+            raise UsageError(f"--variants: no sampler or preset {part!r}: {did_you_mean(part, [*SAMPLERS, *presets])}")
+        return "preset", part
     words = text.split(":")
     if text in ("yes", "no"):
         return name.replace("-", "_"), text == "yes"

@@ -76,7 +76,7 @@ WRONG = {
     "compare paper_flat --variants gaussian,gaussian": "--variants: expected different names, got 'gaussian' twice",
     "compare paper_flat --arms gaussian,gaussian": "--variants: expected different names, got 'gaussian' twice",
     "compare paper_flat --variants gaussian,": "--variants: expected a sampler or NAME=part+part, got ''",
-    "compare paper_flat --variants a=rac": "no preset 'rac': did you mean 'race'?",
+    "compare paper_flat --variants a=rac": "--variants: no sampler or preset 'rac': did you mean 'race'?",
     "compare paper_flat --variants a=race+es=3": "--es: no such setting, did you mean",
     "compare paper_flat --variants a=race+smooth=3": "--smooth: expected true or false, got '3'",
     "compare paper_flat --variants a=race+target-ess=x": "--target-ess: expected a number, got 'x'",
