@@ -54,9 +54,7 @@ class FlightSettings:
     threads: Count | None = None  # CPU threads (default: all); results do not depend on it
     penalties: bool = False  # a hit adds 3 s instead of ending the flight
     plant: Literal["bullet", "rigid"] | None = None  # rigid-body simulation (default: bullet if PyBullet is installed)
-    plant_dt: Annotated[float, unit("s", ge=1e-4, le=0.02)] | None = (
-        None  # physics time step [s] (default: the system's)
-    )
+    plant_dt: Annotated[float, unit("s", ge=1e-4, le=0.02)] | None = None  # physics step [s] (default: the system's)
     clock: Literal["simulated", "wall"] = "simulated"  # wall: simulated time runs on while the controller plans
     deadline_ms: Annotated[float, unit("ms", gt=0, le=1e4)] | None = None  # reduce the samples to plan within this [ms]
 
