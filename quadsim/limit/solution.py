@@ -14,7 +14,6 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from quadsim.course import Course, parse_course
 from quadsim.files.strict_yaml import FileError
@@ -46,6 +45,12 @@ class Solution:
         """[s]"""
         return float(self.t[-1])
 
+    def position(self, t: np.ndarray) -> np.ndarray:
+        """Cubic between the nodes, as they have velocities.  t (n,) [s] -> (n, 3) [m]"""
+        from scipy.interpolate import CubicHermiteSpline  # here: reports load this module, scipy takes .3 s
+
+        return CubicHermiteSpline(self.t, self.x[:, :3], self.x[:, 3:6])(t)
+
 
 @dataclass(frozen=True, eq=False)
 class Limit:
@@ -65,10 +70,10 @@ class Limit:
         return sum(self.lap_times)
 
     def path(self, rate: float = 100.0) -> np.ndarray:
-        """Time [s] and position [m] so many times a second, cubic between nodes as they have velocities.  (n, 4)"""
-        t, x = self.solution.t, self.solution.x
+        """Time [s] and position [m] so many times a second.  (n, 4)"""
+        t = self.solution.t
         times = np.append(np.arange(0.0, t[-1] - 0.5 / rate, 1.0 / rate), t[-1])
-        return np.column_stack([times, CubicHermiteSpline(t, x[:, :3], x[:, 3:6])(times)])
+        return np.column_stack([times, self.solution.position(times)])
 
     def states(self, vehicle: Vehicle, t: np.ndarray) -> np.ndarray:
         """STATE, linear between the nodes but for the position.  t (n,) -> (n, 17)"""
@@ -82,7 +87,7 @@ class Limit:
         spin = np.gradient(s.x[:, 10:13], s.t, axis=0)
         whole = np.column_stack([s.x[:, :13], thrust, spin])
         x = np.column_stack([np.interp(t, s.t, column) for column in whole.T])
-        x[:, :3] = CubicHermiteSpline(s.t, s.x[:, :3], s.x[:, 3:6])(t)
+        x[:, :3] = s.position(t)
         return x
 
     def above(self, time: float) -> float:
