@@ -16,8 +16,9 @@ def use_threads(n: int | None) -> int:
 
     Raises ValueError when n is not in 1..cores.
     """
-    limit = numba.config.NUMBA_NUM_THREADS  # pyright: ignore[reportPrivateImportUsage, reportAttributeAccessIssue]
-    most = min(len(os.sched_getaffinity(0)), limit)
+    most: int = numba.config.NUMBA_NUM_THREADS  # pyright: ignore[reportPrivateImportUsage, reportAttributeAccessIssue]
+    if hasattr(os, "sched_getaffinity"):  # Linux
+        most = min(len(os.sched_getaffinity(0)), most)
     n = most if n is None else n
     if not 1 <= n <= most:
         raise ValueError(f"threads: expected 1 to {most} on this machine, got {n}")

@@ -48,7 +48,8 @@ class Processes(Pool):
     lost = (BrokenExecutor,)
 
     def __init__(self, jobs: int | None = None):
-        self.size = self.window = jobs or len(os.sched_getaffinity(0))
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()  # Linux, others
+        self.size = self.window = jobs or cores or 1
         self._executor = self._start()
 
     def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
