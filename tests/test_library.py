@@ -1,80 +1,20 @@
-"""The public interface: what `import quadsim` promises, and objects of the user's own in every role."""
+"""The public interface: what `import quadsim` promises."""
 
 import inspect
 import json
-import os
 import subprocess
 import sys
-from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 import quadsim
 from controllers.costs.quadratic import quadratic_cost
-from controllers.plan import PlanStats
 from quadsim.app.cli import race
-from quadsim.physics.plant import PlantState
-from quadsim.race.plane_referees import DurationReferee
 from quadsim.systems.double_integrator import double_integrator
-from quadsim.systems.quadrotor import quadrotor
 
 SMALL = {"samples": 256, "horizon": 50, "iterations": 1, "laps": 1, "timeout": 0.3}
 FLAGS = [word for name, number in SMALL.items() for word in (f"--{name}", str(number))]
-SIGMA = (0.8, 0.8, 0.5, 4.0)
-
-
-@dataclass(frozen=True)
-class Held:
-    """A sampler: each control keeps one random value for some steps."""
-
-    sigma: tuple[float, ...] = SIGMA
-    steps: int = 10
-
-    def sample(self, rng, samples, horizon, controls):
-        pieces = rng.standard_normal((samples, -(-horizon // self.steps), controls))
-        return np.array(self.sigma) * pieces.repeat(self.steps, axis=1)[:, :horizon]
-
-
-def dearer(cost):
-    """The default cost, its weights doubled."""
-    return replace(cost, params=tuple(2 * p for p in cost.params))
-
-
-class Free:
-    """A plant: the planner's model without drag as the world."""
-
-    def __init__(self, spec):
-        self.dt = spec.plant_dt
-        self.system = quadrotor(replace(spec.model, drag=0.0), self.dt)
-        self.state = PlantState(0.0, spec.entry.start(spec), ())
-
-    def step(self, u):
-        x = self.system.step(self.state.x, u, self.system.params, self.dt)
-        self.state = PlantState(self.state.t + self.dt, x, ())
-        return self.state
-
-    def close(self):
-        pass
-
-
-class Hover:
-    """A controller: one thrust, whatever the state."""
-
-    def __init__(self, thrust):
-        self.thrust, self.rest = thrust, np.array([0.0, 0.0, 0.0, thrust])
-
-    def control(self, x, target, elapsed):
-        return self.rest, PlanStats(cost=0.0, ess=1.0, temperature=1.0)
-
-
-OWN = {  # role -> the part, what a run says of it
-    "sampler": (Held(steps=5), "Held", {"sigma": list(SIGMA), "steps": 5}),
-    "cost": (dearer, "dearer", {}),
-    "plant": (Free, "Free", {}),
-    "controller": (Hover(10.5), "Hover", {"thrust": 10.5, "rest": [0.0, 0.0, 0.0, 10.5]}),
-    "referee": (DurationReferee(0.1), "DurationReferee", {"outcome": None, "passed": 0, "_duration": 0.1}),
-}
 
 
 @pytest.fixture(scope="module")
@@ -120,95 +60,6 @@ def test_frames_are_the_steps_of_the_run(default):
     assert [f.outcome for f in steps if f.outcome] == [default.outcome]
 
 
-@pytest.mark.parametrize("role", OWN)
-def test_a_part_of_ones_own_flies_is_recorded_and_kept(role, default, tmp_path):
-    part, name, parameters = OWN[role]
-    run = quadsim.fly("figure8", **SMALL, **{role: part})
-    own = run.spec["own"]
-    assert list(own) == [role]
-    assert own[role]["class"].endswith(f".{name}")
-    assert own[role]["parameters"] == parameters
-    changed = [k for k, x in run.telemetry.items() if k != "plan_ms" and not np.array_equal(x, default.telemetry[k])]
-    assert changed, "the part made a difference"
-    folder = quadsim.save_run(run, tmp_path)
-    assert quadsim.load_run(folder).digest() == run.digest()
-    assert json.loads((folder / "run.json").read_text())["repeatable_from_spec"] is False
-
-
-def test_ones_own_controller_and_referee_have_the_say():
-    run = quadsim.fly("figure8", **SMALL, controller=Hover(10.5), referee=lambda spec: DurationReferee(0.1))
-    assert (run.telemetry["a_cmd"] == 10.5).all()
-    assert run.telemetry["t"][-1] == pytest.approx(0.1)
-    assert run.outcome == "finished"
-
-
-def slide(x, u, p, dt):
-    """A mass on a line: position, velocity, force; commanded force, which the force follows with a lag."""
-    position, velocity, force = x
-    (command,) = u
-    mass, lag = p
-    return position + velocity * dt, velocity + force / mass * dt, force + (command - force) * dt / lag
-
-
-def away_from_zero(x, x_next, u, target, crashed, p):
-    position, velocity, _ = x_next
-    return position * position, 0.1 * velocity * velocity, False, crashed
-
-
-MASS = {
-    "system": quadsim.System("mass", ("s", "v", "f"), ("f_cmd",), slide, (2.0, 0.1), 0.05, (-9.0,), (9.0,), (0.0,)),
-    "cost": quadsim.Cost("near zero", ("position", "velocity"), away_from_zero, (), np.zeros((1, 1))),
-    "sampler": quadsim.Gaussian((3.0,)),
-    "start": (1.0, 0.0, 0.0),
-    "timeout": 3.0,
-    "samples": 256,
-    "horizon": 30,
-}
-
-
-def test_a_system_of_ones_own_is_driven_to_its_goal_and_kept(tmp_path):
-    run = quadsim.fly(**MASS)
-    assert (run.outcome, run.telemetry["s"][0]) == ("finished", 1.0)
-    assert abs(run.telemetry["s"][-1]) < 0.15
-    assert run.spec["own"]["system"] == {"states": ["s", "v", "f"], "controls": ["f_cmd"]}
-    folder = quadsim.save_run(run, tmp_path)
-    assert quadsim.load_run(folder).digest() == run.digest()
-    assert quadsim.fly(**MASS).digest() == run.digest(), "as repeatable as any"
-
-
-def test_a_sampler_of_ones_own_on_the_command_line_lies_in_the_current_folder(tmp_path, capsys):
-    (tmp_path / "mine.py").write_text(
-        "class Still:\n    def sample(self, rng, samples, horizon, controls):\n"
-        "        return rng.standard_normal((samples, horizon, controls))\n"
-    )
-    # -P: Python itself does not look for modules in the current folder, as for an installed `race`
-    code = "from quadsim.app.cli import main; main()"
-    command = [sys.executable, "-P", "-c", code, "fly", "figure8", *FLAGS, "--sampler", "mine:Still", "--json"]
-    root = os.path.dirname(os.path.dirname(quadsim.__file__))
-    done = subprocess.run(command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": root}, capture_output=True, text=True)
-    assert done.returncode == 1, done.stderr
-    run = quadsim.load_run("last", str(tmp_path / "runs"))
-    assert run.spec["sampler"] == "Still"
-    assert run.spec["own"]["sampler"] == {"class": "mine.Still", "parameters": {}}
-    monkeypatched = "mine" in sys.modules or "" in sys.path
-    with pytest.raises(quadsim.SettingError, match=r"sampler: expected package.module:Class .* got 'mine:Still'"):
-        quadsim.fly("figure8", sampler="mine:Still")
-    assert not monkeypatched, "the library itself looks where Python does"
-
-
-def test_compare_with_a_sampler_of_ones_own_gives_pairs_tables_and_a_picture(tmp_path):
-    variants = {"gaussian": {}, "held": {"sampler": Held()}}
-    comparison = quadsim.compare("figure8", variants, attempts=2, **SMALL)
-    (pair,) = comparison.pairs
-    assert ({pair.a, pair.b}, pair.seeds) == ({"gaussian", "held"}, 2)
-    assert [(v.name, v.attempts) for v in comparison.variants] == [("gaussian", 2), ("held", 2)]
-    assert "held - gaussian" in str(comparison)
-    figure = comparison.plot(tmp_path / "both.png")
-    assert (tmp_path / "both.png").read_bytes().startswith(b"\x89PNG")
-    labels = [text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text"))]
-    assert {"gaussian", "held"} <= set(labels)
-
-
 WRONG = {  # setting -> value, what the message must say
     "samples": (1, "samples: expected a whole number >= 2 and <= 1e+06, got 1"),
     "horizon": (20.5, "horizon: expected a whole number [steps], got '20.5'"),
@@ -246,23 +97,6 @@ def test_a_wrong_setting_is_an_error_of_one_line_that_names_it(name):
     assert caught.value.name == name
     assert "\n" not in str(caught.value)
     assert isinstance(caught.value, ValueError)
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"cost": None}, "cost: expected a controllers.costs.Cost for a system of one's own, got None"),
-        ({"sampler": "colored"}, "sampler: expected a sampler: an object with sample(rng, samples, horizon, controls)"),
-        ({"sampler": quadsim.Gaussian((1.0, 1.0))}, "sigma: expected 1 numbers"),
-        ({"start": (1.0,)}, "start: expected 3 numbers, got 1"),
-        ({"timeout": None}, "timeout: expected a number [s] for a system of one's own, got None"),
-        ({"gates": 3}, "gates: no such setting"),
-    ],
-)
-def test_a_wrong_setting_of_ones_own_system_is_named_too(change, said):
-    with pytest.raises(quadsim.SettingError) as caught:
-        quadsim.fly(**MASS | change)
-    assert said in str(caught.value)
 
 
 def test_a_course_or_vehicle_that_does_not_exist_is_a_value_error_with_a_proposal():
