@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from fnmatch import fnmatch
 from functools import cached_property
 from itertools import combinations
-from math import nan
+from math import isfinite, nan
 from pathlib import Path
 from typing import Annotated
 
@@ -31,7 +31,7 @@ class Group:
 
     rows: tuple[Row, ...]
     limit: float  # [s] a lap
-    best_known: float  # of the race [s]
+    best_known: float = nan  # limit of the race [s]
 
     @property
     def first(self) -> Row:
@@ -54,6 +54,7 @@ class Group:
         return variant_stats(self.first.name, self.rows, self.limit, self.best_known)
 
 
+ABOVE = "above [%]"  # the best known limit
 COLUMNS = {
     "id": lambda g: g.id,
     "variant": lambda g: g.first.name,
@@ -63,7 +64,7 @@ COLUMNS = {
     "seeds": lambda g: g.seeds,
     "done": lambda g: f"{g.stats.finished}/{g.stats.attempts}",
     "lap [s]": lambda g: number(g.stats.lap_mean),
-    "above [%]": lambda g: number(100.0 * g.stats.above_limit, ".1f"),
+    ABOVE: lambda g: number(100.0 * g.stats.above_limit, ".1f"),
     "thrust": lambda g: number(g.stats.thrust_tv, ".1f"),
     "commit": lambda g: short(g.first.code),
 }
@@ -117,7 +118,8 @@ def results_table(groups: Sequence[Group], width: int | None = None) -> Iterator
     if shared:
         yield escape(", ".join(f"{SHARED[head]} {cell}" for head, cell in shared.items()))
         yield ""
-    columns = {head: cell for head, cell in COLUMNS.items() if head not in shared}
+    unknown = set() if any(isfinite(g.stats.above_limit) for g in groups) else {ABOVE}
+    columns = {head: cell for head, cell in COLUMNS.items() if head not in {*shared, *unknown}}
     texts = tuple(i for i, head in enumerate(columns) if head in ("variant", "course", "vehicle"))
     yield as_table(TextTable.of(groups, columns, folds=texts), width)
 

@@ -1,6 +1,7 @@
 """Tables of comparisons fit a terminal of 80 columns without breaking a word."""
 
 from io import StringIO
+from math import nan
 
 import pytest
 from campaign_cases import row
@@ -87,3 +88,12 @@ def test_stored_variants_of_a_long_named_course_and_vehicle_are_one_table_of_80_
     assert max(map(len, lines)) <= 80
     assert lines[0] == "course split_s_swift, vehicle kingfisher, randomized 1, commit aaaaaaa"
     assert [line.split()[1] for line in lines[3:]] == list(NAMES)
+
+
+def test_the_share_above_the_best_known_limit_is_a_column_where_one_is_known():
+    groups = [Group((row(0, variant="a" * 64, laps=(5.0, 5.0)),), 10.0, best) for best in (8.0, nan)]
+    console = Console(file=StringIO(), width=100, highlight=False)
+    console.print(*results_table(groups, 100), sep="\n")
+    text = console.file.getvalue()
+    assert "above [%]" in text
+    assert "25.0" in text
