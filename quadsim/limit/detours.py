@@ -66,6 +66,9 @@ def _ways_out(local: np.ndarray, hit: int, swept: SweptGate) -> Iterator[tuple[i
     sides = [(0, 1.0), (0, -1.0), edge]
     nodes = range(max(first - 1, 1), min(last + 2, len(local)))
     nearest = [min(sides, key=lambda s: swept.slab[s[0]] - s[1] * local[n, s[0]]) for n in nodes]
+    for i in range(len(nearest) - 1):
+        if nearest[i][0] == nearest[i + 1][0] == 0 and nearest[i] != nearest[i + 1]:
+            nearest[i : i + 2] = [edge] * 2  # from one face to the other leads past the edge
     for side, run in groupby(zip(nearest, nodes, strict=True), key=lambda pair: pair[0]):
         found = [node for _, node in run]
         yield found[0], found[-1], *side

@@ -8,10 +8,13 @@ import pytest
 from limit_cases import HALL, without_lag
 
 from quadsim.course import Course, Gate, Start
+from quadsim.course.swept import SweptGate
+from quadsim.limit.detours import detours
 from quadsim.limit.dynamics import dynamics
-from quadsim.limit.guess import straight
+from quadsim.limit.guess import solved, straight
+from quadsim.limit.solution import Limit
 from quadsim.limit.solve import solve
-from quadsim.limit.task import Task, Waypoint, race_task
+from quadsim.limit.task import Task, Waypoint, race_task, segments
 from quadsim.limit.verify import verify
 from quadsim.race.referee import Referee
 from quadsim.vehicle import GRAVITY, load_vehicle
@@ -98,3 +101,25 @@ def test_more_thrust_is_faster_and_lag_slower(race):
 def test_a_vehicle_without_rotors_flies_by_its_rates():
     with pytest.raises(ValueError, match="--model: paper has no rotors: take rates"):
         dynamics(load_vehicle("paper"), "rotors")
+
+
+def test_a_u_turn_behind_a_gate_goes_around_its_frame():
+    """The straight way back leads through the gate's upper bar; the race around it is slower, and free of it."""
+    low = Gate((3.0, 0.0, 1.5), 0.0, 0.0, 0.0, (1.5, 1.5), 0.275)
+    back = Gate((-1.0, 0.0, 3.2), np.pi, 0.0, 0.0, (1.5, 1.5), 0.275)
+    end, model = Task((low, back), COURSE.start, HALL, SWIFT.radius), dynamics(SWIFT, "rotors")
+    solution = solve(end, model, [20, 20], straight(end, model, 4.0))
+    plan, hits = segments(end, [20, 20]), touched(solution, low)
+    assert hits
+    around = tuple(detours(solution, plan, end, [(hits[0], low)]))
+    freed = solve(end, model, [20, 20], solved("again", solution, end), around=around)
+    assert touched(freed, low) == []
+    assert freed.time > solution.time
+
+
+def touched(solution, gate):
+    """When the path between nodes touches the frame [s]."""
+    swept = SweptGate(gate, 0, SWIFT.radius)
+    limit = Limit("", "", 1, False, [], {}, solution).path(1000.0)
+    local = [gate.to_local(tuple(p)) for p in limit[:, 1:]]
+    return [t for t, a, b in zip(limit[:, 0], local, local[1:], strict=False) if swept.touch(a, b) is not None]
