@@ -43,12 +43,12 @@ class Cost:
     targets: np.ndarray  # (targets, n_target) the target rows, from the first target on
     to_go: int | None = None  # column of targets that counts distance still to fly, if any
     obstacles: Obstacles | None = None
-    holds: Callable | None = None  # (x, row) -> whether this target, just reached, can still be hit from x
+    still_in_gate: Callable | None = None  # (x, row) -> whether x has not left the gate of the target just reached
 
     def targets_from(self, target: int, x: np.ndarray, dtype: type = np.float32) -> np.ndarray:
         """Rows from the current target on, the distance to go counted from it (small numbers for float32)."""
         target = min(target, len(self.targets) - 1)
-        if self.holds and target > 0 and self.holds(x, self.targets[target - 1]):
+        if self.still_in_gate and target > 0 and self.still_in_gate(x, self.targets[target - 1]):
             target -= 1
         rows = np.array(self.targets[target:], dtype=dtype)
         if self.to_go is not None:

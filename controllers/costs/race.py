@@ -1,8 +1,21 @@
 """The racing cost: eq. (8) of Vlahov et al. 2024, and the distance still to fly.
 
-    q = a_0 Progress + a_1 Heading + a_2 Height + a_3 Speed + a_4 Stabilize + a_5 Crash + a_6 Waypoint + a_7 Path
+    q = a_0 Progress + a_1 Heading + a_2 Height + a_3 Speed + a_4 Stabilize + a_5 Crash - a_6 Waypoint + a_7 Path
       + a_8 Clearance
 
+a_1 to a_7 are the paper's terms, a_0 and a_8 are ours: the distance still to fly, and the margin within a gate.
+
+A gate from above; the vehicle's centre flies from left to right, along the passage:
+
+    entry plane          exit plane: the target's position, x = 0 of the gate's frame here
+        |    ####  frame     |
+        |    ####            |   bar: the frame's width, grown by the vehicle's radius and the margins
+        |                    |
+    ----|--------------------|-> free: half the opening, less radius and margin, to either side
+        |                    |
+        |    ####            |
+        |    ####            |
+        <------- depth ------>
 Unlike the paper's implementation, the target advances inside the rollout: once a sample has flown through a gate, its
 progress is measured to the next one. A gate counts as passed when the segment x -> x_next crosses its exit plane inside
 the free opening, which is the opening less the vehicle's radius and a safety margin; the frame in all of its depth, the
@@ -27,6 +40,9 @@ from quadsim.files.strict_yaml import unit
 
 TERMS = ("progress", "heading", "height", "speed", "stabilize", "crash", "waypoint", "path", "clearance")
 
+FLOOR_MARGIN = 0.1  # [m]
+AT_TARGET = 0.5  # [m] nearer than this the bearing to the target says nothing
+
 Weight = Annotated[float, Meta(ge=0, le=1e6)]
 
 
@@ -35,10 +51,10 @@ class RaceWeights:
     """Weights a_0..a_8 of the terms, and the numbers they refer to."""
 
     progress: Weight = 1.0  # per metre still to fly
-    heading: Weight = 0.0  # 1 - cos of the angle between velocity and bearing to the gate, per unit
+    heading: Weight = 0.0  # of 1 - cos of the angle between horizontal velocity and bearing to the gate
     height: Weight = 0.0  # per m^2 off the height of the leg
     speed: Weight = 0.0  # per (m/s)^2 off desired_speed, horizontal
-    stabilize: Weight = 0.0  # 1 - cos of the tilt
+    stabilize: Weight = 0.0  # of 1 - cos of the tilt
     crash: Weight = 1000.0  # per step after a crash
     waypoint: Weight = 0.0  # reward per step within waypoint_radius of the gate's exit
     path: Weight = 0.0  # per m^2 off the straight leg
@@ -52,8 +68,9 @@ def step_at_gate(before, after, free_y, free_z, bar, depth):
     """A step whose ends are given in the frame of a gate's exit: (reached, clipped, within, at_end).
 
     at_end is how far outside the free opening it ends, negative inside [m]; within: between entry and exit, not
-    outside the frame. It is free of the frame if it is free at the exit, the entry and its end, as the free shaft is
-    convex. At the two planes the distances are times |s1 - s0|, which saves a division.
+    outside the frame. Checked where it crosses the two planes and at its end, which is enough as the free opening is
+    convex. at_exit and at_entry are that distance times |s1 - s0|, without a division: only their signs are used, or
+    whether they are below bar times the same.
     """
     (s0, y0, z0), (s1, y1, z1) = before, after
     forward = (s0 < 0.0) & (s1 >= 0.0)
@@ -101,7 +118,7 @@ def terms(x, x_next, u, target, crashed, p):
 
     v_xy = sqrt(vx * vx + vy * vy + 1e-6)
     d_xy = sqrt(dx * dx + dy * dy + 1e-6)
-    heading_error = where(d2 > 0.25, 1.0 + (vx * dx + vy * dy) / (v_xy * d_xy), 0.0)
+    heading_error = where(d2 > AT_TARGET * AT_TARGET, 1.0 + (vx * dx + vy * dy) / (v_xy * d_xy), 0.0)
     ox, oy, oz = off_leg(dx, dy, dz, ex, ey, ez, leg)
     off_speed = v_xy - v_des
     return (
@@ -133,10 +150,10 @@ def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) ->
 def room_to_fly(course: Course, radius: float, margin: float) -> tuple[float, ...]:
     """Where samples may fly: floor, x_low, x_high, y_low, y_high, z_high [m].
 
-    At most .1 m of the margin is kept from the ground, and half of what the lowest gate leaves.
+    At most FLOOR_MARGIN of the margin is kept from the ground, and half of what the lowest gate leaves.
     """
     (x_low, x_high), (y_low, y_high), (z_low, z_high) = course.bounds
     gap = radius + SAFETY_MARGIN
     lowest = min(g.position[2] for g in course.gates)
-    floor = gap + max(min(margin, 0.1, (lowest - gap) / 2), 0.0)
+    floor = gap + max(min(margin, FLOOR_MARGIN, (lowest - gap) / 2), 0.0)
     return max(floor, z_low), x_low + gap, x_high - gap, y_low + gap, y_high - gap, z_high - gap

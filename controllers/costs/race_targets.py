@@ -14,7 +14,7 @@ RUN_OUT = 100.0  # [m] from the last gate to a last target behind it, so that pl
 
 
 def cross(a, b):
-    """a x b of three numbers each."""
+    """The cross product of two vectors of three numbers.  (3,)"""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 

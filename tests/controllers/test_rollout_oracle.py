@@ -122,7 +122,7 @@ def test_lanes_that_start_within_the_frame_of_a_gate_just_passed_mind_it():
     at = np.array((0.03, gate.opening[0] / 2 - RADIUS - 0.1, 0.0))
     x0 = launch(gate.position + gate.rotation @ at, gate.rotation @ np.array((0.5, 0.3, 0.0)))
     crashes = []
-    for c in (cost, replace(cost, holds=None, obstacles=None)):
+    for c in (cost, replace(cost, still_in_gate=None, obstacles=None)):
         oracle = fly_rows(SYSTEM, c, x0, *controls(2), target=1, clearance=decision_distance)
         lanes = fly_lanes(c, x0, *controls(2), target=1, dtype=np.float64)
         assert_agree(lanes, oracle, rtol=1e-12, graze=1e-10)
