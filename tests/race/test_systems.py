@@ -3,6 +3,7 @@
 import io
 import json
 import re
+import sys
 from dataclasses import replace
 from functools import cache
 
@@ -152,7 +153,7 @@ def test_the_figure_shows_every_control_and_can_be_written(system):
 
 @pytest.mark.parametrize(("system", "shown"), [("quadrotor", "gate 1/7"), ("offroad", "leg 1/5"), ("own", "ESS")])
 def test_the_live_line_names_what_is_passed(system, shown, monkeypatch, capsys):
-    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setenv("COLUMNS", "120")
     spec = spec_of(system)
     with Progress(spec) as line:
