@@ -40,7 +40,7 @@ def test_who_is_farther_on_the_course_leads_also_with_more_laps_to_go(page, sess
     assert waited(page, lambda: "leader" in cells(page, 0), 10)
     assert "colored" in cells(page, 0)[1]
     assert "gaussian" in cells(page, 1)[1]
-    assert float(cells(page, 1)[4]) > 0.0  # behind
+    assert float(cells(page, 1)[3]) > 0.0  # behind
     session.tell(Race.end_flights)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from browser_cases import SLOW, dashboard, press, seen, waited
+from browser_cases import SLOW, choose, dashboard, press, seen, waited
 from matplotlib.image import imread
 from web_cases import Glider, Gliders, choices
 
@@ -75,6 +75,7 @@ def page(browser, race):
     page.set_default_timeout(SLOW)
     page.goto(race.address)
     page.get_by_text("Playback").first.wait_for()
+    choose(page, "Mode", "replay")  # else the course that START will fly is shown
     assert waited(page, lambda: scene(page, "/impacts") is not None)
     yield page
     page.close()
@@ -105,7 +106,7 @@ def test_how_each_flight_ended_stays_on_the_page(page, race):
     assert scene(page, "/impacts") is True
     race.tell(Race.scrub, 0.2)
     assert waited(page, lambda: scene(page, "/impacts") is False)
-    assert page.get_by_text("CRASHED").count() == 0
+    assert page.get_by_text("CRASHED at gate 4").count() == 0
     race.tell(Race.scrub, 99.0)
     seen(page, "CRASHED at gate 4, lap 1")
 
