@@ -1,11 +1,16 @@
 """Fixtures that several test files share."""
 
 import os
+import signal
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or BLAS threads spin against the compiled loops'
 
 import numpy as np
 import pytest
+
+# a job in the background of a shell inherits an ignored Ctrl-C, which tests send to themselves and to commands
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
