@@ -2,18 +2,21 @@
 
     for i in 1..I:
         z^m   <- the sampler                          m = 1..M
-        v^m   <- clip(U + z^m)                        sampled controls
-        J^m   <- (1/T) sum_t q(x_{t+1})               rollout through the model
+        v^m   <- clip(U + n z^m)                      sampled controls
+        J^m   <- (1/T) sum_t s_t q(x_{t+1})           rollout through the model
         w^m   <- exp(-(J^m - min J) / lambda) / eta
         U     <- U + alpha sum_m w^m (v^m - U)
 
 J is the mean over the horizon of the stage cost q, as in the authors' public library, so lambda here is the textbook's
-lambda / T. There is no terminal cost, and no control-cost term lambda u^T Sigma^-1 z: that term stems from
-importance sampling with a Gaussian, and samplers of other distributions are to be compared under the same cost.
+lambda / T; the weights n_t and s_t are 1 unless configured. There is no terminal cost, and no control-cost term
+lambda u^T Sigma^-1 z: that term stems from importance sampling with a Gaussian, and samplers of other distributions are
+to be compared under the same cost.
 
 Extensions, most of them optional in MPPIConfig: the last samples perturb another sequence (rest_fraction), the control
-limits are tightened, the temperature is adapted to an effective sample size (ESS), the plan is filtered, the model is
-estimated in flight (adaptation), and a sampler may have momentum (controllers.samplers.smooth).
+limits are tightened, the plan may exceed them while what is applied does not (overshoot), perturbations and cost are
+weighted along the horizon (controllers.schedule), the first plan has more iterations (first_iterations), the
+temperature is adapted to an effective sample size (ESS), the plan is filtered, the model is estimated in flight
+(adaptation), and a sampler may have momentum (controllers.samplers.smooth).
 How samples lie in memory, and why they are drawn in chunks, is said in controllers.rollout.layout.
 
 Source: B. Vlahov, J. Gibson, D. D. Fan, P. Spieler, A. Agha-mohammadi and E. A. Theodorou, "Low Frequency Sampling in
@@ -37,6 +40,7 @@ from controllers.rollout.lanes import Rollout
 from controllers.rollout.reduce import weighted_mean
 from controllers.samplers import PlainSampler, Sampling, build_lanes
 from controllers.samplers.lane_sampler import stream_key
+from controllers.schedule import Schedule
 from controllers.update import adapt_temperature, savitzky_golay, softmax_weights, weights
 from quadsim.systems import System
 
@@ -49,7 +53,7 @@ class Iteration:
     target: int  # row of the cost's targets
     call: int  # index of the sampler call
     nominal: np.ndarray  # control sequence that the samples perturb  (T, n_u)
-    rest_offset: np.ndarray  # from it to the alternative that the last rest_fraction * M samples perturb  (T, n_u)
+    rest_offset: np.ndarray  # from it to what the last rest_fraction * M samples perturb, over the ramp  (2, T, n_u)
     J: np.ndarray  # cost of each sample  (M,)
 
 
@@ -101,6 +105,8 @@ class MPPI:
         if config.dt != system.dt:
             raise ValueError(f"dt: expected the system's {system.dt:g} s, got {config.dt:g}")
         self.cost, self.config, self.adaptation = cost, config, adaptation
+        self.schedule = Schedule(config.first_noise, config.cost_rise)
+        self.ramp = self.schedule.noise(config.horizon)  # factors on the perturbations  (2, T)
         self.set_model(system)
         chunk_size, n_u = min(config.samples, layout.CHUNK), len(system.controls)
         self.sampler = build_lanes(sampler, n_u, chunk_size, config.horizon, stream_key(seed), config.dt)
@@ -120,8 +126,14 @@ class MPPI:
     def set_model(self, system: System) -> None:
         """Plan with this system from now on: the same states and controls, other parameters."""
         self.system = system.tightened(self.config.tighten)
-        self.rollout = Rollout(self.system, self.cost)
+        self.rollout = Rollout(self.system, self.cost, schedule=self.schedule)
         self.low, self.high = np.array(self.system.low), np.array(self.system.high)
+        wide = system.tightened(self.config.tighten - self.config.overshoot)
+        self.plan_low, self.plan_high = np.array(wide.low), np.array(wide.high)
+
+    def set_cost(self, cost: Cost) -> None:
+        """Plan with this cost from now on: the same terms, other numbers."""
+        self.cost, self.rollout = cost, Rollout(self.system, cost)
 
     def continue_from(self, planner: MPPI) -> None:
         """Start from another planner's plan, momentum and estimates. It must have the same system and horizon."""
@@ -147,16 +159,21 @@ class MPPI:
         """
         self.system.check(x)
         if self.adaptation:
-            self.set_model(self.adaptation.observe(x, self.plan[0], elapsed))
+            self.set_model(self.adaptation.observe(x, self.clipped(self.plan[0]), elapsed))
         if self._calls and elapsed:
             self.shift(elapsed)
-        for _ in range(self.config.iterations):
+        first = None if self._calls else self.config.first_iterations
+        for _ in range(first or self.config.iterations):
             stats = self.iterate(x, target)
-        return self.plan[0].copy(), stats
+        return self.clipped(self.plan[0]), stats
+
+    def clipped(self, u: np.ndarray) -> np.ndarray:
+        """Within the control limits, which the plan may exceed.  (..., n_u) -> (..., n_u)"""
+        return np.clip(u, self.low, self.high)
 
     def shift(self, steps: int) -> None:
         """Warm start: drop the controls that lie in the past, append rest controls."""
-        self.executed = np.vstack([self.executed, self.plan[:steps]])[-2:]
+        self.executed = np.vstack([self.executed, self.clipped(self.plan[:steps])])[-2:]
         tail = np.tile(self.rest, (min(steps, len(self.plan)), 1))
         self.plan = np.vstack([self.plan[steps:], tail])
         if self.sampler.momentum:
@@ -167,14 +184,15 @@ class MPPI:
         self._calls += 1
         U, alternative = self.nominals()
         J = np.empty(self.samples)
-        self.last = Iteration(x, target, self._calls, U, alternative - U, J)
+        self.last = Iteration(x, target, self._calls, U, (alternative - U) / self.ramp[:, :, None], J)
         # Weights are first normalised within a chunk: its perturbations are overwritten by the next chunk's, before the
         # least cost of all samples is known. mean_of_chunks then weighs each chunk by its part of the total weight.
         means = []
         for chunk in layout.chunks(self.samples):
             z = self.perturbations(self.last, chunk)
             J[chunk] = self.costs(self.last, z, len(J[chunk]))
-            means.append(weighted_mean(z, U, self.low, self.high, softmax_weights(J[chunk], self.temperature)))
+            share = softmax_weights(J[chunk], self.temperature)
+            means.append(weighted_mean(z, self.ramp, U, self.plan_low, self.plan_high, share))
         w = weights(J, self.temperature)
         self.update(U + self.config.step_size * layout.mean_of_chunks(means, w))
         stats = PlanStats(float(J[0]), float(1 / np.sum(w * w)), self.temperature)
@@ -214,9 +232,9 @@ class MPPI:
 
     def update(self, plan: np.ndarray) -> None:
         """Set the plan, clipped to the limits and filtered if configured, and the momentum, if the sampler has one."""
-        plan = np.clip(plan, self.low, self.high)
+        plan = np.clip(plan, self.plan_low, self.plan_high)
         if self.sampler.momentum:
             self.sampler.momentum.change = plan - self.plan
         self.plan = plan
         if self.config.smooth:
-            self.plan = np.clip(savitzky_golay(self.plan, self.executed), self.low, self.high)
+            self.plan = np.clip(savitzky_golay(self.plan, self.executed), self.plan_low, self.plan_high)

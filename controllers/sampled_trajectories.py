@@ -46,7 +46,7 @@ def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:
         if len(inside):
             z = mppi.perturbations(last, chunk)
         for k in inside:
-            v[k] = U + sample(z, which[k] - chunk.start, len(last.nominal))
+            v[k] = U + mppi.ramp[which[k] // LANES % 2] * sample(z, which[k] - chunk.start, len(last.nominal))
     return np.clip(v, mppi.low[:, None], mppi.high[:, None])
 
 

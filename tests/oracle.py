@@ -8,11 +8,13 @@ from itertools import pairwise
 import numpy as np
 
 from controllers.costs import Cost
-from controllers.costs.frames import touches
+from controllers.costs.frames import touches, touches_round
 from controllers.rollout.lanes import LANES
 from controllers.rollout.obstacles import MARKS, steps_between
+from controllers.schedule import Schedule
 from quadsim.systems import System
 
+SAME = Schedule()  # every step alike
 GRAZE = 1e-4  # [m] by which float32 may judge otherwise whether a line touches a frame
 
 
@@ -27,25 +29,28 @@ class Flown:
     terms: np.ndarray  # (M, n_terms) horizon mean of each term
 
 
-def fly_rows(system: System, cost: Cost, x0, U, z, target: int = 0, clearance=None) -> Flown:
-    """Fly v = clip(U + z) from x0.  U (T, n_u), z (M, n_u, T)
+def fly_rows(system: System, cost: Cost, x0, U, z, target: int = 0, clearance=None, schedule=SAME) -> Flown:
+    """Fly v_t = clip(U_t + n_t z_t) from x0, with n_t and s_t of the schedule.  U (T, n_u), z (M, n_u, T)
 
     clearance(x, x_next, target, params) -> (M,): how far this step's decisions are from turning out otherwise.
     """
     M, T = len(z), len(U)
+    noise, stage, odd = schedule.noise(T), schedule.cost(T), np.arange(M) // LANES % 2
     targets = cost.targets_from(target, np.asarray(x0), np.float64)
     x = tuple(np.full(M, value, float) for value in x0)
     row, crashed, clear = np.zeros(M, int), np.zeros(M), np.full(M, np.inf)
     total = np.zeros((len(cost.term_names), M))
     lines = Lines(cost, x0, T, system.dt, row < len(targets) - 1)
     for t in range(T):
-        u = tuple(np.clip(U[t, k] + z[:, k, t], system.low[k], system.high[k]) for k in range(U.shape[1]))
+        u = tuple(
+            np.clip(U[t, k] + noise[odd, t] * z[:, k, t], system.low[k], system.high[k]) for k in range(U.shape[1])
+        )
         x_next = system.step(x, u, system.params, system.dt)
         target = tuple(targets[row].T)
         *q, reached, crashed = cost.terms(x, x_next, u, target, crashed, cost.params)
         if clearance is not None:
             clear = np.minimum(clear, clearance(x, x_next, target, cost.params))
-        total += q
+        total += stage[t] * np.array(q)
         row = np.minimum(row + reached, len(targets) - 1)
         x = x_next
         if cost.obstacles is not None:
@@ -82,8 +87,10 @@ class Lines:
 
 def line_distance(a, b, row) -> np.ndarray:
     """How far a line is from touching a grown frame if it does not, or from not touching it if it does, about [m]."""
-    grown = [np.concatenate([row[:18], row[18:19] + e, row[19:21] - e, row[21:] + e]) for e in (-GRAZE, 0.0, GRAZE)]
-    low, here, high = (touches(a, b, g) for g in grown)
+    grown = [np.concatenate([row[:18], row[18:19] + e, row[19:21] - e, row[21:23] + e]) for e in (-GRAZE, 0.0, GRAZE)]
+    if len(row) > 23:  # a round outline, as wide as the upright box around it
+        grown = [[*g, (e + row[23] ** 0.5) ** 2] for g, e in zip(grown, (-GRAZE, 0.0, GRAZE), strict=True)]
+    low, here, high = ((touches_round if len(g) > 23 else touches)(a, b, g) for g in grown)
     return np.where((low == here) & (here == high), np.inf, 0.0)
 
 
@@ -94,7 +101,7 @@ def decision_distance(x, x_next, target, params) -> np.ndarray:
     step crosses a plane or ends between them, the bounds, and the balls in which heading and waypoint switch.
     """
     g, n, left = (np.array(target[i : i + 3]) for i in (0, 3, 6))
-    near, depth, box = params[10], target[19], params[11:]
+    near, depth, box = params[10], target[19], params[12:]
     before, after = np.array(x[:3]) - g, np.array(x_next[:3]) - g
     s0, s1 = (before * n).sum(axis=0), (after * n).sum(axis=0)
     nearest = [abs(s) for s in (s0, s1, s0 + depth, s1 + depth)]

@@ -80,5 +80,5 @@ def drawn(mppi, call=1):
 def perturbed(mppi):
     """What the first iteration perturbs the present plan by.  (M, n_u, T)"""
     nominal, alternative = mppi.nominals()
-    first = Iteration(START, 0, 1, nominal, alternative - nominal, np.empty(mppi.samples))
+    first = Iteration(START, 0, 1, nominal, (alternative - nominal) / mppi.ramp[:, :, None], np.empty(mppi.samples))
     return from_lanes(mppi.perturbations(first, slice(0, mppi.samples)), mppi.samples, mppi.config.horizon)

@@ -23,8 +23,8 @@ def gate(x, y=0.0, z=20.0, yaw=0.0, pitch=0.0, roll=0.0, opening=(2.0, 1.6)):
     return Gate((x, y, z), radians(yaw), radians(pitch), radians(roll), opening, WIDTH)
 
 
-def course(*gates, start=(0.0, 0.0, 20.0), loop=False, bounds=FAR):
-    return Course("test", "", gates, Start(start, 0.0), bounds, loop, 1, (), "")
+def course(*gates, start=(0.0, 0.0, 20.0), loop=False, bounds=FAR, obstacles=()):
+    return Course("test", "", gates, Start(start, 0.0), bounds, loop, 1, (), "", obstacles)
 
 
 ROW = course(gate(5.0), gate(10.0), gate(15.0))  # three gates on a line

@@ -15,6 +15,7 @@ import numpy as np
 from controllers.plan import PlannerSnapshot
 from controllers.presets import PRESETS
 from quadsim.course import Course, parse_course
+from quadsim.limit.solution import LIMITS, Limit, limit_of
 from quadsim.palette import Style, dotted, style
 from quadsim.race.events import Event
 from quadsim.record.archive import load_run
@@ -69,6 +70,7 @@ class Competitor:
     folder: Path | None = None
     start_numbers: Mapping[str, float] = field(default_factory=dict)  # of web.flight_factory.RANGES
     again: bool = False  # another competitor before it has the same sampler
+    limit: Limit | None = None  # the best known of its race
 
     @cached_property
     def progress(self) -> np.ndarray:
@@ -92,6 +94,13 @@ class Competitor:
     def state(self) -> tuple[int, str | None, int]:
         """Differs where anything of it that is shown differs."""
         return len(self.t), self.outcome, len(self.changes)
+
+    def past(self, t: float) -> tuple[int, int, int, int, bool]:
+        """Differs where its events, laps or changes until t differ, or whether its end is seen."""
+        events = sum(e.t <= t + 1e-9 for e in self.events)
+        changes = sum(c["t"] <= t + 1e-9 for c in self.changes)
+        over = self.outcome is not None and (not len(self.t) or t >= self.t[-1] - 1e-9)
+        return len(self.events), len(self.changes), events, changes, over
 
     @property
     def changes(self) -> list[dict]:
@@ -146,7 +155,8 @@ def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
     numbers = [f"{e.sampler} #{i}" for i, e in enumerate(entries, 1)]
     names = next(names for names in (samplers, seeds, numbers) if len(set(names)) == len(entries))
     again = [e.sampler in samplers[:i] for i, e in enumerate(entries)]
-    return tuple(replace(e, name=n, again=a) for e, n, a in zip(entries, names, again, strict=True))
+    shown = zip(entries, names, again, strict=True)
+    return tuple(e if (e.name, e.again) == (n, a) else replace(e, name=n, again=a) for e, n, a in shown)
 
 
 class _MPPI(msgspec.Struct):
@@ -199,6 +209,8 @@ def stored_competitor(path: Path) -> Competitor:
 def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
     legs, laps = Legs(course, run.spec["laps"]), tuple(run.laps)
     shown = run.spec["sampler"], run.spec, course, legs, run.telemetry, run.events, laps, run.outcome
+    limit = limit_of(run.spec, *([path.parent / LIMITS] if path else []))
     planner = PRESETS.get(str(run.spec["preset"]), {}).get(run.spec["sampler"])
     numbers = numbers_of(run.spec["planner"], getattr(planner and planner.sampling, "sigma", ()))
-    return Competitor(*shown, live=False, snapshots=run.snapshots, folder=path, start_numbers=numbers)
+    kept = {"snapshots": run.snapshots, "folder": path, "limit": limit}
+    return Competitor(*shown, live=False, start_numbers=numbers, **kept)

@@ -12,7 +12,7 @@ from controllers import presets
 from controllers.plan import PlannerSnapshot, PlanStats
 from controllers.presets import Planner, per_channel
 from controllers.samplers import Colored
-from quadsim.race.build import build, planner_of
+from quadsim.race.build import build, navigation_of, planner_of
 from quadsim.race.events import Frame
 from quadsim.race.flight import simulate
 from quadsim.race.own_parts import plain
@@ -108,7 +108,10 @@ class Flight:
         self._mppi: Any = planner  # MPPI, whose module loads the compiler
         self.rest = self._mppi.rest
         self.is_cached = self._mppi.is_cached  # False: the first plan has to compile, which takes some 20 s
-        self.frames: Iterator[Frame] = simulate(self._plant, self, referee, self.period, snapshot=self._snapshot)
+        navigation = navigation_of(self._spec, self._plant, planner)  # of the planner that starts: it keeps its map
+        self.frames: Iterator[Frame] = simulate(
+            self._plant, self, referee, self.period, snapshot=self._snapshot, navigation=navigation
+        )
 
     def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
         return self._mppi.control(x, target, elapsed)

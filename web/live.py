@@ -6,11 +6,13 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
+from pathlib import Path
 from time import perf_counter
 
+from quadsim.limit.solution import LIMITS, limit_of
 from quadsim.race.events import NO_PROGRESS, Event, Frame, flown_laps, lap_penalties
 from quadsim.record.archive import RunFolder, remove_unfinished
-from quadsim.record.run import COLUMNS, INTERACTIVE, Recorder
+from quadsim.record.run import INTERACTIVE, Recorder, columns_of
 from web.competitor import CRASHES, Competitor, Legs
 from web.flight_factory import Flight
 
@@ -23,9 +25,11 @@ class LiveCompetitor:
 
     def __init__(self, flight: Flight, root: str, name: str):
         self.flight, self._recorder = flight, Recorder()
-        legs, x = Legs(flight.course, flight.spec["laps"]), self._recorder.views(COLUMNS)
+        self._columns = tuple(columns_of(flight.spec))
+        legs, x = Legs(flight.course, flight.spec["laps"]), self._recorder.views(self._columns)
         shown = name, flight.spec, flight.course, legs, x, (), (), None
-        self.now = Competitor(*shown, live=True, start_numbers=flight.numbers)
+        limit = limit_of(flight.spec, Path(root) / LIMITS)
+        self.now = Competitor(*shown, live=True, start_numbers=flight.numbers, limit=limit)
         remove_unfinished(root)
         self._folder = RunFolder.open(root, flight.spec)
 
@@ -40,7 +44,9 @@ class LiveCompetitor:
         self._recorder.add(frame)
         events = tuple(self._recorder.events)
         laps = laps_so_far(events, self.now.legs.gates)
-        self.now = replace(self.now, x=self._recorder.views(COLUMNS), events=events, laps=laps, outcome=frame.outcome)
+        self.now = replace(
+            self.now, x=self._recorder.views(self._columns), events=events, laps=laps, outcome=frame.outcome
+        )
         return frame
 
     def update_trajectories(self) -> None:
@@ -96,10 +102,10 @@ class Notices:
     def add_events(self, entry: Competitor, frame: Frame) -> None:
         """Crashes, a best lap or the end of the race, where this frame has one."""
         name, laps = entry.name, entry.laps
-        what = {"hit": "hit gate {gate}", "ground": "hit the ground", "bounds": "left the bounds"}
+        what = {"hit": "hit {place}", "ground": "hit the ground", "bounds": "left the bounds"}
         for e in frame.events:
             if e.kind in CRASHES:
-                self.add("crash", f"{name}: {what[e.kind].format(gate=e.gate)}", f"at {e.t:.2f} s, {e.speed:.1f} m/s")
+                self.add("crash", f"{name}: {what[e.kind].format(place=e.place)}", f"at {e.t:.2f} s, {e.speed:.1f} m/s")
             if e.kind == "timeout":
                 self.add("crash", f"{name}: out of time", f"after {e.t:.1f} s")
             if e.kind == "stuck":

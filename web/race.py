@@ -61,9 +61,12 @@ class Race:
                 flight.close()
             raise ValueError("side by side: expected runs of one course, got several")
         self.end_flights()
-        self._live, self._stored, self._choices = [], stored, list(choices)
-        for c, flight in zip(choices, flights, strict=True):
-            self._live.append(LiveCompetitor(flight, self._root, c.sampler))
+        self._choices = list(choices)
+        self._live = [LiveCompetitor(f, self._root, c.sampler) for c, f in zip(choices, flights, strict=True)]
+        shown = named([*(entry.now for entry in self._live), *stored])
+        for entry, now in zip(self._live, shown, strict=False):
+            entry.now = now
+        self._stored = shown[len(self._live) :]
         if not all(flight.is_cached for flight in flights):
             self.notices.add("wait", "Compiling the planner for this machine", "once; it takes some 20 s")
         self._begin()
@@ -143,7 +146,7 @@ class Race:
             playing=self._playing,
             flying=bool(self._flying),
             factor=self._pace.factor if self._playing else 0.0,
-            competitors=named(self._competitors),
+            competitors=tuple(self._competitors),
             race=self._count,
             notices=self.notices.recent,
             compiling=any(e.now.outcome is None and not len(e.now.t) and not e.flight.is_cached for e in self._live),

@@ -45,12 +45,16 @@ class Cost:
     obstacles: Obstacles | None = None
     still_in_gate: Callable | None = None  # (x, row) -> whether x has not left the gate of the target just reached
 
+    row_ahead: Callable | None = None  # (target, x) -> its row, where there are more rows than targets
+
     def targets_from(self, target: int, x: np.ndarray, dtype: type = np.float32) -> np.ndarray:
         """Rows from the current target on, the distance to go counted from it (small numbers for float32)."""
-        target = min(target, len(self.targets) - 1)
-        if self.still_in_gate and target > 0 and self.still_in_gate(x, self.targets[target - 1]):
-            target -= 1
+        target = self.row_ahead(target, x) if self.row_ahead else self._row(min(target, len(self.targets) - 1), x)
         rows = np.array(self.targets[target:], dtype=dtype)
         if self.to_go is not None:
             rows[:, self.to_go] -= rows[0, self.to_go]
         return rows
+
+    def _row(self, target: int, x: np.ndarray) -> int:
+        still = self.still_in_gate and target > 0 and self.still_in_gate(x, self.targets[target - 1])
+        return target - 1 if still else target

@@ -1,23 +1,26 @@
-"""The frames of all gates as obstacles of a rollout: rows of numbers, and the test of a straight line against one.
+"""The frames of all gates, and a course's obstacles, in a rollout: rows of numbers, and the test of a straight line.
 
-The vehicle is a sphere whose centre moves on the line. The four bars, as boxes grown by the sphere's radius and a
-margin, fill a slab around the gate's plane from a free shaft to the outer edge, as for the referee
-(quadsim.course.swept).
+The vehicle is a sphere whose centre moves on the line. The four bars of a frame, as boxes grown by the sphere's radius
+and a margin, fill a slab around the gate's plane from a free shaft to the outer edge, as for the referee
+(quadsim.course.swept). A box is a slab without a shaft; so is a cylinder, lying across its axis, with a round outline.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 from numpy import maximum, minimum, where
 
 from controllers.costs import Obstacles
-from quadsim.course import FRAME_DEPTH, Gate, in_frame
+from quadsim.course import FRAME_DEPTH, Course, Cylinder, Gate, Obstacle, in_frame
 
 SAFETY_MARGIN = 0.02  # [m] kept between vehicle and frame; where a gate is narrow, at most half of the room there is
 ACCELERATION = 40.0  # [m/s^2] with which frames may be reached
+UPRIGHT = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)  # axes of a cylinder as of a frame: its own comes first
+NO_SHAFT = -1.0  # half width of the opening of what has none [m]
+NOT_ROUND = 1e12  # square of the radius of an outline with corners [m^2]
 
 
 def touches(p0, p1, row):
@@ -37,19 +40,64 @@ def touches(p0, p1, row):
     return (enters < leaves) & off_shaft & across & upright
 
 
+def touches_round(p0, p1, row):
+    """As `touches`, for rows that end with the square of an outline's radius: the line also meets the slab's outline,
+    corners or round, not only the ranges of its two sides. Only a course with obstacles pays for it."""
+    gx, gy, gz, half, out_y, out_z, radius2 = row[6], row[7], row[8], row[18], row[21], row[22], row[23]
+    n, left, up = row[9:12], row[12:15], row[15:18]
+    s0, y0, z0 = in_frame((p0[0] - gx, p0[1] - gy, p0[2] - gz), n, left, up)
+    s1, y1, z1 = in_frame((p1[0] - gx, p1[1] - gy, p1[2] - gz), n, left, up)
+    ds, dy, dz = away_from_zero(s1 - s0), away_from_zero(y1 - y0), away_from_zero(z1 - z0)
+    sa, sb, ya, yb = (-half - s0) / ds, (half - s0) / ds, (-out_y - y0) / dy, (out_y - y0) / dy
+    za, zb = (-out_z - z0) / dz, (out_z - z0) / dz
+    enters = maximum(maximum(minimum(sa, sb), minimum(ya, yb)), maximum(minimum(za, zb), 0.0))
+    leaves = minimum(minimum(maximum(sa, sb), maximum(ya, yb)), minimum(maximum(za, zb), 1.0))
+    nearest = -(y0 * dy + z0 * dz) / (dy * dy + dz * dz)  # to the axis, fraction of the line
+    nearest = minimum(maximum(nearest, enters), leaves)
+    y, z = y0 + nearest * dy, z0 + nearest * dz
+    return touches(p0, p1, row[:23]) & (enters < leaves) & (y * y + z * z < radius2)
+
+
+def away_from_zero(d):
+    """A difference that can be divided by [m]."""
+    return where(abs(d) < 1e-6, 1e-6, d)
+
+
 def inner_margin(openings: np.ndarray, radius: float) -> np.ndarray:
     """The safety margin inside openings (gates, 2) for a vehicle of this radius [m].  (gates,)"""
     return np.minimum(SAFETY_MARGIN, (openings.min(axis=1) / 2 - radius) / 2)
 
 
-def frame_obstacles(gates: Sequence[Gate], radius: float, crash: float, term: int) -> Obstacles:
-    """Every frame once. Lines run beside the curve that is flown, by .008 m at 40 m/s^2 over .04 s: half of the safety
-    margin is left to that, so that a gate flown through as `terms` allows is no crash here.
+def course_obstacles(course: Course, radius: float, crash: float, term: int) -> Obstacles:
+    """Every frame once, and what else stands there. Lines run beside the curve that is flown, by .008 m at 40 m/s^2
+    over .04 s: half of the safety margin is left to that, so that a gate flown through as `terms` allows is no crash
+    here.
     """
-    gates = tuple(dict.fromkeys(gates))
+    gates, others = tuple(dict.fromkeys(course.gates)), course.obstacles
     inner = inner_margin(np.array([g.opening for g in gates]), radius)[:, None]
-    rows, bare = frame_rows(gates, radius, inner / 2, SAFETY_MARGIN / 2), frame_rows(gates, radius, 0 * inner, 0.0)
-    return Obstacles(touches, rows, partial(in_reach, rows, bare), term, crash)
+    margin = SAFETY_MARGIN / 2
+    rows, bare = frame_rows(gates, radius, inner / 2, margin), frame_rows(gates, radius, 0 * inner, 0.0)
+    if not others:
+        return Obstacles(touches, rows, partial(in_reach, touches, rows, bare), term, crash)
+    rows, bare = (
+        np.vstack([np.hstack([of_frames, np.full((len(gates), 1), NOT_ROUND)]), obstacle_rows(others, radius + outer)])
+        for of_frames, outer in ((rows, margin), (bare, 0.0))
+    )
+    return Obstacles(touches_round, rows, partial(in_reach, touches_round, rows, bare), term, crash)
+
+
+def obstacle_rows(obstacles: Sequence[Obstacle], grown: float) -> np.ndarray:
+    """For `touches_round`, grown by this much on all sides [m].  (obstacles, 24)"""
+    rows = []
+    for o in obstacles:
+        low, high = o.corners().min(axis=0) - grown, o.corners().max(axis=0) + grown
+        if isinstance(o, Cylinder):
+            axes, sizes, radius2 = UPRIGHT, (o.height / 2, o.radius, o.radius), (o.radius + grown) ** 2
+        else:
+            axes, sizes, radius2 = o.axes, o.half, NOT_ROUND
+        half, *out = (size + grown for size in sizes)
+        rows.append([*low, *high, *o.centre, *np.ravel(axes), half, NO_SHAFT, NO_SHAFT, *out, radius2])
+    return np.array(rows)
 
 
 def frame_rows(gates: Sequence[Gate], radius: float, inner: np.ndarray, outer: float) -> np.ndarray:
@@ -64,7 +112,7 @@ def frame_rows(gates: Sequence[Gate], radius: float, inner: np.ndarray, outer: f
     return np.hstack([centres - reach, centres + reach, centres, axes, half, opening / 2 - radius - inner, out])
 
 
-def in_reach(rows: np.ndarray, bare: np.ndarray, x: np.ndarray, seconds: float) -> np.ndarray:
+def in_reach(test: Callable, rows: np.ndarray, bare: np.ndarray, x: np.ndarray, seconds: float) -> np.ndarray:
     """The rows that may be reached from the state x; without the margin, where x is within it."""
     p, way, turn = x[:3], x[3:6] * seconds, 0.5 * ACCELERATION * seconds**2
     low, high = rows[:, :3] - np.maximum(way, 0.0) - turn, rows[:, 3:6] - np.minimum(way, 0.0) + turn
@@ -72,6 +120,6 @@ def in_reach(rows: np.ndarray, bare: np.ndarray, x: np.ndarray, seconds: float) 
     inside = near[((rows[near, :3] <= p) & (p <= rows[near, 3:6])).all(axis=1)]
     found = rows[near]
     for k in inside:
-        if touches(p, p, rows[k]):
+        if test(p, p, rows[k]):
             found[near == k] = bare[k]
     return found

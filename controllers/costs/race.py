@@ -25,7 +25,7 @@ the frame behind it, the entry plane as far in front of the gate.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated
 
@@ -33,8 +33,9 @@ from msgspec import Meta
 from numpy import maximum, minimum, sqrt, where
 
 from controllers.costs import Cost
-from controllers.costs.frames import SAFETY_MARGIN, frame_obstacles
+from controllers.costs.frames import SAFETY_MARGIN, course_obstacles, obstacle_rows
 from controllers.costs.race_targets import RUN_OUT, TO_GO, clear_of_frame, cross, is_inside, targets
+from controllers.costs.ways_round import row_ahead
 from quadsim.course import Course, in_frame
 from quadsim.files.strict_yaml import unit
 
@@ -62,6 +63,7 @@ class RaceWeights:
     desired_speed: Annotated[float, unit("m/s", ge=0, le=100)] = 9.0  # horizontal, of the speed term [m/s]
     waypoint_radius: Annotated[float, unit("m", gt=0, le=100)] = 0.5  # around a gate's exit [m]
     margin: Annotated[float, unit("m", ge=0, le=10)] = 0.25  # wanted between vehicle and frame, within a gate [m]
+    opening: Annotated[float, Meta(ge=0, le=1)] = 0.0  # progress aims at the nearest point of this share of the opening
 
 
 def step_at_gate(before, after, free_y, free_z, bar, depth):
@@ -96,7 +98,7 @@ def off_leg(dx, dy, dz, ex, ey, ez, leg):
 def terms(x, x_next, u, target, crashed, p):
     """The weighted terms of eq. (8) for one step of one sample, with reached and crashed."""
     gx, gy, gz, nx, ny, nz, lx, ly, lz, free_y, free_z, bar, to_go, approach, ex, ey, ez, leg, margin, depth = target
-    a_0, a_1, a_2, a_3, a_4, a_5, a_6, a_7, a_8, v_des, near, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
+    a_0, a_1, a_2, a_3, a_4, a_5, a_6, a_7, a_8, v_des, near, share, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
     px, py, pz, vx, vy, qx, qy = x_next[0], x_next[1], x_next[2], x_next[3], x_next[4], x_next[7], x_next[8]
     # position relative to the gate's exit, before and after: along the passage, left, up
     dx, dy, dz = px - gx, py - gy, pz - gz
@@ -114,7 +116,12 @@ def terms(x, x_next, u, target, crashed, p):
     rx, ry, rz = dx + approach * nx, dy + approach * ny, dz + approach * nz
     d2 = dx * dx + dy * dy + dz * dz
     past_exit = after[0] > 0.0
-    way = sqrt(where(past_exit, rx * rx + ry * ry + rz * rz, d2) + 1e-6) + where(past_exit, approach, 0.0)
+    # squared distance to the nearest point of the opening within the margin; d2, that to its centre, where share is 0
+    off_y = maximum(abs(after[1]) - share * (free_y - margin), 0.0)
+    off_z = maximum(abs(after[2]) - share * (free_z - margin), 0.0)
+    nearer2 = after[1] * after[1] - off_y * off_y + after[2] * after[2] - off_z * off_z
+    ahead2 = maximum(d2 - nearer2, 0.0)
+    way = sqrt(where(past_exit, rx * rx + ry * ry + rz * rz, ahead2) + 1e-6) + where(past_exit, approach, 0.0)
 
     v_xy = sqrt(vx * vx + vy * vy + 1e-6)
     d_xy = sqrt(dx * dx + dy * dy + 1e-6)
@@ -141,10 +148,16 @@ def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) ->
     w = weights
     box = room_to_fly(course, radius, w.margin)
     params = (w.progress, w.heading, w.height, w.speed, w.stabilize, w.crash, w.waypoint, w.path, w.clearance)
-    params += (w.desired_speed, w.waypoint_radius, *box)
-    frames = frame_obstacles(course.gates, radius, w.crash, TERMS.index("crash"))
-    rows = targets(course, radius, w.margin, box, laps)
-    return Cost("race", TERMS, terms, params, rows, TO_GO, frames, partial(is_inside, clear_of_frame(radius)))
+    params += (w.desired_speed, w.waypoint_radius, w.opening, *box)
+    frames = course_obstacles(course, radius, w.crash, TERMS.index("crash"))
+    (rows, first), clear = targets(course, radius, w.margin, box, laps), clear_of_frame(radius)
+    still_in_gate = partial(is_inside, clear)
+    cost = Cost("race", TERMS, terms, params, rows, TO_GO, frames, still_in_gate)
+    if len(rows) == len(first) - 1:
+        return cost
+    return replace(
+        cost, row_ahead=partial(row_ahead, still_in_gate, first, rows, obstacle_rows(course.obstacles, radius))
+    )
 
 
 def room_to_fly(course: Course, radius: float, margin: float) -> tuple[float, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from controllers.costs.frames import SAFETY_MARGIN, inner_margin
+from controllers.costs.ways_round import stops_between
 from quadsim.course import FRAME_DEPTH, Course, Gate, in_frame
 
 TO_GO, DEPTH = 12, 19  # columns of the target rows
@@ -18,8 +19,11 @@ def cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def targets(course: Course, radius: float, margin: float, box: Sequence[float], laps: int) -> np.ndarray:
-    """Target rows: one for each gate of every lap, at its exit, and one behind the finish.  (laps * gates + 1, 20)
+def targets(
+    course: Course, radius: float, margin: float, box: Sequence[float], laps: int
+) -> tuple[np.ndarray, list[int]]:
+    """Target rows: one for each gate of every lap, at its exit, before it one for each point of the way round obstacles
+    to it, and one behind the finish (rows, 20); where the rows of each gate, and of the finish, begin.
 
     Exit, passage, left axis, half the free opening, thickness of the bars around it, distance to go from there, length
     of the approach, direction and length of the leg to the exit, margin wanted, from entry to exit.
@@ -34,17 +38,24 @@ def targets(course: Course, radius: float, margin: float, box: Sequence[float], 
     wanted = np.minimum(margin, free.min(axis=1) / 2)  # a narrow gate leaves less
     free[-1] = RUN_OUT  # no frame stands there
     bar = np.array([g.frame_width for g in gates]) + 2 * radius + SAFETY_MARGIN + inner
+    depth = behind + clear_of_frame(radius)
+    stops = np.column_stack([exits, passage, left, free, bar, opening.max(axis=1), wanted, depth])
+    between = stops_between(course, stops, radius + 2 * SAFETY_MARGIN, box)
+    if between:
+        stops = np.vstack([row for k, stop in enumerate(stops) for row in (*between.get(k, ()), stop)])
+    exits, passage, left, free, last = np.split(stops, (3, 6, 9, 11), axis=1)
+    bar, approach, wanted, depth = last.T
     legs = np.diff([course.start.position, *exits], axis=0)
     lengths = np.maximum(np.linalg.norm(legs, axis=1), 1e-6)
-    approach = opening.max(axis=1)
     # the way from gate to gate as terms() measures it, round a gate that faces away: no jump of the cost at a gate
     faces_away = (legs * passage).sum(axis=1) < 1e-6
     ways_round = np.linalg.norm(approach[:, None] * passage - legs, axis=1) + approach
     ways = np.where(faces_away, ways_round, lengths)
     to_go = np.append(np.cumsum(ways[:0:-1])[::-1], 0.0)
-    depth = behind + clear_of_frame(radius)
     along = legs / lengths[:, None]
-    return np.column_stack([exits, passage, left, free, bar, to_go, approach, along, lengths, wanted, depth])
+    rows = np.column_stack([exits, passage, left, free, bar, to_go, approach, along, lengths, wanted, depth])
+    counts = [1 + len(between.get(k, ())) for k in range(len(gates))]
+    return rows, np.cumsum([0, *counts]).tolist()
 
 
 def clear_of_frame(radius: float) -> float:

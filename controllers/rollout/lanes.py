@@ -19,6 +19,7 @@ from controllers.rollout.compiled import is_cached, load_module
 from controllers.rollout.layout import LANES
 from controllers.rollout.obstacles import steps_between
 from controllers.rollout.templates import module_source
+from controllers.schedule import Schedule
 from quadsim.systems import System
 
 
@@ -29,10 +30,11 @@ class Rollout:
     system: System
     cost: Cost
     dtype: type = np.float32
+    schedule: Schedule = field(default_factory=Schedule)
     _found: dict = field(default_factory=dict, repr=False, compare=False)  # the numbers for the last state
 
     def __call__(self, x0: np.ndarray, U: np.ndarray, noise: np.ndarray, target: int, J: np.ndarray) -> None:
-        """Fill J (blocks, LANES) with the horizon mean of the cost of v = clip(U + noise).
+        """Fill J (blocks, LANES) with the horizon mean of the cost of v = clip(U + n_t noise), see schedule.
 
         x0 (n_x,), U (T, n_u), noise (series, n_u, halves * T, LANES).
         """
@@ -50,7 +52,8 @@ class Rollout:
         E[:, :, :samples] = v.transpose(1, 2, 0)
         path = np.empty((T, min(3, len(self.system.states)), LANES), d)
         means = np.empty((len(self.cost.term_names), LANES), d)
-        self._module.paths(np.asarray(x0, d), np.zeros((T, n_u), d), E, path, means, *self._numbers(x0, target, T))
+        n, *numbers = self._numbers(x0, target, T)
+        self._module.paths(np.asarray(x0, d), np.zeros((T, n_u), d), E, path, means, np.ones_like(n), *numbers)
         return path[:, :, :samples].transpose(2, 0, 1), means[:, :samples].T
 
     @property
@@ -59,7 +62,7 @@ class Rollout:
         return is_cached(self._module.rollout)
 
     def _numbers(self, x0: np.ndarray, target: int, horizon: int) -> tuple[object, ...]:
-        """Limits, time step, targets, parameters and obstacles, of the lanes' precision; found once for a state."""
+        """What the loops are given besides, of the lanes' precision; found once for a state."""
         key = x0.tobytes(), target, horizon
         if key not in self._found:
             self._found.clear()
@@ -69,7 +72,8 @@ class Rollout:
     def _find_numbers(self, x0: np.ndarray, target: int, horizon: int) -> tuple[object, ...]:
         s, d, obstacles = self.system, self.dtype, self.cost.obstacles
         low, high, p_system, p_cost = (np.asarray(a, d) for a in (s.low, s.high, s.params, self.cost.params))
-        numbers = low, high, d(s.dt), self.cost.targets_from(target, x0, d), p_system, p_cost
+        along = self.schedule.noise(horizon).astype(d), self.schedule.cost(horizon).astype(d)
+        numbers = *along, low, high, d(s.dt), self.cost.targets_from(target, x0, d), p_system, p_cost
         if obstacles is None:
             return numbers
         near = obstacles.near(np.asarray(x0, float), horizon * s.dt).astype(d)

@@ -58,9 +58,9 @@ def first_steps(z: np.ndarray, horizon: int) -> np.ndarray:
 
 
 def add_from(z: np.ndarray, first: int, samples: int, offset: np.ndarray) -> None:
-    """Add the offset (T, n_u) to each of the samples from number `first` on."""
+    """Add to each sample from number `first` on the offset of its block, even or odd.  offset (2, T, n_u)"""
     for b in range(first // LANES, blocks(samples)):
-        block(z, b, len(offset))[:, :, max(first - b * LANES, 0) :] += offset.T[:, :, None]
+        block(z, b, offset.shape[1])[:, :, max(first - b * LANES, 0) :] += offset[b % 2].T[:, :, None]
 
 
 def in_lanes(rows: np.ndarray, z: np.ndarray) -> np.ndarray:

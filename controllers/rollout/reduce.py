@@ -14,8 +14,8 @@ CHUNK = 25  # steps a thread sums at a time: 6 kB of partial sums
 
 @kept
 @njit(fastmath=FAST, error_model="numpy", parallel=True)
-def _lane_sums(noise, U, low, high, weights, sums):
-    """sums[c, t, l] = sum_b w[b, l] (clip(U + noise) - U): block after block, so every thread count adds alike."""
+def _lane_sums(noise, ramp, U, low, high, weights, sums):
+    """sums[c, t, l] = sum_b w[b, l] (clip(U + ramp noise) - U): block after block, so every thread count adds alike."""
     T, n_u = U.shape
     halves = noise.shape[2] // T
     chunks = (T + CHUNK - 1) // CHUNK
@@ -31,15 +31,20 @@ def _lane_sums(noise, U, low, high, weights, sums):
             E = noise[b // halves, c]
             t0 = (b % halves) * T
             for t in range(first, last):
-                u = U[t, c]
+                u, n = U[t, c], ramp[b % 2, t]
                 row, s = E[t0 + t], sums[c, t]
                 for i in range(row.shape[0]):
-                    s[i] += w[i] * (min(max(u + row[i], lo), hi) - u)
+                    s[i] += w[i] * (min(max(u + n * row[i], lo), hi) - u)
 
 
-def weighted_mean(noise: np.ndarray, U: np.ndarray, low: np.ndarray, high: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """sum_m w_m (v^m - U), v = clip(U + noise).  noise (series, n_u, halves * T, LANES), w (M,) -> (T, n_u)"""
+def weighted_mean(
+    noise: np.ndarray, ramp: np.ndarray, U: np.ndarray, low: np.ndarray, high: np.ndarray, w: np.ndarray
+) -> np.ndarray:
+    """sum_m w_m (v^m - U), v_t = clip(U_t + ramp_t z_t), ramp (2, T) of even and odd blocks.
+
+    z (series, n_u, halves * T, LANES), w (M,) -> (T, n_u)
+    """
     d, w = noise.dtype, in_blocks(w)
     sums = np.empty((U.shape[1], U.shape[0], w.shape[1]), d)
-    _lane_sums(noise, U.astype(d), low.astype(d), high.astype(d), w.astype(d), sums)
+    _lane_sums(noise, ramp.astype(d), U.astype(d), low.astype(d), high.astype(d), w.astype(d), sums)
     return sums.sum(axis=2, dtype=np.float64).T

@@ -79,7 +79,7 @@ if hits > 0:
 ROLLOUT = """
 @kept
 @njit(fastmath=FAST, error_model="numpy", parallel=True)
-def rollout(x0, U, noise, J, low, high, dt, targets, p_system, p_cost{arguments}):
+def rollout(x0, U, noise, J, ramp, stage, low, high, dt, targets, p_system, p_cost{arguments}):
     T = U.shape[0]
     halves = noise.shape[2] // T
     last = targets.shape[0] - 1
@@ -93,7 +93,7 @@ def rollout(x0, U, noise, J, low, high, dt, targets, p_system, p_cost{arguments}
         for t in range(T):
             for l in range(L):
 {step_16}
-                cost[l] += {q}
+                cost[l] += stage[t] * ({q})
 {next_targets_12}
 {keep_rollout_12}
         for l in range(L):
@@ -103,9 +103,10 @@ def rollout(x0, U, noise, J, low, high, dt, targets, p_system, p_cost{arguments}
 PATHS = """
 @kept
 @njit(fastmath=FAST, error_model="numpy")
-def paths(x0, U, E, path, means, low, high, dt, targets, p_system, p_cost{arguments}):
+def paths(x0, U, E, path, means, ramp, stage, low, high, dt, targets, p_system, p_cost{arguments}):
     T = U.shape[0]
     t0 = 0
+    b = 0
     last = targets.shape[0] - 1
     {read_P}
     {read_Q}
@@ -156,10 +157,10 @@ def _words(n_x: int, n_u: int, n_target: int, n_terms: int, n_p: int, n_q: int) 
         "read_P": f"{row('p{k}', n_p)}, = {row('p_system[{k}]', n_p)}," if n_p else "pass",
         "read_Q": f"{row('q{k}', n_q)}, = {row('p_cost[{k}]', n_q)}," if n_q else "pass",
         "x": row("X[{k}, l]", n_x),
-        "u": row("lower(higher(U[t, {k}] + E[{k}, t0 + t, l], low[{k}]), high[{k}])", n_u),
+        "u": row("lower(higher(U[t, {k}] + ramp[b % 2, t] * E[{k}, t0 + t, l], low[{k}]), high[{k}])", n_u),
         "a": row("A[{k}, l]", n_target),
         "q": row("q[{k}]", n_terms, " + "),
         "store": row("X[{k}, l] = x_next[{k}]", n_x, "; "),
         "keep_path": row("path[t, {k}, l] = x_next[{k}]", min(n_x, 3), "; "),
-        "add_terms": row("means[{k}, l] += q[{k}]", n_terms, "; "),
+        "add_terms": row("means[{k}, l] += stage[t] * q[{k}]", n_terms, "; "),
     }

@@ -15,14 +15,17 @@ COMMANDS = {  # name -> module and function, what it does
     "show": ("quadsim.app.stored:show", "the report of a stored run"),
     "plot": ("quadsim.app.stored:plot", "a stored run as a picture: path, height, controls, spectrum"),
     "web": ("quadsim.app.web:web", "watch, tune, race and replay in a browser"),
+    "render": ("quadsim.app.render:render", "pictures with labels for perception: colour, depth, segmentation"),
     "export": ("quadsim.app.stored:export", "a stored run as a page that plays offline, as CSV, as a zip"),
     "courses": ("quadsim.app.listing:courses", "the courses that come with the project"),
     "vehicles": ("quadsim.app.listing:vehicles", "the vehicles that come with the project"),
-    "check": ("quadsim.app.listing:check", "check course, vehicle and preset files"),
+    "sensings": ("quadsim.app.listing:sensings", "the sets of sensors that come with the project"),
+    "check": ("quadsim.app.listing:check", "check course, vehicle, preset and sensing files"),
     "limit": ("quadsim.app.limit:limit", "the least time in which a vehicle can fly a course, by optimisation"),
     "compare": ("quadsim.app.campaign.compare:compare_command", "compare variants over many flights, paired by seed"),
     "results": ("quadsim.app.campaign.results:results", "stored comparisons: list, filter, compare"),
     "tune": ("quadsim.app.campaign.tune:tune", "search planner parameters for the fastest safe lap"),
+    "train": ("quadsim.app.train:train", "learn a pilot for a course, flown by race fly --pilot"),
     "regress": ("quadsim.app.campaign.regress:regress", "regression test for lap times, success and chatter"),
     "bench": ("quadsim.app.bench.bench:bench", "planning time on this machine; compare with pytorch-mppi and JAX"),
     "paper": ("quadsim.app.paper.command:paper", "reproduce the paper's tables and figures"),
@@ -43,7 +46,7 @@ Version: race --version. Completion: source the output of
 race --completion bash (or zsh, fish).
 Exit code: 0 finished, 1 not finished, 2 usage or bad file, 130 interrupted.
 """
-COMPILES = ("fly", "web", "compare", "tune", "regress", "bench", "paper")
+COMPILES = ("fly", "web", "compare", "tune", "train", "regress", "bench", "paper")
 PIPE_CLOSED = 128 + signal.SIGPIPE  # what a shell reports for a program that the signal has ended
 
 

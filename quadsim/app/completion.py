@@ -22,10 +22,13 @@ compdef _race race""",
 }
 ARGUMENTS = {  # command -> what its words name
     "fly": ("courses",), "compare": ("courses",), "tune": ("courses",), "limit": ("courses",),
-    "check": ("courses", "vehicles"), "show": ("runs",), "plot": ("runs",), "export": ("runs",), "web": ("runs",),
-    "paper": ("experiments",),
+    "check": ("courses", "vehicles", "sensings"), "show": ("runs",), "plot": ("runs",), "export": ("runs",),
+    "web": ("runs",), "render": ("courses", "runs"), "paper": ("experiments",),
 }  # fmt: skip
-VALUES = {"--course": "courses", "--vehicle": "vehicles", "--preset": "presets", "--variants": "samplers"}
+VALUES = {
+    "--course": "courses", "--vehicle": "vehicles", "--sensing": "sensings", "--preset": "presets",
+    "--variants": "samplers", "--camera": "cameras",
+}  # fmt: skip
 
 
 def script(shell: str) -> str:
@@ -61,6 +64,14 @@ def _names(kind: str, words: Sequence[str]) -> Iterable[str]:
         from quadsim.vehicle import vehicle_names
 
         return vehicle_names()
+    if kind == "sensings":
+        from quadsim.sensing import sensing_names
+
+        return sensing_names()
+    if kind == "cameras":
+        from quadsim.sensing.camera import camera_names
+
+        return camera_names()
     if kind == "runs":
         from quadsim.app.flags import last_said
         from quadsim.record.archive import list_runs

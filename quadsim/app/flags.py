@@ -6,12 +6,9 @@ line: the flag, what was expected with its unit, what came.
 
 from __future__ import annotations
 
-import shlex
-import sys
 from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from functools import wraps
-from importlib import metadata
 from inspect import signature
 from itertools import pairwise
 from typing import Annotated, Any, Literal, TypedDict, get_type_hints
@@ -102,12 +99,6 @@ def check(name: str, value: Any, hint: Any) -> None:
         checked(inspect.type_info(hint), name, value)
     except SettingError as error:
         raise UsageError(f"{flag(name)}: {error.problem}") from None
-
-
-def needs_extra(package: str, extra: str) -> str:
-    """What installs an extra of pyproject.toml: its packages by name, as no index has this project."""
-    asked = [r.partition(";")[0] for r in metadata.requires("quadsim") or () if f"extra == '{extra}'" in r]
-    return f"{package} is not installed: {sys.executable} -m pip install {shlex.join(asked or [package])}"
 
 
 def flag(name: str) -> str:

@@ -15,9 +15,10 @@ from rich.console import Console
 from rich.markup import escape
 
 from quadsim.app.console import complain, emit, emit_json
-from quadsim.app.flags import Help, Json, RunsDir, Stored, Switch, UsageError, needs_extra
+from quadsim.app.flags import Help, Json, RunsDir, Stored, Switch, UsageError
 from quadsim.app.fly import EXIT, uninterrupted
 from quadsim.course import load_course
+from quadsim.files.extras import needs_extra
 from quadsim.limit.solution import LIMITS, Limit, Race, dump
 from quadsim.race.events import Frame, flown_laps
 from quadsim.race.referee import Referee

@@ -1,4 +1,4 @@
-"""`race courses`, `race vehicles` and `race check`: what there is to fly, and whether a file is sound."""
+"""`race courses`, `vehicles`, `sensings` and `check`: what there is to fly, and whether a file is sound."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from quadsim.files.strict_yaml import FileError, parse
 from quadsim.files.yaml_words import did_you_mean
 from quadsim.race.preset_file import parse_planner
 from quadsim.race.systems import SYSTEMS
+from quadsim.sensing.sensing_file import SENSINGS, SENSORS, load_sensing, parse_sensing, sensing_names
 from quadsim.vehicle import GRAVITY, VEHICLES, Vehicle, load_vehicle, parse_vehicle, vehicle_names
 
 LEFT = 49  # columns of the terminal before the published times
@@ -47,10 +48,25 @@ def vehicles(*, json: Json = False) -> int:
     return 0
 
 
+def sensings(*, json: Json = False) -> int:
+    """The sets of sensors that come with the project. `race fly --sensing FILE.yaml` flies with any other."""
+    known = [load_sensing(name) for name in sensing_names()]
+    if json:
+        emit_json([asdict(s) for s in known])
+        return 0
+    table = plain_table("sensing", "sensors: samples a second [Hz], latency [ms]", left=(0, 1))
+    for s in known:
+        sensors = ((name, getattr(s, name)) for name in SENSORS)
+        parts = [f"{name} {c.rate:g}, {1e3 * getattr(c, 'latency', 0.0):g}" for name, c in sensors if c]
+        table.add_row(s.name, "; ".join(parts) or "none: the true state")
+    emit(table)
+    return 0
+
+
 def check(
-    *files: Annotated[str, Help("a course, vehicle or preset file, or the name of one")], json: Json = False
+    *files: Annotated[str, Help("a course, vehicle, preset or sensing file, or the name of one")], json: Json = False
 ) -> int:
-    """Check course, vehicle and preset files. Exit code 2 if any of them cannot be used.
+    """Check course, vehicle, preset and sensing files. Exit code 2 if any of them cannot be used.
 
     race check mine.yaml
     """
@@ -90,23 +106,29 @@ def describe(text: str, file: str) -> tuple[str, str]:
         except FileError as error:
             raise parse(text, file).error("vehicle", str(error)) from None
         return "preset", f"{planner.mppi.samples} samples, horizon {planner.mppi.horizon}"
+    if keys & {"exact", *SENSORS}:
+        sensing = parse_sensing(text, file)
+        given = [name for name in SENSORS if getattr(sensing, name)]
+        return "sensing", ", ".join(given) or "the true state"
     system = next((name for name, entry in SYSTEMS.items() if entry.key in keys), "quadrotor")
     c = SYSTEMS[system].parse_course(text, file)
     if not isinstance(c, Course):
         return "course", f"for the system {system}"
     laps = f"loop, {c.laps} laps" if c.loop else "open"
-    return "course", f"{len(c.gates)} gates, {c.lap_length:.1f} m, {laps}"
+    others = f", {len(c.obstacles)} obstacles" if c.obstacles else ""
+    return "course", f"{len(c.gates)} gates{others}, {c.lap_length:.1f} m, {laps}"
 
 
 def _find(name: str) -> Path:
-    """A path as it stands, or the file of a course or vehicle that comes with the project."""
+    """A path as it stands, or the file of a course, vehicle or sensing that comes with the project."""
     known = dict.fromkeys(vehicle_names(), (VEHICLES, "vehicle"))
+    known |= dict.fromkeys(sensing_names(), (SENSINGS, "sensing"))
     known |= {c: (entry.folder, "course") for entry in SYSTEMS.values() for c in entry.courses}
     if name in known:
         return locate(name, *known[name])
     if Path(name).exists() or "." in name or "/" in name:
         return Path(name)
-    raise FileError(f"{name}: no such file, course or vehicle: {did_you_mean(name, known)}")
+    raise FileError(f"{name}: no such file, course, vehicle or sensing: {did_you_mean(name, known)}")
 
 
 def _say(result: dict) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,10 @@ from quadsim.app.console import emit, emit_json, width
 from quadsim.app.model_differences import differing, model_table
 from quadsim.app.report_systems import report_of
 from quadsim.limit.solution import LIMITS, Limit, limit_of
+from quadsim.record.estimate_metrics import sensing_numbers
 from quadsim.record.metrics import chatter, missed_deadlines, splits
 from quadsim.record.run import INTERACTIVE, Run, flown_with, not_comparable, own_parts, system_of
+from quadsim.record.turning_back import turned_back
 
 COLOUR = {"finished": "green", "crashed": "red"}  # of an outcome; any other is yellow
 
@@ -33,6 +34,8 @@ def report(run: Run, folder: Path | None, columns: int) -> Iterator[RenderableTy
     system = report_of(run)
     yield from _head(run, system.progress(run), known_limit(run, folder))
     parts = [*system.results(run, columns - 2), system.chatter(run), _planning(run)]
+    if seen := _sensing(run):
+        parts.append(seen)
     if system_of(run.spec):
         parts.append(model_table(run.spec))
     if own := own_parts(run.spec):
@@ -55,7 +58,8 @@ def _head(run: Run, progress: str, limit: Limit | None) -> Iterator[str]:
     reached = f"{progress}, {run.duration:.3f} s" if progress else f"{run.duration:.3f} s"
     yield f"[bold]{escape(spec['course'])}[/]  [bold {colour}]{run.outcome}[/]  {reached}"
     randomized = f", randomized {spec['randomize']:g}" if spec.get("randomize") else ""
-    yield escape(flown_with(spec)) + randomized
+    displaced = f", gates up to {spec['displace_gates']:g} m off the map" if spec.get("displace_gates") else ""
+    yield escape(flown_with(spec)) + randomized + displaced
     if limit and run.outcome == "finished":
         above = round(100.0 * limit.above(run.duration), 1) + 0.0  # no negative zero
         yield f"[bold]{above:.1f} %[/] above the best known limit of {limit.time:.3f} s"
@@ -74,6 +78,24 @@ def _planning(run: Run) -> str:
     )
 
 
+def _sensing(run: Run) -> str:
+    """How far the estimate was off the truth; empty where the planner was given the truth."""
+    n = sensing_numbers(run)
+    if n is None:
+        return ""
+    at_gates = "" if n["at_gates"] is None else f", {100 * n['at_gates']:.1f} cm at gates"
+    lines = [
+        f"[dim]sensing[/]  {escape(n['sensing'])}: position {100 * n['position_rms']:.1f} cm RMS off{at_gates}, "
+        f"{100 * n['position_max']:.1f} cm at most",
+        f"consistency: NEES {n['nees']:.1f} of {n['nees_expected']} expected"
+        + ("" if n["nis"] is None else f", NIS {n['nis']:.2f} of 1, {100 * n['refused']:.1f} % refused as outliers"),
+    ]
+    if n["in_view"] is not None:
+        lines.append(f"corners: {n['in_view']:.1f} in a picture that shows any, {100 * n['found']:.0f} % of them found")
+    ms = n["estimate_ms"]
+    return "\n".join([*lines, f"estimate: {ms['p50']:.2f} ms p50, {ms['p95']:.2f} ms p95"])
+
+
 def summary(run: Run, folder: Path | None) -> dict:
     """Seconds, metres, m/s; `plan_ms` in milliseconds. limit: null where none is known.
     run_dir is null when the run could not be stored."""
@@ -90,10 +112,12 @@ def summary(run: Run, folder: Path | None) -> dict:
         "splits": splits(run),
         "gates": run.gates,
         "limit": limit and {"time": limit.time, "above": limit.above(run.duration) if finished else None},
-        "events": [asdict(e) for e in run.events],
+        "turned_back": turned_back(run),
+        "events": [e.record() for e in run.events],
         **report_of(run).numbers(run),
         "chatter": chatter(run),
         "model_differs": differing(spec),
+        "sensing": sensing_numbers(run),
         "own_parts": own_parts(spec),
         "clock": spec["clock"],
         INTERACTIVE: spec.get(INTERACTIVE, []),

@@ -17,6 +17,7 @@ from quadsim.course.corridor import Corridor, parse_corridor
 from quadsim.course.point_goal import parse_point_goal
 from quadsim.record.metrics import chatter, cost_terms, splits
 from quadsim.record.run import Run, system_of, units_of
+from quadsim.record.turning_back import turned_back
 
 Part = RenderableType
 ENDS = {"wall": "touched a wall", "stuck": "got stuck", "timeout": "ran out of time"}  # kind of event -> in words
@@ -44,6 +45,9 @@ class SystemReport:
 def _race(run: Run, columns: int) -> Iterator[Part]:
     yield from lap_tables(run, len(_course(run).gates), columns)
     yield incident_table(run)
+    if turns := turned_back(run):
+        places = ", ".join(f"gate {turn['gate']} (lap {turn['lap']}, {turn['t']:.2f} s)" for turn in turns)
+        yield f"[yellow]turned back[/] to {places}"
 
 
 def _course(run: Run) -> Course:

@@ -35,7 +35,8 @@ def lap_tables(run: Run, gates: int, width: int) -> Iterator[Table | str]:
     left = LEFT + (PENALTY if any(run.penalties) else 0)
     parts = -(-gates // max(1, (width - left) // cell))
     fit = -(-gates // parts)
-    for first in range(0, gates, fit):
+    passed = max(map(len, rows))
+    for first in range(0, passed, fit):
         columns = {"lap": [str(i + 1) for i in range(len(rows))]}
         if first == 0:
             columns |= _whole_laps(run, len(rows))
@@ -46,6 +47,8 @@ def lap_tables(run: Run, gates: int, width: int) -> Iterator[Table | str]:
         for cells in zip(*columns.values(), strict=True):
             table.add_row(*cells)
         yield table
+    if (shown := -(-passed // fit) * fit) < gates:
+        yield f"gates {shown + 1} to {gates} were not passed"
 
 
 def _whole_laps(run: Run, laps: int) -> dict[str, list[str]]:
@@ -74,6 +77,7 @@ def incident_table(run: Run) -> RenderableType:
     for e in found:
         offset = [f"{v:+.2f}" for v in e.offset] if e.gate else ["", ""]
         kind = f"no progress for {NO_PROGRESS:g} s" if e.kind == "stuck" else e.kind.replace("_", " ")
+        kind += f", {e.place}" if e.obstacle else ""
         table.add_row(f"{e.t:.3f}", str(e.lap), str(e.gate or ""), f"[red]{kind}[/]", *offset, f"{e.speed:.1f}")
     return table
 

@@ -1,13 +1,18 @@
 """Courses: where the gates stand, read from YAML files and checked."""
 
-from quadsim.course.course import FRAME_DEPTH, Course, Gate, Published, Start, Vec3, in_frame
+from quadsim.course.axes import Vec3, in_frame
+from quadsim.course.course import FRAME_DEPTH, Course, Gate, Published, Start
 from quadsim.course.course_file import COURSES, course_names, load_course, parse_course
+from quadsim.course.obstacles import Box, Cylinder, Obstacle
 
 __all__ = [
     "COURSES",
     "FRAME_DEPTH",
+    "Box",
     "Course",
+    "Cylinder",
     "Gate",
+    "Obstacle",
     "Published",
     "Start",
     "Vec3",

@@ -1,4 +1,4 @@
-"""Course: gates, start, bounds and laps as plain values; see course_file for the YAML they are read from."""
+"""Course: gates, obstacles, start, bounds and laps as plain values; see course_file for the YAML they are read from."""
 
 from __future__ import annotations
 
@@ -11,24 +11,13 @@ from typing import Annotated
 
 import numpy as np
 
+from quadsim.course.axes import Vec3, in_frame
+from quadsim.course.obstacles import Obstacle
 from quadsim.files.strict_yaml import unit
 
 FRAME_DEPTH = 0.1  # of a gate's bars along its passage [m]
 
-Vec3 = tuple[float, float, float]
 Second = Annotated[float, unit("s", gt=0)]
-
-
-def in_frame(d, passage, left, up):
-    """Components of the vector d along the axes of a gate's frame.  Each (3,), scalars or rows of numbers.
-
-    A plain function, as the compiled lanes inline it.
-    """
-    return (
-        passage[0] * d[0] + passage[1] * d[1] + passage[2] * d[2],
-        left[0] * d[0] + left[1] * d[1] + left[2] * d[2],
-        up[0] * d[0] + up[1] * d[1] + up[2] * d[2],
-    )
 
 
 @dataclass(frozen=True)
@@ -108,7 +97,7 @@ class Published:
 
 @dataclass(frozen=True)
 class Course:
-    """Gates to pass in order, from a standing start."""
+    """Gates to pass in order, from a standing start, and obstacles to keep clear of."""
 
     name: str
     source: str
@@ -119,6 +108,7 @@ class Course:
     laps: int
     published: tuple[Published, ...]
     text: str  # the YAML it came from, kept with every run
+    obstacles: tuple[Obstacle, ...] = ()  # what else stands there; numbered from 1
 
     @cached_property
     def lap_length(self) -> float:
@@ -128,6 +118,9 @@ class Course:
         return sum(dist(a, b) for a, b in zip(before, p, strict=True))
 
     def points(self, frames: bool = True) -> np.ndarray:
-        """The start and, of every gate, the frame's corners or the centre: what a view has to show.  (n, 3)"""
-        gates: Iterable = (g.corners(g.frame_width) if frames else [g.position] for g in self.gates)
-        return np.vstack([[self.start.position], *gates])
+        """The start and all gates' centres; or the start, the frames' corners and the obstacles': what a view has to
+        show.  (n, 3)"""
+        if not frames:
+            return np.array([self.start.position, *(g.position for g in self.gates)])
+        corners: Iterable = (*(g.corners(g.frame_width) for g in self.gates), *(o.corners() for o in self.obstacles))
+        return np.vstack([[self.start.position], *corners])

@@ -5,29 +5,28 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 from math import radians
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from msgspec import Meta, Struct
 
+from quadsim.course.checks import faults
 from quadsim.course.course import Course, Gate, Published, Start
+from quadsim.course.obstacles import Box, Cylinder, Obstacle
 from quadsim.files.data_files import locate, names, read_text
-from quadsim.files.strict_yaml import parse, unit
+from quadsim.files.strict_yaml import Document, parse, unit
 
 COURSES = Path(__file__).parents[2] / "courses"
-MARGIN = 10.0  # of default bounds around start and gates [m]
+MARGIN = 10.0  # of default bounds around start, gates and obstacles [m]
 BELOW_GROUND = 1.0  # of default bounds below the ground [m]: there the ground ends a flight, not the bounds
-ROOM = 0.3  # around the start, and before and behind gates [m]: the largest vehicle (.25) and half a bar (.05)
-ROUNDING = 1e-6  # [m]
 
 Metre = Annotated[float, unit("m", ge=-1e4, le=1e4)]
 Size = Annotated[float, unit("m", gt=0, le=100)]
 Degree = Annotated[float, unit("deg", ge=-360, le=360)]
 Point = tuple[Metre, Metre, Metre]
 Span = tuple[Metre, Metre]
-Fault = tuple[str, str]  # key in the file, problem
 Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]  # names folders of runs
 
 
@@ -45,6 +44,25 @@ class StartEntry(Struct, frozen=True, kw_only=True):
     yaw_deg: Degree
 
 
+class BoxEntry(Struct, frozen=True, kw_only=True):
+    centre: Point
+    size: tuple[Size, Size, Size]  # along its own x, y and z
+    yaw_deg: Degree = 0.0
+
+
+class CylinderEntry(Struct, frozen=True, kw_only=True):
+    base: Point  # centre of its lower end
+    radius: Size
+    height: Size
+
+
+class ObstacleEntry(Struct, frozen=True, kw_only=True):
+    """One of both."""
+
+    box: BoxEntry | None = None
+    cylinder: CylinderEntry | None = None
+
+
 class CourseFile(Struct, frozen=True, kw_only=True):
     name: Name | None = None  # the file's
     source: str = ""
@@ -52,9 +70,10 @@ class CourseFile(Struct, frozen=True, kw_only=True):
     laps: Annotated[int, Meta(ge=1, le=1000)] = 1
     opening: tuple[Size, Size]
     frame_width: Size = 0.275  # Swift's gates: 1.5 m openings in a 2.05 m frame
-    bounds: tuple[Span, Span, Span] | None = None  # around start and gates with room to fly
+    bounds: tuple[Span, Span, Span] | None = None  # around start, gates and obstacles with room to fly
     start: StartEntry
     gates: Annotated[tuple[GateEntry, ...], Meta(min_length=1)]
+    obstacles: tuple[ObstacleEntry, ...] = ()
     published: tuple[Published, ...] = ()
 
 
@@ -69,6 +88,7 @@ def load_course(name_or_path: str | Path) -> Course:
     return parse_course(read_text(path), str(path))
 
 
+@lru_cache(maxsize=16)  # reports and figures of a run ask for its course again and again
 def parse_course(text: str, file: str) -> Course:
     """A course from its text; `file` is shown in errors and names a course without a name. Raises FileError."""
     document = parse(text, file)
@@ -83,10 +103,11 @@ def parse_course(text: str, file: str) -> Course:
         laps=entry.laps,
         published=entry.published,
         text=text,
+        obstacles=tuple(_obstacles(document, entry.obstacles)),
     )
     if not entry.bounds:
         course = replace(course, bounds=_default_bounds(course))
-    for path, problem in _faults(course):
+    for path, problem in faults(course):
         raise document.error(path, problem)
     return course
 
@@ -97,57 +118,19 @@ def _gate(entry: GateEntry, course: CourseFile) -> Gate:
     return Gate(entry.position, *angles, opening=entry.opening or course.opening, frame_width=frame_width)
 
 
+def _obstacles(document: Document, entries: tuple[ObstacleEntry, ...]) -> Iterator[Obstacle]:
+    for i, entry in enumerate(entries):
+        box, cylinder = entry.box, entry.cylinder
+        if (box is None) == (cylinder is None):
+            got = "none of both" if box is None else "both"
+            raise document.error(f"obstacles[{i}]", f"expected a box or a cylinder, got {got}")
+        if box:
+            yield Box(box.centre, box.size, radians(box.yaw_deg))
+        if cylinder:
+            yield Cylinder(cylinder.base, cylinder.radius, cylinder.height)
+
+
 def _default_bounds(course: Course) -> tuple[tuple[float, float], ...]:
     points = course.points()
     (x0, y0, _), (x1, y1, z1) = (points.min(axis=0) - MARGIN).tolist(), (points.max(axis=0) + MARGIN).tolist()
     return (x0, x1), (y0, y1), (-BELOW_GROUND, z1)
-
-
-def _faults(course: Course) -> Iterator[Fault]:
-    """What no single key can show: whether gates, start, bounds and laps fit together."""
-    if course.laps > 1 and not course.loop:
-        yield "laps", f"expected 1 on an open course (or loop: true), got {course.laps}"
-    for i, (axis, (low, high)) in enumerate(zip("xyz", course.bounds, strict=True)):
-        if low >= high:
-            yield f"bounds[{i}]", f"expected {axis}_min < {axis}_max [m], got [{low:g}, {high:g}]"
-    yield from _start_faults(course)
-    yield from _gate_faults(course)
-
-
-def _start_faults(course: Course) -> Iterator[Fault]:
-    start = course.start.position
-    if start[2] < 0.0:
-        yield "start.position", f"expected z >= 0, on or above the ground [m], got {start[2]:g}"
-    if outside := _outside(course, np.array([start])):
-        yield "start.position", outside
-    for i, gate in enumerate(course.gates, start=1):
-        if (room := gate.frame_distance(start)) < ROOM:
-            yield "start.position", f"expected {ROOM} m of room, got {room:.2f} m to the frame of gate {i}"
-
-
-def _gate_faults(course: Course) -> Iterator[Fault]:
-    for i, gate in enumerate(course.gates):
-        key, opening, centre = f"gates[{i}].position", gate.corners(), np.array(gate.position)
-        before, behind = centre - ROOM * gate.rotation[:, 0], centre + ROOM * gate.rotation[:, 0]
-        if (low := opening[:, 2].min()) < -ROUNDING:
-            yield key, f"expected an opening above the ground, its lowest corner is at z = {low:.2f} m"
-        if outside := _outside(course, opening):
-            yield key, outside
-        for where, point in (("before", before), ("behind", behind)):
-            if point[2] < -ROUNDING:
-                yield (
-                    key,
-                    f"expected {ROOM} m of room {where} the gate, the ground is nearer than that",
-                )
-            ends = point is behind and i == len(course.gates) - 1 and not course.loop
-            if not ends and (outside := _outside(course, np.array([point]))):
-                yield key, f"{ROOM} m {where} the gate, along its passage, is {outside}"
-
-
-def _outside(course: Course, points: np.ndarray) -> str:
-    """Which bound the first of the points lies beyond, or "".  points: (n, 3)"""
-    for axis, values, (low, high) in zip("xyz", points.T, course.bounds, strict=True):
-        for v in (values.min(), values.max()):
-            if not low - ROUNDING <= v <= high + ROUNDING:
-                return f"outside the bounds, expected {axis} within [{low:g}, {high:g}] [m], got {v:.2f}"
-    return ""

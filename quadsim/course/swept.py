@@ -25,6 +25,12 @@ class Incident(NamedTuple):
     kind: str  # touch, forward, backward; of the referee: ground, bounds, timeout
     gate: int = -1  # index; -1: no gate
     offset: tuple[float, float] = (0.0, 0.0)  # left, up of the centre [m]
+    obstacle: int = -1  # index; -1: no obstacle
+
+    @property
+    def touched(self) -> str:
+        """By the names that contacts have: "gate 3", "obstacle 2"."""
+        return f"obstacle {self.obstacle + 1}" if self.obstacle >= 0 else f"gate {self.gate + 1}"
 
 
 def clip(a: Sequence[float], b: Sequence[float], low: Vec3, high: Vec3) -> tuple[float, float] | None:

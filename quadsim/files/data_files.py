@@ -17,10 +17,11 @@ def names(folder: Path) -> tuple[str, ...]:
     return tuple(_files(folder))
 
 
-def locate(name_or_path: str | Path, folder: Path, kind: str) -> Path:
+def locate(name_or_path: str | Path, folder: Path, kind: str, listed: bool = True) -> Path:
     """A bare name is looked up in the folder; anything with a separator or a YAML suffix is a path as it stands.
 
-    Raises FileError for an unknown name. kind: what it is, "course"; `race <kind>s` lists them.
+    Raises FileError for an unknown name. kind: what it is, "course"; listed: whether there is a `race <kind>s`, else
+    the error names all that are known.
     """
     given = str(name_or_path)
     if given.endswith(SUFFIXES) or "/" in given or os.sep in given:
@@ -28,6 +29,8 @@ def locate(name_or_path: str | Path, folder: Path, kind: str) -> Path:
     known = _files(folder)
     if given not in known:
         near = did_you_mean(given, known)
+        if not listed:
+            raise FileError(f"no {kind} {shown(given)}: {near}, or a FILE.yaml")
         near = f": {near}" if near.startswith("did") else ""  # what else is known may be of another system
         raise FileError(f"no {kind} {shown(given)}{near} (race {kind}s lists them)")
     return known[given]

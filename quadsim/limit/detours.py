@@ -1,19 +1,20 @@
-"""Ways around frames that a solution hits beside its targets: half-spaces for a few of its nodes.
+"""Ways around frames and boxes that a solution hits beside its targets: half-spaces for a few of its nodes.
 
-A frame is no convex obstacle. So a race is solved without frames first; where the referee then finds a hit, the nodes
-in the frame's slab are held before, behind or beside it, whichever is the shortest way out, and it is solved again.
+The space around a frame or a box is not convex. So a race is solved without them first; where the referee then finds a
+hit, the nodes in the frame's slab are held before, behind or beside it, those in a box beyond one of its faces,
+whichever is the shortest way out, and it is solved again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 
-from quadsim.course import Gate
+from quadsim.course import Box, Gate
 from quadsim.course.swept import SweptGate
 from quadsim.limit.solution import Solution
 from quadsim.limit.task import MARGIN, Segment, Task
@@ -21,11 +22,11 @@ from quadsim.limit.task import MARGIN, Segment, Task
 
 @dataclass(frozen=True)
 class Detour:
-    """sign * local[axis] >= distance, in a gate's frame, for the nodes in a part of a segment."""
+    """sign * local[axis] >= distance, in the frame of a gate or a box, for the nodes in a part of a segment."""
 
     segment: int
     part: tuple[float, float]  # of the segment's intervals, 0 to 1
-    gate: Gate
+    gate: Gate | Box
     axis: int
     sign: float
     distance: float  # [m]
@@ -41,18 +42,26 @@ class Detour:
         return self.sign * local[self.axis] - self.distance
 
 
-def detours(solution: Solution, plan: list[Segment], task: Task, hits: list[tuple[float, Gate]]) -> Iterator[Detour]:
-    """Around what was hit.  hits: time [s] and gate of each."""
+def detours(
+    solution: Solution, plan: list[Segment], task: Task, hits: list[tuple[float, Gate | Box]]
+) -> Iterator[Detour]:
+    """Around what was hit.  hits: time [s], and gate or box, of each."""
     begins = np.cumsum([0, *(s.intervals for s in plan)])  # index of the node where each segment begins
     for t, gate in hits:
         k = int(np.searchsorted(begins, np.searchsorted(solution.t, t))) - 1
         if plan[k].kind == "approach":
-            own, swept = slice(begins[k], begins[k + 1]), SweptGate(gate, 0, task.radius)
-            local = (solution.x[own, :3] - gate.position) @ gate.rotation  # (nodes of the segment, 3)
+            own = slice(begins[k], begins[k + 1])
+            local = (solution.x[own, :3] - gate.position) @ np.array(gate.axes).T  # (nodes of the segment, 3)
             hit = min(int(np.searchsorted(solution.t[own], t)), len(local) - 1)
-            for first, last, axis, sign in _ways_out(local, hit, swept):
+            if isinstance(gate, Box):
+                reach = [half + task.radius for half in gate.half]
+                ways = _ways_out_of_a_box(local, hit, reach)
+            else:
+                swept = SweptGate(gate, 0, task.radius)
+                reach, ways = swept.slab, _ways_out(local, hit, swept)
+            for first, last, axis, sign in ways:
                 part = (first - 0.5) / plan[k].intervals, (last + 0.5) / plan[k].intervals
-                yield Detour(k, part, gate, axis, sign, swept.slab[axis] + MARGIN)
+                yield Detour(k, part, gate, axis, sign, reach[axis] + MARGIN)
 
 
 def _ways_out(local: np.ndarray, hit: int, swept: SweptGate) -> Iterator[tuple[int, int, int, float]]:
@@ -72,6 +81,14 @@ def _ways_out(local: np.ndarray, hit: int, swept: SweptGate) -> Iterator[tuple[i
     for side, run in groupby(zip(nearest, nodes, strict=True), key=lambda pair: pair[0]):
         found = [node for _, node in run]
         yield found[0], found[-1], *side
+
+
+def _ways_out_of_a_box(local: np.ndarray, hit: int, half: Sequence[float]) -> Iterator[tuple[int, int, int, float]]:
+    """As `_ways_out`: one face for all nodes in the box, the one that is nearest to the deepest of them."""
+    first, last = _within(np.all(abs(local) <= half, axis=1), hit)
+    faces = [(axis, sign) for axis in range(3) for sign in (1.0, -1.0)]
+    axis, sign = min(faces, key=lambda f: half[f[0]] - (f[1] * local[first : last + 1, f[0]]).min())
+    yield max(first - 1, 1), min(last + 1, len(local) - 1), axis, sign
 
 
 def _within(inside: np.ndarray, node: int) -> tuple[int, int]:

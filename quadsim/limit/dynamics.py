@@ -15,9 +15,10 @@ from typing import Any
 import casadi
 import numpy as np
 
-from quadsim.physics.actuators import gyroscopic, to_body, to_world
+from quadsim.physics.actuators import gyroscopic
 from quadsim.physics.allocation import mixer
 from quadsim.systems.quadrotor import ModelParams, quadrotor, quaternion_rate, step
+from quadsim.systems.rotation import to_body, to_world
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
 if hasattr(casadi.GlobalOptions, "setNumpyMode"):  # CasADi 3.8 warns until it is told what to make of

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
+from quadsim.course import Box, Cylinder, Gate
 from quadsim.limit.detours import Detour, detours
 from quadsim.limit.dynamics import dynamics
 from quadsim.limit.guess import Guess, flown, solved, speeds, straight
@@ -64,9 +65,15 @@ class Search:
             hits = [e for e in attempt.solved[1].events if e.kind == "hit"] if attempt.solved else []
             if not hits or not attempt.solved:
                 return
-            hit = [(e.t, self._gates[e.gate - 1]) for e in hits]
+            if not (hit := self._frames_and_boxes(hits)):  # cylinders alone, which a finer mesh keeps clear of
+                return
             around = (*around, *detours(attempt.solved[0], plan, self.task, hit))
             guess = solved(f"{name}, around frames {k + 1}", attempt.solved[0], self.task)
+
+    def _frames_and_boxes(self, hits: Iterable[Any]) -> list[tuple[float, Gate | Box]]:
+        """When was which hit [s]."""
+        places = [(e.t, self.task.obstacles[e.obstacle - 1] if e.obstacle else self._gates[e.gate - 1]) for e in hits]
+        return [(t, place) for t, place in places if not isinstance(place, Cylinder)]
 
     def _attempt(self, guess: Guess, intervals: list[int], around: tuple[Detour, ...]) -> Attempt:
         nodes = sum(s.intervals for s in segments(self.task, intervals)) + 1

@@ -112,8 +112,9 @@ class Race:
 
     @classmethod
     def of_run(cls, spec: dict) -> Race | None:
-        """The race that a run's spec says; None for another system, for parts of a user's own and the timed mode."""
-        own = {"plant", "referee", "system"} & set(spec.get("own", {}))
+        """The race that a run's spec says; None for another system, for a plant with dynamics of its own or other
+        parts of a user's own, and for the timed mode."""
+        own = {"plant", "referee", "system"} & set(spec.get("own", {})) or spec.get("plant") == "rotorpy"
         if spec.get("system", "quadrotor") != "quadrotor" or own or spec.get("penalties"):
             return None
         course = parse_course(spec["course_text"], spec["course"])
@@ -124,7 +125,7 @@ class Race:
         """sha256 [16 hex digits] of all that decides the limit."""
         whole = asdict(self)
         for part in ("course", "vehicle"):
-            whole[part] = {k: v for k, v in whole[part].items() if k not in NAMES}
+            whole[part] = {k: v for k, v in whole[part].items() if k not in NAMES and (k != "obstacles" or v)}
         return sha256(json.dumps(_rounded(whole), sort_keys=True).encode()).hexdigest()[:16]
 
     @property

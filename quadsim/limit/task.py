@@ -8,7 +8,7 @@ from itertools import pairwise
 from math import dist, sqrt
 from typing import Literal
 
-from quadsim.course import FRAME_DEPTH, Course, Gate, Start, Vec3
+from quadsim.course import FRAME_DEPTH, Course, Gate, Obstacle, Start, Vec3
 
 MARGIN = 2e-3  # kept to frames, ground and bounds, as the path is bent between two nodes [m]
 GROUND = 1e-3  # [m] between sphere and ground: closer is a crash to the referee
@@ -33,6 +33,7 @@ class Task:
     bounds: tuple[tuple[float, float], ...]  # x, y, z of the sphere's centre [m]
     radius: float = 0.0
     end: Vec3 | None = None  # where to come to rest after the last target [m]
+    obstacles: tuple[Obstacle, ...] = ()
 
     @property
     def points(self) -> list[Vec3]:
@@ -46,7 +47,8 @@ def race_task(course: Course, radius: float, laps: int, closed: bool = False) ->
     (x0, x1), (y0, y1), (z0, z1) = course.bounds
     floor = max(z0, radius + GROUND)
     bounds = tuple((low + MARGIN, high - MARGIN) for low, high in ((x0, x1), (y0, y1), (floor, z1)))
-    return Task(course.gates * laps, None if closed else course.start, bounds, radius)
+    start = None if closed else course.start
+    return Task(course.gates * laps, start, bounds, radius, obstacles=course.obstacles)
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,11 @@ from typing import Any
 import casadi
 import numpy as np
 
-from quadsim.course import Gate
+from quadsim.course import Box, Cylinder, Gate
 from quadsim.limit.detours import Detour
 from quadsim.limit.dynamics import BODY, Dynamics, runge_kutta
 from quadsim.limit.guess import Guess
-from quadsim.limit.task import PAST, Segment, Task, Waypoint, reach, room, segments
+from quadsim.limit.task import MARGIN, PAST, Segment, Task, Waypoint, reach, room, segments
 from quadsim.physics.plant import start_state
 
 SPEED_MAX = 100.0  # [m/s] beyond what any vehicle reaches
@@ -97,11 +97,12 @@ def shooting(task: Task, model: Dynamics, nodes: list[int], guess: Guess, around
             u = s.program.variable("u", u_guess, model.u_low, model.u_high, model.u_high)
             lowest = low if i else np.minimum(low, low0)  # a start on the ground rises from there
             after = s.program.variable("x", x_guess, lowest, high, scale)
-            reached, between = advance(x, u, h)
+            reached, between, middle = advance(x, u, h)
             s.defects.append(s.program.hold((reached - after) / casadi.DM(scale), 0.0, 0.0))
             s.program.hold(between, np.tile(low[RATES], STEPS - 1), np.tile(high[RATES], STEPS - 1))
             for end in (x, after) if spare else ():
                 s.program.hold(spare(end, u), 0.0, np.inf)  # pyright: ignore
+            _hold_clear(s, (middle, after[0:3]), x_guess, h0)
             x = after
             s.x.append(x)
             s.u.append(u)
@@ -129,15 +130,16 @@ def state_scale(model: Dynamics) -> np.ndarray:
 
 
 def _interval(model: Dynamics) -> casadi.Function:
-    """(x, u, h) -> x after one interval of h [s], and the body rates inside it."""
+    """(x, u, h) -> x after one interval of h [s], the body rates inside it, and the position in its middle."""
     x, u, h = casadi.SX.sym("x", len(model.low)), casadi.SX.sym("u", len(model.u_low)), casadi.SX.sym("h")
-    after, between = tuple(casadi.vertsplit(x)), []
-    for _ in range(STEPS):
+    after, between, middle = tuple(casadi.vertsplit(x)), [], []
+    for k in range(1, STEPS + 1):
         after = runge_kutta(model.rate, after, tuple(casadi.vertsplit(u)), h / STEPS)
         between += after[RATES]
+        middle = after[:3] if 2 * k == STEPS else middle
     q = casadi.vertcat(*after[6:10])
     after = casadi.vertcat(*after[:6], q / casadi.norm_2(q), *after[10:])
-    return casadi.Function("interval", [x, u, h], [after, casadi.vertcat(*between[:-3])])
+    return casadi.Function("interval", [x, u, h], [after, casadi.vertcat(*between[:-3]), casadi.vertcat(*middle)])
 
 
 def _spare(model: Dynamics) -> casadi.Function | None:
@@ -169,9 +171,21 @@ def _hold_at(s: Shooting, segment: Segment, x: Any, at_end: bool) -> None:
         hold(casadi.DM(target.axes[0]).T @ x[3:6], FORWARD, SPEED_MAX)
 
 
-def _local(gate: Gate, x: Any) -> Any:
-    """The position of a state in the gate's frame [m]."""
-    return casadi.DM(gate.rotation.T) @ (x[0:3] - casadi.DM(gate.position))
+def _hold_clear(s: Shooting, points: Sequence[Any], guess: np.ndarray, h: float) -> None:
+    """Beside the cylinders that the guess does not fly over, by what the line between two points cuts off them."""
+    for o in s.task.obstacles:
+        clear = s.task.radius + MARGIN
+        if isinstance(o, Cylinder) and o.base[2] - clear < guess[2] < o.top + clear:
+            clear += o.radius
+            apart = 0.5 * h * float(np.linalg.norm(guess[3:6]))
+            clear += apart**2 / (8.0 * clear)
+            for point in points:
+                s.program.hold(casadi.sumsqr(point[0:2] - casadi.DM(o.base[:2])), clear**2, np.inf)
+
+
+def _local(gate: Gate | Box, x: Any) -> Any:
+    """The position of a state in the gate's frame, or a box's [m]."""
+    return casadi.DM(np.array(gate.axes)) @ (x[0:3] - casadi.DM(gate.position))
 
 
 def _close(program: Program, first: Any, last: Any) -> None:

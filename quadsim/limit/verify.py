@@ -88,6 +88,6 @@ def _outside(found: Verified, solution: Solution, model: Dynamics) -> Iterator[s
 def _incidents(referee: Any) -> Iterator[str]:
     for e in referee.events if referee else ():
         if e.kind in FOUL:
-            yield f"referee: {e.kind.replace('_', ' ')}{f' at gate {e.gate}' if e.gate else ''}, t = {e.t:.3f} s"
+            yield f"referee: {e.kind.replace('_', ' ')}{f' at {e.place}' if e.place else ''}, t = {e.t:.3f} s"
     if referee and referee.outcome != "finished":
         yield f"referee: expected a finished race, got {referee.outcome or 'one that goes on'}"

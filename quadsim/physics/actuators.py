@@ -17,19 +17,6 @@ from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 HOVER: Vector = (0.0, 0.0, 0.0, GRAVITY)
 
 
-def to_body(q: Vector, v: Vector) -> Vector:
-    """R(q)^T v = v - w t + u x t with t = 2 u x v, for q = (w, u) world from body."""
-    w, ux, uy, uz = q
-    x, y, z = v
-    tx, ty, tz = 2.0 * (uy * z - uz * y), 2.0 * (uz * x - ux * z), 2.0 * (ux * y - uy * x)
-    return x - w * tx + uy * tz - uz * ty, y - w * ty + uz * tx - ux * tz, z - w * tz + ux * ty - uy * tx
-
-
-def to_world(q: Vector, v: Vector) -> Vector:
-    """R(q) v, the inverse of `to_body`."""
-    return to_body((q[0], -q[1], -q[2], -q[3]), v)
-
-
 def clamp_command(command: Vector, vehicle: Vehicle) -> Vector:
     """Body rates within +-rate_max, thrust within [0, thrust_max]. ValueError if a number is not finite."""
     wx, wy, wz, thrust = map(float, command)  # a float32 would make all that follows single precision

@@ -13,7 +13,7 @@ from math import radians, sqrt
 
 import numpy as np
 
-from quadsim.course import Start
+from quadsim.course import Course, Start
 from quadsim.systems.first_order import remaining
 from quadsim.vehicle import Vec3, Vehicle, scale_thrust
 
@@ -89,3 +89,18 @@ def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3
         yield x, y, z
         a, b, c = rng.standard_normal(3).tolist()
         x, y, z = keep * x + fresh * a, keep * y + fresh * b, keep * z + fresh * c
+
+
+def displaced(course: Course, seeds: np.random.SeedSequence, size: float) -> Course:
+    """The course with every gate up to `size` [m] off along x and along y, uniformly.
+
+    A gate that is flown through several times is moved once. Heights stay, as gates stand on the ground: so one above
+    another stays clear of it.
+    """
+    distinct = tuple(dict.fromkeys(course.gates))
+    moves = size * np.random.default_rng(seeds).uniform(-1, 1, (len(distinct), 2))
+    moved = {}
+    for gate, (dx, dy) in zip(distinct, moves.tolist(), strict=True):
+        x, y, z = gate.position
+        moved[gate] = replace(gate, position=(x + dx, y + dy, z))
+    return replace(course, gates=tuple(moved[gate] for gate in course.gates))

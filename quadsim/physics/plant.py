@@ -1,46 +1,31 @@
 """Plants: what is flown. The controller plans with a model of it, which may differ.
 
-A quadrotor is a rigid body behind its actuators; two worlds move the rigid body, PyBullet's and our own. Any other
-system is flown by its own step.
+A quadrotor is a rigid body behind its actuators; two worlds move the rigid body, PyBullet's and our own. Another
+simulator, RotorPy, has a multirotor of its own. Any other system is flown by its own step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from importlib.util import find_spec
-from math import cos, sin
 from typing import Protocol
 
 import numpy as np
 
 from quadsim.course import Course, Start
-from quadsim.physics.actuators import Actuators, Vector, to_body
+from quadsim.physics.actuators import Actuators, Vector
+from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.physics.rigid_body import RigidBody
-from quadsim.vehicle import GRAVITY, Vehicle
-
-CLEARANCE = 1e-3  # between the ground and a vehicle that starts on it [m]
-
-
-@dataclass(frozen=True, slots=True)
-class PlantState:
-    """The state after a physics step."""
-
-    t: float  # [s]
-    x: Vector  # STATE
-    contacts: tuple[str, ...]  # what the vehicle touches: "ground", "gate 3"
-
-    @property
-    def position(self) -> tuple[float, float, float]:
-        """Of a state that begins with one [m]; a state of fewer than three numbers is filled up with zeros."""
-        x, y, z = (*self.x[:3], 0.0, 0.0)[:3]
-        return x, y, z
+from quadsim.physics.rotorpy_plant import RotorpyPlant
+from quadsim.systems.rotation import to_body
+from quadsim.vehicle import Vehicle
 
 
 class Plant(Protocol):
     """A system with its own fixed physics step. One for each flight; close() frees it."""
 
     dt: float  # physics step [s]
+    # A plant may have `velocity_lag` [s]: how much older than the position the velocity of its states is.
 
     @property
     def state(self) -> PlantState: ...
@@ -50,14 +35,6 @@ class Plant(Protocol):
         ...
 
     def close(self) -> None: ...
-
-
-def start_state(start: Start, radius: float) -> Vector:
-    """At rest, level, hover thrust; lifted clear of the ground where the start stands on it.  (17,)"""
-    x, y, z = start.position
-    half = 0.5 * start.yaw
-    p = (x, y, max(z, radius + CLEARANCE))
-    return (*p, 0.0, 0.0, 0.0, cos(half), 0.0, 0.0, sin(half), 0.0, 0.0, 0.0, GRAVITY, 0.0, 0.0, 0.0)
 
 
 class World(Protocol):
@@ -89,6 +66,7 @@ class RigidPlant:
         """start: in place of the course's own. body: whose mass and inertia the world has, in place of the vehicle's,
         by which the actuators are controlled. gusts: acceleration of each physics step, world frame [m/s^2]."""
         self.dt = dt
+        self.velocity_lag = dt / 2  # semi-implicit Euler: p <- p + v dt, so that v is of the middle of the step
         self._actuators = Actuators(vehicle, dt)
         self._world = self._new_world(course, body or vehicle, dt)
         self._mass, self._gusts = (body or vehicle).mass, gusts
@@ -134,7 +112,11 @@ class BulletPlant(RigidPlant):
         return world.World(course, body, dt)
 
 
-PLANTS: dict[str, type[RigidPlant]] = {"bullet": BulletPlant, "rigid": RigidPlant}
+PLANTS: dict[str, type[RigidPlant] | type[RotorpyPlant]] = {
+    "bullet": BulletPlant,
+    "rigid": RigidPlant,
+    "rotorpy": RotorpyPlant,
+}
 
 
 def has_bullet() -> bool:

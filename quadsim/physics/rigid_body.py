@@ -7,8 +7,9 @@ Semi-implicit Euler, in Bullet's order: velocities by the forces of the step, th
 scheme of higher order would be nearer to the differential equations, but farther from the other plant: in this order
 the two differ by rounding alone, and a flight in one of them says the same as in the other.
 
-Contacts are the referee's swept test. The ground stops a fall, without bounce and without friction; a gate's frame is
-reported only, as touching one ends a flight, and where penalties are asked for the vehicle flies on through it.
+Contacts are the referee's swept test. The ground stops a fall, without bounce and without friction; a gate's frame and
+an obstacle are reported only, as touching one ends a flight, and where penalties are asked for the vehicle flies on
+through it.
 """
 
 from __future__ import annotations
@@ -17,19 +18,22 @@ from math import cos, hypot, sin
 
 from quadsim.course import Course
 from quadsim.course.swept import SweptGates
-from quadsim.physics.actuators import Vector, gyroscopic, to_body, to_world
+from quadsim.course.swept_obstacles import SweptObstacles
+from quadsim.physics.actuators import Vector, gyroscopic
 from quadsim.systems.quadrotor import quaternion_rate
+from quadsim.systems.rotation import to_body, to_world
 from quadsim.vehicle import GRAVITY, Vec3, Vehicle
 
 ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 
 
 class RigidBody:
-    """One vehicle above the ground at z = 0, among a course's gates."""
+    """One vehicle above the ground at z = 0, among a course's gates and obstacles."""
 
     def __init__(self, course: Course, vehicle: Vehicle, dt: float):
         self._vehicle, self._dt = vehicle, dt
         self._gates = SweptGates(course.gates, vehicle.radius)
+        self._obstacles = SweptObstacles(course.obstacles, vehicle.radius)
         self._force: Vector = ORIGIN
         self._torque: Vector = ORIGIN
         self.place(ORIGIN, (1.0, 0.0, 0.0, 0.0))
@@ -66,7 +70,7 @@ class RigidBody:
         return self._p, self._v, self._q, self._omega
 
     def contacts(self) -> tuple[str, ...]:
-        """What the vehicle touched in the last step: "ground", "gate 3"."""
+        """What the vehicle touched in the last step: "ground", "gate 3", "obstacle 2"."""
         return self._contacts
 
     def close(self) -> None:
@@ -74,7 +78,7 @@ class RigidBody:
 
     def _touched(self, p0: Vec3, p1: Vec3) -> tuple[str, ...]:
         hit = (g for g in self._gates.near(p0, p1) if g.touch(g.gate.to_local(p0), g.gate.to_local(p1)) is not None)
-        return tuple(f"gate {g.index + 1}" for g in hit)
+        return (*(f"gate {g.index + 1}" for g in hit), *(i.touched for i in self._obstacles.incidents(p0, p1)))
 
 
 def turned(q: Vector, omega: Vector, dt: float) -> Vector:

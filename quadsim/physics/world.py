@@ -12,8 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from quadsim.course import Course, Gate
-from quadsim.physics.actuators import Vector, to_body
+from quadsim.course import Course, Gate, Obstacle
+from quadsim.course.obstacles import Cylinder
+from quadsim.physics.actuators import Vector
+from quadsim.systems.rotation import to_body
 from quadsim.vehicle import GRAVITY, Vehicle
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -36,7 +38,7 @@ bullet = _import_quietly("pybullet")
 
 
 class World:
-    """A rigid sphere with its own inertia, the ground at z = 0 and static gate frames, in a client of its own."""
+    """A rigid sphere with its own inertia, the ground at z = 0, static frames and obstacles, in a client of its own."""
 
     def __init__(self, course: Course, vehicle: Vehicle, dt: float):
         self._client = bullet.connect(bullet.DIRECT)
@@ -45,12 +47,14 @@ class World:
         bullet.setGravity(0.0, 0.0, -GRAVITY, **self._at)
         plane = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], **self._at)
         self._names = {bullet.createMultiBody(0.0, plane, **self._at): "ground"}
+        number = {gate: k for k, gate in reversed([*enumerate(course.gates, 1)])}
         self._gates = tuple(dict.fromkeys(course.gates))  # each once, however often a lap leads through it
-        self._numbers = [course.gates.index(gate) + 1 for gate in self._gates]
+        self._numbers = [number[gate] for gate in self._gates]  # of the first time
         self._standing: dict[int, int] = {}  # of those near the vehicle: place in _gates -> body
         self._centres = np.array([gate.position for gate in self._gates])  # (gates, 3)
         self._reach = np.array([NEAR + hypot(*gate.opening) / 2 + 2 * gate.frame_width for gate in self._gates])
         self._place = self._gates_stand_around = ORIGIN
+        self._names |= {self._add_obstacle(o): f"obstacle {k}" for k, o in enumerate(course.obstacles, 1)}
         self._body = self._add_vehicle(vehicle)
 
     def _put_up_gates(self) -> None:
@@ -74,6 +78,15 @@ class World:
         )
         attitude = bullet.getQuaternionFromEuler([gate.roll, gate.pitch, gate.yaw], **self._at)
         return bullet.createMultiBody(0.0, frame, basePosition=gate.position, baseOrientation=attitude, **self._at)
+
+    def _add_obstacle(self, obstacle: Obstacle) -> int:
+        if isinstance(obstacle, Cylinder):
+            kind, size, yaw = bullet.GEOM_CYLINDER, {"radius": obstacle.radius, "height": obstacle.height}, 0.0
+        else:
+            kind, size, yaw = bullet.GEOM_BOX, {"halfExtents": obstacle.half}, obstacle.yaw
+        shape = bullet.createCollisionShape(kind, **size, **self._at)
+        attitude = bullet.getQuaternionFromEuler([0.0, 0.0, yaw], **self._at)
+        return bullet.createMultiBody(0.0, shape, basePosition=obstacle.centre, baseOrientation=attitude, **self._at)
 
     def _add_vehicle(self, vehicle: Vehicle) -> int:
         sphere = bullet.createCollisionShape(bullet.GEOM_SPHERE, radius=vehicle.radius, **self._at)

@@ -4,21 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from controllers.learned.pilot import PilotController
 from quadsim.physics.plant import Plant
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
 from quadsim.race.flight import Controller, PlainController, RefereeProtocol, simulate
+from quadsim.race.navigation import ExactState, Navigation, SensedState
 from quadsim.race.own_parts import made
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
+from quadsim.sensing.estimation.estimator import Estimator
+from quadsim.sensing.estimation.prediction import Commands
+from quadsim.sensing.estimation.vehicle_model import VehicleModel
+from quadsim.sensing.sensors import WARM_UP, Sensors
 
 if TYPE_CHECKING:
     from controllers.mppi import MPPI
+
+LEAST_ROTOR_STD = 0.05  # [m/s^2] of the thrust by rotor speeds
 
 
 def with_threads(spec: Spec) -> Spec:
@@ -39,10 +48,18 @@ def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
     """
     own, streams = spec.own, spec.streams
     referee = made(own.referee, spec) or spec.entry.referee(spec)
-    controller = made(own.controller, spec) or planner_of(spec, streams[0])
+    controller = made(own.controller, spec) or pilot_of(spec) or planner_of(spec, streams[0])
     if not hasattr(controller, "rest"):
         controller = PlainController(controller, spec.entry.system(spec.model, spec.planner.mppi.dt).rest)
     return made(own.plant, spec) or spec.entry.plant(spec, streams), controller, referee
+
+
+def pilot_of(spec: Spec) -> PilotController | None:
+    """The learned pilot, where one flies in the planner's place."""
+    if spec.pilot is None:
+        return None
+    rest = spec.entry.system(spec.model, spec.planner.mppi.dt).rest
+    return PilotController(spec.pilot, spec.course, spec.laps, rest)
 
 
 def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
@@ -51,13 +68,19 @@ def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
     from controllers.mppi import MPPI  # here: they load the compiler
 
     mppi = spec.planner.mppi
-    own: Any = spec.own.cost
-    cost: Any = spec.entry.cost(spec)
-    if own is not None:
-        cost = own(cost) if callable(own) else own
+    cost = _cost(spec, spec.course)
     adaptation = Adaptation(spec.model, mppi.dt) if mppi.adapt and spec.system == "quadrotor" else None
     system = spec.entry.system(spec.model, mppi.dt)
     return MPPI(system, cost, spec.planner.sampling, mppi, stream, adaptation)
+
+
+def _cost(spec: Spec, course: Any) -> Any:
+    """Of this course, by the spec's own function where it has one."""
+    own: Any = spec.own.cost
+    if own is not None and not callable(own):
+        return own
+    cost = spec.entry.cost(replace(spec, course=course))
+    return cost if own is None else own(cost)
 
 
 def launch(spec: Spec, plant: Plant, controller: Any, referee: RefereeProtocol) -> Iterator[Frame]:
@@ -68,7 +91,45 @@ def launch(spec: Spec, plant: Plant, controller: Any, referee: RefereeProtocol) 
 
     timed = Deadline(controller, spec.deadline_ms) if spec.deadline_ms else controller
     snapshot = partial(take_snapshot, controller) if isinstance(controller, MPPI) else None
-    return simulate(plant, timed, referee, spec.planner.mppi.dt, CLOCKS[spec.clock](), snapshot)
+    clock = CLOCKS[spec.clock]()
+    return simulate(
+        plant, timed, referee, spec.planner.mppi.dt, clock, snapshot, navigation_of(spec, plant, controller)
+    )
+
+
+def navigation_of(spec: Spec, plant: Plant, controller: Any) -> Navigation | None:
+    """What tells the controller its state; None where that is the true one and commands act at once.
+
+    A planner that adapts is told by it what is known of the vehicle, and where gates stand.
+    """
+    if spec.system != "quadrotor" or spec.own.system or (spec.sensing is None and not spec.vehicle.latency):
+        return None
+    adaptation = getattr(controller, "adaptation", None)
+    knowledge = _sensed(spec, plant, adaptation is not None) if spec.sensing else ExactState(spec.model, adaptation)
+    knowledge.watch(plant.state)
+    commands = Commands(tuple(controller.rest.tolist()), spec.vehicle.latency)
+    remap = getattr(controller, "set_cost", None) and (lambda course: controller.set_cost(_cost(spec, course)))
+    navigation = Navigation(knowledge, commands, spec.course, spec.laps, spec.planner.mppi.dt, remap)
+    if adaptation is not None:
+        controller.adaptation = navigation
+    return navigation
+
+
+def _sensed(spec: Spec, plant: Plant, adapt: bool) -> SensedState:
+    sensing, dt, gates = spec.sensing, spec.planner.mppi.dt, tuple(dict.fromkeys(spec.course.gates))
+    assert sensing
+    assert sensing.imu
+    true_gates = tuple(dict.fromkeys(spec.flown_course.gates))
+    lag = getattr(plant, "velocity_lag", 0.0)
+    sensors = Sensors(sensing, spec.streams[3], spec.vehicle, true_gates, lag)
+    sensors.warm_up(plant.state, plant.dt)
+    estimator = Estimator(sensing, gates, spec.course.start, -WARM_UP, spec.displace_gates)
+    vehicle, rotors = VehicleModel(spec.model, dt, sensing.imu), spec.vehicle.rotors
+    std = LEAST_ROTOR_STD
+    if sensing.rotors and rotors:  # four independent rotors at full speed
+        c2, c1, _ = rotors.thrust_map
+        std = max(std, 2 * sensing.rotors.noise * (2 * c2 * rotors.omega_max + c1) / spec.vehicle.mass)
+    return SensedState(sensors, estimator, vehicle, dt, adapt, std)
 
 
 def flight_frames(spec: Spec) -> Iterator[Frame]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 
 from controllers.plan import PlannerSnapshot
@@ -23,6 +23,16 @@ class Event:
     offset: tuple[float, float]  # from the gate's centre: left, up in the gate frame [m]
     speed: float  # [m/s]
     position: tuple[float, float, float]  # ENU [m]
+    obstacle: int = 0  # 1-based; 0: none
+
+    @property
+    def place(self) -> str:
+        """ "gate 3", "obstacle 2", or "" for an event at neither."""
+        return f"obstacle {self.obstacle}" if self.obstacle else f"gate {self.gate}" if self.gate else ""
+
+    def record(self) -> dict:
+        """As JSON; an event of no obstacle does not say so, as before there were any."""
+        return {k: v for k, v in asdict(self).items() if v or k != "obstacle"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +53,7 @@ class Frame:
     events: tuple[Event, ...] = ()  # of the physics steps that led to t
     outcome: str | None = None  # None: still flying; finished, crashed, stuck, timeout
     snapshot: PlannerSnapshot | None = None  # the planner's best samples, every SNAPSHOT_EVERY periods
+    estimate: tuple[float, ...] = ()  # of quadsim.race.estimate_record.ESTIMATE_UNITS, where the state is sensed
 
 
 def flown_laps(events: Iterable[Event], completed: int) -> list[float]:

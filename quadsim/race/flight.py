@@ -80,6 +80,15 @@ class RefereeProtocol(Protocol):
         ...
 
 
+class NavigationProtocol(Protocol):
+    """Tells the controller what is known of the vehicle; see quadsim.race.navigation.Navigation."""
+
+    def watch(self, state: PlantState) -> None: ...
+    def state(self, t: float, elapsed: int) -> tuple[np.ndarray, int]: ...
+    def commanded(self, t: float, ready: float, u: tuple[float, ...]) -> None: ...
+    def record(self, state: PlantState) -> tuple[float, ...]: ...
+
+
 SNAPSHOT_EVERY = 10  # control periods from one PlannerSnapshot to the next
 
 
@@ -90,6 +99,7 @@ def simulate(
     period: float,
     clock: Clock | None = None,
     snapshot: Callable[[], PlannerSnapshot | None] | None = None,
+    navigation: NavigationProtocol | None = None,
 ) -> Iterator[Frame]:
     """Simulate until the referee ends the flight. The last frame has the outcome and the last control applied.
 
@@ -102,6 +112,7 @@ def simulate(
         period: control period [s], a whole multiple of the plant's step.
         clock: default: simulated time.
         snapshot: called every SNAPSHOT_EVERY periods; the result is stored in the frame.
+        navigation: tells the controller the state; default: the true one, and the gates that the referee counts.
 
     Raises:
         ValueError: period is no whole multiple of the plant's step.
@@ -116,19 +127,23 @@ def simulate(
         state, flying = plant.state, referee.outcome is None
         if flying:
             before = perf_counter()
-            control, stats = controller.control(np.array(state.x), referee.passed, elapsed)
+            x, target = navigation.state(state.t, elapsed) if navigation else (np.array(state.x), referee.passed)
+            control, stats = controller.control(x, target, elapsed)
             plan_ms = 1e3 * (perf_counter() - before)
             previous_u, u = u, tuple(control.tolist())
         plan_ready_time = clock.now(state.t)  # read before the frame is yielded, as its consumer may take a while
         best = snapshot() if snapshot and flying and k % SNAPSHOT_EVERY == 0 else None
-        wall = {"plan_ms": plan_ms, "elapsed": perf_counter() - began}
+        wall: dict[str, Any] = {"plan_ms": plan_ms, "elapsed": perf_counter() - began}
+        if navigation:
+            navigation.commanded(state.t, plan_ready_time, u)
+            wall["estimate"] = navigation.record(state)
         yield frame(state, u, referee, stats, **wall, events=tuple(events), snapshot=best)
         if not flying:
             return
-        events = apply_control(plant, referee, previous_u, plan_ready_time)
+        events = apply_control(plant, referee, previous_u, plan_ready_time, navigation)
         next_time = max(state.t + period, plant.state.t)  # later if the plan took more than a period
         clock.wait(next_time)
-        events += apply_control(plant, referee, u, next_time)
+        events += apply_control(plant, referee, u, next_time, navigation)
         elapsed = max(round((next_time - state.t) / period), 1)
 
 
@@ -149,12 +164,21 @@ def frame(state: PlantState, u: tuple[float, ...], referee: RefereeProtocol, sta
     )
 
 
-def apply_control(plant: Plant, referee: RefereeProtocol, u: tuple[float, ...], until: float) -> list[Event]:
-    """Step the plant under u to the physics step nearest to the time `until` [s]; the referee checks every step."""
+def apply_control(
+    plant: Plant,
+    referee: RefereeProtocol,
+    u: tuple[float, ...],
+    until: float,
+    navigation: NavigationProtocol | None = None,
+) -> list[Event]:
+    """Step the plant under u to the physics step nearest to the time `until` [s]; the referee checks every step, and
+    sensors watch it."""
     events: list[Event] = []
     while plant.state.t < until - plant.dt / 2 and referee.outcome is None:
         before = plant.state
         after = plant.step(u)
+        if navigation:
+            navigation.watch(after)
         events += referee.observe(before.t, before.position, after.t, after.position, after.contacts)
     return events
 

@@ -1,7 +1,7 @@
 """The referee: every physics step against every gate -> pass, hit, miss, wrong_way; the end of the flight.
 
 pass       the next gate's plane crossed forward, free of the frame
-hit        first contact with a frame: any gate, any direction, before a bounce
+hit        first contact with a frame, of any gate and from any direction, or with an obstacle, before a bounce
 wrong_way  any gate's opening crossed backward
 miss       the next gate's plane crossed forward beyond the frame, within three half sizes and 2 m: fly back and pass it
 stuck      no nearer to the next gate than before for NO_PROGRESS seconds, on the way round it where it faces away
@@ -18,6 +18,7 @@ from math import dist, inf, isfinite
 
 from quadsim.course import Course, Vec3
 from quadsim.course.swept import Incident, SweptGate, SweptGates, clip, lerp
+from quadsim.course.swept_obstacles import SweptObstacles
 from quadsim.race.events import NO_PROGRESS, Event
 from quadsim.race.gate_rules import TAKE_OFF, check, crossed_at_once, way_left
 
@@ -35,11 +36,11 @@ class Referee:
         self.passed = 0  # gates since the start
         self.outcome: str | None = None  # None while flying; finished, crashed, stuck, timeout
         self.events: list[Event] = []
-        self._swept = SweptGates(course.gates, radius)
+        self._swept, self._obstacles = SweptGates(course.gates, radius), SweptObstacles(course.obstacles, radius)
         self._gates = self._swept.of
         check(course, laps, self._swept.all, radius)
-        self._touched = [-inf] * len(self._gates)  # when the referee last saw contact [s]
-        self._reported = [-inf] * len(self._gates)  # when the plant last reported contact [s]
+        self._touched: dict[str, float] = {}  # when the referee last saw contact with each gate and obstacle [s]
+        self._reported: dict[str, float] = {}  # when the plant last reported contact [s]
         self._airborne = False
         self._leaving: SweptGate | None = None  # the next gate, where it can be crossed along with the one just passed
         self._nearest = (0.0, inf)  # when, and how near the next gate was since the last pass [s, m]
@@ -75,6 +76,7 @@ class Referee:
 
     def _incidents(self, t0: float, p0: Vec3, t1: float, p1: Vec3) -> list[Incident]:
         found = [incident for gate in self._swept.near(p0, p1) for incident in gate.incidents(p0, p1)]
+        found += self._obstacles.incidents(p0, p1)
         floor = self.radius + GROUND_MARGIN
         self._airborne |= max(p0[2], p1[2]) > self.radius + TAKE_OFF
         if self._airborne and p1[2] <= floor:
@@ -99,13 +101,13 @@ class Referee:
         `target` was next when the step began: the plane of a gate that only became next within the step is no miss,
         or coplanar gates would be missed whenever one is passed.
         """
-        _, kind, k, offset = incident
+        _, kind, k, offset, _ = incident
+        if kind == "touch":
+            fresh = t - self._touched.get(incident.touched, -inf) >= CLEAR
+            self._touched[incident.touched] = t1
+            return "hit" if fresh else None
         if k < 0:
             return kind
-        if kind == "touch":
-            fresh = t - self._touched[k] >= CLEAR
-            self._touched[k] = t1
-            return "hit" if fresh else None
         beyond, gate = self._gates[k].beyond(offset), self._gates[k]
         through = beyond <= gate.gate.frame_width  # without penalties, a touch of the frame has ended the flight before
         if kind == "backward":
@@ -118,7 +120,8 @@ class Referee:
     def _call(self, kind: str, t: float, position: Vec3, speed: float, incident: Incident) -> None:
         is_next = kind == "stuck" or (incident.gate >= 0 and self._gates[incident.gate] is self._gates[self.next_gate])
         number = 1 + (self.next_gate if is_next else incident.gate)
-        self.events.append(Event(float(t), kind, number, self.lap, incident.offset, speed, position))
+        obstacle = incident.obstacle + 1
+        self.events.append(Event(float(t), kind, number, self.lap, incident.offset, speed, position, obstacle))
         if kind == "pass":
             before = self._gates[self.next_gate].gate
             self.passed += 1
@@ -133,9 +136,16 @@ class Referee:
 
     def _compare(self, t: float, position: Vec3, speed: float, contacts: Sequence[str]) -> None:
         """Record once a contact that the plant reports and the swept test did not find: one of the two is wrong."""
-        touched = {int(name.removeprefix("gate ")) - 1 for name in contacts if name.startswith("gate ")}
-        for k in sorted(touched) if self.outcome is None else ():
-            if t - self._touched[k] > CONFIRMS and t - self._reported[k] >= CLEAR:
-                _, left, up = self._gates[k].gate.to_local(position)
-                self._call("unseen_contact", t, position, speed, Incident(1.0, "contact", k, (left, up)))
-            self._reported[k] = t
+        touched = sorted({name for name in contacts if name.startswith(("gate ", "obstacle "))})
+        for name in touched if self.outcome is None else ():
+            if t - self._touched.get(name, -inf) > CONFIRMS and t - self._reported.get(name, -inf) >= CLEAR:
+                self._call("unseen_contact", t, position, speed, self._contact(name, position))
+            self._reported[name] = t
+
+    def _contact(self, name: str, position: Vec3) -> Incident:
+        """name: "gate 3", "obstacle 2"."""
+        what, _, number = name.partition(" ")
+        k = int(number) - 1
+        if what == "obstacle":
+            return Incident(1.0, "contact", obstacle=k)
+        return Incident(1.0, "contact", k, self._gates[k].gate.to_local(position)[1:])

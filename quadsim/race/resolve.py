@@ -11,6 +11,7 @@ from msgspec import inspect
 
 from controllers.config import MPPIConfig
 from controllers.costs import Cost
+from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner, faults
 from controllers.samplers import SAMPLERS
 from quadsim.course import Course
@@ -23,6 +24,7 @@ from quadsim.race.own_parts import Task, own_parts, own_system, sampler_name, sa
 from quadsim.race.preset_file import load_planner
 from quadsim.race.settings import GROUPS, FlightSettings, SettingError, checked, settings_of
 from quadsim.race.systems import SYSTEMS, SystemEntry, system_of_course
+from quadsim.sensing import PERFECT, Sensing, load_sensing
 from quadsim.systems import System
 from quadsim.vehicle import with_thrust_to_weight
 
@@ -44,11 +46,11 @@ def resolve(course: Any = None, **given: Any) -> dict[str, Any]:
     f = _flight_settings(given)
     system = f.system or "quadrotor"
     entry = SYSTEMS[system]
-    base, vehicle = _preset(f, entry, sampling)
+    base, vehicle, pilot = _preset(f, entry, sampling)
     planner, model = _planned(base, entry.model_of(vehicle), given, entry)
     where = entry.load_course(str(course or entry.default_course)) if isinstance(course, str | Path | None) else course
     plant_dt = f.plant_dt or entry.plant_dt or planner.mppi.dt
-    laps = f.laps or where.laps
+    laps, sensing = f.laps or where.laps, _sensing(f, system)
     try:
         whole_multiple(planner.mppi.dt, plant_dt)
     except ValueError as error:  # "dt: expected ..."
@@ -57,26 +59,57 @@ def resolve(course: Any = None, **given: Any) -> dict[str, Any]:
         "system": system,
         "course": where,
         "vehicle": vehicle,
-        "sampler": sampler_name(planner.sampling),
+        "sampler": "pilot" if pilot else sampler_name(planner.sampling),
         "preset": f.preset or entry.default_preset,
         "planner": planner,
         "model": model,
         "laps": laps,
+        "pilot": _check_pilot(pilot, vehicle, planner.mppi.dt),
         "timeout": f.timeout or entry.timeout(where, laps),
         "penalties": f.penalties,
         "plant_dt": plant_dt,
         "plant": f.plant or default_plant() if system == "quadrotor" else "model",
+        "sensing": sensing,
+        "displace_gates": f.displace_gates,
+        "view_weight": f.view_weight if sensing and sensing.camera else 0.0,
         "own": own,
     }
 
 
-def _preset(f: FlightSettings, entry: SystemEntry, sampling: Any) -> tuple[Planner, Any]:
-    """The preset's planner, with a user's own sampler where there is one, and the vehicle that is flown."""
+def _check_pilot(pilot: Pilot | None, vehicle: Any, dt: float) -> Pilot | None:
+    if pilot:
+        pilot.check(vehicle.name, dt)
+    return pilot
+
+
+def _pilot(f: FlightSettings, entry: SystemEntry) -> Pilot | None:
+    if f.pilot is None:
+        return None
+    if entry.name != "quadrotor":
+        raise SettingError("pilot", f"expected a quadrotor for a learned pilot, got the system {entry.name}")
+    return load_pilot(f.pilot)
+
+
+def _preset(f: FlightSettings, entry: SystemEntry, sampling: Any) -> tuple[Planner, Any, Pilot | None]:
+    """The preset's planner, with a user's own sampler where there is one, the vehicle that is flown, the pilot."""
+    pilot = _pilot(f, entry)
     planner = load_planner(f.preset or entry.default_preset, f.sampler, entry.presets, entry.control_units)
-    vehicle = entry.load_vehicle(f.vehicle or planner.vehicle)
+    vehicle = entry.load_vehicle(f.vehicle or (pilot.about.vehicle if pilot else planner.vehicle))
     if f.thrust_to_weight:
         vehicle = with_thrust_to_weight(vehicle, f.thrust_to_weight)
-    return replace(planner, vehicle=vehicle.name, sampling=planner.sampling if sampling is None else sampling), vehicle
+    sampling = planner.sampling if sampling is None else sampling
+    return replace(planner, vehicle=vehicle.name, sampling=sampling), vehicle, pilot
+
+
+def _sensing(f: FlightSettings, system: str) -> Sensing | None:
+    """The sensors that are flown with, None for the true state."""
+    for name, given in (("sensing", f.sensing != PERFECT), ("displace_gates", f.displace_gates > 0.0)):
+        if given and system != "quadrotor":
+            raise SettingError(name, f"of quadrotors only, got the system {system}")
+    sensing = load_sensing(f.sensing)
+    if f.view_weight and not sensing.camera:
+        raise SettingError("view_weight", f"expected a sensing with a camera, got {f.sensing}")
+    return None if sensing.exact else sensing
 
 
 def _of_own_system(system: System, sampler: Any = None, start: Any = (), **given: Any) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from quadsim.files.strict_yaml import unit
 from quadsim.files.yaml_values import Misfit, value
 from quadsim.files.yaml_words import NULL, TEXT, expected, unless_null
 from quadsim.race.systems import SystemEntry
+from quadsim.sensing import PERFECT
 
 Count = Annotated[int, Meta(ge=1)]
 
@@ -44,16 +45,20 @@ class FlightSettings:
 
     system: Literal["quadrotor", "offroad", "double_integrator"] | None = None  # default: the one the course is for
     sampler: str = "colored"  # sampling distribution of the perturbations
+    pilot: str | None = None  # a learned pilot in the planner's place: FILE.npz, or split_s_swift
     preset: str | None = None  # source of defaults: a name or a FILE.yaml (default: race; paper for other systems)
     vehicle: str | None = None  # a name (see `race vehicles`) or a FILE.yaml (default: the preset's)
     thrust_to_weight: Annotated[float, Meta(gt=1, le=20)] | None = None  # override the thrust-to-weight ratio
     laps: Annotated[int, Meta(ge=1, le=1000)] | None = None  # laps from standing start (default: the course's)
     seed: Annotated[int, Meta(ge=0, le=10**9)] = 0  # random seed
     randomize: Annotated[float, Meta(ge=0, le=3)] = 0.0  # scale of domain randomization: start, vehicle, gusts
+    sensing: str = PERFECT  # sensors: a name (see quadsim/sensing) or a FILE.yaml; perfect: the true state
+    displace_gates: Annotated[float, unit("m", ge=0, le=1)] = 0.0  # move gates off the map by up to this along x, y [m]
+    view_weight: Annotated[float, Meta(ge=0, le=1e6)] = 0.0  # of keeping the next gate in a gate camera's view
     timeout: Annotated[float, unit("s", gt=0, le=1e5)] | None = None  # time limit [s] (default: set by the course)
     threads: Count | None = None  # CPU threads (default: all); results do not depend on it
     penalties: bool = False  # a hit adds 3 s instead of ending the flight
-    plant: Literal["bullet", "rigid"] | None = None  # rigid-body simulation (default: bullet if PyBullet is installed)
+    plant: Literal["bullet", "rigid", "rotorpy"] | None = None  # simulator (default: bullet if PyBullet is installed)
     plant_dt: Annotated[float, unit("s", ge=1e-4, le=0.02)] | None = None  # physics step [s] (default: the system's)
     clock: Literal["simulated", "wall"] = "simulated"  # wall: simulated time runs on while the controller plans
     deadline_ms: Annotated[float, unit("ms", gt=0, le=1e4)] | None = None  # reduce the samples to plan within this [ms]

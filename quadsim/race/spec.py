@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from controllers.learned.pilot import Pilot
 from controllers.presets import Planner
 from controllers.samplers import SAMPLERS
-from quadsim.physics.domain_randomization import draw
+from quadsim.physics.domain_randomization import displaced, draw
 from quadsim.race.own_parts import OwnParts, describe, plain
 from quadsim.race.resolve import resolve
 from quadsim.race.systems import SYSTEMS, SystemEntry
+from quadsim.sensing import Sensing
 
 
 @dataclass(frozen=True)
@@ -36,8 +38,12 @@ class Spec:
     plant_dt: float  # [s]
     plant: str = "model"  # of physics.plant.PLANTS; model: the system is its own world
     randomize: float = 0.0  # size of domain randomization and disturbance, see quadsim.physics.domain_randomization
+    sensing: Sensing | None = None  # None: the planner is given the true state
+    displace_gates: float = 0.0  # how far gates may stand off the map, along x and y [m]
+    view_weight: float = 0.0  # of the next gate kept in the view of a gate camera
     clock: str = "simulated"  # of CLOCKS
     deadline_ms: float | None = None  # shrink the samples so that a plan takes no longer
+    pilot: Pilot | None = None  # a learned one in the planner's place
     host: dict = field(default_factory=dict)  # what must not change a flight: threads, folders
     own: OwnParts = field(default_factory=OwnParts)
 
@@ -59,9 +65,16 @@ class Spec:
     def streams(self) -> tuple[np.random.SeedSequence, ...]:
         return self.entry.streams(self.seed)
 
+    @property
+    def flown_course(self) -> Any:
+        """The course as it stands, which may differ from the planner's map `course`."""
+        return displaced(self.course, self.streams[4], self.displace_gates) if self.displace_gates else self.course
+
     def record(self) -> dict:
-        """The JSON that a run keeps."""
-        kept = {f.name: plain(getattr(self, f.name)) for f in fields(self) if f.name not in ("course", "own")}
+        """The JSON that a run keeps. What no flight had before there were sensors is left out where it is not used."""
+        unused = {name for name in ("sensing", "displace_gates", "view_weight") if not getattr(self, name)}
+        left_out = unused | {"course", "own", "pilot"}
+        kept = {f.name: plain(getattr(self, f.name)) for f in fields(self) if f.name not in left_out}
         kept |= {"course": self.course.name, "course_text": self.course.text}
         kept["variation"] = asdict(draw(self.streams[1], self.randomize if self.system == "quadrotor" else 0.0))
         own = self.own.described()
@@ -69,4 +82,5 @@ class Spec:
             own["sampler"] = describe(self.planner.sampling)
         if self.own.system:
             own["system"] = {"states": list(self.entry.states), "controls": list(self.entry.controls)}
-        return kept | ({"own": own} if own else {})
+        learned = {"pilot": self.pilot.record()} if self.pilot else {}
+        return kept | learned | ({"own": own} if own else {})

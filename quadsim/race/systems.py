@@ -18,6 +18,7 @@ from controllers.costs import Cost
 from controllers.costs.corridor import corridor_cost
 from controllers.costs.quadratic import quadratic_cost
 from controllers.costs.race import race_cost
+from controllers.costs.race_view import with_view
 from controllers.paper_presets import DOUBLE_INTEGRATOR, OFFROAD
 from controllers.presets import PRESETS, Planner
 from quadsim.course import COURSES, load_course, parse_course
@@ -33,7 +34,8 @@ from quadsim.race.referee import Referee
 from quadsim.systems import System, double_integrator, offroad, quadrotor
 from quadsim.vehicle import load_vehicle, vehicle_names
 
-Streams = tuple[np.random.SeedSequence, ...]  # of the planner, the randomized vehicle and start, the disturbance
+# Of the planner, the randomized vehicle and start, the disturbance; of a quadrotor also the sensors and the gates.
+Streams = tuple[np.random.SeedSequence, ...]
 
 
 @dataclass(frozen=True)
@@ -85,24 +87,32 @@ def telemetry_columns(states: Mapping[str, str], controls: Mapping[str, str]) ->
 
 def random_streams(seed: int) -> Streams:
     """Independent of each other: every planner that flies a seed meets the same vehicle and disturbance."""
-    planner, plant = np.random.SeedSequence(seed).spawn(2)
-    return planner, *plant.spawn(2)
+    planner, plant, sensors, gates = np.random.SeedSequence(seed).spawn(4)
+    return planner, *plant.spawn(2), sensors, gates
 
 
 def _race_plant(spec: Any, streams: Streams) -> Plant:
     """A quadrotor among gates, its vehicle, start and gusts randomized by the seed."""
-    build = PLANTS[spec.plant]
+    build, course = PLANTS[spec.plant], spec.flown_course
     if spec.randomize == 0:
-        return build(spec.course, spec.vehicle, spec.plant_dt)
+        return build(course, spec.vehicle, spec.plant_dt)
     varied = draw(streams[1], spec.randomize)
     return build(
-        spec.course,
+        course,
         varied.vehicle(spec.vehicle),
         spec.plant_dt,
         start=varied.start(spec.course.start),
         body=varied.body(spec.vehicle),
         gusts=gusts(streams[2], varied.gust, spec.plant_dt),
     )
+
+
+def _race_cost(spec: Any) -> Cost:
+    """Of the planner's map; where a camera finds gates, with the next one kept in its view."""
+    cost = race_cost(spec.course, spec.vehicle.radius, spec.planner.cost, spec.laps)
+    if not (spec.sensing and spec.sensing.camera and spec.view_weight):
+        return cost
+    return with_view(cost, spec.view_weight, tuple(spec.sensing.camera.axes[:, 2].tolist()))
 
 
 def _race_timeout(course: Any, laps: int) -> float:
@@ -161,10 +171,10 @@ SYSTEMS: dict[str, SystemEntry] = {
         load_vehicle=load_vehicle,
         model_of=quadrotor.ModelParams.of,
         system=quadrotor.quadrotor,
-        cost=lambda spec: race_cost(spec.course, spec.vehicle.radius, spec.planner.cost, spec.laps),
+        cost=_race_cost,
         start=lambda spec: start_state(spec.course.start, spec.vehicle.radius),
         plant=_race_plant,
-        referee=lambda spec: Referee(spec.course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties),
+        referee=lambda spec: Referee(spec.flown_course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties),
         timeout=_race_timeout,
         streams=random_streams,
     ),

@@ -8,7 +8,7 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
-PACKAGES = ("quadsim", "numpy", "scipy", "pybullet", "numba")
+PACKAGES = ("quadsim", "numpy", "scipy", "pybullet", "numba", "rotorpy")
 
 
 def provenance() -> dict:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
 from itertools import takewhile
@@ -18,6 +18,7 @@ from typing import Literal, TypedDict, get_args
 import numpy as np
 
 from controllers.plan import PlannerSnapshot
+from quadsim.race.estimate_record import ESTIMATE_UNITS
 from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.race.systems import SYSTEMS, telemetry_columns
 from quadsim.record.planner_snapshot import PlannerSnapshots
@@ -26,7 +27,7 @@ INTERACTIVE = "interactive"  # key of a spec: the planner's numbers that were ch
 COLUMNS = SYSTEMS["quadrotor"].columns  # telemetry column -> unit
 COUNTS = ("passed", "lap")  # integer columns
 Outcome = Literal["finished", "crashed", "stuck", "timeout", "interrupted"]
-WALL_CLOCK = ("plan_ms",)  # columns that differ from flight to flight and are no part of the digest
+WALL_CLOCK = ("plan_ms", "estimate_ms")  # columns that differ from flight to flight and are no part of the digest
 
 
 class PlanTime(TypedDict):
@@ -52,7 +53,7 @@ def units_of(spec: dict) -> tuple[Mapping[str, str], Mapping[str, str]]:
 
 def columns_of(spec: dict) -> dict[str, str]:
     """Telemetry column -> unit, in order."""
-    return telemetry_columns(*units_of(spec))
+    return telemetry_columns(*units_of(spec)) | (ESTIMATE_UNITS if spec.get("sensing") else {})
 
 
 class RunError(Exception):
@@ -113,7 +114,7 @@ class Run:
 
     def digest(self) -> str:
         """sha256 [hex] of all that a seed determines: no wall clock, no spec["host"], no snapshots."""
-        events = [asdict(e) for e in self.events]
+        events = [e.record() for e in self.events]
         text = canonical({"spec": hostless(self.spec), "events": events, "laps": self.laps, "outcome": self.outcome})
         columns = [
             self.telemetry[name].astype("<f8").tobytes() for name in columns_of(self.spec) if name not in WALL_CLOCK
@@ -132,7 +133,8 @@ def flown_with(spec: dict) -> str:
     own = own_parts(spec)
     controlled = f"controller {own['controller']}" if "controller" in own else f"{spec['sampler']} sampling"
     named = "" if "system" in own else f", preset {spec['preset']}, vehicle {spec['vehicle']['name']}"
-    return f"{controlled}{named}, seed {spec['seed']}"
+    simulator = ", plant rotorpy" if spec.get("plant") == "rotorpy" else ""  # the others have the same dynamics
+    return f"{controlled}{named}{simulator}, seed {spec['seed']}"
 
 
 def hostless(spec: dict) -> dict:
@@ -164,7 +166,7 @@ class Recorder:
     def add(self, f: Frame) -> None:
         if f.snapshot:
             self._snapshots.append((len(self), f.snapshot))
-        row = (f.t, *f.x, *f.u, f.passed, f.lap, f.ess, f.temperature, f.cost, f.plan_ms)
+        row = (f.t, *f.x, *f.u, f.passed, f.lap, f.ess, f.temperature, f.cost, f.plan_ms, *f.estimate)
         if len(self) == len(self._table):  # a new one, as views of the old one must not change
             table = np.empty((2 * len(self) or 1024, len(row)))
             table[: len(self)] = self._table

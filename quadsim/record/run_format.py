@@ -6,7 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from hashlib import sha256
 from math import isfinite
 from typing import Any
@@ -46,7 +46,7 @@ def write_json(run: Run, provenance: dict) -> bytes:
         "laps": run.laps,
         "penalties": run.penalties,
         "gates": run.gates,
-        "events": [asdict(e) for e in run.events],
+        "events": [e.record() for e in run.events],
         "chatter": _finite(chatter(run)),
         **run.wall,
         "spec": run.spec,
@@ -98,8 +98,8 @@ def read_npz(data: bytes, spec: dict, path: object) -> tuple[dict[str, np.ndarra
 def write_csv(events: Iterable[Event]) -> bytes:
     text = io.StringIO(newline="")
     out = csv.writer(text)
-    out.writerow(["t", "kind", "gate", "lap", "left", "up", "speed", "x", "y", "z"])
-    out.writerows((e.t, e.kind, e.gate, e.lap, *e.offset, e.speed, *e.position) for e in events)
+    out.writerow(["t", "kind", "gate", "lap", "left", "up", "speed", "x", "y", "z", "obstacle"])
+    out.writerows((e.t, e.kind, e.gate, e.lap, *e.offset, e.speed, *e.position, e.obstacle) for e in events)
     return text.getvalue().encode()
 
 

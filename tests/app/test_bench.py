@@ -1,9 +1,11 @@
 """`race bench`: every case runs, and each part has the time of its own calls. No test depends on how long they take."""
 
+import io
 import json
 from dataclasses import replace
 
 import pytest
+from rich.console import Console
 
 from controllers import mppi as algorithm
 from controllers.rollout import layout
@@ -11,6 +13,7 @@ from controllers.samplers import SAMPLERS
 from quadsim.app.bench import bench, stages
 from quadsim.app.bench import cases as bench_cases
 from quadsim.app.bench.cases import HORIZONS, SAMPLES, TIMED, Case, cases, controller, measure, paper_case
+from quadsim.app.bench.gates import gates_table, measure_gates
 from quadsim.app.bench.machine import Machine
 from quadsim.app.cli import race
 
@@ -161,3 +164,15 @@ def test_tables_fit_a_terminal_and_name_every_system_and_part(quick, capsys):
 def test_no_time_to_measure_is_one_line(seconds, capsys):
     assert race(["bench", "--seconds", seconds]) == 2
     assert capsys.readouterr().err.startswith("race bench: --seconds: expected a number")
+
+
+def test_flights_along_few_and_many_gates_are_timed_step_by_step_in_turn():
+    few, many = measure_gates(flown=0.05, samples=64, horizon=20, iterations=1, threads=1)
+    assert (few["gates"], many["gates"]) == (10, 200)
+    for row in (few, many):
+        assert row["flown"] == pytest.approx(0.05)
+        assert 0 < row["plan_ms_least"] <= row["plan_ms"]
+        assert 0 < row["rest_ms"] < 1e3 * row["wall_per_s"] * 0.01  # of a control step of 0.01 s
+    shown = Console(width=80, file=io.StringIO())
+    shown.print(gates_table([few, many]))
+    assert "(1.000)" in shown.file.getvalue()

@@ -87,7 +87,7 @@ WRONG = {  # command line -> what the one line must say
     "show nowhere/x": "nowhere/x: expected a run folder, found nothing",
     "plot last": "no runs in 'runs'",
     "check": "expected one FILE or more, got none",
-    "check swif": "swif: no such file, course or vehicle: did you mean 'swift'?",
+    "check swif": "swif: no such file, course, vehicle or sensing: did you mean 'swift'?",
     "fly --seed 1 --seed 2": "--seed: expected once, got it twice",
     "fly --smooth --no-smooth": "--no-smooth: expected once, got it twice",
     "fly --smooth=maybe": "--smooth: expected true or false, got 'maybe'",

@@ -1,9 +1,10 @@
 """Completion: what the shell proposes in the place of the last word."""
 
-import shlex
+import os
 import subprocess
 import sys
 from pathlib import Path
+from shutil import which
 
 import pytest
 
@@ -16,7 +17,7 @@ PROPOSED = {  # typed so far -> some of what is proposed
     "fly ": {"split_s_swift", "figure8", "zigzag", "table2"},
     "fly split_s_": {"split_s_swift", "split_s_song"},
     "fly --vehicle ": {"swift", "kingfisher"},
-    "fly --vehicle sw": {"swift"},
+    "fly --vehicle sw": {"swift", "swift_40ms"},
     "fly paper_flat --preset ": {"paper", "race"},
     "fly --sampler c": {"colored"},
     "fly --law ": {"exact", "paper", "library"},
@@ -73,12 +74,24 @@ def test_flags_are_those_of_what_the_words_ask_for(capsys):
     assert "--gamma" in proposed("fly --system nothing --", capsys)
 
 
-def test_bash_completes_with_the_printed_script(capsys):
-    assert race(["--completion", "bash"]) == 0
-    typed = 'COMP_WORDS=(race fly split_s_sw); COMP_CWORD=2; _race; printf "%s\\n" "${COMPREPLY[@]}"'
-    path = f"PATH={shlex.quote(str(Path(sys.executable).parent))}:$PATH"
-    text = "\n".join([path, capsys.readouterr().out, typed])
-    done = subprocess.run(["bash", "-c", text], capture_output=True, text=True, check=True)
+ASKED = {  # shell -> how it is asked, once the script has been read
+    "bash": 'COMP_WORDS=(race fly split_s_sw); COMP_CWORD=2; _race; printf "%s\\n" "${COMPREPLY[@]}"',
+    "zsh": 'compadd() { print -rl -- "${(@P)2}" }; words=(race fly split_s_sw); CURRENT=3; _race',
+    "fish": "complete -C 'race fly split_s_sw'",
+}
+BEFORE = {"zsh": "compdef() { }"}  # which is there in a shell that completes
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_a_shell_completes_with_the_printed_script(shell, capsys):
+    if not which(shell):
+        pytest.skip(f"{shell} is not installed")
+    assert race(["--completion", shell]) == 0
+    text = "\n".join([BEFORE.get(shell, ""), capsys.readouterr().out, ASKED[shell]])
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    done = subprocess.run(
+        [shell, "-c", text], capture_output=True, text=True, check=True, env=os.environ | {"PATH": path}
+    )
     assert done.stdout.split() == ["split_s_swift"]
 
 

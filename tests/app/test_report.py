@@ -11,6 +11,7 @@ from rich.console import Console
 from quadsim.app.figures.run_figure import title
 from quadsim.app.model_differences import differing
 from quadsim.app.report import report, summary
+from quadsim.app.report_tables import lap_tables
 from quadsim.race.events import Event, Frame
 from quadsim.race.spec import Spec
 from quadsim.record.metrics import splits
@@ -51,6 +52,12 @@ def printed(flown, width=80):
     for part in report(flown, None, width):
         console.print(part, soft_wrap=isinstance(part, str))
     return console.file.getvalue()
+
+
+def test_gates_that_no_lap_has_reached_are_said_in_one_line():
+    table, *rest = lap_tables(run(gates=1, outcome="timeout"), gates=200, width=80)
+    assert [column.header.split()[0] for column in table.columns][-2:] == ["7", "8"]
+    assert rest == ["gates 9 to 200 were not passed"]
 
 
 @pytest.mark.parametrize("width", [50, 80, 160])

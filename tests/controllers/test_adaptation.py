@@ -92,7 +92,7 @@ def _highest(share, u):
 
 
 def test_a_flight_with_a_vehicle_too_heavy_learns_it():
-    small = {"samples": 128, "horizon": 20, "iterations": 1}
+    small = {"samples": 128, "horizon": 50, "iterations": 1, "target_ess": 20}
     spec = Spec.of("paper_flat", vehicle="swift", preset="race", **small, timeout=1.5, randomize=1.0, seed=4)
     plant, mppi, referee = build(spec)
     with closing(plant):

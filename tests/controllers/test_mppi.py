@@ -51,6 +51,26 @@ def test_iterations_go_on_from_each_others_plans():
     np.testing.assert_array_equal(u, mppi.plan[0])
 
 
+def test_first_plan_has_iterations_of_its_own():
+    mppi, other = make(first_iterations=5, iterations=2), make()
+    for iterations in (5, 2):
+        mppi.control(START, elapsed=0)
+        for _ in range(iterations):
+            other.iterate(START, 0)
+        np.testing.assert_array_equal(mppi.plan, other.plan)
+
+
+@pytest.mark.parametrize("overshoot", [0.0, 0.3])
+def test_plan_exceeds_the_limits_by_the_overshoot_and_the_control_does_not(overshoot):
+    """A point far from its goal asks for all it can have."""
+    mppi, reach = make(sampler=Gaussian(WILD), samples=200, overshoot=overshoot), np.array(POINT.high) - REST
+    for _ in range(40):
+        u, _ = mppi.control(np.array([50.0, -50.0, 0.0, 0.0]))
+    beyond = abs(mppi.plan - REST) / reach
+    assert beyond.max() == pytest.approx(1 + overshoot) if overshoot else beyond.max() <= 1
+    assert (abs(u - REST) <= reach + 1e-12).all()
+
+
 def test_cost_of_the_nominal_plan_is_that_of_sample_zero():
     mppi = make()
     expected = naive_cost(mppi.plan)

@@ -1,21 +1,27 @@
-"""Every gate's frame as an obstacle of a rollout: held against the referee's swept test, and wherever it stands."""
+"""Frames, boxes and cylinders as obstacles of a rollout: held against the referee's swept test, wherever they stand."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from oracle import fly_rows, to_lanes
 from race_cases import ALL, DT, RADIUS, ROW, course, gate, state
-from test_rollout_oracle import SYSTEM, controls, fly_lanes, launch
+from test_rollout_oracle import SYSTEM, assert_agree, controls, fly_lanes, launch
 
-from controllers.costs.frames import SAFETY_MARGIN, frame_obstacles, touches
+from controllers.costs import Cost
+from controllers.costs.frames import SAFETY_MARGIN, course_obstacles, touches, touches_round
 from controllers.costs.race import race_cost
+from controllers.rollout.lanes import LANES, Rollout
+from quadsim.course import Box, Cylinder
 from quadsim.course.swept import SweptGate
+from quadsim.course.swept_obstacles import SweptObstacle
+from quadsim.systems import System
 
 TURNED = gate(5.0, 1.0, 20.0, 40, 20, 15)
 
 
 def frames(*gates):
-    return frame_obstacles(gates, RADIUS, 1.0, 5)
+    return course_obstacles(course(*gates), RADIUS, 1.0, 5)
 
 
 def test_lines_touch_what_the_referee_calls_a_touch_and_nothing_beyond_the_margin():
@@ -82,3 +88,51 @@ def test_samples_past_the_finish_touch_nothing():
     np.testing.assert_array_equal(
         fly_lanes(cost, x0, U, z, target=last), fly_lanes(replace(cost, obstacles=None), x0, U, z, target=last)
     )
+
+
+POLE, WALL = Cylinder((5.0, 1.0, 19.0), 0.2, 2.0), Box((5.0, 1.0, 20.0), (0.4, 3.0, 1.0), 0.5)
+
+
+@pytest.mark.parametrize("obstacle", [POLE, WALL], ids=["cylinder", "box"])
+def test_lines_touch_an_obstacle_where_the_referee_does_and_nothing_beyond_the_margin(obstacle):
+    rng, seen = np.random.default_rng(3), set()
+    there = course(gate(40.0), obstacles=(obstacle,))
+    row = course_obstacles(there, RADIUS, 1.0, 5).rows[-1]
+    bare, wide = (SweptObstacle(obstacle, 0, r) for r in (RADIUS, RADIUS + 1.01 * SAFETY_MARGIN / 2))
+    for _ in range(600):
+        a, b = (tuple((rng.uniform((-0.8, -2.0, -1.6), (0.8, 2.0, 1.6)) + obstacle.centre).tolist()) for _ in "ab")
+        found, hit, in_margin = (
+            bool(touches_round(a, b, tuple(row))),
+            bare.touch(a, b) is not None,
+            wide.touch(a, b) is not None,
+        )
+        assert hit <= found <= in_margin
+        seen.add((hit, found))
+    assert {(False, False), (True, True)} <= seen
+
+
+def drift(x, u, p, dt):
+    px, py, pz, vx, vy, vz = x
+    return px + dt * vx, py + dt * vy, pz + dt * vz, vx + dt * u[0], vy + dt * u[1], vz + dt * u[2]
+
+
+def onward(x, x_next, u, target, crashed, p):
+    return target[0] - x_next[0], p[0] * crashed, x_next[0] > target[0], crashed
+
+
+def test_obstacles_are_crashes_in_the_lanes_as_in_the_oracle():
+    """A point mass past a frame, a pole and a wall: what their rows add, in a loop that compiles quickly."""
+    there = course(gate(3.0), obstacles=(POLE, WALL, replace(WALL, centre=(8.0, -1.0, 20.0))))
+    system = System("drift", tuple("xyzuvw"), tuple("abc"), drift, (), 0.01, (-40.0,) * 3, (40.0,) * 3, (0.0,) * 3)
+    cost = Cost("onward", ("way", "crash"), onward, (5.0,), np.array([[50.0], [60.0]]))
+    cost = replace(cost, obstacles=course_obstacles(there, RADIUS, 5.0, 1))
+    rng, x0, U = np.random.default_rng(4), np.array([0.0, 0.9, 20.0, 9.0, 0.0, 0.0]), np.zeros((100, 3))
+    z = (6.0 * rng.normal(size=(192, 3, 1)) + 4.0 * rng.normal(size=(192, 3, 100))).astype(np.float32)
+    oracle = fly_rows(system, cost, x0, U, z, clearance=lambda *_: np.full(len(z), np.inf))
+    free = fly_rows(
+        system, replace(cost, obstacles=course_obstacles(replace(there, obstacles=()), RADIUS, 5.0, 1)), x0, U, z
+    )
+    assert 0.1 < free.crashed.mean() < oracle.crashed.mean() - 0.2 < 0.7
+    J = np.empty((3, LANES), np.float32)
+    Rollout(system, cost)(x0, U, to_lanes(z), 0, J)
+    assert_agree(J.ravel(), oracle)

@@ -5,17 +5,18 @@ from functools import cache
 
 import numpy as np
 import pytest
-from oracle import decision_distance, fly_rows, to_lanes
+from oracle import SAME, decision_distance, fly_rows, to_lanes
 
 from controllers.costs.race import RaceWeights, race_cost
 from controllers.rollout.lanes import LANES, Rollout
+from controllers.schedule import Schedule
 from quadsim.course import Course, Gate, Start
 from quadsim.systems.quadrotor import STATE, ModelParams, quadrotor
 
 M, T = 500, 120  # M is no multiple of a block
 RADIUS = 0.1
 BELIEF = ModelParams((0.1, 0.12, 0.2), 0.04, 0.3, (8.0, 8.0, 4.0), 36.0)
-WEIGHTS = RaceWeights(1.0, 2.0, 0.5, 0.1, 1.0, 100.0, 3.0, 0.7, 20.0, margin=0.2)  # every term counts
+WEIGHTS = RaceWeights(1.0, 2.0, 0.5, 0.1, 1.0, 100.0, 3.0, 0.7, 20.0, margin=0.2, opening=0.6)  # every term counts
 SYSTEM = quadrotor(BELIEF, 0.01)
 SEEDS = range(6)
 # float32 rounds 20 m to 1e-6 m; after 120 steps that has grown to some 1e-5 m, and a decision closer than ten
@@ -56,9 +57,9 @@ def scene(seed):
     return cost, fly_rows(SYSTEM, cost, launch(), *controls(seed), clearance=decision_distance)
 
 
-def fly_lanes(cost, x0, U, z, target=0, dtype=np.float32, halves=1):
+def fly_lanes(cost, x0, U, z, target=0, dtype=np.float32, halves=1, schedule=SAME):
     J = np.empty((-(-len(z) // LANES), LANES), dtype)
-    Rollout(SYSTEM, cost, dtype)(x0, U, to_lanes(z, halves, dtype), target, J)
+    Rollout(SYSTEM, cost, dtype, schedule)(x0, U, to_lanes(z, halves, dtype), target, J)
     return J.ravel()[: len(z)]
 
 
@@ -89,6 +90,16 @@ def test_float32_lanes_agree_with_the_oracle(seed):
 def test_float64_lanes_are_the_oracle_to_rounding(seed):
     cost, oracle = scene(seed)
     assert_agree(fly_lanes(cost, launch(), *controls(seed), dtype=np.float64), oracle, rtol=1e-12, graze=1e-10)
+
+
+def test_perturbations_and_cost_are_weighted_along_the_horizon():
+    cost, even = scene(0)
+    cost, rising = replace(cost, obstacles=None), Schedule(first_noise=0.3, cost_rise=2.0)
+    oracle = fly_rows(SYSTEM, cost, launch(), *controls(0), clearance=decision_distance, schedule=rising)
+    assert_agree(fly_lanes(cost, launch(), *controls(0), schedule=rising), oracle)
+    assert np.mean(abs(oracle.J - even.J) > 1e-2) > 0.9
+    assert rising.cost(T).mean() == pytest.approx(1.0)
+    assert rising.noise(T)[:, [0, -1]].tolist() == [[0.3, 1.0], [1.0, 1.0]]
 
 
 def test_model_that_is_one_per_cent_off_is_caught():

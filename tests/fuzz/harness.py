@@ -6,8 +6,6 @@ No traceback, no hang, only documented exit codes, one line of plain text for an
 
 from __future__ import annotations
 
-import fcntl
-import multiprocessing as mp
 import os
 import re
 import resource
@@ -17,17 +15,18 @@ import subprocess
 import sys
 import tempfile
 import time
-import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
+from tests.fuzz.children import Child, start, waiting
+
 HANG = 60.0  # [s]; on a machine that does other things too, of processor time or of doing nothing
-LATEST = 300.0  # [s] of the clock on the wall
+LATEST = 300.0  # [s] of the clock on the wall, and as many times longer as programs wait for each processor
 CODES = {0, 1, 2, 130, 141}  # finished, not finished, usage or bad file, interrupted, the reader of a pipe has left
 MEMORY = 8 << 30  # [bytes] of address space: what reads without an end fails before the machine does
-PIPE = 1 << 20  # bytes that a command may print before anyone reads
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 RACE = "import sys; from quadsim.app.cli import main; main()"
 
@@ -100,66 +99,27 @@ def wrong(case: Case, said: Said) -> str:
 
 def forked(case: Case, folder: Path, patience: int = 1) -> Said:
     """In a child of this process, in which all modules are loaded but no thread runs yet."""
-    pipes = [os.pipe() for _ in range(2)]
-    sys.stdout.flush()
-    sys.stderr.flush()
-    child = os.fork()
-    if not child:
-        _child(case, folder, pipes)
-    for read, write in pipes:
-        os.close(write)
-        fcntl.fcntl(read, fcntl.F_SETPIPE_SZ, PIPE)
-    return _wait(child, [read for read, _ in pipes], patience)
+    return _wait(start(case.argv, folder, partial(_limit, case, folder), case.call, case.to), patience)
 
 
-def _child(case: Case, folder: Path, pipes: list[tuple[int, int]]) -> None:
-    """Never returns. The exit code of an exception that nobody caught is Python's, 1."""
-    code = 1
-    try:
-        from quadsim.app.cli import main
-
-        mp.current_process()._config["daemon"] = False  # as a member of a pool it could start no workers
-        os.setsid()
-        os.chdir(folder)
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        streams = [os.open(os.devnull, os.O_RDONLY), *(write for _, write in pipes)]
-        if case.to:
-            streams[1] = os.open(case.to, os.O_WRONLY | os.O_CREAT)
-        for to, stream in enumerate(streams):
-            os.dup2(stream, to)
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-        if case.fsize is not None:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (case.fsize, case.fsize))
-        sys.stdin, sys.stdout, sys.stderr = (open(i, "r" if i == 0 else "w") for i in range(3))  # noqa: SIM115
-        sys.argv = ["race", *case.argv]
-        os.environ.update(_variables(case, folder))
-        code = case.call() if case.call else main()  # main() ends by SystemExit
-    except SystemExit as end:
-        code = int(end.code or 0)
-    except BaseException:
-        traceback.print_exc()
-    finally:
-        for stream in (sys.stdout, sys.stderr):
-            with suppress(Exception):
-                stream.flush()
-        os._exit(code)
+def _limit(case: Case, folder: Path) -> None:
+    """In the child."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    if case.fsize is not None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (case.fsize, case.fsize))
+    os.environ.update(_variables(case, folder))
 
 
-def _wait(child: int, reads: list[int], patience: int) -> Said:
+def _wait(child: Child, patience: int) -> Said:
     """Until the child ends, or hangs: then it and what it started are killed."""
     began, pid = time.monotonic(), 0
-    while not pid and not _hangs(child, (time.monotonic() - began) / patience):
+    while not pid and not _hangs(child.pid, (time.monotonic() - began) / patience):
         time.sleep(0.005)
-        pid, status = os.waitpid(child, os.WNOHANG)
-    with suppress(ProcessLookupError):
-        os.killpg(child, signal.SIGKILL)  # and workers that outlive their parent
+        pid, status = os.waitpid(child.pid, os.WNOHANG)
+    child.kill_all()  # and workers that outlive their parent
     if not pid:
-        os.waitpid(child, 0)
-    texts = []
-    for read in reads:
-        with open(read, "rb") as pipe:
-            texts.append(pipe.read().decode(errors="replace"))
-    return Said(os.waitstatus_to_exitcode(status) if pid else None, *texts)
+        os.waitpid(child.pid, 0)
+    return Said(os.waitstatus_to_exitcode(status) if pid else None, *child.texts())
 
 
 def _variables(case: Case, folder: Path) -> dict[str, str]:
@@ -170,9 +130,18 @@ def _hangs(child: int, seconds: float) -> bool:
     """Whether it has computed for HANG, or has had HANG and computed next to nothing, or is LATEST."""
     if seconds < HANG:
         return False
-    fields = Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()
-    computed = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-    return not 2.0 < computed < HANG or seconds > LATEST
+    time.sleep(0.2)  # the processes of a machine are not read in haste
+    return not 2.0 < _computed(child) < HANG or seconds > LATEST * waiting()
+
+
+def _computed(session: int) -> float:
+    """By a command and its workers [s]."""
+    ticks = 0
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # ended meanwhile
+            fields = path.read_text().rpartition(")")[2].split()
+            ticks += int(fields[11]) + int(fields[12]) if int(fields[3]) == session else 0
+    return ticks / os.sysconf("SC_CLK_TCK")
 
 
 def _fresh(case: Case, folder: Path) -> Said:
@@ -188,7 +157,7 @@ def _fresh(case: Case, folder: Path) -> Said:
         text=True, errors="replace", start_new_session=True,
     )  # fmt: skip
     try:
-        texts = child.communicate(timeout=LATEST)
+        texts = child.communicate(timeout=LATEST * waiting())
     except subprocess.TimeoutExpired:
         os.killpg(child.pid, signal.SIGKILL)
         child.communicate()

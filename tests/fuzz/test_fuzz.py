@@ -4,11 +4,14 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
+from tests.fuzz import harness
 from tests.fuzz.__main__ import CASES
+from tests.fuzz.children import start
 from tests.fuzz.harness import Case, Said, forked, run, wrong
 
 ROOT = Path(__file__).parents[2]
@@ -52,6 +55,35 @@ def test_a_command_that_fails_is_seen_from_outside(tmp_path):
     assert run(Case("calls", "", (), call=writes)) == ""
     assert forked(Case("calls", "", (), call=writes, fsize=100), tmp_path).code == 1
     assert (tmp_path / "big").stat().st_size == 100
+
+
+def idles():
+    time.sleep(60.0)
+    return 0
+
+
+def test_a_command_that_does_nothing_hangs(tmp_path, monkeypatch):
+    monkeypatch.setattr(harness, "HANG", 0.5)
+    assert forked(Case("calls", "", (), call=idles), tmp_path).code is None
+
+
+def worker_computes():
+    if not (worker := os.fork()):
+        while time.process_time() < 0.3:
+            pass
+        Path("computed").touch()
+        time.sleep(60.0)
+    os.waitpid(worker, 0)
+    return 0
+
+
+def test_what_workers_compute_counts_as_the_commands(tmp_path):
+    child = start((), tmp_path, call=worker_computes)
+    while not (tmp_path / "computed").exists():
+        time.sleep(0.02)
+    assert harness._computed(child.pid) > 0.2
+    child.kill_all()
+    assert child.finish()[0] == -signal.SIGKILL
 
 
 def test_the_first_cases_of_every_fuzzer_find_nothing():

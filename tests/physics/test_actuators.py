@@ -8,7 +8,8 @@ import pytest
 from plant_cases import FULL, ROTORS
 from scipy.spatial.transform import Rotation
 
-from quadsim.physics.actuators import HOVER, Actuators, to_body, to_world
+from quadsim.physics.actuators import HOVER, Actuators
+from quadsim.systems.rotation import to_body, to_world
 from quadsim.vehicle import GRAVITY, Vehicle
 
 REST = (0.0, 0.0, 0.0)

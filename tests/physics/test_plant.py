@@ -10,7 +10,8 @@ import pytest
 from plant_cases import DT, HOVER, SKY, both_plants
 
 from quadsim.course import Start, course_names, load_course
-from quadsim.physics.plant import CLEARANCE, ModelPlant, diffusion
+from quadsim.physics.plant import ModelPlant, diffusion
+from quadsim.physics.plant_state import CLEARANCE
 from quadsim.systems.quadrotor import STATE, ModelParams, quadrotor
 from quadsim.vehicle import GRAVITY, load_vehicle, vehicle_names
 

@@ -10,7 +10,8 @@ from plant_cases import DT, GATE, HOVER, SKY, needs_bullet
 from quadsim.course import FRAME_DEPTH, Start
 from quadsim.physics import plant
 from quadsim.physics.domain_randomization import gusts
-from quadsim.physics.plant import CLEARANCE, PLANTS, BulletPlant, RigidPlant, default_plant
+from quadsim.physics.plant import PLANTS, BulletPlant, RigidPlant, default_plant
+from quadsim.physics.plant_state import CLEARANCE
 from quadsim.physics.rigid_body import RigidBody, turned
 from quadsim.systems.quadrotor import STATE
 from quadsim.vehicle import GRAVITY, load_vehicle

@@ -53,7 +53,7 @@ def test_run_json_says_what_flew_and_where(tmp_path):
     assert record["units"] == COLUMNS
     assert record["digest"] == run.digest()
     assert record["chatter"]["commanded"]["thrust_tv"] > 0.0
-    assert record["versions"].keys() == {"python", "quadsim", "numpy", "scipy", "pybullet", "numba"}
+    assert record["versions"].keys() == {"python", "quadsim", "numpy", "scipy", "pybullet", "numba", "rotorpy"}
     assert record["argv"] == sys.argv
     assert {"git", "cpu", "course_sha256", "plan_ms", "real_time_factor", "gates", "events"} <= record.keys()
 

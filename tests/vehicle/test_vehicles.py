@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quadsim.course import FRAME_DEPTH
-from quadsim.course.course_file import ROOM
+from quadsim.course.checks import ROOM
 from quadsim.files.strict_yaml import FileError
 from quadsim.vehicle import GRAVITY, Vehicle, load_vehicle, parse_vehicle, vehicle_names
 

@@ -7,6 +7,7 @@ import pytest
 from web_cases import until
 from wire import connect
 
+from web.page.messages import LoopEvent
 from web.race import Race
 
 
@@ -17,6 +18,28 @@ async def settled(claim, seconds=5.0):
             return True
         await asyncio.sleep(0.02)
     return False
+
+
+def test_what_another_thread_sends_wakes_pages_on_the_loop_alone(page):
+    """There alone is the list of who waits safe to read."""
+    _, server = page
+
+    async def other_thread_does():
+        event = LoopEvent()
+        waiting = asyncio.create_task(event.wait())
+        await asyncio.sleep(0)
+        await asyncio.to_thread(event.set)
+        await asyncio.sleep(0)
+        assert not waiting.done()
+        event.set()
+        assert await asyncio.wait_for(waiting, 1.0)
+        async with connect(server.get_port()):
+            assert await settled(lambda: len(server.get_clients()) == 1)
+            (client,) = server.get_clients().values()
+            buffers = (server._websock_server._broadcast_buffer, client._websock_connection.get_message_buffer())
+            assert [type(buffer.message_event) for buffer in buffers] == [LoopEvent, LoopEvent]
+
+    asyncio.run(other_thread_does())
 
 
 def test_one_click_starts_a_flight(page, session):

@@ -81,7 +81,8 @@ def test_a_busy_port_is_one_line(capsys):
         port = str(busy.getsockname()[1])
         assert race(["web", "--port", port]) == 2
     err = capsys.readouterr().err.strip()
-    assert err == f"race web: --port: cannot listen on 127.0.0.1:{port}: address already in use"
+    what = f"cannot listen on 127.0.0.1:{port}: address already in use; choose another, 0 takes any that is free"
+    assert err == f"race web: --port: {what}"
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 from web_cases import COURSE, Glider, choices
 
 from quadsim.course import load_course
+from quadsim.limit.solution import limit_of
 from quadsim.palette import BEST, FASTER, STYLES
 from quadsim.record.run import Run
 from web.competitor import Competitor, Legs, named, run_competitor
@@ -117,6 +118,18 @@ def test_how_a_flight_ended_is_said_in_words(competitors):
         s = Snapshot(t=99.0, end=99.0, competitors=(entry,))
         assert words in hud(s, at([entry], 99.0))
         assert words not in hud(s, at([entry], 0.5))
+
+
+def test_a_flight_that_finished_says_how_far_above_the_best_known_limit(competitors):
+    entry = competitor()
+    seconds, limit = sum(entry.laps), limit_of(entry.spec)
+    words = f"{100 * (seconds / limit.time - 1):.1f} % above the best known limit of {limit.time:.3f} s"
+    for shown in ([entry], [competitors[0], entry]):  # also as the second run
+        s = Snapshot(t=99.0, end=99.0, competitors=tuple(shown))
+        assert words in hud(s, at(shown, 99.0))
+        assert words not in hud(s, at(shown, 0.5))
+    lost = ended(entry, "timeout")
+    assert "above" not in hud(Snapshot(t=99.0, end=99.0, competitors=(lost,)), at([lost], 99.0))
 
 
 def test_the_tower_says_who_did_not_finish_and_counts_misses(competitors):

@@ -40,7 +40,7 @@ def test_the_camera_frames_any_course_in_what_panels_leave_free(name, view, size
     forward = (centre - eye) / np.linalg.norm(centre - eye)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    p = np.vstack([course.start.position, *(g.corners(g.frame_width) for g in course.gates)]) - eye
+    p = course.points() - eye  # the start, the corners of frames and obstacles
     x, y = (p @ axis / (p @ forward) / np.tan(FOV / 2) for axis in (right, np.cross(right, forward)))
     x *= size[1] / size[0]
     left, right_edge, bottom, top = free_part(size)

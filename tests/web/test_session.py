@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from web_cases import PERIOD, Gliders, choices, until
 
+from quadsim.limit.solution import limit_of
 from quadsim.record.archive import list_runs, load_run
 from web.competitor import stored_competitor
 from web.race import Race
@@ -30,6 +31,8 @@ def test_a_flight_is_kept_and_the_page_shows_its_laps(session, tmp_path):
     assert list(session.snapshot.competitors[0].laps) == stored["laps"]
     assert len(stored["laps"]) == 3
     assert session.snapshot.competitors[0].folder == folder
+    best = limit_of(stored["spec"]).time
+    assert session.snapshot.competitors[0].limit.time == stored_competitor(folder).limit.time == best
 
 
 def test_two_samplers_fly_turn_by_turn(session):

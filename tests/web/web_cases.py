@@ -9,12 +9,14 @@ import numpy as np
 from controllers.plan import PlannerSnapshot
 from quadsim.course import load_course
 from quadsim.race.events import Event, Frame
+from quadsim.race.spec import Spec
 from web.flight_factory import Choices, FlightFactory, numbers_of
 
 PERIOD = 0.01  # [s]
 COURSE = "figure8"
 MPPI = {"samples": 1024, "target_ess": 10.0}
 PRESET = numbers_of({"mppi": MPPI, "sampling": {"sigma": [1.0], "gamma": [2.0]}})
+VEHICLE = Spec.of(COURSE).record()["vehicle"]
 SPEED = {"colored": 40.0, "gaussian": 36.0}  # [m/s], so that tests are short
 
 
@@ -31,7 +33,7 @@ class Glider:
             "preset": choices.preset,
             "seed": choices.seed,
             "laps": self.laps,
-            "vehicle": {"name": choices.vehicle, "rotors": {"tau": 0.033}, "thrust_max": 40.0},
+            "vehicle": VEHICLE,
             "planner": {"mppi": MPPI},
             "host": {},
         }

@@ -30,10 +30,16 @@ SIGNALS = {  # title -> (label, column of the telemetry or SPEED, line width)
 Tabs = Mapping[str, viser.GuiTabHandle]  # one for each of TABS
 
 
-def remove_charts(tabs: Tabs) -> None:
+def put_away_charts(tabs: Tabs) -> None:
+    """Hide those of the last race, remove those of the one before, whose last curves have arrived by now: a slow page
+    gets many messages at once and looks for what it is to change only after it has removed what it is to remove.
+    """
     for tab in tabs.values():
         for handle in [h for h in tab._children.values() if isinstance(h, viser.GuiUplotHandle)]:
-            handle.remove()
+            if handle.visible:
+                handle.visible = False
+            else:
+                handle.remove()
 
 
 class Charts:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from quadsim.course import Course, Gate
+from quadsim.course import Course, Gate, Obstacle
 from quadsim.palette import NEXT
 from web.competitor import CRASHES, Competitor
 from web.lap_timing import MISSES, LapTiming, crashed_gates
@@ -54,6 +54,7 @@ class Map:
         path = [*points, points[1]] if course.loop else points
         path = " ".join(f"{x:.1f},{y:.1f}" for x, y in map(self._pixels, path))
         self._course = svg("polyline", points=path, fill="none", stroke="#4a5160", stroke_dasharray="3 4")
+        self._course += "".join(self._obstacle(number, o) for number, o in enumerate(course.obstacles, 1))
         self._gates = [self._gate(number, gate) for number, gate in enumerate(course.gates, 1)]
 
     def draw(self, timings: list[LapTiming]) -> str:
@@ -71,6 +72,12 @@ class Map:
         """From x, y [m]."""
         x, y = ((p[::-1] if self._turned else p) - self._low) * self._scale + self._margin
         return np.array([x, y if self._turned else HEIGHT - y])
+
+    def _obstacle(self, number: int, obstacle: Obstacle) -> str:
+        """Its outline, whose stroke makes a thin pole visible; the number is shown under the pointer."""
+        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in map(self._pixels, obstacle.outline()))
+        look = {"fill": "#7a6a50", "stroke": "#b0966e", "stroke_width": 2.5}
+        return svg("polygon", svg("title", f"obstacle {number}"), points=points, **look)
 
     def _gate(self, number: int, gate: Gate) -> tuple[dict, str]:
         """The ends of its line, and its number beside it."""

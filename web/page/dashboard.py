@@ -14,7 +14,7 @@ from quadsim.course import Course
 from web.flight_factory import Choices, FlightFactory
 from web.lap_timing import LapTiming, lap_timings
 from web.page.camera import Camera
-from web.page.charts import TABS, Charts, Tabs, remove_charts
+from web.page.charts import TABS, Charts, Tabs, put_away_charts
 from web.page.course_map import Map
 from web.page.export import add_export
 from web.page.html import STYLE
@@ -64,9 +64,11 @@ class Dashboard:
         self._server, self._session = server, session
         self._view: RaceView | None = None
         self._previewed: Course | None = None
+        self._race, self._passed_over = 0, None  # the race, and the course that was chosen when it was last flying
         self._notice = 0  # number of the last that was shown
         self._scene_due, self._tables_due, self._slow_due = Due(0.0), Due(TABLES), Due(SLOW)
         self._controls_due, self._signals_due, self._runs_due = Due(TABLES), Due(SIGNALS), Due(SLOW)
+        self._past_due = Due(TABLES)
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(230, 159, 0))
         gui.add_html(STYLE)
@@ -134,7 +136,9 @@ class Dashboard:
                 self.race.update(s)
         if view and self._signals_due((view, state)):
             view.charts.update_signals(timings)
-            self._tables["Laps"].content = laps([e.until(s.t) for e in s.competitors])
+        if self._past_due((view, [e.past(s.t) for e in s.competitors])):
+            self._tables["Events"].content = events(s.competitors, s.t)
+            self._tables["Laps"].content = laps([e.until(s.t) for e in s.competitors]) if view else ""
         if view and self._slow_due((view, state)):
             view.charts.update_spectrum(timings)
             view.charts.update_gaps(timings)
@@ -144,11 +148,16 @@ class Dashboard:
         self._notify(s)
 
     def _view_of(self, s: Snapshot, timings: list[LapTiming]) -> RaceView | None:
-        """None until every competitor of the race has a frame, and while another course is chosen than was flown."""
-        course = None if s.flying else self.race.preview()
-        if course and not any(e.course.text == course.text for e in s.competitors):
-            if course is not self._previewed:
-                self._preview(course)
+        """None until every competitor of the race has a frame, and where another course was chosen since it was on."""
+        course = self.race.preview()
+        if s.flying or s.race != self._race:  # what is chosen for the next race does not hide this one
+            self._race, self._passed_over = s.race, course
+        elif course is not self._passed_over:
+            self._passed_over = None
+        chosen = course if self._passed_over is None else None
+        if chosen and not any(e.course.text == chosen.text for e in s.competitors):
+            if chosen is not self._previewed:
+                self._preview(chosen)
             return None
         self._previewed = None
         if self._view is not None and self._view.race == s.race:
@@ -168,7 +177,6 @@ class Dashboard:
 
     def _update_tables(self, s: Snapshot, timings: list[LapTiming], view: RaceView | None) -> None:
         self._tables["HUD"].content = hud(s, timings)
-        self._tables["Events"].content = events(s.competitors, s.t)
         if view:
             self._tables["Timing"].content = tower(timings) + view.map.draw(timings)
             self._tables["Planner"].content = planner(timings[0])
@@ -181,9 +189,9 @@ class Dashboard:
 
 
 def clear(server: viser.ViserServer, tabs: Tabs) -> None:
-    """Remove the scene and the charts."""
+    """Remove the scene, put the charts away."""
     server.scene.reset()
-    remove_charts(tabs)
+    put_away_charts(tabs)
     forget_removed(server)
 
 

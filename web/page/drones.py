@@ -38,17 +38,18 @@ class Drone:
         node = f"/competitor/{name}"
         colour = entry.style.rgb
         self._frame = scene.add_frame(node, show_axes=False)
+        self._shown = -1, False  # frame, and whether coloured by speed
         for part, mesh in quadrotor(SPAN * scale).items():
             shade = single_colour(colour if part == "body" else (205, 208, 212))
             opacity = 0.45 if ghost else 1.0 if part == "body" else 0.8
             look = {"color": shade, "opacity": opacity, "flat_shading": True, "side": "double"}
             scene.add_mesh_simple(f"{node}/{part}", mesh.vertices, mesh.faces, **look)
-        none, dark = np.zeros((TRAIL, 2, 3), np.float32), np.zeros((TRAIL, 2, 3), np.uint8)
-        self._trail = scene.add_line_segments(
-            f"/trail/{name}", none, dark, thickness=width * (0.035 if ghost else 0.06)
-        )
+        none = np.zeros((TRAIL, 2, 3), np.float32)
         self._dashed = entry.again  # as its line in the charts
         self._colours = np.tile(array_colour(colour), (TRAIL, 2, 1))
+        self._trail = scene.add_line_segments(
+            f"/trail/{name}", none, self._colours, thickness=width * (0.035 if ghost else 0.06)
+        )
         if ghost:
             scene.add_label(f"{node}/name", entry.name, position=(0.0, 0.0, 0.5 * width))
         if not entry.live:
@@ -58,6 +59,9 @@ class Drone:
 
     def show(self, entry: Competitor, i: int, by_speed: bool) -> None:
         """At frame i, with its trail coloured by speed or by sampler."""
+        if (i, by_speed) == self._shown:
+            return
+        recoloured, self._shown = by_speed != self._shown[1], (i, by_speed)
         self._frame.position = entry.rows(POSITION, i)
         self._frame.wxyz = entry.rows(QUATERNION, i)
         piece = TRAIL_SPAN / TRAIL  # its ends stand still while the drone flies on: so do the dashes
@@ -65,7 +69,10 @@ class Drone:
         t = np.clip(t, 0.0, entry.t[i])
         rows = np.searchsorted(entry.t, t, side="right") - 1
         self._trail.points = self._segments(entry.rows(POSITION, rows), int(entry.t[i] / piece))
-        self._trail.colors = segments(shades_of(entry.speed(rows) / FAST)) if by_speed else self._colours
+        if by_speed:
+            self._trail.colors = segments(shades_of(entry.speed(rows) / FAST))
+        elif recoloured:
+            self._trail.colors = self._colours
 
     def _segments(self, points: np.ndarray, first: int = 0) -> np.ndarray:
         pieces = segments(points)
@@ -96,7 +103,7 @@ class SampledTrajectoriesView:
         self._samples.visible, self._plan.visible = paths is not None, nominal is not None
         if paths is not None:
             rows = np.arange(self._n) * len(paths) // self._n
-            self._samples.points = np.concatenate([segments(p) for p in resampled(paths, self.POINTS)[rows]])
+            self._samples.points = segments(resampled(paths, self.POINTS)[rows]).reshape(-1, 2, 3)
         if nominal is not None:
             self._plan.points = segments(nominal)
 
@@ -110,8 +117,8 @@ def resampled(paths: np.ndarray, points: int) -> np.ndarray:
 
 
 def segments(points: np.ndarray) -> np.ndarray:
-    """(n, 3) -> (n - 1, 2, 3)"""
-    return np.stack([points[:-1], points[1:]], axis=1)
+    """(..., n, 3) -> (..., n - 1, 2, 3)"""
+    return np.stack([points[..., :-1, :], points[..., 1:, :]], axis=-2)
 
 
 def ramp(share: np.ndarray) -> np.ndarray:

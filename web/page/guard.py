@@ -94,9 +94,11 @@ def probe(host: str, port: int) -> int:
             probe.listen()
             return probe.getsockname()[1]
     except (OSError, UnicodeError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        at = "port" if getattr(error, "errno", None) in (errno.EADDRINUSE, errno.EACCES) else "host"
-        raise ValueError(f"{at}: cannot listen on {host}:{port}: {reason.lower()}") from None
+        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        if getattr(error, "errno", None) not in (errno.EADDRINUSE, errno.EACCES):
+            raise ValueError(f"host: cannot listen on {host}:{port}: {reason}") from None
+        advice = "choose another, 0 takes any that is free"
+        raise ValueError(f"port: cannot listen on {host}:{port}: {reason}; {advice}") from None
 
 
 def request_check(host: str, port: int, token: str | None) -> Check:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Callable
 from math import inf, isfinite
@@ -108,13 +109,38 @@ def ask(client: viser.ClientHandle, title: str, yes: str, no: str, act: Callable
         act()
 
 
+class LoopEvent(asyncio.Event):
+    """Is set on its event loop alone. Whatever sends a message sets the event of its buffer twice, at once from its own
+    thread and again on the loop; an asyncio.Event cannot stand the first: "deque mutated during iteration", where the
+    loop adds a waiter meanwhile. Nobody reads it there, and the second follows.
+    """
+
+    def set(self) -> None:
+        try:
+            asyncio.get_running_loop()
+        except RuntimeError:  # another thread
+            return
+        super().set()
+
+
+def wake_on_the_loop(buffer: Any) -> None:
+    """A buffer of messages to the server's clients, before its first one listens."""
+    buffer.message_event = LoopEvent()
+
+
 def restrict_messages(server: viser.ViserServer) -> None:
     """To what controls of the page send: those that all share, and those of one visitor alone."""
     socket = server._websock_server
     server.request_share_url = lambda *_, **__: None  # type: ignore[method-assign]
     visitors = VISITORS[server] = Visitors(server)
     _restrict(socket, server, visitors.may_use)
-    socket.on_client_connect(lambda connection: _restrict(connection, server, lambda *_: True))  # before it can send
+    wake_on_the_loop(socket._broadcast_buffer)
+
+    def connected(connection: Any) -> None:  # before it can send
+        _restrict(connection, server, lambda *_: True)
+        wake_on_the_loop(connection.get_message_buffer())
+
+    socket.on_client_connect(connected)
     loop = socket._background_event_loop
     if loop is not None:
         loop.set_exception_handler(_log_failed_task)

@@ -2,8 +2,8 @@
 (() => {
   // viser starts a sorter for Gaussian splats, of which this page has none: it needs eval, which the policy forbids.
   addEventListener("unhandledrejection", (event) => event.reason instanceof EvalError && event.preventDefault());
-  // Of three.js to viser, and of viser to itself where a chart was removed while its last curve was on the way.
-  const unimportant = /^(THREE\.Clock: |Tried to update non-existent component)/;
+  // Advice of three.js to viser, which uses a clock that is to go.
+  const unimportant = /^THREE\.Clock: /;
   for (const kind of ["warn", "error"]) {
     const say = console[kind];
     console[kind] = (...words) => unimportant.test(words[0]) || say(...words);

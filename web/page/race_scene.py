@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
+from itertools import count, product
 
 import numpy as np
 import trimesh
 import viser
 from viser.transforms import SO3
 
-from quadsim.course import Course, Gate
+from quadsim.course import Course, Cylinder, Gate, Obstacle
 from quadsim.palette import NEXT, Style
 from web.competitor import CRASHES, Competitor
 from web.lap_timing import LapTiming, crashed_gates
@@ -18,8 +18,10 @@ from web.page.drones import SPAN, Drone, SampledTrajectoriesView, add_lights, ar
 from web.page.html import RED
 
 PLAIN, NEXT_GATE, HIT_GATE = (array_colour(rgb) for rgb in ((206, 210, 216), Style(NEXT, ()).rgb, Style(RED, ()).rgb))
+OBSTACLE = 176, 150, 110  # colour
 GATE = 1.5  # opening of a racing gate [m]
 IMPACTS = 12  # most that are marked, the last ones
+SCENES = count()  # numbers of their gates' nodes
 
 
 class RaceScene:
@@ -36,6 +38,7 @@ class RaceScene:
         self._course, self._impacts = CourseView(scene, course), Impacts(scene, width)
         self._drones = [Drone(scene, str(k), entry, k > 0, scale, width) for k, entry in enumerate(entries)]
         self._trajectories = SampledTrajectoriesView(scene, samples, width)
+        self._drawn: tuple = (None, None)  # sampled trajectories of a flight, time of the stored ones [s]
 
     def update(self, timings: Sequence[LapTiming], by_speed: bool, trajectories: bool = True) -> None:
         """by_speed: colour trails by speed, else by sampler; trajectories: of the first competitor, if it has some."""
@@ -45,6 +48,10 @@ class RaceScene:
         first = timings[0]
         self._course.colour(first.next_gate, crashed_gates(timings))
         live, stored = first.entry.sampled_trajectories, first.entry.snapshot(first.i)
+        drawn = (live, stored[0] if stored else None) if trajectories else (None, None)
+        if drawn[0] is self._drawn[0] and drawn[1] == self._drawn[1]:
+            return
+        self._drawn = drawn
         if trajectories and live:
             self._trajectories.show(live.paths, live.plan)
         else:
@@ -90,14 +97,18 @@ class Impacts:
 
 
 class CourseView:
-    """Gates, their numbers and the ground. All bars of all gates are one node: recolouring them sends one array."""
+    """Gates with their numbers, obstacles, the ground. All bars are one node: recolouring them sends one array.
+
+    Each scene's has a name of its own. A page that is told to replace a node by another one of the same name gives the
+    old one new arrays, and may draw it once more after its buffers are gone: GL_INVALID_OPERATION in the console.
+    """
 
     def __init__(self, scene: viser.SceneApi, course: Course):
         self._gates, cube = len(course.gates), trimesh.creation.box()
         bars = [bars_of(gate) for gate in course.gates]
         centres, sizes, quaternions = (np.concatenate(part) for part in zip(*bars, strict=True))
         self._bars = scene.add_batched_meshes_simple(
-            "/course/gates",
+            f"/course/gates/{next(SCENES)}",
             cube.vertices,
             cube.faces,
             batched_wxyzs=quaternions,
@@ -116,6 +127,8 @@ class CourseView:
         scene.add_line_segments(
             "/course/arrows", _arrows(course), single_colour((130, 142, 165)), thickness=0.05 * gate_scale(course)
         )
+        for number, obstacle in enumerate(course.obstacles, 1):
+            _add_obstacle(scene, f"/course/obstacle/{number}", obstacle)
         _add_ground(scene, course)
 
     def colour(self, next_gate: int, hit: set[int]) -> None:
@@ -131,6 +144,15 @@ def bars_of(gate: Gate) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     centres, halves = np.moveaxis(np.array(gate.bars, np.float32), 1, 0)
     quaternion = SO3.from_matrix(gate.rotation).wxyz
     return centres @ gate.rotation.T + gate.position, 2 * halves, np.tile(quaternion, (4, 1))
+
+
+def _add_obstacle(scene: viser.SceneApi, name: str, obstacle: Obstacle) -> None:
+    if isinstance(obstacle, Cylinder):
+        body, yaw = trimesh.creation.cylinder(obstacle.radius, obstacle.height, sections=24), 0.0
+    else:
+        body, yaw = trimesh.creation.box(obstacle.size), obstacle.yaw
+    place = {"wxyz": SO3.from_z_radians(yaw).wxyz, "position": obstacle.centre}
+    scene.add_mesh_simple(name, body.vertices, body.faces, color=OBSTACLE, flat_shading=True, **place)
 
 
 def _arrows(course: Course) -> np.ndarray:

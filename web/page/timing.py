@@ -48,7 +48,16 @@ def _result(s: LapTiming, named: bool) -> str:
     """How its flight ended. It stays until another race begins."""
     words, colour = result(s)
     name = label(s.entry) + " " if named else ""
-    return f'<div style="text-align:center;font-size:17px;{MONO}">{name}{coloured(words, colour)}</div>'
+    above = f'<div style="text-align:center;font-size:12px">{above_limit(s.entry)}</div>'
+    return f'<div style="text-align:center;font-size:17px;{MONO}">{name}{coloured(words, colour)}</div>{above}'
+
+
+def above_limit(entry: Competitor) -> str:
+    """Of a flight that finished; empty where no limit of its race is known."""
+    if entry.outcome != "finished" or entry.limit is None:
+        return ""
+    share = round(100.0 * entry.limit.above(sum(entry.laps)), 1) + 0.0  # no negative zero
+    return f"{share:.1f} % above the best known limit of {entry.limit.time:.3f} s"
 
 
 def result(s: LapTiming) -> tuple[str, str]:
@@ -57,7 +66,7 @@ def result(s: LapTiming) -> tuple[str, str]:
     if entry.outcome == "finished":
         return f"FINISHED {sum(entry.laps):.3f} s", FASTER
     if crash := s.crash:
-        where = {"hit": f"at gate {crash.gate}", "ground": "on the ground", "bounds": "out of bounds"}
+        where = {"hit": f"at {crash.place}", "ground": "on the ground", "bounds": "out of bounds"}
         return f"CRASHED {where[crash.kind]}, lap {crash.lap}", RED
     return f"DNF {text(entry.outcome)}, lap {s.lap}", RED
 
@@ -123,8 +132,8 @@ def events(entries: tuple[Competitor, ...], t: float) -> str:
 
 
 def _event(e: Event) -> str:
-    gate = f" gate {e.gate}" if e.gate else ""
-    return f"{text(e.kind).replace('_', ' ')}{gate} · lap {e.lap} · {e.speed:.1f} m/s"
+    place = f" {e.place}" if e.place else ""
+    return f"{text(e.kind).replace('_', ' ')}{place} · lap {e.lap} · {e.speed:.1f} m/s"
 
 
 def _change(c: dict) -> str:

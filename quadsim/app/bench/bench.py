@@ -13,10 +13,11 @@ from rich.table import Table
 
 from controllers.rollout.threads import use_threads
 from quadsim.app.bench.cases import SWEPT, cases, measure, paper_case
+from quadsim.app.bench.gates import gates_table, measure_gates
 from quadsim.app.bench.machine import measure_machine
 from quadsim.app.bench.stages import stages
 from quadsim.app.console import emit, emit_json, plain_table, progress_console
-from quadsim.app.flags import Help, Json
+from quadsim.app.flags import Help, Json, Switch
 
 Rows = list[dict]
 ROOFLINE = "of the\nroofline"
@@ -25,14 +26,21 @@ ROOFLINE = "of the\nroofline"
 def bench(
     *,
     seconds: Annotated[float, Meta(gt=0, le=600), Help("for each case [s]")] = 1.0,
-    peers: Annotated[bool, Help("also time pytorch-mppi and JAX (extra: peers)", negative="")] = False,
+    peers: Annotated[bool, Switch("also time pytorch-mppi and JAX (extra: peers)")] = False,
+    gates: Annotated[bool, Switch("only flights along 10 and along 200 gates")] = False,
     json: Json = False,
 ) -> int:
     """Time whole control steps on this machine, which should do nothing else meanwhile: every system at the paper's
     budget, then sweeps over samples and horizon.
 
     race bench --peers     the same model through pytorch-mppi and JAX, in the same run
+
+    race bench --gates     does a control step take longer on a course with more gates?
     """
+    if gates:
+        rows = measure_gates()
+        emit_json({"gates": rows}) if json else emit(gates_table(rows))
+        return 0
     from quadsim.app.bench.peers import compare, require_peers
 
     if peers:

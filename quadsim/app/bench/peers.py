@@ -22,7 +22,8 @@ from controllers.rollout.lanes import Rollout
 from controllers.rollout.layout import LANES
 from controllers.rollout.threads import threads
 from quadsim.app.bench.cases import controller, median_ms, paper_case
-from quadsim.app.flags import UsageError, needs_extra
+from quadsim.app.flags import UsageError
+from quadsim.files.extras import needs_extra
 
 AGREEMENT = 1e-3  # relative, of float32 costs over 150 steps
 SIGMA = (0.3, 0.3, 0.3, 3.5)  # of the noise that the other libraries draw [rad/s, rad/s, rad/s, m/s^2]

@@ -19,10 +19,13 @@ from quadsim.race.spec import Spec
 from quadsim.record.metrics import accumulated_cost, chatter
 from quadsim.record.provenance import provenance
 from quadsim.record.run import PlanTime, Recorder, Run, canonical, system_of
+from quadsim.record.turning_back import TurnedBack, turned_back
 
 LABELS = ("host", "preset")  # keys of a spec's record that do not decide the flight
 DRAWN = ("seed", "variation")
-LIBRARIES = ("numpy", "numba", "pybullet")  # whose versions decide a flight; the attempt's commit stands beside its key
+# Libraries whose versions decide a flight; the attempt's commit stands beside its key
+LIBRARIES = ("numpy", "numba", "pybullet")
+OF_PLANT = {"rotorpy": ("rotorpy", "scipy")}  # more of them, by plant
 this_provenance = lru_cache(provenance)  # of the code in this process, as it was loaded
 CRASHES = ("hit", "ground", "bounds", "wall")
 
@@ -42,7 +45,8 @@ def attempt_key(record: dict, versions: Mapping[str, str | None] | None = None) 
     record: of a Spec.
     """
     used = this_provenance()["versions"] if versions is None else versions
-    return _hash(record | {"libraries": {name: used.get(name) for name in LIBRARIES}})
+    libraries = (*LIBRARIES, *OF_PLANT.get(record.get("plant", ""), ()))
+    return _hash(record | {"libraries": {name: used.get(name) for name in libraries}})
 
 
 def variant_key(record: dict, versions: Mapping[str, str | None] | None = None) -> str:
@@ -86,12 +90,13 @@ class Crash(TypedDict):
 
     kind: str  # of CRASHES, or planner
     gate: int  # 0: none
+    obstacle: NotRequired[int]  # of a hit of one
     lap: int
     position: list[float]  # [m]; two coordinates in the plane
 
 
-class ThrustVariation(TypedDict):
-    """[m/s^2/s]"""
+class Variation(TypedDict):
+    """Total variation per second [m/s^2/s]."""
 
     commanded: float
     delivered: float
@@ -104,7 +109,9 @@ class Result(TypedDict):
     crash: Crash | None
     fault: str | None  # the planner's error
     cost: NotRequired[float | None]  # accumulated, a double integrator's
-    thrust_tv: ThrustVariation | None
+    thrust_tv: Variation | None
+    rates_tv: NotRequired[Variation | None]  # of the body rates [rad/s^2]
+    turned_back: NotRequired[list[TurnedBack]]
     plan_ms: PlanTime
     real_time_factor: float
     cpu: str
@@ -114,18 +121,12 @@ class Result(TypedDict):
 def result(flown: Flown) -> Result:
     """See Result."""
     run = flown.run
-    thrust = chatter(run) if system_of(run.spec) == "quadrotor" else None  # only a quadrotor commands thrust
     return {
         "laps": run.laps,
         "crash": _crash(run) if run.outcome == "crashed" else None,
         "fault": flown.fault,
         "cost": accumulated_cost(run),
-        "thrust_tv": {
-            "commanded": thrust["commanded"]["thrust_tv"],
-            "delivered": thrust["delivered"]["thrust_tv"],
-        }
-        if thrust
-        else None,
+        **of_telemetry(run),
         "plan_ms": run.wall["plan_ms"],
         "real_time_factor": run.wall["real_time_factor"],
         "cpu": flown.provenance["cpu"],
@@ -133,10 +134,33 @@ def result(flown: Flown) -> Result:
     }
 
 
+class OfTelemetry(TypedDict):
+    """The part of a Result that stored telemetry gives as well."""
+
+    thrust_tv: Variation | None
+    rates_tv: Variation | None
+    turned_back: list[TurnedBack]
+
+
+def of_telemetry(run: Run) -> OfTelemetry:
+    """See OfTelemetry."""
+    if system_of(run.spec) != "quadrotor":  # only a quadrotor commands thrust
+        return {"thrust_tv": None, "rates_tv": None, "turned_back": []}
+    commanded, delivered = (chatter(run)[of] for of in ("commanded", "delivered"))
+    return {
+        "thrust_tv": {"commanded": commanded["thrust_tv"], "delivered": delivered["thrust_tv"]},
+        "rates_tv": {"commanded": commanded["body_rates_tv"], "delivered": delivered["body_rates_tv"]},
+        "turned_back": turned_back(run),
+    }
+
+
 def _crash(run: Run) -> Crash:
     x, last = run.telemetry, run.events[-1] if run.events else None
     lap = int(x["lap"][-1])
     if last and last.kind in CRASHES:
-        return {"kind": last.kind, "gate": last.gate, "lap": lap, "position": list(last.position)}
+        where: Crash = {"kind": last.kind, "gate": last.gate, "lap": lap, "position": list(last.position)}
+        if last.obstacle:
+            where["obstacle"] = last.obstacle
+        return where
     here = [float(x[p][-1]) for p in ("px", "py", "pz") if p in x]
     return {"kind": "planner", "gate": 0, "lap": lap, "position": here}

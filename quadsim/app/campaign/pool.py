@@ -14,7 +14,8 @@ from typing import Any, Self
 from urllib.parse import urlsplit
 
 from quadsim.app.campaign.attempt import Flown, fly_attempt
-from quadsim.app.flags import UsageError, needs_extra
+from quadsim.app.flags import UsageError
+from quadsim.files.extras import needs_extra
 from quadsim.race.spec import Spec
 
 WAKE = 0.5  # [s] how long the main thread waits before it looks for a signal that another thread received
@@ -121,7 +122,7 @@ def fly_all(pool: Pool, specs: Iterable[Spec]) -> Iterator[tuple[Spec, Flown | N
         while waiting and _may_submit(pool, running, waiting[0][1]):
             spec, again = waiting.popleft()
             running[pool.submit(fly_attempt, spec)] = spec, again
-        for future in _finished(running):
+        for future in finished(running):
             spec, again = running.pop(future)
             if not isinstance(future.exception(), pool.lost):
                 yield spec, future.result()
@@ -137,7 +138,7 @@ def _may_submit(pool: Pool, running: dict[Future, tuple[Spec, bool]], again: boo
     return len(running) < (1 if alone else pool.window)
 
 
-def _finished(futures: Iterable[Future]) -> set[Future]:
+def finished(futures: Iterable[Future]) -> set[Future]:
     """Those that have ended, at least one; Ctrl-C ends the wait."""
     while not (done := wait(futures, WAKE, FIRST_COMPLETED).done):
         pass

@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -16,7 +17,8 @@ import yaml
 from controllers.costs.race import RaceWeights
 from controllers.presets import PRESETS, Planner
 from quadsim.app.campaign.summary_stats import VariantStats
-from quadsim.app.flags import UsageError, needs_extra
+from quadsim.app.flags import UsageError
+from quadsim.files.extras import needs_extra
 from quadsim.record.run import RunError
 
 Group = Literal["sigma", "gamma", "temperature", "cost", "margin", "horizon"]
@@ -36,6 +38,7 @@ MARGIN = (0.0, 0.6)  # [m]
 TIGHTEN = (0.0, 0.1)
 HORIZON = (40, 220, 10)  # [steps]: from, to, in steps of
 STARTUP = 12  # trials drawn at random before optuna models the good ones
+FAILED = "failed"  # attribute of a trial
 FIXED = ("progress",)  # weights: with the temperature free, only their ratios matter
 WEIGHTS = tuple(f.name for f in fields(RaceWeights) if f.type == "Weight" and f.name not in FIXED)
 
@@ -125,29 +128,39 @@ class Search:
         self._study: Any = _open_study(optuna, journal, name)
         self._states = optuna.trial.TrialState
         self._space = {p.name: _distribution(optuna, p) for p in parameters}
-        so_far = self._study.get_trials(deepcopy=False)
-        if not so_far:
-            self._study.enqueue_trial({p.name: min(max(p.base, p.low), p.high) for p in parameters})
-        self._study.sampler = optuna.samplers.TPESampler(
-            # another seed at every start, or a continued search would repeat its first proposals
-            seed=len(so_far),
-            multivariate=True,
-            constant_liar=True,
-            n_startup_trials=STARTUP,
+        self._sampler = partial(
+            optuna.samplers.TPESampler, multivariate=True, constant_liar=True, n_startup_trials=STARTUP
         )
         for trial in self._trials("RUNNING"):  # a kill left them open: try them again
             self._study.tell(trial.number, state=self._states.FAIL)
-            self._study.enqueue_trial(trial.params)
+            if trial.params.keys() == self._space.keys():  # else it is proposed again
+                self._study.enqueue_trial(trial.params)
+        if not self._asked and not self._trials("WAITING"):
+            self._study.enqueue_trial({p.name: min(max(p.base, p.low), p.high) for p in parameters})
 
-    def _trials(self, state: str = "COMPLETE") -> list[Any]:
-        return self._study.get_trials(deepcopy=False, states=(self._states[state],))
+    def _trials(self, *states: str) -> list[Any]:
+        """Default: that were flown."""
+        found = tuple(self._states[state] for state in states or ("COMPLETE",))
+        return self._study.get_trials(deepcopy=False, states=found)
 
     @property
     def done(self) -> int:
         return len(self._trials())
 
+    @property
+    def _asked(self) -> int:
+        """Trials that are flown, or cannot be; those that a kill left open do not count."""
+        return len(self._trials("COMPLETE", "RUNNING")) + sum(
+            t.user_attrs.get(FAILED, False) for t in self._trials("FAIL")
+        )
+
     def ask(self, number: int) -> list[Any]:
-        return [self._study.ask(self._space) for _ in range(number)]
+        return [self._ask() for _ in range(number)]
+
+    def _ask(self) -> Any:
+        """A seed for each: what is proposed depends on the trials so far, not on where the search was stopped."""
+        self._study.sampler = self._sampler(seed=self._asked)
+        return self._study.ask(self._space)
 
     def tell(self, trial: Any, n: VariantStats, floor: float) -> None:
         stats = {"lap": n.lap_mean, "finished": n.finished, "thrust_tv": n.thrust_tv}
@@ -155,6 +168,8 @@ class Search:
         self._study.tell(trial, objective(n, floor))
 
     def fail(self, trial: Any) -> None:
+        """It could not be flown."""
+        trial.set_user_attr(FAILED, True)
         self._study.tell(trial, state=self._states.FAIL)
 
     def best(self, number: int) -> list[tuple[int, dict]]:

@@ -18,15 +18,16 @@ from typing import cast
 
 import msgspec
 
-from quadsim.app.campaign.attempt import Flown, Result, attempt_key, result, variant_key
+from quadsim.app.campaign.attempt import Flown, Result, attempt_key, of_telemetry, result, variant_key
 from quadsim.app.console import complain
+from quadsim.files.strict_yaml import FileError
 from quadsim.race.spec import Spec
-from quadsim.record.archive import RunFolder, remove_unfinished
+from quadsim.record.archive import RunFolder, load_run, remove_unfinished
 from quadsim.record.run import Outcome, RunError, canonical
 from quadsim.record.whole_files import expect_file
 
 BUSY_TIMEOUT = 60.0  # for another writer's transaction [s]
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ UPGRADES = {  # version of a file -> the statements that bring it to the present
     0: (TABLE, INDEX),
     1: ("ALTER TABLE attempts RENAME COLUMN arm TO variant", "DROP INDEX attempts_by_arm", INDEX),
     2: (),
+    3: (),
 }
 
 
@@ -172,6 +174,8 @@ class Store:
                 self._db.execute(statement)
             if version in (1, 2):
                 self._hash_with_libraries()
+            if version in (1, 2, 3):
+                self._read_telemetry()
             self._db.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
         with suppress(sqlite3.OperationalError):  # does not wait: another process that holds the file does the same
             self._db.execute("PRAGMA journal_mode = WAL")
@@ -183,6 +187,15 @@ class Store:
                 versions = json.loads((self.path.parent / folder / "run.json").read_bytes())["versions"]
                 keys = attempt_key(json.loads(spec), versions), variant_key(json.loads(spec), versions)
                 self._db.execute("UPDATE OR IGNORE attempts SET key = ?, variant = ? WHERE rowid = ?", (*keys, row))
+
+    def _read_telemetry(self) -> None:
+        """Results of version 4 have the body rates' variation and where a flight turned back; what has no telemetry
+        stays without."""
+        for row, text, folder in self._db.execute("SELECT rowid, result, folder FROM attempts").fetchall():
+            with suppress(RunError, FileError, ValueError, KeyError, TypeError):
+                if folder:
+                    whole = json.loads(text) | of_telemetry(load_run(self.path.parent / folder))
+                    self._db.execute("UPDATE attempts SET result = ? WHERE rowid = ?", (canonical(whole).decode(), row))
 
 
 def code_of(provenance: dict) -> str:

@@ -49,6 +49,8 @@ class VariantStats:
     cost: Mean  # accumulated, of those that finished: a double integrator's; nan for other systems
     thrust_tv: float  # commanded, mean of all attempts
     thrust_tv_delivered: float
+    rates_tv: float  # of the commanded body rates [rad/s^2], mean of all attempts; nan: an older campaign's
+    turned_back: int | None  # attempts that overshot a gate and returned; None: not known
     plan_ms: float  # median of the attempts' medians
     crashes: dict[str, int]  # "gate 3", "ground", "bounds", "planner", "timeout"
     commits: tuple[str, ...]  # that flew them
@@ -107,6 +109,8 @@ def variant_stats(name: str, rows: Sequence[Row], limit: float, best_known: floa
         cost=mean_interval([cost for r in done if (cost := r.result.get("cost")) is not None]),
         thrust_tv=fmean(thrust_tv(r) for r in rows),
         thrust_tv_delivered=fmean(thrust_tv(r, "delivered") for r in rows),
+        rates_tv=fmean(tv["commanded"] if (tv := r.result.get("rates_tv")) else nan for r in rows),
+        turned_back=_turned_back(rows),
         plan_ms=median(r.result["plan_ms"]["p50"] for r in rows),
         crashes=dict(Counter(_where_it_ended(r) for r in rows if r.outcome != FINISHED).most_common()),
         commits=tuple(sorted({r.code for r in rows})),
@@ -165,7 +169,14 @@ def _where_it_ended(row: Row) -> str:
     crash = row.result["crash"]
     if crash is None:
         return row.outcome
+    if obstacle := crash.get("obstacle"):
+        return f"obstacle {obstacle}"
     return f"gate {crash['gate']}" if crash["gate"] else crash["kind"]
+
+
+def _turned_back(rows: Sequence[Row]) -> int | None:
+    known = [turns for r in rows if (turns := r.result.get("turned_back")) is not None]
+    return sum(1 for turns in known if turns) if len(known) == len(rows) else None
 
 
 def _median(values: Sequence[float]) -> float:

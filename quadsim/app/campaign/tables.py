@@ -86,6 +86,8 @@ def notes(variants: Sequence[VariantStats], pairs: Sequence[PairStats], limit: f
     """What the tables must not be read without."""
     if any(a.finished < a.attempts for a in variants):
         yield f"Laps: of attempts that finished. Penalised: the others count as the time limit, {limit:.1f} s a lap."
+    if any(a.turned_back for a in variants):
+        yield "Turned back: attempts that overshot a gate and returned to it."
     if known := [p for p in pairs if isfinite(p.detectable)]:
         each = ", ".join(f"{p.b} - {p.a} {p.detectable:.3f} s" for p in known)
         yield f"Lap differences that so many pairs detect with power 80 %: {each}."
@@ -138,7 +140,9 @@ CHATTER: dict[str, Callable[[VariantStats], str]] = {
     "variant": lambda a: a.name,
     "thrust [m/s^2/s]": lambda a: number(a.thrust_tv, ".1f"),
     "delivered": lambda a: number(a.thrust_tv_delivered, ".1f"),
+    "body rates [rad/s^2]": lambda a: number(a.rates_tv, ".1f"),
     "plan [ms]": lambda a: f"{a.plan_ms:.1f}",
+    "turned back": lambda a: "-" if a.turned_back is None else str(a.turned_back),
     "ended at": lambda a: ", ".join(f"{n} {where}" for where, n in a.crashes.items()) or "-",
 }
 PAIRS: dict[str, Callable[[PairStats], str]] = {

@@ -3,6 +3,7 @@
 gaussian                      a sampler, with the preset's numbers for it
 soft=race+target-ess=200      a name; then presets, samplers and settings of `race fly`, joined by +
 wild=gaussian+sigma=3:3:.6:6  several numbers are joined by colons
+pilot=split_s.npz             the file of a learned pilot, in the planner's place
 """
 
 from __future__ import annotations
@@ -112,6 +113,8 @@ def _setting(part: str) -> tuple[str, Any]:
         presets = dict.fromkeys(preset for entry in SYSTEMS.values() for preset in entry.presets)
         if part in SAMPLERS or ":" in part:
             return "sampler", part
+        if part.endswith(".npz"):
+            return "pilot", part
         if part not in presets and not part.endswith(SUFFIXES):
             raise UsageError(f"--variants: no sampler or preset {part!r}: {did_you_mean(part, [*SAMPLERS, *presets])}")
         return "preset", part

@@ -15,7 +15,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from quadsim.app.campaign.store import Row
 from quadsim.app.campaign.summary_stats import FINISHED, Section
-from quadsim.app.figures.run_figure import arrow_scale, draw_gates
+from quadsim.app.figures.run_figure import arrow_scale, draw_gates, draw_obstacles
 from quadsim.app.figures.style import STYLE, line
 from quadsim.app.figures.system_figure import draw_place
 from quadsim.course import Course
@@ -111,6 +111,7 @@ def _draw_map(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     if isinstance(section.course, Course):
         points = section.course.points(frames=False)[:, :2]
         draw_gates(axes, section.course, (0, 1), arrow_scale(points))
+        draw_obstacles(axes, section.course, (0, 1), arrow_scale(points))
         axes.plot(*points[0], "o", color="white", markeredgecolor="black", markersize=5, zorder=6)
     else:
         draw_place(axes, section.course)

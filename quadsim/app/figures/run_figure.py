@@ -51,7 +51,7 @@ def draw_views(figure: SubFigure, run: Run, course: Course, limit: Limit | None 
     x = run.telemetry
     points = np.stack([x[k] for k in ("px", "py", "pz")], axis=1)  # (frames, 3)
     speed = np.sqrt(x["vx"] ** 2 + x["vy"] ** 2 + x["vz"] ** 2)
-    extent = np.vstack([points, [course.start.position], *(g.corners(g.frame_width) for g in course.gates)])
+    extent = np.vstack([points, course.points()])
     side = int(np.argmax(np.ptp(extent[:, :2], axis=0)))
     scale = arrow_scale(extent[:, :2])
     top, below = figure.subplots(2, 1, height_ratios=(2.7, 1.0))
@@ -61,6 +61,7 @@ def draw_views(figure: SubFigure, run: Run, course: Course, limit: Limit | None 
             look = {"color": INK, "linestyle": "--", "linewidth": 0.8, "zorder": 2.5}
             axes.plot(*limit.path()[:, 1:][:, plane].T, label=f"best known limit, {limit.time:.3f} s", **look)
         draw_gates(axes, course, plane, scale)
+        draw_obstacles(axes, course, plane, scale)
         draw_events(axes, run, plane)
         axes.set(title=name, xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
         axes.margins(0.07)
@@ -87,6 +88,17 @@ def draw_gates(axes: Axes, course: Course, plane: tuple[int, int], scale: float)
         axes.annotate("", (x + dx, y + dy), (x, y), arrowprops=arrow, zorder=3)
         left, up = _label(gate, plane, scale)
         axes.text(left, up, str(number), **NUMBER)
+
+
+def draw_obstacles(axes: Axes, course: Course, plane: tuple[int, int], scale: float) -> None:
+    """Their outlines, filled, and from above the number of each. plane, scale: as of `draw_gates`."""
+    for number, obstacle in enumerate(course.obstacles, start=1):
+        (x0, y0), (x1, y1) = (f(obstacle.corners()[:, plane], axis=0) for f in (np.min, np.max))
+        from_above = plane == (0, 1)
+        outline = obstacle.outline() if from_above else np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+        axes.fill(*outline.T, facecolor=FRAME, edgecolor=MARK, linewidth=2.0, zorder=2.8)
+        if from_above:
+            axes.text(x1 + 0.25 * scale, y1, str(number), color=MARK, fontsize=7, zorder=6)
 
 
 def _label(gate: Gate, plane: tuple[int, int], scale: float) -> np.ndarray:

@@ -80,19 +80,34 @@ def as_version_1(path, spec, flight):
 
 
 @pytest.mark.parametrize("create", [True, False], ids=["to write", "to read"])
-def test_a_file_of_version_1_is_brought_to_version_3_where_it_lies(tmp_path, flown, create):
+def test_a_file_of_version_1_is_brought_to_version_4_where_it_lies(tmp_path, flown, create):
     kept = as_version_1(tmp_path / "c.sqlite", *flown)
     with Store(tmp_path / "c.sqlite", create) as store:
         assert store.rows() == [kept]
         assert not store.add(flown[0], "again", flown[1]), "its attempts still count"
     with sqlite3.connect(tmp_path / "c.sqlite") as db:
-        assert db.execute("PRAGMA user_version").fetchone() == (3,)
+        assert db.execute("PRAGMA user_version").fetchone() == (4,)
         indices = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'index'")}
     assert "attempts_by_variant" in indices
     assert "attempts_by_arm" not in indices
 
 
-def test_many_may_bring_one_file_to_version_3_at_once(tmp_path, flown):
+@pytest.mark.parametrize("kept", [True, False], ids=["with telemetry", "without"])
+def test_results_of_version_3_get_what_telemetry_tells(tmp_path, flown, kept):
+    path, later = tmp_path / "c.sqlite", ("rates_tv", "turned_back")
+    with Store(path) as store:
+        store.add(flown[0], "mine", flown[1], telemetry=kept)
+        (whole,) = store.rows()
+    with sqlite3.connect(path) as db:
+        for name in later:
+            db.execute("UPDATE attempts SET result = json_remove(result, ?)", (f"$.{name}",))
+        db.execute("PRAGMA user_version = 3")
+    with Store(path) as store:
+        (row,) = store.rows()
+    assert row.result == (whole.result if kept else {k: v for k, v in whole.result.items() if k not in later})
+
+
+def test_many_may_bring_one_file_to_version_4_at_once(tmp_path, flown):
     path = tmp_path / "c.sqlite"
     kept = as_version_1(path, *flown)
     at_once = Barrier(4)
@@ -193,7 +208,7 @@ def test_the_result_of_a_system_without_thrust_has_no_thrust_variation(flown, mo
     n = variant_stats("planar", [row(0, tv=None)], 20.0)
     assert (n.lap_mean, math.isnan(n.thrust_tv)) == (4.5, True)
     table = as_markdown(list(comparison_tables([n], []))[1])
-    assert "| planar | - | - | 1.0 | - |" in table
+    assert "| planar | - | - | - | 1.0 | - | - |" in table
 
 
 def test_an_attempt_is_the_same_run_wherever_it_flies(flown):
@@ -218,7 +233,7 @@ def test_a_planner_that_raises_an_error_in_flight_is_a_crash_with_its_reason(mon
 
 @pytest.mark.parametrize(
     ("content", "said"),
-    [(b"not a database" * 100, "file is not a database"), (b"", None), (None, "version 3 or older, got 99")],
+    [(b"not a database" * 100, "file is not a database"), (b"", None), (None, "version 4 or older, got 99")],
 )
 def test_a_file_that_is_no_campaign_is_one_line(tmp_path, content, said):
     path = tmp_path / "c.sqlite"

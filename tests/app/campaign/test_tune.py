@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("optuna", reason="extra 'tune'")
 
 from controllers.presets import PRESETS
-from quadsim.app.campaign.search import Search, objective, parameters, pareto, preset_text, with_parameters
+from quadsim.app.campaign.search import STARTUP, Search, objective, parameters, pareto, preset_text, with_parameters
 from quadsim.app.campaign.summary_stats import variant_stats
 from quadsim.app.cli import race
 from quadsim.race.preset_file import parse_planner
@@ -64,6 +64,32 @@ def test_trials_that_a_kill_left_open_are_tried_again(tmp_path):
     assert again.done == 1
     (retried,) = again.ask(1)
     assert retried.params == second.params
+
+
+@pytest.mark.parametrize("stopped", ["told", "asked", "failed"])
+def test_a_search_that_was_stopped_proposes_what_it_would_have(tmp_path, stopped):
+    found = list(parameters(PRESETS["race"]["colored"], "colored", ["sigma", "margin"]))
+
+    def proposals(name, stop):
+        search, proposed = Search(tmp_path / f"{name}.journal", "s", found), []
+        for k in range(STARTUP + 4):
+            (trial,) = search.ask(1)
+            if k in stop and stopped == "asked":
+                search = Search(tmp_path / f"{name}.journal", "s", found)
+                (trial,) = search.ask(1)
+            proposed.append(trial.params)
+            if k == 3 and stopped == "failed":
+                search.fail(trial)
+            else:
+                lap = 5.0 + trial.params["sigma_thrust"]
+                search.tell(trial, variant_stats("a", [row(0, laps=(lap,))], 20.0), 1.0)
+            if k in stop and stopped != "asked":
+                search = Search(tmp_path / f"{name}.journal", "s", found)
+        return proposed
+
+    whole = proposals("whole", ())
+    assert proposals("stopped", (0, 3, STARTUP + 1)) == whole
+    assert len({str(params) for params in whole}) == len(whole), "no proposal twice"
 
 
 def test_tune_stopped_and_started_again_ends_where_it_would_have(tmp_path, capsys, monkeypatch):

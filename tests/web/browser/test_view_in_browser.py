@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from browser_cases import SLOW, choose, dashboard, press, seen, waited
+from browser_cases import SLOW, dashboard, press, seen, waited
 from matplotlib.image import imread
 from web_cases import Glider, Gliders, choices
 
@@ -47,7 +47,7 @@ CONTRAST = """least => {
 
 @pytest.fixture(scope="module")
 def race(tmp_path_factory):
-    """A page on a replay at its end."""
+    """A page on a replay at its end, of another course than the one that START would fly."""
     root = tmp_path_factory.mktemp("runs")
     for sampler in ("colored", "gaussian"):
         flight = Glider(choices(sampler))
@@ -75,7 +75,6 @@ def page(browser, race):
     page.set_default_timeout(SLOW)
     page.goto(race.address)
     page.get_by_text("Playback").first.wait_for()
-    choose(page, "Mode", "replay")  # else the course that START will fly is shown
     assert waited(page, lambda: scene(page, "/impacts") is not None)
     yield page
     page.close()

@@ -1,0 +1,1 @@
+"""Learned controllers: what a pilot observes, the network that it is, and its file."""

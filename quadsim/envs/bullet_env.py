@@ -1,0 +1,117 @@
+"""`quadsim/RacingBullet-v0`: the same task in PyBullet, with rotors, allocation and the referee, for evaluation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from gymnasium import Env
+from gymnasium.error import ResetNeeded
+
+from controllers.learned.observation import command, gate_rows, normalised, observation
+from quadsim.envs.reward import reward as reward_of
+from quadsim.envs.spaces import ACTIONS, action_space, checked_actions, observation_space
+from quadsim.envs.task import task
+from quadsim.race.build import build
+from quadsim.race.flight import apply_control, whole_multiple
+from quadsim.race.settings import SettingError
+from quadsim.race.spec import Spec
+
+
+class RacingBulletEnv(Env):
+    """One race as `race fly` simulates it. Rewards as in Racing-v0, but those of the margin, which it does not measure.
+
+    Args:
+        course, vehicle, laps, reward, dt, randomize, time_limit: see quadsim.envs.task.task; one course.
+        plant: "bullet" or "rigid"; None: bullet where PyBullet is installed.
+
+    Raises:
+        SettingError, FileError: a value that does not fit (both are ValueError).
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 100}  # noqa: RUF012
+
+    def __init__(self, render_mode: str | None = None, plant: str | None = None, **of_task: Any):
+        self.task, self.render_mode = task(**of_task), render_mode
+        t = self.task
+        if len(t.courses) != 1:
+            raise SettingError("course", f"expected one, got {len(t.courses)}")
+        if t.start != "standing":
+            raise SettingError("start", f"expected standing, got {t.start!r}: elsewhere Racing-v0 starts")
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise SettingError("render_mode", f"expected None or 'rgb_array', got {render_mode!r}")
+        asked = {"laps": t.laps[0], "randomize": t.randomize, "timeout": t.time_limit, "dt": t.dt, "plant": plant}
+        given = {name: value for name, value in asked.items() if value is not None}
+        self._spec = replace(Spec.of(t.courses[0], controller=_Nobody(), **given), vehicle=t.vehicle)
+        self._system = t.system
+        self._cost, self._gates = t.cost(0), gate_rows(t.courses[0], t.laps[0])
+        self._plant: Any = None
+        self.observation_space, self.action_space = observation_space(), action_space()
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start an episode; the seed decides what is randomized."""
+        super().reset(seed=seed)
+        self.close()
+        number = int(self.np_random.integers(10**9)) if seed is None else seed
+        self._plant, _, self._referee = build(replace(self._spec, seed=number))
+        self._last = normalised(self._system.rest, self._system.low, self._system.high)
+        self._way = self._way_left()
+        return self._observed(), {}
+
+    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """One step of dt under an action (4,); see RacingVectorEnv.step. `crashed` is the referee's word."""
+        chosen = np.clip(checked_actions(action, (ACTIONS,)), -1, 1).astype(float)
+        if self._plant is None or self._referee.outcome is not None:
+            raise ResetNeeded("RacingBullet-v0: step() before reset()")
+        u = command(chosen, self._system.low, self._system.high)
+        before, way = self._referee.passed, self._way
+        until = self._plant.state.t + whole_multiple(self.task.dt, self._plant.dt) * self._plant.dt
+        events = apply_control(self._plant, self._referee, tuple(u.tolist()), until)
+        outcome = self._referee.outcome
+        passed, crashed = self._referee.passed - before, outcome in ("crashed", "stuck")
+        self._way = self._way_left()
+        weights, shortened = self.task.rewards.params, way - self._way
+        paid = reward_of(shortened, 0.0, float(crashed), float(passed), chosen, self._last, weights)
+        self._last = chosen
+        info = {
+            "passed": bool(passed),
+            "gates": self._referee.passed,
+            "lap": self._referee.lap,
+            "time": self._plant.state.t,
+            "crashed": crashed,
+            "finished": outcome == "finished",
+            "events": [event.kind for event in events],
+        }
+        return self._observed(), float(paid), crashed or outcome == "finished", outcome == "timeout", info
+
+    def _observed(self) -> np.ndarray:
+        return np.array(observation(self._plant.state.x, self._gates[self._referee.passed], self._last), np.float32)
+
+    def _way_left(self) -> float:
+        """To the finish, as the racing cost measures it [m]."""
+        x = self._plant.state.x
+        row = self._cost.targets[min(self._referee.passed, len(self._cost.targets) - 1)]
+        return float(self._cost.terms(x, x, self._system.rest, row, 0.0, self._cost.params)[0])
+
+    def render(self) -> Any:
+        """A picture from above.  (height, width, 3) uint8"""
+        from quadsim.envs.render import picture
+
+        if self.render_mode is None:
+            return None
+        return picture(self.task.courses[0], np.array(self._plant.state.x[:10])[None])
+
+    def close(self) -> None:
+        if self._plant is not None:
+            self._plant.close()
+            self._plant = None
+
+
+class _Nobody:
+    """In the controller's place of a flight whose controls come from outside."""
+
+    def control(self, x: np.ndarray) -> np.ndarray:
+        raise NotImplementedError

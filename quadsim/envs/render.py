@@ -1,0 +1,41 @@
+"""Pictures of environments for render_mode rgb_array: gates and vehicles from above, coloured by height."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from quadsim.course import Course
+
+SIZE = (480, 640)  # height, width [pixels]
+FRAME, BACKGROUND = (70, 70, 80), (250, 250, 252)
+LOW, HIGH = np.array((30, 90, 200)), np.array((220, 60, 30))  # colours of vehicles at the floor and at the ceiling
+
+
+def picture(course: Course, states: np.ndarray) -> np.ndarray:
+    """states: (vehicles, 10), position, velocity, attitude. -> (height, width, 3) uint8"""
+    (x_low, x_high), (y_low, y_high), (z_low, z_high) = course.bounds
+    height, width = SIZE
+    scale = min((width - 20) / (x_high - x_low), (height - 20) / (y_high - y_low))  # [pixels/m]
+    found = np.full((height, width, 3), BACKGROUND, np.uint8)
+
+    def pixels(points: np.ndarray) -> np.ndarray:
+        columns = width / 2 + (points[..., 0] - (x_low + x_high) / 2) * scale
+        rows = height / 2 - (points[..., 1] - (y_low + y_high) / 2) * scale
+        return np.stack([np.clip(rows, 2, height - 3), np.clip(columns, 2, width - 3)], -1).astype(int)
+
+    def dots(points: np.ndarray, colour: np.ndarray, radius: int) -> None:
+        at = pixels(points)
+        for dr in range(-radius, radius + 1):
+            for dc in range(-radius, radius + 1):
+                found[at[:, 0] + dr, at[:, 1] + dc] = colour
+
+    for gate in course.gates:
+        left = (gate.opening[0] / 2 + gate.frame_width) * gate.rotation[:, 1]
+        dots(np.array(gate.position) + np.linspace(-1, 1, 60)[:, None] * left, np.array(FRAME), 1)
+    share = np.clip((states[:, 2] - z_low) / (z_high - z_low), 0, 1)[:, None]
+    colours = (LOW + share * (HIGH - LOW)).astype(np.uint8)
+    ahead = states[:, :3] + np.linspace(0, 0.1, 8)[:, None, None] * states[:, 3:6]  # a tenth of a second of flight
+    for points in ahead:
+        dots(points, colours, 0)
+    dots(states[:, :3], colours, 2)
+    return found

@@ -1,0 +1,1 @@
+"""Learning to fly: Proximal Policy Optimization on the compiled environments, evaluation, checkpoints."""

@@ -1,0 +1,129 @@
+"""Another simulator as the plant: RotorPy's multirotor (Folk, Paulos and Kumar 2023); the only file that imports it.
+
+From RotorPy: the rate controller and the allocation, whose rotor commands are cut at their limits one by one; rotor
+lag; the integrator; and aerodynamics that the planner does not know. With the air's velocity v in the body frame
+
+    rotor drag            -k_d W v for each rotor, in proportion to its speed W
+    parasitic drag        -c |v| v of the body
+    translational lift    k_h (v_x^2 + v_y^2) for each rotor, along its axis
+
+From the vehicle's file: mass, inertia, rotors with their lag, limits, rate loop, latency. RotorPy's thrust map is
+k W^2, with the file's thrust at full speed. The linear drag of the file becomes k_d: four rotors at full speed have it.
+Nothing is touched here: the referee finds contacts by its own swept test.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from quadsim.course import Course, Start
+from quadsim.files.extras import needs_extra
+from quadsim.physics.actuators import HOVER, Vector, clamp_command, gyroscopic
+from quadsim.physics.allocation import mixer
+from quadsim.physics.plant_state import PlantState, start_state
+from quadsim.systems.first_order import response
+from quadsim.vehicle import GRAVITY, Rotors, Vehicle
+
+PARASITIC = (0.006, 0.006, 0.012)  # c / m [1/m]: 2.4 m/s^2 at 20 m/s
+LIFT = 0.0046  # 4 k_h / m [1/m]: 1.8 m/s^2 at 20 m/s
+LEAST_LAG = 1e-3  # [s] RotorPy divides by it
+
+
+class RotorpyPlant:
+    """One vehicle in RotorPy's world. Raises ValueError without RotorPy, and for a vehicle without rotors."""
+
+    def __init__(
+        self,
+        course: Course,
+        vehicle: Vehicle,
+        dt: float = 1 / 400,
+        start: Start | None = None,
+        body: Vehicle | None = None,
+        gusts: Iterator[Vector] | None = None,
+    ):
+        """As quadsim.physics.plant.RigidPlant."""
+        if vehicle.rotors is None:
+            raise ValueError(f"plant: 'rotorpy' needs a vehicle with rotors, got {vehicle.name!r}: fly 'rigid'")
+        self.dt = dt
+        self._vehicle, self._rotors, self._gusts = vehicle, _quadratic(vehicle.rotors), gusts
+        self._mixer = np.array(mixer(self._rotors))  # (4, 4): collective and torque of the rotors' thrusts
+        self._model = _multirotor(vehicle, self._rotors, body or vehicle, dt)
+        self._delayed = deque([HOVER] * round(vehicle.latency / dt))
+        x = start_state(start or course.start, vehicle.radius)
+        hover = self._rotors.speed(0.25 * vehicle.mass * GRAVITY)
+        self._now: dict[str, np.ndarray] = {
+            "x": np.array(x[0:3]),
+            "v": np.zeros(3),
+            "q": np.array([*x[7:10], x[6]]),  # RotorPy's quaternions are xyzw
+            "w": np.zeros(3),
+            "wind": np.zeros(3),
+            "rotor_speeds": np.full(4, hover),
+        }
+        self._steps = 0
+        self.state = self._read()
+
+    def step(self, u: Vector) -> PlantState:
+        self._delayed.append(clamp_command(u, self._vehicle))
+        *rates, thrust = self._delayed.popleft()
+        command = {"cmd_thrust": self._vehicle.mass * thrust, "cmd_w": np.array(rates)}
+        self._now = self._model.step(self._now, command, self.dt)
+        if self._gusts:
+            self._now["v"] = self._now["v"] + self.dt * np.array(next(self._gusts))
+        self._steps += 1
+        self.state = self._read()
+        return self.state
+
+    def _read(self) -> PlantState:
+        """What the rotors deliver is reckoned as the other plants do, from their speeds."""
+        now, (jx, jy, jz) = self._now, self._vehicle.inertia
+        omega = tuple(now["w"].tolist())
+        force, *torque = (self._mixer @ (self._rotors.thrust_map[0] * now["rotor_speeds"] ** 2)).tolist()
+        turning = gyroscopic(omega, (jx, jy, jz))
+        beta = [(t - g) / j for t, g, j in zip(torque, turning, (jx, jy, jz), strict=True)]
+        (qx, qy, qz, qw), a = now["q"].tolist(), force / self._vehicle.mass
+        x = (*now["x"].tolist(), *now["v"].tolist(), qw, qx, qy, qz, *omega, a, *beta)
+        return PlantState(self._steps * self.dt, x, ())
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+def _quadratic(rotors: Rotors) -> Rotors:
+    """With the thrust map k W^2 that has the same thrust at full speed."""
+    return replace(rotors, thrust_map=(rotors.thrust(rotors.omega_max) / rotors.omega_max**2, 0.0, 0.0))
+
+
+def _multirotor(vehicle: Vehicle, rotors: Rotors, body: Vehicle, dt: float) -> Any:
+    """RotorPy's, with its parameters by the names of its files."""
+    try:
+        from rotorpy.vehicles.multirotor import Multirotor
+    except ImportError:
+        raise ValueError(f"plant: 'rotorpy': {needs_extra('rotorpy', 'rotorpy')}") from None
+    k, m = rotors.thrust_map[0], vehicle.mass
+    of_drag = m / (4 * rotors.omega_max)
+    parameters = {
+        "mass": body.mass,
+        **dict(zip(("Ixx", "Iyy", "Izz"), body.inertia, strict=True)),
+        **dict.fromkeys(("Ixy", "Ixz", "Iyz"), 0.0),
+        "num_rotors": 4,
+        "rotor_pos": {f"r{i}": np.array([x, y, 0.0]) for i, (x, y) in enumerate(rotors.positions, start=1)},
+        "rotor_directions": np.array(rotors.spin),
+        **dict(zip(("c_Dx", "c_Dy", "c_Dz"), (m * c for c in PARASITIC), strict=True)),
+        "k_eta": k,
+        "k_m": k * rotors.kappa,
+        "k_d": of_drag * (vehicle.drag[0] + vehicle.drag[1]) / 2,
+        "k_z": of_drag * vehicle.drag[2],
+        "k_h": m * LIFT / 4,
+        "tau_m": max(rotors.tau, LEAST_LAG),
+        "rotor_speed_min": rotors.omega_min,
+        "rotor_speed_max": rotors.omega_max,
+        "k_w": np.array([response(tau, dt) / dt for tau in vehicle.rate_tau]),
+    }
+    # one step of third order where its error is small: 0.01 mm in 2 s, and half the time of what RotorPy would use
+    integrator = {"method": "RK23", "rtol": 1e-3, "atol": 1e-4, "first_step": dt}
+    return Multirotor(parameters, control_abstraction="cmd_ctbr", integrator_kwargs=integrator)

@@ -1,0 +1,1 @@
+"""Pictures for perception: what a camera on the vehicle sees of a course, with labels."""

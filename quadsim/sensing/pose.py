@@ -1,0 +1,56 @@
+"""A pose sensor: motion capture, or visual-inertial odometry (VIO), whose position drifts.
+
+    position = p + drift + sigma_p N(0, 1),   drift' = walk N(0, 1)
+    attitude = q exp(sigma_q N(0, 1)),        velocity = v + sigma_v N(0, 1)
+
+Of the samples, a share are spikes: that far off in a random direction. A dropout begins with each sample with a given
+probability and lasts a given time. Noise, spikes and their sizes follow RotorPy 3.0.0's motion capture (spp/rotorpy,
+MIT); the drift as a random walk is the usual model of odometry.
+"""
+
+from __future__ import annotations
+
+from math import inf, radians
+
+import numpy as np
+
+from quadsim.physics.plant_state import PlantState
+from quadsim.sensing.attitude import turned
+from quadsim.sensing.config import PoseConfig
+from quadsim.sensing.measurements import Pose
+from quadsim.sensing.timing import Ticks
+
+
+class PoseSensor:
+    """Samples a flight's truth."""
+
+    def __init__(self, config: PoseConfig, seeds: np.random.SeedSequence):
+        self.latency = config.latency
+        self._config, self._rng = config, np.random.default_rng(seeds)
+        self._ticks = Ticks(config.rate)
+        self.drift = np.zeros(3)  # [m]
+        self._before = 0.0
+        self._silent_until = -inf
+        self._dies = inf if config.dies_at is None else config.dies_at
+
+    def sample(self, state: PlantState) -> Pose | None:
+        """The sensor's next sample, if one is due and it is not silent."""
+        if not self._ticks.due(state.t):
+            return None
+        c, rng, t = self._config, self._rng, state.t
+        drift, position, attitude, velocity, spike = rng.standard_normal((5, 3))
+        begins, spikes = rng.random(2)
+        self.drift += c.drift * np.sqrt(max(t - self._before, 0.0)) * drift  # it begins with the flight, at t = 0
+        self._before = max(t, 0.0)
+        if begins < c.dropouts and t > 0.0:
+            self._silent_until = t + c.dropout
+        if t < self._silent_until or t >= self._dies:
+            return None
+        p = np.array(state.x[0:3]) + self.drift + c.position_noise * position
+        if spikes < c.spikes:
+            p += c.spike * spike / np.linalg.norm(spike)
+        q = turned(state.x[6:10], radians(c.attitude_noise_deg) * attitude)
+        v = None
+        if c.velocity_noise is not None:
+            v = tuple((np.array(state.x[3:6]) + c.velocity_noise * velocity).tolist())
+        return Pose(t, tuple(p.tolist()), q, v)

@@ -1,0 +1,176 @@
+"""Pictures for perception: labels that agree with what is drawn, from poses that a seed decides."""
+
+import json
+from dataclasses import replace
+from math import radians
+
+import numpy as np
+import pytest
+from plant_cases import needs_bullet
+
+from quadsim.course import Course, Gate, Start, load_course
+from quadsim.course.obstacles import Box, Cylinder
+from quadsim.files.strict_yaml import FileError
+from quadsim.render.folder import annotate, settle
+from quadsim.render.frames import Pictures, make_frames, path_of, whole_label
+from quadsim.render.labels import label
+from quadsim.render.look import VARIED, drawn_look, plain_look
+from quadsim.render.poses import Pose, drawn_poses, flown_poses
+from quadsim.sensing.camera import Camera
+from quadsim.sensing.visibility import hidden
+
+CAMERA = Camera(320, 180, 160.0, 160.0, tilt_deg=20.0, position=(0.1, 0.0, 0.0))
+SWIFT = load_course("split_s_swift")
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+
+
+def one_gate(x, width=2.0):
+    gate = Gate((x, 0.0, 2.0), 0.0, 0.0, 0.0, (width, 2.0), 0.3)
+    return Course("one", "", (gate,), Start((0.0, 0.0, 2.0), 0.0), ((-50, 50),) * 3, False, 1, (), "")
+
+
+@pytest.fixture(scope="module")
+def swift():
+    from quadsim.render.scene import Scene
+
+    scene = Scene(SWIFT, CAMERA)
+    yield scene
+    scene.close()
+
+
+def agreement(scene, camera):
+    """Of points on the frames next to the corners that are seen: how many, and which share lies on pixels of theirs."""
+    hits = []
+    for pose in drawn_poses(SWIFT, CAMERA, 12, seed=5):
+        seen = scene.shoot(pose.p, pose.q, plain_look()).segmentation
+        eye = camera.pose(pose.p, pose.q)[0]
+        for number, gate in enumerate(SWIFT.gates, start=1):
+            points = gate.corners(gate.frame_width / 2)
+            pixels, depth = camera.project(points, pose.p, pose.q)
+            free = ~hidden(points, eye, [g for g in SWIFT.gates if g != gate])
+            for u, v in pixels[free & (depth < 20.0) & camera.in_picture(pixels)]:
+                hits.append(seen[int(v), int(u)] == number)
+    return len(hits), np.mean(hits)
+
+
+@needs_bullet
+def test_projected_corners_lie_on_the_frames_that_are_drawn(swift):
+    count, share = agreement(swift, CAMERA)
+    assert count > 40
+    assert share > 0.97
+    tilted = Camera(320, 180, 160.0, 160.0, tilt_deg=24.0, position=(0.1, 0.0, 0.0))
+    assert agreement(swift, tilted)[1] < 0.7  # a camera that is 4 degrees off does not agree
+
+
+@needs_bullet
+@pytest.mark.parametrize("distance", [3.0, 5.3, 9.0])
+def test_a_frame_fills_the_pixels_whose_centres_it_covers_at_its_depth(distance):
+    from quadsim.render.scene import GROUND_ID, Scene
+
+    camera = Camera(320, 240, 160.0, 160.0)
+    scene = Scene(one_gate(distance), camera)
+    seen = scene.shoot((0.0, 0.0, 2.0), LEVEL, plain_look())
+    scene.close()
+    half = 160.0 * 1.3 / (distance - 0.05)  # of the frame's front face [px]
+    rows, columns = np.nonzero(seen.segmentation == 1)
+    expected = np.flatnonzero(np.abs(np.arange(320) + 0.5 - 160.0) < half)
+    assert (columns.min(), columns.max()) == (expected[0], expected[-1])
+    expected = np.flatnonzero(np.abs(np.arange(240) + 0.5 - 120.0) < half)
+    assert (rows.min(), rows.max()) == (expected[0], expected[-1])
+    assert seen.depth[rows.min(), 160] == pytest.approx(distance - 0.05, rel=1e-3)
+    assert seen.depth[239, 2] == pytest.approx(2.0 * 160.0 / 119.5, rel=1e-3)  # the ground, 2 m below
+    assert (seen.segmentation[239, 2], seen.segmentation[0, 2]) == (GROUND_ID, 0)
+    assert np.isinf(seen.depth[0, 2])
+
+
+def test_a_corner_is_seen_hidden_or_outside():
+    near, wide = one_gate(5.0).gates[0], one_gate(10.0, width=4.4).gates[0]
+    course = Course("two", "", (near, wide), Start((0.0, 0.0, 2.0), 0.0), ((-50, 50),) * 3, False, 1, (), "")
+    camera, nothing = Camera(320, 180, 160.0, 160.0), np.zeros((180, 320), np.uint8)
+    first, second = label(course, camera, Pose(0.0, (0.0, 0.0, 2.0), LEVEL), nothing)["gates"]
+    assert (first["keypoints"][2::3], second["keypoints"][2::3]) == ([2.0] * 4, [1.0] * 4)
+    assert first["keypoints"][:2] == pytest.approx([160.0 + 160.0 / 5.0, 90.0 + 160.0 / 5.0])  # right bottom
+    assert label(course, camera, Pose(0.0, (20.0, 0.0, 2.0), LEVEL), nothing)["gates"] == []
+
+
+@needs_bullet
+def test_obstacles_are_drawn_and_hide_corners():
+    from quadsim.render.scene import OBSTACLE, Scene
+
+    camera = Camera(320, 180, 160.0, 160.0)
+    pole, box = Cylinder((4.0, 0.8, 0.0), 0.05, 2.5), Box((4.0, -0.8, 1.2), (0.1, 0.2, 0.3), yaw=0.3)
+    course, pose = replace(one_gate(5.0), obstacles=(pole, box)), Pose(None, (0.0, 0.0, 2.0), LEVEL)
+    scene = Scene(course, camera)
+    seen = scene.shoot(pose.p, pose.q, plain_look()).segmentation
+    scene.close()
+    (gate,) = label(course, camera, pose, seen)["gates"]
+    corners = np.reshape(gate["keypoints"], (4, 3))  # the lower two are hidden, the upper two rise above what hides
+    assert corners[:, 2].tolist() == [1.0, 2.0, 1.0, 2.0]
+    assert [seen[int(v), int(u)] == OBSTACLE for u, v, _ in corners] == [True, False, True, False]
+
+
+@needs_bullet
+def test_a_picture_that_is_whole_is_kept_and_a_damaged_one_is_made_again_to_the_last_bit(tmp_path):
+    pictures = Pictures("split_s_swift", SWIFT.text, CAMERA, 3, VARIED, "drawn")
+    poses = list(enumerate(drawn_poses(SWIFT, CAMERA, 2, 3)))
+    settle(tmp_path, pictures)
+    assert make_frames((pictures, tmp_path, poses)) == [0, 1]
+    files = [path_of(tmp_path, kind, 1) for kind in ("rgb", "segmentation", "depth", "labels")]
+    before = [path.read_bytes() for path in files]
+    files[0].write_bytes(before[0][:100])
+    assert whole_label(tmp_path, 0)
+    assert whole_label(tmp_path, 1) is None
+    make_frames((pictures, tmp_path, poses[1:]))
+    assert [path.read_bytes() for path in files] == before
+    annotate(tmp_path, pictures, 2)
+    document = json.loads((tmp_path / "annotations.json").read_bytes())
+    assert [image["file_name"] for image in document["images"]] == ["rgb/000000.png", "rgb/000001.png"]
+    assert all(len(a["keypoints"]) == 12 and a["image_id"] in (0, 1) for a in document["annotations"])
+    assert document["annotations"]
+
+
+def test_a_folder_of_other_pictures_or_files_is_refused(tmp_path):
+    pictures = Pictures("split_s_swift", SWIFT.text, CAMERA, 3, (), "drawn")
+    settle(tmp_path / "new", pictures)
+    settle(tmp_path / "new", pictures)
+    with pytest.raises(FileError, match=r"has pictures of other settings \(seed, vary\): name another folder$"):
+        settle(tmp_path / "new", Pictures("split_s_swift", SWIFT.text, CAMERA, 4, ("light",), "drawn"))
+    with pytest.raises(FileError, match=r"expected a new folder or one of race render, found other files$"):
+        settle(tmp_path, pictures)
+
+
+def test_drawn_poses_have_room_depend_on_seed_and_number_alone_and_mostly_see_their_gate():
+    poses = drawn_poses(SWIFT, CAMERA, 60, 7)
+    assert poses[:5] == drawn_poses(SWIFT, CAMERA, 5, 7)
+    assert poses[0] != drawn_poses(SWIFT, CAMERA, 1, 8)[0]
+    assert min(gate.frame_distance(pose.p) for pose in poses for gate in SWIFT.gates) > 0.3
+    seen = [CAMERA.in_picture(CAMERA.gate_corners(SWIFT.gates, p.p, p.q)[0].reshape(-1, 2)).any() for p in poses]
+    assert np.mean(seen) > 0.7
+
+
+def test_a_flight_is_sampled_at_the_cameras_rate_and_between_its_steps():
+    t, turned = np.arange(0.0, 0.101, 0.01), np.arange(0.0, 0.101, 0.01) * radians(300.0)
+    flight = {"t": t, "px": 20.0 * t, "py": 0 * t, "pz": 1 + 0 * t, "qx": 0 * t, "qy": 0 * t}
+    flight |= {"qw": np.cos(turned / 2), "qz": np.sin(turned / 2) * np.where(t > 0.055, 1, 1)}
+    flight["qw"][6:] *= -1.0  # the same attitudes, written the other way round
+    flight["qz"][6:] *= -1.0
+    poses = flown_poses(flight, 40.0)
+    assert [pose.t for pose in poses] == pytest.approx([0.0, 0.025, 0.05, 0.075, 0.1])
+    assert [pose.p[0] for pose in poses] == pytest.approx([0.0, 0.5, 1.0, 1.5, 2.0])
+    yaws = [2 * np.arctan(pose.q[3] / pose.q[0]) for pose in poses]
+    assert yaws == pytest.approx([radians(300.0) * pose.t for pose in poses], abs=1e-4)
+
+
+def test_a_look_varies_in_what_is_asked_for_alone():
+    up = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
+
+    def traits(look):
+        return {"textures": (look.ground, look.gates), "light": (look.light, look.ambient), "background": look.sky(up)}
+
+    plain = traits(plain_look())
+    for varied in VARIED:
+        found = traits(drawn_look(np.random.default_rng(1), [varied]))
+        changed = [name for name in VARIED if not np.array_equal(str(found[name]), str(plain[name]))]
+        assert changed == [varied]
+        again = traits(drawn_look(np.random.default_rng(1), [varied]))
+        assert str(found) == str(again)

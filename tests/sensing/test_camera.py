@@ -1,0 +1,94 @@
+"""A pinhole camera: where points of the world are seen, and what a camera file may say."""
+
+from math import cos, pi, radians, sin
+
+import numpy as np
+import pytest
+
+from quadsim.course import load_course
+from quadsim.files.strict_yaml import FileError
+from quadsim.sensing.camera import Camera, camera_names, load_camera, parse_camera
+
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+CAMERA = Camera(width=640, height=360, fx=320.0, fy=300.0)
+
+
+def yawed(angle):
+    return (cos(angle / 2), 0.0, 0.0, sin(angle / 2))
+
+
+def seen(camera, point, p=(0.0, 0.0, 0.0), q=LEVEL):
+    pixels, depth = camera.project(np.array([point]), p, q)
+    return pixels[0], depth[0]
+
+
+def test_a_point_straight_ahead_is_in_the_middle():
+    pixel, depth = seen(CAMERA, (5.0, 0.0, 0.0))
+    assert pixel == pytest.approx((320.0, 180.0))
+    assert depth == pytest.approx(5.0)
+
+
+def test_left_and_up_in_the_world_are_left_and_up_in_the_picture():
+    pixel, _ = seen(CAMERA, (4.0, 1.0, 0.5))
+    assert pixel == pytest.approx((320.0 - 320.0 / 4.0, 180.0 - 300.0 * 0.5 / 4.0))
+
+
+def test_tilt_turns_the_optical_axis_up():
+    camera = Camera(640, 360, 320.0, 320.0, tilt_deg=20.0)
+    up = radians(20.0)
+    assert seen(camera, (3.0 * cos(up), 0.0, 3.0 * sin(up)))[0] == pytest.approx((320.0, 180.0))
+    assert seen(camera, (3.0, 0.0, 0.0))[0][1] > 180.0  # the horizon sinks
+
+
+def test_the_camera_moves_and_turns_with_the_body():
+    camera = Camera(640, 360, 320.0, 320.0, position=(0.2, 0.0, 0.1))
+    pixel, depth = seen(camera, (1.0, 5.2, 2.1), p=(1.0, 0.0, 2.0), q=yawed(pi / 2))  # it looks along the world's y
+    assert pixel == pytest.approx((320.0, 180.0))
+    assert depth == pytest.approx(5.0)
+
+
+def test_what_is_behind_has_no_pixel_and_is_not_in_the_picture():
+    pixels, depth = CAMERA.project(np.array([(-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]), (0.0, 0.0, 0.0), LEVEL)
+    assert np.isnan(pixels).all()
+    assert (depth <= 0.0).all()
+    assert not CAMERA.in_picture(pixels).any()
+
+
+def test_the_picture_ends_at_its_edges():
+    pixels = np.array([(0.0, 0.0), (639.9, 359.9), (640.0, 10.0), (-0.1, 10.0), (10.0, 360.0)])
+    assert CAMERA.in_picture(pixels).tolist() == [True, True, False, False, False]
+
+
+def test_gate_corners_are_those_of_the_openings():
+    gates = load_course("split_s_swift").gates
+    p, q = (-20.0, -3.0, 3.0), yawed(0.3)
+    pixels, depth = CAMERA.gate_corners(gates, p, q)
+    assert pixels.shape == (len(gates), 4, 2)
+    one, far = CAMERA.project(gates[2].corners(), p, q)
+    np.testing.assert_array_equal(pixels[2], one)
+    np.testing.assert_array_equal(depth[2], far)
+
+
+@pytest.mark.parametrize("name", camera_names())
+def test_every_camera_of_the_project_loads_and_says_where_it_is_from(name):
+    assert load_camera(name).source
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("width: 640\nheight: 360\nfx: 320\n", "1:1: fy: missing, expected a number [px]"),
+        ("width: 0\nheight: 360\nfx: 320\nfy: 1\n", "1:8: width: expected a whole number [px] >= 8 and <= 8192, got 0"),
+        ("width: 64\nheight: 36\nfx: -1\nfy: 1\n", "3:5: fx: expected a number [px] > 0 and <= 100000, got -1"),
+        ("width: 64\nheight: 36\nfx: 1\nfy: 1\ntilt: 3\n", "5:1: tilt: unknown key, did you mean 'tilt_deg'?"),
+    ],
+)
+def test_a_mistake_in_a_camera_file_is_one_line(text, problem):
+    with pytest.raises(FileError) as error:
+        parse_camera(text, "mine.yaml")
+    assert str(error.value) == f"mine.yaml:{problem}"
+
+
+def test_an_unknown_camera_is_one_line_with_those_that_are_known():
+    with pytest.raises(FileError, match=r"^no camera 'agp': did you mean 'aigp'\?, or a FILE.yaml$"):
+        load_camera("agp")

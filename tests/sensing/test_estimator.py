@@ -1,0 +1,162 @@
+"""The estimator: consistent, indifferent to the order of arrival, deaf to outliers, and finite without a sensor."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from quadsim.course import Start
+from quadsim.race.estimate_record import ESTIMATE_UNITS, estimate_row
+from quadsim.sensing import load_sensing, sensing_names
+from quadsim.sensing.attitude import between, matrix
+from quadsim.sensing.camera_model import GateCameraConfig
+from quadsim.sensing.config import PoseConfig
+from quadsim.sensing.estimation.error_state import MOVING, Belief
+from quadsim.sensing.estimation.estimator import Estimator
+from quadsim.sensing.estimation.nominal import Nominal
+from quadsim.sensing.estimation.updates import LEAST, CornerUpdate
+from quadsim.sensing.measurements import RotorThrust
+from quadsim.sensing.sensors import Sensors
+from quadsim.vehicle import load_vehicle
+from tests.sensing.truth_cases import GATES, circle, states
+
+GATES_ONLY, VIO, SWIFT = load_sensing("gates"), load_sensing("vio"), load_vehicle("swift")
+START = circle(0.0)
+NAMES = list(ESTIMATE_UNITS)
+
+
+def begun(sensing, gates=GATES, displaced=0.0):
+    """An estimator at the start of the circle, which flies already."""
+    x = START.x
+    estimator = Estimator(sensing, gates, Start(x[0:3], 0.0), 0.0, displaced)
+    belief = estimator.belief
+    nominal = Nominal(0.0, x[0:3], x[3:6], x[6:10])
+    estimator.belief = estimator._before = replace(belief, nominal=nominal)
+    return estimator
+
+
+def flown(sensing, seed, seconds=4.0, true_gates=GATES, displaced=0.0, late=()):
+    """Rows of ESTIMATE_UNITS every 10 ms, and the estimator."""
+    sensors = Sensors(sensing, np.random.SeedSequence(seed), SWIFT, true_gates)
+    estimator, rows = begun(sensing, displaced=displaced), []
+    for k, state in enumerate(states(seconds)):
+        sensors.observe(state)
+        if k % 4 == 0 and k:
+            estimator.innovations.clear()
+            for said in sensors.arrived(state.t):
+                if not isinstance(said, RotorThrust):
+                    estimator.take(said)
+            rows.append(
+                estimate_row(
+                    state, estimator.at(state.t), estimator.covariance(state.t), estimator.innovations, (0, 0), 0.0
+                )
+            )
+    return np.array(rows), estimator
+
+
+def column(rows, name):
+    return rows[:, NAMES.index(name)]
+
+
+SENSED = [s for s in map(load_sensing, sensing_names()) if not s.exact]  # a new file is tested by itself
+
+
+@pytest.mark.parametrize("sensing", SENSED, ids=lambda s: s.name)
+def test_an_estimate_is_as_good_as_it_says(sensing):
+    """NEES over seeds within bounds of chi-square with 9 degrees of freedom; NIS near its own.
+
+    A sensor better than the filter takes any for leaves the covariance too large: then only the upper bounds hold.
+    """
+    exact = sensing.pose is not None and sensing.pose.position_noise < LEAST["position"]
+    late = [flown(sensing, seed, seconds=2.5)[0][100:] for seed in range(5)]
+    nees = np.mean([column(rows, "nees").mean() for rows in late])
+    assert (0.0 if exact else 4.0) < nees < 11.0
+    nis = sum(column(rows, "nis").sum() for rows in late) / sum(column(rows, "nis_dof").sum() for rows in late)
+    assert (0.0 if exact else 0.85) < nis < 1.15
+
+
+def test_too_little_noise_is_seen_in_the_consistency():
+    """The negative control: a sensor five times noisier than the estimator is told."""
+    worse = replace(GATES_ONLY, camera=replace(GATES_ONLY.camera, noise=10.0))
+    sensors = Sensors(worse, np.random.SeedSequence(1), SWIFT, GATES)
+    estimator = begun(GATES_ONLY)
+    for state in states(2.0):
+        sensors.observe(state)
+        for said in sensors.arrived(state.t):
+            estimator.take(said)
+    taken = estimator.innovations
+    refused, used = (sum(getattr(i, name) for i in taken) for name in ("refused", "used"))
+    assert refused > 0.3 * used
+
+
+def test_corners_say_what_the_jacobian_says():
+    camera = GateCameraConfig(640, 360, 320.0, 300.0, 20.0, position=(0.1, 0.0, 0.02))
+    update = CornerUpdate(camera, GATES, free=True)
+    x, which, corner = START.x, np.array([0, 0, 1]), np.array([0, 3, 1])
+    belief = Belief(Nominal(0.0, x[0:3], x[3:6], x[6:10]), np.zeros(0), np.zeros((2, 3)), np.eye(MOVING + 6))
+
+    def pixels(b):
+        points = update._map[which, corner] + b.gates[which]
+        return camera.seen((points - b.nominal.p) @ matrix(b.nominal.q))[0].ravel()
+
+    R = matrix(x[6:10])
+    body = (update._map[which, corner] - x[0:3]) @ R
+    H = update._jacobian(belief, R, body, *camera.local(body).T, which)
+    steps = 1e-6 * np.eye(MOVING + 6)
+    columns = [(pixels(belief.corrected(d, belief.P)) - pixels(belief.corrected(-d, belief.P))) / 2e-6 for d in steps]
+    np.testing.assert_allclose(H, np.column_stack(columns), atol=1e-4)
+
+
+def test_a_late_measurement_counts_at_its_own_time():
+    """Poses that arrive in another order than they were taken give the same estimate."""
+    sensing = replace(load_sensing("mocap"), rotors=None)
+    sensing = replace(sensing, pose=replace(sensing.pose, latency=0.06))
+    sensors = Sensors(sensing, np.random.SeedSequence(3), SWIFT, GATES)
+    for state in states(1.0):
+        sensors.observe(state)
+    measurements = sensors.arrived(2.0)
+    inertial = [m for m in measurements if hasattr(m, "gyro")]
+    poses = [m for m in measurements if hasattr(m, "attitude")][-8:]
+    ends = []
+    for order in (range(8), (1, 0, 3, 2, 6, 5, 4, 7)):
+        estimator = begun(sensing)
+        for one in [*inertial, *(poses[k] for k in order)]:
+            estimator.take(one)
+        ends.append(estimator)
+    np.testing.assert_allclose(ends[0].at(1.0).p, ends[1].at(1.0).p, atol=1e-9)
+    np.testing.assert_allclose(ends[0].covariance(1.0), ends[1].covariance(1.0), atol=1e-12)
+
+
+def test_spikes_and_false_corners_do_not_move_the_estimate():
+    spiky = PoseConfig(rate=100, position_noise=0.01, attitude_noise_deg=0.5, spikes=0.1, spike=2.0)
+    rows, _ = flown(replace(VIO, pose=spiky, camera=None), 2)
+    errors = np.linalg.norm(rows[:, 0:3] - [circle(0.01 * (k + 1)).x[0:3] for k in range(len(rows))], axis=1)
+    assert errors.max() < 0.1
+    assert column(rows, "refused").sum() > 0
+    many = replace(GATES_ONLY, camera=replace(GATES_ONLY.camera, outliers=0.2, swaps=0.1))
+    rows, _ = flown(many, 2)
+    errors = np.linalg.norm(rows[:, 0:3] - [circle(0.01 * (k + 1)).x[0:3] for k in range(len(rows))], axis=1)
+    assert errors.max() < 0.3
+
+
+def test_gates_off_the_map_are_found():
+    moves = ((0.12, -0.1), (-0.09, 0.14))
+    true = tuple(
+        replace(g, position=(g.position[0] + dx, g.position[1] + dy, g.position[2]))
+        for g, (dx, dy) in zip(GATES, moves, strict=True)
+    )
+    known = replace(VIO, pose=replace(VIO.pose, drift=0.0))
+    _, estimator = flown(known, 4, true_gates=true, displaced=0.15)
+    np.testing.assert_allclose(estimator.belief.gates[:, :2], moves, atol=0.03)
+    _, fixed = flown(known, 4, true_gates=true)
+    assert len(fixed.belief.gates) == 0
+
+
+def test_a_dead_sensor_leaves_a_finite_estimate():
+    """Without poses the position runs away, as far as the covariance says, and never to nan."""
+    dead = replace(VIO, camera=None, pose=replace(VIO.pose, dies_at=1.0))
+    rows, estimator = flown(dead, 5)
+    assert np.isfinite(rows).all()
+    assert column(rows, "cov_xx")[-1] > 10 * column(rows, "cov_xx")[80]
+    assert np.linalg.norm(np.array(estimator.at(4.0).p) - circle(4.0).x[0:3]) < 5.0
+    assert abs(np.degrees(between(estimator.at(4.0).q, circle(4.0).x[6:10]))).max() < 5.0

@@ -1,0 +1,152 @@
+"""What the planner is told: the state when its control acts, the gates passed by then, and nothing of the truth."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from quadsim.app.report import report
+from quadsim.course import load_course
+from quadsim.files.strict_yaml import FileError
+from quadsim.physics.domain_randomization import displaced
+from quadsim.physics.plant import RigidPlant
+from quadsim.race.build import build, flight_frames, navigation_of
+from quadsim.race.settings import SettingError
+from quadsim.race.spec import Spec
+from quadsim.record.estimate_metrics import sensing_numbers
+from quadsim.record.run import Run
+from quadsim.record.run_format import read_npz, write_npz
+from quadsim.sensing import load_sensing, parse_sensing, sensing_names
+from quadsim.sensing.estimation.prediction import Commands, GateCounter, predict
+from quadsim.systems.quadrotor import ModelParams
+from quadsim.vehicle import load_vehicle
+
+SWIFT = load_vehicle("swift")
+REST = (0.0, 0.0, 0.0, 9.81)
+SMALL = {"samples": 64, "horizon": 10, "laps": 1, "randomize": 1.0}
+
+
+def test_commands_act_one_after_the_other_and_late():
+    commands = Commands(REST, 0.04)
+    for k in range(5):
+        commands.give(0.01 * k, (float(k), 0.0, 0.0, 10.0))
+    assert commands.acting(0.039) == REST
+    assert commands.acting(0.04)[0] == 0.0
+    pieces = list(commands.pieces(0.035, 0.075))
+    assert [u[0] for _, u in pieces] == [0.0, 0.0, 1.0, 2.0, 3.0]
+    assert [d for d, _ in pieces] == pytest.approx([0.005, 0.01, 0.01, 0.01, 0.005])
+    assert list(commands.pieces(0.05, 0.05)) == []
+
+
+def test_the_predicted_state_is_where_the_vehicle_then_is():
+    """The plant, with 40 ms of latency, 40 ms later; the state of now is ten times as far off."""
+    vehicle, commands = replace(SWIFT, latency=0.04), Commands(REST, 0.04)
+    plant = RigidPlant(load_course("split_s_swift"), vehicle)
+    ahead, off, late = {}, [], []
+    for k in range(40):
+        u = (3.0 * np.sin(0.3 * k), 2.0 * np.cos(0.2 * k), 0.5, 25.0)
+        x, t = plant.state.x, plant.state.t
+        ahead[k + 4] = predict(x, commands, t, t + 0.04, ModelParams.of(vehicle), 0.01), x
+        commands.give(t, u)
+        if k in ahead:
+            predicted, before = ahead[k]
+            off.append(np.linalg.norm(np.subtract(predicted, x)[:6]))
+            late.append(np.linalg.norm(np.subtract(before, x)[:6]))
+        for _ in range(4):
+            plant.step(u)
+    assert len(off) == 36
+    assert np.mean(off) < 0.1 * np.mean(late)
+
+
+def test_gates_are_counted_by_the_path_that_is_known():
+    course = load_course("split_s_swift")
+    gate = course.gates[0]
+    along = np.array(gate.axes[0])
+    before, behind = (tuple((np.array(gate.position) + s * along).tolist()) for s in (-0.5, 0.5))
+    counter = GateCounter(laps=1)
+    assert [counter.at(course, p) for p in (before, behind, before, behind)] == [0, 1, 1, 1]
+    beside = tuple((np.array(before) + 2.0 * np.array(gate.axes[1])).tolist())
+    missed = GateCounter(laps=1)
+    assert [missed.at(course, p) for p in (beside, tuple(np.add(beside, along)))] == [0, 0]
+
+
+def test_gates_are_moved_by_the_seed_within_the_size():
+    course = load_course("split_s_swift")
+    one, same, other = (displaced(course, np.random.SeedSequence(s), 0.15) for s in (1, 1, 2))
+    assert one == same != other
+    moves = np.subtract([g.position for g in one.gates], [g.position for g in course.gates])
+    assert 0.05 < abs(moves[:, :2]).max() <= 0.15
+    assert not moves[:, 2].any()
+
+
+def test_the_true_state_needs_no_navigation():
+    """A flight without sensors and latency is flown, and recorded, as it was before there were any."""
+    spec = Spec.of("split_s_swift", **SMALL)
+    plant, controller, _ = build(spec)
+    assert navigation_of(spec, plant, controller) is None
+    assert not {"sensing", "displace_gates"} & spec.record().keys()
+    late = Spec.of("split_s_swift", vehicle="swift_40ms", **SMALL)
+    assert navigation_of(late, plant, controller) is not None
+
+
+@pytest.mark.parametrize("name", sensing_names())
+def test_the_same_seed_gives_the_same_bits(name):
+    """Every sensor on, gates off the map, commands late; and what is kept can be read again."""
+    settings = SMALL | {"vehicle": "swift_40ms", "sensing": name, "displace_gates": 0.15, "timeout": 0.25}
+    one, same, other = (
+        Run.from_frames(spec.record(), flight_frames(spec))
+        for spec in (Spec.of("split_s_swift", seed=seed, **settings) for seed in (3, 3, 4))
+    )
+    assert one.digest() == same.digest() != other.digest()
+    assert one.spec["displace_gates"] == 0.15
+    telemetry, _ = read_npz(write_npz(one), one.spec, "run")
+    assert telemetry.keys() == one.telemetry.keys()
+    assert ("est_px" in telemetry) == (name != "perfect")
+    assert all(np.isfinite(column).all() for column in telemetry.values())
+    numbers, text = sensing_numbers(one), " ".join(str(part) for part in report(one, None, 80))
+    assert "gates up to 0.15 m off the map" in text
+    if name == "perfect":
+        assert numbers is None
+        return
+    assert 0.0 < numbers["position_rms"] <= numbers["position_max"] < 0.5
+    assert numbers["nees"] == pytest.approx(one.telemetry["nees"].mean())
+    assert 0.8 < (numbers["found"] or 0.95) <= 1.0
+
+
+def test_the_estimator_loads_neither_plant_nor_sensors():
+    text = (
+        "import sys, quadsim.sensing.estimation.estimator, quadsim.sensing.estimation.vehicle_model,"
+        "quadsim.sensing.estimation.prediction; print([m for m in sys.modules if 'quadsim.physics' in m or m in"
+        " ('quadsim.sensing.imu', 'quadsim.sensing.pose', 'quadsim.sensing.gate_camera', 'quadsim.sensing.sensors')])"
+    )
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=120)
+    assert done.stdout.strip() == "[]", done.stderr
+
+
+BAD = {
+    "imu: {rate: 0}": "s.yaml:1:13: imu.rate: expected a number [Hz] >= 1 and <= 2000, got 0",
+    "imu: {rate: 250}": "s.yaml:1:6: imu: expected a pose or a camera beside it, as positions by an imu alone run away",
+    "pose: {rate: 100}": "s.yaml:1:1: imu: missing, expected an inertial measurement unit: {rate: 250}, or exact: true",
+    "exact: true\npose: {rate: 9}": "s.yaml:2:7: pose: expected no sensor beside exact: true, got pose: remove one",
+    "imu: {rate: 250}\npose: {rate: 9, spikes: .1}": "s.yaml:2:7: pose.spike: expected how far off spikes are",
+    "imu: {rate: 250}\nlidar: {rate: 9}": "s.yaml:2:1: lidar: ",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_a_bad_sensing_file_is_one_line(text):
+    with pytest.raises(FileError) as error:
+        parse_sensing(text, "s.yaml")
+    assert str(error.value).startswith(BAD[text])
+    assert "\n" not in str(error.value)
+
+
+def test_only_quadrotors_sense_and_names_are_proposed():
+    with pytest.raises(SettingError, match="sensing: of quadrotors only, got the system offroad"):
+        Spec.of("zigzag", sensing="mocap")
+    with pytest.raises(FileError, match="no sensing 'mocp': did you mean 'mocap'"):
+        Spec.of("split_s_swift", sensing="mocp")
+    assert load_sensing("perfect").exact
+    assert all(load_sensing(name).source for name in sensing_names() if name != "perfect")

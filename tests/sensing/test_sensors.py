@@ -1,0 +1,168 @@
+"""Every sensor's law: what it says of a known flight, how far off, how often and when."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from quadsim.course import Gate
+from quadsim.physics.plant_state import PlantState
+from quadsim.sensing.attitude import between, exp, log, matrix, product, rotate, rotate_back, skew
+from quadsim.sensing.camera_model import GateCameraConfig
+from quadsim.sensing.config import ImuConfig, PoseConfig, RotorConfig
+from quadsim.sensing.gate_camera import GateCamera
+from quadsim.sensing.imu import Imu
+from quadsim.sensing.pose import PoseSensor
+from quadsim.sensing.rotor_speeds import RotorSpeeds
+from quadsim.sensing.timing import Ticks
+from quadsim.vehicle import GRAVITY, load_vehicle
+from tests.sensing.truth_cases import GATES, circle, states
+
+SEED = np.random.SeedSequence(7)
+LONG = states(8.0)
+
+
+def said(sensor, flight=LONG):
+    return [m for m in map(sensor.sample, flight) if m is not None]
+
+
+def test_attitudes_turn_as_matrices_do():
+    q, turn, v = exp((0.3, -0.8, 1.1)), (0.2, 0.1, -0.4), (1.0, -2.0, 0.5)
+    np.testing.assert_allclose(rotate(q, v), matrix(q) @ v, atol=1e-12)
+    np.testing.assert_allclose(rotate_back(q, rotate(q, v)), v, atol=1e-12)
+    np.testing.assert_allclose(between(q, product(q, exp(turn))), turn, atol=1e-12)
+    np.testing.assert_allclose(log(tuple(-c for c in exp(turn))), turn, atol=1e-12)  # -q is the same attitude
+    np.testing.assert_allclose(skew(turn) @ v, np.cross(turn, v))
+
+
+def test_an_instant_is_sampled_once_at_the_step_at_or_after_it():
+    ticks = Ticks(250.0)
+    assert [k * 0.0025 for k in range(9) if ticks.due(k * 0.0025)] == pytest.approx(
+        [0.0, 0.005, 0.01, 0.0125, 0.0175, 0.02]
+    )
+
+
+def test_a_unit_without_noise_gives_back_the_flight():
+    """Its samples, integrated, lead from the first state to the last: by the estimator's own nominal state."""
+    from quadsim.sensing.estimation.nominal import Nominal
+
+    first, last = LONG[0], LONG[-1]
+    nominal = Nominal(first.t, first.x[0:3], first.x[3:6], first.x[6:10])
+    for sample in said(Imu(ImuConfig(rate=250), SEED)):
+        nominal = nominal.moved(sample, sample.t)
+    np.testing.assert_allclose(nominal.p, last.x[0:3], atol=2e-3)
+    np.testing.assert_allclose(nominal.v, last.x[3:6], atol=1e-3)
+    np.testing.assert_allclose(between(nominal.q, last.x[6:10]), 0.0, atol=1e-6)
+
+
+def test_a_units_noise_bias_and_saturation():
+    config = ImuConfig(rate=400, gyro_noise=0.02, accelerometer_noise=0.3, gyro_bias=0.1, accelerometer_bias=0.5)
+    rest = [
+        PlantState(k / 400, circle(0.0).x[:3] + (0.0,) * 3 + (1.0, 0.0, 0.0, 0.0) + (0.0,) * 7, ()) for k in range(4001)
+    ]
+    unit = Imu(config, SEED)
+    samples = np.array([(*m.gyro, *m.specific_force) for m in said(unit, rest)])
+    assert len(samples) == 4000
+    np.testing.assert_allclose(samples.std(axis=0), [0.02] * 3 + [0.3] * 3, rtol=0.06)
+    np.testing.assert_allclose(samples.mean(axis=0), unit.bias + np.array([0, 0, 0, 0, 0, GRAVITY]), atol=0.02)
+    assert abs(unit.bias).max() > 0.05  # the bias is there
+    most = said(Imu(replace(config, accelerometer_max=5.0), SEED), rest)
+    assert max(m.specific_force[2] for m in most) == 5.0
+
+
+def test_a_biased_unit_walks():
+    ends = []
+    for seed in range(40):
+        unit = Imu(ImuConfig(rate=50, gyro_walk=0.1), np.random.SeedSequence(seed))
+        said(unit, LONG[::8])
+        ends.append(unit.bias[:3])
+    assert np.std(ends) == pytest.approx(0.1 * np.sqrt(8.0), rel=0.2)
+
+
+def test_a_poses_noise_drift_spikes_and_dropouts():
+    noisy = said(
+        PoseSensor(PoseConfig(rate=400, position_noise=0.02, attitude_noise_deg=1.0, velocity_noise=0.1), SEED)
+    )
+    truth = {s.t: s.x for s in LONG}
+    off = np.array([np.subtract((*m.position, *m.velocity), truth[m.t][:6]) for m in noisy])
+    turns = np.array([between(truth[m.t][6:10], m.attitude) for m in noisy])
+    np.testing.assert_allclose(off.std(axis=0), [0.02] * 3 + [0.1] * 3, rtol=0.06)
+    np.testing.assert_allclose(np.degrees(turns.std(axis=0)), 1.0, rtol=0.06)
+    ends = []
+    for seed in range(60):
+        sensor = PoseSensor(PoseConfig(rate=20, drift=0.1), np.random.SeedSequence(seed))
+        said(sensor, LONG[::20])
+        ends.append(sensor.drift)
+    assert np.std(ends) == pytest.approx(0.1 * np.sqrt(8.0), rel=0.2)
+    spikes = said(PoseSensor(PoseConfig(rate=400, spikes=0.05, spike=3.0), SEED))
+    far = [np.linalg.norm(np.subtract(m.position, truth[m.t][:3])) > 1.0 for m in spikes]
+    assert np.mean(far) == pytest.approx(0.05, abs=0.012)
+    times = [m.t for m in said(PoseSensor(PoseConfig(rate=400, dropouts=0.002, dropout=0.2), SEED))]
+    assert 0.2 <= np.diff(times).max() < 0.8
+    dead = said(PoseSensor(PoseConfig(rate=400, dies_at=3.0), SEED))
+    assert max(m.t for m in dead) < 3.0
+
+
+def test_a_dropout_changes_no_later_noise():
+    """The stream of a sensor gives every sample the same numbers, whether it is silent or not."""
+    noisy = PoseConfig(rate=100, position_noise=0.02)
+    whole = {m.t: m for m in said(PoseSensor(noisy, SEED))}
+    gaps = said(PoseSensor(replace(noisy, dropouts=0.01, dropout=0.1), SEED))
+    assert 0 < len(gaps) < len(whole)
+    assert all(m == whole[m.t] for m in gaps)
+
+
+def test_rotor_speeds_say_the_thrust():
+    swift, true = load_vehicle("swift"), LONG[0].x[13]
+    exact = said(RotorSpeeds(RotorConfig(rate=100), SEED, swift))
+    assert [m.thrust for m in exact] == pytest.approx([true] * len(exact))
+    off = [m.thrust - true for m in said(RotorSpeeds(RotorConfig(rate=400, noise=10.0), SEED, swift))]
+    speed = swift.rotors.speed(0.25 * swift.mass * true)
+    assert np.std(off) == pytest.approx(2 * 10.0 * 2 * swift.rotors.thrust_map[0] * speed / swift.mass, rel=0.06)
+
+
+CAMERA = GateCameraConfig(640, 360, 320.0, 320.0, 20.0, noise=0.0)
+AXIS = CAMERA.axes[:, 2]
+
+
+def test_a_point_on_the_optical_axis_is_in_the_middle():
+    far = 3.0 * np.array([AXIS, np.add(AXIS, (0.0, 0.2, 0.0))])
+    pixels, seen = CAMERA.seen(far)
+    np.testing.assert_allclose(pixels, [(320, 180), (320 - 320 * 0.2, 180)])  # what is to the left is left
+    assert seen.all()
+    assert not CAMERA.seen(-far)[1].any()
+
+
+def test_a_camera_without_noise_finds_every_corner_where_it_is():
+    camera = GateCamera(CAMERA, SEED, GATES)
+    for picture in said(camera, LONG[:400]):
+        x = circle(picture.t).x
+        assert len(picture.pixels) == picture.in_view > 0
+        for gate, corner, pixel in zip(picture.gates, picture.corners, picture.pixels, strict=True):
+            body = (GATES[gate].corners()[corner] - x[0:3]) @ matrix(x[6:10])
+            np.testing.assert_allclose(pixel, CAMERA.seen(body[None])[0][0], atol=1e-9)
+
+
+def test_a_frame_hides_the_corners_behind_it():
+    level = (0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0, *(0.0,) * 10)
+    here = PlantState(0.0, level[:17], ())
+    behind = Gate((6.0, 0.0, 2.0), 0.0, 0.0, 0.0, (1.5, 1.5), 0.275)
+    wall = Gate((3.0, 0.0, 2.0), 0.0, 0.0, 0.0, (0.2, 0.2), 0.5)  # its bars fill what lies between
+    alone = GateCamera(replace(CAMERA, tilt_deg=0.0), SEED, [behind]).sample(here)
+    hidden = GateCamera(replace(CAMERA, tilt_deg=0.0), SEED, [behind, wall]).sample(here)
+    assert alone.in_view == 4
+    assert sorted(hidden.gates) == [1, 1, 1, 1]
+
+
+def test_misses_outliers_and_false_associations_come_as_often_as_said():
+    config = replace(CAMERA, rate=400.0, misses=0.1, outliers=0.05, swaps=0.03)
+    pictures = said(GateCamera(config, SEED, GATES))
+    seen, found = sum(p.in_view for p in pictures), sum(len(p.pixels) for p in pictures)
+    wrong = 0
+    for picture in pictures:
+        x = circle(picture.t).x
+        corners = np.array([GATES[g].corners()[c] for g, c in zip(picture.gates, picture.corners, strict=True)])
+        pixels, _ = config.seen((corners - x[0:3]) @ matrix(x[6:10]))
+        wrong += int((abs(pixels - picture.pixels).max(axis=1) > 1e-6).sum())
+    assert found / seen == pytest.approx(0.9, abs=0.01)
+    assert wrong / found == pytest.approx(0.05 + 0.03 * 7 / 8, abs=0.01)  # one swap in eight is with itself

@@ -1,0 +1,43 @@
+"""A flight without plant or planner: a circle, known exactly, that looks at its middle."""
+
+import numpy as np
+
+from quadsim.course import Gate
+from quadsim.physics.plant_state import PlantState
+from quadsim.vehicle import GRAVITY
+
+RADIUS, HEIGHT, RATE = 5.0, 2.0, 0.8  # [m, m, rad/s]
+GATES = tuple(Gate((0.0, y, 1.5 + 0.3 * y), yaw, 0.0, 0.0, (1.5, 1.5), 0.275) for y, yaw in ((-1.2, 0.3), (1.4, -0.4)))
+DT = 1 / 400
+
+
+def quaternion(R):
+    """Of a rotation matrix: the eigenvector of largest eigenvalue (Bar-Itzhack, 2000)."""
+    x, y, z = R - R.T
+    K = np.array(
+        [
+            [np.trace(R), z[1], x[2], y[0]],
+            [z[1], R[0, 0] - R[1, 1] - R[2, 2], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]],
+            [x[2], R[0, 1] + R[1, 0], R[1, 1] - R[0, 0] - R[2, 2], R[1, 2] + R[2, 1]],
+            [y[0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], R[2, 2] - R[0, 0] - R[1, 1]],
+        ]
+    )
+    return np.linalg.eigh(K)[1][:, -1].tolist()
+
+
+def circle(t):
+    """The state at t [s]: thrust along body z, the nose towards the middle."""
+    c, s = np.cos(RATE * t), np.sin(RATE * t)
+    p, v = RADIUS * np.array([c, s, 0.0]), RADIUS * RATE * np.array([-s, c, 0.0])
+    up = -(RATE**2) * p + np.array([0.0, 0.0, GRAVITY])
+    z = up / np.linalg.norm(up)
+    x = np.array([-c, -s, 0.0]) - (np.array([-c, -s, 0.0]) @ z) * z
+    x /= np.linalg.norm(x)
+    R = np.column_stack([x, np.cross(z, x), z])
+    p[2] += HEIGHT
+    state = (*p.tolist(), *v.tolist(), *quaternion(R), 0.0, 0.0, 0.0, float(np.linalg.norm(up)), 0.0, 0.0, 0.0)
+    return PlantState(t, tuple(map(float, state)), ())
+
+
+def states(seconds, start=0.0):
+    return [circle(start + k * DT) for k in range(round(seconds / DT) + 1)]
