@@ -80,7 +80,7 @@ WRONG = {  # setting -> value, what the message must say
     "sampels": (3, "sampels: no such setting, did you mean 'samples'?"),
     "sampler": ("colred", "sampler: no sampler 'colred': did you mean 'colored'?"),
     "system": ("quadroter", "system: expected 'double_integrator' or 'offroad' or 'quadrotor', got 'quadroter'"),
-    "plant": ("bulet", "plant: expected 'bullet' or 'rigid', got 'bulet'"),
+    "plant": ("bulet", "plant: expected 'bullet' or 'rigid' or 'rotorpy', got 'bulet'"),
     "cost": (3, "cost: expected an object with 'terms', or a function that makes one, got 3"),
     "controller": (3, "controller: expected an object with 'control', or a function that makes one, got 3"),
     "referee": (3, "referee: expected an object with 'observe', or a function that makes one, got 3"),

@@ -121,7 +121,7 @@ def _sensed(spec: Spec, plant: Plant, adapt: bool) -> SensedState:
     assert sensing.imu
     true_gates = tuple(dict.fromkeys(spec.flown_course.gates))
     lag = getattr(plant, "velocity_lag", 0.0)
-    sensors = Sensors(sensing, spec.streams[3], spec.vehicle, true_gates, lag)
+    sensors = Sensors(sensing, spec.streams[3], spec.vehicle, true_gates, lag, spec.flown_course.obstacles)
     sensors.warm_up(plant.state, plant.dt)
     estimator = Estimator(sensing, gates, spec.course.start, -WARM_UP, spec.displace_gates)
     vehicle, rotors = VehicleModel(spec.model, dt, sensing.imu), spec.vehicle.rotors

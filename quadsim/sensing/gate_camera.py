@@ -1,9 +1,9 @@
 """The gate camera: which corners of gates' openings stand in each picture, found with noise, misses and mistakes.
 
-A corner is found if it is in front of the camera, in the picture and in range, with no other frame before it.
-It is found `noise` pixels off, Gaussian; a share is missed, a share is found anywhere, a share is taken for another
-corner. Corners found by a network and used as landmarks are the way of Swift (Kaufmann et al., Nature 2023) and of
-Foehn et al., "AlphaPilot: Autonomous drone racing", Autonomous Robots 46, 2022.
+A corner is found if it is in front of the camera, in the picture and in range, with no other frame and no obstacle
+before it. It is found `noise` pixels off, Gaussian; a share is missed, a share is found anywhere, a share is taken for
+another corner. Corners found by a network and used as landmarks are the way of Swift (Kaufmann et al., Nature 2023)
+and of Foehn et al., "AlphaPilot: Autonomous drone racing", Autonomous Robots 46, 2022.
 """
 
 from __future__ import annotations
@@ -14,25 +14,30 @@ from math import inf
 import numpy as np
 
 from quadsim.course import Gate
-from quadsim.course.swept import SweptGate
+from quadsim.course.obstacles import Obstacle
 from quadsim.physics.plant_state import PlantState
 from quadsim.sensing.attitude import matrix
 from quadsim.sensing.camera_model import GateCameraConfig
 from quadsim.sensing.measurements import Corners
 from quadsim.sensing.timing import Ticks
-
-AT_CORNER = 0.999  # fraction of the line of sight before which a frame hides a corner
+from quadsim.sensing.visibility import hidden
 
 
 class GateCamera:
     """Looks at a flight's true gates."""
 
-    def __init__(self, config: GateCameraConfig, seeds: np.random.SeedSequence, gates: Sequence[Gate]):
+    def __init__(
+        self,
+        config: GateCameraConfig,
+        seeds: np.random.SeedSequence,
+        gates: Sequence[Gate],
+        obstacles: Sequence[Obstacle] = (),
+    ):
         """gates: each once, in the order of their indices."""
         self.latency = config.latency
         self._config, self._rng = config, np.random.default_rng(seeds)
         self._ticks = Ticks(config.rate)
-        self._frames = [SweptGate(gate, k, 0.0) for k, gate in enumerate(gates)]
+        self._gates, self._obstacles = tuple(gates), tuple(obstacles)
         self._corners = np.array([gate.corners() for gate in gates])  # (gates, 4, 3)
         self._dies = inf if config.dies_at is None else config.dies_at
 
@@ -44,18 +49,10 @@ class GateCamera:
         points = self._corners.reshape(-1, 3) - p
         pixels, seen = c.seen(points @ matrix(state.x[6:10]))
         seen &= (points**2).sum(axis=1) <= c.range**2
-        view = [k for k in np.flatnonzero(seen).tolist() if not self._hidden(p, k)]
-        return self._found(state.t, pixels, np.array(view, int))
-
-    def _hidden(self, p: np.ndarray, k: int) -> bool:
-        """Whether another gate's frame stands before the corner of this index."""
-        here, there = tuple(p.tolist()), tuple(self._corners[k // 4, k % 4].tolist())
-        for frame in self._frames:
-            if frame.index != k // 4:
-                s = frame.touch(frame.gate.to_local(here), frame.gate.to_local(there))
-                if s is not None and s < AT_CORNER:
-                    return True
-        return False
+        for k in np.flatnonzero(seen.reshape(-1, 4).any(axis=1)).tolist():
+            others = self._gates[:k] + self._gates[k + 1 :]
+            seen[4 * k : 4 * k + 4] &= ~hidden(self._corners[k], p, others, self._obstacles)
+        return self._found(state.t, pixels, np.flatnonzero(seen))
 
     def _found(self, t: float, pixels: np.ndarray, view: np.ndarray) -> Corners:
         """Noise, misses, outliers and false associations; a fixed number of draws a picture."""
@@ -64,7 +61,7 @@ class GateCamera:
         other = rng.integers(0, n, n)
         found = view[luck[view, 0] >= c.misses]
         at = pixels[found] + c.noise * noise[found]
-        astray = luck[found, 1] < c.outliers
-        at[astray] = anywhere[found][astray] * (c.width, c.height)
+        outlier = luck[found, 1] < c.outliers
+        at[outlier] = anywhere[found][outlier] * (c.width, c.height)
         called = np.where(luck[found, 2] < c.swaps, other[found], found)
         return Corners(t, called // 4, called % 4, at, len(view))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from quadsim.course import Gate
+from quadsim.course.obstacles import Obstacle
 from quadsim.physics.plant_state import PlantState
 from quadsim.sensing.gate_camera import GateCamera
 from quadsim.sensing.imu import Imu
@@ -32,6 +33,7 @@ class Sensors:
         vehicle: Vehicle,
         gates: Sequence[Gate],
         velocity_lag: float = 0.0,
+        obstacles: Sequence[Obstacle] = (),
     ):
         """vehicle, gates: the true ones, as the plant has them; each gate once. velocity_lag: see Plant [s]."""
         streams = seeds.spawn(4)
@@ -43,7 +45,7 @@ class Sensors:
         if sensing.pose:
             self._sensors.append(PoseSensor(sensing.pose, streams[2]))
         if sensing.camera:
-            self._sensors.append(GateCamera(sensing.camera, streams[3], gates))
+            self._sensors.append(GateCamera(sensing.camera, streams[3], gates, obstacles))
         self._velocity_lag = velocity_lag
         self._before: PlantState | None = None
         self.truth: PlantState | None = None  # the last state that was sampled, position and velocity of one instant

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -14,6 +15,11 @@ from quadsim.course.swept_obstacles import SweptObstacle
 BEFORE = 1.0 - 1e-6  # share of a line of sight: a frame that begins in the point itself does not hide it
 
 
+@lru_cache(1024)  # the same few gates in every picture
+def _frame(gate: Gate) -> SweptGate:
+    return SweptGate(gate, 0, 0.0)
+
+
 def hidden(
     points: np.ndarray, eye: np.ndarray, gates: Iterable[Gate], obstacles: Iterable[Obstacle] = ()
 ) -> np.ndarray:
@@ -23,7 +29,7 @@ def hidden(
     """
     x, y, z = eye.tolist()
     found = np.zeros(len(points), bool)
-    for frame in (SweptGate(gate, 0, 0.0) for gate in gates):
+    for frame in map(_frame, gates):
         here = frame.gate.to_local((x, y, z))
         touches = (frame.touch(here, frame.gate.to_local((a, b, c))) for a, b, c in points.tolist())
         found |= [s is not None and s < BEFORE for s in touches]

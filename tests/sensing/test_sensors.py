@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from quadsim.course import Gate
+from quadsim.course.obstacles import Cylinder
 from quadsim.physics.plant_state import PlantState
 from quadsim.sensing.attitude import between, exp, log, matrix, product, rotate, rotate_back, skew
 from quadsim.sensing.camera_model import GateCameraConfig
@@ -152,6 +153,9 @@ def test_a_frame_hides_the_corners_behind_it():
     hidden = GateCamera(replace(CAMERA, tilt_deg=0.0), SEED, [behind, wall]).sample(here)
     assert alone.in_view == 4
     assert sorted(hidden.gates) == [1, 1, 1, 1]
+    post = Cylinder((3.0, 0.6, 0.0), 0.3, 4.0)  # before the left half of the opening
+    left = GateCamera(replace(CAMERA, tilt_deg=0.0), SEED, [behind], [post]).sample(here)
+    assert left.in_view == 2
 
 
 def test_misses_outliers_and_false_associations_come_as_often_as_said():
