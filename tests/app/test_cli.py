@@ -4,17 +4,11 @@ import json
 import os
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
-from typing import get_type_hints
 
 import pytest
-from cyclopts import Parameter
 
-from controllers.samplers import SAMPLERS
-from quadsim.app.cli import COMMANDS, race
-from quadsim.app.flags import flag, flight_settings
-from quadsim.race.systems import SYSTEMS
+from quadsim.app.cli import race
 
 TINY = ("--samples", "128", "--horizon", "20", "--iterations", "1", "--laps", "1", "--timeout", "0.2")
 COURSE = """opening: [1.5, 1.5]
@@ -168,60 +162,12 @@ def test_plot_writes_a_png_and_an_svg(cwd, capsys):
     assert svg.rstrip().endswith(b"</svg>")
 
 
-@pytest.mark.parametrize("argv", ["courses", "vehicles", "courses --json", "vehicles --json", "--version", "--help"])
-def test_listings_answer_on_stdout(argv, capsys):
-    code, out, err = outcome(argv, capsys)
-    assert (code, err) == (0, "")
-    assert all(len(line) <= 80 and line == line.rstrip() for line in out.splitlines() if "--json" not in argv)
-    if "--json" in argv:
-        assert {entry["name"] for entry in json.loads(out)} >= {"split_s_swift"} or "swift" in out
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_help_of_every_command_fits_a_terminal_and_says_what_each_flag_does(name, capsys):
-    code, out, err = outcome(f"{name} --help", capsys)
-    assert (code, err) == (0, "")
-    assert max(map(len, out.splitlines())) <= 80
-    assert "[default: False]" not in out
-    assert "[default: None]" not in out
-    module, _, function = COMMANDS[name][0].partition(":")
-    hints = get_type_hints(getattr(import_module(module), function), include_extras=True)
-    flags = {k: getattr(hint, "__metadata__", ()) for k, hint in hints.items() if k not in ("settings", "return")}
-    assert [k for k, notes in flags.items() if not any(isinstance(n, Parameter) and n.help for n in notes)] == []
-
-
-FLIGHTS = [("quadrotor", sampler) for sampler in SAMPLERS]
-FLIGHTS += [(system, "colored") for system in SYSTEMS if system != "quadrotor"]
-
-
-@pytest.mark.parametrize(("system", "sampler"), FLIGHTS)
-def test_every_setting_of_a_flight_has_a_text(system, sampler, capsys):
-    settings = flight_settings(["--system", system, "--sampler", sampler])
-    assert [name for name, s in settings.items() if not s.help] == []
-    code, out, _ = outcome(f"fly --system {system} --sampler {sampler} --help", capsys)
-    assert code == 0
-    assert [name for name in settings if flag(name) not in out] == []
-
-
 def test_flags_take_values_after_a_space_or_an_equals_sign(cwd, capsys):
     flown = []
     for words in ("--model.drag 0.2 --no-adapt --sigma 1 1 .5 4e0", "--model.drag=0.2 --adapt=false --sigma=1 1 .5 4"):
         assert race(["fly", "mine.yaml", *TINY, *words.split(), "--json"]) == 1
         flown.append(json.loads(capsys.readouterr().out)["digest"])
     assert flown[0] == flown[1]
-
-
-QUICK = [["--help"], ["courses"], ["check", "split_s_swift"], ["fly", "--help"], ["compare", "--help"], ["plot", "-h"]]
-
-
-@pytest.mark.parametrize("argv", QUICK, ids=" ".join)
-def test_quick_commands_load_nothing_slow(argv):
-    code = f"from quadsim.app.cli import race; race({argv}); import sys; print(*sys.modules)"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    slow = {"numba", "pybullet", "matplotlib", "scipy.stats", "scipy.signal", "viser"}
-    slow |= set() if argv[0] == "compare" else {"scipy"}  # its special functions alone take 60 ms
-    assert not slow & set(loaded)
-    assert "quadsim.app.cli" in loaded
 
 
 def test_a_reader_who_leaves_early_sees_no_traceback():

@@ -12,8 +12,6 @@ from controllers import mppi as algorithm
 from controllers.config import MPPIConfig
 from controllers.costs.quadratic import quadratic_cost
 from controllers.mppi import MPPI
-from controllers.rollout import layout
-from controllers.sampled_trajectories import controls
 from controllers.samplers import SAMPLERS, Gaussian
 from controllers.update import SAVITZKY_GOLAY, savitzky_golay
 from quadsim.systems.double_integrator import double_integrator
@@ -183,39 +181,6 @@ def test_state_that_is_no_state_is_refused_by_name(x, found):
         make().control(np.array(x))
 
 
-@pytest.mark.parametrize("sampler", SAMPLERS)
-def test_samples_in_chunks_are_the_samples_at_once(sampler, monkeypatch):
-    """The same costs, the same plan but for rounding, and the last samples perturb the rest control in both."""
-    whole = make(sampler=sampler, samples=1100)
-    stats = whole.iterate(START, 0)
-    monkeypatch.setattr(layout, "CHUNK", 512)
-    chunked = make(sampler=sampler, samples=1100)
-    assert chunked.sampler.sample(1).shape[0] < whole.sampler.sample(1).shape[0]
-    assert chunked.iterate(START, 0) == stats
-    np.testing.assert_array_equal(chunked.last.J, whole.last.J)
-    np.testing.assert_allclose(chunked.plan, whole.plan, atol=1e-6)
-
-
-def test_a_chunk_whose_rollouts_all_overflow_weighs_nothing(monkeypatch):
-    monkeypatch.setattr(layout, "CHUNK", 256)
-    mppi = make(samples=512)
-    rollout, chunk = mppi.rollout, []
-
-    def second_overflows(x, U, z, target, J):
-        rollout(x, U, z, target, J)
-        chunk.append(J)
-        J[:] = np.inf if len(chunk) == 2 else J
-
-    mppi.rollout = second_overflows
-    before = mppi.plan.copy()
-    mppi.iterate(START, 0)
-    half = make(samples=256)
-    half.config = replace(half.config, rest_fraction=0.0)
-    half.iterate(START, 0)
-    assert abs(mppi.plan - before).max() > 0.01
-    np.testing.assert_allclose(mppi.plan, half.plan, atol=1e-6)
-
-
 def test_tightened_limits_keep_a_share_of_the_way_from_rest_for_corrections():
     free, tight = make(sigma=WILD), make(sigma=WILD, tighten=0.25)
     np.testing.assert_allclose(tight.low - REST, 0.75 * (free.low - REST))
@@ -232,18 +197,6 @@ def test_example_of_the_docstring_drives_the_point_to_its_goal():
     (example,) = doctest.DocTestFinder().find(MPPI, "MPPI", algorithm, {}, names)[:1]
     assert doctest.DocTestRunner().run(example, clear_globs=False).failed == 0
     assert np.hypot(*example.globs["x"][:2]) < 0.2 < np.hypot(2.0, -1.0)
-
-
-def test_samplers_of_ones_own_are_drawn_again_chunk_by_chunk(monkeypatch):
-    """What is shown are the samples that were flown, in every chunk."""
-    monkeypatch.setattr(layout, "CHUNK", 256)
-    mppi = make(sampler=White((0.8, 0.5)), samples=700)
-    mppi.iterate(START, 0)
-    some = np.array([0, 1, 255, 256, 600, 699])
-    v = controls(mppi, mppi.last, some)
-    np.testing.assert_allclose(mppi.last.J[some], [naive_cost(u.T) for u in v], rtol=1e-4)
-    assert len({u.tobytes() for u in v}) == len(some)
-    assert mppi.is_cached, "it has no loop that would have to be compiled"
 
 
 def test_numbers_that_do_not_go_together_are_refused():
