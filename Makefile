@@ -17,8 +17,9 @@ web: $(VENV)/.app
 bench: $(VENV)/.app
 	$(BIN)/race bench
 
+# Two files of tests at once; more at once would disturb each other's planners, which use every core.
 test: $(VENV)/.dev
-	$(BIN)/pytest
+	$(BIN)/pytest -n 2 --dist loadfile
 
 # 1200 damaged inputs, disks and environments, some minutes; other ones: make fuzz SEED=1
 SEED ?= 0

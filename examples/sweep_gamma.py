@@ -7,7 +7,7 @@ from quadsim.record.metrics import chatter
 
 gammas, laps, variation = (0.0, 0.5, 1.0, 2.0, 4.0), [], []
 for gamma in gammas:
-    run = quadsim.fly("figure8", laps=1, gamma=(gamma,) * 4, samples=1024)
+    run = quadsim.fly("figure8", laps=1, gamma=(gamma,) * 4, samples=512)
     laps.append(run.laps[0] if run.laps else float("nan"))
     variation.append(chatter(run)["commanded"]["thrust_tv"])
     print(f"gamma {gamma:g}: lap {laps[-1]:.3f} s, thrust variation {variation[-1]:.0f} m/s^2/s")

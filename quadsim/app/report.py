@@ -20,6 +20,7 @@ from quadsim.record.run import INTERACTIVE, Run, flown_with, not_comparable, own
 from quadsim.record.turning_back import turned_back
 
 COLOUR = {"finished": "green", "crashed": "red"}  # of an outcome; any other is yellow
+SILENT = 1.0  # [s] without a pose or a corner after which the report says so
 
 
 def present(run: Run, folder: Path | None, as_json: bool) -> None:
@@ -92,6 +93,8 @@ def _sensing(run: Run) -> str:
     ]
     if n["in_view"] is not None:
         lines.append(f"corners: {n['in_view']:.1f} in a picture that shows any, {100 * n['found']:.0f} % of them found")
+    if n["unaided"] >= SILENT:
+        lines.append(f"[bold]no pose and no corner was used in the last {n['unaided']:.1f} s[/]")
     ms = n["estimate_ms"]
     return "\n".join([*lines, f"estimate: {ms['p50']:.2f} ms p50, {ms['p95']:.2f} ms p95"])
 

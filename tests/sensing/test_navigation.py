@@ -115,6 +115,20 @@ def test_the_same_seed_gives_the_same_bits(name):
     assert 0.8 < (numbers["found"] or 0.95) <= 1.0
 
 
+def test_a_pose_sensor_that_dies_in_flight_ends_in_words(tmp_path):
+    """The flight goes on by the inertial unit alone until the referee ends it; every number stays finite."""
+    mocap = "imu: {rate: 250}\npose: {rate: 100, dies_at: 0.3}\n"
+    (tmp_path / "dying.yaml").write_text(mocap)
+    spec = Spec.of("split_s_swift", sensing=str(tmp_path / "dying.yaml"), timeout=1.5, **SMALL)
+    run = Run.from_frames(spec.record(), flight_frames(spec))
+    assert run.outcome in {"crashed", "timeout"}
+    assert all(np.isfinite(column).all() for column in run.telemetry.values())
+    silent = sensing_numbers(run)["unaided"]
+    assert silent == pytest.approx(run.telemetry["t"][-1] - 0.3, abs=0.05)
+    text = " ".join(str(part) for part in report(run, None, 80))
+    assert (f"no pose and no corner was used in the last {silent:.1f} s" in text) == (silent >= 1.0)
+
+
 def test_the_estimator_loads_neither_plant_nor_sensors():
     text = (
         "import sys, quadsim.sensing.estimation.estimator, quadsim.sensing.estimation.vehicle_model,"
