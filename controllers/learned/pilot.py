@@ -111,8 +111,13 @@ def load_pilot(path: str | Path) -> Pilot:
         if path.stat().st_size > LARGEST:
             raise FileError(f"{path}: expected a pilot of at most {LARGEST:,} bytes, got {path.stat().st_size:,}")
         data = path.read_bytes()
+    except FileNotFoundError:
+        names = ", ".join(pilot_names())
+        raise FileError(f"no pilot {str(path)!r}: expected FILE.npz, or one that comes with quadsim: {names}") from None
     except OSError as error:
         raise FileError(f"{path}: expected a pilot's file: {error.strerror}") from None
+    if not zipfile.is_zipfile(BytesIO(data)):  # or numpy speaks of pickle
+        raise FileError(f"{path}: expected a pilot as `race train` writes it, got a file that is no .npz")
     try:
         with np.load(BytesIO(data), allow_pickle=False) as arrays:
             said = json.loads(str(arrays["about"][()]))

@@ -58,8 +58,8 @@ def broken(path):
         np.savez(path, **(kept | changes))
         return path.read_bytes()
 
-    yield whole[:200], "cannot be read"
-    yield b"", "cannot be read"
+    yield whole[:200], "that is no .npz"
+    yield b"", "that is no .npz"
     yield but(about=np.array(json.dumps(text | {"format": "x"}))), "expected format"
     yield but(about=np.array(json.dumps(text | {"observes": ["height"]}))), "observes the 38 numbers"
     yield but(layer_0=np.full_like(kept["layer_0"], np.nan)), "expected finite weights in layer 1"
@@ -94,7 +94,7 @@ def test_a_pilot_for_something_else_is_one_line_and_exit_code_2(tmp_path, capsys
 
 def test_no_file_is_one_line(tmp_path, capsys):
     assert race(["fly", "--pilot", str(tmp_path / "none.npz"), "--runs-dir", str(tmp_path)]) == 2
-    assert "none.npz: expected a pilot's file: No such file" in capsys.readouterr().err
+    assert "none.npz': expected FILE.npz, or one that comes with quadsim: " in capsys.readouterr().err
 
 
 def test_a_variant_of_a_comparison_can_be_a_pilot(hovering):
