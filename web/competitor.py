@@ -25,6 +25,7 @@ from web.flight_factory import numbers_of
 
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories
+    from quadsim.sensing.measurements import Corners
 
 POSITION, VELOCITY, QUATERNION = ("px", "py", "pz"), ("vx", "vy", "vz"), ("qw", "qx", "qy", "qz")
 CRASHES = ("hit", "ground", "bounds")  # kinds of events
@@ -71,6 +72,7 @@ class Competitor:
     start_numbers: Mapping[str, float] = field(default_factory=dict)  # of web.flight_factory.RANGES
     again: bool = False  # another competitor before it has the same sampler
     limit: Limit | None = None  # the best known of its race
+    corners: Corners | None = None  # of gates, found in its camera's last picture, while it flies
 
     @cached_property
     def progress(self) -> np.ndarray:
@@ -80,6 +82,11 @@ class Competitor:
     @property
     def sampler(self) -> str:
         return self.spec["sampler"]
+
+    @property
+    def sensed(self) -> bool:
+        """Whether it has an estimate beside the truth."""
+        return bool(self.spec.get("sensing")) and "est_px" in self.x
 
     @property
     def style(self) -> Style:

@@ -19,10 +19,13 @@ from quadsim.race.own_parts import plain
 from quadsim.race.settings import Setting, settings_of
 from quadsim.race.spec import Spec
 from quadsim.race.systems import SYSTEMS
+from quadsim.sensing import PERFECT
 
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories
+    from quadsim.sensing.measurements import Corners
 
+PILOT = "pilot "  # before the name of a learned pilot, where a sampler may stand
 RANGES = {  # of the numbers that may change in flight: name -> lowest, highest, step
     "sigma": (0.1, 4.0, 0.05),  # factor on the preset's standard deviations
     "gamma_rates": (0.0, 6.0, 0.05),  # color exponent of the body rates
@@ -69,20 +72,29 @@ class Choices:
     course: str = "split_s_swift"
     vehicle: str = "swift"
     preset: str = "race"
-    sampler: str = "colored"
+    sampler: str = "colored"  # or PILOT with the name of a learned pilot
+    sensing: str = PERFECT
     seed: int = 0
     laps: int = 0  # 0: the course's
     numbers: Mapping[str, float] = field(default_factory=dict)  # of RANGES, where they are not the preset's
     settings: Mapping[str, Any] = field(default_factory=dict)  # any others, as of quadsim.fly
 
 
+def planner_choice(sampler: str) -> dict[str, str]:
+    """The settings of quadsim.fly that a choice of sampler or learned pilot stands for."""
+    pilot = {"pilot": sampler.removeprefix(PILOT)} if sampler.startswith(PILOT) else {}
+    return {"sampler": "colored" if pilot else sampler} | pilot
+
+
 class FlightFactory:
     def numbers(self, preset: str, sampler: str) -> dict[str, float]:
         """The preset's own of RANGES."""
-        return numbers_of(plain(presets.preset(preset, sampler)))
+        return numbers_of(plain(presets.preset(preset, planner_choice(sampler)["sampler"])))
 
     def settings(self, preset: str, vehicle: str, sampler: str) -> dict[str, Setting]:
-        """Every other number of the planner and its model of the vehicle, by name."""
+        """Every other number of the planner and its model of the vehicle, by name; a pilot has none."""
+        if sampler.startswith(PILOT):
+            return {}
         entry = SYSTEMS["quadrotor"]
         model = entry.model_of(entry.load_vehicle(vehicle))
         found = settings_of(entry, presets.preset(preset, sampler), model)
@@ -97,18 +109,19 @@ class Flight:
     """One live flight, to be used by one thread."""
 
     def __init__(self, c: Choices):
-        settings = {"sampler": c.sampler, "preset": c.preset, "vehicle": c.vehicle, "seed": c.seed, **c.settings}
+        chosen = {name: getattr(c, name) for name in ("preset", "vehicle", "seed", "sensing")}
+        settings = planner_choice(c.sampler) | chosen | dict(c.settings)
         spec = Spec.of(c.course, **settings, laps=c.laps or None)
         self._preset = spec.planner  # whose standard deviations the page's factor multiplies
         self._spec = spec
-        for name, value in c.numbers.items():
+        for name, value in ({} if spec.pilot else c.numbers).items():
             self._spec = self._with(name, value)
         self.spec, self.course, self.period = self._spec.record(), spec.course, self._preset.mppi.dt
         self._plant, planner, referee = build(self._spec)
-        self._mppi: Any = planner  # MPPI, whose module loads the compiler
+        self._mppi: Any = planner  # MPPI, whose module loads the compiler, or a learned pilot
         self.rest = self._mppi.rest
-        self.is_cached = self._mppi.is_cached  # False: the first plan has to compile, which takes some 20 s
-        navigation = navigation_of(self._spec, self._plant, planner)  # of the planner that starts: it keeps its map
+        self.is_cached = spec.pilot or self._mppi.is_cached  # False: the first plan has to compile, some 20 s
+        self._navigation = navigation = navigation_of(self._spec, self._plant, planner)  # it keeps its map
         self.frames: Iterator[Frame] = simulate(
             self._plant, self, referee, self.period, snapshot=self._snapshot, navigation=navigation
         )
@@ -124,8 +137,10 @@ class Flight:
     def tune(self, name: str, value: float | None) -> list[dict]:
         """Use this number of RANGES from the next plan on, None: the preset's. Another planner takes over the plan.
 
-        Returns what changed, [{name, from, to}]: nothing where its sampler has no such number.
+        Returns what changed, [{name, from, to}]: nothing where its sampler has no such number, or a pilot flies.
         """
+        if self._spec.pilot:
+            return []
         old, before = self.numbers, self._spec.planner.mppi.temperature
         self._spec = self._with(name, numbers_of(plain(self._preset))[name] if value is None else value)
         changes = [{"name": k, "from": old[k], "to": v} for k, v in self.numbers.items() if v != old[k]]
@@ -147,7 +162,11 @@ class Flight:
     def sampled_trajectories(self) -> SampledTrajectories | None:
         from controllers.sampled_trajectories import sampled_trajectories  # here: it loads the compiler
 
-        return sampled_trajectories(self._mppi)
+        return None if self._spec.pilot else sampled_trajectories(self._mppi)
+
+    def corners(self) -> Corners | None:
+        """Those of gates that were found in the last picture, where the vehicle has a gate camera."""
+        return getattr(getattr(self._navigation, "knowledge", None), "corners", None)
 
     def close(self) -> None:
         self._plant.close()
@@ -155,4 +174,4 @@ class Flight:
     def _snapshot(self) -> PlannerSnapshot | None:
         from controllers.sampled_trajectories import take_snapshot
 
-        return take_snapshot(self._mppi)
+        return None if self._spec.pilot else take_snapshot(self._mppi)

@@ -44,9 +44,8 @@ class LiveCompetitor:
         self._recorder.add(frame)
         events = tuple(self._recorder.events)
         laps = laps_so_far(events, self.now.legs.gates)
-        self.now = replace(
-            self.now, x=self._recorder.views(self._columns), events=events, laps=laps, outcome=frame.outcome
-        )
+        x, corners = self._recorder.views(self._columns), self.flight.corners()
+        self.now = replace(self.now, x=x, events=events, laps=laps, outcome=frame.outcome, corners=corners)
         return frame
 
     def update_trajectories(self) -> None:
@@ -62,7 +61,7 @@ class LiveCompetitor:
     def end(self) -> None:
         """Free the plant and store the run, unless it was interrupted before its first gate."""
         outcome = self.now.outcome or "interrupted"
-        self.now = replace(self.now, outcome=outcome, sampled_trajectories=None)
+        self.now = replace(self.now, outcome=outcome, sampled_trajectories=None, corners=None)
         self.flight.close()
         with self._folder as folder:
             if outcome != "interrupted" or any(e.kind == "pass" for e in self.now.events):

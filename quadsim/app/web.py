@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from msgspec import Meta
 
+from controllers.learned.pilot import pilot_names
 from controllers.presets import PRESETS
 from controllers.samplers import SAMPLERS
 from quadsim.app.console import complain, emit, emit_json
@@ -16,6 +17,7 @@ from quadsim.app.flags import Help, Json, RunsDir, Stored, UsageError
 from quadsim.app.fly import EXIT, uninterrupted
 from quadsim.course import course_names, load_course
 from quadsim.record.archive import find_run
+from quadsim.sensing import sensing_names
 from quadsim.vehicle import vehicle_names
 
 WAKE = 0.5  # [s] after which a signal that another thread received ends the wait
@@ -64,7 +66,7 @@ def web(
 
 def _open_page(course: str, host: str, port: int, runs_dir: str) -> tuple[Any, Any, Any, str | None]:
     """The server, its page, the session behind it, and the token where one is asked for. Raises UsageError."""
-    from web.flight_factory import Choices, FlightFactory  # here, so that --help loads neither numba nor viser
+    from web.flight_factory import PILOT, Choices, FlightFactory  # here, so that --help loads neither numba nor viser
     from web.page.dashboard import Dashboard
     from web.page.guard import new_token, serve
     from web.page.race_panel import Menu
@@ -77,6 +79,7 @@ def _open_page(course: str, host: str, port: int, runs_dir: str) -> tuple[Any, A
         raise UsageError(f"--{error}") from None
     courses = tuple(dict.fromkeys((*course_names(), course)))
     presets = {name: planners["colored"].vehicle for name, planners in PRESETS.items()}
-    menu = Menu(courses, vehicle_names(), presets, tuple(SAMPLERS))
+    samplers = (*SAMPLERS, *(PILOT + name for name in pilot_names()))
+    menu = Menu(courses, vehicle_names(), presets, samplers, sensing_names())
     session = Session(FlightFactory(), runs_dir)
     return server, Dashboard(server, session, FlightFactory(), menu, Choices(course=course)), session, token

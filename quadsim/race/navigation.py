@@ -83,6 +83,7 @@ class SensedState:
         self._adapt, self._dt, self._rotor_std = adapt, dt, rotor_std
         self._seen = (0, 0)
         self._inertial: list[Inertial] = []
+        self.corners: Corners | None = None  # of the last picture, for display
         self.spent = 0.0  # [ms] of the last call of `now`
         self.model = vehicle.model
 
@@ -99,7 +100,7 @@ class SensedState:
             if isinstance(said, Inertial):
                 self._inertial.append(said)
             elif isinstance(said, Corners):
-                self._seen = (said.in_view, len(said.pixels))
+                self.corners, self._seen = said, (said.in_view, len(said.pixels))
             self.estimator.take(said)
         nominal = self.estimator.at(t)
         recent = [s for s in self._inertial if s.t > t - elapsed * self._dt + 1e-9]

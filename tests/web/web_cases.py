@@ -49,6 +49,9 @@ class Glider:
     def sampled_trajectories(self):
         return None
 
+    def corners(self):
+        return None
+
     def close(self) -> None:
         self.closed = True
 

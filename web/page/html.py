@@ -17,10 +17,13 @@ STYLE = f"""<style>
 .mantine-Notifications-root {{ top: auto !important; bottom: 1em !important }}
 label, .mantine-Slider-markLabel, .mantine-Notification-description, .u-legend .u-value {{ color: #b4bcc8 !important }}
 .u-legend .u-series:last-child, .u-cursor-pt:last-child {{ display: none }}
+.hud-copy {{ display: none }}
 {PHONE} {{
-  .hud {{ position: fixed; top: 0; left: 0; right: 0; z-index: 20; background: #1f2125 }}
+  .hud {{ display: none }}
+  .hud-copy {{ display: block; position: fixed; top: 0; left: 0; right: 0; z-index: 20; background: #1f2125;
+    color: #c9c9c9; font-family: sans-serif }}
+  .hud-copy .numbers {{ font-size: 15px !important; gap: 0 8px !important }}
   .mantine-Notifications-root {{ bottom: 51% !important }}
-  .hud .numbers {{ font-size: 15px !important; gap: 0 8px !important }}
   .mantine-Paper-root:has(.hud), .mantine-Paper-root:has(.hud) [style*="width: 20em"] {{ width: 100% !important }}
   .mantine-Paper-root:has(.hud) {{ max-height: 50% !important }}
   [aria-label$="panel HUD"] {{ display: none !important }}
@@ -29,7 +32,7 @@ label, .mantine-Slider-markLabel, .mantine-Notification-description, .u-legend .
 
 
 def head_up(*parts: str) -> str:
-    """The head-up display, on a phone at the top of the page."""
+    """The head-up display; on a phone page.js shows a copy of it at the top of the page."""
     return f'<div class="hud">{box(*parts)}</div>'
 
 

@@ -67,8 +67,18 @@
     });
   }
 
+  // On a phone viser's sheet, which holds the head-up display, can be folded away: then this copy is still there.
+  const head = document.createElement("div");
+  head.className = "hud-copy";
+
+  function copyHead() {
+    const hud = document.querySelector(".hud");
+    const shown = hud && getComputedStyle(head).display !== "none";
+    if (shown && head.innerHTML !== hud.innerHTML) head.replaceChildren(...hud.cloneNode(true).childNodes);
+  }
+
   addEventListener("DOMContentLoaded", () => {
-    document.body.append(status);
+    document.body.append(status, head);
     // The space bar presses what has the focus; only elsewhere is it the key for pause.
     document.body.addEventListener("keydown", (event) => {
       const pressed = event.target.closest("button, [role=button], [role=tab], [role=option]");
@@ -79,11 +89,14 @@
       if (event.detail > 0) document.activeElement.closest("button, [role=button]")?.blur();
     });
     let due = 0;
-    new MutationObserver(() => {
+    function changed() {
       due ||= setTimeout(() => {
         due = 0;
         nameControls();
+        copyHead();
       }, 200);
-    }).observe(document.body, { childList: true, subtree: true });
+    }
+    new MutationObserver(changed).observe(document.body, { childList: true, subtree: true });
+    addEventListener("resize", changed);
   });
 })();

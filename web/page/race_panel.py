@@ -12,6 +12,7 @@ import viser
 
 from quadsim.course import Course, load_course
 from quadsim.files.strict_yaml import FileError
+from quadsim.sensing import PERFECT
 from web.flight_factory import Choices
 from web.page.messages import Visitors
 from web.race import Race, Snapshot
@@ -30,7 +31,8 @@ class Menu:
     courses: tuple[str, ...]
     vehicles: tuple[str, ...]
     presets: Mapping[str, str]  # name -> the vehicle it is meant for
-    samplers: tuple[str, ...]
+    samplers: tuple[str, ...]  # and learned pilots, see web.flight_factory.PILOT
+    sensings: tuple[str, ...] = (PERFECT,)
 
 
 class RacePanel:
@@ -48,6 +50,8 @@ class RacePanel:
             self.vehicle = gui.add_dropdown("Vehicle", menu.vehicles, initial_value=first.vehicle)
             self.sampler = gui.add_dropdown("Sampler", menu.samplers, initial_value=first.sampler)
             self.second = gui.add_dropdown("Second sampler", menu.samplers, initial_value="gaussian")
+            hint = "what the vehicle knows its state by; perfect: the true state"
+            self.sensing = gui.add_dropdown("Sensing", menu.sensings, initial_value=first.sensing, hint=hint)
             self.seed = gui.add_number("Seed", first.seed, min=0, max=10**9, step=1)
             options = (self._own_laps(), *map(str, sorted({*LAPS, first.laps} - {0})))
             self.laps = gui.add_dropdown("Laps", options, initial_value=str(first.laps) if first.laps else options[0])
@@ -105,7 +109,7 @@ class RacePanel:
     def _show_controls(self) -> None:
         """Only those that the mode needs."""
         mode = self.mode.value
-        for control in (self.course, self.preset, self.vehicle, self.sampler, self.seed, self.laps):
+        for control in (self.course, self.preset, self.vehicle, self.sampler, self.sensing, self.seed, self.laps):
             control.visible = mode != REPLAY
         self.second.visible = mode == GHOSTS
         self.run.visible = mode in (AGAINST, REPLAY)
@@ -135,6 +139,7 @@ class RacePanel:
             vehicle=self.vehicle.value,
             preset=self.preset.value,
             sampler=sampler,
+            sensing=self.sensing.value,
             seed=int(self.seed.value),
             laps=int(self.laps.value) if self.laps.value.isdigit() else 0,
             numbers=self.numbers(),

@@ -15,6 +15,7 @@ from quadsim.palette import NEXT, Style
 from web.competitor import CRASHES, Competitor
 from web.lap_timing import LapTiming, crashed_gates
 from web.page.drones import SPAN, Drone, SampledTrajectoriesView, add_lights, array_colour, single_colour
+from web.page.estimate import EstimateView
 from web.page.html import RED
 
 PLAIN, NEXT_GATE, HIT_GATE = (array_colour(rgb) for rgb in ((206, 210, 216), Style(NEXT, ()).rgb, Style(RED, ()).rgb))
@@ -37,6 +38,9 @@ class RaceScene:
         add_lights(scene)
         self._course, self._impacts = CourseView(scene, course), Impacts(scene, width)
         self._drones = [Drone(scene, str(k), entry, k > 0, scale, width) for k, entry in enumerate(entries)]
+        self._estimates = {
+            k: EstimateView(scene, str(k), entry, scale) for k, entry in enumerate(entries) if entry.sensed
+        }
         self._trajectories = SampledTrajectoriesView(scene, samples, width)
         self._drawn: tuple = (None, None)  # sampled trajectories of a flight, time of the stored ones [s]
 
@@ -44,6 +48,8 @@ class RaceScene:
         """by_speed: colour trails by speed, else by sampler; trajectories: of the first competitor, if it has some."""
         for drone, s in zip(self._drones, timings, strict=True):
             drone.show(s.entry, s.i, by_speed)
+        for k, estimate in self._estimates.items():
+            estimate.show(timings[k].entry, timings[k].i)
         self._impacts.show(timings)
         first = timings[0]
         self._course.colour(first.next_gate, crashed_gates(timings))

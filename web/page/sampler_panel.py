@@ -14,7 +14,7 @@ from msgspec import inspect
 
 from quadsim.race.settings import Setting, bare
 from web.competitor import Competitor
-from web.flight_factory import RANGES, FlightFactory
+from web.flight_factory import PILOT, RANGES, FlightFactory
 from web.page.html import box, small, text
 from web.page.race_panel import REPLAY, RacePanel
 from web.race import Race, Snapshot
@@ -66,6 +66,8 @@ class SamplerPanel:
                 slider.value = value
 
     def _whose_numbers(self, shown: Competitor | None, flying: int) -> str:
+        if shown.spec.get("pilot") if shown else self._race.sampler.value.startswith(PILOT):
+            return "a learned pilot has none of these numbers"
         if shown is None:
             moved = ", ".join(label_of(name) for name in self._moved)
             return f"of the next flight; every sampler flies: {moved}" if moved else "of the next flight: the preset's"

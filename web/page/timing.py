@@ -75,6 +75,8 @@ def _state(s: Snapshot, first: LapTiming) -> str:
     still = "ended" if first.over and not s.flying else "paused"
     doing = still if not s.playing else "flying" if s.flying else "replay"
     words = [doing, f"t {s.t:.2f} s", f"{s.factor:.2f} x real time" if s.playing else f"of {s.end:.2f} s"]
+    if sensing := first.entry.spec.get("sensing"):
+        words.append(f"sensing {text(sensing['name'])}")
     if remark := not_comparable(first.entry.spec):
         words.append(coloured(remark, RED))
     return f'<div style="color:{DIM};font-size:11px;text-align:center;margin-top:2px">{" · ".join(words)}</div>'
@@ -142,6 +144,9 @@ def _change(c: dict) -> str:
 
 def planner(s: LapTiming) -> str:
     x, mppi = s.entry.x, s.entry.spec["planner"]["mppi"]
+    if pilot := s.entry.spec.get("pilot"):
+        words = f"no plan: the learned pilot {text(pilot['name'])} flies, {x['plan_ms'][s.i]:.2f} ms a command"
+        return box(heading("learned pilot"), _line(words))
     ess, target = float(x["ess"][s.i]), mppi.get("target_ess", mppi.get("ess"))  # older runs say "ess"
     target = f"target {target:g}" if target else "temperature fixed"
     meter = bar(ess / max(mppi["samples"] * 0.1, 1.0), NEXT if ess > 5 else RED, 8)

@@ -3,7 +3,7 @@
 import re
 from contextlib import contextmanager
 
-from web.flight_factory import Choices
+from web.flight_factory import PILOT, Choices
 
 SLOW = 60_000  # [ms] a first frame drawn in software
 
@@ -18,7 +18,8 @@ def dashboard(root, flight_factory, **first):
 
     server = serve("127.0.0.1", 0, None, "race")
     session = Session(flight_factory, str(root))
-    menu = Menu(("split_s_swift", "figure8"), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
+    samplers = ("colored", "gaussian", f"{PILOT}split_s_swift")
+    menu = Menu(("split_s_swift", "figure8"), ("swift",), {"race": "swift"}, samplers, ("perfect", "gates"))
     page = Dashboard(server, session, flight_factory, menu, Choices(**first))
     session.server, session.address = server, f"http://127.0.0.1:{server.get_port()}/?fixedDpr=0.4"
     yield session

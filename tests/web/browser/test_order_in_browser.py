@@ -1,5 +1,7 @@
 """Claims about what the timing tower says, over flights without physics."""
 
+import re
+
 import pytest
 from browser_cases import dashboard, waited
 from web_cases import COURSE, Glider, Gliders, choices
@@ -41,6 +43,7 @@ def test_who_is_farther_on_the_course_leads_also_with_more_laps_to_go(page, sess
     assert "colored" in cells(page, 0)[1]
     assert "gaussian" in cells(page, 1)[1]
     assert float(cells(page, 1)[3]) > 0.0  # behind
+    assert re.search(r"\+\d+\.\d\d s", page.locator(".hud").inner_text())  # the live flight, shown first, is it
     session.tell(Race.end_flights)
 
 

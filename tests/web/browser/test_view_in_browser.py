@@ -9,6 +9,7 @@ from browser_cases import SLOW, dashboard, press, seen, waited
 from matplotlib.image import imread
 from web_cases import Glider, Gliders, choices
 
+from quadsim.limit.solution import limit_of
 from quadsim.palette import STYLES
 from quadsim.race.events import Event
 from quadsim.record.archive import RunFolder
@@ -50,7 +51,7 @@ def race(tmp_path_factory):
     """A page on a replay at its end, of another course than the one that START would fly."""
     root = tmp_path_factory.mktemp("runs")
     for sampler in ("colored", "gaussian"):
-        flight = Glider(choices(sampler))
+        flight = Glider(choices(sampler, laps=3))  # a race whose limit is known
         *frames, last = flight.frames
         if sampler == "gaussian":
             hit = Event(last.t, "hit", 4, 1, (0.0, 0.0), 9.0, (1.0, 2.0, 3.0))
@@ -80,6 +81,17 @@ def page(browser, race):
     page.close()
 
 
+@pytest.fixture(scope="module")
+def phone(browser, race):
+    """Another visitor's."""
+    with browser.new_context(viewport={"width": 390, "height": 844}) as context:
+        page = context.new_page()
+        page.set_default_timeout(SLOW)
+        page.goto(race.address)
+        page.get_by_text("Playback").first.wait_for()
+        yield page
+
+
 def scene(page, name):
     """Whether a node of the scene is drawn; None: there is none."""
     return page.evaluate("name => window.__viserMutable?.nodeRefFromName[name]?.visible ?? null", name)
@@ -101,6 +113,9 @@ def test_how_each_flight_ended_stays_on_the_page(page, race):
         finished, crashed = crashed, finished
     seen(page, f"FINISHED {sum(finished.laps):.3f} s")
     seen(page, "CRASHED at gate 4, lap 1")
+    limit = limit_of(finished.spec)
+    above = 100 * (sum(finished.laps) / limit.time - 1)
+    assert page.get_by_text(f"{above:.1f} % above the best known limit of {limit.time:.3f} s").is_visible()
     seen(page, "DNF")
     assert scene(page, "/impacts") is True
     race.tell(Race.scrub, 0.2)
@@ -136,25 +151,33 @@ def test_the_pointer_over_a_chart_shows_the_values_there(page, race):
     assert waited(page, lambda: thrust.inner_text() == "9.81", 10), thrust.inner_text()
 
 
-def test_each_visitor_has_a_camera_and_fpv_is_the_drones(page, race, browser):
-    other = browser.new_page(viewport={"width": 390, "height": 844})
-    other.set_default_timeout(SLOW)
-    other.goto(race.address)
+def test_each_visitor_has_a_camera_and_fpv_is_the_drones(page, race, phone):
     clients = race.server.get_clients
-    assert waited(other, lambda: len(clients()) == 2)
-    other.get_by_text("Playback").first.wait_for()
+    assert waited(phone, lambda: len(clients()) == 2)
     first, second = (clients()[number].camera for number in sorted(clients()))
     before, p = first.position.copy(), race.snapshot.competitors[0].rows(("px", "py", "pz"), -1)
-    press(other, "FPV")
-    assert waited(other, lambda: np.allclose(second.position, p, atol=0.01), 10)
+    press(phone, "FPV")
+    assert waited(phone, lambda: np.allclose(second.position, p, atol=0.01), 10)
     assert np.allclose(first.position, before)
-    press(other, "top")
-    assert waited(other, lambda: second.position[2] > 10.0, 10)
-    hud = other.locator(".hud").bounding_box()
-    assert (hud["x"], hud["y"], hud["width"]) == (0, 0, 390)  # first on a phone
-    sheet = other.get_by_text("Playback").first.bounding_box()
-    assert sheet["y"] > hud["height"]
-    other.close()
+    press(phone, "top")
+    assert waited(phone, lambda: second.position[2] > 10.0, 10)
+
+
+def head(phone):
+    """Where the head-up display is, and what it says."""
+    box = phone.locator(".hud-copy").bounding_box()
+    return (box["x"], box["y"], box["width"]), phone.locator(".hud-copy").inner_text()
+
+
+def test_on_a_phone_the_head_up_display_stays_above_whether_the_sheet_is_open_or_folded(race, phone):
+    sheet, bar = phone.get_by_text("Playback").first, phone.get_by_text("race", exact=True).first
+    assert sheet.bounding_box()["y"] > phone.locator(".hud-copy").bounding_box()["height"]
+    for folded, t in ((False, 0.2), (True, 0.3), (False, 0.4)):
+        assert waited(phone, lambda hidden=folded: sheet.is_hidden() == hidden, 10)
+        race.tell(Race.scrub, t)
+        assert waited(phone, lambda at=t: f"t {at:.2f} s" in head(phone)[1], 10)
+        assert head(phone)[0] == (0, 0, 390)
+        bar.click()
 
 
 def test_the_browser_has_nothing_to_complain_about(page):

@@ -1,0 +1,60 @@
+"""Claims about how an estimate is drawn: its ellipsoid, and the corners that a gate camera found."""
+
+import numpy as np
+import pytest
+from viser.transforms import SO3
+
+from quadsim.course import load_course
+from web.flight_factory import PILOT, Choices, FlightFactory
+from web.live import LiveCompetitor
+from web.page.estimate import ellipsoid, sensed_corners
+
+
+def test_the_half_axes_are_three_standard_deviations_along_the_covariances_own_axes():
+    turn = SO3.from_rpy_radians(0.3, -0.2, 1.0).as_matrix()
+    covariance = turn @ np.diag([0.01, 0.04, 0.09]) @ turn.T
+    axes, quaternion = ellipsoid(covariance)
+    assert axes == pytest.approx((0.3, 0.6, 0.9))
+    back = SO3(quaternion).as_matrix()
+    assert np.linalg.det(back) == pytest.approx(1.0)
+    assert back @ np.diag(np.square(axes) / 9.0) @ back.T == pytest.approx(covariance)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """A learned pilot that flies half a second on a gate camera without noise, misses or mistakes."""
+    file = tmp_path_factory.mktemp("sensing") / "sharp.yaml"
+    file.write_text("imu: {rate: 250}\ncamera: {rate: 50, width: 640, height: 480, fx: 320, fy: 320, noise: 0}\n")
+    choices = Choices(sampler=f"{PILOT}split_s_swift", sensing=str(file), laps=1)
+    entry = LiveCompetitor(FlightFactory().flight(choices), str(file.parent), "pilot")
+    for _ in range(50):
+        entry.advance()
+    yield entry
+    entry.end()
+
+
+def test_a_corner_without_noise_is_drawn_on_the_gates_corner(flown):
+    seen = flown.now.corners
+    assert len(seen.pixels) >= 2
+    gates = tuple(dict.fromkeys(load_course("split_s_swift").gates))
+    true = np.array([gate.corners() for gate in gates])[seen.gates, seen.corners]
+    crosses = sensed_corners(flown.now).reshape(-1, 2, 2, 3)  # (corners, lines, ends, 3)
+    assert crosses.mean(axis=(1, 2)) == pytest.approx(true, abs=1e-6)
+
+
+def test_a_pilot_has_no_numbers_to_tune_and_no_plan_to_show(flown):
+    assert flown.flight.is_cached
+    assert flown.flight.tune("temperature", 2.0) == []
+    assert flown.flight.sampled_trajectories() is None
+    assert FlightFactory().settings("race", "swift", f"{PILOT}split_s_swift") == {}
+
+
+def test_a_flight_that_has_ended_shows_no_picture_any_more(tmp_path):
+    entry = LiveCompetitor(
+        FlightFactory().flight(Choices(sampler=f"{PILOT}split_s_swift", sensing="gates")), str(tmp_path), "pilot"
+    )
+    for _ in range(20):
+        entry.advance()
+    assert entry.now.sensed
+    entry.end()
+    assert entry.now.corners is None
