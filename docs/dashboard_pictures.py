@@ -38,29 +38,32 @@ COLUMNS = 4  # of the phone's sheet
 COLOURS = 256  # of a picture's palette, which makes it a third as large
 PATIENCE, SETTLED = 600.0, 4000  # [s] for a flight or a page, [ms] until all is drawn
 COLORED, GAUSSIAN = Choices(), Choices(sampler="gaussian")
-CARELESS = {"horizon": 25, "samples": 256, "margin": 0.0, "crash": 100.0, "clearance": 0.0}
+CARELESS = {"samples": 256, "margin": 0.0, "crash": 0.0, "clearance": 0.0}
 STORED = {"colored": COLORED, "gaussian": GAUSSIAN, "crashed": Choices(settings=CARELESS)}
-IN_VIEW = 5.4  # [s] of the race when the next gate is in the drone's view
+IN_VIEW, SENSED = 7.5, 4.1  # [s] of a race when the next gate is in the view of the drone's camera, of its sensor
 
 
 class Studio:
     """A dashboard, a wide page and a phone's on it."""
 
-    def __init__(self, browser: Browser, session: Session, address: str):
-        self.session, self._phone_shots = session, []
+    def __init__(self, browser: Browser, session: Session, dashboard: Dashboard, address: str):
+        self.session, self._dashboard, self._phone_shots = session, dashboard, []
         self.page, self.phone = (open_page(browser, address, size) for size in (WIDE, PHONE))
 
     def show(self, runs: Sequence[Path], t: float) -> None:
         """Of stored runs."""
         races = self.session.snapshot.race
+        self._dashboard.race.show_replay(runs)
         self.session.tell(Race.start, [], runs)
         wait(lambda: self.session.snapshot.race > races)
         self.session.tell(Race.play, False)
         self.session.tell(Race.scrub, t)
 
-    def camera(self, name: str) -> None:
+    def next_camera(self, times: int = 1) -> None:
+        """Of free, chase, top, FPV."""
         for page in (self.page, self.phone):
-            page.get_by_role("button", name=name, exact=True).click()
+            for _ in range(times):
+                page.keyboard.press("c")
 
     def shoot(self, name: str) -> None:
         """Once all has been drawn."""
@@ -131,18 +134,20 @@ def take_pictures(studio: Studio, colored: Path, gaussian: Path, crashed: Path) 
     studio.shoot("live")
     fly(session, COLORED, GAUSSIAN, until=2.5)
     studio.shoot("ghost")
-    fly(session, Choices(sensing="gates"), until=IN_VIEW)
-    studio.camera("FPV")
+    fly(session, Choices(sensing="gates"), until=SENSED)
+    studio.next_camera()  # chase
     studio.shoot("estimate")
     session.tell(Race.end_flights)
+    studio.next_camera(2)
     studio.show([colored], IN_VIEW)
     studio.shoot("fpv")
-    studio.camera("free")
+    studio.next_camera()
     studio.show([crashed], inf)
     studio.shoot("crash")
     studio.show([colored], inf)
     studio.shoot("finish")
     studio.show([colored, gaussian], 8.0)
+    studio.page.wait_for_timeout(SETTLED)  # or the pointer is over a chart of the last race
     studio.page.locator(".u-over").first.hover(position={"x": 200, "y": 40})
     studio.shoot("replay")
     studio.save_phone()
@@ -159,7 +164,7 @@ def main() -> None:
         dashboard = Dashboard(server, session, FlightFactory(), menu, Choices())
         found = shutil.which("chromium") or shutil.which("chromium-browser")
         browser = p.chromium.launch(executable_path=found, args=DRAWN)
-        take_pictures(Studio(browser, session, f"http://127.0.0.1:{server.get_port()}/"), *runs)
+        take_pictures(Studio(browser, session, dashboard, f"http://127.0.0.1:{server.get_port()}/"), *runs)
         browser.close()
         dashboard.close()
         session.close()
