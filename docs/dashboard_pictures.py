@@ -40,7 +40,7 @@ PATIENCE, SETTLED = 600.0, 4000  # [s] for a flight or a page, [ms] until all is
 COLORED, GAUSSIAN = Choices(), Choices(sampler="gaussian")
 CARELESS = {"samples": 256, "margin": 0.0, "crash": 0.0, "clearance": 0.0}
 STORED = {"colored": COLORED, "gaussian": GAUSSIAN, "crashed": Choices(settings=CARELESS)}
-IN_VIEW, SENSED = 7.5, 4.1  # [s] of a race when the next gate is in the view of the drone's camera, of its sensor
+IN_VIEW, SENSED = 7.5, 0.5  # [s] of a race when the next gate is in the view of the drone's camera, of its sensor
 
 
 class Studio:
@@ -134,7 +134,7 @@ def take_pictures(studio: Studio, colored: Path, gaussian: Path, crashed: Path) 
     studio.shoot("live")
     fly(session, COLORED, GAUSSIAN, until=2.5)
     studio.shoot("ghost")
-    fly(session, Choices(sensing="gates"), until=SENSED)
+    fly(session, Choices(sampler=f"{PILOT}split_s_swift", sensing="gates"), until=SENSED)
     studio.next_camera()  # chase
     studio.shoot("estimate")
     session.tell(Race.end_flights)
@@ -159,8 +159,9 @@ def main() -> None:
     menu = Menu(course_names(), vehicle_names(), presets, samplers, sensing_names())
     with tempfile.TemporaryDirectory() as root, sync_playwright() as p:
         kept = Path(sys.argv[1] if sys.argv[1:] else root)
-        runs = [stored(kept / name, choices) for name, choices in STORED.items()]
-        server, session = serve("127.0.0.1", 0, None, "race"), Session(FlightFactory(), root)
+        flown = [stored(kept / name, choices) for name, choices in STORED.items()]
+        runs = [Path(shutil.copytree(run, Path(root) / "runs" / run.name)) for run in flown]
+        server, session = serve("127.0.0.1", 0, None, "race"), Session(FlightFactory(), f"{root}/runs")
         dashboard = Dashboard(server, session, FlightFactory(), menu, Choices())
         found = shutil.which("chromium") or shutil.which("chromium-browser")
         browser = p.chromium.launch(executable_path=found, args=DRAWN)

@@ -23,9 +23,12 @@ SHOWN = 0.25  # [s] for which corners are shown
 
 
 class EstimateView:
-    """Of one competitor that has an estimate. `scale` is that of its drone; the ellipsoid has its true size."""
+    """Of one competitor that has an estimate. `scale` is that of its drone, and of the error and the ellipsoid with it:
+    at their true size they would be hidden in a drone that is drawn larger than it is.
+    """
 
     def __init__(self, scene: viser.SceneApi, name: str, entry: Competitor, scale: float):
+        self._scale = scale
         node, body = f"/estimate/{name}", quadrotor(SPAN * scale)["body"]
         look = {"opacity": 0.35, "flat_shading": True, "side": "double"}
         self._ghost = scene.add_mesh_simple(
@@ -43,9 +46,11 @@ class EstimateView:
         if (i, seen and seen.t) == self._shown:
             return
         self._shown = i, seen and seen.t
-        self._ghost.position = self._ellipsoid.position = entry.rows(EST_POSITION, i)
+        p = entry.rows(POSITION, i)
+        self._ghost.position = self._ellipsoid.position = p + self._scale * (entry.rows(EST_POSITION, i) - p)
         self._ghost.wxyz = entry.rows(EST_QUATERNION, i)
-        self._ellipsoid.scale, self._ellipsoid.wxyz = ellipsoid(entry.rows(COVARIANCE, i).reshape(3, 3))
+        covariance = self._scale**2 * entry.rows(COVARIANCE, i).reshape(3, 3)
+        self._ellipsoid.scale, self._ellipsoid.wxyz = ellipsoid(covariance)
         self._corners.visible = seen is not None
         if seen:
             crosses = sensed_corners(entry)

@@ -40,11 +40,13 @@ def test_the_course_is_shown_before_a_start(page):
 
 
 def test_runs_are_called_by_time_course_sampler_and_result_the_latest_first(page, session):
+    session.tell(Race.set_speed, 4.0)
     for laps in ("1", "2"):
         choose(page, "Laps", laps)
         press(page, "START")
         assert waited(page, lambda: session.snapshot.flying)
         assert waited(page, lambda: not session.snapshot.flying)
+    session.tell(Race.set_speed, 1.0)
     choose(page, "Laps", f"course ({load_course(COURSE).laps})")
     choose(page, "Mode", "replay")
     field(page, "Run").first.click()

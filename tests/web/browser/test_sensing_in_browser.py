@@ -6,6 +6,7 @@ from browser_cases import choose, dashboard, press, waited
 
 from quadsim.record.archive import list_runs, load_run
 from web.flight_factory import PILOT, FlightFactory
+from web.page.race_scene import visible_scale
 from web.race import Race
 
 PILOTED = PILOT + "split_s_swift"
@@ -45,8 +46,14 @@ def test_what_is_chosen_is_flown_and_said(page, flown):
     page.get_by_text("the learned pilot split_s_swift flies").wait_for()
 
 
+def drawn(course, x, i):
+    """Where the ghost is: as far off the drone as the estimate is, enlarged as the drone is."""
+    truth, estimate = (np.array([x[f"{kind}p{axis}"][i] for axis in "xyz"]) for kind in ("", "est_"))
+    return truth + visible_scale(course) * (estimate - truth)
+
+
 def test_the_ghost_stands_where_the_estimate_is_with_its_ellipsoid(page, flown):
-    estimate = flown.rows(("est_px", "est_py", "est_pz"), -1)
+    estimate = drawn(flown.course, flown.x, -1)
     assert not np.allclose(estimate, flown.rows(("px", "py", "pz"), -1), atol=1e-3)
     for part in ("ghost", "ellipsoid"):
         assert waited(page, lambda p=part: np.allclose(node(page, p)["at"], estimate, atol=1e-3), 10)
@@ -65,7 +72,7 @@ def test_a_replay_has_the_estimate_too(page, session, root, flown):
     session.tell(Race.play, False)
     session.tell(Race.scrub, 1.0)
     i = int(np.argmin(abs(run.telemetry["t"] - 1.0)))
-    there = [run.telemetry[name][i] for name in ("est_px", "est_py", "est_pz")]
+    there = drawn(flown.course, run.telemetry, i)
     assert waited(page, lambda: node(page, "ghost") and np.allclose(node(page, "ghost")["at"], there, atol=1e-3), 20)
 
 

@@ -35,10 +35,14 @@ def button(page, name):
     return page.get_by_role("button", name=name, exact=True)
 
 
-def start(page, session):
+def start(page, session, still=False):
+    """still: paused at once. The flight is on, but two pages need not draw it in software while they are clicked."""
     races = session.snapshot.race
     press(page, "START")
     assert waited(page, lambda: session.snapshot.race > races and session.snapshot.t > 0.1, 20)
+    if still:
+        session.tell(Race.play, False)
+        assert waited(page, lambda: not session.snapshot.playing)
 
 
 def test_stop_ends_a_flight_and_keeps_it(page, session, root):
@@ -76,7 +80,7 @@ def test_pause_reads_play_and_a_paused_flight_can_be_looked_back_at(page, sessio
 
 
 def test_another_visitors_start_asks_before_it_ends_a_flight(page, other, session):
-    start(page, session)
+    start(page, session, still=True)
     race = session.snapshot.race
     press(other, "START")
     button(other, "Let it fly").click()
@@ -86,7 +90,7 @@ def test_another_visitors_start_asks_before_it_ends_a_flight(page, other, sessio
     other.keyboard.press("x")
     button(other, "End it").click()
     assert waited(other, lambda: not session.snapshot.flying, 20)
-    start(page, session)
+    start(page, session, still=True)
     page.reload()  # and is still the same visitor
     button(page, "START").wait_for()
     start(page, session)
@@ -103,7 +107,7 @@ def test_the_first_visitor_may_leave_the_others_only_watching(page, other, sessi
     fill(other, "Seed", 7)
     other.wait_for_timeout(500)
     assert session.snapshot.race == races
-    start(page, session)  # the first visitor flies on
+    start(page, session, still=True)  # the first visitor flies on
     assert session.snapshot.competitors[0].spec["seed"] == 0
     page.get_by_label("Others only watch").uncheck()
     page.wait_for_timeout(500)
