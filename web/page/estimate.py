@@ -15,7 +15,7 @@ from web.page.drones import SPAN, quadrotor, single_colour
 
 EST_POSITION, EST_QUATERNION = (tuple(f"est_{name}" for name in names) for names in (POSITION, QUATERNION))
 COVARIANCE = ("cov_xx", "cov_xy", "cov_xz", "cov_xy", "cov_yy", "cov_yz", "cov_xz", "cov_yz", "cov_zz")
-GHOST, CORNER = (235, 240, 250), (0, 229, 255)  # colours
+SENSED = 0, 229, 255  # colour of all that is sensed or estimated
 SIGMAS = 3.0
 MOST = 64  # corners that are drawn
 ARM = 0.02  # of a corner's cross, per metre of its distance
@@ -32,12 +32,12 @@ class EstimateView:
         node, body = f"/estimate/{name}", quadrotor(SPAN * scale)["body"]
         look = {"opacity": 0.35, "flat_shading": True, "side": "double"}
         self._ghost = scene.add_mesh_simple(
-            f"{node}/ghost", body.vertices, body.faces, color=single_colour(GHOST), **look
+            f"{node}/ghost", body.vertices, body.faces, color=single_colour(SENSED), **look
         )
-        colour = single_colour(entry.style.rgb)
-        self._ellipsoid = scene.add_icosphere(f"{node}/ellipsoid", 1.0, colour, opacity=0.3, subdivisions=2)
+        colour = single_colour(SENSED)
+        self._ellipsoid = scene.add_icosphere(f"{node}/ellipsoid", 1.0, colour, subdivisions=2, wireframe=True)
         none = np.zeros((2 * MOST, 2, 3), np.float32)
-        self._corners = scene.add_line_segments(f"{node}/corners", none, single_colour(CORNER), thickness=0.05)
+        self._corners = scene.add_line_segments(f"{node}/corners", none, single_colour(SENSED), thickness=0.05)
         self._shown: tuple[int, float | None] = -1, None
 
     def show(self, entry: Competitor, i: int) -> None:
