@@ -10,6 +10,7 @@ import numpy as np
 from controllers.learned.observation import GATE_NUMBERS, SIZE, observation
 from controllers.rollout.environment import DISABLED, environment_module
 from controllers.rollout.layout import LANES, blocks
+from controllers.rollout.threads import threads
 from quadsim.envs.reward import reward
 from quadsim.envs.task import Tables, Task, tables
 from quadsim.race.settings import SettingError
@@ -46,7 +47,7 @@ class LaneEnvironments:
         self.X, self.A, self.P, self.last, self.obs, self.final = (
             np.zeros((B, k, LANES), f) for k in (n_x, n_row, n_p, n_u, SIZE, SIZE)
         )
-        self.way, self.reward = np.zeros((B, LANES), f), np.zeros((B, LANES), f)
+        self.way, self.room, self.reward = (np.zeros((B, LANES), f) for _ in range(3))
         self.row, self.steps, self.passes, self.episode = (np.zeros((B, LANES), np.int32) for _ in range(4))
         self.over, self.ended, self.cut, self.hit, self.crashed = (np.zeros((B, LANES), bool) for _ in range(5))
         self.course = (np.arange(B) % len(task.courses)).astype(np.int32)
@@ -77,8 +78,9 @@ class LaneEnvironments:
             *self._state, self.obs, t.starts, t.targets, self.course, self.seed, t.p_cost, self._dt, actions,
             self.final, self.reward, self.ended, self.cut, self.hit, self.crashed, t.final_row, t.obstacles,
             t.n_obstacles, *self._command, self._limit, self.autoreset, self._rewards, self._noise, key, self._calls,
+            min(len(self.X), 4 * threads()),
         )  # fmt: skip
 
     @property
     def _state(self) -> tuple[np.ndarray, ...]:
-        return (self.X, self.A, self.P, self.last, self.way, self.row, self.steps, self.passes, self.episode, self.over)
+        return (self.X, self.A, self.P, self.last, self.way, self.room, self.row, self.steps, self.passes, self.episode, self.over)

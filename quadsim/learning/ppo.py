@@ -29,10 +29,10 @@ class PPOConfig:
     """Numbers of the algorithm."""
 
     environments: int = 1024
-    steps: int = 64  # actions of each environment between two updates
+    steps: int = 32  # actions of each environment between two updates
     hold: int = 2  # steps of the environment for which an action is held
     epochs: int = 4
-    minibatch: int = 8192
+    minibatch: int = 4096
     discount: float = 0.99
     gae: float = 0.95  # lambda of the advantage estimation
     clip: float = 0.2
