@@ -25,6 +25,7 @@ SAME_STEP, NEXT_STEP, DISABLED = 0, 1, 2  # when an episode that has ended start
 
 SLACK = 1e-3  # [m] of a vehicle's room to the obstacles is left to rounding
 
+
 @cache
 def environment_module(
     step: Callable,

@@ -7,25 +7,43 @@ from pathlib import Path
 from typing import Annotated
 
 import yaml
+from msgspec import Meta
 from rich.markup import escape
 from rich.table import Table
 
 from quadsim.app.console import complain, emit, emit_json, plain_table, width
 from quadsim.app.flags import Help, Json, UsageError
 from quadsim.course import Course
+from quadsim.files.atomic import replace_file
 from quadsim.files.data_files import locate, read_text
 from quadsim.files.strict_yaml import FileError, parse
 from quadsim.files.yaml_words import did_you_mean
 from quadsim.race.preset_file import parse_planner
 from quadsim.race.systems import SYSTEMS
+from quadsim.record.whole_files import expect_writable
 from quadsim.sensing.sensing_file import SENSINGS, SENSORS, load_sensing, parse_sensing, sensing_names
 from quadsim.vehicle import GRAVITY, VEHICLES, Vehicle, load_vehicle, parse_vehicle, vehicle_names
+
+Number = Annotated[int, Meta(ge=1, le=10_000)]
 
 LEFT = 49  # columns of the terminal before the published times
 
 
-def courses(*, json: Json = False) -> int:
-    """The courses that come with the project. `race fly FILE.yaml` flies any other."""
+def courses(
+    *,
+    generate: Annotated[
+        Annotated[int, Meta(ge=1, le=10_000)] | None, Help("write so many random courses instead")
+    ] = None,
+    seed: Annotated[Annotated[int, Meta(ge=0, le=10**9)], Help("random seed of those")] = 0,
+    out: Annotated[str, Help("the folder to which they are written")] = "random_courses",
+    json: Json = False,
+) -> int:
+    """The courses that come with the project. `race fly FILE.yaml` flies any other.
+
+    race courses --generate 10 --seed 1 --out random_courses
+    """
+    if generate is not None:
+        return _generate(generate, seed, Path(out), json)
     known = {name: [entry.load_course(c) for c in entry.courses] for name, entry in SYSTEMS.items()}
     if json:
         flown = known.pop("quadrotor")
@@ -60,6 +78,22 @@ def sensings(*, json: Json = False) -> int:
         parts = [f"{name} {c.rate:g}, {1e3 * getattr(c, 'latency', 0.0):g}" for name, c in sensors if c]
         table.add_row(s.name, "; ".join(parts) or "none: the true state")
     emit(table)
+    return 0
+
+
+def _generate(number: int, seed: int, folder: Path, json: bool) -> int:
+    from quadsim.course.random_courses import random_courses
+
+    found = random_courses(number, seed)
+    expect_writable(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / f"{course.name}.yaml" for course in found]
+    for file, course in zip(files, found, strict=True):
+        replace_file(file, course.text.encode())
+    if json:
+        emit_json([str(file) for file in files])
+    else:
+        emit(*(f"{file}: {len(c.gates)} gates, {c.lap_length:.0f} m" for file, c in zip(files, found, strict=True)))
     return 0
 
 

@@ -83,4 +83,16 @@ class LaneEnvironments:
 
     @property
     def _state(self) -> tuple[np.ndarray, ...]:
-        return (self.X, self.A, self.P, self.last, self.way, self.room, self.row, self.steps, self.passes, self.episode, self.over)
+        return (
+            self.X,
+            self.A,
+            self.P,
+            self.last,
+            self.way,
+            self.room,
+            self.row,
+            self.steps,
+            self.passes,
+            self.episode,
+            self.over,
+        )

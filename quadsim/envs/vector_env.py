@@ -14,6 +14,7 @@ from controllers.rollout.environment import DISABLED, NEXT_STEP, SAME_STEP
 from controllers.rollout.layout import LANES
 from controllers.rollout.threads import use_threads
 from quadsim.envs.lanes import LaneEnvironments
+from quadsim.envs.recycled import Recycled
 from quadsim.envs.spaces import ACTIONS, action_space, checked_actions, observation_space
 from quadsim.envs.task import task
 from quadsim.race.settings import SettingError
@@ -64,7 +65,7 @@ class RacingVectorEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.lanes = LaneEnvironments(self.task, self.num_envs, 0, MODES[mode])
         self._actions = np.zeros((len(self.lanes.X), ACTIONS, LANES), np.float32)
-        self._begun = False
+        self._spare, self._begun = Recycled((self.num_envs, SIZE)), False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -141,6 +142,6 @@ class RacingVectorEnv(VectorEnv):
         return lanes.ravel()[: self.num_envs].copy()
 
     def _rows(self, lanes: np.ndarray) -> np.ndarray:
-        rows = np.empty((self.num_envs, SIZE), np.float32)
+        rows = self._spare.take()
         self.lanes.lanes_to_rows(lanes, rows)
         return rows

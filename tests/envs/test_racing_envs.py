@@ -123,6 +123,17 @@ def test_without_autoreset_an_ended_episode_has_to_be_reset_by_its_mask():
     assert np.allclose(info["time"][~ended], time[~ended] + 0.01)
 
 
+def test_observations_that_are_kept_stay_as_they_were_and_others_are_reused():
+    envs = made(start="anywhere", autoreset_mode="SameStep")
+    kept = [envs.reset(seed=0)[0][1:3]]  # a view
+    kept += [envs.step(np.zeros((70, 4)))[0] for _ in range(20)]
+    copies = [obs.copy() for obs in kept]
+    assert all(np.array_equal(a, b) for a, b in zip(kept, copies, strict=True))
+    assert len({obs.ctypes.data for obs in kept}) == 21
+    del kept
+    assert len({envs.step(np.zeros((70, 4)))[0].ctypes.data for _ in range(20)}) < 4
+
+
 def test_rewards_of_progress_add_up_to_the_way_flown():
     weights = dict.fromkeys(("crash", "clearance", "body_rates", "action_change"), 0.0)
     envs = made(reward=weights, autoreset_mode="Disabled").unwrapped
@@ -163,6 +174,22 @@ def test_several_courses_fly_side_by_side():
     starts = np.array([c.start.position for c in task(names, "swift").courses])
     np.testing.assert_allclose(envs.X[:, :2, 0], starts[:, :2], atol=0.05)
     assert not (envs.crashed & (envs.steps < 2)).any()
+
+
+def test_a_vehicle_far_from_every_obstacle_misses_none():
+    """Who looks at the obstacles only where the room to them is used up crashes as who looks at each step."""
+    every, some, none = (LaneEnvironments(task("split_s_swift", "swift", start="anywhere"), 640) for _ in range(3))
+    actions = np.random.default_rng(0).normal(0, 0.15, every.last.shape).astype(np.float32)
+    actions[:, 3] -= 0.4
+    for envs in (every, some, none):
+        envs.begin(0)
+    for _ in range(120):
+        every.room[:], none.room[:] = 0.0, 1e9
+        for envs in (every, some, none):
+            envs.step(actions)
+        assert np.array_equal(every.crashed, some.crashed)
+    assert np.array_equal(every.X, some.X)
+    assert (every.over & ~none.over).any()  # some touched an obstacle, and nothing else
 
 
 @pytest.mark.parametrize(

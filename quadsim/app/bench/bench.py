@@ -13,6 +13,7 @@ from rich.table import Table
 
 from controllers.rollout.threads import use_threads
 from quadsim.app.bench.cases import SWEPT, cases, measure, paper_case
+from quadsim.app.bench.envs import envs_table, measure_envs, published
 from quadsim.app.bench.gates import gates_table, measure_gates
 from quadsim.app.bench.machine import measure_machine
 from quadsim.app.bench.stages import stages
@@ -28,6 +29,7 @@ def bench(
     seconds: Annotated[float, Meta(gt=0, le=600), Help("for each case [s]")] = 1.0,
     peers: Annotated[bool, Switch("also time pytorch-mppi and JAX (extra: peers)")] = False,
     gates: Annotated[bool, Switch("only flights along 10 and along 200 gates")] = False,
+    envs: Annotated[bool, Switch("only environments for learning, in lanes and in arrays (extra: rl)")] = False,
     json: Json = False,
 ) -> int:
     """Time whole control steps on this machine, which should do nothing else meanwhile: every system at the paper's
@@ -36,7 +38,13 @@ def bench(
     race bench --peers     the same model through pytorch-mppi and JAX, in the same run
 
     race bench --gates     does a control step take longer on a course with more gates?
+
+    race bench --envs      steps of learning environments a second, over vehicles and threads
     """
+    if envs:
+        rows = measure_envs(seconds)
+        emit_json({"envs": rows}) if json else emit(envs_table(rows), *published())
+        return 0
     if gates:
         rows = measure_gates()
         emit_json({"gates": rows}) if json else emit(gates_table(rows))
