@@ -37,7 +37,7 @@ def report(run: Run, folder: Path | None, columns: int) -> Iterator[RenderableTy
     parts = [*system.results(run, columns - 2), system.chatter(run), _planning(run)]
     if seen := _sensing(run):
         parts.append(seen)
-    if system_of(run.spec):
+    if system_of(run.spec) and not run.spec.get("pilot"):
         parts.append(model_table(run.spec))
     if own := own_parts(run.spec):
         named = ", ".join(f"{role} {escape(name)}" for role, name in own.items())
@@ -73,9 +73,10 @@ def _planning(run: Run) -> str:
     median = float(np.median(ess)) if len(ess) else 0.0
     wall = run.spec["clock"] == "wall"
     missed = f", {missed_deadlines(run)} of {len(ess)} deadlines missed" if wall else ""
+    sampled = "" if run.spec.get("pilot") else f", median ESS {median:.0f}"
     return (
-        f"[dim]planning[/]  {ms['p50']:.1f} ms p50, {ms['p95']:.1f} ms p95, "
-        f"median ESS {median:.0f}{missed}\n[dim]simulation[/]  {run.wall['real_time_factor']:.2f} x real time"
+        f"[dim]{'planning' if sampled else 'pilot'}[/]  {ms['p50']:.1f} ms p50, {ms['p95']:.1f} ms p95"
+        f"{sampled}{missed}\n[dim]simulation[/]  {run.wall['real_time_factor']:.2f} x real time"
     )
 
 

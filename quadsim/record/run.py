@@ -130,9 +130,11 @@ def own_parts(spec: dict) -> dict[str, str]:
 
 def flown_with(spec: dict) -> str:
     """What controlled it, with which numbers; the preset and the vehicle of a user's own system are its own."""
-    own = own_parts(spec)
-    controlled = f"controller {own['controller']}" if "controller" in own else f"{spec['sampler']} sampling"
-    named = "" if "system" in own else f", preset {spec['preset']}, vehicle {spec['vehicle']['name']}"
+    own, pilot = own_parts(spec), spec.get("pilot")
+    sampled = f"pilot {pilot['name']}" if pilot else f"{spec['sampler']} sampling"
+    controlled = f"controller {own['controller']}" if "controller" in own else sampled
+    preset = "" if pilot else f", preset {spec['preset']}"
+    named = "" if "system" in own else f"{preset}, vehicle {spec['vehicle']['name']}"
     simulator = ", plant rotorpy" if spec.get("plant") == "rotorpy" else ""  # the others have the same dynamics
     return f"{controlled}{named}{simulator}, seed {spec['seed']}"
 

@@ -40,6 +40,14 @@ def test_a_pilot_flies_by_its_file_and_the_run_keeps_its_digest(hovering):
     assert len(np.unique(run.telemetry["wx_cmd"])) > 10
 
 
+def test_a_report_names_the_pilot_and_nothing_of_a_planner(hovering, tmp_path, capsys):
+    flags = ["--pilot", str(hovering), "--timeout", "0.5", "--runs-dir", str(tmp_path)]
+    assert race(["fly", "split_s_swift", *flags]) == 1
+    out = capsys.readouterr().out
+    assert "pilot hover, vehicle swift, seed 0" in out
+    assert not [word for word in ("sampling", "preset", "ESS", "estimated in flight") if word in out]
+
+
 def test_what_is_read_is_what_was_written(tmp_path):
     weights = new((SIZE, 8, 8, 4), np.random.default_rng(0))
     pilot, obs = load_pilot(write(tmp_path / "p.npz")), np.linspace(-1, 1, SIZE, dtype=np.float32)
