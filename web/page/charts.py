@@ -147,7 +147,7 @@ def _chart(
             "y": uplot.Scale(**(logarithmic or {"auto": True})),
             "mark": uplot.Scale(auto=False, range=(0.0, 1.0)),
         },
-        axes=(uplot.Axis(**axis, size=34), uplot.Axis(**axis, size=62 if log else 46)),
+        axes=(uplot.Axis(**axis, size=34), uplot.Axis(**axis, size=78 if log else 46)),
         legend=uplot.Legend(show=True, live=True),
         cursor=uplot.Cursor(sync=uplot.Cursor_Sync(key=x_label)),
         padding=(10, 18, 0, 0),
