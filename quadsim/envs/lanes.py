@@ -11,7 +11,7 @@ from controllers.learned.observation import GATE_NUMBERS, SIZE, observation
 from controllers.rollout.environment import DISABLED, environment_module
 from controllers.rollout.layout import LANES, blocks
 from controllers.rollout.threads import threads
-from quadsim.envs.reward import reward
+from quadsim.envs.reward import RewardWeights, reward
 from quadsim.envs.task import Tables, Task, tables
 from quadsim.race.settings import SettingError
 
@@ -55,9 +55,13 @@ class LaneEnvironments:
         self._command = low, (high - low) / 2
         self._noise = np.full(SIZE, task.noise if task.noise > 0 else -1.0, f)
         self._limit, self._dt = np.int32(round(task.time_limit / task.dt)), f(task.dt)
-        self._rewards = np.array(task.rewards.params, f)
+        self.reward_by(task.rewards)
         self._calls = 0
         self.rows_to_lanes, self.lanes_to_rows = self._module.to_lanes, self._module.to_rows
+
+    def reward_by(self, weights: RewardWeights) -> None:
+        """From now on; the margin of the task stays."""
+        self.rewards, self._rewards = weights, np.array(weights.params, np.float32)
 
     def begin(self, seed: int | None = None, chosen: np.ndarray | None = None) -> None:
         """Start episodes: of all environments, or of those chosen (blocks, LANES). A seed starts the series anew."""

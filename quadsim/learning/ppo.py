@@ -8,7 +8,7 @@ At these sizes numpy's matrix products are most of the work, so that no other li
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,6 +42,8 @@ class PPOConfig:
     rates: tuple[float, float] = (2e-5, 2e-3)  # between which it is adapted
     hidden: int = 64
     log_std: float = -1.0  # of actions in -1..1, at the start
+    first_crash: float = 0.2  # share of a crash's weight at the start: who fears crashes from the start learns to hover
+    crash_grows: int = 15_000_000  # steps of the environments until the whole of it counts
 
 
 @dataclass
@@ -81,6 +83,9 @@ class PPO:
 
     def learn(self) -> dict[str, float]:
         """Collect once, update once; what happened."""
+        whole, first = self.task.rewards.crash, self.config.first_crash
+        share = first + (1 - first) * min(1.0, self.steps_done / self.config.crash_grows)
+        self.envs.reward_by(replace(self.task.rewards, crash=share * whole))
         batch, seen = self.collect()
         seen |= self.update(batch)
         self.updates += 1

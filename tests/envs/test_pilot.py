@@ -100,6 +100,24 @@ def test_a_pilot_for_something_else_is_one_line_and_exit_code_2(tmp_path, capsys
     assert err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["train", "nowhere"], "race train: no course 'nowhere'"),
+        (["train", "split_s_swift", "--vehicle", "swifd"], "no vehicle 'swifd'"),
+        (["train", "split_s_swift", "--out", "pilot.zip"], "--out: expected FILE.npz, got 'pilot.zip'"),
+        (["fly", "split_s_swift", "--pilot", "damaged.npz"], "damaged.npz: expected a pilot as `race train` writes it"),
+    ],
+)
+def test_wrong_words_are_one_line_and_exit_code_2(hovering, tmp_path, monkeypatch, capsys, words, said):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "damaged.npz").write_bytes(hovering.read_bytes()[:300])
+    assert race(words) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+
+
 def test_no_file_is_one_line(tmp_path, capsys):
     assert race(["fly", "--pilot", str(tmp_path / "none.npz"), "--runs-dir", str(tmp_path)]) == 2
     assert "none.npz': expected FILE.npz, or one that comes with quadsim: " in capsys.readouterr().err

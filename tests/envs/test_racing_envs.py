@@ -227,3 +227,15 @@ def test_a_wrong_action_is_one_line(actions, said):
     envs.reset(seed=0)
     with pytest.raises(ValueError, match=said):
         envs.step(actions)
+
+
+@pytest.mark.parametrize("env_id", [RACING, BULLET])
+@pytest.mark.parametrize(
+    ("action", "said"), [(np.zeros(3), r"expected shape \(4,\), got \(3,\)"), (np.full(4, np.nan), "got nan")]
+)
+def test_a_wrong_action_of_one_vehicle_is_one_line(env_id, action, said):
+    env = gymnasium.make(env_id, disable_env_checker=True)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=said):
+        env.step(action)
+    env.close()

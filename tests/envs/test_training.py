@@ -8,7 +8,8 @@ import pytest
 from controllers.learned.network import Adam, activations, forward, gradient, new
 from controllers.learned.pilot import load_pilot
 from quadsim.app.cli import race
-from quadsim.learning.ppo import gae
+from quadsim.envs.task import task
+from quadsim.learning.ppo import PPO, PPOConfig, gae
 
 
 def test_the_gradient_is_that_of_finite_differences():
@@ -44,6 +45,16 @@ def test_advantages_follow_their_sum():
     expected = [delta[0] + c * delta[1] + c * c * delta[2], delta[1] + c * delta[2], delta[2]]
     expected += [delta[3] + c * delta[4], delta[4], delta[5]]
     np.testing.assert_allclose(gae(reward, value, ahead, ended, cut, 0.9, 0.8)[:, 0], expected)
+
+
+def test_a_crash_counts_more_and_more_until_all_of_its_weight_does():
+    config = PPOConfig(environments=16, hidden=8, steps=2, first_crash=0.5, crash_grows=128)
+    ppo = PPO(task("split_s_swift", reward={"crash": 10.0, "progress": 0.0}), config)
+    weights = []
+    for _ in range(4):
+        ppo.learn()  # 64 steps of the environments
+        weights.append(ppo.envs.rewards.crash)
+    assert weights == [5.0, 7.5, 10.0, 10.0]
 
 
 def test_a_training_writes_a_pilot_that_flies_and_goes_on_from_its_checkpoint(tmp_path, capsys):
