@@ -26,7 +26,7 @@ def train(
     vehicle: Annotated[str, Help("a name or a FILE.yaml")] = "swift",
     laps: Annotated[Whole | None, Help("laps of a race; default: the course's")] = None,
     seed: Annotated[Annotated[int, Meta(ge=0, le=10**9)], Help("random seed")] = 0,
-    randomize: Annotated[Annotated[float, Meta(ge=0, le=3)], Help("scale of domain randomization")] = 1.0,
+    randomize: Annotated[Annotated[float, Meta(ge=0, le=3)], Help("scale of domain randomization")] = 0.5,
     environments: Annotated[Annotated[int, Meta(ge=1, le=10**6)], Help("environments at once")] = 1024,
     hidden: Annotated[Annotated[int, Meta(ge=1, le=4096)], Help("neurons of each of two hidden layers")] = 64,
     crash: Annotated[Annotated[float, Meta(ge=0, le=1e6)], Help("weight of a crash, in metres of progress")] = 10.0,
@@ -42,7 +42,7 @@ def train(
 
     race fly split_s_swift --pilot pilots/split_s.npz
     """
-    weights = {"crash": crash, "clearance": 0.5}
+    weights = {"crash": crash, "clearance": 0.1}
     of_task = {"start": "anywhere", "randomize": randomize, "time_limit": time_limit, "reward": weights, "laps": laps}
     said = {"steps": steps, "out": out, "vehicle": vehicle, "seed": seed, "randomize": randomize, "crash": crash}
     said |= {"environments": environments, "hidden": hidden, "time-limit": time_limit, "flights": flights}

@@ -19,7 +19,7 @@ from quadsim.systems.quadrotor import ModelParams, quadrotor
 from quadsim.vehicle import GRAVITY, Vehicle
 
 ROWS = 1024  # different starts of a course, where they differ
-STANDING = 0.25  # share of them that stand at the start
+STANDING = 0.15  # share of them that stand at the start
 SPEED = 9.0  # highest at a start in flight [m/s]
 TILT, SPIN = 0.3, 0.7  # standard deviations of attitude [rad] and body rates [rad/s] there
 AROUND = 0.25  # standard deviation of the position around the leg [m]

@@ -15,7 +15,7 @@ import numpy as np
 from quadsim.files.strict_yaml import FileError
 from quadsim.learning.ppo import PPO
 
-FORMAT = "quadsim training 1"
+FORMAT = "quadsim training 2"
 
 
 def checkpoint_bytes(ppo: PPO, identity: Mapping[str, Any], history: list[dict]) -> bytes:
@@ -25,6 +25,7 @@ def checkpoint_bytes(ppo: PPO, identity: Mapping[str, Any], history: list[dict])
         "identity": dict(identity),
         "updates": ppo.updates,
         "rate": ppo.rate,
+        "reward": ppo.reward,
         "steps": [ppo.adam.steps, ppo.value_adam.steps],
         "random": ppo.rng.bit_generator.state,
         "history": history,
@@ -54,7 +55,7 @@ def restore(ppo: PPO, path: Path, identity: Mapping[str, Any]) -> list[dict]:
         if own.shape != stored.shape or not np.isfinite(stored).all():
             raise FileError(f"{path}: expected finite numbers of shape {own.shape}, got {stored.shape}")
         own[:] = stored
-    ppo.updates, ppo.rate = state["updates"], state["rate"]
+    ppo.updates, ppo.rate, ppo.reward = state["updates"], state["rate"], state["reward"]
     ppo.adam.steps, ppo.value_adam.steps = state["steps"]
     ppo.rng.bit_generator.state = state["random"]
     return state["history"]

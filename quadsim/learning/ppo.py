@@ -43,7 +43,7 @@ class PPOConfig:
     hidden: int = 64
     log_std: float = -1.0  # of actions in -1..1, at the start
     first_crash: float = 0.2  # share of a crash's weight at the start: who fears crashes from the start learns to hover
-    crash_grows: int = 15_000_000  # steps of the environments until the whole of it counts
+    crash_grows: tuple[float, float] = (4.0, 7.0)  # reward per second flown at which it begins to grow, and is whole
 
 
 @dataclass
@@ -71,6 +71,7 @@ class PPO:
         self.value = network.new((*sizes, 1), self.rng, last=1.0)
         self.adam, self.value_adam = Adam(self.policy), Adam(self.value)
         self.rate, self.updates = config.rate, 0
+        self.reward = 0.0  # per second flown, in what was collected last
         self.envs = LaneEnvironments(task, config.environments, seed, SAME_STEP)
         self.envs.begin(seed)
         self._actions = np.zeros_like(self.envs.last)
@@ -83,10 +84,11 @@ class PPO:
 
     def learn(self) -> dict[str, float]:
         """Collect once, update once; what happened."""
-        whole, first = self.task.rewards.crash, self.config.first_crash
-        share = first + (1 - first) * min(1.0, self.steps_done / self.config.crash_grows)
-        self.envs.reward_by(replace(self.task.rewards, crash=share * whole))
+        (begins, ends), first = self.config.crash_grows, self.config.first_crash
+        share = first + (1 - first) * float(np.clip((self.reward - begins) / (ends - begins), 0, 1))
+        self.envs.reward_by(replace(self.task.rewards, crash=share * self.task.rewards.crash))
         batch, seen = self.collect()
+        self.reward = seen["reward"]
         seen |= self.update(batch)
         self.updates += 1
         return seen | {"steps": self.steps_done, "rate": self.rate, "std": float(np.exp(self.policy[-1]).mean())}

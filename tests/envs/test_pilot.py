@@ -128,6 +128,7 @@ def test_a_variant_of_a_comparison_can_be_a_pilot(hovering):
         "colored": {"sampler": "colored"},
         "learned": {"pilot": str(hovering)},
     }
+    assert parse_variants("p=split_s_swift") == {"p": {"pilot": "split_s_swift"}}
 
 
 def test_the_pilot_that_comes_with_the_project_finishes_a_lap():

@@ -47,14 +47,13 @@ def test_advantages_follow_their_sum():
     np.testing.assert_allclose(gae(reward, value, ahead, ended, cut, 0.9, 0.8)[:, 0], expected)
 
 
-def test_a_crash_counts_more_and_more_until_all_of_its_weight_does():
-    config = PPOConfig(environments=16, hidden=8, steps=2, first_crash=0.5, crash_grows=128)
-    ppo = PPO(task("split_s_swift", reward={"crash": 10.0, "progress": 0.0}), config)
-    weights = []
-    for _ in range(4):
-        ppo.learn()  # 64 steps of the environments
-        weights.append(ppo.envs.rewards.crash)
-    assert weights == [5.0, 7.5, 10.0, 10.0]
+def test_a_crash_counts_wholly_only_where_a_policy_flies():
+    config = PPOConfig(environments=16, hidden=8, steps=2, first_crash=0.5, crash_grows=(1.0, 3.0))
+    ppo = PPO(task("split_s_swift", reward={"crash": 10.0}), config)
+    for reward, weight in ((0.0, 5.0), (2.0, 7.5), (9.0, 10.0), (-1.0, 5.0)):
+        ppo.reward = reward
+        assert ppo.learn()["reward"] == ppo.reward
+        assert ppo.envs.rewards.crash == weight
 
 
 def test_a_training_writes_a_pilot_that_flies_and_goes_on_from_its_checkpoint(tmp_path, capsys):

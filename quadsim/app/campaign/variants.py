@@ -3,7 +3,7 @@
 gaussian                      a sampler, with the preset's numbers for it
 soft=race+target-ess=200      a name; then presets, samplers and settings of `race fly`, joined by +
 wild=gaussian+sigma=3:3:.6:6  several numbers are joined by colons
-pilot=split_s.npz             the file of a learned pilot, in the planner's place
+pilot=split_s.npz             a learned pilot in the planner's place: a file, or split_s_swift
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 from msgspec import Meta
 
+from controllers.learned.pilot import pilot_names
 from controllers.samplers import SAMPLERS
 from quadsim.app.campaign.attempt import planner_key
 from quadsim.app.flags import Given, Help, UsageError, flag, run_command
@@ -113,7 +114,7 @@ def _setting(part: str) -> tuple[str, Any]:
         presets = dict.fromkeys(preset for entry in SYSTEMS.values() for preset in entry.presets)
         if part in SAMPLERS or ":" in part:
             return "sampler", part
-        if part.endswith(".npz"):
+        if part.endswith(".npz") or part in pilot_names():
             return "pilot", part
         if part not in presets and not part.endswith(SUFFIXES):
             raise UsageError(f"--variants: no sampler or preset {part!r}: {did_you_mean(part, [*SAMPLERS, *presets])}")
