@@ -85,12 +85,15 @@ def test_a_replay_shows_the_runs_numbers_and_a_later_flight_has_those_of_the_box
     choose(page, "Sampler", "colored")
     fill(page, "Samples", 512)
     fill(page, "Temperature", 2.5)
+    before = set(list_runs(root))
     start(page, session)
     assert waited(page, lambda: any(e.kind == "pass" for e in session.snapshot.competitors[0].events))
     session.tell(Race.end_flights)
-    assert waited(page, lambda: list_runs(root))
+    assert waited(page, lambda: set(list_runs(root)) - before)
     fill(page, "Samples", 1024)  # of the next flight
     choose(page, "Mode", "replay")
+    (folder,) = set(list_runs(root)) - before
+    choose(page, "Run", {path: title for title, path in session.titled_runs(9).items()}[folder])
     press(page, "REPLAY")
     assert waited(page, lambda: not session.snapshot.competitors[0].live)
     assert waited(page, lambda: (shown(page, "Samples"), shown(page, "Temperature")) == (512, 2.5), 10)
