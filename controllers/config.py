@@ -28,7 +28,7 @@ class MPPIConfig:
     rest_fraction: Annotated[float, Meta(ge=0, le=1)] = 0.01  # fraction of samples that perturb the rest control
     tighten: Annotated[float, Meta(ge=0, lt=1)] = 0.0  # fraction of the range from rest to each limit not used
     # The mean of clipped samples stays within the limits; a time-optimal control lies at them most of the time.
-    overshoot: Annotated[float, Meta(ge=0, le=1)] = 0.0  # fraction of that range by which a plan may exceed the limits
+    overshoot: Annotated[float, Meta(ge=0, le=20)] = 0.0  # standard deviations by which a plan may exceed the limits
     first_noise: Annotated[float, Meta(ge=0.01, le=1)] = 1.0  # factor on the first perturbation of half of the samples
     cost_rise: Annotated[float, Meta(ge=0, le=10)] = 0.0  # the stage cost is weighted by ((t + 1) / T)^cost_rise
     adapt: bool = False  # estimate thrust gain, drag and maximum thrust in flight

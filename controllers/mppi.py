@@ -107,11 +107,15 @@ class MPPI:
         self.cost, self.config, self.adaptation = cost, config, adaptation
         self.schedule = Schedule(config.first_noise, config.cost_rise)
         self.ramp = self.schedule.noise(config.horizon)  # factors on the perturbations  (2, T)
-        self.set_model(system)
         chunk_size, n_u = min(config.samples, layout.CHUNK), len(system.controls)
         self.sampler = build_lanes(sampler, n_u, chunk_size, config.horizon, stream_key(seed), config.dt)
+        self.beyond = np.zeros(n_u)  # by which the plan may exceed the limits  (n_u,)
+        if config.overshoot:  # of what is drawn before the first call
+            self.beyond = config.overshoot * self.sampler.sample(0).std(axis=(0, 2, 3), dtype=float)
+        self.set_model(system)
         self.rest = np.array(system.rest)  # the control at rest; of a quadrotor hover: no rates, thrust g  (n_u,)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
+        self.guide = self.plan
         self.executed = np.tile(self.rest, (2, 1))  # the last two controls, left padding of the smoothing filter
         self.temperature = config.temperature
         self.samples = config.samples  # M, which a deadline may change
@@ -128,12 +132,12 @@ class MPPI:
         self.system = system.tightened(self.config.tighten)
         self.rollout = Rollout(self.system, self.cost, schedule=self.schedule)
         self.low, self.high = np.array(self.system.low), np.array(self.system.high)
-        wide = system.tightened(self.config.tighten - self.config.overshoot)
-        self.plan_low, self.plan_high = np.array(wide.low), np.array(wide.high)
+        self.plan_low, self.plan_high = self.low - self.beyond, self.high + self.beyond
 
     def set_cost(self, cost: Cost) -> None:
         """Plan with this cost from now on: the same terms, other numbers."""
-        self.cost, self.rollout = cost, Rollout(self.system, cost)
+        self.cost = cost
+        self.rollout = Rollout(self.system, cost, schedule=self.schedule)
 
     def continue_from(self, planner: MPPI) -> None:
         """Start from another planner's plan, momentum and estimates. It must have the same system and horizon."""
@@ -160,22 +164,29 @@ class MPPI:
         self.system.check(x)
         if self.adaptation:
             self.set_model(self.adaptation.observe(x, self.clipped(self.plan[0]), elapsed))
-        if self._calls and elapsed:
+        self.guide = self.guided(target, x)
+        if not self._calls and self.cost.guide:
+            self.plan = self.guide.copy()
+        elif self._calls and elapsed:
             self.shift(elapsed)
         first = None if self._calls else self.config.first_iterations
         for _ in range(first or self.config.iterations):
             stats = self.iterate(x, target)
         return self.clipped(self.plan[0]), stats
 
+    def guided(self, target: int, x: np.ndarray) -> np.ndarray:
+        """Controls that the last rest_fraction of the samples perturb: the cost's guide, else rest.  (T, n_u)"""
+        T = self.config.horizon
+        return self.cost.guide(target, x, T) if self.cost.guide else np.tile(self.rest, (T, 1))
+
     def clipped(self, u: np.ndarray) -> np.ndarray:
         """Within the control limits, which the plan may exceed.  (..., n_u) -> (..., n_u)"""
         return np.clip(u, self.low, self.high)
 
     def shift(self, steps: int) -> None:
-        """Warm start: drop the controls that lie in the past, append rest controls."""
+        """Warm start: drop the controls that lie in the past, append the guide's."""
         self.executed = np.vstack([self.executed, self.clipped(self.plan[:steps])])[-2:]
-        tail = np.tile(self.rest, (min(steps, len(self.plan)), 1))
-        self.plan = np.vstack([self.plan[steps:], tail])
+        self.plan = np.vstack([self.plan[steps:], self.guide[-steps:]])
         if self.sampler.momentum:
             self.sampler.momentum.shift(steps)
 
@@ -202,12 +213,12 @@ class MPPI:
     def nominals(self) -> tuple[np.ndarray, np.ndarray]:
         """Control sequences to perturb: the main one, and the alternative for the last rest_fraction of the samples.
 
-        Without momentum: the plan, and the rest control. With momentum: plan + momentum, and the plan.
+        Without momentum: the plan, and the guide. With momentum: plan + momentum, and the plan.
 
-        Returns: (T, n_u) and (T, n_u), or (n_u,) for the rest control.
+        Returns: (T, n_u) and (T, n_u).
         """
         momentum = self.sampler.momentum
-        return (self.plan + momentum.change, self.plan) if momentum else (self.plan, self.rest)
+        return (self.plan + momentum.change, self.plan) if momentum else (self.plan, self.guide)
 
     def perturbations(self, it: Iteration, chunk: slice) -> np.ndarray:
         """z of the chunk's samples, relative to it.nominal; z of sample 0 is zero.

@@ -63,6 +63,7 @@ class RaceWeights:
     desired_speed: Annotated[float, unit("m/s", ge=0, le=100)] = 9.0  # horizontal, of the speed term [m/s]
     waypoint_radius: Annotated[float, unit("m", gt=0, le=100)] = 0.5  # around a gate's exit [m]
     margin: Annotated[float, unit("m", ge=0, le=10)] = 0.25  # wanted between vehicle and frame, within a gate [m]
+    margin_share: Annotated[float, Meta(ge=0, le=1)] = 0.5  # of half the free opening, which it takes at most
     opening: Annotated[float, Meta(ge=0, le=1)] = 0.0  # progress aims at the nearest point of this share of the opening
 
 
@@ -150,7 +151,7 @@ def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) ->
     params = (w.progress, w.heading, w.height, w.speed, w.stabilize, w.crash, w.waypoint, w.path, w.clearance)
     params += (w.desired_speed, w.waypoint_radius, w.opening, *box)
     frames = course_obstacles(course, radius, w.crash, TERMS.index("crash"))
-    (rows, first), clear = targets(course, radius, w.margin, box, laps), clear_of_frame(radius)
+    (rows, first), clear = targets(course, radius, (w.margin, w.margin_share), box, laps), clear_of_frame(radius)
     still_in_gate = partial(is_inside, clear)
     cost = Cost("race", TERMS, terms, params, rows, TO_GO, frames, still_in_gate)
     if len(rows) == len(first) - 1:

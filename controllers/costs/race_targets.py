@@ -20,13 +20,14 @@ def cross(a, b):
 
 
 def targets(
-    course: Course, radius: float, margin: float, box: Sequence[float], laps: int
+    course: Course, radius: float, margin: tuple[float, float], box: Sequence[float], laps: int
 ) -> tuple[np.ndarray, list[int]]:
     """Target rows: one for each gate of every lap, at its exit, before it one for each point of the way round obstacles
     to it, and one behind the finish (rows, 20); where the rows of each gate, and of the finish, begin.
 
     Exit, passage, left axis, half the free opening, thickness of the bars around it, distance to go from there, length
-    of the approach, direction and length of the leg to the exit, margin wanted, from entry to exit.
+    of the approach, direction and length of the leg to the exit, margin wanted, from entry to exit. margin: [m], and
+    the share of half the free opening that it takes at most.
     """
     gates = (*course.gates * laps, course.gates[-1])
     passage, left = (np.array([g.rotation[:, k] for g in gates]) for k in (0, 1))
@@ -35,7 +36,7 @@ def targets(
     exits = np.array([g.position for g in gates]) + behind[:, None] * passage
     inner = inner_margin(opening, radius)
     free = opening / 2 - radius - inner[:, None]
-    wanted = np.minimum(margin, free.min(axis=1) / 2)  # a narrow gate leaves less
+    wanted = np.minimum(margin[0], margin[1] * free.min(axis=1))  # a narrow gate leaves less
     free[-1] = RUN_OUT  # no frame stands there
     bar = np.array([g.frame_width for g in gates]) + 2 * radius + SAFETY_MARGIN + inner
     depth = behind + clear_of_frame(radius)

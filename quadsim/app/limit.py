@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -19,6 +19,7 @@ from quadsim.app.flags import Help, Json, RunsDir, Stored, Switch, UsageError
 from quadsim.app.fly import EXIT, uninterrupted
 from quadsim.course import load_course
 from quadsim.files.extras import needs_extra
+from quadsim.files.strict_yaml import unit
 from quadsim.limit.solution import LIMITS, Limit, Race, dump
 from quadsim.race.events import Frame, flown_laps
 from quadsim.race.referee import Referee
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from quadsim.limit.search import Attempt, Search
 
 Laps = Annotated[int, Meta(ge=1, le=20)]
+Metres = Annotated[float, unit("m", ge=0, le=1)]
+Share = Annotated[float, Meta(ge=0, le=0.2)]
 Ratio = Annotated[float, Meta(gt=1, le=20)]
 TIMEOUT = 1e4  # [s] of the referee: a solution has an end
 
@@ -45,6 +48,10 @@ def limit(
     laps: Annotated[Laps | None, Help("from the standing start; left out: the course's")] = None,
     closed: Annotated[bool, Switch("one lap that ends as it begins, in place of a standing start")] = False,
     model: Annotated[Literal["rotors", "rates"], Help("four rotors, or the planner's model")] = "rotors",
+    margin: Annotated[
+        Metres, Help("kept to frames within openings: for a path to be flown, as by race_informed")
+    ] = 0.0,
+    reserve: Annotated[Share, Help("of the thrust, left unused: for a path to be flown; with --model rates")] = 0.0,
     nodes: Annotated[int, Meta(ge=8, le=200), Help("on the way to a gate, in the mean")] = 20,
     start: Annotated[tuple[Stored, ...], Help("runs to start from too", consume_multiple=True)] = (),
     known: Annotated[bool, Switch("no search: what is known, kept as a run to replay and to race on the page")] = False,
@@ -61,6 +68,7 @@ def limit(
     race limit split_s_swift --known, then race web last
     """
     race = _race(course, vehicle, thrust_to_weight, 1 if closed else laps, closed, model)
+    race = replace(race, margin=margin, reserve=reserve)
     flights, home = [_flight(race, name, runs_dir) for name in start], Path(runs_dir) / LIMITS
     if known:
         return _show_known(race, home, json)
@@ -206,6 +214,7 @@ def _report(race: Race, known: Limit | None, found: Limit | None) -> Iterator[st
         yield f"{name}, {what}: no solution is known"
         return
     v, nodes = known.verified, len(known.solution.t)
+    what += f", {race.margin:g} m from the frames" * bool(race.margin)
     yield f"{name}, {what}: best known limit [bold]{known.time:.3f} s[/], model {race.model}"
     if known is not found:
         yield "found before, and not slower than what was found now"

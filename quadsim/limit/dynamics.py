@@ -7,7 +7,7 @@ rates    the planner's model: body rates and thrust behind first-order lags, by 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import ceil
 from typing import Any
@@ -44,10 +44,14 @@ class Dynamics:
     spare: Callable[[Any, Any], tuple] = lambda x, u: ()  # of (x, u): what has to stay at or above 0
 
 
-def dynamics(vehicle: Vehicle, model: str) -> Dynamics:
-    """Raises ValueError for a vehicle that the model does not cover."""
+def dynamics(vehicle: Vehicle, model: str, reserve: float = 0.0) -> Dynamics:
+    """reserve: share of the thrust that is left unused, for rates. Raises ValueError for a vehicle that the model does
+    not cover."""
     if model == "rates":
-        return rates(ModelParams.of(vehicle))
+        params = ModelParams.of(vehicle)
+        return rates(replace(params, thrust_max=(1.0 - reserve) * params.thrust_max))
+    if reserve:
+        raise ValueError("--reserve: take --model rates")
     if vehicle.rotors is None:
         raise ValueError(f"--model: {vehicle.name} has no rotors: take rates")
     return rotors(vehicle, vehicle.rotors)

@@ -38,8 +38,8 @@ class Search:
     def __init__(self, race: Race, referee: Callable[[], Any], show: Callable[[str, int], Show]):
         """referee: makes a new one, which lets a race go on after a hit, for each solution.
         show: of a start's name and a number of nodes, gives what is told after each iteration."""
-        self.task = race_task(race.course, race.vehicle.radius, race.laps, race.closed)
-        self.model = dynamics(race.vehicle, race.model)
+        self.task = race_task(race.course, race.vehicle.radius, race.laps, race.closed, race.margin)
+        self.model = dynamics(race.vehicle, race.model, race.reserve)
         self._gates, self._speeds = race.course.gates, speeds(self.task, race.vehicle.thrust_max)
         self._referee, self._show = referee, show
 

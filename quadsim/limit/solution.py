@@ -104,6 +104,8 @@ class Race:
     laps: int
     model: str  # rotors, rates
     closed: bool = False  # one lap that ends as it begins
+    margin: float = 0.0  # of a path to be flown: kept to the frames within openings [m]
+    reserve: float = 0.0  # and the share of the thrust that is left unused
 
     @classmethod
     def of(cls, course: Course, vehicle: Vehicle, laps: int) -> Race:
@@ -123,7 +125,7 @@ class Race:
     @cached_property
     def key(self) -> str:
         """sha256 [16 hex digits] of all that decides the limit."""
-        whole = asdict(self)
+        whole = {k: v for k, v in asdict(self).items() if k not in ("margin", "reserve") or v}
         for part in ("course", "vehicle"):
             whole[part] = {k: v for k, v in whole[part].items() if k not in NAMES and (k != "obstacles" or v)}
         return sha256(json.dumps(_rounded(whole), sort_keys=True).encode()).hexdigest()[:16]
@@ -131,6 +133,7 @@ class Race:
     @property
     def file_name(self) -> str:
         parts = self.course.name, self.vehicle.name, str(self.laps), *(["closed"] if self.closed else []), self.model
+        parts += (f"margin{self.margin:g}", f"reserve{self.reserve:g}") if self.margin or self.reserve else ()
         return f"{re.sub(r'[^A-Za-z0-9_.-]', '-', '_'.join(parts))}_{self.key}.npz"
 
     def best_known(self, *folders: Path) -> Limit | None:

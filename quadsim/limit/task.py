@@ -34,6 +34,7 @@ class Task:
     radius: float = 0.0
     end: Vec3 | None = None  # where to come to rest after the last target [m]
     obstacles: tuple[Obstacle, ...] = ()
+    margin: float = 0.0  # kept to the frames within openings, in narrow ones half of the room [m]
 
     @property
     def points(self) -> list[Vec3]:
@@ -42,13 +43,13 @@ class Task:
         return [first, *(t.position for t in self.targets), *([self.end] if self.end else [])]
 
 
-def race_task(course: Course, radius: float, laps: int, closed: bool = False) -> Task:
+def race_task(course: Course, radius: float, laps: int, closed: bool = False, margin: float = 0.0) -> Task:
     """The race as the referee judges it. closed: the fastest lap that could be flown for ever, without a start."""
     (x0, x1), (y0, y1), (z0, z1) = course.bounds
     floor = max(z0, radius + GROUND)
     bounds = tuple((low + MARGIN, high - MARGIN) for low, high in ((x0, x1), (y0, y1), (floor, z1)))
     start = None if closed else course.start
-    return Task(course.gates * laps, start, bounds, radius, obstacles=course.obstacles)
+    return Task(course.gates * laps, start, bounds, radius, obstacles=course.obstacles, margin=margin)
 
 
 @dataclass(frozen=True)
@@ -83,8 +84,9 @@ def reach(task: Task) -> float:
 
 def room(gate: Gate, task: Task) -> tuple[float, float]:
     """Half width and height of the opening in which the sphere's centre is free [m]."""
-    width, height = gate.opening
-    return width / 2 - task.radius - MARGIN, height / 2 - task.radius - MARGIN
+    half_width, half_height = (size / 2 - task.radius - MARGIN for size in gate.opening)
+    margin = min(task.margin, half_width / 2, half_height / 2)
+    return half_width - margin, half_height - margin
 
 
 def legs(task: Task) -> list[float]:

@@ -11,6 +11,7 @@ from msgspec import inspect
 
 from controllers.config import MPPIConfig
 from controllers.costs import Cost
+from controllers.costs.reference import ReferenceWeights
 from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner, faults
 from controllers.samplers import SAMPLERS
@@ -22,6 +23,7 @@ from quadsim.physics.plant import default_plant
 from quadsim.race.flight import whole_multiple
 from quadsim.race.own_parts import Task, own_parts, own_system, sampler_name, sampler_object, with_sample
 from quadsim.race.preset_file import load_planner
+from quadsim.race.reference import stored_reference
 from quadsim.race.settings import GROUPS, FlightSettings, SettingError, checked, settings_of
 from quadsim.race.systems import SYSTEMS, SystemEntry, system_of_course
 from quadsim.sensing import PERFECT, Sensing, load_sensing
@@ -51,6 +53,8 @@ def resolve(course: Any = None, **given: Any) -> dict[str, Any]:
     where = entry.load_course(str(course or entry.default_course)) if isinstance(course, str | Path | None) else course
     plant_dt = f.plant_dt or entry.plant_dt or planner.mppi.dt
     laps, sensing = f.laps or where.laps, _sensing(f, system)
+    if isinstance(planner.cost, ReferenceWeights):
+        _check_reference(planner.cost, where, vehicle, laps, f)
     try:
         whole_multiple(planner.mppi.dt, plant_dt)
     except ValueError as error:  # "dt: expected ..."
@@ -74,6 +78,16 @@ def resolve(course: Any = None, **given: Any) -> dict[str, Any]:
         "view_weight": f.view_weight if sensing and sensing.camera else 0.0,
         "own": own,
     }
+
+
+def _check_reference(weights: ReferenceWeights, course: Course, vehicle: Any, laps: int, f: FlightSettings) -> None:
+    """Raises SettingError, FileError."""
+    if f.view_weight or f.displace_gates:
+        name = "view_weight" if f.view_weight else "displace_gates"
+        raise SettingError(
+            name, "expected 0 for a preset that follows a reference, which knows no other gates or views"
+        )
+    stored_reference(course, vehicle, laps, weights)
 
 
 def _check_pilot(pilot: Pilot | None, vehicle: Any, dt: float) -> Pilot | None:

@@ -19,6 +19,7 @@ from controllers.costs.corridor import corridor_cost
 from controllers.costs.quadratic import quadratic_cost
 from controllers.costs.race import race_cost
 from controllers.costs.race_view import with_view
+from controllers.costs.reference import ReferenceWeights, reference_cost
 from controllers.paper_presets import DOUBLE_INTEGRATOR, OFFROAD
 from controllers.presets import PRESETS, Planner
 from quadsim.course import COURSES, load_course, parse_course
@@ -31,6 +32,7 @@ from quadsim.physics.domain_randomization import draw, gusts
 from quadsim.physics.plant import PLANTS, ModelPlant, Plant, diffusion, start_state
 from quadsim.race.plane_referees import CorridorReferee, DurationReferee
 from quadsim.race.referee import Referee
+from quadsim.race.reference import reference_of, stored_reference
 from quadsim.systems import System, double_integrator, offroad, quadrotor
 from quadsim.vehicle import load_vehicle, vehicle_names
 
@@ -109,7 +111,12 @@ def _race_plant(spec: Any, streams: Streams) -> Plant:
 
 def _race_cost(spec: Any) -> Cost:
     """Of the planner's map; where a camera finds gates, with the next one kept in its view."""
-    cost = race_cost(spec.course, spec.vehicle.radius, spec.planner.cost, spec.laps)
+    weights = spec.planner.cost
+    if isinstance(weights, ReferenceWeights):
+        known = stored_reference(spec.course, spec.vehicle, spec.laps, weights)
+        followed = reference_of(known, spec.vehicle, spec.planner.mppi.dt)
+        return reference_cost(spec.course, spec.vehicle.radius, weights, followed)
+    cost = race_cost(spec.course, spec.vehicle.radius, weights, spec.laps)
     if not (spec.sensing and spec.sensing.camera and spec.view_weight):
         return cost
     return with_view(cost, spec.view_weight, tuple(spec.sensing.camera.axes[:, 2].tolist()))

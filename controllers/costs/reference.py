@@ -1,0 +1,120 @@
+"""The cost of following a reference: a race that was optimised before, of the same vehicle on the same course.
+
+    q = a_1 |e_c|^2 + a_2 |v - v_r|^2 - a_3 tau + a_4 Crash,    p - p_r = e_c + tau v_r
+
+The reference is one state for each control period, p_r and v_r; e_c is the distance across its path, tau by how much
+time a sample is ahead on it [s]. That is contouring control (Lam, Manzie and Good, CDC 2010; on quadrotors Romero, Sun,
+Foehn and Scaramuzza, MPCC, T-RO 2022) with the reference's own timing. Every plan begins at the state of the reference
+nearest to the vehicle, so that a vehicle that is late follows the same path later.
+
+Frames, obstacles and the ground are what they are in the racing cost; that gates are passed is left to the reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta
+from numpy import where
+
+from controllers.costs import Cost
+from controllers.costs.frames import course_obstacles
+from controllers.costs.race import Weight, room_to_fly
+from quadsim.course import Course
+from quadsim.files.strict_yaml import unit
+
+TERMS = ("off_path", "velocity", "ahead", "crash")
+AT_REST = 1.0  # [m^2/s^2] added to |v_r|^2, which tau divides by
+VELOCITY_WEIGHT = 0.1  # [s] what a difference in velocity counts as a distance when the nearest state is searched
+BEYOND = 15  # [rows] around the leg to the next gate within which it is searched
+AFTER = 10.0  # [s] of the reference behind the finish, so that no plan ends there
+ACCELERATING = 1.0  # [s] of these with the last acceleration
+
+
+@dataclass(frozen=True)
+class ReferenceWeights:
+    """Weights a_1..a_4 of the terms, and which solution of `race limit --model rates` is followed."""
+
+    off_path: Weight = 40.0  # per m^2 across the path
+    velocity: Weight = 1.0  # per (m/s)^2 off the reference's velocity
+    ahead: Weight = 20.0  # reward per second ahead
+    crash: Weight = 1000.0  # per step after a crash
+    margin: Annotated[float, unit("m", ge=0, le=1)] = 0.05  # of the solution to the frames, its --margin [m]
+    reserve: Annotated[float, Meta(ge=0, le=0.2)] = 0.005  # of its thrust, its --reserve
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A race by its state at every control period."""
+
+    x: np.ndarray  # (rows, 6) position and velocity [m, m/s]
+    u: np.ndarray  # (rows, 4) controls
+    passes: tuple[int, ...]  # row at each gate
+
+    @classmethod
+    def of(cls, x: np.ndarray, u: np.ndarray, passes: Sequence[int], dt: float) -> Reference:
+        """With a straight way on behind the finish. x (rows, 6), u (rows, 4), dt: control period [s]."""
+        p, v = x[-1, :3], x[-1, 3:]
+        t = dt * np.arange(1, round(AFTER / dt))[:, None]
+        a, on = (v - x[-6, 3:]) / (5 * dt), np.minimum(t, ACCELERATING)
+        beyond = np.hstack([p + t * v + a * on * (t - on / 2), v + on * a])
+        return cls(np.vstack([x, beyond]), np.vstack([u, np.repeat(u[-1:], len(t), axis=0)]), tuple(passes))
+
+    def nearest(self, target: int, x: np.ndarray) -> int:
+        """Row of the state nearest to x (n_x,), on the way to this target."""
+        legs = (0, *self.passes, len(self.x))
+        first = max(legs[min(target, len(legs) - 2)] - BEYOND, 0)
+        last = legs[min(target + 1, len(legs) - 1)] + BEYOND
+        apart = self.x[first:last] - x[:6]
+        return first + int((apart * apart @ ([1.0] * 3 + [VELOCITY_WEIGHT**2] * 3)).argmin())
+
+    def row_ahead(self, target: int, x: np.ndarray) -> int:
+        """Row of the first state that a plan from x is compared with."""
+        return self.nearest(target, x) + 1
+
+    def controls(self, target: int, x: np.ndarray, horizon: int) -> np.ndarray:
+        """The reference's own from x on.  (T, n_u)"""
+        row = self.nearest(target, x)
+        return self.u[row : row + horizon]
+
+
+def terms(x, x_next, u, target, crashed, p):
+    """The weighted terms for one step of one sample. Every step reaches its target; the next is the next step's."""
+    rx, ry, rz, vx, vy, vz = target
+    a_1, a_2, a_3, a_4, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
+    px, py, pz = x_next[0], x_next[1], x_next[2]
+    dx, dy, dz = px - rx, py - ry, pz - rz
+    ex, ey, ez = x_next[3] - vx, x_next[4] - vy, x_next[5] - vz
+    tau = (dx * vx + dy * vy + dz * vz) / (vx * vx + vy * vy + vz * vz + AT_REST)
+    cx, cy, cz = dx - tau * vx, dy - tau * vy, dz - tau * vz
+    below_floor = (pz < floor) & (pz < x[2])  # a start on the ground is no crash
+    out_of_bounds = (px < x_lo) | (px > x_hi) | (py < y_lo) | (py > y_hi) | (pz > z_hi)
+    crashed = where(below_floor | out_of_bounds, 1.0, crashed)
+    return (
+        a_1 * (cx * cx + cy * cy + cz * cz),
+        a_2 * (ex * ex + ey * ey + ez * ez),
+        -a_3 * tau,
+        a_4 * crashed,
+        crashed < 2.0,
+        crashed,
+    )
+
+
+def reference_cost(course: Course, radius: float, weights: ReferenceWeights, reference: Reference) -> Cost:
+    """The cost of this course for a vehicle of this radius [m]."""
+    w = weights
+    params = (w.off_path, w.velocity, w.ahead, w.crash, *room_to_fly(course, radius, 0.0))
+    frames = course_obstacles(course, radius, w.crash, TERMS.index("crash"))
+    return Cost(
+        "reference",
+        TERMS,
+        terms,
+        params,
+        reference.x,
+        obstacles=frames,
+        row_ahead=reference.row_ahead,
+        guide=reference.controls,
+    )
