@@ -1,11 +1,12 @@
 """The cost of following a reference: a race that was optimised before, of the same vehicle on the same course.
 
-    q = a_1 |e_c|^2 + a_2 |v - v_r|^2 - a_3 tau + a_4 Crash,    p - p_r = e_c + tau v_r
+    q = a_1 (1 + a_g g) |e_c|^2 + a_2 |v - v_r|^2 - a_3 tau + a_4 Crash,    p - p_r = e_c + tau v_r
 
 The reference is one state for each control period, p_r and v_r; e_c is the distance across its path, tau by how much
-time a sample is ahead on it [s]. That is contouring control (Lam, Manzie and Good, CDC 2010; on quadrotors Romero, Sun,
-Foehn and Scaramuzza, MPCC, T-RO 2022) with the reference's own timing. Every plan begins at the state of the reference
-nearest to the vehicle, so that a vehicle that is late follows the same path later.
+time a sample is ahead on it [s], g is 1 at a gate and falls off before and behind it. That is contouring control (Lam,
+Manzie and Good, CDC 2010) with the reference's own timing, and, as in MPCC for quadrotors (Romero, Sun, Foehn and
+Scaramuzza, T-RO 2022), with a weight that rises at gates. Every plan begins at the state of the reference nearest to
+the vehicle, so that a vehicle that is late follows the same path later.
 
 Frames, obstacles and the ground are what they are in the racing cost; that gates are passed is left to the reference.
 """
@@ -27,6 +28,7 @@ from quadsim.course import Course
 from quadsim.files.strict_yaml import unit
 
 TERMS = ("off_path", "velocity", "ahead", "crash")
+GATE_TIME = 0.06  # [s] before and behind a gate in which g falls to exp(-1/2)
 AT_REST = 1.0  # [m^2/s^2] added to |v_r|^2, which tau divides by
 VELOCITY_WEIGHT = 0.1  # [s] what a difference in velocity counts as a distance when the nearest state is searched
 BEYOND = 15  # [rows] around the leg to the next gate within which it is searched
@@ -36,23 +38,25 @@ ACCELERATING = 1.0  # [s] of these with the last acceleration
 
 @dataclass(frozen=True)
 class ReferenceWeights:
-    """Weights a_1..a_4 of the terms, and which solution of `race limit --model rates` is followed."""
+    """Weights a_1, a_g, a_2..a_4 of the terms, and which solution of `race limit --model rates` is followed."""
 
-    off_path: Weight = 40.0  # per m^2 across the path
+    off_path: Weight = 10.0  # per m^2 across the path
+    at_gates: Weight = 60.0  # by how many times more at a gate's plane
     velocity: Weight = 1.0  # per (m/s)^2 off the reference's velocity
     ahead: Weight = 20.0  # reward per second ahead
     crash: Weight = 1000.0  # per step after a crash
-    margin: Annotated[float, unit("m", ge=0, le=1)] = 0.05  # of the solution to the frames, its --margin [m]
-    reserve: Annotated[float, Meta(ge=0, le=0.2)] = 0.005  # of its thrust, its --reserve
+    margin: Annotated[float, unit("m", ge=0, le=1)] = 0.03  # of the solution to the frames, its --margin [m]
+    reserve: Annotated[float, Meta(ge=0, le=0.2)] = 0.002  # of its thrust, its --reserve
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A race by its state at every control period."""
+    """A race by its state at every control period dt [s]."""
 
     x: np.ndarray  # (rows, 6) position and velocity [m, m/s]
     u: np.ndarray  # (rows, 4) controls
     passes: tuple[int, ...]  # row at each gate
+    dt: float
 
     @classmethod
     def of(cls, x: np.ndarray, u: np.ndarray, passes: Sequence[int], dt: float) -> Reference:
@@ -61,7 +65,12 @@ class Reference:
         t = dt * np.arange(1, round(AFTER / dt))[:, None]
         a, on = (v - x[-6, 3:]) / (5 * dt), np.minimum(t, ACCELERATING)
         beyond = np.hstack([p + t * v + a * on * (t - on / 2), v + on * a])
-        return cls(np.vstack([x, beyond]), np.vstack([u, np.repeat(u[-1:], len(t), axis=0)]), tuple(passes))
+        return cls(np.vstack([x, beyond]), np.vstack([u, np.repeat(u[-1:], len(t), axis=0)]), tuple(passes), dt)
+
+    def at_gates(self) -> np.ndarray:
+        """g of every row.  (rows,)"""
+        seconds = self.dt * (np.arange(len(self.x))[:, None] - np.array(self.passes))
+        return np.exp(-0.5 * (seconds / GATE_TIME) ** 2).max(axis=1)
 
     def nearest(self, target: int, x: np.ndarray) -> int:
         """Row of the state nearest to x (n_x,), on the way to this target."""
@@ -83,8 +92,8 @@ class Reference:
 
 def terms(x, x_next, u, target, crashed, p):
     """The weighted terms for one step of one sample. Every step reaches its target; the next is the next step's."""
-    rx, ry, rz, vx, vy, vz = target
-    a_1, a_2, a_3, a_4, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
+    rx, ry, rz, vx, vy, vz, gate = target
+    a_1, a_g, a_2, a_3, a_4, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
     px, py, pz = x_next[0], x_next[1], x_next[2]
     dx, dy, dz = px - rx, py - ry, pz - rz
     ex, ey, ez = x_next[3] - vx, x_next[4] - vy, x_next[5] - vz
@@ -94,7 +103,7 @@ def terms(x, x_next, u, target, crashed, p):
     out_of_bounds = (px < x_lo) | (px > x_hi) | (py < y_lo) | (py > y_hi) | (pz > z_hi)
     crashed = where(below_floor | out_of_bounds, 1.0, crashed)
     return (
-        a_1 * (cx * cx + cy * cy + cz * cz),
+        a_1 * (1.0 + a_g * gate) * (cx * cx + cy * cy + cz * cz),
         a_2 * (ex * ex + ey * ey + ez * ez),
         -a_3 * tau,
         a_4 * crashed,
@@ -106,14 +115,14 @@ def terms(x, x_next, u, target, crashed, p):
 def reference_cost(course: Course, radius: float, weights: ReferenceWeights, reference: Reference) -> Cost:
     """The cost of this course for a vehicle of this radius [m]."""
     w = weights
-    params = (w.off_path, w.velocity, w.ahead, w.crash, *room_to_fly(course, radius, 0.0))
+    params = (w.off_path, w.at_gates, w.velocity, w.ahead, w.crash, *room_to_fly(course, radius, 0.0))
     frames = course_obstacles(course, radius, w.crash, TERMS.index("crash"))
     return Cost(
         "reference",
         TERMS,
         terms,
         params,
-        reference.x,
+        np.column_stack([reference.x, reference.at_gates()]),
         obstacles=frames,
         row_ahead=reference.row_ahead,
         guide=reference.controls,

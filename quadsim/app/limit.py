@@ -169,7 +169,8 @@ def _found(race: Race, attempts: list[Attempt]) -> Limit | None:
         return None
     solution, verified = fastest.solved
     laps = flown_laps(verified.events, race.laps)
-    return Limit(race.course.name, race.vehicle.name, race.laps, race.closed, laps, verified.summary(), solution)
+    about = race.course.name, race.vehicle.name, race.laps, race.closed, laps, verified.summary()
+    return Limit(*about, solution, race.margin, race.reserve)
 
 
 def _summary(race: Race, known: Limit | None, attempts: list[Attempt]) -> dict:
@@ -181,6 +182,8 @@ def _summary(race: Race, known: Limit | None, attempts: list[Attempt]) -> dict:
         "laps": race.laps,
         "closed": race.closed,
         "model": race.model,
+        "margin": race.margin,
+        "reserve": race.reserve,
         "time": known.time if known else None,
         "lap_times": known.lap_times if known else [],
         "nodes": len(s.t) if s else None,

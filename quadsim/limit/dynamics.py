@@ -26,6 +26,7 @@ if hasattr(casadi.GlobalOptions, "setNumpyMode"):  # CasADi 3.8 warns until it i
 
 BODY = 13  # position, velocity, attitude (wxyz) and body rates come first in every state
 SPIN_UP_MAX = 1000.0  # [rad/s^2] of the body, beyond what any vehicle reaches
+YAW_MAX = 0.5  # [rad/s] of a race to be flown: the model does not know that rotors near full thrust cannot yaw
 FINE = 1e-3, 2e-4  # longest step of the check, by Runge-Kutta and by the planner's step, of order 1 [s]
 
 
@@ -45,11 +46,15 @@ class Dynamics:
 
 
 def dynamics(vehicle: Vehicle, model: str, reserve: float = 0.0) -> Dynamics:
-    """reserve: share of the thrust that is left unused, for rates. Raises ValueError for a vehicle that the model does
-    not cover."""
+    """reserve: share of the thrust that is left unused, for rates; then YAW_MAX holds too. Raises ValueError for a
+    vehicle that the model does not cover."""
     if model == "rates":
         params = ModelParams.of(vehicle)
-        return rates(replace(params, thrust_max=(1.0 - reserve) * params.thrust_max))
+        if reserve:
+            roll, pitch, yaw = params.rate_max
+            thrust = (1.0 - reserve) * params.thrust_max
+            params = replace(params, rate_max=(roll, pitch, min(yaw, YAW_MAX)), thrust_max=thrust)
+        return rates(params)
     if reserve:
         raise ValueError("--reserve: take --model rates")
     if vehicle.rotors is None:

@@ -22,6 +22,7 @@ from quadsim.vehicle import Vehicle
 SOLUTIONS = Path(__file__).parent / "solutions"  # those that come with the project
 LIMITS = "limits"  # folder among the runs, for those that are found here
 ARRAYS = ("x", "u", "costate")
+FACTS = ("course", "vehicle", "laps", "closed", "lap_times", "verified", "margin", "reserve")
 NAMES = ("name", "source", "text", "published", "laps", "loop")  # of a course or a vehicle: what changes no race
 
 
@@ -63,6 +64,8 @@ class Limit:
     lap_times: list[float]  # [s]
     verified: dict
     solution: Solution
+    margin: float = 0.0  # as of the Race
+    reserve: float = 0.0
 
     @property
     def time(self) -> float:
@@ -155,7 +158,7 @@ def limit_of(spec: dict, *folders: Path) -> Limit | None:
 def dump(limit: Limit) -> bytes:
     """As npz without pickles; states in single precision, whose rounding the check allows for."""
     s = limit.solution
-    facts = {k: getattr(limit, k) for k in ("course", "vehicle", "laps", "closed", "lap_times", "verified")}
+    facts = {k: getattr(limit, k) for k in FACTS}
     arrays: dict[str, Any] = {name: getattr(s, name).astype("<f4") for name in ARRAYS}
     arrays |= {"t": s.t.astype("<f8"), "target": s.target.astype("<i2")}
     buffer = io.BytesIO()

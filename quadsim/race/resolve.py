@@ -53,12 +53,8 @@ def resolve(course: Any = None, **given: Any) -> dict[str, Any]:
     where = entry.load_course(str(course or entry.default_course)) if isinstance(course, str | Path | None) else course
     plant_dt = f.plant_dt or entry.plant_dt or planner.mppi.dt
     laps, sensing = f.laps or where.laps, _sensing(f, system)
-    if isinstance(planner.cost, ReferenceWeights):
-        _check_reference(planner.cost, where, vehicle, laps, f)
-    try:
-        whole_multiple(planner.mppi.dt, plant_dt)
-    except ValueError as error:  # "dt: expected ..."
-        raise SettingError(*str(error).split(": ", 1)) from None
+    _check_reference(planner.cost, where, vehicle, laps, f)
+    _check_periods(planner.mppi.dt, plant_dt)
     return _as_given(f) | {
         "system": system,
         "course": where,
@@ -80,8 +76,18 @@ def resolve(course: Any = None, **given: Any) -> dict[str, Any]:
     }
 
 
-def _check_reference(weights: ReferenceWeights, course: Course, vehicle: Any, laps: int, f: FlightSettings) -> None:
-    """Raises SettingError, FileError."""
+def _check_periods(dt: float, plant_dt: float) -> None:
+    """Raises SettingError."""
+    try:
+        whole_multiple(dt, plant_dt)
+    except ValueError as error:  # "dt: expected ..."
+        raise SettingError(*str(error).split(": ", 1)) from None
+
+
+def _check_reference(weights: Any, course: Course, vehicle: Any, laps: int, f: FlightSettings) -> None:
+    """Whether there is one to follow, where one is followed. Raises SettingError, FileError."""
+    if not isinstance(weights, ReferenceWeights):
+        return
     if f.view_weight or f.displace_gates:
         name = "view_weight" if f.view_weight else "displace_gates"
         raise SettingError(

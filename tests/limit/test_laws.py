@@ -10,11 +10,11 @@ from limit_cases import HALL, without_lag
 from quadsim.course import Course, Gate, Start
 from quadsim.course.swept import SweptGate
 from quadsim.limit.detours import detours
-from quadsim.limit.dynamics import dynamics
+from quadsim.limit.dynamics import YAW_MAX, dynamics
 from quadsim.limit.guess import solved, straight
 from quadsim.limit.solution import Limit
 from quadsim.limit.solve import solve
-from quadsim.limit.task import Task, Waypoint, race_task, segments
+from quadsim.limit.task import Task, Waypoint, race_task, room, segments
 from quadsim.limit.verify import verify
 from quadsim.race.referee import Referee
 from quadsim.vehicle import GRAVITY, load_vehicle
@@ -48,6 +48,23 @@ def test_straight_up_takes_what_full_thrust_takes():
     task = Task((Waypoint((0.0, 0.0, 6.0), 1e-4),), Start((0.0, 0.0, 1.0), 0.0), HALL)
     solution = solve(task, model, [10], straight(task, model, 5.0))
     assert solution.time == pytest.approx(sqrt(2 * 5.0 / (4 * 5.0 / 0.8 - GRAVITY)), rel=1e-4)
+
+
+def test_a_margin_narrows_openings_and_in_small_ones_takes_half_of_the_room():
+    def of(margin):
+        return room(GATES[0], race_task(COURSE, SWIFT.radius, 1, margin=margin))
+
+    np.testing.assert_allclose(np.subtract(of(0.0), of(0.1)), 0.1)
+    np.testing.assert_allclose(of(10.0), np.array(of(0.0)) / 2)
+
+
+def test_a_reserve_is_left_of_the_thrust_and_of_yaw_and_only_the_rate_model_has_one():
+    all_of_it, some = dynamics(SWIFT, "rates"), dynamics(SWIFT, "rates", reserve=0.1)
+    np.testing.assert_allclose(some.u_high[3], 0.9 * all_of_it.u_high[3])
+    np.testing.assert_array_equal(some.u_high[:2], all_of_it.u_high[:2])
+    assert some.u_high[2] == -some.u_low[2] == YAW_MAX < all_of_it.u_high[2]
+    with pytest.raises(ValueError, match="--model rates"):
+        dynamics(SWIFT, "rotors", reserve=0.1)
 
 
 @pytest.mark.parametrize("model", ["rotors", "rates"])

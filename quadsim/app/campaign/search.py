@@ -40,7 +40,6 @@ HORIZON = (40, 220, 10)  # [steps]: from, to, in steps of
 STARTUP = 12  # trials drawn at random before optuna models the good ones
 FAILED = "failed"  # attribute of a trial
 FIXED = ("progress",)  # weights: with the temperature free, only their ratios matter
-WEIGHTS = tuple(f.name for f in fields(RaceWeights) if f.type == "Weight" and f.name not in FIXED)
 
 
 @dataclass(frozen=True)
@@ -67,15 +66,21 @@ def parameters(planner: Planner, sampler: str, groups: Sequence[str]) -> Iterato
             yield Parameter("temperature", *TEMPERATURE, m.temperature, log=True)
         else:
             yield Parameter("target_ess", ESS[0], min(ESS[1], m.samples / 2), m.target_ess, log=True)
-    if "margin" in groups:
+    if "margin" in groups and isinstance(c, RaceWeights):  # the margin of a reference is part of what it is
         yield Parameter("margin", *MARGIN, c.margin)
+    if "margin" in groups:
         yield Parameter("tighten", *TIGHTEN, m.tighten)
     if "horizon" in groups:
         yield Parameter("horizon", *HORIZON[:2], m.horizon, step=HORIZON[2])
     if "cost" in groups:
-        for name in WEIGHTS:
+        for name in weights_of(c):
             if weight := getattr(c, name):
                 yield _around(name, weight)
+
+
+def weights_of(cost: Any) -> tuple[str, ...]:
+    """The names of those that are searched."""
+    return tuple(f.name for f in fields(cost) if f.type == "Weight" and f.name not in FIXED)
 
 
 def _around(name: str, base: float) -> Parameter:

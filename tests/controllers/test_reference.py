@@ -1,0 +1,116 @@
+"""The cost of following a reference: what is searched, what is paid for, and that a flight keeps to its path."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import quadsim
+from controllers.costs.reference import GATE_TIME, TERMS, Reference, ReferenceWeights, reference_cost, terms
+from quadsim.course import load_course
+from quadsim.files.strict_yaml import FileError
+from quadsim.race.reference import reference_of, stored_reference
+from quadsim.race.spec import Spec
+from quadsim.vehicle import load_vehicle
+
+COURSE, SWIFT, DT = load_course("split_s_swift"), load_vehicle("swift"), 0.01
+WEIGHTS = ReferenceWeights()
+LIMIT = stored_reference(COURSE, SWIFT, 3, WEIGHTS)
+ROWS = 100
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+
+
+def straight(speed=10.0):
+    """Along x at this speed, a gate after half a second and at the end."""
+    t = DT * np.arange(ROWS)[:, None]
+    x = np.hstack([speed * t, 0 * t, 0 * t + 2.0, 0 * t + speed, 0 * t, 0 * t])
+    return Reference.of(x, np.tile([0.0, 0.0, 0.0, 9.81], (ROWS, 1)), (50, 99), DT)
+
+
+def paid(offset, velocity=(0.0, 0.0, 0.0), row=20):
+    """{term: cost} of a state that is off the straight reference by so much."""
+    reference = straight()
+    cost = reference_cost(COURSE, 0.14, WEIGHTS, reference)
+    target = cost.targets[row]
+    x = (*(target[:3] + offset), *(target[3:6] + velocity), *LEVEL)
+    found = terms(x, x, (0.0,) * 4, target, 0.0, cost.params)
+    assert found[-2], "every step leads to the next row"
+    return dict(zip(TERMS, map(float, found), strict=False))
+
+
+def test_a_state_on_the_reference_costs_nothing():
+    assert paid((0.0, 0.0, 0.0)) == dict.fromkeys(TERMS, 0.0)
+
+
+def test_across_the_path_is_paid_for_and_ahead_on_it_is_rewarded():
+    aside, ahead, late = paid((0.0, 0.3, 0.0)), paid((0.3, 0.0, 0.0)), paid((-0.3, 0.0, 0.0))
+    assert aside["off_path"] == pytest.approx(WEIGHTS.off_path * 0.09, rel=1e-3)
+    assert aside["ahead"] == 0.0
+    assert ahead["ahead"] == pytest.approx(-WEIGHTS.ahead * 0.03, rel=0.02)  # 0.3 m at 10 m/s
+    assert late["ahead"] == pytest.approx(-ahead["ahead"])
+    assert ahead["off_path"] < 1e-3 * aside["off_path"]
+    assert paid((0.0, 0.0, 0.0), (0.0, 2.0, 0.0))["velocity"] == pytest.approx(4.0 * WEIGHTS.velocity)
+
+
+def test_across_the_path_costs_more_at_a_gate():
+    far, near, at = (paid((0.0, 0.3, 0.0), row=row)["off_path"] for row in (20, 50 - round(GATE_TIME / DT), 50))
+    assert at == pytest.approx((1 + WEIGHTS.at_gates) * far, rel=1e-3)
+    assert near == pytest.approx((1 + WEIGHTS.at_gates * np.exp(-0.5)) * far, rel=1e-3)
+
+
+def test_ground_and_bounds_are_a_crash_and_going_up_from_the_ground_is_none():
+    assert paid((0.0, 0.0, -5.0))["crash"] == 0.0  # x is x_next here: not coming down
+    assert paid((1000.0, 0.0, 0.0))["crash"] == WEIGHTS.crash
+
+
+def test_a_plan_begins_at_the_nearest_state_on_the_way_to_the_target():
+    reference = straight()
+    late = np.array([2.0, 0.1, 2.0, 10.0, 0.0, 0.0])  # where the reference was after 0.2 s
+    assert reference.nearest(0, late) == 20
+    assert reference.nearest(1, late) >= 50 - 15  # one that has passed the first gate is not taken back before it
+    np.testing.assert_array_equal(reference.controls(0, late, 7), reference.u[20:27])
+
+
+def test_the_way_goes_on_behind_the_finish():
+    reference = straight()
+    assert len(reference.x) > ROWS + 500
+    np.testing.assert_allclose(np.diff(reference.x[:, 0]), 0.1, atol=1e-9)
+
+
+def test_a_stored_solution_passes_its_gates_in_the_rows_that_are_noted():
+    reference = reference_of(LIMIT, SWIFT, DT)
+    assert len(reference.passes) == 21
+    for row, gate in zip(reference.passes, COURSE.gates * 3, strict=True):
+        ahead = (reference.x[row, :3] - gate.position) @ gate.rotation[:, 0]
+        assert abs(ahead) < 0.4, "within the depth of a frame, and one row"
+
+
+@pytest.mark.parametrize("sampler", ["colored", "gaussian"])
+def test_a_flight_keeps_to_the_path_and_the_planner_without_it_does_not(sampler):
+    def off(**settings):
+        run = quadsim.fly(COURSE, sampler=sampler, timeout=1.2, samples=512, **settings)
+        p = np.column_stack([run.telemetry[name] for name in ("px", "py", "pz")])
+        path = reference_of(LIMIT, SWIFT, DT).x[:, :3]
+        return max(np.linalg.norm(path[:200] - each, axis=1).min() for each in p)
+
+    assert off(preset="race_informed") < 0.35
+    assert off(preset="race") > 0.5
+
+
+@pytest.mark.parametrize("changed", [{"laps": 2}, {"vehicle": "kingfisher"}, {"margin": 0.2}, {"course": "paper_flat"}])
+def test_a_race_without_a_stored_solution_is_refused_with_the_command_that_finds_one(changed, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    settings = {"course": "split_s_swift", "preset": "race_informed"} | changed
+    with pytest.raises(FileError, match=r"race limit .* --model rates --margin"):
+        Spec.of(settings.pop("course"), **settings)
+
+
+@pytest.mark.parametrize("name", ["displace_gates", "view_weight"])
+def test_what_the_reference_does_not_know_is_refused(name):
+    with pytest.raises(ValueError, match=name):
+        Spec.of("split_s_swift", preset="race_informed", sensing="gates", **{name: 0.1})
+
+
+def test_the_reserve_is_part_of_which_solution_is_followed():
+    with pytest.raises(FileError):
+        stored_reference(COURSE, SWIFT, 3, replace(WEIGHTS, reserve=0.05))
