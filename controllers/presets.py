@@ -51,7 +51,7 @@ _PAPER = Planner(
 )
 # Sampling as `race tune split_s_swift --laps 1` found it, 48 trials for each of the two samplers. It would have a
 # horizon of 1.2 s, too short to brake from 38 m/s on alphapilot. The weights along the horizon, the overshoot, the ESS
-# and the margin were chosen by hand on split_s_swift with colored sampling, see docs/results.md.
+# and the margin were chosen by hand on split_s_swift and alphapilot, for each sampler its own, see docs/results.md.
 _RACE = Planner(
     vehicle="swift",
     sampling=Colored(sigma=(0.86, 0.86, 0.5, 4.4), gamma=(0.8, 0.8, 0.8, 2.0)),
@@ -96,9 +96,9 @@ PRESETS: dict[str, dict[str, Planner]] = {
         "smooth_star": _smooth(_PAPER, SmoothStar((0.06, 0.06, 0.06, 0.7))),
     },
     "race": {
-        "gaussian": _race(Gaussian((1.12, 1.12, 1.98, 4.8)), target_ess=60, cost_rise=0.0),
+        "gaussian": _race(Gaussian((1.12, 1.12, 1.98, 4.8)), overshoot=1.0, first_noise=1.0, cost_rise=0.0),
         "colored": _RACE,
-        "log_normal": _race(LogNormal((0.69, 0.69, 0.89, 1.18)), target_ess=60),
+        "log_normal": _race(LogNormal((0.69, 0.69, 0.89, 1.18))),
         "smooth": _smooth(_RACE, Smooth((60.0, 60.0, 12.0, 120.0))),
         "smooth_star": _smooth(_RACE, SmoothStar((0.6, 0.6, 0.12, 1.2))),
     },
