@@ -6,7 +6,8 @@ line: the flag, what was expected with its unit, what came.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import wraps
 from inspect import signature
@@ -25,6 +26,19 @@ from quadsim.race.systems import SYSTEMS, SystemEntry, system_of_course
 
 class UsageError(ValueError):
     """A command line that cannot be used. One line: the flag, what was expected with its unit, what came."""
+
+
+@contextmanager
+def settings_as_flags() -> Iterator[None]:
+    """Errors in settings, and in how course, laps and vehicle fit together, become UsageErrors; others pass."""
+    try:
+        yield
+    except SettingError as error:
+        raise UsageError(f"{flag(error.name)}: {error.problem}") from None
+    except ValueError as error:  # laps on an open course, a gate too small for the vehicle
+        if type(error) is not ValueError:
+            raise
+        raise UsageError(str(error)) from None
 
 
 def Help(text: str, **parameter: Any) -> Parameter:  # noqa: N802 (reads as an annotation)

@@ -10,12 +10,11 @@ from contextlib import closing, contextmanager, suppress
 from typing import Annotated
 
 from quadsim.app.console import COMPILING, complain
-from quadsim.app.flags import Given, Help, Json, RunsDir, UsageError, flag
+from quadsim.app.flags import Given, Help, Json, RunsDir, UsageError, settings_as_flags
 from quadsim.app.progress import Progress
 from quadsim.app.report import present
 from quadsim.race.build import build, launch, with_threads
 from quadsim.race.events import Frame
-from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
 from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.run import Recorder, Run, RunError
@@ -60,10 +59,8 @@ def fly(course: CourseName = None, /, *, settings: Given = None, runs_dir: RunsD
 
 def spec_of(course: str | None, settings: Given = None) -> Spec:
     """What these flags fly, with the threads in use. Raises UsageError that names the flag, FileError."""
-    try:
+    with settings_as_flags():
         return with_threads(Spec.of(course, **(settings or {})))
-    except SettingError as error:
-        raise UsageError(f"{flag(error.name)}: {error.problem}") from None
 
 
 def _recorded(flight: Iterable[Frame], spec: Spec, quiet: bool) -> Recorder:

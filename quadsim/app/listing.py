@@ -34,8 +34,8 @@ def courses(
     generate: Annotated[
         Annotated[int, Meta(ge=1, le=10_000)] | None, Help("write so many random courses instead")
     ] = None,
-    seed: Annotated[Annotated[int, Meta(ge=0, le=10**9)], Help("random seed of those")] = 0,
-    out: Annotated[str, Help("the folder to which they are written")] = "random_courses",
+    seed: Annotated[Annotated[int, Meta(ge=0, le=10**9)] | None, Help("random seed of those (default: 0)")] = None,
+    out: Annotated[str | None, Help("the folder to which they are written (default: random_courses)")] = None,
     json: Json = False,
 ) -> int:
     """The courses that come with the project. `race fly FILE.yaml` flies any other.
@@ -43,7 +43,10 @@ def courses(
     race courses --generate 10 --seed 1 --out random_courses
     """
     if generate is not None:
-        return _generate(generate, seed, Path(out), json)
+        return _generate(generate, seed or 0, Path(out or "random_courses"), json)
+    for flag, given in (("--seed", seed), ("--out", out)):
+        if given is not None:
+            raise UsageError(f"{flag}: expected --generate N with it, as it is about random courses")
     known = {name: [entry.load_course(c) for c in entry.courses] for name, entry in SYSTEMS.items()}
     if json:
         flown = known.pop("quadrotor")

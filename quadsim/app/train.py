@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from msgspec import Meta
 
 from quadsim.app.console import complain, emit, emit_json
-from quadsim.app.flags import Help, Json, UsageError
+from quadsim.app.flags import Help, Json, UsageError, settings_as_flags
 from quadsim.files.strict_yaml import unit
 from quadsim.race.settings import SettingError
 from quadsim.record.whole_files import expect_file, expect_writable
@@ -74,14 +74,8 @@ def _out(out: str) -> Path:
 def _task(course: str | list[str], vehicle: str, settings: dict[str, Any]) -> Any:
     from quadsim.envs.task import task
 
-    try:
+    with settings_as_flags():
         return task(course, vehicle, **settings)
-    except SettingError as error:
-        raise UsageError(f"--{error.name}: {error.problem}") from None
-    except ValueError as error:  # laps on an open course, a gate too small for the vehicle
-        if type(error) is not ValueError:
-            raise
-        raise UsageError(str(error)) from None
 
 
 def _learn(

@@ -42,6 +42,8 @@ def test_more_courses_of_a_seed_begin_with_the_same():
         (["--generate", "0"], "--generate: expected a whole number >= 1 and <= 10000, got 0"),
         (["--generate", "2", "--seed", "-1"], "--seed: expected a whole number >= 0"),
         (["--generate", "x"], "--generate"),
+        (["--seed", "3"], "--seed: expected --generate N with it"),
+        ([], "--out: expected --generate N with it"),
     ],
 )
 def test_wrong_numbers_are_one_line(tmp_path, capsys, words, said):

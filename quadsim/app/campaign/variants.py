@@ -17,10 +17,9 @@ from msgspec import Meta
 from controllers.learned.pilot import pilot_names
 from controllers.samplers import SAMPLERS
 from quadsim.app.campaign.attempt import planner_key
-from quadsim.app.flags import Given, Help, UsageError, flag, run_command
+from quadsim.app.flags import Given, Help, UsageError, run_command, settings_as_flags
 from quadsim.files.data_files import SUFFIXES
 from quadsim.files.yaml_words import did_you_mean
-from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
 from quadsim.race.systems import SYSTEMS
 
@@ -82,15 +81,9 @@ def resolve(course: Any, settings: Mapping[str, Any] | Given) -> Spec:
     """What `race fly` would fly, on one thread. Raises UsageError, FileError."""
     if settings and settings.get("threads"):
         raise UsageError("--threads: attempts fly on one thread each; --jobs says how many at once")
-    try:
+    with settings_as_flags():
         spec = Spec.of(course, **(settings or {}))
         spec.entry.referee(spec)
-    except SettingError as error:
-        raise UsageError(f"{flag(error.name)}: {error.problem}") from None
-    except ValueError as error:  # laps on an open course, a gate too small for the vehicle
-        if type(error) is not ValueError:
-            raise
-        raise UsageError(str(error)) from None
     return spec
 
 
