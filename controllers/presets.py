@@ -123,10 +123,20 @@ PRESETS["race_small"] = {
 # many iterations more, and less noise; chosen by hand on `alphapilot` and `split_s_swift`, see docs/results.md.
 INFORMED = {"horizon": 60, "iterations": 5, "first_noise": 1.0, "cost_rise": 0.0, "overshoot": 1.0, "tighten": 0.0}
 CALMER = 0.7  # sigma over that of `race`
+CALM = {  # of the Gaussian's and of the smooth one's standard deviations, as above
+    "log_normal": LogNormal((0.566, 0.566, 0.769, 1.07)),
+    "smooth_star": SmoothStar((0.42, 0.42, 0.084, 0.84)),
+}
+
+
+def _calmer(name: str, sampling: Sampling) -> Sampling:
+    return CALM.get(name) or replace(sampling, sigma=tuple(round(CALMER * s, 2) for s in sampling.sigma))
+
+
 PRESETS["race_informed"] = {
     sampler: replace(
         planner,
-        sampling=replace(planner.sampling, sigma=tuple(round(CALMER * s, 2) for s in planner.sampling.sigma)),
+        sampling=_calmer(sampler, planner.sampling),
         mppi=replace(planner.mppi, **INFORMED),
         cost=ReferenceWeights(),
     )

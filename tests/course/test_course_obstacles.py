@@ -85,7 +85,7 @@ def test_obstacles_change_the_key_of_a_race_and_none_leave_it_as_it_was():
     bare = Race(replace(course, obstacles=()), vehicle, 1, "rotors").key
     assert bare == Race(parse_course(PLAIN, "mine.yaml"), vehicle, 1, "rotors").key
     assert Race(course, vehicle, 1, "rotors").key != bare
-    for path in SOLUTIONS.glob("split_s_swift_swift_*.npz"):  # stored before courses had obstacles
+    for path in SOLUTIONS.glob("split_s_swift_swift_*_rotors_*.npz"):  # stored before courses had obstacles
         limit = load(path)
         assert path.name == Race(load_course("split_s_swift"), vehicle, limit.laps, "rotors").file_name
 
