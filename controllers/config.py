@@ -25,7 +25,7 @@ class MPPIConfig:
     temperature: Annotated[float, Meta(gt=0, le=1e6)] = 0.3  # lambda, in units of the mean stage cost
     step_size: Annotated[float, Meta(gt=0, le=1)] = 1.0  # alpha, fraction of the update that is applied
     # With a smooth sampler these samples perturb the plan without its momentum instead, see MPPI.nominals in mppi.py.
-    rest_fraction: Annotated[float, Meta(ge=0, le=1)] = 0.01  # fraction of samples that perturb the rest control
+    rest_fraction: Annotated[float, Meta(ge=0, le=1)] = 0.01  # of samples that perturb rest, or the cost's guide
     tighten: Annotated[float, Meta(ge=0, lt=1)] = 0.0  # fraction of the range from rest to each limit not used
     # The mean of clipped samples stays within the limits; a time-optimal control lies at them most of the time.
     overshoot: Annotated[float, Meta(ge=0, le=20)] = 0.0  # standard deviations by which a plan may exceed the limits

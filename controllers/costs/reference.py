@@ -60,7 +60,8 @@ class Reference:
 
     @classmethod
     def of(cls, x: np.ndarray, u: np.ndarray, passes: Sequence[int], dt: float) -> Reference:
-        """With a straight way on behind the finish. x (rows, 6), u (rows, 4), dt: control period [s]."""
+        """With a way on behind the finish, under the last acceleration for a second and then straight. x (rows, 6),
+        u (rows, 4), dt: control period [s]."""
         p, v = x[-1, :3], x[-1, 3:]
         t = dt * np.arange(1, round(AFTER / dt))[:, None]
         a, on = (v - x[-6, 3:]) / (5 * dt), np.minimum(t, ACCELERATING)
@@ -86,8 +87,8 @@ class Reference:
 
     def controls(self, target: int, x: np.ndarray, horizon: int) -> np.ndarray:
         """The reference's own from x on.  (T, n_u)"""
-        row = self.nearest(target, x)
-        return self.u[row : row + horizon]
+        rows = self.nearest(target, x) + np.arange(horizon)
+        return self.u[np.minimum(rows, len(self.u) - 1)]  # a long plan goes on with the last one
 
 
 def terms(x, x_next, u, target, crashed, p):

@@ -56,7 +56,7 @@ def dynamics(vehicle: Vehicle, model: str, reserve: float = 0.0) -> Dynamics:
             params = replace(params, rate_max=(roll, pitch, min(yaw, YAW_MAX)), thrust_max=thrust)
         return rates(params)
     if reserve:
-        raise ValueError("--reserve: take --model rates")
+        raise ValueError(f"--reserve: expected 0 for --model rotors, got {reserve:g}: take --model rates")
     if vehicle.rotors is None:
         raise ValueError(f"--model: {vehicle.name} has no rotors: take rates")
     return rotors(vehicle, vehicle.rotors)

@@ -20,9 +20,11 @@ def stored_reference(course: Course, vehicle: Vehicle, laps: int, weights: Refer
     found = race.best_known(Path("runs") / LIMITS)
     if found:
         return found
-    asked = f"{course.name}, {vehicle.name}, {laps} lap{'s' * (laps > 1)}"
-    how = f"race limit ... --model rates --margin {weights.margin:g} --reserve {weights.reserve:g}"
-    raise FileError(f"preset: expected a stored solution to follow, got none for {asked}: search it with {how}")
+    name, _, ratio = vehicle.name.partition("-twr")
+    flown = f"{name} --thrust-to-weight {ratio}" if ratio else name
+    said = f"{course.name} --vehicle {flown} --laps {laps} --model rates --margin {weights.margin:g}"
+    how = f"race limit {said} --reserve {weights.reserve:g}"
+    raise FileError(f"preset: expected a stored solution of this race to follow, got none: search it with {how}")
 
 
 def reference_of(limit: Limit, vehicle: Vehicle, dt: float) -> Reference:

@@ -69,6 +69,7 @@ def test_a_plan_begins_at_the_nearest_state_on_the_way_to_the_target():
     assert reference.nearest(0, late) == 20
     assert reference.nearest(1, late) >= 50 - 15  # one that has passed the first gate is not taken back before it
     np.testing.assert_array_equal(reference.controls(0, late, 7), reference.u[20:27])
+    assert reference.controls(0, late, 5000).shape == (5000, 4), "longer than the reference"
 
 
 def test_the_way_goes_on_behind_the_finish():
@@ -101,7 +102,7 @@ def test_a_flight_keeps_to_the_path_and_the_planner_without_it_does_not(sampler)
 def test_a_race_without_a_stored_solution_is_refused_with_the_command_that_finds_one(changed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     settings = {"course": "split_s_swift", "preset": "race_informed"} | changed
-    with pytest.raises(FileError, match=r"race limit .* --model rates --margin"):
+    with pytest.raises(FileError, match=r"race limit \S+ --vehicle \S+ --laps \d --model rates --margin"):
         Spec.of(settings.pop("course"), **settings)
 
 
