@@ -22,6 +22,7 @@ from quadsim.sensing.measurements import Corners, Pose
 
 GATE = {2: 13.8, 3: 16.3}  # .999 quantiles of chi-square with 2 and 3 degrees of freedom
 JOINT = 4.0  # standard deviations of chi-square, sqrt(2 m), above its mean m
+FOUND = 0.03  # [m] standard deviation from which on a gate counts as found; until then a lone corner is no evidence
 LEAST = {"position": 1e-3, "velocity": 1e-2, "attitude": 1e-3}  # [m, m/s, rad] a sensor is never taken for better
 
 
@@ -82,7 +83,7 @@ class CornerUpdate:
             points = points + belief.gates[said.gates]
         body = (points - belief.nominal.p) @ R  # (n, 3)
         x, y, z = camera = self._config.local(body).T
-        ahead = np.flatnonzero(z > NEAREST)
+        ahead = np.flatnonzero((z > NEAREST) & self._confirmed(belief, said.gates))
         if not len(ahead):
             return belief, Innovation(0.0, 0, 2 * len(points))
         (x, y, z), body, c = camera[:, ahead], body[ahead], self._config
@@ -92,6 +93,18 @@ class CornerUpdate:
         curved = c.fx * (np.trace(belief.P[TURN, TURN]) + np.trace(belief.P[POSITION, POSITION]) / z**2)  # (n,)
         new, found = corrected(belief, H, innovation, np.repeat(c.noise**2 + curved**2, 2), 2)
         return new, Innovation(found.nis, found.used, found.refused + 2 * (len(points) - len(ahead)))
+
+    def _confirmed(self, belief: Belief, gates: np.ndarray) -> np.ndarray:
+        """Which corners count: those of gates that are found, or that the picture has another corner of.  (n,)
+
+        A gate that may stand anywhere within 15 cm lets a corner pass that was taken for its by mistake; it would be
+        moved there, and refuse its own corners ever after.
+        """
+        if not self._free:
+            return np.ones(len(gates), bool)
+        first = MOVING + len(belief.drift)
+        variance = np.diag(belief.P)[first:].reshape(-1, 3).max(axis=1)
+        return (variance[gates] < FOUND**2) | (np.bincount(gates)[gates] > 1)
 
     def _jacobian(
         self, belief: Belief, R: np.ndarray, body: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray, gates
