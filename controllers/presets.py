@@ -44,7 +44,7 @@ _PAPER = Planner(
         speed=0.5,
         stabilize=10,
         crash=5000,
-        clearance=1000,
+        clearance=11000,
         margin=0.4,
         desired_speed=9.0,
     ),
@@ -69,7 +69,7 @@ _RACE = Planner(
         cost_rise=2.0,
         adapt=True,
     ),
-    cost=RaceWeights(progress=1.0, opening=1.0, crash=1000.0, clearance=300.0, margin=0.3, margin_share=0.25),
+    cost=RaceWeights(progress=1.0, opening=1.0, crash=1000.0, clearance=2500.0, margin=0.3, margin_share=0.25),
 )
 
 # Samplers that the paper does not fly, by hand. Log-normal: sigma exp(sigma^2), its standard deviation, is the
@@ -113,7 +113,7 @@ PRESETS["race_small"] = {
         planner,
         vehicle="crazyflie",
         mppi=replace(planner.mppi, horizon=100),
-        cost=replace(planner.cost, margin=0.08, margin_share=0.5, clearance=1000.0),
+        cost=replace(planner.cost, margin=0.08, margin_share=0.5, clearance=25000.0),
     )
     for sampler, planner in PRESETS["race"].items()
 }

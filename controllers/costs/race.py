@@ -59,7 +59,7 @@ class RaceWeights:
     crash: Weight = 1000.0  # per step after a crash
     waypoint: Weight = 0.0  # reward per step within waypoint_radius of the gate's exit
     path: Weight = 0.0  # per m^2 off the straight leg
-    clearance: Weight = 200.0  # per metre by which the margin is not kept, per step within a gate's depth
+    clearance: Weight = 2000.0  # per metre by which the margin is not kept, per metre flown within a gate's depth
     desired_speed: Annotated[float, unit("m/s", ge=0, le=100)] = 9.0  # horizontal, of the speed term [m/s]
     waypoint_radius: Annotated[float, unit("m", gt=0, le=100)] = 0.5  # around a gate's exit [m]
     margin: Annotated[float, unit("m", ge=0, le=10)] = 0.25  # wanted between vehicle and frame, within a gate [m]
@@ -68,12 +68,12 @@ class RaceWeights:
 
 
 def step_at_gate(before, after, free_y, free_z, bar, depth):
-    """A step whose ends are given in the frame of a gate's exit: (reached, clipped, within, at_end).
+    """A step whose ends are given in the frame of a gate's exit: (reached, clipped, within, outside, span).
 
-    at_end is how far outside the free opening it ends, negative inside [m]; within: between entry and exit, not
-    outside the frame. Checked where it crosses the two planes and at its end, which is enough as the free opening is
-    convex. at_exit and at_entry are that distance times |s1 - s0|, without a division: only their signs are used, or
-    whether they are below bar times the same.
+    within: it ends between entry and exit, or crosses the exit, not outside the frame; outside is how far outside the
+    free opening it does so, negative inside, times span = |s1 - s0| [m^2]. Checked where it crosses the two planes and
+    at its end, which is enough as the free opening is convex. The product needs no division, and counts a metre
+    flown alike at any speed: at 50 m/s a step is longer than a gate is deep.
     """
     (s0, y0, z0), (s1, y1, z1) = before, after
     forward = (s0 < 0.0) & (s1 >= 0.0)
@@ -83,11 +83,12 @@ def step_at_gate(before, after, free_y, free_z, bar, depth):
     at_exit = maximum(abs(y0 * s1 - y1 * s0) - free_y * span, abs(z0 * s1 - z1 * s0) - free_z * span)
     at_entry = maximum(abs(y0 * e1 - y1 * e0) - free_y * span, abs(z0 * e1 - z1 * e0) - free_z * span)
     at_end = maximum(abs(y1) - free_y, abs(z1) - free_z)
-    within = (s1 > -depth) & (s1 < 0.0) & (at_end < bar)
+    ends_in = (s1 > -depth) & (s1 < 0.0) & (at_end < bar)
     reached = forward & (at_exit < 0.0)
     clipped = (forward & (at_exit >= 0.0) & (at_exit < bar * span)) | (backward & (at_exit < bar * span))
-    clipped = clipped | (through & (at_entry >= 0.0) & (at_entry < bar * span)) | (within & (at_end >= 0.0))
-    return reached, clipped, within, at_end
+    clipped = clipped | (through & (at_entry >= 0.0) & (at_entry < bar * span)) | (ends_in & (at_end >= 0.0))
+    within = ends_in | (forward & (at_exit < bar * span))
+    return reached, clipped, within, where(forward, at_exit, at_end * span), span
 
 
 def off_leg(dx, dy, dz, ex, ey, ez, leg):
@@ -106,8 +107,8 @@ def terms(x, x_next, u, target, crashed, p):
     n, left = (nx, ny, nz), (lx, ly, lz)
     before = in_frame((x[0] - gx, x[1] - gy, x[2] - gz), n, left, cross(n, left))
     after = in_frame((dx, dy, dz), n, left, cross(n, left))
-    reached, clipped, within, at_end = step_at_gate(before, after, free_y, free_z, bar, depth)
-    tight = where(within, maximum(at_end + margin, 0.0), 0.0)
+    reached, clipped, within, outside, span = step_at_gate(before, after, free_y, free_z, bar, depth)
+    tight = where(within, maximum(outside + margin * span, 0.0), 0.0)
     below_floor = (pz < floor) & (pz < x[2])  # a start on the ground is no crash, coming down is
     out_of_bounds = (px < x_lo) | (px > x_hi) | (py < y_lo) | (py > y_hi) | (pz > z_hi)
     before_finish = free_y < RUN_OUT

@@ -42,7 +42,7 @@ def train(
 
     race fly split_s_swift --pilot pilots/split_s.npz
     """
-    weights = {"crash": crash, "clearance": 0.1}
+    weights = {"crash": crash, "clearance": 0.8}
     of_task = {"start": "anywhere", "randomize": randomize, "time_limit": time_limit, "reward": weights, "laps": laps}
     said = {"steps": steps, "out": out, "vehicle": vehicle, "seed": seed, "randomize": randomize, "crash": crash}
     said |= {"environments": environments, "hidden": hidden, "time-limit": time_limit, "flights": flights}

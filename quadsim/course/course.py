@@ -30,6 +30,7 @@ class Gate:
     roll: float  # [rad]
     opening: tuple[float, float]  # width (y), height (z) [m]
     frame_width: float  # of the bars around the opening [m]
+    std: float = 0.0  # of the position where it is an estimate, seen from the vehicle, along x or y [m]
 
     @cached_property
     def rotation(self) -> np.ndarray:

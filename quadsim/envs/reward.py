@@ -19,7 +19,7 @@ class RewardWeights:
     progress: float = 1.0  # per metre of the way to go that is flown
     gate: float = 0.0  # for each gate passed
     crash: float = 10.0  # for the end of an episode by a crash
-    clearance: float = 0.3  # per metre by which the margin in a gate is not kept, each step
+    clearance: float = 2.5  # per metre by which the margin in a gate is not kept, per metre flown within it
     body_rates: float = 0.0005  # per squared body-rate command, each axis in units of its limit
     action_change: float = 0.002  # per squared change of the action, each in -1..1
     time: float = 0.0  # for each step
@@ -32,7 +32,7 @@ class RewardWeights:
 
 
 def reward(progress, clearance, crashed, reached, action, last, p):
-    """progress [m], clearance: by how much the margin is not kept [m], crashed and reached: 0 or 1."""
+    """progress [m], clearance: by how much the margin is not kept, times the way within the gate [m^2], crashed and reached: 0 or 1."""
     a_0, a_1, a_2, a_3, a_4, a_5, a_6 = p
     wx, wy, wz, thrust = action
     dx, dy, dz, da = wx - last[0], wy - last[1], wz - last[2], thrust - last[3]

@@ -28,7 +28,7 @@ from quadsim.sensing.sensors import Sensors
 from quadsim.systems import System
 from quadsim.systems.quadrotor import ModelParams, quadrotor
 
-MOVED = 0.01  # [m] by which a gate's estimate moves before the planner is told
+MOVED = 0.01  # [m] by which a gate's estimate, or its standard deviation, moves before the planner is told
 PLAN_TIME = 0.1  # share of the last planning time in the mean of them
 
 
@@ -144,7 +144,7 @@ class Navigation:
         self._map = self._course = course
         self._distinct = tuple(dict.fromkeys(course.gates))
         self._counter, self._remap = GateCounter(laps), remap
-        self._offsets: np.ndarray | None = None
+        self._offsets: np.ndarray | None = None  # of gates, and their standard deviations  (gates, 4)
         self._planning = 0.0  # [s] mean time of a plan
 
     def watch(self, state: PlantState) -> None:
@@ -172,17 +172,17 @@ class Navigation:
         return self.knowledge.record(state)
 
     def _follow_gates(self) -> None:
-        """Tell the planner where gates stand by the estimate, once one has moved."""
+        """Tell the planner where gates stand by the estimate, and how certain that is, once one has moved."""
         estimator = getattr(self.knowledge, "estimator", None)
         if not (self._remap and estimator is not None and len(estimator.belief.gates)):
             return
-        now = estimator.belief.gates
+        now = np.column_stack([estimator.belief.gates, estimator.belief.gate_std()])
         if self._offsets is not None and abs(now - self._offsets).max() < MOVED:
             return
-        self._offsets = now.copy()
+        self._offsets = now
         moved = {
-            g: replace(g, position=tuple((np.array(g.position) + d).tolist()))
-            for g, d in zip(self._distinct, now, strict=True)
+            g: replace(g, position=tuple((np.array(g.position) + row[0:3]).tolist()), std=float(row[3]))
+            for g, row in zip(self._distinct, now, strict=True)
         }
         self._course = replace(self._map, gates=tuple(moved[g] for g in self._map.gates))
         self._remap(self._course)
