@@ -8,7 +8,7 @@ import numpy as np
 
 from controllers.costs.frames import SAFETY_MARGIN, inner_margin
 from controllers.costs.ways_round import stops_between
-from quadsim.course import FRAME_DEPTH, Course, Gate, in_frame
+from quadsim.course import FRAME_DEPTH, Course, EstimatedGate, Gate, in_frame
 
 TO_GO, DEPTH = 12, 19  # columns of the target rows
 UNCERTAIN = 2.5  # standard deviations of a gate's position that are kept clear besides the margin
@@ -39,7 +39,7 @@ def targets(
     inner = inner_margin(opening, radius)
     free = opening / 2 - radius - inner[:, None]
     wanted = np.minimum(margin[0], margin[1] * free.min(axis=1))  # a narrow gate leaves less
-    uncertain = UNCERTAIN * np.array([g.std for g in gates])
+    uncertain = UNCERTAIN * np.array([g.std if isinstance(g, EstimatedGate) else 0.0 for g in gates])
     wanted = np.maximum(wanted, np.minimum(wanted + uncertain, MOST_MARGIN * free.min(axis=1)))
     free[-1] = RUN_OUT  # no frame stands there
     bar = np.array([g.frame_width for g in gates]) + 2 * radius + SAFETY_MARGIN + inner

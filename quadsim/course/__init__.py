@@ -1,7 +1,7 @@
 """Courses: where the gates stand, read from YAML files and checked."""
 
 from quadsim.course.axes import Vec3, in_frame
-from quadsim.course.course import FRAME_DEPTH, Course, Gate, Published, Start
+from quadsim.course.course import FRAME_DEPTH, Course, EstimatedGate, Gate, Published, Start
 from quadsim.course.course_file import COURSES, course_names, load_course, parse_course
 from quadsim.course.obstacles import Box, Cylinder, Obstacle
 
@@ -11,6 +11,7 @@ __all__ = [
     "Box",
     "Course",
     "Cylinder",
+    "EstimatedGate",
     "Gate",
     "Obstacle",
     "Published",

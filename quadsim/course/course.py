@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import product
 from math import dist
@@ -30,7 +30,6 @@ class Gate:
     roll: float  # [rad]
     opening: tuple[float, float]  # width (y), height (z) [m]
     frame_width: float  # of the bars around the opening [m]
-    std: float = 0.0  # of the position where it is an estimate, seen from the vehicle, along x or y [m]
 
     @cached_property
     def rotation(self) -> np.ndarray:
@@ -78,6 +77,19 @@ class Gate:
             return float(np.hypot(x, min(inside)))
         outside = (max(0.0, -d - self.frame_width) for d in inside)
         return float(np.linalg.norm((x, *outside)))
+
+
+@dataclass(frozen=True)
+class EstimatedGate(Gate):
+    """A gate where an estimator has it."""
+
+    std: float = 0.0  # standard deviation of its place seen from the vehicle, along x or y [m]
+
+    @classmethod
+    def of(cls, gate: Gate, moved: Vec3, std: float) -> EstimatedGate:
+        """The gate, moved by this from where the map has it [m]."""
+        where = {f.name: getattr(gate, f.name) for f in fields(gate)}
+        return cls(**where | {"position": tuple(a + b for a, b in zip(gate.position, moved, strict=True)), "std": std})
 
 
 @dataclass(frozen=True)

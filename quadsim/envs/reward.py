@@ -32,7 +32,7 @@ class RewardWeights:
 
 
 def reward(progress, clearance, crashed, reached, action, last, p):
-    """progress [m], clearance: by how much the margin is not kept, times the way within the gate [m^2], crashed and reached: 0 or 1."""
+    """progress [m]; clearance: what is short of the margin, times the way in the gate [m^2]; crashed, reached: 0, 1."""
     a_0, a_1, a_2, a_3, a_4, a_5, a_6 = p
     wx, wy, wz, thrust = action
     dx, dy, dz, da = wx - last[0], wy - last[1], wz - last[2], thrust - last[3]

@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from quadsim.course import Course
+from quadsim.course import Course, EstimatedGate
 from quadsim.physics.plant_state import PlantState
 from quadsim.race.estimate_record import estimate_row
 from quadsim.sensing.attitude import Vector
@@ -180,10 +180,8 @@ class Navigation:
         if self._offsets is not None and abs(now - self._offsets).max() < MOVED:
             return
         self._offsets = now
-        moved = {
-            g: replace(g, position=tuple((np.array(g.position) + row[0:3]).tolist()), std=float(row[3]))
-            for g, row in zip(self._distinct, now, strict=True)
-        }
+        rows = zip(self._distinct, now.tolist(), strict=True)
+        moved = {gate: EstimatedGate.of(gate, (x, y, z), std) for gate, (x, y, z, std) in rows}
         self._course = replace(self._map, gates=tuple(moved[g] for g in self._map.gates))
         self._remap(self._course)
 

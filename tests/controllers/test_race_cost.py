@@ -85,6 +85,14 @@ def test_waypoint_rewards_each_step_near_the_centre():
     assert [term("waypoint", cost, (5 + EXIT - d, 0, 20)) for d in (0.0, 0.49, 0.51)] == [-1.0, -1.0, 0.0]
 
 
+STEP = 1e-3  # [m] along the passage
+
+
+def paid(cost, points):
+    """What a flight along these points pays for clearance."""
+    return fly(cost, points)[0][:, TERMS.index("clearance")]
+
+
 def test_clearance_is_what_is_short_of_the_margin_at_the_nearest_bar_within_a_gate_alone():
     margin = 0.25
     cost = race_cost(ROW, RADIUS, replace(ONLY["clearance"], margin=margin), 1)
@@ -94,19 +102,23 @@ def test_clearance_is_what_is_short_of_the_margin_at_the_nearest_bar_within_a_ga
         (0.0, free_y - 0.1, 0.0): margin - 0.1,
         (0.0, 0.0, 0.05 - free_z): margin - 0.05,
         (0.0, free_y - 0.1, free_z - 0.2): margin - 0.1,  # the nearer bar's, no sum
-        (1e-3 - EXIT, free_y - 0.1, 0.0): margin - 0.1,
-        (EXIT - 1e-3, free_y - 0.1, 0.0): margin - 0.1,
-        (-EXIT - 1e-3, free_y - 0.1, 0.0): 0.0,
-        (EXIT + 1e-3, free_y - 0.1, 0.0): 0.0,
+        (2 * STEP - EXIT, free_y - 0.1, 0.0): margin - 0.1,
+        (EXIT - STEP, free_y - 0.1, 0.0): margin - 0.1,
+        (-EXIT - STEP, free_y - 0.1, 0.0): 0.0,
+        (EXIT + 2 * STEP, free_y - 0.1, 0.0): 0.0,
         (0.0, 3.0, 0.0): 0.0,  # beside the frame
     }
-    found = {offset: term("clearance", cost, np.add((5.0, 0.0, 20.0), offset)) for offset in wanted}
+    at = {offset: np.add((5.0, 0.0, 20.0), offset) for offset in wanted}
+    found = {offset: paid(cost, [p - (STEP, 0.0, 0.0), p])[0] / STEP for offset, p in at.items()}
     assert found == pytest.approx(wanted, abs=1e-9)
 
 
-def test_clearance_is_paid_at_every_step_within_a_gate():
+@pytest.mark.parametrize("step", [0.02, 0.1, 0.5])
+def test_clearance_is_paid_per_metre_flown_at_any_speed(step):
     cost = race_cost(ROW, RADIUS, replace(ONLY["clearance"], margin=0.25), 1)
-    flight = [(x, 1.0 - GAP - 0.1, 20.0) for x in np.arange(4.501, 5.5, 0.02).tolist()]
-    paid = fly(cost, flight)[0][:, TERMS.index("clearance")]
-    assert np.count_nonzero(paid) == 17  # 2 EXIT = .34 m, in steps of .02 m
-    assert paid.sum() == pytest.approx(17 * 0.15)
+    whole = []
+    for first in np.linspace(0.0, step, 50, endpoint=False):  # wherever steps begin
+        points = [(x, 1.0 - GAP - 0.1, 20.0) for x in np.arange(4.0 + first, 6.5, step).tolist()]
+        whole.append(paid(cost, points).sum())
+    assert np.mean(whole) == pytest.approx((2 * EXIT + step) * 0.15, rel=0.02)  # the step that leaves counts whole
+    assert min(whole) > 0.0
