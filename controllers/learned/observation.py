@@ -13,7 +13,7 @@ import numpy as np
 
 from quadsim.course import Course, Gate
 from quadsim.systems.quadrotor import CONTROL
-from quadsim.systems.rotation import to_body
+from quadsim.systems.rotation import along, body_axes
 
 SPEED, RATE, LENGTH = 10.0, 10.0, 10.0  # units of velocities [m/s], body rates [rad/s], lengths [m]
 AFTER_LAST = 5.0  # from the last gate of an open course to the gate that is shown after it [m]
@@ -28,12 +28,12 @@ SIZE = len(UNITS)
 GATE_NUMBERS = 9  # of a gate: centre, and the vectors to the middle of its left and upper edge [m]
 
 
-def corners(p, q, gate):
-    """The corners of a gate's opening seen from the vehicle, in its frame, in units of LENGTH.  (12,)"""
+def corners(p, axes, gate):
+    """The corners of a gate's opening seen from the vehicle, in its frame of these axes, in units of LENGTH.  (12,)"""
     cx, cy, cz, lx, ly, lz, ux, uy, uz = gate
-    x, y, z = to_body(q, ((cx - p[0]) / LENGTH, (cy - p[1]) / LENGTH, (cz - p[2]) / LENGTH))
-    a, b, c = to_body(q, (lx / LENGTH, ly / LENGTH, lz / LENGTH))
-    d, e, f = to_body(q, (ux / LENGTH, uy / LENGTH, uz / LENGTH))
+    x, y, z = along(axes, (cx - p[0]) / LENGTH, (cy - p[1]) / LENGTH, (cz - p[2]) / LENGTH)
+    a, b, c = along(axes, lx / LENGTH, ly / LENGTH, lz / LENGTH)
+    d, e, f = along(axes, ux / LENGTH, uy / LENGTH, uz / LENGTH)
     low_x, low_y, low_z, high_x, high_y, high_z = x - d, y - e, z - f, x + d, y + e, z + f
     return (
         low_x - a, low_y - b, low_z - c, high_x - a, high_y - b, high_z - c,
@@ -45,13 +45,12 @@ def observation(x, gates, last):
     """See UNITS.  x: STATE; gates: the numbers of the next two gates (18,); last: the last action, in -1..1 (4,)."""
     px, py, pz, vx, vy, vz, qw, qx, qy, qz, wx, wy, wz, _a, _bx, _by, _bz = x
     g0, g1, g2, g3, g4, g5, g6, g7, g8, h0, h1, h2, h3, h4, h5, h6, h7, h8 = gates
-    p, q = (px, py, pz), (qw, qx, qy, qz)
-    v = to_body(q, (vx / SPEED, vy / SPEED, vz / SPEED))
-    down = to_body(q, (0.0, 0.0, -1.0))
-    a = corners(p, q, (g0, g1, g2, g3, g4, g5, g6, g7, g8))
-    b = corners(p, q, (h0, h1, h2, h3, h4, h5, h6, h7, h8))
+    p, axes = (px, py, pz), body_axes((qw, qx, qy, qz))
+    v = along(axes, vx / SPEED, vy / SPEED, vz / SPEED)
+    a = corners(p, axes, (g0, g1, g2, g3, g4, g5, g6, g7, g8))
+    b = corners(p, axes, (h0, h1, h2, h3, h4, h5, h6, h7, h8))
     return (
-        v[0], v[1], v[2], down[0], down[1], down[2], wx / RATE, wy / RATE, wz / RATE, pz / LENGTH,
+        v[0], v[1], v[2], -axes[2], -axes[5], -axes[8], wx / RATE, wy / RATE, wz / RATE, pz / LENGTH,
         a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11],
         b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10], b[11],
         last[0], last[1], last[2], last[3],

@@ -124,13 +124,19 @@ def advance(X, A, P, last, way, room, row, steps, passes, episode, over, obs, st
     {read_R}
     for part in prange(parts):
         Y, D, O = np.empty(({n_x}, L), F), np.empty(({n_u}, L), F), np.empty(({n_obs}, L), F)
+        I, C = np.empty(({n_x}, L), F), np.empty(({n_u}, L), F)  # what is read: state, action,
+        Q, H = np.empty(({n_target}, L), F), np.empty(({n_p}, L), F)  # row of targets, the vehicle's parameters,
         E, G = np.empty(({n_u}, L), F), np.empty(({n_gates}, L), F)  # last action, next two gates
         W, Z = np.empty(L, F), np.empty(L, F)  # ways to go now and before
         progress, clearance, crashed, moved = np.empty(L, F), np.empty(L, F), np.empty(L, F), np.empty(L, F)
         paid, hit = np.empty(L, F), np.empty(L, np.int32)
         for b in range(part * B // parts, (part + 1) * B // parts):
             c = course[b]
-            Xb, Ab, Pb, act = X[b], A[b], P[b], actions[b]
+            Xb, Ab, Pb = X[b], A[b], P[b]
+            move(Xb, I)
+            move(actions[b], C)
+            move(Ab[:{n_target}], Q)
+            move(Pb, H)
             {read_Q}
             for l in range(L):
                 x = ({x_of_block},)

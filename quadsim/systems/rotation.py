@@ -14,3 +14,20 @@ def to_body(q, v):
 def to_world(q, v):
     """R(q) v, the inverse of `to_body`."""
     return to_body((q[0], -q[1], -q[2], -q[3]), v)
+
+
+def body_axes(q):
+    """The columns of R(q), the body's axes in the world, one after another: for many vectors, see `along`.  (9,)"""
+    w, x, y, z = q
+    xx, yy, zz, xy, xz, yz, wx, wy, wz = x * x, y * y, z * z, x * y, x * z, y * z, w * x, w * y, w * z
+    return (
+        1.0 - 2.0 * (yy + zz), 2.0 * (xy + wz), 2.0 * (xz - wy),
+        2.0 * (xy - wz), 1.0 - 2.0 * (xx + zz), 2.0 * (yz + wx),
+        2.0 * (xz + wy), 2.0 * (yz - wx), 1.0 - 2.0 * (xx + yy),
+    )  # fmt: skip
+
+
+def along(axes, x, y, z):
+    """R(q)^T (x, y, z) by body_axes(q): what `to_body` says, in fewer steps once they are known.  (3,)"""
+    a, b, c, d, e, f, g, h, i = axes
+    return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
