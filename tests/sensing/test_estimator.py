@@ -15,7 +15,7 @@ from quadsim.sensing.estimation.error_state import MOVING, Belief
 from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.estimation.updates import LEAST, CornerUpdate
-from quadsim.sensing.measurements import RotorThrust
+from quadsim.sensing.measurements import Corners, RotorThrust
 from quadsim.sensing.sensors import Sensors
 from quadsim.vehicle import load_vehicle
 from tests.sensing.truth_cases import GATES, circle, states
@@ -105,6 +105,23 @@ def test_corners_say_what_the_jacobian_says():
     steps = 1e-6 * np.eye(MOVING + 6)
     columns = [(pixels(belief.corrected(d, belief.P)) - pixels(belief.corrected(-d, belief.P))) / 2e-6 for d in steps]
     np.testing.assert_allclose(H, np.column_stack(columns), atol=1e-4)
+
+
+@pytest.mark.parametrize(("corners", "known", "moves"), [([1], 0.087, False), ([0, 1], 0.087, True), ([1], 0.02, True)])
+def test_a_gate_that_is_not_found_yet_is_moved_by_no_lone_corner(corners, known, moves):
+    """Gate 2 stands 10 cm farther along x: two of its corners show it, a single one might be another gate's.
+    known: standard deviation of where it stands [m]."""
+    camera = GateCameraConfig(640, 360, 320.0, 320.0, 20.0)
+    update, x = CornerUpdate(camera, GATES, free=True), START.x
+    P = np.diag([1e-6] * MOVING + [known**2, known**2, 1e-6] * 2)
+    belief = Belief(Nominal(0.0, x[0:3], x[3:6], x[6:10]), np.zeros(0), np.zeros((2, 3)), P)
+    which = np.ones(len(corners), int)
+    points = update._map[which, corners] + (0.1, 0.0, 0.0)
+    pixels, _ = camera.seen((points - x[0:3]) @ matrix(x[6:10]))
+    after, innovation = update(belief, Corners(0.0, which, np.array(corners), pixels, len(corners)))
+    assert (innovation.used > 0) == moves
+    assert (np.hypot(*after.gates[1, :2]) > 0.005) == moves
+    assert not after.gates[0].any()
 
 
 def test_a_late_measurement_counts_at_its_own_time():
