@@ -10,6 +10,7 @@ from gymnasium import Env
 from gymnasium.error import ResetNeeded
 
 from controllers.learned.observation import command, gate_rows, normalised, observation
+from quadsim.envs.render import RENDER_MODES, Renderer
 from quadsim.envs.reward import reward as reward_of
 from quadsim.envs.spaces import ACTIONS, action_space, checked_actions, observation_space
 from quadsim.envs.task import task
@@ -30,7 +31,7 @@ class RacingBulletEnv(Env):
         SettingError, FileError: a value that does not fit (both are ValueError).
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 100}  # noqa: RUF012
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012
 
     def __init__(self, render_mode: str | None = None, plant: str | None = None, **of_task: Any):
         self.task, self.render_mode = task(**of_task), render_mode
@@ -39,8 +40,7 @@ class RacingBulletEnv(Env):
             raise SettingError("course", f"expected one, got {len(t.courses)}")
         if t.start != "standing":
             raise SettingError("start", f"expected standing, got {t.start!r}: elsewhere Racing-v0 starts")
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise SettingError("render_mode", f"expected None or 'rgb_array', got {render_mode!r}")
+        self._renderer = Renderer(render_mode, t.courses[0], 1, t.dt)
         asked = {"laps": t.laps[0], "randomize": t.randomize, "timeout": t.time_limit, "dt": t.dt, "plant": plant}
         given = {name: value for name, value in asked.items() if value is not None}
         self._spec = replace(Spec.of(t.courses[0], controller=_Nobody(), **given), vehicle=t.vehicle)
@@ -54,11 +54,13 @@ class RacingBulletEnv(Env):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start an episode; the seed decides what is randomized."""
         super().reset(seed=seed)
-        self.close()
+        self._close_plant()
         number = int(self.np_random.integers(10**9)) if seed is None else seed
         self._plant, _, self._referee = build(replace(self._spec, seed=number))
         self._last = normalised(self._system.rest, self._system.low, self._system.high)
         self._way = self._way_left()
+        if self.render_mode == "human":
+            self._renderer.moved(self._states)
         return self._observed(), {}
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -76,6 +78,8 @@ class RacingBulletEnv(Env):
         weights, shortened = self.task.rewards.params, way - self._way
         paid = reward_of(shortened, 0.0, float(crashed), float(passed), chosen, self._last, weights)
         self._last = chosen
+        if self.render_mode == "human":
+            self._renderer.moved(self._states)
         info = {
             "passed": bool(passed),
             "gates": self._referee.passed,
@@ -96,15 +100,19 @@ class RacingBulletEnv(Env):
         row = self._cost.targets[min(self._referee.passed, len(self._cost.targets) - 1)]
         return float(self._cost.terms(x, x, self._system.rest, row, 0.0, self._cost.params)[0])
 
-    def render(self) -> Any:
-        """A picture from above.  (height, width, 3) uint8"""
-        from quadsim.envs.render import picture
+    @property
+    def _states(self) -> np.ndarray:
+        return np.array(self._plant.state.x[:10])[None]
 
-        if self.render_mode is None:
-            return None
-        return picture(self.task.courses[0], np.array(self._plant.state.x[:10])[None])
+    def render(self) -> Any:
+        """With rgb_array a picture from above.  (height, width, 3) uint8"""
+        return self._renderer.picture(self._states)
 
     def close(self) -> None:
+        self._renderer.close()
+        self._close_plant()
+
+    def _close_plant(self) -> None:
         if self._plant is not None:
             self._plant.close()
             self._plant = None

@@ -1,14 +1,44 @@
-"""Pictures of environments for render_mode rgb_array: gates and vehicles from above, coloured by height."""
+"""What environments show: a page in the browser (human), or pictures of gates and vehicles from above (rgb_array)."""
 
 from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
 from quadsim.course import Course
+from quadsim.race.settings import SettingError
+
+RENDER_MODES = ("human", "rgb_array")
 
 SIZE = (480, 640)  # height, width [pixels]
 FRAME, BACKGROUND = (70, 70, 80), (250, 250, 252)
 LOW, HIGH = np.array((30, 90, 200)), np.array((220, 60, 30))  # colours of vehicles at the floor and at the ceiling
+
+
+class Renderer:
+    """Shows the vehicles of an environment in its render_mode. Raises SettingError for one that there is not."""
+
+    def __init__(self, mode: str | None, course: Course, vehicles: int, dt: float):
+        if mode not in (None, *RENDER_MODES):
+            raise SettingError("render_mode", f"expected None, 'human' or 'rgb_array', got {mode!r}")
+        self._mode, self._of, self._page = mode, (course, vehicles, dt), None
+
+    def moved(self, states: np.ndarray) -> None:
+        """On the page of mode human, to be called after a reset and each step.  (vehicles, 10): p, v, q wxyz"""
+        if self._page is None:  # by its name: pages stand above environments, which do without them
+            self._page: Any = import_module("web.page.env_page").EnvPage(*self._of)
+        self._page.show(states)
+
+    def picture(self, states: np.ndarray) -> np.ndarray | None:
+        """Of render(): (height, width, 3) uint8 where the mode is rgb_array."""
+        return picture(self._of[0], states) if self._mode == "rgb_array" else None
+
+    def close(self) -> None:
+        if self._page is not None:
+            self._page.close()
+            self._page = None
 
 
 def picture(course: Course, states: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium import Env
 from gymnasium.vector import AutoresetMode
 
+from quadsim.envs.render import RENDER_MODES
 from quadsim.envs.spaces import ACTIONS, action_space, checked_actions, observation_space
 from quadsim.envs.vector_env import RacingVectorEnv
 
@@ -15,7 +16,7 @@ from quadsim.envs.vector_env import RacingVectorEnv
 class RacingEnv(Env):
     """One race. Arguments as of RacingVectorEnv, without num_envs and autoreset_mode."""
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 100}  # noqa: RUF012
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012
 
     def __init__(self, render_mode: str | None = None, **settings: Any):
         self._envs = RacingVectorEnv(1, autoreset_mode=AutoresetMode.DISABLED, render_mode=render_mode, **settings)
@@ -37,6 +38,9 @@ class RacingEnv(Env):
         return obs[0], float(reward[0]), bool(ended[0]), bool(cut[0]), one
 
     def render(self) -> Any:
-        """A picture from above.  (height, width, 3) uint8"""
+        """With rgb_array a picture from above.  (height, width, 3) uint8"""
         frames = self._envs.render()
         return frames if frames is None else frames[0]
+
+    def close(self) -> None:
+        self._envs.close()

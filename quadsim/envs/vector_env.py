@@ -15,6 +15,7 @@ from controllers.rollout.layout import LANES
 from controllers.rollout.threads import use_threads
 from quadsim.envs.lanes import LaneEnvironments
 from quadsim.envs.recycled import Recycled
+from quadsim.envs.render import RENDER_MODES, Renderer
 from quadsim.envs.spaces import ACTIONS, action_space, checked_actions, observation_space
 from quadsim.envs.task import task
 from quadsim.race.settings import SettingError
@@ -35,7 +36,7 @@ class RacingVectorEnv(VectorEnv):
         SettingError, FileError: a value that does not fit (both are ValueError).
     """
 
-    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": ["rgb_array"], "render_fps": 100}  # noqa: RUF012
+    metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012
 
     def __init__(
         self,
@@ -48,8 +49,6 @@ class RacingVectorEnv(VectorEnv):
     ):
         if isinstance(num_envs, bool) or not isinstance(num_envs, int | np.integer) or num_envs < 1:
             raise SettingError("num_envs", f"expected a whole number of at least 1, got {num_envs!r}")
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise SettingError("render_mode", f"expected None or 'rgb_array', got {render_mode!r}")
         try:
             mode = AutoresetMode(autoreset_mode)
         except ValueError:
@@ -59,6 +58,7 @@ class RacingVectorEnv(VectorEnv):
             use_threads(threads)
         self.num_envs, self.render_mode = int(num_envs), render_mode
         self.task = task(**of_task)
+        self._renderer = Renderer(render_mode, self.task.courses[0], self.num_envs, self.task.dt)
         self.metadata = self.metadata | {"autoreset_mode": mode, "render_fps": round(1 / self.task.dt)}
         self.single_observation_space, self.single_action_space = observation_space(), action_space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -83,6 +83,8 @@ class RacingVectorEnv(VectorEnv):
             chosen.ravel()[: self.num_envs] = mask
         self.lanes.begin(None if seed is None else int(seed), chosen)
         self._begun = True
+        if self.render_mode == "human":
+            self._renderer.moved(self._states)
         return self._rows(self.lanes.obs), {}
 
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
@@ -106,6 +108,8 @@ class RacingVectorEnv(VectorEnv):
         e.rows_to_lanes(checked_actions(actions, (n, ACTIONS)), self._actions)
         before = e.steps.copy(), e.passes.copy(), e.row.copy()
         e.step(self._actions)
+        if self.render_mode == "human":
+            self._renderer.moved(self._states)
         of_step = before[0] + 1, before[1] + e.hit, before[2]
         info = self._info(*of_step) if e.autoreset == SAME_STEP else self._info(e.steps, e.passes, e.row)
         return self._rows(e.obs), self._one(e.reward), self._one(e.ended), self._one(e.cut), info
@@ -129,13 +133,18 @@ class RacingVectorEnv(VectorEnv):
         return info
 
     def render(self) -> Any:
-        """A picture from above of all vehicles on the first course.  (height, width, 3) uint8, in a tuple"""
-        from quadsim.envs.render import picture
+        """With rgb_array a picture of all vehicles on the first course: (height, width, 3) uint8, in a tuple."""
+        found = self._renderer.picture(self._states)
+        return None if found is None else (found,)
 
-        if self.render_mode is None:
-            return None
-        states = self.lanes.X[:, :10].transpose(0, 2, 1).reshape(-1, 10)[: self.num_envs]
-        return (picture(self.task.courses[0], states),)
+    def close_extras(self, **kwargs: Any) -> None:
+        """The page of render_mode human ends."""
+        self._renderer.close()
+
+    @property
+    def _states(self) -> np.ndarray:
+        """Position, velocity and attitude.  (num_envs, 10)"""
+        return self.lanes.X[:, :10].transpose(0, 2, 1).reshape(-1, 10)[: self.num_envs]
 
     def _one(self, lanes: np.ndarray) -> np.ndarray:
         """One number for each environment, a copy."""

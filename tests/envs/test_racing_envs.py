@@ -14,6 +14,7 @@ from controllers.rollout.threads import use_threads  # noqa: E402
 from quadsim.envs import BULLET, RACING  # noqa: E402
 from quadsim.envs.lanes import LaneEnvironments  # noqa: E402
 from quadsim.envs.task import task  # noqa: E402
+from quadsim.envs.vector_env import RacingVectorEnv  # noqa: E402
 from quadsim.systems.quadrotor import step  # noqa: E402
 
 
@@ -38,6 +39,28 @@ def test_gymnasiums_own_check_passes(env_id):
     check_env(env.unwrapped)
     assert env.observation_space.shape == (SIZE,) == (len(UNITS),)
     env.close()
+
+
+@pytest.mark.parametrize("env_id", [RACING, BULLET])
+def test_human_rendering_shows_the_vehicle_on_a_page_of_this_machine(env_id, caplog):
+    env = gymnasium.make(env_id, render_mode="human")
+    env.reset(seed=1)
+    page = env.unwrapped._renderer if env_id == BULLET else env.unwrapped._envs._renderer
+    assert "http://127.0.0.1:" in caplog.text
+    for _ in range(9):  # two pictures are at least 40 ms apart
+        env.step(np.array([0.0, 0.0, 0.0, 1.0], np.float32))
+    (frame,) = page._page._frames
+    start = env.unwrapped.task.courses[0].start.position
+    assert frame.position[:2] == pytest.approx(start[:2], abs=0.2)
+    assert frame.position[2] > start[2] + 1e-4  # full thrust
+    assert env.render() is None
+    env.close()
+    assert page._page is None
+
+
+def test_another_render_mode_is_refused_in_a_line():
+    with pytest.raises(ValueError, match=r"render_mode: expected None, 'human' or 'rgb_array', got 'film'"):
+        RacingVectorEnv(1, render_mode="film")
 
 
 def test_every_lane_flies_the_step_of_the_planners_model():
