@@ -13,9 +13,11 @@ from controllers.samplers import SAMPLERS
 from quadsim.app.bench import bench, stages
 from quadsim.app.bench import cases as bench_cases
 from quadsim.app.bench.cases import HORIZONS, SAMPLES, TIMED, Case, cases, controller, measure, paper_case
+from quadsim.app.bench.envs import measure_plants, others
 from quadsim.app.bench.gates import gates_table, measure_gates
 from quadsim.app.bench.machine import Machine
 from quadsim.app.cli import race
+from quadsim.physics.plant import PLANTS
 
 MACHINE = Machine("any", 2, 100.0, 10.0, 20.0)
 SHORT = 1e-3  # [s]
@@ -176,3 +178,11 @@ def test_flights_along_few_and_many_gates_are_timed_step_by_step_in_turn():
     shown = Console(width=80, file=io.StringIO())
     shown.print(gates_table([few, many]))
     assert "(1.000)" in shown.file.getvalue()
+
+
+def test_other_simulators_are_timed_beside_the_environments():
+    plants = measure_plants(0.05)
+    assert {"rigid"} <= plants.keys() <= PLANTS.keys()
+    lines = others(plants)
+    assert all(any(f": {name}: " in line for line in lines) for name in plants)
+    assert sum("published, not measured here" in line for line in lines) == 2

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from controllers.rollout.threads import use_threads
 from quadsim.app.bench.cases import SWEPT, cases, measure, paper_case
-from quadsim.app.bench.envs import envs_table, measure_envs, published
+from quadsim.app.bench.envs import envs_table, measure_envs, measure_plants, others
 from quadsim.app.bench.gates import gates_table, measure_gates
 from quadsim.app.bench.machine import measure_machine
 from quadsim.app.bench.stages import stages
@@ -42,8 +42,8 @@ def bench(
     race bench --envs      steps of learning environments a second, over vehicles and threads
     """
     if envs:
-        rows = measure_envs(seconds)
-        emit_json({"envs": rows}) if json else emit(envs_table(rows), *published())
+        rows, plants = measure_envs(seconds), measure_plants(seconds)
+        emit_json({"envs": rows, "plants": plants}) if json else emit(envs_table(rows), *others(plants))
         return 0
     if gates:
         rows = measure_gates()

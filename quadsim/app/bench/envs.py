@@ -7,6 +7,8 @@ repetition; the shortest time of each is what it takes when nothing else disturb
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -17,8 +19,12 @@ from controllers.rollout.environment import SAME_STEP
 from controllers.rollout.threads import use_threads
 from quadsim.app.console import plain_table
 from quadsim.app.flags import UsageError
+from quadsim.course import load_course
 from quadsim.envs.lanes import LaneEnvironments
 from quadsim.envs.task import task
+from quadsim.physics.actuators import HOVER
+from quadsim.physics.plant import PLANTS
+from quadsim.vehicle import load_vehicle
 
 VEHICLES = (64, 512, 4096, 65536)
 PIECE = 0.02  # [s] that one timed piece takes, about
@@ -66,6 +72,15 @@ def array_steps(envs: Any) -> Callable[[], None]:
     return step
 
 
+def measure_plants(seconds: float) -> dict[str, float]:
+    """Steps of 10 ms a second of one vehicle in hover, in each simulator that is installed; about `seconds` for all."""
+    course, vehicle, steps = load_course("split_s_swift"), load_vehicle("swift"), {}
+    for name, kind in PLANTS.items():
+        with suppress(ValueError):  # it is not installed
+            steps[name] = partial(kind(course, vehicle, dt=0.01).step, HOVER)
+    return {name: 1 / t for name, t in shortest(steps, seconds).items()}
+
+
 def shortest(steps: dict[str, Callable[[], None]], seconds: float) -> dict[str, float]:
     """Of each, the least time of a call [s], over pieces in turn."""
     calls = {name: max(1, round(PIECE / max(_timed(step, 3), 1e-7))) for name, step in steps.items()}
@@ -105,6 +120,9 @@ def envs_table(rows: list[dict]) -> Table:
     return table
 
 
-def published() -> list[str]:
-    """A line for each figure that others give."""
-    return [f"published, not measured here: {who}: {steps / 1e6:g} million/s" for who, steps in PUBLISHED]
+def others(plants: dict[str, float]) -> list[str]:
+    """A line for each simulator of one vehicle in this run, and for each figure that others give."""
+    measured = [
+        f"one vehicle, no gates, reward or observation: {name}: {n / 1e6:.2g} million/s" for name, n in plants.items()
+    ]
+    return measured + [f"published, not measured here: {who}: {steps / 1e6:g} million/s" for who, steps in PUBLISHED]
