@@ -1,4 +1,4 @@
-"""The picture of sensing.md: one lap against noise and against latency, 96 flights, resumed where it was broken off.
+"""The picture of sensing.md: one lap against noise and against latency, 48 flights, resumed where it was broken off.
 
 .venv/bin/python docs/sensing_figures.py
 """
@@ -19,7 +19,7 @@ from quadsim.app.figures.style import STYLE
 from quadsim.palette import style
 
 FOLDER, DATA = Path(__file__).parent, Path(quadsim.__file__).parent
-COURSE, ATTEMPTS = "split_s_swift", 12
+COURSE, ATTEMPTS = "split_s_swift", 6
 NOISE = (0.0, 0.1, 0.3, 1.0)  # of the velocity [m/s]
 LATENCY = (0.0, 0.02, 0.04, 0.08)  # of commands [s]
 
