@@ -109,8 +109,8 @@ PRESETS: dict[str, dict[str, Planner]] = {
 
 # For gates of less than a metre and vehicles of some ten centimetres, such as `lsy_level2` and `crazyflie`: a margin
 # that the openings leave, weighed more, and two thirds of the horizon, as a course of 7 m is soon flown: with all of it
-# 6 of 15 flights of lsy_level2 got nowhere or crashed. Far from its limits this vehicle does yaw as planned: with the
-# yaw noise of `race`, 94 of 100 of those flights finish, with this all 100.
+# 6 of 15 flights of lsy_level2 got nowhere or crashed. With the yaw noise of `race`, 94 of 100 finish, with this all
+# 100.
 YAWING = Colored(sigma=(0.86, 0.86, 0.5, 4.4), gamma=(0.8, 0.8, 0.8, 2.0))
 PRESETS["race_small"] = {
     sampler: replace(
