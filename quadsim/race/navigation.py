@@ -174,9 +174,11 @@ class Navigation:
     def _follow_gates(self) -> None:
         """Tell the planner where gates stand by the estimate, and how certain that is, once one has moved."""
         estimator = getattr(self.knowledge, "estimator", None)
-        if not (self._remap and estimator is not None and len(estimator.belief.gates)):
+        if not (self._remap and estimator is not None):
             return
-        now = np.column_stack([estimator.belief.gates, estimator.belief.gate_std()])
+        belief, gates = estimator.belief, len(self._distinct)
+        moves = belief.gates if len(belief.gates) else np.zeros((gates, 3))
+        now = np.column_stack([moves, belief.gate_std(gates)])
         if self._offsets is not None and abs(now - self._offsets).max() < MOVED:
             return
         self._offsets = now

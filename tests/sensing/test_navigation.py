@@ -81,15 +81,17 @@ def test_gates_are_moved_by_the_seed_within_the_size():
     assert not moves[:, 2].any()
 
 
-def test_the_planner_keeps_farther_from_a_gate_whose_place_is_uncertain():
-    spec = Spec.of("split_s_swift", sensing="gates", displace_gates=0.15, **SMALL)
+@pytest.mark.parametrize("moved", [0.15, 0.0])
+def test_the_planner_keeps_farther_from_a_gate_whose_place_is_uncertain(moved):
+    """Seen from the vehicle, which does not know where it is either."""
+    spec = Spec.of("split_s_swift", sensing="gates", displace_gates=moved, **SMALL)
     plant, controller, _ = build(spec)
     margin = controller.cost.targets[0, 18]
     navigation = navigation_of(spec, plant, controller)
     belief = navigation.knowledge.estimator.belief
     navigation._follow_gates()
     first, free = controller.cost.targets[0, 18], controller.cost.targets[0, 9]
-    assert first == pytest.approx(min(margin + 2.5 * belief.gate_std()[0], 0.7 * free))
+    assert first == pytest.approx(min(margin + 2.5 * belief.gate_std(7)[0], 0.7 * free))
     assert first > 2 * margin
     navigation.knowledge.estimator.belief = replace(belief, P=1e-8 * belief.P)
     navigation._follow_gates()

@@ -35,13 +35,15 @@ class Belief:
     gates: np.ndarray  # where gates stand less where the map has them [m]  (gates, 3)
     P: np.ndarray  # covariance of the error; without drift or gates they are left out  (n, n)
 
-    def gate_std(self) -> np.ndarray:
-        """Standard deviation of each gate's place seen from the vehicle, the larger of x and y [m].  (gates,)"""
-        first, variances = MOVING + len(self.drift), []
-        for k in range(2):
-            g = np.arange(first + k, len(self.P), 3)
-            variances.append(self.P[g, g] + self.P[k, k] - 2 * self.P[k, g])
-        return np.sqrt(np.maximum(variances, 0.0).max(axis=0))
+    def gate_std(self, gates: int) -> np.ndarray:
+        """Standard deviation of each gate's place seen from the vehicle, the largest of x, y and z [m].  (gates,)"""
+        own = np.diag(self.P)[POSITION]
+        if not len(self.gates):
+            return np.full(gates, np.sqrt(own.max()))
+        first, P = MOVING + len(self.drift), self.P
+        of = np.arange(first, len(P)).reshape(-1, 3)  # states of each gate
+        variances = P[of, of] + own - 2.0 * P[np.arange(3), of]
+        return np.sqrt(np.maximum(variances, 0.0).max(axis=1))
 
     def corrected(self, dx: np.ndarray, P: np.ndarray) -> Belief:
         """With the error dx (n,) moved into the state; P: its covariance afterwards."""
