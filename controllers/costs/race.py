@@ -72,8 +72,9 @@ def step_at_gate(before, after, free_y, free_z, bar, depth):
 
     within: it ends between entry and exit, or crosses the exit, not outside the frame; outside is how far outside the
     free opening it does so, negative inside, times span = |s1 - s0| [m^2]. Checked where it crosses the two planes and
-    at its end, which is enough as the free opening is convex. The product needs no division, and counts a metre
-    flown alike at any speed: at 50 m/s a step is longer than a gate is deep.
+    at its end, which is enough as the free opening is convex. at_exit and at_entry are such products too: they need no
+    division, and summed over the steps within a gate they do not depend on the speed. At 50 m/s a step is longer than
+    a gate is deep.
     """
     (s0, y0, z0), (s1, y1, z1) = before, after
     forward = (s0 < 0.0) & (s1 >= 0.0)

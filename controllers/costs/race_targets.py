@@ -11,8 +11,8 @@ from controllers.costs.ways_round import stops_between
 from quadsim.course import FRAME_DEPTH, Course, EstimatedGate, Gate, in_frame
 
 TO_GO, DEPTH = 12, 19  # columns of the target rows
-UNCERTAIN = 2.5  # standard deviations of a gate's position that are kept clear besides the margin
-MOST_MARGIN = 0.7  # of half the free opening, which margin and uncertainty take at most
+GATE_STDS = 2.5  # standard deviations of a gate's estimated position that are added to the margin
+MARGIN_LIMIT = 0.7  # share of half the free opening that margin and uncertainty take at most
 RUN_OUT = 100.0  # [m] from the last gate to a last target behind it, so that plans do not end at the finish
 
 
@@ -39,8 +39,8 @@ def targets(
     inner = inner_margin(opening, radius)
     free = opening / 2 - radius - inner[:, None]
     wanted = np.minimum(margin[0], margin[1] * free.min(axis=1))  # a narrow gate leaves less
-    uncertain = UNCERTAIN * np.array([g.std if isinstance(g, EstimatedGate) else 0.0 for g in gates])
-    wanted = np.maximum(wanted, np.minimum(wanted + uncertain, MOST_MARGIN * free.min(axis=1)))
+    uncertain = GATE_STDS * np.array([g.std if isinstance(g, EstimatedGate) else 0.0 for g in gates])
+    wanted = np.maximum(wanted, np.minimum(wanted + uncertain, MARGIN_LIMIT * free.min(axis=1)))
     free[-1] = RUN_OUT  # no frame stands there
     bar = np.array([g.frame_width for g in gates]) + 2 * radius + SAFETY_MARGIN + inner
     depth = behind + clear_of_frame(radius)

@@ -81,13 +81,13 @@ class Gate:
 
 @dataclass(frozen=True)
 class EstimatedGate(Gate):
-    """A gate where an estimator has it."""
+    """A gate at its estimated position, with the uncertainty of that."""
 
-    std: float = 0.0  # standard deviation of its place seen from the vehicle, along x or y [m]
+    std: float = 0.0  # standard deviation of the position relative to the vehicle, the largest of x, y and z [m]
 
     @classmethod
     def of(cls, gate: Gate, moved: Vec3, std: float) -> EstimatedGate:
-        """The gate, moved by this from where the map has it [m]."""
+        """The gate of the map, displaced by `moved` [m]."""
         where = {f.name: getattr(gate, f.name) for f in fields(gate)}
         return cls(**where | {"position": tuple(a + b for a, b in zip(gate.position, moved, strict=True)), "std": std})
 

@@ -59,8 +59,7 @@ class RacingBulletEnv(Env):
         self._plant, _, self._referee = build(replace(self._spec, seed=number))
         self._last = normalised(self._system.rest, self._system.low, self._system.high)
         self._way = self._way_left()
-        if self.render_mode == "human":
-            self._renderer.moved(self._states)
+        self._renderer.update(self._state_rows)
         return self._observed(), {}
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -78,8 +77,7 @@ class RacingBulletEnv(Env):
         weights, shortened = self.task.rewards.params, way - self._way
         paid = reward_of(shortened, 0.0, float(crashed), float(passed), chosen, self._last, weights)
         self._last = chosen
-        if self.render_mode == "human":
-            self._renderer.moved(self._states)
+        self._renderer.update(self._state_rows)
         info = {
             "passed": bool(passed),
             "gates": self._referee.passed,
@@ -100,13 +98,12 @@ class RacingBulletEnv(Env):
         row = self._cost.targets[min(self._referee.passed, len(self._cost.targets) - 1)]
         return float(self._cost.terms(x, x, self._system.rest, row, 0.0, self._cost.params)[0])
 
-    @property
-    def _states(self) -> np.ndarray:
+    def _state_rows(self) -> np.ndarray:
         return np.array(self._plant.state.x[:10])[None]
 
     def render(self) -> Any:
         """With rgb_array a picture from above.  (height, width, 3) uint8"""
-        return self._renderer.picture(self._states)
+        return self._renderer.picture(self._state_rows())
 
     def close(self) -> None:
         self._renderer.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -23,13 +24,16 @@ class Renderer:
     def __init__(self, mode: str | None, course: Course, vehicles: int, dt: float):
         if mode not in (None, *RENDER_MODES):
             raise SettingError("render_mode", f"expected None, 'human' or 'rgb_array', got {mode!r}")
-        self._mode, self._of, self._page = mode, (course, vehicles, dt), None
+        self._mode, self._of = mode, (course, vehicles, dt)
+        self._page: Any = None
 
-    def moved(self, states: np.ndarray) -> None:
-        """On the page of mode human, to be called after a reset and each step.  (vehicles, 10): p, v, q wxyz"""
-        if self._page is None:  # by its name: pages stand above environments, which do without them
-            self._page: Any = import_module("web.page.env_page").EnvPage(*self._of)
-        self._page.show(states)
+    def update(self, states: Callable[[], np.ndarray]) -> None:
+        """Show the states on the page of mode human, after a reset and each step.  -> (vehicles, 10): p, v, q wxyz"""
+        if self._mode != "human":
+            return
+        if self._page is None:  # imported by name: the page is a layer above, and loads viser
+            self._page = import_module("web.page.env_page").EnvPage(*self._of)
+        self._page.show(states())
 
     def picture(self, states: np.ndarray) -> np.ndarray | None:
         """Of render(): (height, width, 3) uint8 where the mode is rgb_array."""

@@ -83,8 +83,7 @@ class RacingVectorEnv(VectorEnv):
             chosen.ravel()[: self.num_envs] = mask
         self.lanes.begin(None if seed is None else int(seed), chosen)
         self._begun = True
-        if self.render_mode == "human":
-            self._renderer.moved(self._states)
+        self._renderer.update(self._state_rows)
         return self._rows(self.lanes.obs), {}
 
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
@@ -108,8 +107,7 @@ class RacingVectorEnv(VectorEnv):
         e.rows_to_lanes(checked_actions(actions, (n, ACTIONS)), self._actions)
         before = e.steps.copy(), e.passes.copy(), e.row.copy()
         e.step(self._actions)
-        if self.render_mode == "human":
-            self._renderer.moved(self._states)
+        self._renderer.update(self._state_rows)
         of_step = before[0] + 1, before[1] + e.hit, before[2]
         info = self._info(*of_step) if e.autoreset == SAME_STEP else self._info(e.steps, e.passes, e.row)
         return self._rows(e.obs), self._one(e.reward), self._one(e.ended), self._one(e.cut), info
@@ -134,15 +132,14 @@ class RacingVectorEnv(VectorEnv):
 
     def render(self) -> Any:
         """With rgb_array a picture of all vehicles on the first course: (height, width, 3) uint8, in a tuple."""
-        found = self._renderer.picture(self._states)
+        found = self._renderer.picture(self._state_rows())
         return None if found is None else (found,)
 
     def close_extras(self, **kwargs: Any) -> None:
         """The page of render_mode human ends."""
         self._renderer.close()
 
-    @property
-    def _states(self) -> np.ndarray:
+    def _state_rows(self) -> np.ndarray:
         """Position, velocity and attitude.  (num_envs, 10)"""
         return self.lanes.X[:, :10].transpose(0, 2, 1).reshape(-1, 10)[: self.num_envs]
 

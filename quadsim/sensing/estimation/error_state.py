@@ -36,7 +36,7 @@ class Belief:
     P: np.ndarray  # covariance of the error; without drift or gates they are left out  (n, n)
 
     def gate_std(self, gates: int) -> np.ndarray:
-        """Standard deviation of each gate's place seen from the vehicle, the largest of x, y and z [m].  (gates,)"""
+        """Standard deviation of each gate's position relative to the vehicle, of the worst axis [m].  (gates,)"""
         own = np.diag(self.P)[POSITION]
         if not len(self.gates):
             return np.full(gates, np.sqrt(own.max()))
