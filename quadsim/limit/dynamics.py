@@ -17,7 +17,7 @@ import numpy as np
 
 from quadsim.physics.actuators import gyroscopic
 from quadsim.physics.allocation import mixer
-from quadsim.systems.quadrotor import ModelParams, quadrotor, quaternion_rate, step
+from quadsim.systems.quadrotor import FREE, ModelParams, quadrotor, quaternion_rate, step
 from quadsim.systems.rotation import to_body, to_world
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
@@ -26,7 +26,7 @@ if hasattr(casadi.GlobalOptions, "setNumpyMode"):  # CasADi 3.8 warns until it i
 
 BODY = 13  # position, velocity, attitude (wxyz) and body rates come first in every state
 SPIN_UP_MAX = 1000.0  # [rad/s^2] of the body, beyond what any vehicle reaches
-YAW_MAX = 0.5  # [rad/s] of a race to be flown: the model does not know that rotors near full thrust cannot yaw
+YAW_MAX = 0.5  # [rad/s] of a race to be flown: rotors near full thrust cannot yaw, which this problem leaves out
 FINE = 1e-3, 2e-4  # longest step of the check, by Runge-Kutta and by the planner's step, of order 1 [s]
 
 
@@ -49,7 +49,7 @@ def dynamics(vehicle: Vehicle, model: str, reserve: float = 0.0) -> Dynamics:
     """reserve: share of the thrust that is left unused, for rates; then YAW_MAX holds too. Raises ValueError for a
     vehicle that the model does not cover."""
     if model == "rates":
-        params = ModelParams.of(vehicle)
+        params = replace(ModelParams.of(vehicle), yaw_cost=0.0)  # YAW_MAX in its place: the problem stays smooth
         if reserve:
             roll, pitch, yaw = params.rate_max
             thrust = (1.0 - reserve) * params.thrust_max
@@ -110,7 +110,8 @@ def rates(model: ModelParams) -> Dynamics:
     def rate(x, u):  # x' = d step / d dt at dt = 0, with a clip that never acts
         dt = casadi.SX.sym("dt")
         follow = dt / tau if tau > 0.0 else 1.0
-        p = (*(1.0 / t for t in model.rate_tau), follow, model.thrust_gain, model.drag, 0.0, 0.0, 2 * model.thrust_max)
+        k, most = (model.thrust_gain, model.drag), 2 * model.thrust_max
+        p = (*(1.0 / t for t in model.rate_tau), follow, *k, 0.0, 0.0, FREE, most)
         ahead = casadi.vertcat(*step(whole(x), u, p, dt)[:n])
         return tuple(casadi.vertsplit(casadi.substitute(casadi.jacobian(ahead, dt), dt, 0.0)))
 

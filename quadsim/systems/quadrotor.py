@@ -5,11 +5,14 @@
     q' = q x (0, omega) / 2
     omega' = beta
     beta' = (beta_cmd - beta) / tau_m,                  beta_cmd = (omega_cmd - omega) / tau_omega
-    a' = (clip(a_cmd, r, a_max - r) - a) / tau_m,       r = c_x |beta_cmd,x| + c_y |beta_cmd,y|
+    a' = (a_lim - a) / tau_m,                           a_lim = clip(a_cmd, r, a_max - r)
+    r = c_x |beta_cmd,x| + c_y |beta_cmd,y|,            |beta_cmd,z| <= (min(a_lim, a_max - a_lim) - r) / c_z
 
 The 13 states of Vlahov et al. 2024, section IV-B, and four more, what the rotors deliver now: thrust a
 and angular acceleration beta. To roll or pitch, two rotors give up the thrust r that the others, at their limit, cannot
-add. With tau_m = c = 0, the paper's model, thrust and rates' accelerations follow their commands at once.
+add. Yaw has what is left then: two rotors speed up, two slow down, and at full thrust none can. The plant's allocation
+has the same order (quadsim.physics.allocation). With tau_m = c = 0, the paper's model, thrust and rates' accelerations
+follow their commands at once.
 """
 
 from __future__ import annotations
@@ -38,6 +41,9 @@ STATE_UNITS = {
 CONTROL_UNITS = {**dict.fromkeys(("wx_cmd", "wy_cmd", "wz_cmd"), "rad/s"), "a_cmd": "m/s^2"}
 STATE, CONTROL = tuple(STATE_UNITS), tuple(CONTROL_UNITS)
 
+LEAST_ROOM = 1e-3  # [m/s^2] for yaw is always left: with 1 / c_z = FREE, of a vehicle without rotors, any yaw
+FREE = 1e9  # [1/m]
+
 
 def thrust_axis(qw, qx, qy, qz):
     """R(q) e_z: the body's z axis, along which the thrust acts, in the world.  (3,)"""
@@ -64,16 +70,21 @@ def quaternion_rate(q, m):
 def step(x, u, p, dt):
     """x, u: STATE and CONTROL.
 
-    p: gains of the rates (3) [1/s], response of the rotors in one dt, k, drag d [1/s], c_x, c_y [m], a_max [m/s^2].
+    p: gains of the rates (3) [1/s], response of the rotors in one dt, k, drag d [1/s], c_x, c_y [m], 1 / c_z [1/m],
+    a_max [m/s^2].
     """
     px, py, pz, vx, vy, vz, qw, qx, qy, qz, wx, wy, wz, a, bx, by, bz = x
     wx_cmd, wy_cmd, wz_cmd, a_cmd = u
-    k_x, k_y, k_z, k_m, k, drag, c_x, c_y, a_max = p
+    k_x, k_y, k_z, k_m, k, drag, c_x, c_y, yaw, a_max = p
     half, eighth = 0.5 * dt, 0.125 * dt
-    # what the rotors deliver moves towards the command, as far as their limits allow: roll and pitch first
+    # what the rotors deliver moves towards the command, as far as their limits allow: roll and pitch first, yaw last
     bx_cmd, by_cmd, bz_cmd = (wx_cmd - wx) * k_x, (wy_cmd - wy) * k_y, (wz_cmd - wz) * k_z
     reserve = tilt_reserve(c_x, c_y, bx_cmd, by_cmd)
-    a2 = a + (minimum(maximum(a_cmd, reserve), a_max - reserve) - a) * k_m
+    most = a_max - reserve
+    a_lim = minimum(maximum(a_cmd, reserve), most)
+    bz_max = (maximum(minimum(a_lim - reserve, most - a_lim), 0.0) + LEAST_ROOM) * yaw
+    bz_cmd = minimum(maximum(bz_cmd, -bz_max), bz_max)
+    a2 = a + (a_lim - a) * k_m
     bx2, by2, bz2 = bx + (bx_cmd - bx) * k_m, by + (by_cmd - by) * k_m, bz + (bz_cmd - bz) * k_m
     wx2, wy2, wz2 = wx + bx2 * dt, wy + by2 * dt, wz + bz2 * dt
     # half a step of q' = q x (0, omega) / 2 under the mean rates
@@ -109,6 +120,7 @@ class ModelParams:
     thrust_max: Annotated[float, unit("m/s^2", gt=GRAVITY, le=1000)]  # mass-normalised limit [m/s^2]
     thrust_min: Annotated[float, unit("m/s^2", ge=0, lt=GRAVITY)] = 0.0  # mass-normalised limit [m/s^2]
     tilt_cost: tuple[TiltCost, TiltCost] = (0.0, 0.0)  # thrust given up per angular acceleration about x, y [m]
+    yaw_cost: TiltCost = 0.0  # room for the thrust that an angular acceleration about z needs [m]; 0: none
     thrust_gain: Factor = 1.0  # acceleration per thrust delivered: less than 1 where the vehicle is too heavy
 
     @classmethod
@@ -122,6 +134,7 @@ class ModelParams:
             rate_max=vehicle.rate_max,
             thrust_max=vehicle.thrust_max,
             tilt_cost=tilt_cost(vehicle) if rotors else (0.0, 0.0),
+            yaw_cost=vehicle.inertia[2] / (vehicle.mass * rotors.kappa) if rotors else 0.0,
         )
 
 
@@ -135,12 +148,13 @@ def tilt_cost(vehicle: Vehicle) -> tuple[float, float]:
 def quadrotor(model: ModelParams, dt: float) -> System:
     """The system MPPI plans with, at control period dt [s]."""
     gains = (*(response(tau, dt) / dt for tau in model.rate_tau), response(model.motor_tau, dt))
+    yaw = 1.0 / model.yaw_cost if model.yaw_cost else FREE
     return System(
         name="quadrotor",
         states=STATE,
         controls=CONTROL,
         step=step,
-        params=(*gains, model.thrust_gain, model.drag, *model.tilt_cost, model.thrust_max),
+        params=(*gains, model.thrust_gain, model.drag, *model.tilt_cost, yaw, model.thrust_max),
         dt=dt,
         low=(*(-r for r in model.rate_max), model.thrust_min),
         high=(*model.rate_max, model.thrust_max),

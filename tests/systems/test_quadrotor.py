@@ -8,12 +8,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from quadsim.physics.allocation import allocate, shares
+from quadsim.physics.allocation import allocate, mixer, shares
 from quadsim.systems.quadrotor import STATE, ModelParams, quadrotor
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle, load_vehicle
 
 SIMPLE = ModelParams(rate_tau=(0.25, 0.2, 0.3), motor_tau=0.0, drag=0.0, rate_max=(6.0, 6.0, 6.0), thrust_max=36.0)
-FULL = replace(SIMPLE, motor_tau=0.04, drag=0.4, tilt_cost=(0.02, 0.03))  # with rotors that lag, saturate and drag
+FULL = replace(
+    SIMPLE, motor_tau=0.04, drag=0.4, tilt_cost=(0.02, 0.03), yaw_cost=1.5
+)  # with rotors that lag, saturate and drag
 HOVER = (0.0, 0.0, 0.0, GRAVITY)
 SAME = {"rtol": 0, "atol": 1e-9}
 
@@ -37,6 +39,9 @@ def derivative(x, u, model):
     torque = (np.array(u[:3]) - omega) / model.rate_tau
     room = np.dot(model.tilt_cost, abs(torque[:2]))
     thrust = np.clip(u[3], room, model.thrust_max - room)
+    if model.yaw_cost:
+        most = (min(thrust, model.thrust_max - thrust) - room) / model.yaw_cost
+        torque[2] = np.clip(torque[2], -most, most)
     if model.motor_tau:
         a_dot, beta_dot = (thrust - a) / model.motor_tau, (torque - beta) / model.motor_tau
     else:
@@ -138,7 +143,9 @@ def test_nominal_model_of_a_vehicle_has_all_but_the_axes_of_its_drag():
     plain = Vehicle("v", "", 1.0, (1e-3,) * 3, 0.1, (0.1, 0.2, 0.3), (6.0, 7.0, 3.0), 30.0, (0.3, 0.6, 0.9), 0.01, None)
     model = ModelParams((0.1, 0.2, 0.3), 0.0, pytest.approx(0.6), (6.0, 7.0, 3.0), 30.0)
     assert ModelParams.of(plain) == model
-    assert ModelParams.of(replace(plain, rotors=rotors)) == replace(model, motor_tau=0.033, tilt_cost=(0.01, 0.01))
+    assert ModelParams.of(replace(plain, rotors=rotors)) == replace(
+        model, motor_tau=0.033, tilt_cost=(0.01, 0.01), yaw_cost=0.1
+    )
 
 
 def test_thrust_beside_a_tilt_is_what_the_rotors_deliver():
@@ -154,6 +161,27 @@ def test_thrust_beside_a_tilt_is_what_the_rotors_deliver():
         assert x[STATE.index("a")] == pytest.approx(delivered, abs=1e-9)
         modest.append(delivered == pytest.approx(a))
     assert 0.2 < np.mean(modest) < 0.98
+
+
+@pytest.mark.parametrize("tilted", [0.0, 60.0])
+def test_yaw_beside_thrust_and_tilt_is_what_the_rotors_deliver(tilted):
+    """That of the allocation itself; beside a tilt the model may promise less, never more."""
+    vehicle = load_vehicle("swift")
+    system, share = quadrotor(replace(ModelParams.of(vehicle), motor_tau=0.0), 0.01), shares(vehicle.rotors)
+    high, k = vehicle.mass * vehicle.thrust_max / 4, system.params[0:3:2]
+    short = []
+    for beta_x, beta_z, a in np.random.default_rng(0).uniform((-tilted, -80, 0), (tilted, 80, 40), (200, 3)):
+        torque = (vehicle.inertia[0] * beta_x, 0.0, vehicle.inertia[2] * beta_z)
+        forces = allocate(share, vehicle.mass * a, torque, 0.0, high)
+        delivered = np.dot(mixer(vehicle.rotors)[3], forces) / vehicle.inertia[2]
+        x = system.step(state(), (beta_x / k[0], 0.0, beta_z / k[1], a), system.params, 0.01)
+        promised = x[STATE.index("bz")]
+        assert abs(promised) <= abs(delivered) + 0.01
+        short.append(abs(delivered) - abs(promised))
+    if not tilted:
+        assert max(short) < 0.01
+        assert max(map(abs, short)) > 0.0
+    assert np.mean(np.array(short) < 1.0) > 0.5
 
 
 def test_limits_are_the_models_and_rest_hovers():
