@@ -40,7 +40,7 @@ class Spec:
     randomize: float = 0.0  # size of domain randomization and disturbance, see quadsim.physics.domain_randomization
     sensing: Sensing | None = None  # None: the planner is given the true state
     displace_gates: float = 0.0  # how far gates may stand off the map, along x and y [m]
-    view_weight: float = 0.0  # of the next gate kept in the view of a gate camera
+    view_weight: float = 0.0  # of the nose pointing where the vehicle flies, for a gate camera
     clock: str = "simulated"  # of CLOCKS
     deadline_ms: float | None = None  # shrink the samples so that a plan takes no longer
     pilot: Pilot | None = None  # a learned one in the planner's place

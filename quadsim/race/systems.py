@@ -110,7 +110,7 @@ def _race_plant(spec: Any, streams: Streams) -> Plant:
 
 
 def _race_cost(spec: Any) -> Cost:
-    """Of the planner's map; where a camera finds gates, with the next one kept in its view."""
+    """Of the planner's map; where a camera has to find gates, with a nose that points where the vehicle flies."""
     weights = spec.planner.cost
     if isinstance(weights, ReferenceWeights):
         known = stored_reference(spec.course, spec.vehicle, spec.laps, weights)
@@ -119,7 +119,7 @@ def _race_cost(spec: Any) -> Cost:
     cost = race_cost(spec.course, spec.vehicle.radius, weights, spec.laps)
     if not (spec.sensing and spec.sensing.camera and spec.view_weight):
         return cost
-    return with_view(cost, spec.view_weight, tuple(spec.sensing.camera.axes[:, 2].tolist()))
+    return with_view(cost, spec.view_weight)
 
 
 def _race_timeout(course: Any, laps: int) -> float:

@@ -1,25 +1,25 @@
-"""The view term: nothing where the camera looks at the next gate, twice the weight where it looks away."""
+"""The view term: nothing where the nose points where the vehicle flies, twice the weight where it points back."""
 
 import numpy as np
 import pytest
 
 from controllers.costs.race import RaceWeights, race_cost, terms
-from controllers.costs.race_view import nose, with_view
+from controllers.costs.race_view import with_view
 from controllers.rollout.inline import lane_source
 from quadsim.course import load_course
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
 from quadsim.sensing.attitude import exp, matrix, product
 
-TILT = np.radians(20.0)
-AXIS = (float(np.cos(TILT)), 0.0, float(np.sin(TILT)))
 RACE = race_cost(load_course("split_s_swift"), 0.14, RaceWeights(), 1)
 WEIGHT = 3.0
+FAST = 1e3  # [m/s] at which the one in the root is nothing
 
 
-def view(cost, q, here):
-    """(the view term, all others) of a step that ends at `here` with attitude q."""
-    x = (*here, 0.0, 0.0, 0.0, *q, 0.0, 0.0, 0.0, 9.81, 0.0, 0.0, 0.0)
+def view(q, v):
+    """The view term of a step that ends with attitude q and velocity v; all others are the racing cost's."""
+    cost = with_view(RACE, WEIGHT)
+    x = (-2.0, 1.0, 2.0, *v, *q, 0.0, 0.0, 0.0, 9.81, 0.0, 0.0, 0.0)
     found = cost.terms(x, x, (0.0, 0.0, 0.0, 9.81), tuple(cost.targets[0].tolist()), 0.0, cost.params)
     same = terms(x, x, (0.0, 0.0, 0.0, 9.81), tuple(cost.targets[0].tolist()), 0.0, RACE.params)
     assert found[:9] == same[:9]
@@ -27,30 +27,40 @@ def view(cost, q, here):
     return float(found[9])
 
 
-@pytest.mark.parametrize(("turn", "share"), [(0.0, 0.0), (np.pi / 2, 1.0), (np.pi, 2.0)])
-def test_the_angle_between_axis_and_bearing_costs(turn, share):
-    """The vehicle stands so that the target lies on the optical axis, then looks aside by this angle."""
-    cost, q = with_view(RACE, WEIGHT, AXIS), exp((0.1, -0.3, 0.8))
-    here = cost.targets[0, :3] - 4.0 * (matrix(q) @ AXIS)
-    about = np.array([0.0, 1.0, 0.0])  # the body's left, across the axis
-    assert view(cost, product(q, exp(turn * about)), tuple(here.tolist())) == pytest.approx(share * WEIGHT, abs=1e-6)
+@pytest.mark.parametrize(("turn", "share"), [(0.0, 0.0), (np.pi / 2, 1.0), (-np.pi / 2, 1.0), (np.pi, 2.0)])
+def test_the_angle_between_nose_and_velocity_about_the_bodys_z_axis_costs(turn, share):
+    q = exp((0.1, -0.3, 0.8))
+    v = FAST * matrix(q)[:, 0]
+    assert view(product(q, exp((0.0, 0.0, turn))), tuple(v)) == pytest.approx(share * WEIGHT, abs=1e-3)
 
 
-def test_the_nose_is_the_bodys_x_axis():
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_what_yaw_cannot_change_costs_nothing(axis):
+    """A velocity along the body's z axis, and one that pitch alone has turned out of the x axis."""
     q = exp((0.4, -0.2, 1.0))
-    np.testing.assert_allclose(nose(*q), matrix(q)[:, 0], atol=1e-12)
+    v = FAST * matrix(q)[:, axis]
+    assert view(q, tuple(v)) == pytest.approx(WEIGHT if axis == 1 else 0.0, abs=2e-3)
+    pitched = product(q, exp((0.0, 0.7, 0.0)))
+    assert view(pitched, tuple(FAST * matrix(q)[:, 0])) == pytest.approx(0.0, abs=2e-3)
+
+
+def test_at_rest_it_costs_nothing():
+    assert view(exp((0.0, 0.0, 2.0)), (0.0, 0.0, 0.0)) == pytest.approx(0.0, abs=WEIGHT * 2e-3)
 
 
 def test_it_has_a_lane_twin_of_its_own():
-    source = lane_source(with_view(RACE, WEIGHT, AXIS).terms, "terms")
-    assert {"terms", "terms_race_terms", "terms_nose", "terms_thrust_axis"} <= source.keys()
+    source = lane_source(with_view(RACE, WEIGHT).terms, "terms")
+    assert {"terms", "terms_race_terms", "terms_to_body"} <= source.keys()
 
 
-def test_it_is_flown_where_a_camera_is():
+def test_it_is_flown_where_a_camera_has_to_find_gates():
     spec = Spec.of("split_s_swift", sensing="gates", view_weight=2.0)
     cost = spec.entry.cost(spec)
     assert cost.term_names[-1] == "view"
-    np.testing.assert_allclose(cost.params[-3:], (2.0, *AXIS[::2]))
+    assert cost.params[-1] == 2.0
     assert Spec.of("split_s_swift", sensing="gates").record().get("view_weight") is None
+    displaced = {"sensing": "gates", "displace_gates": 0.15}
+    assert Spec.of("split_s_swift", **displaced).view_weight == 1.0
+    assert Spec.of("split_s_swift", **displaced, view_weight=0.0).view_weight == 0.0
     with pytest.raises(SettingError, match="view_weight: expected a sensing with a camera, got mocap"):
         Spec.of("split_s_swift", sensing="mocap", view_weight=2.0)
