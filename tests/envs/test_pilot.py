@@ -106,11 +106,13 @@ def test_a_pilot_for_something_else_is_one_line_and_exit_code_2(tmp_path, capsys
         (["train", "nowhere"], "race train: no course 'nowhere'"),
         (["train", "split_s_swift", "--vehicle", "swifd"], "no vehicle 'swifd'"),
         (["train", "split_s_swift", "--out", "pilot.zip"], "--out: expected FILE.npz, got 'pilot.zip'"),
+        (["train", "empty"], "course: expected a folder of courses, found no *.yaml in 'empty'"),
         (["fly", "split_s_swift", "--pilot", "damaged.npz"], "damaged.npz: expected a pilot as `race train` writes it"),
     ],
 )
 def test_wrong_words_are_one_line_and_exit_code_2(hovering, tmp_path, monkeypatch, capsys, words, said):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
     (tmp_path / "damaged.npz").write_bytes(hovering.read_bytes()[:300])
     assert race(words) == 2
     err = capsys.readouterr().err
@@ -131,6 +133,8 @@ def test_a_variant_of_a_comparison_can_be_a_pilot(hovering):
     assert parse_variants("p=split_s_swift") == {"p": {"pilot": "split_s_swift"}}
 
 
-def test_the_pilot_that_comes_with_the_project_finishes_a_lap():
-    run = quadsim.fly("split_s_swift", pilot="split_s_swift", laps=1)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_pilot_that_comes_with_the_project_finishes_its_race(seed):
+    run = quadsim.fly("split_s_swift", pilot="split_s_swift", randomize=1.0, seed=seed)
     assert run.outcome == "finished"
+    assert len(run.laps) == 3

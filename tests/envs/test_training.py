@@ -70,3 +70,11 @@ def test_a_training_writes_a_pilot_that_flies_and_goes_on_from_its_checkpoint(tm
     assert history[-1]["steps"] == 4096
     assert race([*words, "--steps", "8192", "--seed", "1", "--out", str(out)]) == 2
     assert "expected a training of the same seed" in capsys.readouterr().err
+
+
+def test_a_folder_of_courses_is_learnt_in_environments_of_64_each(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert race(["courses", "--generate", "2", "--seed", "3", "--out", "some"]) == 0
+    words = ["train", "some", "--environments", "128", "--hidden", "8", "--flights", "2", "--laps", "1"]
+    assert race([*words, "--steps", "8192", "--out", "p.npz"]) == 0
+    assert load_pilot(tmp_path / "p.npz").about.course == "random_3_1, random_3_2"
