@@ -52,7 +52,7 @@ _PAPER = Planner(
 # Sampling as `race tune split_s_swift --laps 1` found it, 48 trials for each of the two samplers. It would have a
 # horizon of 1.2 s, too short to brake from 38 m/s on alphapilot. The weights along the horizon, the overshoot, the ESS
 # and the margin were chosen by hand on split_s_swift and alphapilot, for each sampler its own, see docs/results.md.
-# So was colored sampling's yaw: nothing in a race asks for it, and what is spent on it is missing elsewhere.
+# So was colored sampling's yaw: nothing in a race asks for it, and with 0.5 rad/s body rates vary by a third more.
 _RACE = Planner(
     vehicle="swift",
     sampling=Colored(sigma=(0.86, 0.86, 0.1, 4.4), gamma=(0.8, 0.8, 0.8, 2.0)),

@@ -17,7 +17,7 @@ import numpy as np
 
 from quadsim.physics.actuators import gyroscopic
 from quadsim.physics.allocation import mixer
-from quadsim.systems.quadrotor import FREE, ModelParams, quadrotor, quaternion_rate, step
+from quadsim.systems.quadrotor import UNLIMITED_YAW, ModelParams, quadrotor, quaternion_rate, step
 from quadsim.systems.rotation import to_body, to_world
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
@@ -111,7 +111,7 @@ def rates(model: ModelParams) -> Dynamics:
         dt = casadi.SX.sym("dt")
         follow = dt / tau if tau > 0.0 else 1.0
         k, most = (model.thrust_gain, model.drag), 2 * model.thrust_max
-        p = (*(1.0 / t for t in model.rate_tau), follow, *k, 0.0, 0.0, FREE, most)
+        p = (*(1.0 / t for t in model.rate_tau), follow, *k, 0.0, 0.0, UNLIMITED_YAW, most)
         ahead = casadi.vertcat(*step(whole(x), u, p, dt)[:n])
         return tuple(casadi.vertsplit(casadi.substitute(casadi.jacobian(ahead, dt), dt, 0.0)))
 

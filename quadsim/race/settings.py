@@ -20,6 +20,7 @@ import numpy as np
 import yaml
 from msgspec import Meta, inspect
 
+from controllers.costs.race import Weight
 from controllers.presets import Planner
 from controllers.samplers import SAMPLERS
 from quadsim.files.strict_yaml import unit
@@ -28,7 +29,6 @@ from quadsim.files.yaml_words import NULL, TEXT, expected, unless_null
 from quadsim.race.systems import SystemEntry
 from quadsim.sensing import PERFECT
 
-Weight = Annotated[float, Meta(ge=0, le=1e6)]
 Count = Annotated[int, Meta(ge=1)]
 
 

@@ -41,8 +41,8 @@ STATE_UNITS = {
 CONTROL_UNITS = {**dict.fromkeys(("wx_cmd", "wy_cmd", "wz_cmd"), "rad/s"), "a_cmd": "m/s^2"}
 STATE, CONTROL = tuple(STATE_UNITS), tuple(CONTROL_UNITS)
 
-LEAST_ROOM = 1e-3  # [m/s^2] for yaw is always left: with 1 / c_z = FREE, of a vehicle without rotors, any yaw
-FREE = 1e9  # [1/m]
+LEAST_ROOM = 1e-3  # [m/s^2] of thrust is always left for yaw, so that UNLIMITED_YAW is without limit at full thrust too
+UNLIMITED_YAW = 1e9  # [1/m] 1 / c_z of a vehicle without rotors
 
 
 def thrust_axis(qw, qx, qy, qz):
@@ -75,14 +75,14 @@ def step(x, u, p, dt):
     """
     px, py, pz, vx, vy, vz, qw, qx, qy, qz, wx, wy, wz, a, bx, by, bz = x
     wx_cmd, wy_cmd, wz_cmd, a_cmd = u
-    k_x, k_y, k_z, k_m, k, drag, c_x, c_y, yaw, a_max = p
+    k_x, k_y, k_z, k_m, k, drag, c_x, c_y, per_c_z, a_max = p
     half, eighth = 0.5 * dt, 0.125 * dt
     # what the rotors deliver moves towards the command, as far as their limits allow: roll and pitch first, yaw last
     bx_cmd, by_cmd, bz_cmd = (wx_cmd - wx) * k_x, (wy_cmd - wy) * k_y, (wz_cmd - wz) * k_z
     reserve = tilt_reserve(c_x, c_y, bx_cmd, by_cmd)
     most = a_max - reserve
     a_lim = minimum(maximum(a_cmd, reserve), most)
-    bz_max = (maximum(minimum(a_lim - reserve, most - a_lim), 0.0) + LEAST_ROOM) * yaw
+    bz_max = (maximum(minimum(a_lim - reserve, most - a_lim), 0.0) + LEAST_ROOM) * per_c_z
     bz_cmd = minimum(maximum(bz_cmd, -bz_max), bz_max)
     a2 = a + (a_lim - a) * k_m
     bx2, by2, bz2 = bx + (bx_cmd - bx) * k_m, by + (by_cmd - by) * k_m, bz + (bz_cmd - bz) * k_m
@@ -120,7 +120,7 @@ class ModelParams:
     thrust_max: Annotated[float, unit("m/s^2", gt=GRAVITY, le=1000)]  # mass-normalised limit [m/s^2]
     thrust_min: Annotated[float, unit("m/s^2", ge=0, lt=GRAVITY)] = 0.0  # mass-normalised limit [m/s^2]
     tilt_cost: tuple[TiltCost, TiltCost] = (0.0, 0.0)  # thrust given up per angular acceleration about x, y [m]
-    yaw_cost: TiltCost = 0.0  # room for the thrust that an angular acceleration about z needs [m]; 0: none
+    yaw_cost: TiltCost = 0.0  # room to the thrust's limits per angular acceleration about z [m]; 0: none is needed
     thrust_gain: Factor = 1.0  # acceleration per thrust delivered: less than 1 where the vehicle is too heavy
 
     @classmethod
@@ -148,13 +148,13 @@ def tilt_cost(vehicle: Vehicle) -> tuple[float, float]:
 def quadrotor(model: ModelParams, dt: float) -> System:
     """The system MPPI plans with, at control period dt [s]."""
     gains = (*(response(tau, dt) / dt for tau in model.rate_tau), response(model.motor_tau, dt))
-    yaw = 1.0 / model.yaw_cost if model.yaw_cost else FREE
+    per_c_z = 1.0 / model.yaw_cost if model.yaw_cost else UNLIMITED_YAW
     return System(
         name="quadrotor",
         states=STATE,
         controls=CONTROL,
         step=step,
-        params=(*gains, model.thrust_gain, model.drag, *model.tilt_cost, yaw, model.thrust_max),
+        params=(*gains, model.thrust_gain, model.drag, *model.tilt_cost, per_c_z, model.thrust_max),
         dt=dt,
         low=(*(-r for r in model.rate_max), model.thrust_min),
         high=(*model.rate_max, model.thrust_max),
