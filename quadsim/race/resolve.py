@@ -71,16 +71,18 @@ def resolve(course: Any = None, **given: Any) -> dict[str, Any]:
         "plant": f.plant or default_plant() if system == "quadrotor" else "model",
         "sensing": sensing,
         "displace_gates": f.displace_gates,
-        "view_weight": _view_weight(f, sensing),
+        "view_weight": _view_weight(f, base, sensing),
         "own": own,
     }
 
 
-def _view_weight(f: FlightSettings, sensing: Sensing | None) -> float:
+def _view_weight(f: FlightSettings, base: Planner, sensing: Sensing | None) -> float:
     """Where gates may stand off the map, the camera has to find them; else the vehicle is faster without yaw."""
     if not (sensing and sensing.camera):
         return 0.0
-    return float(f.displace_gates > 0.0) if f.view_weight is None else f.view_weight
+    if f.view_weight is None:
+        return base.view_weight if f.displace_gates else 0.0
+    return f.view_weight
 
 
 def _check_periods(dt: float, plant_dt: float) -> None:

@@ -55,7 +55,7 @@ class FlightSettings:
     randomize: Annotated[float, Meta(ge=0, le=3)] = 0.0  # scale of domain randomization: start, vehicle, gusts
     sensing: str = PERFECT  # sensors: a name (see quadsim/sensing) or a FILE.yaml; perfect: the true state
     displace_gates: Annotated[float, unit("m", ge=0, le=1)] = 0.0  # move gates off the map by up to this along x, y [m]
-    view_weight: Weight | None = None  # of a camera looking where it flies (default: 1 with displaced gates, else 0)
+    view_weight: Weight | None = None  # of a camera looking where it flies (default with displaced gates: the preset's)
     timeout: Annotated[float, unit("s", gt=0, le=1e5)] | None = None  # time limit [s] (default: set by the course)
     threads: Count | None = None  # CPU threads (default: all); results do not depend on it
     penalties: bool = False  # a hit adds 3 s instead of ending the flight

@@ -62,5 +62,7 @@ def test_it_is_flown_where_a_camera_has_to_find_gates():
     displaced = {"sensing": "gates", "displace_gates": 0.15}
     assert Spec.of("split_s_swift", **displaced).view_weight == 1.0
     assert Spec.of("split_s_swift", **displaced, view_weight=0.0).view_weight == 0.0
+    assert Spec.of("lsy_level2", preset="race_small", **displaced).view_weight == 0.0
+    assert Spec.of("lsy_level2", preset="race_small", **displaced, view_weight=0.5).view_weight == 0.5
     with pytest.raises(SettingError, match="view_weight: expected a sensing with a camera, got mocap"):
         Spec.of("split_s_swift", sensing="mocap", view_weight=2.0)
