@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from quadsim.app.console import emit, emit_json
-from quadsim.app.figures.style import write_figure
+from quadsim.app.figures.style import PICTURES, save_figure, write_figure
 from quadsim.app.flags import Help, Json, RunsDir, Stored, Switch, UsageError
 from quadsim.app.report import known_limit, present
 from quadsim.record.archive import find_run, load_run
@@ -29,20 +29,23 @@ def plot(
     run: Stored = "last",
     /,
     *,
-    out: Annotated[str | None, Help("folder for the figures; default: the run's folder")] = None,
+    out: Annotated[str | None, Help("FILE.png, .svg or .pdf, or a folder for figures; default: the run's")] = None,
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
-    """A stored run as PNG and SVG: path from above, states, controls, spectra.
+    """A stored run as a picture: path from above, states, controls, spectra.
 
-    race plot last --out figures
+    race plot last --out race.png
     """
     folder = find_run(run, runs_dir)
     flown = load_run(folder)
     from quadsim.app.figures.run_figure import draw  # here, so that --help does not load matplotlib
 
     figure = draw(flown, known_limit(flown, folder))
-    paths = write_figure(figure, Path(out or folder), "plot" if out is None else folder.name)
+    if out and Path(out).suffix in PICTURES:
+        paths = (save_figure(figure, Path(out)),)
+    else:
+        paths = write_figure(figure, Path(out or folder), "plot" if out is None else folder.name)
     _say([str(path) for path in paths], json)
     return 0
 

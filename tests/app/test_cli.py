@@ -160,6 +160,9 @@ def test_plot_writes_a_png_and_an_svg(cwd, capsys):
     assert code == 0
     assert png.startswith(b"\x89PNG")
     assert svg.rstrip().endswith(b"</svg>")
+    code, out, _ = outcome("plot last --out one.pdf", capsys)
+    assert (code, out) == (0, "one.pdf\n")
+    assert Path("one.pdf").read_bytes().startswith(b"%PDF")
 
 
 def test_flags_take_values_after_a_space_or_an_equals_sign(cwd, capsys):

@@ -12,7 +12,8 @@ from quadsim.record.whole_files import write_whole
 if TYPE_CHECKING:
     from matplotlib.figure import Figure  # a command's --help does not wait for matplotlib
 
-FORMATS = ("png", "svg")
+FORMATS = ("png", "svg")  # written unless a file is named
+PICTURES = (".png", ".svg", ".pdf")
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 10,
