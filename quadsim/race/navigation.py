@@ -21,6 +21,7 @@ from quadsim.physics.plant_state import PlantState
 from quadsim.race.estimate_record import estimate_row
 from quadsim.sensing.attitude import Vector
 from quadsim.sensing.estimation.estimator import Estimator
+from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.estimation.prediction import Commands, GateCounter, predict
 from quadsim.sensing.estimation.vehicle_model import VehicleModel
 from quadsim.sensing.measurements import Corners, Inertial, RotorThrust
@@ -91,18 +92,8 @@ class SensedState:
         self._sensors.observe(state)
 
     def now(self, t: float, acted: Vector, elapsed: int) -> Vector:
-        began, thrust = perf_counter(), None
-        self.estimator.innovations.clear()
-        for said in self._sensors.arrived(t):
-            if isinstance(said, RotorThrust):
-                thrust = said.thrust
-                continue
-            if isinstance(said, Inertial):
-                self._inertial.append(said)
-            elif isinstance(said, Corners):
-                self.corners, self._seen = said, (said.in_view, len(said.pixels))
-            self.estimator.take(said)
-        nominal = self.estimator.at(t)
+        began = perf_counter()
+        nominal, thrust = self._estimate(t)
         recent = [s for s in self._inertial if s.t > t - elapsed * self._dt + 1e-9]
         self._inertial = recent
         weights = [s.dt for s in recent]
@@ -115,11 +106,28 @@ class SensedState:
         if self._adapt:
             self.model = self.vehicle.model
         x = (*nominal.p, *nominal.v, *nominal.q, *self.vehicle.omega, self.vehicle.thrust, *self.vehicle.beta)
-        self._nominal, self._t = nominal, t
         self.spent = 1e3 * (perf_counter() - began)
         return x
 
+    def _estimate(self, t: float) -> tuple[Nominal, float | None]:
+        """The state at t [s] by what has arrived; the delivered thrust, where rotor speeds were among it [m/s^2]."""
+        thrust = None
+        self.estimator.innovations.clear()
+        for said in self._sensors.arrived(t):
+            if isinstance(said, RotorThrust):
+                thrust = said.thrust
+                continue
+            if isinstance(said, Inertial):
+                self._inertial.append(said)
+            elif isinstance(said, Corners):
+                self.corners, self._seen = said, (said.in_view, len(said.pixels))
+            self.estimator.take(said)
+        self._nominal, self._t = self.estimator.at(t), t
+        return self._nominal, thrust
+
     def record(self, state: PlantState) -> tuple[float, ...]:
+        if state.t > self._t + 1e-9:  # the last frame, within a control period
+            self._estimate(state.t)
         seen, self._seen = self._seen, (0, 0)
         P = self.estimator.covariance(self._t)
         return estimate_row(

@@ -15,7 +15,7 @@ from quadsim.physics.plant import RigidPlant
 from quadsim.race.build import build, flight_frames, navigation_of
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
-from quadsim.record.estimate_metrics import sensing_numbers
+from quadsim.record.estimate_metrics import estimate_errors, sensing_numbers
 from quadsim.record.run import Run
 from quadsim.record.run_format import read_npz, write_npz
 from quadsim.sensing import load_sensing, parse_sensing, sensing_names
@@ -106,6 +106,17 @@ def test_the_true_state_needs_no_navigation():
     assert not {"sensing", "displace_gates"} & spec.record().keys()
     late = Spec.of("split_s_swift", vehicle="swift_40ms", **SMALL)
     assert navigation_of(late, plant, controller) is not None
+
+
+def test_the_last_frame_is_estimated_at_its_own_time():
+    """A flight ends between two control periods; the estimate of the period's beginning would be centimetres behind."""
+    spec = Spec.of("split_s_swift", sensing="mocap", **SMALL | {"timeout": 1.0075})
+    run = Run.from_frames(spec.record(), flight_frames(spec))
+    t, off = run.telemetry["t"], np.linalg.norm(estimate_errors(run), axis=1)
+    assert t[-1] - t[-2] == pytest.approx(0.0075)
+    speed = np.linalg.norm([run.telemetry[name][-1] for name in ("vx", "vy", "vz")])
+    assert off[-1] < 0.01 < 0.5 * 0.0075 * speed
+    assert run.telemetry["nees"][-1] < 40
 
 
 @pytest.mark.parametrize("name", sensing_names())
