@@ -72,7 +72,7 @@ class Adaptation:
         """Standard deviations of the estimates of k and d.  (2,)"""
         return np.sqrt(np.diag(self._P)[:2])
 
-    def observe(self, x: np.ndarray, u: np.ndarray, elapsed: int) -> System:
+    def observe(self, x: np.ndarray, u: np.ndarray, elapsed: float) -> System:
         """The estimated system, after `elapsed` control periods under u (4,) have led to the state x (17,)."""
         x0, self._before = self._before, x
         if x0 is not None and elapsed:

@@ -60,7 +60,7 @@ class Iteration:
 class Adaptation(Protocol):
     """Estimates the parameters of the system in flight; see controllers.adaptation."""
 
-    def observe(self, x: np.ndarray, u: np.ndarray, elapsed: int) -> System:
+    def observe(self, x: np.ndarray, u: np.ndarray, elapsed: float) -> System:
         """The estimated system, `elapsed` control periods under u (n_u,) after the last state, at x (n_x,)."""
         ...
 

@@ -102,10 +102,13 @@ def navigation_of(spec: Spec, plant: Plant, controller: Any) -> Navigation | Non
 
     A planner that adapts is told by it what is known of the vehicle, and where gates stand.
     """
-    if spec.system != "quadrotor" or spec.own.system or (spec.sensing is None and not spec.vehicle.latency):
+    if spec.system != "quadrotor" or spec.own.system:
+        return None
+    if spec.sensing is None and not spec.vehicle.latency and spec.clock != "wall":
         return None
     adaptation = getattr(controller, "adaptation", None)
-    knowledge = _sensed(spec, plant, adaptation is not None) if spec.sensing else ExactState(spec.model, adaptation)
+    known = _sensed(spec, plant, adaptation is not None) if spec.sensing else None
+    knowledge = known or ExactState(spec.model, adaptation, spec.planner.mppi.dt)
     knowledge.watch(plant.state)
     commands = Commands(tuple(controller.rest.tolist()), spec.vehicle.latency)
     remap = getattr(controller, "set_cost", None) and (lambda course: controller.set_cost(_cost(spec, course)))

@@ -144,7 +144,7 @@ def simulate(
         next_time = max(state.t + period, plant.state.t)  # later if the plan took more than a period
         clock.wait(next_time)
         events += apply_control(plant, referee, u, next_time, navigation)
-        elapsed = max(round((next_time - state.t) / period), 1)
+        elapsed = max(round(next_time / period) - round(state.t / period), 1)  # late plans add up to whole periods
 
 
 def frame(state: PlantState, u: tuple[float, ...], referee: RefereeProtocol, stats: PlanStats, **more: Any) -> Frame:

@@ -54,9 +54,11 @@ class Knowledge(Protocol):
 class ExactState:
     """The true state; the model is learnt of it, where the planner adapts."""
 
-    def __init__(self, model: ModelParams, adaptation: Any):
-        self.model, self._adaptation = model, adaptation
+    def __init__(self, model: ModelParams, adaptation: Any, dt: float):
+        """dt: control period [s]."""
+        self.model, self._adaptation, self._dt = model, adaptation, dt
         self._state: PlantState | None = None
+        self._t = 0.0  # [s] of the last call of `now`
 
     def watch(self, state: PlantState) -> None:
         self._state = state
@@ -64,8 +66,11 @@ class ExactState:
     def now(self, t: float, acted: Vector, elapsed: int) -> Vector:
         assert self._state
         if self._adaptation:
-            self._adaptation.observe(np.array(self._state.x), np.array(acted), elapsed)
-            self.model = self._adaptation.model
+            # No whole number of periods, where the wall clock runs and planning took longer than one.
+            periods = (t - self._t) / self._dt
+            periods = periods if elapsed and abs(periods - elapsed) > 1e-6 else elapsed
+            self._adaptation.observe(np.array(self._state.x), np.array(acted), periods)
+            self.model, self._t = self._adaptation.model, t
         return self._state.x
 
     def record(self, state: PlantState) -> tuple[float, ...]:
@@ -172,7 +177,7 @@ class Navigation:
         self._commands.give(ready, u)
         self._planning += PLAN_TIME * (ready - t - self._planning)
 
-    def observe(self, x: np.ndarray, u: np.ndarray, elapsed: int) -> System:
+    def observe(self, x: np.ndarray, u: np.ndarray, elapsed: float) -> System:
         """The system as it is known: the planner's adaptation, see controllers.mppi.Adaptation."""
         return quadrotor(self.knowledge.model, self._dt)
 

@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from controllers.adaptation import Adaptation
 from quadsim.app.report import report
 from quadsim.course import load_course
 from quadsim.files.strict_yaml import FileError
 from quadsim.physics.domain_randomization import displaced
 from quadsim.physics.plant import RigidPlant
 from quadsim.race.build import build, flight_frames, navigation_of
+from quadsim.race.navigation import ExactState
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
 from quadsim.record.estimate_metrics import estimate_errors, sensing_numbers
@@ -58,6 +60,23 @@ def test_the_predicted_state_is_where_the_vehicle_then_is():
             plant.step(u)
     assert len(off) == 36
     assert np.mean(off) < 0.1 * np.mean(late)
+
+
+def test_the_model_is_learnt_from_the_time_that_has_passed():
+    """Plans of 12.5 ms with a period of 10: taken for 10 ms, every acceleration would be a quarter too large."""
+    model, plant = ModelParams.of(SWIFT), RigidPlant(load_course("split_s_swift"), SWIFT)
+    adapted, mistaken = Adaptation(model, 0.01), Adaptation(model, 0.01)
+    known, elapsed = ExactState(model, adapted, 0.01), 0
+    for k in range(40):
+        u = (1.0 * np.sin(0.3 * k), 1.0 * np.cos(0.2 * k), 0.0, 25.0)
+        known.watch(plant.state)
+        known.now(plant.state.t, u, elapsed)
+        mistaken.observe(np.array(plant.state.x), np.array(u), elapsed)
+        for _ in range(5):
+            plant.step(u)
+        elapsed = 1
+    assert known.model.thrust_gain == pytest.approx(1.0, abs=0.01)
+    assert mistaken.model.thrust_gain > 1.05
 
 
 def test_gates_are_counted_by_the_path_that_is_known():
@@ -106,6 +125,8 @@ def test_the_true_state_needs_no_navigation():
     assert not {"sensing", "displace_gates"} & spec.record().keys()
     late = Spec.of("split_s_swift", vehicle="swift_40ms", **SMALL)
     assert navigation_of(late, plant, controller) is not None
+    wall = Spec.of("split_s_swift", clock="wall", **SMALL)
+    assert navigation_of(wall, plant, controller) is not None, "the planner's own time is predicted"
 
 
 def test_the_last_frame_is_estimated_at_its_own_time():
