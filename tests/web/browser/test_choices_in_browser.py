@@ -62,8 +62,10 @@ def test_runs_are_called_by_time_course_sampler_and_result_the_latest_first(page
 def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, flights):
     """And is flown by each sampler that has it."""
     page.get_by_text("All numbers, from the next START").click()
-    for group in ("Sampling", "MPPI", "Cost", "Model of the vehicle"):
+    numbers = {"Sampling": "Law", "MPPI": "Horizon [steps]", "Cost": "Progress", "Model of the vehicle": "Drag [1/s]"}
+    for group, number in numbers.items():
         page.get_by_text(group, exact=True).click()
+        field(page, number).first.wait_for()  # what opens moves the groups below it, and a click would miss them
     named = settings_of(SYSTEMS["quadrotor"], PRESETS["race"]["colored"])
     for name, setting in named.items():
         if setting.group != "flight":
