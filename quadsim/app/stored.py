@@ -42,7 +42,7 @@ def plot(
     from quadsim.app.figures.run_figure import draw  # here, so that --help does not load matplotlib
 
     figure = draw(flown, known_limit(flown, folder))
-    if out and Path(out).suffix in PICTURES:
+    if out and Path(out).suffix.lower() in PICTURES:
         paths = (save_figure(figure, Path(out)),)
     else:
         paths = write_figure(figure, Path(out or folder), "plot" if out is None else folder.name)

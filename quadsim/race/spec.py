@@ -75,7 +75,7 @@ class Spec:
         unused = {name for name in ("sensing", "displace_gates", "view_weight") if not getattr(self, name)}
         left_out = unused | {"course", "own", "pilot"}
         kept = {f.name: plain(getattr(self, f.name)) for f in fields(self) if f.name not in left_out}
-        kept["planner"].pop("view_weight")  # the default of the one above
+        kept["planner"].pop("view_weight")  # the preset's; the flight's own is kept above
         kept |= {"course": self.course.name, "course_text": self.course.text}
         kept["variation"] = asdict(draw(self.streams[1], self.randomize if self.system == "quadrotor" else 0.0))
         own = self.own.described()
