@@ -27,10 +27,12 @@ def softmax_weights(J: np.ndarray, temperature: float) -> np.ndarray:
 
     layout.mean_of_chunks recombines the chunks.
     """
-    J = np.where(np.isnan(J), np.inf, J)
     if not isfinite(J.min()):
+        J = np.where(np.isnan(J), np.inf, J)
+    rho = J.min()
+    if not isfinite(rho):
         return np.zeros_like(J)
-    w = np.exp(-(J - J.min()) / temperature)
+    w = np.exp((rho - J) / temperature)
     return w / w.sum()
 
 

@@ -46,6 +46,7 @@ class Cost:
     still_in_gate: Callable | None = None  # (x, row) -> whether x has not left the gate of the target just reached
     row_ahead: Callable | None = None  # (target, x) -> its row, where there are more rows than targets
     guide: Callable | None = None  # (target, x, T) -> controls (T, n_u) to perturb beside the plan, in place of rest
+    unweighted: tuple[int, ...] = ()  # terms whose weight is zero: rollouts leave them out and save their arithmetic
 
     def targets_from(self, target: int, x: np.ndarray, dtype: type = np.float32) -> np.ndarray:
         """Rows from the current target on, the distance to go counted from it (small numbers for float32)."""

@@ -115,17 +115,16 @@ def terms(x, x_next, u, target, crashed, p):
     before_finish = free_y < RUN_OUT
     crashed = where(clipped | ((below_floor | out_of_bounds) & before_finish), 1.0, crashed)
 
-    # for a sample behind the exit that has not passed, the way leads round to a point in front of the gate
-    rx, ry, rz = dx + approach * nx, dy + approach * ny, dz + approach * nz
-    d2 = dx * dx + dy * dy + dz * dz
-    past_exit = after[0] > 0.0
-    # squared distance to the nearest point of the opening within the margin; d2, that to its centre, where share is 0
-    off_y = maximum(abs(after[1]) - share * (free_y - margin), 0.0)
-    off_z = maximum(abs(after[2]) - share * (free_z - margin), 0.0)
-    nearer2 = after[1] * after[1] - off_y * off_y + after[2] * after[2] - off_z * off_z
-    ahead2 = maximum(d2 - nearer2, 0.0)
-    way = sqrt(where(past_exit, rx * rx + ry * ry + rz * rz, ahead2) + 1e-6) + where(past_exit, approach, 0.0)
+    # to the nearest point of the opening within the margin; for a sample behind the exit that has not passed, the way
+    # leads round to a point in front of the gate
+    s, y, z = after
+    past_exit = s > 0.0
+    s = where(past_exit, s + approach, s)
+    y = where(past_exit, y, maximum(abs(y) - share * (free_y - margin), 0.0))
+    z = where(past_exit, z, maximum(abs(z) - share * (free_z - margin), 0.0))
+    way = sqrt(s * s + y * y + z * z + 1e-6) + where(past_exit, approach, 0.0)
 
+    d2 = dx * dx + dy * dy + dz * dz
     v_xy = sqrt(vx * vx + vy * vy + 1e-6)
     d_xy = sqrt(dx * dx + dy * dy + 1e-6)
     heading_error = where(d2 > AT_TARGET * AT_TARGET, 1.0 + (vx * dx + vy * dy) / (v_xy * d_xy), 0.0)
@@ -155,7 +154,8 @@ def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) ->
     frames = course_obstacles(course, radius, w.crash, TERMS.index("crash"))
     (rows, first), clear = targets(course, radius, (w.margin, w.margin_share), box, laps), clear_of_frame(radius)
     still_in_gate = partial(is_inside, clear)
-    cost = Cost("race", TERMS, terms, params, rows, TO_GO, frames, still_in_gate)
+    unweighted = tuple(k for k, weight in enumerate(params[: len(TERMS)]) if not weight)
+    cost = Cost("race", TERMS, terms, params, rows, TO_GO, frames, still_in_gate, unweighted=unweighted)
     if len(rows) == len(first) - 1:
         return cost
     return replace(

@@ -85,14 +85,19 @@ class Rollout:
         sizes = len(s.states), len(s.controls), c.targets.shape[1], len(c.term_names), len(s.params), len(c.params)
         o = c.obstacles
         touches, numbers = (o.touches, o.rows.shape[1]) if o else (None, 0)
-        return compiled_module(s.step, c.terms, touches, (*sizes, numbers), self.dtype)
+        return compiled_module(s.step, c.terms, touches, (*sizes, numbers), c.unweighted, self.dtype)
 
 
 @cache
 def compiled_module(
-    step: Callable, terms: Callable, touches: Callable | None, sizes: tuple[int, ...], dtype: type
+    step: Callable,
+    terms: Callable,
+    touches: Callable | None,
+    sizes: tuple[int, ...],
+    unweighted: tuple[int, ...],
+    dtype: type,
 ) -> ModuleType:
     """The compiled loops for these two functions, from the disk's cache where they were built before."""
-    source = module_source(step, terms, touches, sizes, dtype, LANES)
+    source = module_source(step, terms, touches, sizes, unweighted, dtype, LANES)
     digest = hashlib.sha256(source.encode()).hexdigest()[:16]
     return load_module(f"rollout_{step.__module__.split('.')[-1]}_{digest}", source)

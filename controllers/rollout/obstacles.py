@@ -1,7 +1,7 @@
 """Obstacles in the generated loops: straight lines between positions some steps apart, against each obstacle near them.
 
-Positions are kept every `stride` steps. When there are MARKS of them, the box around all of them, of every lane of the
-block, picks the obstacles: most blocks are near none. A sample that touched one pays for the crash from the end of that
+Positions are kept every `stride` steps. When there are MARKS of them, boxes around them, each of some lanes of the
+block, pick the obstacles: most blocks are near none. A sample that touched one pays for the crash from the end of that
 line on, as if it had been noticed there.
 """
 
@@ -13,19 +13,24 @@ from controllers.rollout.inline import lane_source
 
 MARKS = 4  # positions between which lines are tested at once
 STRIDE = 0.04  # [s] from one to the next
+BOXES = 16  # boxes around the positions of a block, each of every sixteenth lane: as many as a vector has numbers
 
 TESTS = """
 @njit(fastmath=FAST, error_model="numpy")
 def meet_obstacles(marked, low, high, obstacles, stride, weight, before_finish, crashed, cost):
     for k in range(3):
-        for l in range({half}):
+        for l in range({boxes}):
             low[k, l] = {lowest}
             high[k, l] = {highest}
-        {halvings}
     for o in range(obstacles.shape[0]):
         {read}
-        apart = o0 > high[0, 0] or o1 > high[1, 0] or o2 > high[2, 0]
-        if apart or o3 < low[0, 0] or o4 < low[1, 0] or o5 < low[2, 0]:
+        near = np.int32(0)
+        for l in range({boxes}):
+            near_x = (low[0, l] <= o3) & (high[0, l] >= o0)
+            near_y = (low[1, l] <= o4) & (high[1, l] >= o1)
+            near_z = (low[2, l] <= o5) & (high[2, l] >= o2)
+            near |= np.int32(1) if near_x & near_y & near_z else np.int32(0)
+        if near == 0:
             continue
         for m in range(1, {marks}):
             due = weight * F(({marks} - 1 - m) * stride + 1)
@@ -40,14 +45,9 @@ def meet_obstacles(marked, low, high, obstacles, stride, weight, before_finish, 
             marked[0, k, l] = marked[{marks} - 1, k, l]
 """
 
-HALVING = """
-        for l in range({width}):
-            low[k, l] = lower(low[k, l], low[k, l + {width}])
-            high[k, l] = higher(high[k, l], high[k, l + {width}])"""
-
 BEGIN = """
 marked = np.empty(({marks}, 3, L), F)
-corner, opposite = np.empty((3, L), F), np.empty((3, L), F)
+corner, opposite = np.empty((3, {boxes}), F), np.empty((3, {boxes}), F)
 before_finish = np.full(L, F(1) if last > 0 else F(0))
 marks, until_mark = 1, stride
 for k in range(3):
@@ -84,14 +84,12 @@ def obstacle_words(touches: Callable | None, numbers: int, lanes: int) -> dict[s
     """
     if touches is None:
         return dict.fromkeys(("tests", "arguments", "begin_marks", "keep_rollout", "keep_paths"), "")
-    half, row = lanes // 2, ", ".join(f"o{k}" for k in range(numbers))
-    kept = [f"marked[{m}, k, l + {first}]" for m in range(MARKS) for first in (0, half)]
-    widths = [half >> k for k in range(1, half.bit_length())]
+    boxes, row = min(lanes, BOXES), ", ".join(f"o{k}" for k in range(numbers))
+    kept = [f"marked[{m}, k, l + {first}]" for m in range(MARKS) for first in range(0, lanes, boxes)]
     tests = TESTS.format(
-        half=half,
+        boxes=boxes,
         lowest=folded("lower", kept),
         highest=folded("higher", kept),
-        halvings="".join(HALVING.format(width=width) for width in widths).lstrip(),
         read=f"{row} = {', '.join(f'obstacles[o, {k}]' for k in range(numbers))}",
         row=row,
         marks=MARKS,
@@ -99,7 +97,7 @@ def obstacle_words(touches: Callable | None, numbers: int, lanes: int) -> dict[s
     return {
         "tests": "\n\n".join(lane_source(touches, "touches").values()) + "\n" + tests,
         "arguments": ", obstacles, stride, term, weight",
-        "begin_marks": BEGIN.format(marks=MARKS),
+        "begin_marks": BEGIN.format(marks=MARKS, boxes=boxes),
         "keep_rollout": KEEP.format(marks=MARKS, cost="cost"),
         "keep_paths": KEEP.format(marks=MARKS, cost="means[term]"),
     }

@@ -82,18 +82,21 @@ ROLLOUT = """
 def rollout(x0, U, noise, J, ramp, stage, low, high, dt, targets, p_system, p_cost{arguments}):
     T = U.shape[0]
     halves = noise.shape[2] // T
-    last = targets.shape[0] - 1
+    last = np.int32(targets.shape[0] - 1)
     {read_P}
     {read_Q}
+    {read_limits}
     for b in prange(J.shape[0]):
 {start_8}
         cost = np.zeros(L, F)
         E = noise[b // halves]
         t0 = (b % halves) * T
         for t in range(T):
+            {read_U}
+            n_t, s_t = ramp[b % 2, t], stage[t]
             for l in range(L):
 {step_16}
-                cost[l] += stage[t] * ({q})
+                cost[l] += s_t * ({q})
 {next_targets_12}
 {keep_rollout_12}
         for l in range(L):
@@ -107,12 +110,15 @@ def paths(x0, U, E, path, means, ramp, stage, low, high, dt, targets, p_system, 
     T = U.shape[0]
     t0 = 0
     b = 0
-    last = targets.shape[0] - 1
+    last = np.int32(targets.shape[0] - 1)
     {read_P}
     {read_Q}
+    {read_limits}
 {start_4}
     means[:, :] = F(0)
     for t in range(T):
+        {read_U}
+        n_t, s_t = ramp[b % 2, t], stage[t]
         for l in range(L):
 {step_12}
             {keep_path}
@@ -126,15 +132,25 @@ def paths(x0, U, E, path, means, ramp, stage, low, high, dt, targets, p_system, 
 
 
 def module_source(
-    step: Callable, terms: Callable, touches: Callable | None, sizes: tuple[int, ...], dtype: type, lanes: int
+    step: Callable,
+    terms: Callable,
+    touches: Callable | None,
+    sizes: tuple[int, ...],
+    unweighted: tuple[int, ...],
+    dtype: type,
+    lanes: int,
 ) -> str:
-    """sizes: numbers of states, controls, targets, terms, parameters of the system and of the cost, of an obstacle."""
+    """sizes: numbers of states, controls, targets, terms, parameters of the system and of the cost, of an obstacle.
+
+    unweighted: terms that are not added up; the compiler then leaves out what only they need.
+    """
     source = HEADER.format(dtype=np.dtype(dtype).name, lanes=lanes, fast=sorted(FAST))
     for name, function in {"step": step, "terms": terms}.items():
         source += "\n" + "\n\n".join(lane_source(function, name).values()) + "\n"
     obstacles = obstacle_words(touches, sizes[-1], lanes)
     source += obstacles.pop("tests")
     words = _words(*sizes[:-1]) | obstacles
+    words["q"] = " + ".join(f"q[{k}]" for k in range(sizes[3]) if k not in unweighted) or "F(0)"
     parts = {name: obstacles[name] for name in ("keep_rollout", "keep_paths")}
     for name, text in {"start": START, "step": STEP, "next_targets": NEXT_TARGETS, **parts}.items():
         body = text.strip("\n").format(**words)
@@ -156,11 +172,12 @@ def _words(n_x: int, n_u: int, n_target: int, n_terms: int, n_p: int, n_q: int) 
         "Q": row("q{k}", n_q) + "," * (n_q > 0),
         "read_P": f"{row('p{k}', n_p)}, = {row('p_system[{k}]', n_p)}," if n_p else "pass",
         "read_Q": f"{row('q{k}', n_q)}, = {row('p_cost[{k}]', n_q)}," if n_q else "pass",
+        "read_limits": f"{row('low{k}', n_u)}, {row('high{k}', n_u)} = {row('low[{k}]', n_u)}, {row('high[{k}]', n_u)}",
+        "read_U": f"{row('U{k}', n_u)}, = {row('U[t, {k}]', n_u)},",
         "x": row("X[{k}, l]", n_x),
-        "u": row("lower(higher(U[t, {k}] + ramp[b % 2, t] * E[{k}, t0 + t, l], low[{k}]), high[{k}])", n_u),
+        "u": row("lower(higher(U{k} + n_t * E[{k}, t0 + t, l], low{k}), high{k})", n_u),
         "a": row("A[{k}, l]", n_target),
-        "q": row("q[{k}]", n_terms, " + "),
         "store": row("X[{k}, l] = x_next[{k}]", n_x, "; "),
         "keep_path": row("path[t, {k}, l] = x_next[{k}]", min(n_x, 3), "; "),
-        "add_terms": row("means[{k}, l] += stage[t] * q[{k}]", n_terms, "; "),
+        "add_terms": row("means[{k}, l] += s_t * q[{k}]", n_terms, "; "),
     }

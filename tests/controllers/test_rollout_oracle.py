@@ -102,6 +102,16 @@ def test_perturbations_and_cost_are_weighted_along_the_horizon():
     assert rising.noise(T)[:, [0, -1]].tolist() == [[0.3, 1.0], [1.0, 1.0]]
 
 
+def test_lanes_leave_out_the_terms_without_weight_and_no_others():
+    cost = race_cost(random_course(0), RADIUS, RaceWeights(heading=2.0, margin=0.2), laps=1)
+    oracle = fly_rows(SYSTEM, cost, launch(), *controls(0), clearance=decision_distance)  # adds up all terms
+    names = {name for k, name in enumerate(cost.term_names) if k not in cost.unweighted}
+    assert names == {"progress", "heading", "crash", "clearance"}
+    assert_agree(fly_lanes(cost, launch(), *controls(0)), oracle)
+    without_heading = replace(cost, unweighted=(*cost.unweighted, 1))
+    assert np.mean(abs(fly_lanes(without_heading, launch(), *controls(0)) - oracle.J) > 1e-2) > 0.9
+
+
 def test_model_that_is_one_per_cent_off_is_caught():
     cost, oracle = scene(0)
     J = fly_lanes(cost, launch(), *controls(0))
