@@ -116,6 +116,7 @@ class MPPI:
         self.rest = np.array(system.rest)  # the control at rest; of a quadrotor hover: no rates, thrust g  (n_u,)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
         self.guide = self.plan
+        self.commanded = self.rest
         self.executed = np.tile(self.rest, (2, 1))  # the last two controls, left padding of the smoothing filter
         self.temperature = config.temperature
         self.samples = config.samples  # M, which a deadline may change
@@ -142,6 +143,7 @@ class MPPI:
     def continue_from(self, planner: MPPI) -> None:
         """Start from another planner's plan, momentum and estimates. It must have the same system and horizon."""
         self.plan, self.executed, self._calls = planner.plan, planner.executed, planner._calls
+        self.commanded = planner.commanded
         self.adaptation = planner.adaptation
         if self.sampler.momentum and planner.sampler.momentum:
             self.sampler.momentum.change = planner.sampler.momentum.change
@@ -163,7 +165,7 @@ class MPPI:
         """
         self.system.check(x)
         if self.adaptation:
-            self.set_model(self.adaptation.observe(x, self.clipped(self.plan[0]), elapsed))
+            self.set_model(self.adaptation.observe(x, self.commanded, elapsed))
         self.guide = self.guided(target, x)
         if not self._calls and self.cost.guide:
             self.plan = self.guide.copy()
@@ -172,7 +174,13 @@ class MPPI:
         first = None if self._calls else self.config.first_iterations
         for _ in range(first or self.config.iterations):
             stats = self.iterate(x, target)
-        return self.clipped(self.plan[0]), stats
+        self.commanded = self.command(x)
+        return self.commanded, stats
+
+    def command(self, x: np.ndarray) -> np.ndarray:
+        """The plan's first control, as far as the vehicle can follow it.  (n_u,)"""
+        u, attainable = self.clipped(self.plan[0]), self.system.attainable
+        return u if attainable is None else np.array(attainable(x, u, self.system.params))
 
     def guided(self, target: int, x: np.ndarray) -> np.ndarray:
         """Controls that the last rest_fraction of the samples perturb: the cost's guide, else rest.  (T, n_u)"""

@@ -31,6 +31,7 @@ class System:
     low: tuple[float, ...]  # (n_u,) control limits
     high: tuple[float, ...]
     rest: tuple[float, ...]  # (n_u,) the control that holds still, e.g. hover
+    attainable: Callable | None = None  # (x, u, params) -> what is commanded in place of u (n_u,), if not u itself
 
     def tightened(self, share: float) -> System:
         """The same with this share of the way from rest to each limit left unused, for corrections, as in tube MPC."""

@@ -103,6 +103,18 @@ def step(x, u, p, dt):
     return px2, py2, pz2, vx2, vy2, vz2, qw2 * n, qx2 * n, qy2 * n, qz2 * n, wx2, wy2, wz2, a2, bx2, by2, bz2
 
 
+def attainable(x, u, p):
+    """The command u with no more thrust than what its roll and pitch leave to the rotors.  (4,)
+
+    For a vehicle whose flight controller does not see to that: where it cuts each rotor's command at its limit by
+    itself, roll and pitch get half of what they ask for at full thrust.
+    """
+    k_x, k_y, _k_z, _k_m, _k, _drag, c_x, c_y, _per_c_z, a_max = p
+    wx_cmd, wy_cmd, wz_cmd, a_cmd = u
+    reserve = tilt_reserve(c_x, c_y, (wx_cmd - x[10]) * k_x, (wy_cmd - x[11]) * k_y)
+    return wx_cmd, wy_cmd, wz_cmd, minimum(a_cmd, maximum(a_max - reserve, 0.5 * a_max))
+
+
 Lag = Annotated[float, unit("s", ge=0, le=10)]
 Rate = Annotated[float, unit("rad/s", gt=0, le=100)]
 Factor = Annotated[float, Meta(gt=0, le=10)]
@@ -122,6 +134,7 @@ class ModelParams:
     tilt_cost: tuple[TiltCost, TiltCost] = (0.0, 0.0)  # thrust given up per angular acceleration about x, y [m]
     yaw_cost: TiltCost = 0.0  # room to the thrust's limits per angular acceleration about z [m]; 0: none is needed
     thrust_gain: Factor = 1.0  # acceleration per thrust delivered: less than 1 where the vehicle is too heavy
+    tilt_first: bool = True  # its flight controller gives up thrust to roll and pitch; False: the planner has to
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> ModelParams:
@@ -159,4 +172,5 @@ def quadrotor(model: ModelParams, dt: float) -> System:
         low=(*(-r for r in model.rate_max), model.thrust_min),
         high=(*model.rate_max, model.thrust_max),
         rest=(0.0, 0.0, 0.0, GRAVITY),
+        attainable=None if model.tilt_first else attainable,
     )

@@ -2,6 +2,7 @@
 
 from contextlib import closing
 from dataclasses import replace
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -10,9 +11,10 @@ from controllers.adaptation import Adaptation
 from quadsim.course import load_course
 from quadsim.physics.domain_randomization import DRAG, GUST, MASS, Randomization, gusts
 from quadsim.physics.plant import PLANTS, default_plant, start_state
+from quadsim.physics.rotorpy_plant import RotorpyPlant
 from quadsim.race.build import build, launch, planner_of
 from quadsim.race.spec import Spec
-from quadsim.systems.quadrotor import ModelParams
+from quadsim.systems.quadrotor import ModelParams, quadrotor
 from quadsim.vehicle import GRAVITY, load_vehicle
 
 DT = 0.01
@@ -89,6 +91,45 @@ def _highest(share, u):
             for _ in range(4):
                 plant.step(tuple(u))
     return adaptation.model.thrust_max
+
+
+def learnt_at_full_thrust(plant, vehicle, tilt=3.0):
+    """The model after 1.5 s at full thrust, rolling and pitching one way and the other at `tilt` [rad/s]."""
+    adaptation, full = Adaptation(ModelParams.of(vehicle), DT), 0.99 * vehicle.thrust_max
+    with closing(plant(load_course("figure8"), vehicle)) as plant:
+        for i in range(150):
+            rate = tilt * (-1) ** (i // 15)
+            u = (rate, -rate, 0.0, full)
+            for _ in range(4):
+                plant.step(u)
+            adaptation.observe(np.array(plant.state.x), np.array(u), int(i > 0))
+    return adaptation.model
+
+
+@pytest.mark.parametrize("name", ["swift", "crazyflie", "cpc"])
+def test_whether_the_flight_controller_gives_up_thrust_to_tilt_is_learnt(name):
+    vehicle = load_vehicle(name)
+    assert learnt_at_full_thrust(PLANTS[default_plant()], vehicle).tilt_first
+    if find_spec("rotorpy"):
+        assert not learnt_at_full_thrust(RotorpyPlant, vehicle).tilt_first
+        assert learnt_at_full_thrust(RotorpyPlant, vehicle, tilt=0.0).tilt_first, "nothing was seen of it"
+
+
+def test_a_planner_that_has_to_gives_up_thrust_to_roll_and_pitch():
+    x, u = launch_state(), (4.0, -3.0, 1.0, NOMINAL.thrust_max)
+    system = quadrotor(replace(NOMINAL, tilt_first=False), DT)
+    assert quadrotor(NOMINAL, DT).attainable is None
+    wx, wy, wz, a = system.attainable(x, u, system.params)
+    assert (wx, wy, wz) == u[:3]
+    after = system.step(x, (wx, wy, wz, a), system.params, DT)
+    assert after == pytest.approx(system.step(x, u, system.params, DT)), "the model gives up the same"
+    assert a < 0.97 * NOMINAL.thrust_max
+    level = (0.0, 0.0, 1.0, NOMINAL.thrust_max)
+    assert system.attainable(x, level, system.params) == level
+
+
+def launch_state():
+    return tuple(start_state(load_course("figure8").start, 0.1))
 
 
 def test_a_flight_with_a_vehicle_too_heavy_learns_it():
