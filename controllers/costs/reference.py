@@ -42,7 +42,7 @@ class ReferenceWeights:
 
     off_path: Weight = 10.0  # per m^2 across the path
     at_gates: Weight = 60.0  # by how many times more at a gate's plane
-    velocity: Weight = 1.0  # per (m/s)^2 off the reference's velocity
+    velocity: Weight = 3.0  # per (m/s)^2 off the reference's velocity
     ahead: Weight = 20.0  # reward per second ahead
     crash: Weight = 1000.0  # per step after a crash
     margin: Annotated[float, unit("m", ge=0, le=1)] = 0.03  # of the solution to the frames, its --margin [m]
