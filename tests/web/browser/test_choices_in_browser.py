@@ -1,6 +1,7 @@
 """Claims about what there is to choose before START, and how it is called, over flights without physics."""
 
 import re
+from threading import Event
 
 import pytest
 from browser_cases import choose, dashboard, field, press, waited
@@ -93,21 +94,22 @@ def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, fli
 
 def test_a_planner_that_is_being_compiled_says_so_in_the_head_up_display(page, session, flights):
     slow, flight = page.get_by_text("Compiling the planner for this machine: once").first, flights.flight
-    flights.flight = lambda choices: cold(flight(choices))
+    seen = Event()
+    flights.flight = lambda choices: cold(flight(choices), seen)
     press(page, "START")
     slow.wait_for()
+    seen.set()
     flights.flight = flight
     assert waited(page, lambda: len(session.snapshot.competitors[0].t))
     assert waited(page, lambda: slow.count() == 0)
     session.tell(Race.end_flights)
 
 
-def cold(glider):
-    """A flight whose first plan takes a while."""
-    import time
+def cold(glider, seen):
+    """A flight whose first plan takes until the page has been seen to say so."""
 
     def frames(flown):
-        time.sleep(2.0)
+        seen.wait(60)
         yield from flown
 
     glider.is_cached, glider.frames = False, frames(glider.frames)
