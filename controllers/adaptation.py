@@ -8,7 +8,7 @@ constant, w is an Ornstein-Uhlenbeck process with correlation time tau:
 The left side is measured from two consecutive states, the factors of k and d are taken as the means over the period.
 The second quantity is the highest thrust, which the rotors deliver when they have settled below their command. The
 third is whether the flight controller gives up thrust to roll and pitch at that limit, by the share of the angular
-acceleration asked for that is delivered there: 0.9 in our plant, 0.46 where each rotor is cut by itself, as in RotorPy.
+acceleration asked for that is delivered there: 0.9 in our plant, 0.46 in RotorPy, which clips rotors one by one.
 To estimate a disturbance and to plan with it is offset-free predictive control (Pannocchia and Rawlings, AIChE
 Journal 49(2), 2003). Here the disturbance is a gain of the thrust and not a constant acceleration, because the effect
 of a wrong mass turns with the vehicle.

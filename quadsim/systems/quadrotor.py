@@ -106,8 +106,8 @@ def step(x, u, p, dt):
 def attainable(x, u, p):
     """The command u with no more thrust than what its roll and pitch leave to the rotors.  (4,)
 
-    For a vehicle whose flight controller does not see to that: where it cuts each rotor's command at its limit by
-    itself, roll and pitch get half of what they ask for at full thrust.
+    For a vehicle whose flight controller does not see to that: where it clips the rotors' commands one by one, roll and
+    pitch get half of what they ask for at full thrust. At most half of the thrust is given up.
     """
     k_x, k_y, _k_z, _k_m, _k, _drag, c_x, c_y, _per_c_z, a_max = p
     wx_cmd, wy_cmd, wz_cmd, a_cmd = u

@@ -128,6 +128,16 @@ def test_a_planner_that_has_to_gives_up_thrust_to_roll_and_pitch():
     assert system.attainable(x, level, system.params) == level
 
 
+def test_what_is_commanded_is_what_the_vehicle_can_follow():
+    spec = Spec.of("paper_flat", vehicle="swift", preset="race", samples=128, horizon=50)
+    mppi, x = planner_of(spec, spec.streams[0]), np.array(launch_state())
+    mppi.plan[0] = 4.0, -3.0, 0.0, NOMINAL.thrust_max
+    asked = mppi.command(x)
+    assert asked == pytest.approx(mppi.clipped(mppi.plan[0]))
+    mppi.set_model(quadrotor(replace(NOMINAL, tilt_first=False), DT))
+    assert mppi.command(x)[3] < asked[3] - 1.0
+
+
 def launch_state():
     return tuple(start_state(load_course("figure8").start, 0.1))
 
