@@ -1,4 +1,4 @@
-"""The picture of sensing.md: one lap against noise and against latency, 48 flights, resumed where it was broken off.
+"""The picture of sensing.md: one lap against noise and against latency, 96 flights, resumed where it was broken off.
 
 .venv/bin/python docs/sensing_figures.py
 """
@@ -15,33 +15,37 @@ import numpy as np
 
 import quadsim
 from quadsim.app.campaign.summary_stats import VariantStats
-from quadsim.app.figures.style import STYLE
+from quadsim.app.figures.style import STYLE, line
 from quadsim.palette import style
 
 FOLDER, DATA = Path(__file__).parent, Path(quadsim.__file__).parent
 COURSE, ATTEMPTS = "split_s_swift", 6
-NOISE = (0.0, 0.1, 0.3, 1.0)  # of the velocity [m/s]
+SAMPLERS = ("colored", "gaussian")
+NOISE = (0.5, 2.0, 6.0, 15.0)  # of corners in a picture [px]
 LATENCY = (0.0, 0.02, 0.04, 0.08)  # of commands [s]
+ASIDE = 0.012  # of one sampler's points from the other's, a share of the axis
 
 
 def main() -> None:
     plt.rcParams.update(STYLE | {"figure.dpi": 130, "figure.constrained_layout.use": True})
     figure, axes = plt.subplots(2, 2, figsize=(9.0, 5.0), sharex="col", sharey="row")
     with TemporaryDirectory() as made:
-        noise = flown(NOISE, lambda v: {"sensing": velocity_noise(Path(made), v)})
-        latency = flown(LATENCY, lambda s: {"vehicle": late(Path(made), s)})
-    draw(axes[:, 0], NOISE, noise, "noise of the velocity [m/s]")
-    draw(axes[:, 1], [1e3 * s for s in LATENCY], latency, "latency of commands [ms]")
+        for i, sampler in enumerate(SAMPLERS):
+            noise = flown(sampler, NOISE, lambda v: {"sensing": corner_noise(Path(made), v)})
+            latency = flown(sampler, LATENCY, lambda s: {"vehicle": late(Path(made), s)})
+            draw(axes[:, 0], i, NOISE, noise, "noise of the corners, gates.yaml [px]")
+            draw(axes[:, 1], i, [1e3 * s for s in LATENCY], latency, "latency of commands, true state [ms]")
     axes[0, 0].set(ylabel="finished [%]", ylim=(-5, 105))
     axes[1, 0].set(ylabel="one lap, median [s]")
-    figure.suptitle(f"{COURSE}, colored sampling, randomized, {ATTEMPTS} flights a point, 95 % intervals")
+    axes[1, 1].legend()
+    figure.suptitle(f"{COURSE}, randomized, {ATTEMPTS} flights a point, 95 % intervals")
     figure.savefig(FOLDER / "sensing_curves.png")
 
 
-def velocity_noise(folder: Path, noise: float) -> str:
-    """A file like velocity.yaml, with another noise [m/s]."""
-    text = (DATA / "sensing/velocity.yaml").read_text()
-    return written(folder / f"velocity_{noise:g}.yaml", text, "velocity_noise: 0.1", f"velocity_noise: {noise:g}")
+def corner_noise(folder: Path, noise: float) -> str:
+    """A file like gates.yaml, with another noise [px]."""
+    text = (DATA / "sensing/gates.yaml").read_text()
+    return written(folder / f"corners_{noise:g}px.yaml", text, "  noise: 2 ", f"  noise: {noise:g} ")
 
 
 def late(folder: Path, latency: float) -> str:
@@ -56,19 +60,20 @@ def written(path: Path, text: str, old: str, new: str) -> str:
     return str(path)
 
 
-def flown(values: Sequence[float], settings: Callable[[float], dict[str, Any]]) -> list[VariantStats]:
+def flown(sampler: str, values: Sequence[float], settings: Callable[[float], dict[str, Any]]) -> list[VariantStats]:
     campaign = Path("campaigns/sensing_curves.sqlite")
     variants = {f"{v:g}": settings(v) for v in values}
-    fixed = {"laps": 1, "randomize": 1.0, "attempts": ATTEMPTS, "jobs": 2, "campaign": campaign}
+    fixed = {"sampler": sampler, "laps": 1, "randomize": 1.0, "attempts": ATTEMPTS, "jobs": 2, "campaign": campaign}
     return list(quadsim.compare(COURSE, variants, **fixed).variants)
 
 
-def draw(axes: Any, x: Sequence[float], stats: list[VariantStats], label: str) -> None:
+def draw(axes: Any, i: int, values: Sequence[float], stats: list[VariantStats], label: str) -> None:
+    x = np.array(values) + i * ASIDE * max(values)
     share = 100 * np.array([s.finished / s.attempts for s in stats])
     low, high = 100 * np.array([s.success_ci for s in stats]).T
-    colour = style("colored").colour
-    axes[0].errorbar(x, share, (share - low, high - share), marker="o", color=colour, capsize=3)
-    axes[1].plot(x, [s.race_median for s in stats], marker="o", color=colour)
+    look = {"marker": "o"} | line(style(SAMPLERS[i]))
+    axes[0].errorbar(x, share, (share - low, high - share), capsize=3, **look)
+    axes[1].plot(x, [s.race_median for s in stats], label=SAMPLERS[i], **look)
     axes[1].set_xlabel(label)
 
 
