@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import isfinite
+from typing import get_type_hints
 
 import numpy as np
 
@@ -48,3 +49,9 @@ class System:
             found = ", ".join(bad) or f"{len(x)} numbers"
             expected = f"expected {len(self.states)} finite numbers"
             raise ValueError(f"{self.name}: state: {expected}, got {found}; has the plant diverged?")
+
+
+def units_of(record: type) -> dict[str, str]:
+    """Return the unit of each field of a NamedTuple of `Annotated[float, unit]`, in the order of the fields."""
+    hints = get_type_hints(record, include_extras=True)
+    return {name: hints[name].__metadata__[0] for name in record.__annotations__}

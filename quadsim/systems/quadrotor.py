@@ -17,28 +17,99 @@ follow their commands at once.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from msgspec import Meta
 from numpy import maximum, minimum
 
 from quadsim.files.strict_yaml import unit
-from quadsim.systems import System
+from quadsim.systems import System, units_of
 from quadsim.systems.first_order import response
 from quadsim.vehicle import GRAVITY, Vehicle
 
-# Everywhere: p and v in the world, q wxyz world from body, omega in the body frame, and what the rotors deliver now:
-# mass-normalised thrust a and angular acceleration beta in the body frame.
-STATE_UNITS = {
-    **dict.fromkeys(("px", "py", "pz"), "m"),
-    **dict.fromkeys(("vx", "vy", "vz"), "m/s"),
-    **dict.fromkeys(("qw", "qx", "qy", "qz"), "1"),
-    **dict.fromkeys(("wx", "wy", "wz"), "rad/s"),
-    "a": "m/s^2",
-    **dict.fromkeys(("bx", "by", "bz"), "rad/s^2"),
-}
-CONTROL_UNITS = {**dict.fromkeys(("wx_cmd", "wy_cmd", "wz_cmd"), "rad/s"), "a_cmd": "m/s^2"}
+
+class State(NamedTuple):
+    """What the quadrotor does now. Position and velocity in the world (ENU), rates and accelerations in the body.
+
+    Every table of the project takes the order of these names: telemetry, the compiled lanes, the optimiser.
+    """
+
+    px: Annotated[float, "m"]
+    py: Annotated[float, "m"]
+    pz: Annotated[float, "m"]
+    vx: Annotated[float, "m/s"]
+    vy: Annotated[float, "m/s"]
+    vz: Annotated[float, "m/s"]
+    qw: Annotated[float, "1"]
+    qx: Annotated[float, "1"]
+    qy: Annotated[float, "1"]
+    qz: Annotated[float, "1"]
+    wx: Annotated[float, "rad/s"]
+    wy: Annotated[float, "rad/s"]
+    wz: Annotated[float, "rad/s"]
+    thrust: Annotated[float, "m/s^2"]  # mass-normalised, what the rotors deliver now
+    bx: Annotated[float, "rad/s^2"]  # angular acceleration that the rotors deliver now
+    by: Annotated[float, "rad/s^2"]
+    bz: Annotated[float, "rad/s^2"]
+
+    @property
+    def position(self) -> tuple[float, float, float]:
+        """In the world [m]."""
+        return self.px, self.py, self.pz
+
+    @property
+    def velocity(self) -> tuple[float, float, float]:
+        """In the world [m/s]."""
+        return self.vx, self.vy, self.vz
+
+    @property
+    def attitude(self) -> tuple[float, float, float, float]:
+        """Unit quaternion wxyz, world from body."""
+        return self.qw, self.qx, self.qy, self.qz
+
+    @property
+    def body_rates(self) -> tuple[float, float, float]:
+        """About the body's axes [rad/s]."""
+        return self.wx, self.wy, self.wz
+
+    @property
+    def angular_acceleration(self) -> tuple[float, float, float]:
+        """About the body's axes [rad/s^2]."""
+        return self.bx, self.by, self.bz
+
+    @classmethod
+    def of(
+        cls,
+        position: Sequence[float],
+        velocity: Sequence[float],
+        attitude: Sequence[float],
+        body_rates: Sequence[float],
+        thrust: float,
+        angular_acceleration: Sequence[float],
+    ) -> State:
+        """Put a state together from its vectors, named as the properties above."""
+        return cls(*position, *velocity, *attitude, *body_rates, thrust, *angular_acceleration)
+
+
+class Control(NamedTuple):
+    """What the flight controller is commanded."""
+
+    wx: Annotated[float, "rad/s"]
+    wy: Annotated[float, "rad/s"]
+    wz: Annotated[float, "rad/s"]
+    thrust: Annotated[float, "m/s^2"]  # mass-normalised
+
+    @property
+    def body_rates(self) -> tuple[float, float, float]:
+        """About the body's axes [rad/s]."""
+        return self.wx, self.wy, self.wz
+
+
+# Columns of telemetry: the names above, but for two that are written as symbols there.
+STATE_UNITS = {("a" if name == "thrust" else name): unit for name, unit in units_of(State).items()}
+CONTROL_UNITS = {("a_cmd" if name == "thrust" else f"{name}_cmd"): unit for name, unit in units_of(Control).items()}
 STATE, CONTROL = tuple(STATE_UNITS), tuple(CONTROL_UNITS)
 
 LEAST_ROOM = 1e-3  # [m/s^2] of thrust is always left for yaw, so that UNLIMITED_YAW is without limit at full thrust too
