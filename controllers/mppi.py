@@ -77,7 +77,7 @@ class MPPI:
     >>> x = np.array([2.0, -1.0, 0.0, 0.0])
     >>> for _ in range(100):
     ...     u, stats = mppi.control(x)
-    ...     x = np.array(system.step(x, u, system.params, system.dt))
+    ...     x = np.array(system.next(x, u))
     >>> bool(np.hypot(x[0], x[1]) < 0.1)  # at the goal [m]
     True
 
@@ -180,7 +180,9 @@ class MPPI:
     def command(self, x: np.ndarray) -> np.ndarray:
         """The plan's first control, as far as the vehicle can follow it.  (n_u,)"""
         u, attainable = self.clipped(self.plan[0]), self.system.attainable
-        return u if attainable is None else np.array(attainable(x, u, self.system.params))
+        if attainable is None:
+            return u
+        return np.array(attainable(self.system.state(*x), self.system.control(*u), self.system.params))
 
     def guided(self, target: int, x: np.ndarray) -> np.ndarray:
         """Controls that the last rest_fraction of the samples perturb: the cost's guide, else rest.  (T, n_u)"""

@@ -1,4 +1,4 @@
-"""The float64 oracle of the compiled lanes: the same step() and terms(), flown on numpy rows of all samples."""
+"""The float64 oracle of the compiled lanes: the same step and terms, flown on numpy rows of all samples."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from controllers.costs import Cost
-from controllers.costs.frames import touches, touches_round
+from controllers.costs import Cost, evaluate
+from controllers.costs.frames import FrameRow, ObstacleRow, touches, touches_round
 from controllers.rollout.lanes import LANES
-from controllers.rollout.obstacles import MARKS, steps_between
+from controllers.rollout.planner_loops import MARKS, steps_between
 from controllers.schedule import Schedule
 from quadsim.systems import System
 
@@ -37,21 +37,22 @@ def fly_rows(system: System, cost: Cost, x0, U, z, target: int = 0, clearance=No
     M, T = len(z), len(U)
     noise, stage, odd = schedule.noise(T), schedule.cost(T), np.arange(M) // LANES % 2
     targets = cost.targets_from(target, np.asarray(x0), np.float64)
-    x = tuple(np.full(M, value, float) for value in x0)
+    x = system.state(*(np.full(M, value, float) for value in x0))
     row, crashed, clear = np.zeros(M, int), np.zeros(M), np.full(M, np.inf)
     total = np.zeros((len(cost.term_names), M))
     lines = Lines(cost, x0, T, system.dt, row < len(targets) - 1)
     for t in range(T):
-        u = tuple(
-            np.clip(U[t, k] + noise[odd, t] * z[:, k, t], system.low[k], system.high[k]) for k in range(U.shape[1])
+        u = system.control(
+            *(np.clip(U[t, k] + noise[odd, t] * z[:, k, t], system.low[k], system.high[k]) for k in range(U.shape[1]))
         )
-        x_next = system.step(x, u, system.params, system.dt)
-        target = tuple(targets[row].T)
-        *q, reached, crashed = cost.terms(x, x_next, u, target, crashed, cost.params)
+        x_next = system.next(x, u)
+        gate = cost.row(*targets[row].T)
+        found = evaluate(cost, x, x_next, u, gate, crashed, t)
+        crashed = found.crashed
         if clearance is not None:
-            clear = np.minimum(clear, clearance(x, x_next, target, cost.params))
-        total += stage[t] * np.array(q)
-        row = np.minimum(row + reached, len(targets) - 1)
+            clear = np.minimum(clear, clearance(x, x_next, gate, cost.params))
+        total += stage[t] * np.array([np.broadcast_to(value, M) for value in found.terms.values()])
+        row = np.minimum(row + found.reached, len(targets) - 1)
         x = x_next
         if cost.obstacles is not None:
             near = lines.meet(t, np.array(x[:3]), crashed, total, row < len(targets) - 1)
@@ -66,6 +67,8 @@ class Lines:
         self.T, self.stride, self.unfinished, self.obstacles = T, steps_between(dt), unfinished, cost.obstacles
         self.marked = [np.repeat(np.array(x0[:3])[:, None], len(unfinished), axis=1)]  # (3, M) each
         self.rows = cost.obstacles.near(np.asarray(x0), T * dt) if cost.obstacles else ()
+        self.term = cost.crash_term if cost.obstacles else None
+        self.weight = cost.terms[self.term].weight if cost.obstacles else 0.0
 
     def meet(self, t, p, crashed, total, unfinished):
         """Latch crashes and add their cost; how far the decisions were from turning out otherwise [m].  (M,)"""
@@ -76,9 +79,9 @@ class Lines:
             return least
         for row in self.rows:
             for m, (a, b) in enumerate(pairwise(self.marked), 1):
-                new = self.obstacles.touches(a, b, row) & (crashed == 0) & self.unfinished
+                new = self.obstacles.touches(a, b, self.obstacles.row(*row)) & (crashed == 0) & self.unfinished
                 due = (MARKS - 1 - m) * self.stride + 1
-                total[self.obstacles.term] += self.obstacles.weight * due * new
+                total[self.term] += self.weight * due * new
                 crashed[new] = 1.0
                 least = np.minimum(least, line_distance(a, b, row))
         self.marked, self.unfinished = [p], unfinished
@@ -87,10 +90,21 @@ class Lines:
 
 def line_distance(a, b, row) -> np.ndarray:
     """How far a line is from touching a grown frame if it does not, or from not touching it if it does, about [m]."""
-    grown = [np.concatenate([row[:18], row[18:19] + e, row[19:21] - e, row[21:23] + e]) for e in (-GRAZE, 0.0, GRAZE)]
-    if len(row) > 23:  # a round outline, as wide as the upright box around it
-        grown = [[*g, (e + row[23] ** 0.5) ** 2] for g, e in zip(grown, (-GRAZE, 0.0, GRAZE), strict=True)]
-    low, here, high = ((touches_round if len(g) > 23 else touches)(a, b, g) for g in grown)
+    is_round = len(row) == len(ObstacleRow._fields)
+    exact = (ObstacleRow if is_round else FrameRow)(*row)
+    found = []
+    for e in (-GRAZE, 0.0, GRAZE):
+        grown = exact._replace(
+            half=exact.half + e,
+            free_y=exact.free_y - e,
+            free_z=exact.free_z - e,
+            out_y=exact.out_y + e,
+            out_z=exact.out_z + e,
+        )
+        if is_round:  # as wide as the upright box around it
+            grown = grown._replace(radius2=(e + exact.radius2**0.5) ** 2)
+        found.append((touches_round if is_round else touches)(a, b, grown))
+    low, here, high = found
     return np.where((low == here) & (here == high), np.inf, 0.0)
 
 
@@ -100,8 +114,10 @@ def decision_distance(x, x_next, target, params) -> np.ndarray:
     Those are the gate's entry and exit planes at either end of the step, the edges of opening and frame where the
     step crosses a plane or ends between them, the bounds, and the balls in which heading and waypoint switch.
     """
-    g, n, left = (np.array(target[i : i + 3]) for i in (0, 3, 6))
-    near, depth, box = params[10], target[19], params[12:]
+    g = np.array((target.x, target.y, target.z))
+    n = np.array((target.nx, target.ny, target.nz))
+    left = np.array((target.lx, target.ly, target.lz))
+    depth = target.depth
     before, after = np.array(x[:3]) - g, np.array(x_next[:3]) - g
     s0, s1 = (before * n).sum(axis=0), (after * n).sum(axis=0)
     nearest = [abs(s) for s in (s0, s1, s0 + depth, s1 + depth)]
@@ -111,14 +127,16 @@ def decision_distance(x, x_next, target, params) -> np.ndarray:
         nearest.append(np.where(crosses, to_edges(after + (before - after) * share, n, left, target), np.inf))
     nearest.append(np.where((s1 > -depth) & (s1 < 0.0), to_edges(after, n, left, target), np.inf))
     px, py, pz = x_next[:3]
+    p = params
+    box = (p.floor, p.x_low, p.x_high, p.y_low, p.y_high, p.z_high)
     nearest += [abs(a - b) for a, b in zip((pz, px, px, py, py, pz), box, strict=True)]
     r = np.sqrt((after * after).sum(axis=0))
-    return np.minimum.reduce([*nearest, abs(r - 0.5), abs(r - near)])
+    return np.minimum.reduce([*nearest, abs(r - 0.5), abs(r - p.waypoint_radius)])
 
 
 def to_edges(p, n, left, target) -> np.ndarray:
     """Distance of points p (3, M), off a gate's exit, to the edges of its free opening and of its frame [m].  (M,)"""
-    free_y, free_z, bar = target[9:12]
+    free_y, free_z, bar = target.free_y, target.free_z, target.bar
     across, up = (p * left).sum(axis=0), (p * np.cross(n, left, axis=0)).sum(axis=0)
     beside = np.maximum(abs(across) - free_y, abs(up) - free_z)
     return np.minimum(abs(beside), abs(beside - bar))

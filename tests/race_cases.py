@@ -6,9 +6,10 @@ from math import radians
 
 import numpy as np
 
+from controllers.costs import evaluate
 from controllers.costs.race import SAFETY_MARGIN, TERMS, RaceWeights
 from quadsim.course import FRAME_DEPTH, Course, Gate, Start
-from quadsim.systems.quadrotor import STATE
+from quadsim.systems.quadrotor import State
 
 RADIUS, WIDTH, DT = 0.1, 0.3, 0.01
 GAP = RADIUS + SAFETY_MARGIN  # kept from frames, walls and the ground
@@ -31,13 +32,13 @@ ROW = course(gate(5.0), gate(10.0), gate(15.0))  # three gates on a line
 
 
 def state(p, v=(0.0, 0.0, 0.0), q=(1.0, 0.0, 0.0, 0.0)):
-    return (*map(float, p), *v, *q, *(0.0,) * (len(STATE) - 10))
+    return State(*map(float, p), *v, *q, *(0.0,) * (len(State._fields) - 10))
 
 
 def term(name, cost, p, v=(0.0, 0.0, 0.0), q=(1.0, 0.0, 0.0, 0.0), row=0):
     """One weighted term for a state that stays where it is."""
     x = state(p, v, q)
-    return float(cost.terms(x, x, (0.0,) * 4, tuple(cost.targets[row]), 0.0, cost.params)[TERMS.index(name)])
+    return float(evaluate(cost, x, x, (0.0,) * 4, cost.targets[row]).terms[name])
 
 
 def fly(cost, points):
@@ -45,11 +46,10 @@ def fly(cost, points):
     row, crashed, q, rows, crashes = 0, 0.0, [], [], []
     for a, b in pairwise(points):
         v = tuple(((np.array(b) - a) / DT).tolist())
-        *terms, reached, crashed = cost.terms(
-            state(a, v), state(b, v), (0.0,) * 4, tuple(cost.targets[row]), crashed, cost.params
-        )
-        row = min(row + int(reached), len(cost.targets) - 1)
-        q, rows, crashes = [*q, [float(t) for t in terms]], [*rows, row], [*crashes, float(crashed)]
+        step = evaluate(cost, state(a, v), state(b, v), (0.0,) * 4, cost.targets[row], crashed)
+        crashed = step.crashed
+        row = min(row + int(step.reached), len(cost.targets) - 1)
+        q, rows, crashes = [*q, [float(t) for t in step.terms.values()]], [*rows, row], [*crashes, float(crashed)]
     return np.array(q), rows, crashes
 
 

@@ -1,61 +1,223 @@
-"""Costs q(x): plain functions over tuples of scalars, like the systems (see quadsim.systems).
+"""Costs q(x): tuples of terms, each a plain function over named scalars, like the systems (see quadsim.systems).
 
-A cost is `terms(x, x_next, u, target, crashed, p)`: one flat tuple of its weighted terms, then whether
-this sample has reached its target and has crashed. `target` is the sample's target row, the numbers that describe
-what it flies to; when it is reached, the rollout moves that sample to the next row. `crashed`, 0.0 or 1.0, is latched.
+    q = sum_k w_k term_k(x, x_next, u, target, p),     J = (1/T) sum_t q_t
+
+A term returns one number for one step of one sample, which leads from x to x_next under the control u. `target` is
+the sample's target row, the numbers that describe what it flies to, and `p` the parameters of the cost. Two more
+functions of the same kind decide what happens to the sample: `reached` moves it to its next target row, `crash` marks
+it as crashed for the rest of its rollout.
+
+    def clearance(x, x_next, u, gate, p):
+        crossing = at_gate(x, x_next, gate)
+        missing = maximum(crossing.outside + gate.margin * crossing.span, 0.0)
+        return where(crossing.within, missing, 0.0)
 """
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from collections import namedtuple
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
+
+Weight = float | np.ndarray  # one number, or one for each step of the horizon (T,)
+
+
+def crash(x, x_next, u, target, p):
+    """Stand for the flag of a sample that has crashed: 1 from the crash on, 0 before.
+
+    As a term it is the cost of a crash, per step. It is never called: the rollout puts the sample's flag in its place.
+    """
+    raise NotImplementedError("the rollout puts the flag of a crashed sample in this term's place")
+
+
+class Term:
+    """One term of a cost: a function and the weight of what it returns.
+
+    >>> def band(x, x_next, u, target, p):
+    ...     return maximum(p.low - x_next.pz, 0.0) + maximum(x_next.pz - p.high, 0.0)
+    >>> term = Term(band, weight=50.0, low=2.0, high=3.5)
+    >>> term.name, term.weight, term.parameters
+    ('band', 50.0, band_parameters(low=2.0, high=3.5))
+
+    Args:
+        function: (x, x_next, u, target, p) -> number, a plain function over named scalars.
+        weight: of its number in the cost; a term of weight zero is left out of the rollouts.
+        name: shown in telemetry and reports; default: the function's.
+        parameters: of its own, which `p` then holds in place of the cost's. A number, or an array (T,) with one number
+            for each step of the horizon. They can be changed without compiling again.
+    """
+
+    def __init__(self, function: Callable, weight: Weight = 1.0, name: str = "", **parameters: Weight):
+        self.function = function
+        self.weight = weight
+        self.name = name or function.__name__.strip("<>")
+        self.parameters: tuple | None = None
+        if parameters:
+            self.parameters = namedtuple(f"{self.name}_parameters", tuple(parameters))(**parameters)
+
+    def but(self, weight: Weight | None = None, **parameters: Weight) -> Term:
+        """Return the term with another weight or other parameters."""
+        own = self.parameters._asdict() if self.parameters else {}  # pyright: ignore
+        return Term(self.function, self.weight if weight is None else weight, self.name, **{**own, **parameters})
+
+    @property
+    def shape(self) -> tuple:
+        """What the compiled loop depends on: the function and the names of its parameters, not their values."""
+        own = self.parameters._fields if self.parameters else None  # pyright: ignore
+        return self.name, self.function, own, bool(np.any(self.weight))
+
+    def __repr__(self) -> str:
+        return f"Term({self.name}, weight={self.weight})"
 
 
 @dataclass(frozen=True)
 class Obstacles:
-    """What samples may run into wherever they fly to; who does has crashed, as if `terms` had said so.
+    """What samples may run into wherever they fly to: a sample that touches one of them has crashed.
 
-    `touches(p0, p1, row)` is compiled like terms: whether the straight line between two positions (3,) touches the
-    obstacle of this row. The first six numbers of a row are the corners of a box around it [m]. A sample that has
-    reached its last target but one is past the finish and touches nothing.
+    A sample that has reached its last target but one is past the finish and touches nothing.
     """
 
-    touches: Callable
+    touches: Callable  # (p0, p1, row) -> whether the straight line between two positions touches the obstacle
+    row: type  # NamedTuple: the names of a row's numbers, first the corners of a box around the obstacle [m]
     rows: np.ndarray  # (obstacles, n_obstacle)
     near: Callable  # (x, seconds) -> those rows that may be reached from x in this time
-    term: int  # of the crash
-    weight: float  # of the crash, per step
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cost:
-    """A cost with its numbers. J = (1/T) sum_t q_t, q = sum of the terms.
+    """A cost with its numbers.
 
-    `terms(x, x_next, u, target, crashed, p)` takes tuples of scalars, x (n_x,), u (n_u,), a row of targets and params,
-    and returns the weighted terms, one for each of term_names, then reached and crashed. It is compiled: it may use
-    plain arithmetic, comparisons joined by `&` and `|`, abs, and numpy's sqrt, exp, where, minimum, maximum.
+    `reached` and `crash` are functions as the terms are, and return a condition; None: it never holds.
     """
 
     name: str
-    term_names: tuple[str, ...]
-    terms: Callable  # -> (*n_terms, reached, crashed)
-    params: tuple[float, ...]
+    terms: tuple[Term, ...]
+    row: type  # NamedTuple: the names of a target row's numbers; `to_go`, if any, is the distance still to fly
     targets: np.ndarray  # (targets, n_target) the target rows, from the first target on
-    to_go: int | None = None  # column of targets that counts distance still to fly, if any
+    params: tuple = ()  # NamedTuple of numbers, or of arrays (T,) where they depend on the step of the horizon
+    reached: Callable | None = None  # the sample has reached its target
+    crash: Callable | None = None  # the sample crashes in this step
     obstacles: Obstacles | None = None
     still_in_gate: Callable | None = None  # (x, row) -> whether x has not left the gate of the target just reached
     row_ahead: Callable | None = None  # (target, x) -> its row, where there are more rows than targets
     guide: Callable | None = None  # (target, x, T) -> controls (T, n_u) to perturb beside the plan, in place of rest
-    unweighted: tuple[int, ...] = ()  # terms whose weight is zero: rollouts leave them out and save their arithmetic
+
+    def __post_init__(self) -> None:
+        names = self.term_names
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise ValueError(f"cost {self.name}: expected terms of different names, got two named {twice!r}")
+
+    @property
+    def term_names(self) -> tuple[str, ...]:
+        """Names of the terms, in order."""
+        return tuple(term.name for term in self.terms)
+
+    @property
+    def crash_term(self) -> int:
+        """The place of the term that counts the steps after a crash. Raises ValueError where there is none."""
+        for k, term in enumerate(self.terms):
+            if term.function is crash:
+                return k
+        raise ValueError(f"cost {self.name}: expected a term of controllers.costs.crash, as it has obstacles")
+
+    @cached_property
+    def number_names(self) -> tuple[str, ...]:
+        """Names of the numbers that the compiled loops are given, in order: weights, parameters."""
+        weights = (f"weight_{term.name}" for term in self.terms)
+        shared = (f"p_{name}" for name in getattr(self.params, "_fields", ()))
+        own = (f"{term.name}_{name}" for term in self.terms if term.parameters for name in term.parameters._fields)  # pyright: ignore
+        return (*weights, *shared, *own)
+
+    def numbers(self, horizon: int) -> np.ndarray:
+        """Return weights and parameters as the compiled loops take them.
+
+        Returns:
+            (1, n), or (T, n) where one of them depends on the step of the horizon.
+
+        Raises:
+            ValueError: an array of another length than the horizon.
+        """
+        values = [term.weight for term in self.terms]
+        values += self.params
+        for term in self.terms:
+            values += term.parameters or ()
+        if not any(isinstance(value, np.ndarray) and value.ndim for value in values):
+            return np.array([values], float)
+        rows = np.empty((horizon, len(values)))
+        for k, (name, value) in enumerate(zip(self.number_names, values, strict=True)):
+            if np.shape(value) not in ((), (horizon,)):
+                raise ValueError(
+                    f"cost {self.name}: {name}: expected one number or one for each of {horizon} steps, "
+                    f"got shape {np.shape(value)}"
+                )
+            rows[:, k] = value
+        return rows
 
     def targets_from(self, target: int, x: np.ndarray, dtype: type = np.float32) -> np.ndarray:
-        """Rows from the current target on, the distance to go counted from it (small numbers for float32)."""
-        target = self.row_ahead(target, x) if self.row_ahead else self._row(min(target, len(self.targets) - 1), x)
-        rows = np.array(self.targets[target:], dtype=dtype)
-        if self.to_go is not None:
-            rows[:, self.to_go] -= rows[0, self.to_go]
+        """Return the target rows from the current one on.
+
+        Args:
+            target: number of targets reached so far.
+            x: state (n_x,).
+            dtype: of the rows. The distance to go counts from the current target, which keeps its numbers small.
+        """
+        if self.row_ahead:
+            first = self.row_ahead(target, x)
+        else:
+            first = self._row(min(target, len(self.targets) - 1), x)
+        rows = np.array(self.targets[first:], dtype=dtype)
+        if "to_go" in self.row._fields:  # pyright: ignore
+            to_go = self.row._fields.index("to_go")  # pyright: ignore
+            rows[:, to_go] -= rows[0, to_go]
         return rows
 
     def _row(self, target: int, x: np.ndarray) -> int:
         still = self.still_in_gate and target > 0 and self.still_in_gate(x, self.targets[target - 1])
         return target - 1 if still else target
+
+
+class Evaluated(NamedTuple):
+    """A cost at one step of one sample, or of an array of samples."""
+
+    terms: dict[str, Any]  # name -> weight times value
+    reached: Any
+    crashed: Any
+
+
+def evaluate(
+    cost: Cost, x: Sequence, x_next: Sequence, u: Sequence, target: Sequence, crashed: Any = 0.0, t: int = 0
+) -> Evaluated:
+    """Return the weighted terms of one step, by the same functions that the rollouts inline.
+
+    Args:
+        cost: whose terms of any weight are returned.
+        x, x_next: records of the system's state, of numbers or of arrays.
+        u: record of the control.
+        target: a target row's numbers.
+        crashed: whether the sample had crashed before, 0.0 or 1.0.
+        t: step of the horizon, where parameters depend on it.
+    """
+    gate = cost.row(*target)
+    shared = at_step(cost.params, t)
+    if cost.crash:
+        crashed = np.where(cost.crash(x, x_next, u, gate, shared), 1.0, crashed)
+    terms = {}
+    for term in cost.terms:
+        if term.function is crash:
+            value = crashed
+        else:
+            own = shared if term.parameters is None else at_step(term.parameters, t)
+            value = term.function(x, x_next, u, gate, own)
+        terms[term.name] = (term.weight if np.ndim(term.weight) == 0 else np.asarray(term.weight)[t]) * value
+    reached = cost.reached(x, x_next, u, gate, shared) if cost.reached else False
+    return Evaluated(terms, reached, crashed)
+
+
+def at_step(parameters: tuple, t: int) -> Any:
+    """Return a record of parameters at step t of the horizon."""
+    return parameters._make(value if np.ndim(value) == 0 else value[t] for value in parameters) if parameters else ()  # pyright: ignore

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy import maximum, minimum, where
@@ -23,39 +24,124 @@ NO_SHAFT = -1.0  # half width of the opening of what has none [m]
 NOT_ROUND = 1e12  # square of the radius of an outline with corners [m^2]
 
 
+class FrameRow(NamedTuple):
+    """A gate's frame, grown by the vehicle's radius and margins: a slab around the gate's plane with a free shaft."""
+
+    x_low: float  # of a box around it [m]
+    y_low: float
+    z_low: float
+    x_high: float
+    y_high: float
+    z_high: float
+    x: float  # centre [m]
+    y: float
+    z: float
+    nx: float  # passage
+    ny: float
+    nz: float
+    lx: float  # left axis
+    ly: float
+    lz: float
+    ux: float  # up axis
+    uy: float
+    uz: float
+    half: float  # half the depth of the slab [m]
+    free_y: float  # half sizes of the shaft [m]
+    free_z: float
+    out_y: float  # half sizes of the slab [m]
+    out_z: float
+
+
+class ObstacleRow(NamedTuple):
+    """The same of a frame or an obstacle whose outline may be round."""
+
+    x_low: float
+    y_low: float
+    z_low: float
+    x_high: float
+    y_high: float
+    z_high: float
+    x: float
+    y: float
+    z: float
+    nx: float
+    ny: float
+    nz: float
+    lx: float
+    ly: float
+    lz: float
+    ux: float
+    uy: float
+    uz: float
+    half: float
+    free_y: float
+    free_z: float
+    out_y: float
+    out_z: float
+    radius2: float  # square of the radius of its outline [m^2]
+
+
+def in_slab(p, row):
+    """Return the position p in the slab's frame: along its axis, left, up."""
+    x, y, z = p
+    d = (x - row.x, y - row.y, z - row.z)
+    return in_frame(d, (row.nx, row.ny, row.nz), (row.lx, row.ly, row.lz), (row.ux, row.uy, row.uz))
+
+
 def touches(p0, p1, row):
-    """Whether the line from p0 to p1 touches the frame: within the slab not all in the shaft, nor all on one side."""
-    _x, _y, _z, _X, _Y, _Z, gx, gy, gz, nx, ny, nz, lx, ly, lz, ux, uy, uz, half, free_y, free_z, out_y, out_z = row
-    n, left, up = (nx, ny, nz), (lx, ly, lz), (ux, uy, uz)
-    s0, y0, z0 = in_frame((p0[0] - gx, p0[1] - gy, p0[2] - gz), n, left, up)
-    s1, y1, z1 = in_frame((p1[0] - gx, p1[1] - gy, p1[2] - gz), n, left, up)
+    """Return whether the line from p0 to p1 touches the frame.
+
+    It does if within the slab it is not all in the shaft, nor all on one side of the outer edge.
+    """
+    s0, y0, z0 = in_slab(p0, row)
+    s1, y1, z1 = in_slab(p1, row)
+
+    # the part of the line within the slab, as fractions of the line
     span = where(abs(s1 - s0) < 1e-6, 1e-6, s1 - s0)
-    a, b = (-half - s0) / span, (half - s0) / span
-    enters, leaves = maximum(minimum(a, b), 0.0), minimum(maximum(a, b), 1.0)  # the slab, fractions of the line
-    ya, yb = y0 + enters * (y1 - y0), y0 + leaves * (y1 - y0)
-    za, zb = z0 + enters * (z1 - z0), z0 + leaves * (z1 - z0)
-    off_shaft = maximum(maximum(abs(ya), abs(yb)) - free_y, maximum(abs(za), abs(zb)) - free_z) > 0.0
-    across = (minimum(ya, yb) < out_y) & (maximum(ya, yb) > -out_y)
-    upright = (minimum(za, zb) < out_z) & (maximum(za, zb) > -out_z)
+    a = (-row.half - s0) / span
+    b = (row.half - s0) / span
+    enters = maximum(minimum(a, b), 0.0)
+    leaves = minimum(maximum(a, b), 1.0)
+
+    # where it is at either end of that part
+    ya = y0 + enters * (y1 - y0)
+    yb = y0 + leaves * (y1 - y0)
+    za = z0 + enters * (z1 - z0)
+    zb = z0 + leaves * (z1 - z0)
+    off_shaft = maximum(maximum(abs(ya), abs(yb)) - row.free_y, maximum(abs(za), abs(zb)) - row.free_z) > 0.0
+    across = (minimum(ya, yb) < row.out_y) & (maximum(ya, yb) > -row.out_y)
+    upright = (minimum(za, zb) < row.out_z) & (maximum(za, zb) > -row.out_z)
     return (enters < leaves) & off_shaft & across & upright
 
 
 def touches_round(p0, p1, row):
-    """As `touches`, for rows that end with the square of an outline's radius: the line also meets the slab's outline,
-    corners or round, not only the ranges of its two sides. Only a course with obstacles pays for it."""
-    gx, gy, gz, half, out_y, out_z, radius2 = row[6], row[7], row[8], row[18], row[21], row[22], row[23]
-    n, left, up = row[9:12], row[12:15], row[15:18]
-    s0, y0, z0 = in_frame((p0[0] - gx, p0[1] - gy, p0[2] - gz), n, left, up)
-    s1, y1, z1 = in_frame((p1[0] - gx, p1[1] - gy, p1[2] - gz), n, left, up)
-    ds, dy, dz = away_from_zero(s1 - s0), away_from_zero(y1 - y0), away_from_zero(z1 - z0)
-    sa, sb, ya, yb = (-half - s0) / ds, (half - s0) / ds, (-out_y - y0) / dy, (out_y - y0) / dy
-    za, zb = (-out_z - z0) / dz, (out_z - z0) / dz
+    """Return whether the line touches what the row describes, with corners or round.
+
+    Beyond `touches`, the line also has to meet the slab's outline, not only the ranges of its two sides. Only a course
+    with obstacles pays for it.
+    """
+    s0, y0, z0 = in_slab(p0, row)
+    s1, y1, z1 = in_slab(p1, row)
+
+    # the part of the line within the box around the slab (Liang and Barsky 1984)
+    ds = away_from_zero(s1 - s0)
+    dy = away_from_zero(y1 - y0)
+    dz = away_from_zero(z1 - z0)
+    sa = (-row.half - s0) / ds
+    sb = (row.half - s0) / ds
+    ya = (-row.out_y - y0) / dy
+    yb = (row.out_y - y0) / dy
+    za = (-row.out_z - z0) / dz
+    zb = (row.out_z - z0) / dz
     enters = maximum(maximum(minimum(sa, sb), minimum(ya, yb)), maximum(minimum(za, zb), 0.0))
     leaves = minimum(minimum(maximum(sa, sb), maximum(ya, yb)), minimum(maximum(za, zb), 1.0))
-    nearest = -(y0 * dy + z0 * dz) / (dy * dy + dz * dz)  # to the axis, fraction of the line
+
+    # the point of that part that is nearest to the axis
+    nearest = -(y0 * dy + z0 * dz) / (dy * dy + dz * dz)
     nearest = minimum(maximum(nearest, enters), leaves)
-    y, z = y0 + nearest * dy, z0 + nearest * dz
-    return touches(p0, p1, row[:23]) & (enters < leaves) & (y * y + z * z < radius2)
+    y = y0 + nearest * dy
+    z = z0 + nearest * dz
+    return touches(p0, p1, row) & (enters < leaves) & (y * y + z * z < row.radius2)
 
 
 def away_from_zero(d):
@@ -68,7 +154,7 @@ def inner_margin(openings: np.ndarray, radius: float) -> np.ndarray:
     return np.minimum(SAFETY_MARGIN, (openings.min(axis=1) / 2 - radius) / 2)
 
 
-def course_obstacles(course: Course, radius: float, crash: float, term: int) -> Obstacles:
+def course_obstacles(course: Course, radius: float) -> Obstacles:
     """Every frame once, and what else stands there. Lines run beside the curve that is flown, by .008 m at 40 m/s^2
     over .04 s: half of the safety margin is left to that, so that a gate flown through as `terms` allows is no crash
     here.
@@ -78,12 +164,12 @@ def course_obstacles(course: Course, radius: float, crash: float, term: int) -> 
     margin = SAFETY_MARGIN / 2
     rows, bare = frame_rows(gates, radius, inner / 2, margin), frame_rows(gates, radius, 0 * inner, 0.0)
     if not others:
-        return Obstacles(touches, rows, partial(in_reach, touches, rows, bare), term, crash)
+        return Obstacles(touches, FrameRow, rows, partial(in_reach, touches, FrameRow, rows, bare))
     rows, bare = (
         np.vstack([np.hstack([of_frames, np.full((len(gates), 1), NOT_ROUND)]), obstacle_rows(others, radius + outer)])
         for of_frames, outer in ((rows, margin), (bare, 0.0))
     )
-    return Obstacles(touches_round, rows, partial(in_reach, touches_round, rows, bare), term, crash)
+    return Obstacles(touches_round, ObstacleRow, rows, partial(in_reach, touches_round, ObstacleRow, rows, bare))
 
 
 def obstacle_rows(obstacles: Sequence[Obstacle], grown: float) -> np.ndarray:
@@ -112,7 +198,9 @@ def frame_rows(gates: Sequence[Gate], radius: float, inner: np.ndarray, outer: f
     return np.hstack([centres - reach, centres + reach, centres, axes, half, opening / 2 - radius - inner, out])
 
 
-def in_reach(test: Callable, rows: np.ndarray, bare: np.ndarray, x: np.ndarray, seconds: float) -> np.ndarray:
+def in_reach(
+    test: Callable, row: type, rows: np.ndarray, bare: np.ndarray, x: np.ndarray, seconds: float
+) -> np.ndarray:
     """The rows that may be reached from the state x; without the margin, where x is within it."""
     p, way, turn = x[:3], x[3:6] * seconds, 0.5 * ACCELERATION * seconds**2
     low, high = rows[:, :3] - np.maximum(way, 0.0) - turn, rows[:, 3:6] - np.minimum(way, 0.0) + turn
@@ -120,6 +208,6 @@ def in_reach(test: Callable, rows: np.ndarray, bare: np.ndarray, x: np.ndarray, 
     inside = near[((rows[near, :3] <= p) & (p <= rows[near, 3:6])).all(axis=1)]
     found = rows[near]
     for k in inside:
-        if test(p, p, rows[k]):
+        if test(p, p, row(*rows[k])):
             found[near == k] = bare[k]
     return found

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from controllers.costs import Cost
+from controllers.costs import Cost, Term
 
 TERMS = ("distance", "speed")
+
+
+class Goal(NamedTuple):
+    """The target row: a point in the plane, which is never reached."""
+
+    x: float  # [m]
+    y: float
 
 
 @dataclass(frozen=True)
@@ -19,16 +27,20 @@ class QuadraticWeights:
     speed: float = 0.5  # per (m/s)^2
 
 
-def terms(x, x_next, u, target, crashed, p):
-    """The weighted terms at x_next. The target is the goal; nothing is ever reached, nothing crashes."""
-    gx, gy = target
-    a_0, a_1 = p
-    px, py, vx, vy = x_next
-    dx, dy = px - gx, py - gy
-    return a_0 * (dx * dx + dy * dy), a_1 * (vx * vx + vy * vy), False, crashed
+def distance(x, x_next, u, goal, p):
+    """Return the square of the distance to the goal [m^2]."""
+    dx = x_next.px - goal.x
+    dy = x_next.py - goal.y
+    return dx * dx + dy * dy
+
+
+def speed(x, x_next, u, goal, p):
+    """Return the square of the speed [(m/s)^2]."""
+    return x_next.vx * x_next.vx + x_next.vy * x_next.vy
 
 
 def quadratic_cost(goal: tuple[float, float], weights: QuadraticWeights | None = None) -> Cost:
-    """The cost of reaching a goal [m] in the plane and stopping there."""
+    """Return the cost of reaching a goal [m] in the plane and stopping there."""
     w = weights or QuadraticWeights()
-    return Cost("quadratic", TERMS, terms, (w.distance, w.speed), np.array([goal]))
+    terms = (Term(distance, w.distance), Term(speed, w.speed))
+    return Cost("quadratic", terms, Goal, np.array([goal]))

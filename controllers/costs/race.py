@@ -27,19 +27,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Any, NamedTuple
 
 from msgspec import Meta
 from numpy import maximum, minimum, sqrt, where
 
-from controllers.costs import Cost
+from controllers.costs import Cost, Term, crash
 from controllers.costs.frames import SAFETY_MARGIN, course_obstacles, obstacle_rows
-from controllers.costs.race_targets import RUN_OUT, TO_GO, clear_of_frame, cross, is_inside, targets
+from controllers.costs.race_targets import RUN_OUT, GateTarget, clear_of_frame, cross, is_inside, targets
 from controllers.costs.ways_round import row_ahead
 from quadsim.course import Course, in_frame
 from quadsim.files.strict_yaml import unit
-
-TERMS = ("progress", "heading", "height", "speed", "stabilize", "crash", "waypoint", "path", "clearance")
 
 FLOOR_MARGIN = 0.1  # [m]
 AT_TARGET = 0.5  # [m] nearer than this the bearing to the target says nothing
@@ -67,99 +65,211 @@ class RaceWeights:
     opening: Annotated[float, Meta(ge=0, le=1)] = 0.0  # progress aims at the nearest point of this share of the opening
 
 
-def step_at_gate(before, after, free_y, free_z, bar, depth):
-    """A step whose ends are given in the frame of a gate's exit: (reached, clipped, within, outside, span).
+class InGate(NamedTuple):
+    """A position in a gate's frame [m]."""
 
-    within: it ends between entry and exit, or crosses the exit, not outside the frame; outside is how far outside the
-    free opening it does so, negative inside, times span = |s1 - s0| [m^2]. Checked where it crosses the two planes and
-    at its end, which is enough as the free opening is convex. at_exit and at_entry are such products too: they need no
-    division, and summed over the steps within a gate they do not depend on the speed. At 50 m/s a step is longer than
-    a gate is deep.
+    along: float  # the passage
+    left: float
+    up: float
+
+
+class RaceParams(NamedTuple):
+    """The numbers that the terms refer to, and where samples may fly."""
+
+    desired_speed: float  # [m/s]
+    waypoint_radius: float  # [m]
+    opening: float  # progress aims at the nearest point of this share of the opening
+    floor: float  # [m]
+    x_low: float
+    x_high: float
+    y_low: float
+    y_high: float
+    z_high: float
+
+
+class Crossing(NamedTuple):
+    """One step of a sample at its gate."""
+
+    reached: Any  # it leads through the exit plane within the free opening
+    clipped: Any  # it touches the frame
+    within: Any  # it ends between entry and exit, or crosses the exit, not outside the frame
+    outside: Any  # how far outside the free opening it does so, negative inside, times span [m^2]
+    span: Any  # way along the passage [m]
+
+
+def in_gate(p, gate):
+    """Return the position p in the frame of the gate's exit: along the passage, left, up."""
+    passage = (gate.nx, gate.ny, gate.nz)
+    left = (gate.lx, gate.ly, gate.lz)
+    return InGate(*in_frame(off_exit(p, gate), passage, left, cross(passage, left)))
+
+
+def off_exit(p, gate):
+    """Return the way from the gate's exit to the position p, along the world's axes."""
+    x, y, z = p
+    return x - gate.x, y - gate.y, z - gate.z
+
+
+def at_gate(x, x_next, gate):
+    """Return the Crossing of the step from x to x_next.
+
+    The step is checked where it crosses the entry and the exit plane and at its end, which is enough as the free
+    opening is convex: at 50 m/s a step is longer than a gate is deep. `at_exit` and `at_entry` are how far outside the
+    free opening it crosses, times span: these products need no division, and summed over the steps within a gate they
+    do not depend on the speed.
     """
-    (s0, y0, z0), (s1, y1, z1) = before, after
-    forward = (s0 < 0.0) & (s1 >= 0.0)
-    backward = (s0 >= 0.0) & (s1 < 0.0)
-    through = (s0 <= -depth) != (s1 <= -depth)
-    span, e0, e1 = abs(s1 - s0), s0 + depth, s1 + depth
-    at_exit = maximum(abs(y0 * s1 - y1 * s0) - free_y * span, abs(z0 * s1 - z1 * s0) - free_z * span)
-    at_entry = maximum(abs(y0 * e1 - y1 * e0) - free_y * span, abs(z0 * e1 - z1 * e0) - free_z * span)
-    at_end = maximum(abs(y1) - free_y, abs(z1) - free_z)
-    ends_in = (s1 > -depth) & (s1 < 0.0) & (at_end < bar)
-    reached = forward & (at_exit < 0.0)
+    before = in_gate(x.position, gate)
+    after = in_gate(x_next.position, gate)
+    free_y, free_z, bar, depth = gate.free_y, gate.free_z, gate.bar, gate.depth
+    forward = (before.along < 0.0) & (after.along >= 0.0)
+    backward = (before.along >= 0.0) & (after.along < 0.0)
+    through_entry = (before.along <= -depth) != (after.along <= -depth)
+    span = abs(after.along - before.along)
+
+    # where the step crosses the exit plane, the entry plane, and where it ends
+    at_exit = maximum(
+        abs(before.left * after.along - after.left * before.along) - free_y * span,
+        abs(before.up * after.along - after.up * before.along) - free_z * span,
+    )
+    entry_before = before.along + depth
+    entry_after = after.along + depth
+    at_entry = maximum(
+        abs(before.left * entry_after - after.left * entry_before) - free_y * span,
+        abs(before.up * entry_after - after.up * entry_before) - free_z * span,
+    )
+    at_end = maximum(abs(after.left) - free_y, abs(after.up) - free_z)
+    ends_in = (after.along > -depth) & (after.along < 0.0) & (at_end < bar)
+
+    # the frame is touched at the exit, from either side, at the entry, or by a step that ends within it
     clipped = (forward & (at_exit >= 0.0) & (at_exit < bar * span)) | (backward & (at_exit < bar * span))
-    clipped = clipped | (through & (at_entry >= 0.0) & (at_entry < bar * span)) | (ends_in & (at_end >= 0.0))
-    within = ends_in | (forward & (at_exit < bar * span))
-    return reached, clipped, within, where(forward, at_exit, at_end * span), span
-
-
-def off_leg(dx, dy, dz, ex, ey, ez, leg):
-    """From the nearest point of the straight leg, which is -leg .. 0 along e, to (dx, dy, dz).  (3,)"""
-    along = minimum(maximum(dx * ex + dy * ey + dz * ez, -leg), 0.0)
-    return dx - along * ex, dy - along * ey, dz - along * ez
-
-
-def terms(x, x_next, u, target, crashed, p):
-    """The weighted terms of eq. (8) for one step of one sample, with reached and crashed."""
-    gx, gy, gz, nx, ny, nz, lx, ly, lz, free_y, free_z, bar, to_go, approach, ex, ey, ez, leg, margin, depth = target
-    a_0, a_1, a_2, a_3, a_4, a_5, a_6, a_7, a_8, v_des, near, share, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
-    px, py, pz, vx, vy, qx, qy = x_next[0], x_next[1], x_next[2], x_next[3], x_next[4], x_next[7], x_next[8]
-    # position relative to the gate's exit, before and after: along the passage, left, up
-    dx, dy, dz = px - gx, py - gy, pz - gz
-    n, left = (nx, ny, nz), (lx, ly, lz)
-    before = in_frame((x[0] - gx, x[1] - gy, x[2] - gz), n, left, cross(n, left))
-    after = in_frame((dx, dy, dz), n, left, cross(n, left))
-    reached, clipped, within, outside, span = step_at_gate(before, after, free_y, free_z, bar, depth)
-    tight = where(within, maximum(outside + margin * span, 0.0), 0.0)
-    below_floor = (pz < floor) & (pz < x[2])  # a start on the ground is no crash, coming down is
-    out_of_bounds = (px < x_lo) | (px > x_hi) | (py < y_lo) | (py > y_hi) | (pz > z_hi)
-    before_finish = free_y < RUN_OUT
-    crashed = where(clipped | ((below_floor | out_of_bounds) & before_finish), 1.0, crashed)
-
-    # to the nearest point of the opening within the margin; for a sample behind the exit that has not passed, the way
-    # leads round to a point in front of the gate
-    s, y, z = after
-    past_exit = s > 0.0
-    s = where(past_exit, s + approach, s)
-    y = where(past_exit, y, maximum(abs(y) - share * (free_y - margin), 0.0))
-    z = where(past_exit, z, maximum(abs(z) - share * (free_z - margin), 0.0))
-    way = sqrt(s * s + y * y + z * z + 1e-6) + where(past_exit, approach, 0.0)
-
-    d2 = dx * dx + dy * dy + dz * dz
-    v_xy = sqrt(vx * vx + vy * vy + 1e-6)
-    d_xy = sqrt(dx * dx + dy * dy + 1e-6)
-    heading_error = where(d2 > AT_TARGET * AT_TARGET, 1.0 + (vx * dx + vy * dy) / (v_xy * d_xy), 0.0)
-    ox, oy, oz = off_leg(dx, dy, dz, ex, ey, ez, leg)
-    off_speed = v_xy - v_des
-    return (
-        a_0 * (where(reached, 0.0, way) + to_go),
-        a_1 * heading_error,
-        a_2 * oz * oz,
-        a_3 * off_speed * off_speed,
-        a_4 * 2.0 * (qx * qx + qy * qy),
-        a_5 * crashed,
-        -a_6 * where(d2 < near * near, 1.0, 0.0),
-        a_7 * (ox * ox + oy * oy + oz * oz),
-        a_8 * tight,
-        reached,
-        crashed,
+    clipped = clipped | (through_entry & (at_entry >= 0.0) & (at_entry < bar * span)) | (ends_in & (at_end >= 0.0))
+    return Crossing(
+        reached=forward & (at_exit < 0.0),
+        clipped=clipped,
+        within=ends_in | (forward & (at_exit < bar * span)),
+        outside=where(forward, at_exit, at_end * span),
+        span=span,
     )
 
 
+def off_leg(x_next, gate):
+    """Return the way from the nearest point of the straight leg to the sample.  (3,)
+
+    The leg ends at the gate's exit and leads along (ex, ey, ez).
+    """
+    dx, dy, dz = off_exit(x_next.position, gate)
+    along = minimum(maximum(dx * gate.ex + dy * gate.ey + dz * gate.ez, -gate.leg), 0.0)
+    return dx - along * gate.ex, dy - along * gate.ey, dz - along * gate.ez
+
+
+def to_exit(x_next, gate):
+    """Return the square of the distance to the gate's exit [m^2]."""
+    dx, dy, dz = off_exit(x_next.position, gate)
+    return dx * dx + dy * dy + dz * dz
+
+
+def reached(x, x_next, u, gate, p):
+    """Return whether the step leads through the gate."""
+    return at_gate(x, x_next, gate).reached
+
+
+def crashes(x, x_next, u, gate, p):
+    """Return whether the step touches the gate's frame, the ground or the bounds; the last two until the finish."""
+    pz = x_next.pz
+    below_floor = (pz < p.floor) & (pz < x.pz)  # a start on the ground is no crash, coming down is
+    out_x = (x_next.px < p.x_low) | (x_next.px > p.x_high)
+    out_of_bounds = out_x | (x_next.py < p.y_low) | (x_next.py > p.y_high) | (pz > p.z_high)
+    before_finish = gate.free_y < RUN_OUT
+    return at_gate(x, x_next, gate).clipped | ((below_floor | out_of_bounds) & before_finish)
+
+
+def progress(x, x_next, u, gate, p):
+    """Return the distance still to fly: to the gate, and from there on to the finish [m].
+
+    It is measured to the nearest point of the opening within the margin. For a sample behind the exit that has not
+    passed, the way leads round to a point in front of the gate.
+    """
+    place = in_gate(x_next.position, gate)
+    past_exit = place.along > 0.0
+    along = where(past_exit, place.along + gate.approach, place.along)
+    left = where(past_exit, place.left, maximum(abs(place.left) - p.opening * (gate.free_y - gate.margin), 0.0))
+    up = where(past_exit, place.up, maximum(abs(place.up) - p.opening * (gate.free_z - gate.margin), 0.0))
+    way = sqrt(along * along + left * left + up * up + 1e-6) + where(past_exit, gate.approach, 0.0)
+    return where(at_gate(x, x_next, gate).reached, 0.0, way) + gate.to_go
+
+
+def heading(x, x_next, u, gate, p):
+    """Return 1 - cos of the angle between the horizontal velocity and the bearing to the gate."""
+    dx, dy, _ = off_exit(x_next.position, gate)
+    v_xy = sqrt(x_next.vx * x_next.vx + x_next.vy * x_next.vy + 1e-6)
+    d_xy = sqrt(dx * dx + dy * dy + 1e-6)
+    far = to_exit(x_next, gate) > AT_TARGET * AT_TARGET
+    return where(far, 1.0 + (x_next.vx * dx + x_next.vy * dy) / (v_xy * d_xy), 0.0)
+
+
+def height(x, x_next, u, gate, p):
+    """Return the square of the distance off the height of the leg [m^2]."""
+    _, _, off_z = off_leg(x_next, gate)
+    return off_z * off_z
+
+
+def speed(x, x_next, u, gate, p):
+    """Return the square of the horizontal speed off the desired one [(m/s)^2]."""
+    off_speed = sqrt(x_next.vx * x_next.vx + x_next.vy * x_next.vy + 1e-6) - p.desired_speed
+    return off_speed * off_speed
+
+
+def stabilize(x, x_next, u, gate, p):
+    """Return 1 - cos of the tilt."""
+    return 2.0 * (x_next.qx * x_next.qx + x_next.qy * x_next.qy)
+
+
+def waypoint(x, x_next, u, gate, p):
+    """Return -1 near the gate's exit, else 0: a reward."""
+    return -where(to_exit(x_next, gate) < p.waypoint_radius * p.waypoint_radius, 1.0, 0.0)
+
+
+def path(x, x_next, u, gate, p):
+    """Return the square of the distance off the straight leg [m^2]."""
+    off_x, off_y, off_z = off_leg(x_next, gate)
+    return off_x * off_x + off_y * off_y + off_z * off_z
+
+
+def clearance(x, x_next, u, gate, p):
+    """Return the metres by which the margin is not kept, per metre flown within the gate [m^2]."""
+    crossing = at_gate(x, x_next, gate)
+    missing = maximum(crossing.outside + gate.margin * crossing.span, 0.0)
+    return where(crossing.within, missing, 0.0)
+
+
+# a_0 to a_8; each has the name of its weight in RaceWeights
+RACE_TERMS = (progress, heading, height, speed, stabilize, crash, waypoint, path, clearance)
+TERMS = tuple(term.__name__ for term in RACE_TERMS)
+
+
 def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) -> Cost:
-    """The cost of a course for a vehicle of this radius [m]."""
+    """Return the cost of a course for a vehicle of this radius [m]."""
     w = weights
     box = room_to_fly(course, radius, w.margin)
-    params = (w.progress, w.heading, w.height, w.speed, w.stabilize, w.crash, w.waypoint, w.path, w.clearance)
-    params += (w.desired_speed, w.waypoint_radius, w.opening, *box)
-    frames = course_obstacles(course, radius, w.crash, TERMS.index("crash"))
-    (rows, first), clear = targets(course, radius, (w.margin, w.margin_share), box, laps), clear_of_frame(radius)
-    still_in_gate = partial(is_inside, clear)
-    unweighted = tuple(k for k, weight in enumerate(params[: len(TERMS)]) if not weight)
-    cost = Cost("race", TERMS, terms, params, rows, TO_GO, frames, still_in_gate, unweighted=unweighted)
-    if len(rows) == len(first) - 1:
+    rows, first = targets(course, radius, (w.margin, w.margin_share), box, laps)
+    still_in_gate = partial(is_inside, clear_of_frame(radius))
+    cost = Cost(
+        name="race",
+        terms=tuple(Term(function, getattr(w, function.__name__)) for function in RACE_TERMS),
+        row=GateTarget,
+        targets=rows,
+        params=RaceParams(w.desired_speed, w.waypoint_radius, w.opening, *box),
+        reached=reached,
+        crash=crashes,
+        obstacles=course_obstacles(course, radius),
+        still_in_gate=still_in_gate,
+    )
+    rows_between_gates = len(rows) > len(first) - 1
+    if not rows_between_gates:
         return cost
     return replace(
-        cost, row_ahead=partial(row_ahead, still_in_gate, first, rows, obstacle_rows(course.obstacles, radius))
+        cost,
+        row_ahead=partial(row_ahead, still_in_gate, first, rows, obstacle_rows(course.obstacles, radius)),
     )
 
 

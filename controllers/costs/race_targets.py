@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,33 @@ from controllers.costs.ways_round import stops_between
 from quadsim.course import FRAME_DEPTH, Course, EstimatedGate, Gate, in_frame
 
 TO_GO, DEPTH = 12, 19  # columns of the target rows
+
+
+class GateTarget(NamedTuple):
+    """A target row of the racing cost: a gate's exit and its free opening, the leg to it, the way that is left."""
+
+    x: float  # exit [m]
+    y: float
+    z: float
+    nx: float  # passage
+    ny: float
+    nz: float
+    lx: float  # left axis
+    ly: float
+    lz: float
+    free_y: float  # half the free opening [m]
+    free_z: float
+    bar: float  # thickness of the bars around it [m]
+    to_go: float  # distance to go from the exit on [m]
+    approach: float  # length of the approach [m]
+    ex: float  # direction of the leg to the exit
+    ey: float
+    ez: float
+    leg: float  # its length [m]
+    margin: float  # wanted [m]
+    depth: float  # from entry to exit [m]
+
+
 GATE_STDS = 2.5  # standard deviations of a gate's estimated position that are added to the margin
 MARGIN_LIMIT = 0.7  # share of half the free opening that margin and uncertainty take at most
 RUN_OUT = 100.0  # [m] from the last gate to a last target behind it, so that plans do not end at the finish

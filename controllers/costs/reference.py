@@ -15,19 +15,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from msgspec import Meta
-from numpy import where
 
-from controllers.costs import Cost
+from controllers.costs import Cost, Term, crash
 from controllers.costs.frames import course_obstacles
 from controllers.costs.race import Weight, room_to_fly
 from quadsim.course import Course
 from quadsim.files.strict_yaml import unit
 
-TERMS = ("off_path", "velocity", "ahead", "crash")
 GATE_TIME = 0.06  # [s] before and behind a gate in which g falls to exp(-1/2)
 AT_REST = 1.0  # [m^2/s^2] added to |v_r|^2, which tau divides by
 VELOCITY_WEIGHT = 0.1  # [s] what a difference in velocity counts as a distance when the nearest state is searched
@@ -91,40 +89,90 @@ class Reference:
         return self.u[np.minimum(rows, len(self.u) - 1)]  # a long plan goes on with the last one
 
 
-def terms(x, x_next, u, target, crashed, p):
-    """The weighted terms for one step of one sample. Every step reaches its target; the next is the next step's."""
-    rx, ry, rz, vx, vy, vz, gate = target
-    a_1, a_g, a_2, a_3, a_4, floor, x_lo, x_hi, y_lo, y_hi, z_hi = p
-    px, py, pz = x_next[0], x_next[1], x_next[2]
-    dx, dy, dz = px - rx, py - ry, pz - rz
-    ex, ey, ez = x_next[3] - vx, x_next[4] - vy, x_next[5] - vz
-    tau = (dx * vx + dy * vy + dz * vz) / (vx * vx + vy * vy + vz * vz + AT_REST)
-    cx, cy, cz = dx - tau * vx, dy - tau * vy, dz - tau * vz
-    below_floor = (pz < floor) & (pz < x[2])  # a start on the ground is no crash
-    out_of_bounds = (px < x_lo) | (px > x_hi) | (py < y_lo) | (py > y_hi) | (pz > z_hi)
-    crashed = where(below_floor | out_of_bounds, 1.0, crashed)
-    return (
-        a_1 * (1.0 + a_g * gate) * (cx * cx + cy * cy + cz * cz),
-        a_2 * (ex * ex + ey * ey + ez * ez),
-        -a_3 * tau,
-        a_4 * crashed,
-        crashed < 2.0,
-        crashed,
-    )
+class ReferenceTarget(NamedTuple):
+    """The target row: the reference at one control period."""
+
+    x: float  # position p_r [m]
+    y: float
+    z: float
+    vx: float  # velocity v_r [m/s]
+    vy: float
+    vz: float
+    at_gate: float  # g, 1 at a gate's plane
+
+
+class ReferenceParams(NamedTuple):
+    """The numbers that the terms refer to, and where samples may fly."""
+
+    at_gates: float  # a_g
+    floor: float  # [m]
+    x_low: float
+    x_high: float
+    y_low: float
+    y_high: float
+    z_high: float
+
+
+def time_ahead(x_next, target):
+    """Return tau, by how much time the sample is ahead of the reference [s]."""
+    dx = x_next.px - target.x
+    dy = x_next.py - target.y
+    dz = x_next.pz - target.z
+    speed2 = target.vx * target.vx + target.vy * target.vy + target.vz * target.vz
+    return (dx * target.vx + dy * target.vy + dz * target.vz) / (speed2 + AT_REST)
+
+
+def reached(x, x_next, u, target, p):
+    """Return that every step reaches its target: the next is the next step's."""
+    return True
+
+
+def crashes(x, x_next, u, target, p):
+    """Return whether the step touches the ground or the bounds."""
+    pz = x_next.pz
+    below_floor = (pz < p.floor) & (pz < x.pz)  # a start on the ground is no crash
+    out_x = (x_next.px < p.x_low) | (x_next.px > p.x_high)
+    return below_floor | (out_x | (x_next.py < p.y_low) | (x_next.py > p.y_high) | (pz > p.z_high))
+
+
+def off_path(x, x_next, u, target, p):
+    """Return the square of the distance across the path, weighted more at gates [m^2]."""
+    tau = time_ahead(x_next, target)
+    cx = x_next.px - target.x - tau * target.vx
+    cy = x_next.py - target.y - tau * target.vy
+    cz = x_next.pz - target.z - tau * target.vz
+    return (1.0 + p.at_gates * target.at_gate) * (cx * cx + cy * cy + cz * cz)
+
+
+def velocity(x, x_next, u, target, p):
+    """Return the square of the difference to the reference's velocity [(m/s)^2]."""
+    ex = x_next.vx - target.vx
+    ey = x_next.vy - target.vy
+    ez = x_next.vz - target.vz
+    return ex * ex + ey * ey + ez * ez
+
+
+def ahead(x, x_next, u, target, p):
+    """Return minus the time ahead of the reference [s]: a reward."""
+    return -time_ahead(x_next, target)
+
+
+REFERENCE_TERMS = (off_path, velocity, ahead, crash)
+TERMS = tuple(term.__name__ for term in REFERENCE_TERMS)
 
 
 def reference_cost(course: Course, radius: float, weights: ReferenceWeights, reference: Reference) -> Cost:
-    """The cost of this course for a vehicle of this radius [m]."""
+    """Return the cost of following the reference on this course for a vehicle of this radius [m]."""
     w = weights
-    params = (w.off_path, w.at_gates, w.velocity, w.ahead, w.crash, *room_to_fly(course, radius, 0.0))
-    frames = course_obstacles(course, radius, w.crash, TERMS.index("crash"))
     return Cost(
-        "reference",
-        TERMS,
-        terms,
-        params,
-        np.column_stack([reference.x, reference.at_gates()]),
-        obstacles=frames,
+        name="reference",
+        terms=tuple(Term(function, getattr(w, function.__name__)) for function in REFERENCE_TERMS),
+        row=ReferenceTarget,
+        targets=np.column_stack([reference.x, reference.at_gates()]),
+        params=ReferenceParams(w.at_gates, *room_to_fly(course, radius, 0.0)),
+        reached=reached,
+        crash=crashes,
+        obstacles=course_obstacles(course, radius),
         row_ahead=reference.row_ahead,
         guide=reference.controls,
     )

@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from controllers.costs.frames import obstacle_rows, touches_round
+from controllers.costs.frames import ObstacleRow, obstacle_rows, touches_round
 from quadsim.course import Box, Course, Cylinder, Obstacle, Vec3
 from quadsim.course.swept import clip, lerp
 
@@ -48,7 +48,7 @@ def sees(a: np.ndarray, b: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Whether the lines from a (n, 3) to b (n, 3) are clear of the obstacles of these rows.  (n,)"""
     clear = np.ones(len(a), bool)
     for row in rows:
-        clear &= ~touches_round(tuple(a.T), tuple(b.T), tuple(row.tolist()))
+        clear &= ~touches_round(tuple(a.T), tuple(b.T), ObstacleRow(*row.tolist()))
     return clear
 
 

@@ -8,53 +8,123 @@ Everything is divided by a fixed unit that brings it to the order of one; UNITS 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from quadsim.course import Course, Gate
-from quadsim.systems.quadrotor import CONTROL
+from quadsim.systems.quadrotor import CONTROL, Control, State
+from quadsim.systems.records import field_types, flat, flat_names, unflat
 from quadsim.systems.rotation import along, body_axes
 
-SPEED, RATE, LENGTH = 10.0, 10.0, 10.0  # units of velocities [m/s], body rates [rad/s], lengths [m]
+SPEED = 10.0  # unit of velocities [m/s]
+RATE = 10.0  # unit of body rates [rad/s]
+LENGTH = 10.0  # unit of lengths [m]
 AFTER_LAST = 5.0  # from the last gate of an open course to the gate that is shown after it [m]
-CORNERS = ("lower right", "upper right", "lower left", "upper left")
 
-_BODY = {f"velocity {axis}": "10 m/s" for axis in "xyz"}
-_BODY |= {f"gravity {axis}": "1" for axis in "xyz"}
-_BODY |= {f"rate {axis}": "10 rad/s" for axis in "xyz"} | {"height": "10 m"}
-_GATES = {f"{gate} gate {corner} {axis}": "10 m" for gate in ("next", "second") for corner in CORNERS for axis in "xyz"}
-UNITS = _BODY | _GATES | {f"last {name}": "1" for name in CONTROL}  # observation -> the unit it is told in
+
+class Vector(NamedTuple):
+    """Three numbers, in the world or in the vehicle's frame."""
+
+    x: float
+    y: float
+    z: float
+
+
+class GateNumbers(NamedTuple):
+    """Where a gate's opening is, in the world [m]."""
+
+    centre: Vector
+    left: Vector  # from the centre to the middle of the left edge
+    up: Vector  # from the centre to the middle of the upper edge
+
+
+class NextGates(NamedTuple):
+    """The next two gates."""
+
+    next: GateNumbers
+    second: GateNumbers
+
+
+class Corners(NamedTuple):
+    """The corners of a gate's opening, seen from the vehicle in its frame."""
+
+    lower_right: Vector
+    upper_right: Vector
+    lower_left: Vector
+    upper_left: Vector
+
+
+class Observation(NamedTuple):
+    """What a pilot is given, in units that bring every number to the order of one."""
+
+    velocity: Vector
+    gravity: Vector  # its direction
+    rate: Vector
+    height: float
+    next_gate: Corners
+    second_gate: Corners
+    last: Control  # the last action, each in -1..1
+
+
+FIELD_UNITS = {
+    "velocity": f"{SPEED:g} m/s",
+    "gravity": "1",
+    "rate": f"{RATE:g} rad/s",
+    "height": f"{LENGTH:g} m",
+    "next_gate": f"{LENGTH:g} m",
+    "second_gate": f"{LENGTH:g} m",
+}
+
+
+def _units() -> dict[str, str]:
+    """Observed number -> the unit it is given in, in the order of Observation."""
+    found = {}
+    for field, unit in FIELD_UNITS.items():
+        for name in flat_names(NamedTuple(field, [(field, field_types(Observation)[field])]), between=" "):
+            found[name.replace("_", " ")] = unit
+    return found | {f"last {name}": "1" for name in CONTROL}
+
+
+UNITS = _units()
 SIZE = len(UNITS)
-GATE_NUMBERS = 9  # of a gate: centre, and the vectors to the middle of its left and upper edge [m]
+GATE_NUMBERS = len(tuple(flat_names(GateNumbers)))
 
 
 def corners(p, axes, gate):
-    """The corners of a gate's opening seen from the vehicle, in its frame of these axes, in units of LENGTH.  (12,)"""
-    cx, cy, cz, lx, ly, lz, ux, uy, uz = gate
-    x, y, z = along(axes, (cx - p[0]) / LENGTH, (cy - p[1]) / LENGTH, (cz - p[2]) / LENGTH)
-    a, b, c = along(axes, lx / LENGTH, ly / LENGTH, lz / LENGTH)
-    d, e, f = along(axes, ux / LENGTH, uy / LENGTH, uz / LENGTH)
-    low_x, low_y, low_z, high_x, high_y, high_z = x - d, y - e, z - f, x + d, y + e, z + f
-    return (
-        low_x - a, low_y - b, low_z - c, high_x - a, high_y - b, high_z - c,
-        low_x + a, low_y + b, low_z + c, high_x + a, high_y + b, high_z + c,
-    )  # fmt: skip
+    """Return the Corners of a gate's opening seen from the position p, in the frame of these body axes, in LENGTH."""
+    dx, dy, dz = gate.centre.x - p[0], gate.centre.y - p[1], gate.centre.z - p[2]
+    centre = Vector(*along(axes, dx / LENGTH, dy / LENGTH, dz / LENGTH))
+    left = Vector(*along(axes, gate.left.x / LENGTH, gate.left.y / LENGTH, gate.left.z / LENGTH))
+    up = Vector(*along(axes, gate.up.x / LENGTH, gate.up.y / LENGTH, gate.up.z / LENGTH))
+    low = Vector(centre.x - up.x, centre.y - up.y, centre.z - up.z)
+    high = Vector(centre.x + up.x, centre.y + up.y, centre.z + up.z)
+    return Corners(
+        lower_right=Vector(low.x - left.x, low.y - left.y, low.z - left.z),
+        upper_right=Vector(high.x - left.x, high.y - left.y, high.z - left.z),
+        lower_left=Vector(low.x + left.x, low.y + left.y, low.z + left.z),
+        upper_left=Vector(high.x + left.x, high.y + left.y, high.z + left.z),
+    )
 
 
 def observation(x, gates, last):
-    """See UNITS.  x: STATE; gates: the numbers of the next two gates (18,); last: the last action, in -1..1 (4,)."""
-    px, py, pz, vx, vy, vz, qw, qx, qy, qz, wx, wy, wz, _a, _bx, _by, _bz = x
-    g0, g1, g2, g3, g4, g5, g6, g7, g8, h0, h1, h2, h3, h4, h5, h6, h7, h8 = gates
-    p, axes = (px, py, pz), body_axes((qw, qx, qy, qz))
-    v = along(axes, vx / SPEED, vy / SPEED, vz / SPEED)
-    a = corners(p, axes, (g0, g1, g2, g3, g4, g5, g6, g7, g8))
-    b = corners(p, axes, (h0, h1, h2, h3, h4, h5, h6, h7, h8))
-    return (
-        v[0], v[1], v[2], -axes[2], -axes[5], -axes[8], wx / RATE, wy / RATE, wz / RATE, pz / LENGTH,
-        a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11],
-        b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10], b[11],
-        last[0], last[1], last[2], last[3],
-    )  # fmt: skip
+    """Return the Observation at the State x, with the NextGates and the last action, a Control in -1..1."""
+    axes = body_axes(x.attitude)
+    return Observation(
+        velocity=Vector(*along(axes, x.vx / SPEED, x.vy / SPEED, x.vz / SPEED)),
+        gravity=Vector(-axes[2], -axes[5], -axes[8]),
+        rate=Vector(x.wx / RATE, x.wy / RATE, x.wz / RATE),
+        height=x.pz / LENGTH,
+        next_gate=corners(x.position, axes, gates.next),
+        second_gate=corners(x.position, axes, gates.second),
+        last=last,
+    )
+
+
+def observe(x: Sequence[float], gates: Sequence[float], last: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Return what a pilot is given at a state (n_x,), with a row of `gate_rows` and the last action.  (SIZE,)"""
+    seen = observation(State(*x), unflat(NextGates, iter(gates)), Control(*last))
+    return np.array(list(flat(seen)), np.float32)
 
 
 def gate_rows(course: Course, laps: int) -> np.ndarray:

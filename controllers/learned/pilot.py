@@ -19,7 +19,7 @@ from zlib import error as zlib_error
 import numpy as np
 
 from controllers.learned import network
-from controllers.learned.observation import SIZE, UNITS, command, gate_rows, normalised, observation
+from controllers.learned.observation import SIZE, UNITS, command, gate_rows, normalised, observe
 from controllers.plan import PlanStats
 from quadsim.course import Course
 from quadsim.files.strict_yaml import FileError
@@ -85,7 +85,7 @@ class PilotController:
         self._until_next -= elapsed
         if self._until_next <= 0:
             gates = self._gates[min(target, len(self._gates) - 1)]
-            self._last = self.pilot(np.array(observation(x, gates, self._last), np.float32))
+            self._last = self.pilot(observe(x, gates, self._last))
             self._until_next = self.pilot.about.hold
         return command(self._last, self.pilot.about.low, self.pilot.about.high), PlanStats(0.0, 0.0, 0.0)
 

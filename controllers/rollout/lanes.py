@@ -7,9 +7,8 @@ in an array of its own, so that LLVM vectorises the step and the cost, inlined f
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+import sys
 from dataclasses import dataclass, field
-from functools import cache
 from types import ModuleType
 
 import numpy as np
@@ -17,8 +16,7 @@ import numpy as np
 from controllers.costs import Cost
 from controllers.rollout.compiled import is_cached, load_module
 from controllers.rollout.layout import LANES
-from controllers.rollout.obstacles import steps_between
-from controllers.rollout.templates import module_source
+from controllers.rollout.planner_loops import module_source, steps_between
 from controllers.schedule import Schedule
 from quadsim.systems import System
 
@@ -71,33 +69,52 @@ class Rollout:
 
     def _find_numbers(self, x0: np.ndarray, target: int, horizon: int) -> tuple[object, ...]:
         s, d, obstacles = self.system, self.dtype, self.cost.obstacles
-        low, high, p_system, p_cost = (np.asarray(a, d) for a in (s.low, s.high, s.params, self.cost.params))
-        along = self.schedule.noise(horizon).astype(d), self.schedule.cost(horizon).astype(d)
-        numbers = *along, low, high, d(s.dt), self.cost.targets_from(target, x0, d), p_system, p_cost
+        numbers = (
+            self.schedule.noise(horizon).astype(d),
+            self.schedule.cost(horizon).astype(d),
+            np.asarray(s.low, d),
+            np.asarray(s.high, d),
+            d(s.dt),
+            self.cost.targets_from(target, x0, d),
+            np.asarray(s.params, d),
+            self.cost.numbers(horizon).astype(d),
+        )
         if obstacles is None:
             return numbers
         near = obstacles.near(np.asarray(x0, float), horizon * s.dt).astype(d)
-        return *numbers, near, steps_between(s.dt), obstacles.term, d(obstacles.weight)
+        term = self.cost.crash_term
+        return *numbers, near, steps_between(s.dt), term, d(self.cost.terms[term].weight)
 
     @property
     def _module(self) -> ModuleType:
-        s, c = self.system, self.cost
-        sizes = len(s.states), len(s.controls), c.targets.shape[1], len(c.term_names), len(s.params), len(c.params)
-        o = c.obstacles
-        touches, numbers = (o.touches, o.rows.shape[1]) if o else (None, 0)
-        return compiled_module(s.step, c.terms, touches, (*sizes, numbers), c.unweighted, self.dtype)
+        return compiled_module(self.system, self.cost, self.dtype)
 
 
-@cache
-def compiled_module(
-    step: Callable,
-    terms: Callable,
-    touches: Callable | None,
-    sizes: tuple[int, ...],
-    unweighted: tuple[int, ...],
-    dtype: type,
-) -> ModuleType:
-    """The compiled loops for these two functions, from the disk's cache where they were built before."""
-    source = module_source(step, terms, touches, sizes, unweighted, dtype, LANES)
-    digest = hashlib.sha256(source.encode()).hexdigest()[:16]
-    return load_module(f"rollout_{step.__module__.split('.')[-1]}_{digest}", source)
+_modules: dict[tuple, ModuleType] = {}
+
+
+def compiled_module(system: System, cost: Cost, dtype: type) -> ModuleType:
+    """Return the compiled loops for this model and this cost, from the disk's cache where they were built before.
+
+    Only what the text of the loops depends on counts, not the numbers: parameters and weights may change.
+    """
+    obstacles = cost.obstacles
+    shape = (
+        system.step,
+        system.state,
+        system.control,
+        type(system.params),
+        cost.row,
+        type(cost.params),
+        cost.reached,
+        cost.crash,
+        tuple(term.shape for term in cost.terms),
+        (obstacles.touches, obstacles.row) if obstacles else None,
+        dtype,
+    )
+    if shape not in _modules:
+        source = module_source(system, cost, dtype)
+        digest = hashlib.sha256(source.encode()).hexdigest()[:16]
+        name = f"rollout_{system.step.__module__.split('.')[-1]}_{digest}"
+        _modules[shape] = sys.modules.get(name) or load_module(name, source)
+    return _modules[shape]

@@ -9,7 +9,8 @@ import numpy as np
 from gymnasium import Env
 from gymnasium.error import ResetNeeded
 
-from controllers.learned.observation import command, gate_rows, normalised, observation
+from controllers.costs.race import progress
+from controllers.learned.observation import command, gate_rows, normalised, observe
 from quadsim.envs.render import RENDER_MODES, Renderer
 from quadsim.envs.reward import reward as reward_of
 from quadsim.envs.spaces import ACTIONS, action_space, checked_actions, observation_space
@@ -18,6 +19,7 @@ from quadsim.race.build import build
 from quadsim.race.flight import apply_control, whole_multiple
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
+from quadsim.systems.quadrotor import Control
 
 
 class RacingBulletEnv(Env):
@@ -75,7 +77,8 @@ class RacingBulletEnv(Env):
         passed, crashed = self._referee.passed - before, outcome in ("crashed", "stuck")
         self._way = self._way_left()
         weights, shortened = self.task.rewards.params, way - self._way
-        paid = reward_of(shortened, 0.0, float(crashed), float(passed), chosen, self._last, weights)
+        action, last = Control(*chosen), Control(*self._last)
+        paid = reward_of(shortened, 0.0, float(crashed), float(passed), action, last, weights)
         self._last = chosen
         self._renderer.update(self._state_rows)
         info = {
@@ -90,13 +93,13 @@ class RacingBulletEnv(Env):
         return self._observed(), float(paid), crashed or outcome == "finished", outcome == "timeout", info
 
     def _observed(self) -> np.ndarray:
-        return np.array(observation(self._plant.state.x, self._gates[self._referee.passed], self._last), np.float32)
+        return observe(self._plant.state.x, self._gates[self._referee.passed], self._last)
 
     def _way_left(self) -> float:
         """To the finish, as the racing cost measures it [m]."""
         x = self._plant.state.x
         row = self._cost.targets[min(self._referee.passed, len(self._cost.targets) - 1)]
-        return float(self._cost.terms(x, x, self._system.rest, row, 0.0, self._cost.params)[0])
+        return float(progress(x, x, self._system.rest, self._cost.row(*row), self._cost.params))
 
     def _state_rows(self) -> np.ndarray:
         return np.array(self._plant.state.x[:10])[None]

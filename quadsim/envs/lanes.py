@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.learned.observation import GATE_NUMBERS, SIZE, observation
-from controllers.rollout.environment import DISABLED, environment_module
+from controllers.costs.race import clearance, progress
+from controllers.learned.observation import GATE_NUMBERS, SIZE, NextGates, observation
+from controllers.rollout.environment import DISABLED, Learning, environment_module
 from controllers.rollout.layout import LANES, blocks
 from controllers.rollout.threads import threads
-from quadsim.envs.reward import RewardWeights, reward
+from quadsim.envs.reward import RewardParams, RewardWeights, reward
 from quadsim.envs.task import Tables, Task, tables
 from quadsim.race.settings import SettingError
 
@@ -38,12 +39,12 @@ class LaneEnvironments:
         if len(tests) > 1:
             raise SettingError("course", "expected courses that all have obstacles beside the gates, or none, got both")
         self.tables: Tables | None = None  # of the seed, made when episodes begin
-        n_x, n_u, n_p = len(system.states), len(system.controls), len(system.params)
+        n_x = len(system.states)
+        n_u = len(system.controls)
+        n_p = len(system.params)
         n_row = cost.targets.shape[1] + 2 * GATE_NUMBERS
-        sizes = (n_x, n_u, n_row, cost.targets.shape[1], len(cost.term_names), n_p, len(cost.params))
-        sizes += (len(task.rewards.params), cost.obstacles.rows.shape[1], SIZE)
-        functions = system.step, cost.terms, cost.obstacles.touches, observation, reward
-        self._module = environment_module(*functions, sizes, cost.term_names.index("clearance"))
+        learning = Learning(observation, NextGates, reward, RewardParams, progress, clearance)
+        self._module = environment_module(system, cost, learning)
         self.X, self.A, self.P, self.last, self.obs, self.final = (
             np.zeros((B, k, LANES), f) for k in (n_x, n_row, n_p, n_u, SIZE, SIZE)
         )

@@ -9,7 +9,8 @@ Song et al. 2021, "Autonomous Drone Racing with Deep Reinforcement Learning", an
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
+from typing import NamedTuple
 
 
 @dataclass(frozen=True)
@@ -26,16 +27,40 @@ class RewardWeights:
     margin: float = 0.2  # wanted between vehicle and frame within a gate [m]
 
     @property
-    def params(self) -> tuple[float, ...]:
+    def params(self) -> RewardParams:
         """As `reward` takes them."""
-        return astuple(self)[:-1]
+        return RewardParams(*(getattr(self, name) for name in RewardParams._fields))
+
+
+class RewardParams(NamedTuple):
+    """The weights of `reward`, named as in RewardWeights."""
+
+    progress: float
+    gate: float
+    crash: float
+    clearance: float
+    body_rates: float
+    action_change: float
+    time: float
 
 
 def reward(progress, clearance, crashed, reached, action, last, p):
-    """progress [m]; clearance: what is short of the margin, times the way in the gate [m^2]; crashed, reached: 0, 1."""
-    a_0, a_1, a_2, a_3, a_4, a_5, a_6 = p
-    wx, wy, wz, thrust = action
-    dx, dy, dz, da = wx - last[0], wy - last[1], wz - last[2], thrust - last[3]
-    rates = wx * wx + wy * wy + wz * wz
-    change = dx * dx + dy * dy + dz * dz + da * da
-    return a_0 * progress + a_1 * reached - a_2 * crashed - a_3 * clearance - a_4 * rates - a_5 * change - a_6
+    """Return the reward of one step.
+
+    Args:
+        progress: by how much the way that is left became shorter [m].
+        clearance: what is short of the margin, times the way in the gate [m^2].
+        crashed, reached: 0 or 1.
+        action, last: this and the last action, Control in -1..1.
+        p: RewardParams.
+    """
+    rates = action.wx * action.wx + action.wy * action.wy + action.wz * action.wz
+    dx = action.wx - last.wx
+    dy = action.wy - last.wy
+    dz = action.wz - last.wz
+    d_thrust = action.thrust - last.thrust
+    change = dx * dx + dy * dy + dz * dz + d_thrust * d_thrust
+    earned = p.progress * progress + p.gate * reached
+    return (
+        earned - p.crash * crashed - p.clearance * clearance - p.body_rates * rates - p.action_change * change - p.time
+    )

@@ -23,7 +23,6 @@ from quadsim.systems.quadrotor import ModelParams, quadrotor
 from quadsim.vehicle import Vehicle, load_vehicle
 
 STARTS = ("standing", "anywhere")
-WEIGHTS = {"progress": 1.0, "crash": 1.0, "clearance": 1.0}  # of the racing cost, whose terms the reward weighs
 
 
 @dataclass(frozen=True)
@@ -45,8 +44,8 @@ class Task:
         return quadrotor(ModelParams.of(self.vehicle), self.dt)
 
     def cost(self, k: int) -> Cost:
-        """The racing cost of course k, which measures progress and tests the gates."""
-        weights = RaceWeights(**WEIGHTS, margin=self.rewards.margin)
+        """Return the racing cost of course k, which measures progress and tests the gates; the reward weighs it."""
+        weights = RaceWeights(margin=self.rewards.margin)
         return race_cost(self.courses[k], self.vehicle.radius, weights, self.laps[k])
 
 

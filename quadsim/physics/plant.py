@@ -6,7 +6,7 @@ simulator, RotorPy, has a multirotor of its own. Any other system is flown by it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from typing import Protocol
 
@@ -17,6 +17,7 @@ from quadsim.physics.actuators import Actuators, Vector
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.physics.rigid_body import RigidBody
 from quadsim.physics.rotorpy_plant import RotorpyPlant
+from quadsim.systems import System
 from quadsim.systems.rotation import to_body
 from quadsim.vehicle import Vehicle
 
@@ -132,24 +133,26 @@ def default_plant() -> str:
 class ModelPlant:
     """A system flown by its own step, with an optional disturbance. Touches nothing."""
 
-    def __init__(
-        self,
-        step: Callable[[Vector, Vector, Vector, float], Vector],
-        params: Vector,
-        x0: Vector,
-        dt: float,
-        disturb: Callable[[Vector], Vector] | None = None,
-    ):
-        """disturb: a change of the state after each step, e.g. `diffusion`."""
-        self.dt = dt
-        self._step, self._params, self._disturb = step, params, disturb
+    def __init__(self, system: System, x0: Sequence[float], disturb: Callable[[Vector], Vector] | None = None):
+        """Start at the state x0 (n_x,).
+
+        Args:
+            system: flown in steps of its dt.
+            x0: state at the start.
+            disturb: changes the state after each step, e.g. `diffusion`.
+        """
+        self.dt = system.dt
+        self._system = system
+        self._disturb = disturb
         self._steps = 0
-        self.state = PlantState(0.0, x0, ())
+        self.state = PlantState(0.0, system.state(*x0), ())
 
     def step(self, u: Vector) -> PlantState:
-        x = self._step(self.state.x, u, self._params, self.dt)
+        x = self._system.next(self.state.x, u)
+        if self._disturb:
+            x = self._system.state(*self._disturb(x))
         self._steps += 1
-        self.state = PlantState(self._steps * self.dt, self._disturb(x) if self._disturb else x, ())
+        self.state = PlantState(self._steps * self.dt, x, ())
         return self.state
 
     def close(self) -> None:

@@ -135,5 +135,5 @@ def own_system(system: System, start: tuple[float, ...]) -> SystemEntry:
         system=lambda model, dt: replace(system, dt=dt),
         cost=lambda spec: spec.own.cost,
         start=lambda spec: start,
-        plant=lambda spec, streams: ModelPlant(system.step, system.params, start, spec.plant_dt),
+        plant=lambda spec, streams: ModelPlant(replace(system, dt=spec.plant_dt), start),
     )

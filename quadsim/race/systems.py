@@ -137,7 +137,7 @@ def _drive_plant(spec: Any, streams: Streams) -> Plant:
     system = offroad.offroad(spec.vehicle, spec.plant_dt)
     std = tuple(spec.randomize * offroad.DISTURBANCE.get(name, 0.0) for name in system.states)
     rng = np.random.default_rng(streams[1])
-    return ModelPlant(system.step, system.params, _drive_start(spec), spec.plant_dt, diffusion(std, spec.plant_dt, rng))
+    return ModelPlant(system, _drive_start(spec), diffusion(std, spec.plant_dt, rng))
 
 
 def _point_start(spec: Any) -> tuple[float, ...]:
@@ -146,7 +146,7 @@ def _point_start(spec: Any) -> tuple[float, ...]:
 
 def _point_plant(spec: Any, streams: Streams) -> Plant:
     system = double_integrator.double_integrator(spec.plant_dt, spec.vehicle)
-    return ModelPlant(system.step, system.params, _point_start(spec), spec.plant_dt)
+    return ModelPlant(system, _point_start(spec))
 
 
 def _only(kind: str, *known: Any) -> Callable[[str], Any]:

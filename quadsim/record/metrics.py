@@ -10,10 +10,12 @@ from math import pi, sqrt
 
 import numpy as np
 
+from controllers.costs import evaluate
 from controllers.costs.quadratic import QuadraticWeights, quadratic_cost
 from quadsim.course.point_goal import parse_point_goal
 from quadsim.race.events import sector_times
-from quadsim.record.run import Run, system_of, units_of
+from quadsim.record.run import Run, system_of
+from quadsim.systems.double_integrator import State
 from quadsim.systems.first_order import remaining
 
 MOTOR_TAU = 0.033  # [s] a racing quadrotor's, for vehicles whose thrust acts at once
@@ -127,9 +129,9 @@ def cost_terms(run: Run) -> dict[str, float]:
     """The terms of a double integrator's quadratic cost, each summed over the states that were reached."""
     goal = parse_point_goal(run.spec["course_text"], run.spec["course"]).goal
     cost = quadratic_cost(goal, QuadraticWeights(**run.spec["planner"]["cost"]))
-    x = tuple(run.telemetry[name][1:] for name in units_of(run.spec)[0])  # the first state was given
-    terms = cost.terms(x, x, (), goal, 0.0, cost.params)[: len(cost.term_names)]
-    return {name: float(np.sum(term)) for name, term in zip(cost.term_names, terms, strict=True)}
+    x = State(*(run.telemetry[name][1:] for name in State._fields))  # the first state was given
+    terms = evaluate(cost, x, x, (), goal).terms
+    return {name: float(np.sum(term)) for name, term in terms.items()}
 
 
 def missed_deadlines(run: Run) -> int:

@@ -1,57 +1,77 @@
-"""Models x_{t+1} = x_t + F(x_t, u_t) dt, each one file of plain functions over tuples of scalars.
+"""Models x_{t+1} = x_t + F(x_t, u_t) dt, each one file of plain functions over named scalars.
 
-The same text is flown on floats (ModelPlant), checked on numpy rows (the float64 oracle of the tests)
-and inlined into the compiled lanes that MPPI runs. So a step uses only what all three know: plain functions of the same
-kind, arithmetic, comparisons joined by `&` and `|`, `abs`, and numpy's sqrt, exp, where, minimum, maximum.
+A model is three records and a function: State, Control and Params are NamedTuples of numbers, and
+`step(x, u, p, dt)` returns the next State. The same function is flown on floats (ModelPlant), checked on float64
+arrays (the oracle of the tests), given to CasADi by the optimiser, and inlined into the compiled lanes that MPPI
+runs. So a step uses only what all of them know: arithmetic, comparisons joined by `&` and `|`, `abs`, and NumPy's
+where, minimum, maximum, sqrt, exp, log, sin, cos, tan, tanh, arctan2; it may call functions of the same kind.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import get_type_hints
+from typing import Any
 
 import numpy as np
 
 
 @dataclass(frozen=True)
 class System:
-    """A model with its numbers: x_{t+1} = step(x_t, u_t, params, dt).
-
-    `step` takes tuples of scalars, x (n_x,), u (n_u,) and params, and returns the next x (n_x,). It is compiled: plain
-    arithmetic, comparisons joined by `&` and `|`, abs, and numpy's sqrt, exp, where, minimum, maximum.
-    """
+    """A model with its numbers: x_{t+1} = step(x_t, u_t, params, dt)."""
 
     name: str
-    states: tuple[str, ...]  # n_x names
-    controls: tuple[str, ...]  # n_u names
-    step: Callable
-    params: tuple[float, ...]
+    state: type  # NamedTuple of n_x scalars
+    control: type  # NamedTuple of n_u scalars
+    step: Callable[[Any, Any, Any, Any], Any]  # (state, control, params, dt) -> state, see this module's docstring
+    params: tuple[float, ...]  # a NamedTuple; () for a step without numbers
     dt: float  # [s]
     low: tuple[float, ...]  # (n_u,) control limits
     high: tuple[float, ...]
     rest: tuple[float, ...]  # (n_u,) the control that holds still, e.g. hover
-    attainable: Callable | None = None  # (x, u, params) -> what is commanded in place of u (n_u,), if not u itself
+    # (state, control, params) -> the control that is commanded in its place, where the vehicle cannot follow it
+    attainable: Callable[[Any, Any, Any], Any] | None = None
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the state's numbers."""
+        return self.state._fields  # pyright: ignore[reportAttributeAccessIssue]
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """Names of the control's numbers."""
+        return self.control._fields  # pyright: ignore[reportAttributeAccessIssue]
+
+    def next(self, x: Sequence[float] | np.ndarray, u: Sequence[float] | np.ndarray) -> Any:
+        """Return the state after one step.
+
+        Args:
+            x: state (n_x,), or rows of numbers (n_x, n).
+            u: control (n_u,), or rows of numbers (n_u, n).
+
+        Returns:
+            The record `state`.
+        """
+        return self.step(self.state(*x), self.control(*u), self.params, self.dt)
 
     def tightened(self, share: float) -> System:
-        """The same with this share of the way from rest to each limit left unused, for corrections, as in tube MPC."""
-        low, high = (
-            tuple(limit + share * (rest - limit) for limit, rest in zip(limits, self.rest, strict=True))
-            for limits in (self.low, self.high)
-        )
-        return replace(self, low=low, high=high)
+        """Return the system with this share of the way from rest to each limit unused.
 
-    def check(self, x: np.ndarray) -> None:
-        """Raises ValueError unless x holds one finite number for each state."""
+        What is left unused is for corrections, as in tube MPC.
+        """
+
+        def tighter(limits: tuple[float, ...]) -> tuple[float, ...]:
+            return tuple(limit + share * (rest - limit) for limit, rest in zip(limits, self.rest, strict=True))
+
+        return replace(self, low=tighter(self.low), high=tighter(self.high))
+
+    def check(self, x: Sequence[float] | np.ndarray) -> None:
+        """Raise ValueError unless x holds one finite number for each state."""
+        expected = len(self.states)
         bad = [f"{name} = {value:g}" for name, value in zip(self.states, x, strict=False) if not isfinite(value)]
-        if bad or len(x) != len(self.states):
+        if bad or len(x) != expected:
             found = ", ".join(bad) or f"{len(x)} numbers"
-            expected = f"expected {len(self.states)} finite numbers"
-            raise ValueError(f"{self.name}: state: {expected}, got {found}; has the plant diverged?")
-
-
-def units_of(record: type) -> dict[str, str]:
-    """Return the unit of each field of a NamedTuple of `Annotated[float, unit]`, in the order of the fields."""
-    hints = get_type_hints(record, include_extras=True)
-    return {name: hints[name].__metadata__[0] for name in record.__annotations__}
+            raise ValueError(
+                f"{self.name}: state: expected {expected} finite numbers, got {found}; has the plant diverged?"
+            )

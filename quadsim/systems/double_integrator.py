@@ -6,20 +6,47 @@ Explicit Euler: the position moves with the old velocity. No limits, as float32 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated, NamedTuple
 
 from quadsim.systems import System
+from quadsim.systems.records import units_of
 
-STATE_UNITS = {"px": "m", "py": "m", "vx": "m/s", "vy": "m/s"}
-CONTROL_UNITS = {"ax_cmd": "m/s^2", "ay_cmd": "m/s^2"}
 UNLIMITED = 1e30  # finite, as the compiled lanes assume of every number
 
 
+class State(NamedTuple):
+    """Position and velocity in the plane."""
+
+    px: Annotated[float, "m"]
+    py: Annotated[float, "m"]
+    vx: Annotated[float, "m/s"]
+    vy: Annotated[float, "m/s"]
+
+
+class Control(NamedTuple):
+    """Commanded acceleration."""
+
+    ax_cmd: Annotated[float, "m/s^2"]
+    ay_cmd: Annotated[float, "m/s^2"]
+
+
+class Params(NamedTuple):
+    """The number of `step`."""
+
+    gain: float  # k, acceleration per unit of control
+
+
+STATE_UNITS, CONTROL_UNITS = units_of(State), units_of(Control)
+
+
 def step(x, u, p, dt):
-    """x, u: STATE_UNITS and CONTROL_UNITS. p: acceleration per unit of control, k."""
-    px, py, vx, vy = x
-    ux, uy = u
-    (k,) = p
-    return px + vx * dt, py + vy * dt, vx + k * ux * dt, vy + k * uy * dt
+    """Return the State after dt [s] from the State x under the Control u, with Params p."""
+    return State(
+        px=x.px + x.vx * dt,
+        py=x.py + x.vy * dt,
+        vx=x.vx + p.gain * u.ax_cmd * dt,
+        vy=x.vy + p.gain * u.ay_cmd * dt,
+    )
 
 
 @dataclass(frozen=True)
@@ -34,15 +61,15 @@ POINT = PointMass()
 
 
 def double_integrator(dt: float, point: PointMass = POINT) -> System:
-    """At control period dt [s]."""
+    """Return the system at control period dt [s]."""
     return System(
         name="double_integrator",
-        states=tuple(STATE_UNITS),
-        controls=tuple(CONTROL_UNITS),
+        state=State,
+        control=Control,
         step=step,
-        params=(point.gain,),
+        params=Params(gain=point.gain),
         dt=dt,
-        low=(-UNLIMITED,) * 2,
-        high=(UNLIMITED,) * 2,
-        rest=(0.0, 0.0),
+        low=Control(-UNLIMITED, -UNLIMITED),
+        high=Control(UNLIMITED, UNLIMITED),
+        rest=Control(0.0, 0.0),
     )

@@ -13,36 +13,91 @@ A bicycle whose tyres saturate. The heading is a unit vector, so that no step ne
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated, NamedTuple
 
 from numpy import maximum, minimum, sqrt, where
 
 from quadsim.systems import System
 from quadsim.systems.first_order import response
+from quadsim.systems.records import units_of
 
-STATE_UNITS = {"px": "m", "py": "m", "hx": "1", "hy": "1", "v": "m/s", "r": "rad/s", "steer": "1", "drive": "1"}
-CONTROL_UNITS = {"drive_cmd": "1", "steer_cmd": "1"}  # both in -1..1
+
+class State(NamedTuple):
+    """Position, heading as a unit vector, speed and yaw rate, and where steering wheel and pedals are."""
+
+    px: Annotated[float, "m"]
+    py: Annotated[float, "m"]
+    hx: Annotated[float, "1"]
+    hy: Annotated[float, "1"]
+    v: Annotated[float, "m/s"]
+    r: Annotated[float, "rad/s"]
+    steer: Annotated[float, "1"]
+    drive: Annotated[float, "1"]
+
+
+class Control(NamedTuple):
+    """Throttle (> 0) or brake (< 0), and steering, both in -1..1."""
+
+    drive_cmd: Annotated[float, "1"]
+    steer_cmd: Annotated[float, "1"]
+
+
+class Params(NamedTuple):
+    """The numbers of `step`: those of OffroadVehicle, lags as the share that is made up in one step."""
+
+    steer_response: float
+    steer_rate: float  # [1/s]
+    drive_response: float
+    accel: float  # [m/s^2]
+    brake: float  # [m/s^2]
+    drag: float  # [1/s]
+    curvature: float  # [1/m]
+    grip: float  # [m/s^2]
+    yaw_response: float
+    slip: float  # [rad s^2/m]
+
+
+STATE_UNITS, CONTROL_UNITS = units_of(State), units_of(Control)
 DISTURBANCE = {"hx": 0.01, "hy": 0.01, "v": 0.2, "r": 0.04}  # standard deviation after 1 s of it [1, m/s, rad/s]
 
 
 def step(x, u, p, dt):
-    """x, u: STATE_UNITS and CONTROL_UNITS. p: OffroadVehicle's numbers, lags as gains in one dt."""
-    px, py, hx, hy, v, r, steer, drive = x
-    drive_cmd, steer_cmd = u
-    k_steer, rate, k_drive, accel, brake, drag, kappa, grip, k_yaw, slip = p
-    turned = rate * dt
-    steer2 = steer + minimum(maximum((steer_cmd - steer) * k_steer, -turned), turned)
-    drive2 = drive + (drive_cmd - drive) * k_drive
-    ax = where(drive2 > 0.0, accel, brake) * drive2 - drag * v
-    v2 = maximum(v + ax * dt, 0.0)
-    room = sqrt(maximum(grip * grip - ax * ax, 1.0))
-    ay = minimum(maximum(v2 * v2 * kappa * steer2, -room), room)
-    r2 = r + (ay / maximum(v2, 0.1) - r) * k_yaw
-    turn = 0.5 * (r + r2) * dt
-    hx2, hy2 = hx - hy * turn, hy + hx * turn
-    n = 1.5 - 0.5 * (hx2 * hx2 + hy2 * hy2)  # one Newton step on 1 / |h|
-    hx2, hy2 = hx2 * n, hy2 * n
-    beta, way = slip * v2 * r2, 0.5 * (v + v2) * dt
-    return px + (hx2 + beta * hy2) * way, py + (hy2 - beta * hx2) * way, hx2, hy2, v2, r2, steer2, drive2
+    """Return the State after dt [s] from the State x under the Control u, with Params p."""
+    # Steering wheel and pedals lag behind their commands.
+    turned = p.steer_rate * dt
+    steer = x.steer + minimum(maximum((u.steer_cmd - x.steer) * p.steer_response, -turned), turned)
+    drive = x.drive + (u.drive_cmd - x.drive) * p.drive_response
+
+    # Forwards: throttle, brake and drag; the vehicle never rolls back.
+    ax = where(drive > 0.0, p.accel, p.brake) * drive - p.drag * x.v
+    v = maximum(x.v + ax * dt, 0.0)
+
+    # Sideways: what is left of the tyres' grip.
+    room = sqrt(maximum(p.grip * p.grip - ax * ax, 1.0))
+    ay = minimum(maximum(v * v * p.curvature * steer, -room), room)
+    r = x.r + (ay / maximum(v, 0.1) - x.r) * p.yaw_response
+
+    # The heading turns; one Newton step on 1 / |h| renormalises.
+    turn = 0.5 * (x.r + r) * dt
+    hx = x.hx - x.hy * turn
+    hy = x.hy + x.hx * turn
+    scale = 1.5 - 0.5 * (hx * hx + hy * hy)
+    hx = hx * scale
+    hy = hy * scale
+
+    # The position moves beside the heading by the sideslip.
+    beta = p.slip * v * r
+    way = 0.5 * (x.v + v) * dt
+    return State(
+        px=x.px + (hx + beta * hy) * way,
+        py=x.py + (hy - beta * hx) * way,
+        hx=hx,
+        hy=hy,
+        v=v,
+        r=r,
+        steer=steer,
+        drive=drive,
+    )
 
 
 @dataclass(frozen=True)
@@ -62,11 +117,20 @@ class OffroadVehicle:
     yaw_tau: float = 0.15  # lag of the yaw rate [s]
     slip: float = 0.0  # sideslip per lateral acceleration [rad s^2/m]
 
-    def params(self, dt: float) -> tuple[float, ...]:
-        """For steps of dt [s]."""
-        k_steer, k_drive, k_yaw = (response(tau, dt) for tau in (self.steer_tau, self.drive_tau, self.yaw_tau))
-        force = (self.accel, self.brake, self.drag, self.curvature, self.grip)
-        return (k_steer, self.steer_rate, k_drive, *force, k_yaw, self.slip)
+    def params(self, dt: float) -> Params:
+        """Return the numbers of `step` for steps of dt [s]."""
+        return Params(
+            steer_response=response(self.steer_tau, dt),
+            steer_rate=self.steer_rate,
+            drive_response=response(self.drive_tau, dt),
+            accel=self.accel,
+            brake=self.brake,
+            drag=self.drag,
+            curvature=self.curvature,
+            grip=self.grip,
+            yaw_response=response(self.yaw_tau, dt),
+            slip=self.slip,
+        )
 
 
 # The vehicle that is driven responds more slowly, slides, and grips less than the planner's nominal model.
@@ -77,15 +141,15 @@ DRIVEN = OffroadVehicle(
 
 
 def offroad(vehicle: OffroadVehicle, dt: float) -> System:
-    """The system at control period dt [s]."""
+    """Return the system at control period dt [s]."""
     return System(
         name="offroad",
-        states=tuple(STATE_UNITS),
-        controls=tuple(CONTROL_UNITS),
+        state=State,
+        control=Control,
         step=step,
         params=vehicle.params(dt),
         dt=dt,
-        low=(-1.0, -1.0),
-        high=(1.0, 1.0),
-        rest=(0.0, 0.0),
+        low=Control(-1.0, -1.0),
+        high=Control(1.0, 1.0),
+        rest=Control(0.0, 0.0),
     )

@@ -25,8 +25,9 @@ from msgspec import Meta
 from numpy import maximum, minimum
 
 from quadsim.files.strict_yaml import unit
-from quadsim.systems import System, units_of
+from quadsim.systems import System
 from quadsim.systems.first_order import response
+from quadsim.systems.records import units_of
 from quadsim.vehicle import GRAVITY, Vehicle
 
 
@@ -107,6 +108,21 @@ class Control(NamedTuple):
         return self.wx, self.wy, self.wz
 
 
+class Params(NamedTuple):
+    """The numbers of `step`, made of ModelParams for one step length by `quadrotor`."""
+
+    rate_gain_x: float  # angular acceleration asked for per error of the body rate [1/s]
+    rate_gain_y: float
+    rate_gain_z: float
+    rotor_response: float  # share of the way to its command that a rotor makes in one step
+    thrust_gain: float  # k, acceleration per thrust delivered
+    drag: float  # d [1/s]
+    tilt_cost_x: float  # c_x, thrust given up per angular acceleration about x [m]
+    tilt_cost_y: float
+    yaw_per_room: float  # 1 / c_z, angular acceleration about z per room to the thrust's limits [1/m]
+    thrust_max: float  # mass-normalised [m/s^2]
+
+
 # Columns of telemetry: the names above, but for two that are written as symbols there.
 STATE_UNITS = {("a" if name == "thrust" else name): unit for name, unit in units_of(State).items()}
 CONTROL_UNITS = {("a_cmd" if name == "thrust" else f"{name}_cmd"): unit for name, unit in units_of(Control).items()}
@@ -139,51 +155,106 @@ def quaternion_rate(q, m):
 
 
 def step(x, u, p, dt):
-    """x, u: STATE and CONTROL.
+    """Return the state after dt [s] under a constant command.
 
-    p: gains of the rates (3) [1/s], response of the rotors in one dt, k, drag d [1/s], c_x, c_y [m], 1 / c_z [1/m],
-    a_max [m/s^2].
+    A plain function of named scalars: it is flown on floats, checked on arrays, inlined into the compiled rollouts
+    and differentiated by the optimiser.
+
+    Args:
+        x: State.
+        u: Control.
+        p: Params.
+        dt: [s]
+
+    Returns:
+        State.
     """
-    px, py, pz, vx, vy, vz, qw, qx, qy, qz, wx, wy, wz, a, bx, by, bz = x
-    wx_cmd, wy_cmd, wz_cmd, a_cmd = u
-    k_x, k_y, k_z, k_m, k, drag, c_x, c_y, per_c_z, a_max = p
-    half, eighth = 0.5 * dt, 0.125 * dt
-    # what the rotors deliver moves towards the command, as far as their limits allow: roll and pitch first, yaw last
-    bx_cmd, by_cmd, bz_cmd = (wx_cmd - wx) * k_x, (wy_cmd - wy) * k_y, (wz_cmd - wz) * k_z
-    reserve = tilt_reserve(c_x, c_y, bx_cmd, by_cmd)
-    most = a_max - reserve
-    a_lim = minimum(maximum(a_cmd, reserve), most)
-    bz_max = (maximum(minimum(a_lim - reserve, most - a_lim), 0.0) + LEAST_ROOM) * per_c_z
+    # What the rotors deliver moves towards the command, as far as their limits allow: roll and pitch first, yaw last.
+    bx_cmd = (u.wx - x.wx) * p.rate_gain_x
+    by_cmd = (u.wy - x.wy) * p.rate_gain_y
+    bz_cmd = (u.wz - x.wz) * p.rate_gain_z
+    reserve = tilt_reserve(p.tilt_cost_x, p.tilt_cost_y, bx_cmd, by_cmd)
+    most = p.thrust_max - reserve
+    thrust_lim = minimum(maximum(u.thrust, reserve), most)
+    bz_max = (maximum(minimum(thrust_lim - reserve, most - thrust_lim), 0.0) + LEAST_ROOM) * p.yaw_per_room
     bz_cmd = minimum(maximum(bz_cmd, -bz_max), bz_max)
-    a2 = a + (a_lim - a) * k_m
-    bx2, by2, bz2 = bx + (bx_cmd - bx) * k_m, by + (by_cmd - by) * k_m, bz + (bz_cmd - bz) * k_m
-    wx2, wy2, wz2 = wx + bx2 * dt, wy + by2 * dt, wz + bz2 * dt
-    # half a step of q' = q x (0, omega) / 2 under the mean rates
-    m = eighth * (wx + wx2), eighth * (wy + wy2), eighth * (wz + wz2)
-    dw, dx, dy, dz = quaternion_rate((qw, qx, qy, qz), m)
-    hw, hx, hy, hz = qw + dw, qx + dx, qy + dy, qz + dz
-    # the thrust of the new step acts along the body's z axis in mid-step
-    zx, zy, zz = thrust_axis(hw, hx, hy, hz)
-    lift = k * a2
-    ax, ay, az = zx * lift - drag * vx, zy * lift - drag * vy, zz * lift - drag * vz - GRAVITY
-    vx2, vy2, vz2 = vx + ax * dt, vy + ay * dt, vz + az * dt
-    qw2, qx2, qy2, qz2 = hw + dw, hx + dx, hy + dy, hz + dz
-    # one Newton step on 1 / |q| renormalises
-    n = 1.5 - 0.5 * (qw2 * qw2 + qx2 * qx2 + qy2 * qy2 + qz2 * qz2)
-    px2, py2, pz2 = px + (vx + vx2) * half, py + (vy + vy2) * half, pz + (vz + vz2) * half
-    return px2, py2, pz2, vx2, vy2, vz2, qw2 * n, qx2 * n, qy2 * n, qz2 * n, wx2, wy2, wz2, a2, bx2, by2, bz2
+
+    # The rotors follow with a first-order lag.
+    thrust = x.thrust + (thrust_lim - x.thrust) * p.rotor_response
+    bx = x.bx + (bx_cmd - x.bx) * p.rotor_response
+    by = x.by + (by_cmd - x.by) * p.rotor_response
+    bz = x.bz + (bz_cmd - x.bz) * p.rotor_response
+    wx = x.wx + bx * dt
+    wy = x.wy + by * dt
+    wz = x.wz + bz * dt
+
+    # Half a step of q' = q x (0, omega) / 2 under the mean rates.
+    eighth = 0.125 * dt
+    turn = eighth * (x.wx + wx), eighth * (x.wy + wy), eighth * (x.wz + wz)
+    dw, dx, dy, dz = quaternion_rate(x.attitude, turn)
+    half_qw = x.qw + dw
+    half_qx = x.qx + dx
+    half_qy = x.qy + dy
+    half_qz = x.qz + dz
+
+    # The thrust of the new step acts along the body's z axis in mid-step.
+    zx, zy, zz = thrust_axis(half_qw, half_qx, half_qy, half_qz)
+    lift = p.thrust_gain * thrust
+    ax = zx * lift - p.drag * x.vx
+    ay = zy * lift - p.drag * x.vy
+    az = zz * lift - p.drag * x.vz - GRAVITY
+    vx = x.vx + ax * dt
+    vy = x.vy + ay * dt
+    vz = x.vz + az * dt
+
+    # The other half of the turn; one Newton step on 1 / |q| renormalises.
+    qw = half_qw + dw
+    qx = half_qx + dx
+    qy = half_qy + dy
+    qz = half_qz + dz
+    scale = 1.5 - 0.5 * (qw * qw + qx * qx + qy * qy + qz * qz)
+
+    half = 0.5 * dt
+    return State(
+        px=x.px + (x.vx + vx) * half,
+        py=x.py + (x.vy + vy) * half,
+        pz=x.pz + (x.vz + vz) * half,
+        vx=vx,
+        vy=vy,
+        vz=vz,
+        qw=qw * scale,
+        qx=qx * scale,
+        qy=qy * scale,
+        qz=qz * scale,
+        wx=wx,
+        wy=wy,
+        wz=wz,
+        thrust=thrust,
+        bx=bx,
+        by=by,
+        bz=bz,
+    )
 
 
 def attainable(x, u, p):
-    """The command u with no more thrust than what its roll and pitch leave to the rotors.  (4,)
+    """Return the command u with no more thrust than what its roll and pitch leave to the rotors.
 
-    For a vehicle whose flight controller does not see to that: where it clips the rotors' commands one by one, roll and
-    pitch get half of what they ask for at full thrust. At most half of the thrust is given up.
+    It is for a vehicle whose flight controller does not see to that: where it clips the rotors' commands one by one,
+    roll and pitch get half of what they ask for at full thrust. At most half of the thrust is given up.
+
+    Args:
+        x: State.
+        u: Control.
+        p: Params.
+
+    Returns:
+        Control.
     """
-    k_x, k_y, _k_z, _k_m, _k, _drag, c_x, c_y, _per_c_z, a_max = p
-    wx_cmd, wy_cmd, wz_cmd, a_cmd = u
-    reserve = tilt_reserve(c_x, c_y, (wx_cmd - x[10]) * k_x, (wy_cmd - x[11]) * k_y)
-    return wx_cmd, wy_cmd, wz_cmd, minimum(a_cmd, maximum(a_max - reserve, 0.5 * a_max))
+    bx_cmd = (u.wx - x.wx) * p.rate_gain_x
+    by_cmd = (u.wy - x.wy) * p.rate_gain_y
+    reserve = tilt_reserve(p.tilt_cost_x, p.tilt_cost_y, bx_cmd, by_cmd)
+    thrust = minimum(u.thrust, maximum(p.thrust_max - reserve, 0.5 * p.thrust_max))
+    return Control(u.wx, u.wy, u.wz, thrust)
 
 
 Lag = Annotated[float, unit("s", ge=0, le=10)]
@@ -230,18 +301,30 @@ def tilt_cost(vehicle: Vehicle) -> tuple[float, float]:
 
 
 def quadrotor(model: ModelParams, dt: float) -> System:
-    """The system MPPI plans with, at control period dt [s]."""
-    gains = (*(response(tau, dt) / dt for tau in model.rate_tau), response(model.motor_tau, dt))
-    per_c_z = 1.0 / model.yaw_cost if model.yaw_cost else UNLIMITED_YAW
+    """Return the system that MPPI plans with, at control period dt [s]."""
+    gain_x, gain_y, gain_z = (response(tau, dt) / dt for tau in model.rate_tau)
+    tilt_cost_x, tilt_cost_y = model.tilt_cost
+    params = Params(
+        rate_gain_x=gain_x,
+        rate_gain_y=gain_y,
+        rate_gain_z=gain_z,
+        rotor_response=response(model.motor_tau, dt),
+        thrust_gain=model.thrust_gain,
+        drag=model.drag,
+        tilt_cost_x=tilt_cost_x,
+        tilt_cost_y=tilt_cost_y,
+        yaw_per_room=1.0 / model.yaw_cost if model.yaw_cost else UNLIMITED_YAW,
+        thrust_max=model.thrust_max,
+    )
     return System(
         name="quadrotor",
-        states=STATE,
-        controls=CONTROL,
+        state=State,
+        control=Control,
         step=step,
-        params=(*gains, model.thrust_gain, model.drag, *model.tilt_cost, per_c_z, model.thrust_max),
+        params=params,
         dt=dt,
-        low=(*(-r for r in model.rate_max), model.thrust_min),
-        high=(*model.rate_max, model.thrust_max),
-        rest=(0.0, 0.0, 0.0, GRAVITY),
+        low=Control(*(-rate for rate in model.rate_max), model.thrust_min),
+        high=Control(*model.rate_max, model.thrust_max),
+        rest=Control(0.0, 0.0, 0.0, GRAVITY),
         attainable=None if model.tilt_first else attainable,
     )

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from controllers.rollout.inline import WORDS
 from numpy import minimum
 
 from controllers.mppi import MPPI
 from controllers.presets import preset
-from controllers.rollout.inline import WORDS
 from quadsim.app.bench import bench, machine, peers
 from quadsim.app.bench.cases import Case, controller, paper_case
 from quadsim.app.bench.machine import Machine, Work, bandwidth_gb, count, floor_ns, peak_gflops, triad, work

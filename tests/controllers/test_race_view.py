@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from controllers.rollout.inline import lane_source
 
 from controllers.costs.race import RaceWeights, race_cost, terms
 from controllers.costs.race_view import with_view
-from controllers.rollout.inline import lane_source
 from quadsim.course import load_course
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec

@@ -9,9 +9,10 @@ from oracle import SAME, decision_distance, fly_rows, to_lanes
 
 from controllers.costs.race import RaceWeights, race_cost
 from controllers.rollout.lanes import LANES, Rollout
+from controllers.rollout.planner_loops import module_source
 from controllers.schedule import Schedule
 from quadsim.course import Course, Gate, Start
-from quadsim.systems.quadrotor import STATE, ModelParams, quadrotor
+from quadsim.systems.quadrotor import ModelParams, State, quadrotor
 
 M, T = 500, 120  # M is no multiple of a block
 RADIUS = 0.1
@@ -38,8 +39,8 @@ def random_course(seed, loop=False):
 
 
 def launch(p=(0.0, 0.0, 3.0), v=(10.0, 0.0, 1.0)):
-    at = dict(zip(STATE, (*p, *v, 1.0), strict=False)) | {"a": 9.81}
-    return np.array([at.get(name, 0.0) for name in STATE])
+    at = dict(zip(State._fields, (*p, *v, 1.0), strict=False)) | {"thrust": 9.81}
+    return np.array([at.get(name, 0.0) for name in State._fields])
 
 
 def controls(seed, spread=0.8):
@@ -105,10 +106,13 @@ def test_perturbations_and_cost_are_weighted_along_the_horizon():
 def test_lanes_leave_out_the_terms_without_weight_and_no_others():
     cost = race_cost(random_course(0), RADIUS, RaceWeights(heading=2.0, margin=0.2), laps=1)
     oracle = fly_rows(SYSTEM, cost, launch(), *controls(0), clearance=decision_distance)  # adds up all terms
-    names = {name for k, name in enumerate(cost.term_names) if k not in cost.unweighted}
+    source = module_source(SYSTEM, cost, np.float32)
+    names = {name for name in cost.term_names if f"# term: {name}" in source}
     assert names == {"progress", "heading", "crash", "clearance"}
+    assert "weight_speed" not in source
     assert_agree(fly_lanes(cost, launch(), *controls(0)), oracle)
-    without_heading = replace(cost, unweighted=(*cost.unweighted, 1))
+    terms = tuple(term.but(weight=0.0) if term.name == "heading" else term for term in cost.terms)
+    without_heading = replace(cost, terms=terms)
     assert np.mean(abs(fly_lanes(without_heading, launch(), *controls(0)) - oracle.J) > 1e-2) > 0.9
 
 

@@ -1,7 +1,7 @@
 """The work that a control step needs at least, and the time that this machine needs for it: a roofline.
 
-Operations are counted in the source of the plain functions: additions, multiplications, divisions, comparisons, bit
-operations, roots and selects are one each. A machine is measured by a matrix product, which counts a fused
+Operations are counted in the traced step and cost of a rollout, and in the source of the random generator: additions,
+multiplications, divisions, comparisons, bit operations, roots and selects are one each. A machine is measured by a matrix product, which counts a fused
 multiply-add as two: code that has nothing to fuse reaches half of its roofline.
 """
 
@@ -20,12 +20,13 @@ from numba import njit, prange
 
 from controllers.mppi import MPPI
 from controllers.rollout.compiled import kept
-from controllers.rollout.inline import WORDS
 from controllers.rollout.layout import CHUNK
 from controllers.rollout.normals import box_muller, philox
+from controllers.rollout.planner_loops import operations
 from quadsim.record.provenance import cpu_name
 
 CONSTANT = {"F", "U4", "U8", "math", "np"}  # names in arithmetic that is done before the loop
+ONE_OPERATION = {"sqrt", "exp", "where", "minimum", "maximum", "abs"}
 FLOAT = 4  # bytes
 
 
@@ -91,9 +92,8 @@ def floor_ns(work: Work, machine: Machine) -> float:
 
 def work(mppi: MPPI, sampler: str) -> dict[str, Work]:
     """Of each part of an iteration. Weights are a few operations for each sample, not for each step: left out."""
-    n_u, terms = len(mppi.system.controls), len(mppi.cost.term_names)
-    # clip(U + z) is three operations a control; every term is added to the sum
-    rollouts = count(mppi.system.step) + count(mppi.cost.terms) + terms + 3 * n_u
+    n_u = len(mppi.system.controls)
+    rollouts = operations(mppi.system, mppi.cost)
     mean = 6 * n_u  # s += w (clip(U + z) - U); fewer where all weights of a block of samples are 0
     noise = _noise(sampler, n_u, mppi.config.horizon)
     return noise | {"rollouts": Work(rollouts, FLOAT * n_u), "weighted mean": Work(mean, FLOAT * n_u)}
@@ -137,6 +137,6 @@ def _operations(node: ast.AST, names: Mapping) -> int:
 
 def _of_call(called: ast.expr, names: Mapping) -> int:
     name = called.attr if isinstance(called, ast.Attribute) else ast.unparse(called)
-    if name in WORDS:  # one operation each; a cast is none
+    if name in ONE_OPERATION:  # one operation each; a cast is none
         return 1
     return count(names[name]) if name in names and inspect.isfunction(inspect.unwrap(names[name])) else 0

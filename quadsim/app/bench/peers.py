@@ -5,19 +5,19 @@ Nothing is timed before a library has found the same costs as ours for the same 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from types import FunctionType, ModuleType
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import sqrt
 
-from controllers.costs import Cost
+from controllers.costs import Cost, Term
 from controllers.mppi import MPPI
 from controllers.presets import preset
-from controllers.rollout.inline import WORDS
 from controllers.rollout.lanes import Rollout
 from controllers.rollout.layout import LANES
 from controllers.rollout.threads import threads
@@ -64,35 +64,69 @@ def largest_difference(ours: MPPI, costs: Callable, x: np.ndarray) -> float:
     return difference
 
 
+class Point(NamedTuple):
+    """A point to fly to [m]."""
+
+    x: float
+    y: float
+    z: float
+
+
+class Desired(NamedTuple):
+    """The parameters of the terms."""
+
+    speed: float  # [m/s]
+
+
 def point_cost() -> Cost:
-    """Eq. (8) without gates: fly to a point at a height and a speed."""
-    params = (*POINT, 8.0, 40.0, 4.0, 0.5, 10.0, 9.0)
-    return Cost("point", ("progress", "heading", "height", "speed", "stabilize"), terms, params, np.zeros((1, 1)))
-
-
-def terms(x, x_next, u, target, crashed, p):
-    """Distance to the point, heading, height, speed and tilt of x_next; no target is reached, nothing crashes."""
-    gx, gy, gz, a_0, a_1, a_2, a_3, a_4, v_des = p
-    px, py, pz, vx, vy, qx, qy = x_next[0], x_next[1], x_next[2], x_next[3], x_next[4], x_next[7], x_next[8]
-    dx, dy, dz = px - gx, py - gy, pz - gz
-    d = sqrt(dx * dx + dy * dy + dz * dz + 1e-6)
-    d_xy = sqrt(dx * dx + dy * dy + 1e-6)
-    v_xy = sqrt(vx * vx + vy * vy + 1e-6)
-    off = v_xy - v_des
-    return (
-        a_0 * d,
-        a_1 * (1.0 + (vx * dx + vy * dy) / (v_xy * d_xy)),
-        a_2 * dz * dz,
-        a_3 * off * off,
-        a_4 * 2.0 * (qx * qx + qy * qy),
-        px > 1e6,
-        crashed,
+    """Return eq. (8) without gates: fly to a point at a height and a speed; it is never reached, nothing crashes."""
+    terms = (
+        Term(progress, 8.0),
+        Term(heading, 40.0),
+        Term(height, 4.0),
+        Term(speed, 0.5),
+        Term(stabilize, 10.0),
     )
+    return Cost("point", terms, Point, np.array([POINT]), Desired(speed=9.0))
+
+
+def progress(x, x_next, u, point, p):
+    """Return the distance to the point [m]."""
+    dx = x_next.px - point.x
+    dy = x_next.py - point.y
+    dz = x_next.pz - point.z
+    return sqrt(dx * dx + dy * dy + dz * dz + 1e-6)
+
+
+def heading(x, x_next, u, point, p):
+    """Return 1 + cos of the angle between the horizontal velocity and the way from the point."""
+    dx = x_next.px - point.x
+    dy = x_next.py - point.y
+    d_xy = sqrt(dx * dx + dy * dy + 1e-6)
+    v_xy = sqrt(x_next.vx * x_next.vx + x_next.vy * x_next.vy + 1e-6)
+    return 1.0 + (x_next.vx * dx + x_next.vy * dy) / (v_xy * d_xy)
+
+
+def height(x, x_next, u, point, p):
+    """Return the square of the distance off the point's height [m^2]."""
+    dz = x_next.pz - point.z
+    return dz * dz
+
+
+def speed(x, x_next, u, point, p):
+    """Return the square of the horizontal speed off the desired one [(m/s)^2]."""
+    off = sqrt(x_next.vx * x_next.vx + x_next.vy * x_next.vy + 1e-6) - p.speed
+    return off * off
+
+
+def stabilize(x, x_next, u, point, p):
+    """Return 1 - cos of the tilt."""
+    return 2.0 * (x_next.qx * x_next.qx + x_next.qy * x_next.qy)
 
 
 def array_backend(library: ModuleType) -> dict[str, Callable]:
-    """Name -> the library's own function, for every function of numpy that a step() or terms() may call."""
-    functions = {name: getattr(library, name) for name in WORDS}
+    """Name -> the library's own function, for every function of NumPy that a step or a term here calls."""
+    functions = {name: getattr(library, name) for name in ("minimum", "maximum", "sqrt", "where")}
     if library.__name__ == "torch":  # whose minimum and maximum take no plain numbers
         functions |= {name: _of_tensors(library, functions[name]) for name in ("minimum", "maximum")}
     return functions
@@ -111,11 +145,18 @@ def rebind(function: Callable, backend: dict[str, Callable]) -> FunctionType:
 def model(ours: MPPI, library: ModuleType) -> tuple[Callable, Callable]:
     """(x, u) -> the next state; (x, u) -> the cost of x. Both take and return sequences with one array a component."""
     system, cost, backend = ours.system, ours.cost, array_backend(library)
-    step, all_terms, n = rebind(system.step, backend), rebind(cost.terms, backend), len(cost.term_names)
-    return (
-        lambda x, u: step(x, u, system.params, system.dt),
-        lambda x, u: sum(all_terms(None, x, u, (), 0.0, cost.params)[:n]),
-    )
+    step = rebind(system.step, backend)
+    terms = [(term.weight, rebind(term.function, backend)) for term in cost.terms]
+    point = Point(*POINT)
+
+    def next_state(x: Sequence, u: Sequence) -> Any:
+        return step(system.state(*x), system.control(*u), system.params, system.dt)
+
+    def state_cost(x: Sequence, u: Sequence) -> Any:
+        state = system.state(*x)
+        return sum(weight * term(None, state, u, point, cost.params) for weight, term in terms)
+
+    return next_state, state_cost
 
 
 class TorchPeer:

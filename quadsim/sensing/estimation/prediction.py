@@ -49,7 +49,7 @@ def predict(x: Vector, commands: Commands, t0: float, t1: float, model: ModelPar
         number = max(1, -int(-(duration - SAME) // longest))
         system = quadrotor(model, duration / number)
         for _ in range(number):
-            x = system.step(x, u, system.params, system.dt)
+            x = system.next(x, u)
     return tuple(map(float, x))
 
 
