@@ -166,10 +166,8 @@ class Cost:
             x: state (n_x,).
             dtype: of the rows. The distance to go counts from the current target, which keeps its numbers small.
         """
-        if self.row_ahead:
-            first = self.row_ahead(target, x)
-        else:
-            first = self._row(min(target, len(self.targets) - 1), x)
+        nearest = self.row_ahead or self._row
+        first = nearest(target, x)
         rows = np.array(self.targets[first:], dtype=dtype)
         if "to_go" in self.row._fields:  # pyright: ignore
             to_go = self.row._fields.index("to_go")  # pyright: ignore
@@ -177,6 +175,7 @@ class Cost:
         return rows
 
     def _row(self, target: int, x: np.ndarray) -> int:
+        target = min(target, len(self.targets) - 1)
         still = self.still_in_gate and target > 0 and self.still_in_gate(x, self.targets[target - 1])
         return target - 1 if still else target
 

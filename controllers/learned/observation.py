@@ -121,9 +121,11 @@ def observation(x, gates, last):
     )
 
 
-def observe(x: Sequence[float], gates: Sequence[float], last: Sequence[float] | np.ndarray) -> np.ndarray:
+def observe(
+    x: Sequence[float] | np.ndarray, gates: Sequence[float] | np.ndarray, last: Sequence[float] | np.ndarray
+) -> np.ndarray:
     """Return what a pilot is given at a state (n_x,), with a row of `gate_rows` and the last action.  (SIZE,)"""
-    seen = observation(State(*x), unflat(NextGates, iter(gates)), Control(*last))
+    seen = observation(State._make(x), unflat(NextGates, iter(gates)), Control._make(last))
     return np.array(list(flat(seen)), np.float32)
 
 

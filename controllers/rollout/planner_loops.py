@@ -22,7 +22,7 @@ from controllers.costs import Cost, crash
 from controllers.rollout.layout import LANES
 from controllers.rollout.parts import NEXT_TARGETS, fill, header, line_test, next_targets, read, store
 from controllers.rollout.text import Writer
-from controllers.rollout.trace import Graph, Symbol, trace
+from controllers.rollout.trace import Graph, Symbol, trace, trace_number
 from quadsim.systems import System
 from quadsim.systems.records import flat
 
@@ -85,7 +85,8 @@ def rollout(x0, U, z, J, noise_factor, cost_factor, low, high, dt, targets, p_sy
 PATHS = """
 @kept
 @njit(fastmath=FAST, error_model="numpy")
-def paths(x0, U, block, path, means, noise_factor, cost_factor, low, high, dt, targets, p_system, p_cost<obstacle_arguments>):
+def paths(x0, U, block, path, means, noise_factor, cost_factor, low, high, dt, targets, p_system,
+          p_cost<obstacle_arguments>):
     T = U.shape[0]
     t0 = 0
     b = 0
@@ -221,7 +222,7 @@ def module_source(system: System, cost: Cost, dtype: type) -> str:
 
 
 def operations(system: System, cost: Cost) -> int:
-    """Return the number of arithmetic operations of one step of one sample, from its control to the sum of its terms."""
+    """Return the number of arithmetic operations of one step of one sample, its control and its cost included."""
     return _step(system, cost).operations
 
 
@@ -296,11 +297,11 @@ def trace_cost(graph: Graph, cost: Cost, x: Any, x_next: Any, u: Any, target: An
     crashed = crashed_before
     if cost.crash:
         graph.section = "whether the sample crashes"
-        crashes = trace(cost.crash, x, x_next, u, target, shared)
+        crashes = trace_number(cost.crash, x, x_next, u, target, shared)
         crashed = graph.apply("where", crashes, 1.0, crashed_before)
         crashed.name = crashed.name or "has_crashed"
     graph.section = "whether it reaches its target"
-    reached = trace(cost.reached, x, x_next, u, target, shared) if cost.reached else False
+    reached = trace_number(cost.reached, x, x_next, u, target, shared) if cost.reached else False
     weighted = {}
     for term in cost.terms:
         if not np.any(term.weight):
@@ -309,7 +310,7 @@ def trace_cost(graph: Graph, cost: Cost, x: Any, x_next: Any, u: Any, target: An
         value = crashed
         if term.function is not crash:
             own = graph.record(type(term.parameters), term.name) if term.parameters else shared
-            value = trace(term.function, x, x_next, u, target, own)
+            value = trace_number(term.function, x, x_next, u, target, own)
         weighted[term.name] = _weigh(graph, graph.variable(f"weight_{term.name}"), value)
         weighted[term.name].hint = f"cost_of_{term.name}"
     return TracedCost(crashed, reached, weighted)

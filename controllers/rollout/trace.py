@@ -263,6 +263,14 @@ def trace(function: Callable, *args: Any) -> Any:
         raise TraceError(f"{label(function)}: {_place()}{type(error).__name__}: {error}") from error
 
 
+def trace_number(function: Callable, *args: Any) -> Any:
+    """Return the symbol, or the number, that the function makes of symbols. Raises TraceError, as `trace` does."""
+    value = trace(function, *args)
+    if not isinstance(value, Symbol | int | float | np.generic):
+        raise TraceError(f"{label(function)}: expected to return one number, got {type(value).__name__}")
+    return value
+
+
 @contextmanager
 def naming() -> Iterator[None]:
     """Name symbols after the local variables of the functions that are called meanwhile."""

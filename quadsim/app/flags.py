@@ -162,7 +162,11 @@ def _typed_dict(settings: dict[str, Setting]) -> Any:
 
 def _annotated(s: Setting, group: Group) -> Any:
     """What follows the flag: nothing, one word or several, which `resolve` judges; and its help."""
-    text = s.help if s.default is None or s.default is False else f"{s.help} [default: {_text(s.default)}]"
+    text = (
+        s.help
+        if s.default is None or s.default is False or s.default == ()
+        else f"{s.help} [default: {_text(s.default)}]"
+    )
     hint, metavar = str, None
     match bare(s.kind):
         case inspect.BoolType():
@@ -171,6 +175,8 @@ def _annotated(s: Setting, group: Group) -> Any:
             hint = Literal[tuple(values)]
         case inspect.TupleType(items):
             hint, metavar = tuple[(str,) * len(items)], " ".join("X" * len(items))  # pyright: ignore
+        case inspect.VarTupleType():
+            hint, metavar = list[str], "MODULE:FUNCTION=WEIGHT"
         case inspect.FloatType():
             metavar = "X"
         case inspect.IntType():

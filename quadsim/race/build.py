@@ -25,6 +25,7 @@ from quadsim.sensing.estimation.vehicle_model import VehicleModel
 from quadsim.sensing.sensors import WARM_UP, Sensors
 
 if TYPE_CHECKING:
+    from controllers.costs import Cost
     from controllers.mppi import MPPI
 
 LEAST_ROTOR_STD = 0.05  # [m/s^2] of the thrust by rotor speeds
@@ -69,18 +70,31 @@ def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
 
     mppi = spec.planner.mppi
     cost = _cost(spec, spec.course)
+    if spec.own.terms or spec.own.cost:
+        _check_cost(spec, cost)
     adaptation = Adaptation(spec.model, mppi.dt) if mppi.adapt and spec.system == "quadrotor" else None
     system = spec.entry.system(spec.model, mppi.dt)
     return MPPI(system, cost, spec.planner.sampling, mppi, stream, adaptation)
+
+
+def _check_cost(spec: Spec, cost: Cost) -> None:
+    """Raise SettingError, of one line, where a term of the user's own cannot be compiled."""
+    from controllers.rollout.planner_loops import module_source
+    from controllers.rollout.trace import TraceError
+
+    try:
+        module_source(spec.entry.system(spec.model, spec.planner.mppi.dt), cost, np.float32)
+    except TraceError as error:
+        raise SettingError("terms" if spec.own.terms else "cost", str(error)) from None
 
 
 def _cost(spec: Spec, course: Any) -> Any:
     """Of this course, by the spec's own function where it has one."""
     own: Any = spec.own.cost
     if own is not None and not callable(own):
-        return own
+        return spec.own.with_terms(own)
     cost = spec.entry.cost(replace(spec, course=course))
-    return cost if own is None else own(cost)
+    return spec.own.with_terms(cost if own is None else own(cost))
 
 
 def launch(spec: Spec, plant: Plant, controller: Any, referee: RefereeProtocol) -> Iterator[Frame]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from importlib import import_module
 from types import FunctionType
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from controllers.costs import Cost, Term
 from controllers.samplers import SAMPLERS, PlainSampler
 from quadsim.files.yaml_words import did_you_mean
 from quadsim.physics.plant import ModelPlant
@@ -26,18 +28,27 @@ class OwnParts:
 
     plant, controller, referee: an object for one flight, or a class or function that is called with the Spec.
     cost: a Cost, or a function of the default Cost that returns one.
+    terms: Term objects, (function, weight) or, from the command line, "package.module:function=WEIGHT".
     """
 
     system: SystemEntry | None = None
     cost: Any = None
+    terms: tuple[Term, ...] = ()  # beside those of the preset's cost
     plant: Any = None
     controller: Any = None
     referee: Any = None
 
     def described(self) -> dict[str, dict]:
         """{role: {class, parameters}} of those that are given, as JSON."""
-        given = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "system"}
-        return {role: describe(part) for role, part in given.items() if part is not None}
+        given = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("system", "terms")}
+        described: dict[str, Any] = {role: describe(part) for role, part in given.items() if part is not None}
+        if self.terms:
+            described["terms"] = [describe_term(term) for term in self.terms]
+        return described
+
+    def with_terms(self, cost: Cost) -> Cost:
+        """Return the cost with the terms of the user's own after its own. Raises ValueError for a name it has."""
+        return replace(cost, terms=(*cost.terms, *self.terms)) if self.terms else cost
 
 
 def own_parts(given: dict[str, Any]) -> OwnParts:
@@ -47,7 +58,51 @@ def own_parts(given: dict[str, Any]) -> OwnParts:
         if not (part is None or callable(part) or hasattr(part, OWN[role])):
             wanted = f"expected an object with {OWN[role]!r}, or a function that makes one"
             raise SettingError(role, f"{wanted}, got {part!r}")
-    return OwnParts(**parts)
+    terms = (*map(own_term, given.pop("terms", ())), *map(term_of_text, _several(given.pop("term", ()))))
+    return OwnParts(**parts, terms=terms)
+
+
+def own_term(term: Any) -> Term:
+    """Return a cost term that was given as a Term, or as a function and its weight. Raises SettingError."""
+    if isinstance(term, Term):
+        return term
+    wanted = "expected terms=[(function, weight), ...] or controllers.costs.Term objects"
+    if not isinstance(term, tuple | list) or len(term) != 2 or not callable(term[0]):
+        raise SettingError("terms", f"{wanted}, got {term!r}")
+    function, weight = term
+    if isinstance(weight, bool) or not isinstance(weight, int | float | np.ndarray) or not np.isfinite(weight).all():
+        raise SettingError("terms", f"{wanted} with a finite weight, got {weight!r} for {_name(function)}")
+    return Term(function, float(weight) if np.ndim(weight) == 0 else weight)
+
+
+def term_of_text(text: str) -> Term:
+    """Return the term of "package.module:function=WEIGHT". Raises SettingError."""
+    where, _, weight = text.rpartition("=")
+    module, _, name = where.partition(":")
+    wanted = f"expected package.module:function=WEIGHT, got {text!r}"
+    try:
+        function = getattr(import_module(module), name)
+        number = float(weight)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise SettingError("term", f"{wanted}: {error}") from None
+    if not callable(function) or not np.isfinite(number):
+        raise SettingError("term", wanted)
+    return Term(function, number)
+
+
+def _several(texts: Any) -> Sequence[str]:
+    return (texts,) if isinstance(texts, str) else texts
+
+
+def describe_term(term: Term) -> dict:
+    """Return {name, function, weight, parameters} of a term, as JSON."""
+    parameters = dict(zip(term.parameters._fields, term.parameters, strict=True)) if term.parameters else {}  # pyright: ignore
+    return {
+        "name": term.name,
+        "function": _name(term.function),
+        "weight": plain(term.weight),
+        "parameters": plain(parameters),
+    }
 
 
 def sampler_object(sampler: Any) -> Any:

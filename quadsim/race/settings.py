@@ -56,6 +56,7 @@ class FlightSettings:
     sensing: str = PERFECT  # sensors: a name (see quadsim/sensing) or a FILE.yaml; perfect: the true state
     displace_gates: Annotated[float, unit("m", ge=0, le=1)] = 0.0  # move gates off the map by up to this along x, y [m]
     view_weight: Weight | None = None  # of a camera looking where it flies (default with displaced gates: the preset's)
+    term: tuple[str, ...] = ()  # a cost term of your own, as package.module:function=WEIGHT; may be given several times
     timeout: Annotated[float, unit("s", gt=0, le=1e5)] | None = None  # time limit [s] (default: set by the course)
     threads: Count | None = None  # CPU threads (default: all); results do not depend on it
     penalties: bool = False  # a hit adds 3 s instead of ending the flight
@@ -95,7 +96,7 @@ def _settings(group: str, values: Any, entry: SystemEntry) -> Iterator[Setting]:
     kinds = {f.name: f.type for f in inspect.type_info(type(values)).fields}  # pyright: ignore
     for field in _fields(values):
         kind, default = kinds[field.name], getattr(values, field.name)
-        if isinstance(kind, inspect.VarTupleType):  # one number for each control
+        if isinstance(kind, inspect.VarTupleType) and group != "flight":  # one number for each control
             kind = inspect.TupleType((kind.item_type,) * len(entry.controls))
         if field.name == "sigma":
             kind = inspect.Metadata(kind, extra={"unit": entry.control_units})

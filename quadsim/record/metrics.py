@@ -14,7 +14,7 @@ from controllers.costs import evaluate
 from controllers.costs.quadratic import QuadraticWeights, quadratic_cost
 from quadsim.course.point_goal import parse_point_goal
 from quadsim.race.events import sector_times
-from quadsim.record.run import Run, system_of
+from quadsim.record.run import Run, system_of, units_of
 from quadsim.systems.double_integrator import State
 from quadsim.systems.first_order import remaining
 
@@ -129,7 +129,7 @@ def cost_terms(run: Run) -> dict[str, float]:
     """The terms of a double integrator's quadratic cost, each summed over the states that were reached."""
     goal = parse_point_goal(run.spec["course_text"], run.spec["course"]).goal
     cost = quadratic_cost(goal, QuadraticWeights(**run.spec["planner"]["cost"]))
-    x = State(*(run.telemetry[name][1:] for name in State._fields))  # the first state was given
+    x = State._make(run.telemetry[name][1:] for name in State._fields)  # the first state was given
     terms = evaluate(cost, x, x, (), goal).terms
     return {name: float(np.sum(term)) for name, term in terms.items()}
 

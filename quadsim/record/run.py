@@ -123,9 +123,21 @@ class Run:
 
 
 def own_parts(spec: dict) -> dict[str, str]:
-    """The user's own objects that took part, role -> class; where there are any, the spec cannot fly the run again."""
-    parts = {role: part.get("class", spec.get("system", "")) for role, part in spec.get("own", {}).items()}
-    return {role: name.rpartition(".")[2] for role, name in parts.items()}
+    """Return the user's own objects that took part, role -> class, or names and weights of terms.
+
+    Where there are any, the spec cannot fly the run again.
+    """
+    parts = dict(spec.get("own", {}))
+    terms = parts.pop("terms", [])
+    names = {role: part.get("class", spec.get("system", "")).rpartition(".")[2] for role, part in parts.items()}
+    if terms:
+        names["terms"] = ", ".join(f"{term['name']} {weight_text(term['weight'])}" for term in terms)
+    return names
+
+
+def weight_text(weight: float | list) -> str:
+    """Return a term's weight as a report shows it."""
+    return "one for each step" if isinstance(weight, list) else f"{weight:g}"
 
 
 def flown_with(spec: dict) -> str:

@@ -91,7 +91,7 @@ class State(NamedTuple):
         angular_acceleration: Sequence[float],
     ) -> State:
         """Put a state together from its vectors, named as the properties above."""
-        return cls(*position, *velocity, *attitude, *body_rates, thrust, *angular_acceleration)
+        return cls._make((*position, *velocity, *attitude, *body_rates, thrust, *angular_acceleration))
 
 
 class Control(NamedTuple):
@@ -323,8 +323,8 @@ def quadrotor(model: ModelParams, dt: float) -> System:
         step=step,
         params=params,
         dt=dt,
-        low=Control(*(-rate for rate in model.rate_max), model.thrust_min),
-        high=Control(*model.rate_max, model.thrust_max),
+        low=Control._make((*(-rate for rate in model.rate_max), model.thrust_min)),
+        high=Control(*model.rate_max, thrust=model.thrust_max),
         rest=Control(0.0, 0.0, 0.0, GRAVITY),
         attainable=None if model.tilt_first else attainable,
     )

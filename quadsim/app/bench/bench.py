@@ -6,11 +6,13 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Annotated
 
+import numpy as np
 from msgspec import Meta
 from rich.console import RenderableType
 from rich.progress import track
 from rich.table import Table
 
+from controllers.rollout.planner_loops import module_source
 from controllers.rollout.threads import use_threads
 from quadsim.app.bench.cases import SWEPT, cases, measure, paper_case
 from quadsim.app.bench.envs import envs_table, measure_envs, measure_plants, others
@@ -19,6 +21,7 @@ from quadsim.app.bench.machine import measure_machine
 from quadsim.app.bench.stages import stages
 from quadsim.app.console import emit, emit_json, plain_table, progress_console
 from quadsim.app.flags import Help, Json, Switch
+from quadsim.race.spec import Spec
 
 Rows = list[dict]
 ROOFLINE = "of the\nroofline"
@@ -30,6 +33,9 @@ def bench(
     peers: Annotated[bool, Switch("also time pytorch-mppi and JAX (extra: peers)")] = False,
     gates: Annotated[bool, Switch("only flights along 10 and along 200 gates")] = False,
     envs: Annotated[bool, Switch("only environments for learning, in lanes and in arrays (extra: rl)")] = False,
+    show_code: Annotated[
+        bool, Switch("print the loops that are compiled for the default race, and time nothing")
+    ] = False,
     json: Json = False,
 ) -> int:
     """Time whole control steps on this machine, which should do nothing else meanwhile: every system at the paper's
@@ -40,7 +46,12 @@ def bench(
     race bench --gates     does a control step take longer on a course with more gates?
 
     race bench --envs      steps of learning environments a second, over vehicles and threads
+
+    race bench --show-code the compiled loops as text: model and cost, inlined into a loop over samples
     """
+    if show_code:
+        print(planner_code())
+        return 0
     if envs:
         rows, plants = measure_envs(seconds), measure_plants(seconds)
         emit_json({"envs": rows, "plants": plants}) if json else emit(envs_table(rows), *others(plants))
@@ -61,6 +72,12 @@ def bench(
     else:
         emit(*tables(result))
     return 0
+
+
+def planner_code() -> str:
+    """Return the text of the loops that are compiled for the default race."""
+    spec = Spec.of()
+    return module_source(spec.entry.system(spec.model, spec.planner.mppi.dt), spec.entry.cost(spec), np.float32)
 
 
 def _measure(seconds: float) -> dict:

@@ -1,8 +1,8 @@
 """The work that a control step needs at least, and the time that this machine needs for it: a roofline.
 
 Operations are counted in the traced step and cost of a rollout, and in the source of the random generator: additions,
-multiplications, divisions, comparisons, bit operations, roots and selects are one each. A machine is measured by a matrix product, which counts a fused
-multiply-add as two: code that has nothing to fuse reaches half of its roofline.
+multiplications, divisions, comparisons, bit operations, roots and selects are one each. A machine is measured by a
+matrix product, which counts a fused multiply-add as two: code that has nothing to fuse reaches half of its roofline.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 gaussian                      a sampler, with the preset's numbers for it
 soft=race+target-ess=200      a name; then presets, samplers and settings of `race fly`, joined by +
 wild=gaussian+sigma=3:3:.6:6  several numbers are joined by colons
+calm=race+term=mine:calm=50   a cost term of one's own and its weight
 pilot=split_s.npz             a learned pilot in the planner's place: a file, or split_s_swift
 """
 
@@ -23,6 +24,7 @@ from quadsim.files.yaml_words import did_you_mean
 from quadsim.race.spec import Spec
 from quadsim.race.systems import SYSTEMS
 
+NAMES_OF_CODE = ("sampler", "term")  # settings whose text names a module, with a colon in it
 CAMPAIGN = "campaigns/race.sqlite"
 Campaign = Annotated[str, Help("FILE.sqlite where attempts are kept")]
 Jobs = Annotated[Annotated[int, Meta(ge=1)] | None, Help("attempts at once; default: one for each core")]
@@ -112,10 +114,13 @@ def _setting(part: str) -> tuple[str, Any]:
         if part not in presets and not part.endswith(SUFFIXES):
             raise UsageError(f"--variants: no sampler or preset {part!r}: {did_you_mean(part, [*SAMPLERS, *presets])}")
         return "preset", part
-    words = text.split(":")
+    setting = name.replace("-", "_")
     if text in ("yes", "no"):
-        return name.replace("-", "_"), text == "yes"
-    return name.replace("-", "_"), words if len(words) > 1 else text
+        return setting, text == "yes"
+    if setting in NAMES_OF_CODE:
+        return setting, text
+    numbers = text.split(":")
+    return setting, numbers if len(numbers) > 1 else text
 
 
 def _of_other_samplers(setting: str, sampler: Any) -> bool:
