@@ -34,8 +34,7 @@ from numpy import maximum, minimum, sqrt, where
 
 from controllers.costs import Cost
 from controllers.costs.frames import SAFETY_MARGIN, course_obstacles, obstacle_rows
-from controllers.costs.race_targets import RUN_OUT, TO_GO, clear_of_frame, cross, is_inside, targets
-from controllers.costs.ways_round import row_ahead
+from controllers.costs.race_targets import RUN_OUT, GateTarget, clear_of_frame, cross, is_inside, row_ahead, targets
 from quadsim.course import Course, in_frame
 from quadsim.files.strict_yaml import unit
 
@@ -155,7 +154,8 @@ def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) ->
     (rows, first), clear = targets(course, radius, (w.margin, w.margin_share), box, laps), clear_of_frame(radius)
     still_in_gate = partial(is_inside, clear)
     unweighted = tuple(k for k, weight in enumerate(params[: len(TERMS)]) if not weight)
-    cost = Cost("race", TERMS, terms, params, rows, TO_GO, frames, still_in_gate, unweighted=unweighted)
+    to_go = GateTarget._fields.index("to_go")
+    cost = Cost("race", TERMS, terms, params, rows, to_go, frames, still_in_gate, unweighted=unweighted)
     if len(rows) == len(first) - 1:
         return cost
     return replace(
