@@ -16,8 +16,8 @@ from numpy import maximum, minimum, where
 
 from controllers.costs import Obstacles
 from controllers.costs.records import as_rows, columns
-from quadsim.course import Course, Cylinder, Gate, Obstacle, in_frame
-from quadsim.course.opening import free_half_sizes, half_depth, margin_inside, outer_half_sizes
+from quadsim.course import Course, Cylinder, Gate, Obstacle, Vec3, in_frame
+from quadsim.course.opening import HalfSizes, free_half_sizes, half_depth, margin_inside, outer_half_sizes
 
 SAFETY_MARGIN = 0.02  # [m] kept between vehicle and frame; where a gate is narrow, at most half of the room there is
 ACCELERATION = 40.0  # [m/s^2] with which frames may be reached
@@ -198,21 +198,10 @@ def obstacle_row(obstacle: Obstacle, grown: float) -> ObstacleRow:
         axes = obstacle.axes
         half, out_y, out_z = obstacle.half
         radius2 = NOT_ROUND
-    along, left, up = axes
-    return ObstacleRow(
-        *low.tolist(),
-        *high.tolist(),
-        *obstacle.centre,
-        *along,
-        *left,
-        *up,
-        half=half + grown,
-        free_y=NO_SHAFT,
-        free_z=NO_SHAFT,
-        out_y=out_y + grown,
-        out_z=out_z + grown,
-        radius2=radius2,
-    )
+    no_shaft = HalfSizes(NO_SHAFT, NO_SHAFT)
+    out = HalfSizes(out_y + grown, out_z + grown)
+    slab = _slab_row(low, high, obstacle.centre, axes, half + grown, no_shaft, out)
+    return ObstacleRow(*slab, radius2)
 
 
 def frame_row(gate: Gate, radius: float, inner: float, outer: float) -> FrameRow:
@@ -231,12 +220,36 @@ def frame_row(gate: Gate, radius: float, inner: float, outer: float) -> FrameRow
     # The upright box around the grown frame
     centre = np.array(gate.position)
     reach = abs(gate.rotation) @ np.array([half, out.left, out.up])
-    low, high = centre - reach, centre + reach
-    along, left, up = gate.axes
+    return _slab_row(centre - reach, centre + reach, gate.position, gate.axes, half, free, out)
+
+
+def _slab_row(
+    low: np.ndarray,
+    high: np.ndarray,
+    centre: Vec3,
+    axes: tuple[Vec3, Vec3, Vec3],
+    half: float,
+    free: HalfSizes,
+    out: HalfSizes,
+) -> FrameRow:
+    """Return the row of a slab with a shaft.
+
+    Args:
+        low: lower corner of the upright box around it [m].  (3,)
+        high: upper corner of that box [m].  (3,)
+        centre: of the slab [m].
+        axes: unit vectors along its shaft, left and up.
+        half: half of its depth [m].
+        free: half sizes of the shaft [m].
+        out: half sizes of the slab [m].
+    """
+    x_low, y_low, z_low = low.tolist()
+    x_high, y_high, z_high = high.tolist()
+    along, left, up = axes
+    box = x_low, y_low, z_low, x_high, y_high, z_high
     return FrameRow(
-        *low.tolist(),
-        *high.tolist(),
-        *gate.position,
+        *box,
+        *centre,
         *along,
         *left,
         *up,
