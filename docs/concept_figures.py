@@ -13,6 +13,7 @@ import numpy as np
 
 import quadsim
 from controllers.costs.quadratic import quadratic_cost
+from controllers.costs.race_targets import GateTarget
 from controllers.mppi import MPPI
 from controllers.sampled_trajectories import controls, sampled_trajectories
 from controllers.update import weights
@@ -135,8 +136,9 @@ def by_target(path: np.ndarray, mppi: MPPI) -> Iterator[tuple[int, np.ndarray]]:
     """The parts of a path (points, 3) with the target that each is on the way to."""
     target, first = mppi.last.target, 0
     for k in range(1, len(path)):
-        row = mppi.cost.targets[target]
-        before, after = (path[k - 1 : k + 1] - row[:3]) @ row[3:6]
+        row = GateTarget(*mppi.cost.targets[target])
+        exit, passage = np.array([row.x, row.y, row.z]), np.array([row.nx, row.ny, row.nz])
+        before, after = (path[k - 1 : k + 1] - exit) @ passage
         if before < 0.0 <= after:
             yield target, path[first : k + 1]
             first, target = k, target + 1

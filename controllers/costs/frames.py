@@ -15,7 +15,9 @@ import numpy as np
 from numpy import maximum, minimum, where
 
 from controllers.costs import Obstacles
-from quadsim.course import FRAME_DEPTH, Course, Cylinder, Gate, Obstacle, in_frame
+from quadsim.course import Course, Cylinder, Gate, Obstacle, Vec3, in_frame
+from quadsim.course.opening import HalfSizes, free_half_sizes, half_depth, margin_inside, outer_half_sizes
+from quadsim.systems.records import as_rows, columns
 
 SAFETY_MARGIN = 0.02  # [m] kept between vehicle and frame; where a gate is narrow, at most half of the room there is
 ACCELERATION = 40.0  # [m/s^2] with which frames may be reached
@@ -25,45 +27,25 @@ NOT_ROUND = 1e12  # square of the radius of an outline with corners [m^2]
 
 
 class FrameRow(NamedTuple):
-    """A gate's frame, grown by the vehicle's radius and margins: a slab around the gate's plane with a free shaft."""
+    """The numbers of a gate's frame that `touches` reads; its sizes are grown by the vehicle's radius and a margin [m].
 
-    x_low: float  # of a box around it [m]
-    y_low: float
-    z_low: float
-    x_high: float
-    y_high: float
-    z_high: float
-    x: float  # centre [m]
-    y: float
-    z: float
-    nx: float  # passage
-    ny: float
-    nz: float
-    lx: float  # left axis
-    ly: float
-    lz: float
-    ux: float  # up axis
-    uy: float
-    uz: float
-    half: float  # half the depth of the slab [m]
-    free_y: float  # half sizes of the shaft [m]
-    free_z: float
-    out_y: float  # half sizes of the slab [m]
-    out_z: float
+    See quadsim.course.opening for the frame's terms.
+    """
 
-
-class ObstacleRow(NamedTuple):
-    """The same of a frame or an obstacle whose outline may be round."""
-
+    # Corners of the upright box around it
     x_low: float
     y_low: float
     z_low: float
     x_high: float
     y_high: float
     z_high: float
+
+    # Centre
     x: float
     y: float
     z: float
+
+    # Unit vectors along the passage, left and up
     nx: float
     ny: float
     nz: float
@@ -73,12 +55,50 @@ class ObstacleRow(NamedTuple):
     ux: float
     uy: float
     uz: float
-    half: float
-    free_y: float
+
+    half: float  # half the depth of the slab that the frame fills
+    free_y: float  # half width and half height of the free shaft through it
     free_z: float
-    out_y: float
+    out_y: float  # half width and half height of the slab
     out_z: float
-    radius2: float  # square of the radius of its outline [m^2]
+
+
+class ObstacleRow(NamedTuple):
+    """The numbers of a frame or an obstacle that `touches_round` reads: those of `FrameRow`, and a round outline.
+
+    A box and a cylinder are slabs without a shaft, along the box's own x axis and along the cylinder's axis.
+    """
+
+    # Corners of the upright box around it
+    x_low: float
+    y_low: float
+    z_low: float
+    x_high: float
+    y_high: float
+    z_high: float
+
+    # Centre
+    x: float
+    y: float
+    z: float
+
+    # Unit vectors along the slab's axis, left and up
+    nx: float
+    ny: float
+    nz: float
+    lx: float
+    ly: float
+    lz: float
+    ux: float
+    uy: float
+    uz: float
+
+    half: float  # half the depth of the slab
+    free_y: float  # half width and half height of the free shaft through it, NO_SHAFT where there is none
+    free_z: float
+    out_y: float  # half width and half height of the slab
+    out_z: float
+    radius2: float  # square of the radius of the slab's outline [m^2], NOT_ROUND where it has corners
 
 
 def in_slab(p, row):
@@ -149,65 +169,154 @@ def away_from_zero(d):
     return where(abs(d) < 1e-6, 1e-6, d)
 
 
-def inner_margin(openings: np.ndarray, radius: float) -> np.ndarray:
-    """The safety margin inside openings (gates, 2) for a vehicle of this radius [m].  (gates,)"""
-    return np.minimum(SAFETY_MARGIN, (openings.min(axis=1) / 2 - radius) / 2)
+def inner_margin(gate: Gate, radius: float) -> float:
+    """Return the safety margin inside the opening of a gate for a vehicle of this radius [m]."""
+    return margin_inside(free_half_sizes(gate.opening, radius), SAFETY_MARGIN)
 
 
 def course_obstacles(course: Course, radius: float) -> Obstacles:
-    """Every frame once, and what else stands there. Lines run beside the curve that is flown, by .008 m at 40 m/s^2
-    over .04 s: half of the safety margin is left to that, so that a gate flown through as `terms` allows is no crash
-    here.
+    """Return every frame of the course once, and what else stands there, as obstacles of samples.
+
+    Lines run beside the curve that is flown, by .008 m at 40 m/s^2 over .04 s: half of the safety margin is left to
+    that, so that a gate flown through as the racing cost allows is no crash here.
+
+    Args:
+        course: its gates and obstacles.
+        radius: of the vehicle [m].
     """
-    gates, others = tuple(dict.fromkeys(course.gates)), course.obstacles
-    inner = inner_margin(np.array([g.opening for g in gates]), radius)[:, None]
-    margin = SAFETY_MARGIN / 2
-    rows, bare = frame_rows(gates, radius, inner / 2, margin), frame_rows(gates, radius, 0 * inner, 0.0)
-    if not others:
-        return Obstacles(touches, FrameRow, rows, partial(in_reach, touches, FrameRow, rows, bare))
-    rows, bare = (
-        np.vstack([np.hstack([of_frames, np.full((len(gates), 1), NOT_ROUND)]), obstacle_rows(others, radius + outer)])
-        for of_frames, outer in ((rows, margin), (bare, 0.0))
-    )
-    return Obstacles(touches_round, ObstacleRow, rows, partial(in_reach, touches_round, ObstacleRow, rows, bare))
+    rows = _table(course, radius, inner_share=0.5, outer=SAFETY_MARGIN / 2)
+    bare = _table(course, radius, inner_share=0.0, outer=0.0)
+    test, record = (touches_round, ObstacleRow) if course.obstacles else (touches, FrameRow)
+    return Obstacles(test, record, rows, partial(in_reach, test, record, rows, bare))
+
+
+def _table(course: Course, radius: float, inner_share: float, outer: float) -> np.ndarray:
+    """Return the rows of all frames and obstacles of a course.
+
+    Args:
+        course: its gates, of which each stands there once, and its obstacles.
+        radius: of the vehicle [m].
+        inner_share: share of the safety margin that is kept inside openings.
+        outer: margin around frames and obstacles [m].
+    """
+    gates = dict.fromkeys(course.gates)
+    frames = [frame_row(gate, radius, inner_share * inner_margin(gate, radius), outer) for gate in gates]
+    if not course.obstacles:
+        return as_rows(frames, FrameRow)
+    others = [obstacle_row(obstacle, radius + outer) for obstacle in course.obstacles]
+    return as_rows([*(ObstacleRow(*frame, NOT_ROUND) for frame in frames), *others], ObstacleRow)
 
 
 def obstacle_rows(obstacles: Sequence[Obstacle], grown: float) -> np.ndarray:
-    """For `touches_round`, grown by this much on all sides [m].  (obstacles, 24)"""
-    rows = []
-    for o in obstacles:
-        low, high = o.corners().min(axis=0) - grown, o.corners().max(axis=0) + grown
-        if isinstance(o, Cylinder):
-            axes, sizes, radius2 = UPRIGHT, (o.height / 2, o.radius, o.radius), (o.radius + grown) ** 2
-        else:
-            axes, sizes, radius2 = o.axes, o.half, NOT_ROUND
-        half, *out = (size + grown for size in sizes)
-        rows.append([*low, *high, *o.centre, *np.ravel(axes), half, NO_SHAFT, NO_SHAFT, *out, radius2])
-    return np.array(rows)
+    """Return the rows of obstacles, grown by this much on all sides [m], as `ObstacleRow`.  (obstacles, 24)"""
+    return as_rows([obstacle_row(obstacle, grown) for obstacle in obstacles], ObstacleRow)
 
 
-def frame_rows(gates: Sequence[Gate], radius: float, inner: np.ndarray, outer: float) -> np.ndarray:
-    """For `touches`, with margins inside the openings (gates, 1) and around the frames [m].  (gates, 23)"""
-    opening, width = np.array([g.opening for g in gates]), np.array([[g.frame_width] for g in gates])
-    half = np.full_like(width, FRAME_DEPTH / 2 + radius + outer)
-    out = opening / 2 + width + radius + outer
-    turns = np.array([g.rotation for g in gates])  # (gates, 3, 3)
-    centres = np.array([g.position for g in gates])
-    reach = (abs(turns) @ np.hstack([half, out])[:, :, None])[:, :, 0]  # of the box around the grown frame
-    axes = turns.transpose(0, 2, 1).reshape(-1, 9)  # passage, left, up
-    return np.hstack([centres - reach, centres + reach, centres, axes, half, opening / 2 - radius - inner, out])
+def obstacle_row(obstacle: Obstacle, grown: float) -> ObstacleRow:
+    """Return the row of one obstacle, grown by this much on all sides [m]."""
+    corners = obstacle.corners()
+    low, high = corners.min(axis=0) - grown, corners.max(axis=0) + grown
+    if isinstance(obstacle, Cylinder):
+        axes = UPRIGHT
+        half, out_y, out_z = obstacle.height / 2, obstacle.radius, obstacle.radius
+        radius2 = (obstacle.radius + grown) ** 2
+    else:
+        axes = obstacle.axes
+        half, out_y, out_z = obstacle.half
+        radius2 = NOT_ROUND
+    no_shaft = HalfSizes(NO_SHAFT, NO_SHAFT)
+    out = HalfSizes(out_y + grown, out_z + grown)
+    slab = _slab_row(low, high, obstacle.centre, axes, half + grown, no_shaft, out)
+    return ObstacleRow(*slab, radius2)
+
+
+def frame_row(gate: Gate, radius: float, inner: float, outer: float) -> FrameRow:
+    """Return the row of a gate's frame, grown by the radius of the vehicle and by margins.
+
+    Args:
+        gate: whose frame it is.
+        radius: of the vehicle [m].
+        inner: margin inside the opening [m].
+        outer: margin around the frame, and before and behind it [m].
+    """
+    free = free_half_sizes(gate.opening, radius, inner)
+    out = outer_half_sizes(gate.opening, gate.frame_width, radius, outer)
+    half = half_depth(radius, outer)
+
+    # The upright box around the grown frame
+    centre = np.array(gate.position)
+    reach = abs(gate.rotation) @ np.array([half, out.left, out.up])
+    return _slab_row(centre - reach, centre + reach, gate.position, gate.axes, half, free, out)
+
+
+def _slab_row(
+    low: np.ndarray,
+    high: np.ndarray,
+    centre: Vec3,
+    axes: tuple[Vec3, Vec3, Vec3],
+    half: float,
+    free: HalfSizes,
+    out: HalfSizes,
+) -> FrameRow:
+    """Return the row of a slab with a shaft.
+
+    Args:
+        low: lower corner of the upright box around it [m].  (3,)
+        high: upper corner of that box [m].  (3,)
+        centre: of the slab [m].
+        axes: unit vectors along its shaft, left and up.
+        half: half of its depth [m].
+        free: half sizes of the shaft [m].
+        out: half sizes of the slab [m].
+    """
+    x_low, y_low, z_low = low.tolist()
+    x_high, y_high, z_high = high.tolist()
+    along, left, up = axes
+    box = x_low, y_low, z_low, x_high, y_high, z_high
+    return FrameRow(
+        *box,
+        *centre,
+        *along,
+        *left,
+        *up,
+        half=half,
+        free_y=free.left,
+        free_z=free.up,
+        out_y=out.left,
+        out_z=out.up,
+    )
 
 
 def in_reach(
-    test: Callable, row: type, rows: np.ndarray, bare: np.ndarray, x: np.ndarray, seconds: float
+    test: Callable,
+    record: type[FrameRow] | type[ObstacleRow],
+    rows: np.ndarray,
+    bare: np.ndarray,
+    x: np.ndarray,
+    seconds: float,
 ) -> np.ndarray:
-    """The rows that may be reached from the state x; without the margin, where x is within it."""
-    p, way, turn = x[:3], x[3:6] * seconds, 0.5 * ACCELERATION * seconds**2
-    low, high = rows[:, :3] - np.maximum(way, 0.0) - turn, rows[:, 3:6] - np.minimum(way, 0.0) + turn
+    """Return the rows that can be reached from x in this time; without their margin, where x is within it.
+
+    Args:
+        test: `touches` or `touches_round`.
+        record: whose fields are the columns of the rows.
+        rows: of frames and obstacles, with their margins.
+        bare: the same without margins.
+        x: state, position and velocity first [m, m/s].
+        seconds: time [s].
+    """
+    p = x[:3]
+    way, turn = x[3:6] * seconds, 0.5 * ACCELERATION * seconds**2
+
+    # Boxes that the vehicle's straight way, widened by what it can turn aside, meets
+    box_low, box_high = columns(rows, record, "x_low", "z_low"), columns(rows, record, "x_high", "z_high")
+    low, high = box_low - np.maximum(way, 0.0) - turn, box_high - np.minimum(way, 0.0) + turn
     near = np.flatnonzero(((low <= p) & (p <= high)).all(axis=1))
-    inside = near[((rows[near, :3] <= p) & (p <= rows[near, 3:6])).all(axis=1)]
     found = rows[near]
-    for k in inside:
-        if test(p, p, row(*rows[k])):
+
+    # A vehicle that touches a row is within its margin already
+    inside = ((box_low[near] <= p) & (p <= box_high[near])).all(axis=1)
+    for k in near[inside]:
+        if test(p, p, record(*rows[k])):
             found[near == k] = bare[k]
     return found

@@ -34,9 +34,9 @@ from numpy import maximum, minimum, sqrt, where
 
 from controllers.costs import Cost, Term, crash
 from controllers.costs.frames import SAFETY_MARGIN, course_obstacles, obstacle_rows
-from controllers.costs.race_targets import RUN_OUT, GateTarget, clear_of_frame, cross, is_inside, targets
-from controllers.costs.ways_round import row_ahead
+from controllers.costs.race_targets import RUN_OUT, GateTarget, clear_of_frame, cross, is_inside, row_ahead, targets
 from quadsim.course import Course, in_frame
+from quadsim.course.opening import InGate
 from quadsim.files.strict_yaml import unit
 
 FLOOR_MARGIN = 0.1  # [m]
@@ -65,14 +65,6 @@ class RaceWeights:
     opening: Annotated[float, Meta(ge=0, le=1)] = 0.0  # progress aims at the nearest point of this share of the opening
 
 
-class InGate(NamedTuple):
-    """A position in a gate's frame [m]."""
-
-    along: float  # the passage
-    left: float
-    up: float
-
-
 class RaceParams(NamedTuple):
     """The numbers that the terms refer to, and where samples may fly."""
 
@@ -87,7 +79,7 @@ class RaceParams(NamedTuple):
     z_high: float
 
 
-class Crossing(NamedTuple):
+class StepAtGate(NamedTuple):
     """One step of a sample at its gate."""
 
     reached: Any  # it leads through the exit plane within the free opening
@@ -111,7 +103,7 @@ def off_exit(p, gate):
 
 
 def at_gate(x, x_next, gate):
-    """Return the Crossing of the step from x to x_next.
+    """Return what the step from x to x_next does at its gate, a StepAtGate.
 
     The step is checked where it crosses the entry and the exit plane and at its end, which is enough as the free
     opening is convex: at 50 m/s a step is longer than a gate is deep. `at_exit` and `at_entry` are how far outside the
@@ -143,7 +135,7 @@ def at_gate(x, x_next, gate):
     # the frame is touched at the exit, from either side, at the entry, or by a step that ends within it
     clipped = (forward & (at_exit >= 0.0) & (at_exit < bar * span)) | (backward & (at_exit < bar * span))
     clipped = clipped | (through_entry & (at_entry >= 0.0) & (at_entry < bar * span)) | (ends_in & (at_end >= 0.0))
-    return Crossing(
+    return StepAtGate(
         reached=forward & (at_exit < 0.0),
         clipped=clipped,
         within=ends_in | (forward & (at_exit < bar * span)),
@@ -237,9 +229,9 @@ def path(x, x_next, u, gate, p):
 
 def clearance(x, x_next, u, gate, p):
     """Return the metres by which the margin is not kept, per metre flown within the gate [m^2]."""
-    crossing = at_gate(x, x_next, gate)
-    missing = maximum(crossing.outside + gate.margin * crossing.span, 0.0)
-    return where(crossing.within, missing, 0.0)
+    step = at_gate(x, x_next, gate)
+    missing = maximum(step.outside + gate.margin * step.span, 0.0)
+    return where(step.within, missing, 0.0)
 
 
 # a_0 to a_8; each has the name of its weight in RaceWeights

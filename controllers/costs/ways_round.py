@@ -7,13 +7,15 @@ go round a pole without help, but see no end of a wall that is longer than what 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
 from controllers.costs.frames import ObstacleRow, obstacle_rows, touches_round
 from quadsim.course import Box, Course, Cylinder, Obstacle, Vec3
+from quadsim.course.opening import HalfSizes
 from quadsim.course.swept import clip, lerp
 
 WORTH = 0.1  # [m] by which a way round is longer than the straight line; samples find a shorter one by themselves
@@ -22,10 +24,30 @@ ANYWHERE = 50.0  # half the opening of a point on the way, which has no frame [m
 EIGHTHS = 1.0 / np.cos(np.pi / 8.0)  # an octagon's corners over the circle inside it
 
 
-def way_round(start: Vec3, end: Vec3, obstacles: Sequence[Obstacle], clear: float, box: Sequence[float]) -> np.ndarray:
-    """Points between the ends, in order; none where the line is free, little longer round, or no way is found.  (n, 3)
+class Stop(NamedTuple):
+    """A plane that the vehicle has to cross within an opening: that of a gate's exit, or one on the way round."""
 
-    clear: from the vehicle's centre to an obstacle; box: where it may fly, of `room_to_fly` [m].
+    exit: np.ndarray  # middle of the opening, at the exit plane [m]  (3,)
+    passage: np.ndarray  # unit vector along the passage  (3,)
+    left: np.ndarray  # unit vector to the left  (3,)
+    free: HalfSizes  # of the free opening [m]
+    bar: float  # thickness of the bars around it [m]
+    approach: float  # from the plane to the point in front of it where the approach begins [m]
+    margin: float  # wanted between vehicle and frame [m]
+    depth: float  # from entry to exit plane [m]
+
+
+def way_round(start: Vec3, end: Vec3, obstacles: Sequence[Obstacle], clear: float, room: Sequence[float]) -> np.ndarray:
+    """Return the points between the ends of the shortest way round obstacles, in order.  (n, 3)
+
+    There are none where the straight line is free, where the way round is little longer, or where no way is found.
+
+    Args:
+        start: where the way begins [m].
+        end: where it ends [m].
+        obstacles: to fly round.
+        clear: from the vehicle's centre to an obstacle [m].
+        room: where the vehicle may fly, of `room_to_fly` [m].
     """
     none = np.empty((0, 3))
     if not obstacles:
@@ -34,9 +56,14 @@ def way_round(start: Vec3, end: Vec3, obstacles: Sequence[Obstacle], clear: floa
     straight = np.linalg.norm(np.subtract(end, start))
     if sees(np.array([start]), np.array([end]), rows)[0]:
         return none
+
+    # Corners around the obstacles, those where the vehicle may fly
     corners = np.vstack([_corners(o, clear + OUTSIDE, start, end) for o in obstacles])
-    low, high = np.array([box[1], box[3], box[0]]), np.array([box[2], box[4], box[5]])
+    floor, x_low, x_high, y_low, y_high, z_high = room
+    low, high = np.array([x_low, y_low, floor]), np.array([x_high, y_high, z_high])
     points = np.vstack([start, end, corners[((low <= corners) & (corners <= high)).all(axis=1)]])
+
+    # Lengths of the lines between any two points that see each other
     a, b = np.triu_indices(len(points), 1)
     lengths = np.full((len(points), len(points)), np.inf)
     lengths[a, b] = np.where(sees(points[a], points[b], rows), np.linalg.norm(points[a] - points[b], axis=1), np.inf)
@@ -45,7 +72,13 @@ def way_round(start: Vec3, end: Vec3, obstacles: Sequence[Obstacle], clear: floa
 
 
 def sees(a: np.ndarray, b: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Whether the lines from a (n, 3) to b (n, 3) are clear of the obstacles of these rows.  (n,)"""
+    """Return whether lines are clear of obstacles.  (n,)
+
+    Args:
+        a: where the lines begin [m].  (n, 3)
+        b: where they end [m].  (n, 3)
+        rows: of `ObstacleRow`.
+    """
     clear = np.ones(len(a), bool)
     for row in rows:
         clear &= ~touches_round(tuple(a.T), tuple(b.T), ObstacleRow(*row.tolist()))
@@ -84,44 +117,58 @@ def _corners(obstacle: Obstacle, clear: float, start: Vec3, end: Vec3) -> np.nda
     return np.array(points)
 
 
-def stops_between(course: Course, stops: np.ndarray, clear: float, box: Sequence[float]) -> dict[int, list[np.ndarray]]:
-    """Rows like those of `stops` (gates, 15), of controllers.costs.race_targets: for each gate with a way round, those
-    of its points. A gate that faces away is reached by the point in front of it."""
-    found: dict[int, list[np.ndarray]] = {}
-    known: dict[tuple, np.ndarray] = {}
-    before = [course.start.position, *map(tuple, stops[:-2, :3].tolist())]
-    for k, (a, stop) in enumerate(zip(before, stops[:-1], strict=True)) if course.obstacles else ():
-        end, passage = stop[:3], stop[3:6]
-        if (end - a) @ passage < 1e-6:
-            end = end - stop[12] * passage
-        ends = a, tuple(end.tolist())
+def stops_between(course: Course, stops: Sequence[Stop], clear: float, room: Sequence[float]) -> dict[int, list[Stop]]:
+    """Return the stops at the points of ways round, for each gate that has one, by the gate's index in `stops`.
+
+    A gate that faces away is reached by the point in front of it.
+
+    Args:
+        course: its obstacles, and where flights start.
+        stops: those at the gates of every lap, and the one behind the finish.
+        clear: from the vehicle's centre to an obstacle [m].
+        room: where the vehicle may fly, of `room_to_fly` [m].
+    """
+    if not course.obstacles:
+        return {}
+    found: dict[int, list[Stop]] = {}
+    known: dict[tuple[Vec3, Vec3], np.ndarray] = {}  # ways round by their ends: those of every lap are alike
+    at_gates = stops[:-1]
+    before = [course.start.position, *(_as_tuple(stop.exit) for stop in at_gates[:-1])]
+    for k, (start, stop) in enumerate(zip(before, at_gates, strict=True)):
+        faces_away = (stop.exit - start) @ stop.passage < 1e-6
+        end = stop.exit - stop.approach * stop.passage if faces_away else stop.exit
+        ends = start, _as_tuple(end)
         if ends not in known:
-            known[ends] = way_round(*ends, course.obstacles, clear, box)
+            known[ends] = way_round(*ends, course.obstacles, clear, room)
         if len(known[ends]):
-            path = np.vstack([a, known[ends], end])
+            path = np.vstack([start, known[ends], end])
             found[k] = [_by_the_way(*path[i : i + 3]) for i in range(len(path) - 2)]
     return found
 
 
-def _by_the_way(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """A stop that is reached where its plane is crossed, wherever that is; the plane halves the angle of the path."""
-    e = [d / max(float(np.linalg.norm(d)), 1e-9) for d in (here - before, after - here)]
-    passage = e[0] + e[1] if np.linalg.norm(e[0] + e[1]) > 1e-6 else e[1]
+def _as_tuple(point: np.ndarray) -> Vec3:
+    x, y, z = point.tolist()
+    return x, y, z
+
+
+def _by_the_way(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> Stop:
+    """Return a stop that is reached where its plane is crossed, wherever that is.
+
+    The plane halves the angle of the path from the point before (3,), past this one (3,), to the one after (3,).
+    """
+    arriving, leaving = (d / max(float(np.linalg.norm(d)), 1e-9) for d in (here - before, after - here))
+    both = arriving + leaving
+    passage = both if np.linalg.norm(both) > 1e-6 else leaving
     passage = passage / np.linalg.norm(passage)
-    left = np.array([-passage[1], passage[0], 0.0]) if abs(passage[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
-    return np.array([*here, *passage, *left / np.linalg.norm(left), ANYWHERE, ANYWHERE, 0.1, 0.1, 0.0, 1e-3])
-
-
-def row_ahead(
-    still_in_gate: Callable, first: Sequence[int], rows: np.ndarray, obstacles: np.ndarray, target: int, x: np.ndarray
-) -> int:
-    """The row to fly to on the way to a target, where rows stand between gates: the last that is in sight of x, or the
-    first whose plane x has not crossed. first: where each target's rows begin; obstacles: rows for `sees`."""
-    target = min(target, len(first) - 2)
-    begin, at_gate = first[target], first[target + 1] - 1
-    if target > 0 and still_in_gate(x, rows[begin - 1]):
-        return begin - 1
-    ahead = [r for r in range(begin, at_gate) if (x[:3] - rows[r, :3]) @ rows[r, 3:6] < 0.0]
-    later = np.arange(at_gate, ahead[0] if ahead else at_gate, -1)
-    in_sight = later[sees(np.repeat(x[None, :3], len(later), axis=0), rows[later, :3], obstacles)]
-    return int(in_sight[0]) if len(in_sight) else ahead[0] if ahead else at_gate
+    upright = abs(passage[2]) >= 0.999
+    left = np.array([0.0, 1.0, 0.0]) if upright else np.array([-passage[1], passage[0], 0.0])
+    return Stop(
+        exit=here,
+        passage=passage,
+        left=left / np.linalg.norm(left),
+        free=HalfSizes(ANYWHERE, ANYWHERE),
+        bar=0.1,
+        approach=0.1,
+        margin=0.0,
+        depth=1e-3,
+    )

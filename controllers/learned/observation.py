@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.course import Course, Gate
+from quadsim.course.opening import half_sizes
 from quadsim.systems.quadrotor import CONTROL, Control, State
 from quadsim.systems.records import field_types, flat, flat_names, unflat
 from quadsim.systems.rotation import along, body_axes
@@ -141,8 +142,8 @@ def gate_rows(course: Course, laps: int) -> np.ndarray:
 
 def gate_numbers(gate: Gate) -> tuple[float, ...]:
     """Centre, and the vectors to the middle of the left and the upper edge [m].  (9,)"""
-    half_width, half_height = gate.opening[0] / 2, gate.opening[1] / 2
-    left, up = half_width * gate.rotation[:, 1], half_height * gate.rotation[:, 2]
+    half = half_sizes(gate.opening)
+    left, up = half.left * gate.rotation[:, 1], half.up * gate.rotation[:, 2]
     return (*gate.position, *left.tolist(), *up.tolist())
 
 

@@ -1,9 +1,10 @@
 """Courses: where the gates stand, read from YAML files and checked."""
 
 from quadsim.course.axes import Vec3, in_frame
-from quadsim.course.course import FRAME_DEPTH, Course, EstimatedGate, Gate, Published, Start
+from quadsim.course.course import Course, EstimatedGate, Gate, Published, Start
 from quadsim.course.course_file import COURSES, course_names, load_course, parse_course
 from quadsim.course.obstacles import Box, Cylinder, Obstacle
+from quadsim.course.opening import FRAME_DEPTH, InGate
 
 __all__ = [
     "COURSES",
@@ -13,6 +14,7 @@ __all__ = [
     "Cylinder",
     "EstimatedGate",
     "Gate",
+    "InGate",
     "Obstacle",
     "Published",
     "Start",

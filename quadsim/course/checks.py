@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 
 import numpy as np
 
 from quadsim.course.course import Course, Gate
 from quadsim.course.obstacles import Obstacle
+from quadsim.course.opening import InGate, half_sizes
 from quadsim.course.swept_obstacles import SweptObstacle
 
 ROOM = 0.3  # around the start, and before and behind gates [m]: the largest vehicle (.25) and half a bar (.05)
@@ -44,8 +46,9 @@ def _start_faults(course: Course) -> Iterator[Fault]:
 
 def _gate_faults(course: Course) -> Iterator[Fault]:
     for i, gate in enumerate(course.gates):
-        key, opening, centre = f"gates[{i}].position", gate.corners(), np.array(gate.position)
-        before, behind = centre - ROOM * gate.rotation[:, 0], centre + ROOM * gate.rotation[:, 0]
+        key, opening = f"gates[{i}].position", gate.corners()
+        before = gate.to_world(InGate(-ROOM, 0.0, 0.0))
+        behind = gate.to_world(InGate(ROOM, 0.0, 0.0))
         if (low := opening[:, 2].min()) < -ROUNDING:
             yield key, f"expected an opening above the ground, its lowest corner is at z = {low:.2f} m"
         if outside := _outside(course, opening):
@@ -80,14 +83,13 @@ def _obstacle_faults(course: Course) -> Iterator[Fault]:
 def _blocked(gate: Gate, obstacles: Sequence[Obstacle]) -> bool:
     """Whether no straight line along the passage, from before the gate to behind it, is clear of all of them."""
     swept = [SweptObstacle(obstacle, k, 0.0) for k, obstacle in enumerate(obstacles)]
-    passage, left, up = gate.rotation.T
-    for y in np.linspace(-0.5, 0.5, LINES + 2)[1:-1] * gate.opening[0]:
-        for z in np.linspace(-0.5, 0.5, LINES + 2)[1:-1] * gate.opening[1]:
-            centre = gate.position + y * left + z * up
-            ends = (tuple((centre + side * ROOM * passage).tolist()) for side in (-1.0, 1.0))
-            a, b = ends
-            if all(s.touch(a, b) is None for s in swept):
-                return False
+    half = half_sizes(gate.opening)
+    shares = np.linspace(-1.0, 1.0, LINES + 2)[1:-1]  # of the half sizes, the edges left out
+    for left, up in product((shares * half.left).tolist(), (shares * half.up).tolist()):
+        before = gate.to_world(InGate(-ROOM, left, up))
+        behind = gate.to_world(InGate(ROOM, left, up))
+        if all(s.touch(before, behind) is None for s in swept):
+            return False
     return True
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from functools import cached_property
-from itertools import product
 from math import dist
 from typing import Annotated
 
@@ -13,16 +12,18 @@ import numpy as np
 
 from quadsim.course.axes import Vec3, in_frame
 from quadsim.course.obstacles import Obstacle
+from quadsim.course.opening import Bar, InGate, distance_to_frame, frame_bars, outer_half_sizes, rectangle_corners
 from quadsim.files.strict_yaml import unit
-
-FRAME_DEPTH = 0.1  # of a gate's bars along its passage [m]
 
 Second = Annotated[float, unit("s", gt=0)]
 
 
 @dataclass(frozen=True)
 class Gate:
-    """A rectangular opening in a flat frame. Gate frame: x along the legal passage, y left, z up."""
+    """A rectangular opening in a flat frame. Gate frame: x along the legal passage, y left, z up.
+
+    Sizes, planes and sides of the opening are computed in quadsim.course.opening.
+    """
 
     position: Vec3  # centre of the opening, ENU [m]
     yaw: float  # [rad]
@@ -49,34 +50,34 @@ class Gate:
         passage, left, up = self.rotation.T.tolist()
         return tuple(passage), tuple(left), tuple(up)
 
-    def to_local(self, p: Vec3) -> Vec3:
-        """A point of the world in the gate frame: along the passage, left, up [m]."""
+    def to_local(self, p: Vec3) -> InGate:
+        """Return a point of the world in the gate frame [m]."""
         c = self.position
-        return in_frame((p[0] - c[0], p[1] - c[1], p[2] - c[2]), *self.axes)
+        return InGate(*in_frame((p[0] - c[0], p[1] - c[1], p[2] - c[2]), *self.axes))
+
+    def to_local_rows(self, points: np.ndarray) -> InGate:
+        """Return points (n, 3) of the world in the gate frame, as an InGate of three arrays (n,) [m]."""
+        away = points - self.position
+        return InGate(*(away @ self.rotation).T)
+
+    def to_world(self, p: InGate) -> Vec3:
+        """Return a point of the gate frame in the world [m]."""
+        x, y, z = (self.position + self.rotation @ p).tolist()
+        return x, y, z
 
     @property
-    def bars(self) -> tuple[tuple[Vec3, Vec3], ...]:
-        """Four bars (centre, half extents) in the gate frame [m]: top and bottom span the corners."""
-        (width, height), bar = self.opening, self.frame_width
-        across, up = (width + bar) / 2, (height + bar) / 2
-        beam = (FRAME_DEPTH / 2, width / 2 + bar, bar / 2)
-        post = (FRAME_DEPTH / 2, bar / 2, height / 2)
-        return ((0.0, 0.0, up), beam), ((0.0, 0.0, -up), beam), ((0.0, across, 0.0), post), ((0.0, -across, 0.0), post)
+    def bars(self) -> tuple[Bar, Bar, Bar, Bar]:
+        """The four bars of the frame, in the gate frame."""
+        return frame_bars(self.opening, self.frame_width)
 
     def corners(self, border: float = 0.0) -> np.ndarray:
-        """Corners of the opening, `border` [m] farther out, in the world.  (4, 3)"""
-        half_width, half_height = self.opening[0] / 2 + border, self.opening[1] / 2 + border
-        local = np.array([(0.0, y * half_width, z * half_height) for y, z in product((-1, 1), repeat=2)])  # (4, 3)
+        """Return the corners of the opening, `border` [m] farther out, in the world.  (4, 3)"""
+        local = rectangle_corners(outer_half_sizes(self.opening, border))
         return self.position + local @ self.rotation.T
 
     def frame_distance(self, point: Vec3) -> float:
-        """From the point to the nearest bar of the frame, taken as flat [m]; 0 on it."""
-        x, y, z = self.to_local(point)
-        inside = (self.opening[0] / 2 - abs(y), self.opening[1] / 2 - abs(z))  # to the opening's edges, signed
-        if min(inside) > 0.0:
-            return float(np.hypot(x, min(inside)))
-        outside = (max(0.0, -d - self.frame_width) for d in inside)
-        return float(np.linalg.norm((x, *outside)))
+        """Return the distance from a point of the world to the nearest bar, taken as flat; 0 on a bar [m]."""
+        return distance_to_frame(self.to_local(point), self.opening, self.frame_width)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """The segment of one physics step against the gates: contact with a frame, crossing of a plane. No rules here.
 
 In the gate frame (x along the legal passage) the vehicle is a sphere of radius r whose centre moves on a segment.
-The four bars, as boxes grown by r, are a slab |x| <= FRAME_DEPTH/2 + r, |y| <= h_y + width + r (z alike) around
-a free shaft |y| <= h_y - r: the sphere touches a bar where its centre is in the slab and not in the shaft.
+The four bars, as boxes grown by r, are a slab around a free shaft: the sphere touches a bar where its centre is in the
+slab and not in the shaft. See quadsim.course.opening for both.
 Grown boxes stick out where a sphere would round an edge: contact is found up to .42 r early at the bars' edges,
 .73 r at their corners. On their faces, and straight through the opening, it is exact.
 """
@@ -15,7 +15,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.course.course import FRAME_DEPTH, Gate, Vec3
+from quadsim.course.axes import Vec3
+from quadsim.course.course import Gate
+from quadsim.course.opening import (
+    HalfSizes,
+    InGate,
+    Offset,
+    between,
+    beyond,
+    crossing,
+    free_half_sizes,
+    half_depth,
+    half_sizes,
+    on_passage,
+    outer_half_sizes,
+)
 
 
 class Incident(NamedTuple):
@@ -24,7 +38,7 @@ class Incident(NamedTuple):
     s: float  # fraction of the step
     kind: str  # touch, forward, backward; of the referee: ground, bounds, timeout
     gate: int = -1  # index; -1: no gate
-    offset: tuple[float, float] = (0.0, 0.0)  # left, up of the centre [m]
+    offset: Offset = Offset(0.0, 0.0)  # from the centre of the opening [m]
     obstacle: int = -1  # index; -1: no obstacle
 
     @property
@@ -59,38 +73,51 @@ class SweptGate:
 
     def __init__(self, gate: Gate, index: int, radius: float):
         self.gate, self.index = gate, index
-        half_y, half_z = self.half = gate.opening[0] / 2, gate.opening[1] / 2
-        grow = gate.frame_width + radius
-        # Half sizes in which the sphere is free, negative where it does not fit [m]
-        self.shaft: Vec3 = (inf, half_y - radius, half_z - radius)
-        # Half sizes of all that the grown bars fill, shaft included [m]
-        self.slab: Vec3 = (FRAME_DEPTH / 2 + radius, half_y + grow, half_z + grow)
-        # Lateral distance within which a crossing of the plane is about this gate: three half sizes and 2 m
-        self.near = 3.0 * half_y + 2.0, 3.0 * half_z + 2.0
+        # Where the sphere's centre is free inside the frame, and where it is free around it [m]
+        self.free = free_half_sizes(gate.opening, radius)
+        self.outer = outer_half_sizes(gate.opening, gate.frame_width, radius)
+        self.half_depth = half_depth(radius)
+        # Half extents of the shaft through the opening, without ends, and of the slab that the grown bars fill [m]
+        self._shaft: Vec3 = (inf, self.free.left, self.free.up)
+        self._slab: Vec3 = (self.half_depth, self.outer.left, self.outer.up)
+        # Half sizes within which a crossing of the plane is about this gate: three of the opening's, and 2 m
+        half = half_sizes(gate.opening)
+        self.near = HalfSizes(3.0 * half.left + 2.0, 3.0 * half.up + 2.0)
         # Radius about the centre outside which nothing concerns this gate [m]
-        self.reach = hypot(self.slab[0], *map(max, self.near, self.slab[1:]))
+        aside = max(self.near.left, self.outer.left)
+        above = max(self.near.up, self.outer.up)
+        self.reach = hypot(self.half_depth, aside, above)
 
-    def beyond(self, offset: tuple[float, float]) -> float:
-        """How far out of the opening, negative inside: max(|y| - h_y, |z| - h_z) [m]."""
-        return max(abs(offset[0]) - self.half[0], abs(offset[1]) - self.half[1])
+    def on_passage(self, offset: Offset) -> bool:
+        """Return whether a point of the gate's plane lies in the opening or on the frame."""
+        return on_passage(offset, self.gate.opening, self.gate.frame_width)
 
-    def touch(self, a: Vec3, b: Vec3) -> float | None:
-        """Fraction of the segment a -> b (gate frame) at which it first enters a grown bar, None if it enters none."""
-        slab = _clip_centred(a, b, self.slab)
+    def is_near(self, offset: Offset) -> bool:
+        """Return whether a crossing of the gate's plane there is about this gate."""
+        return beyond(offset, self.near) <= 0.0
+
+    def touch(self, a: InGate, b: InGate) -> float | None:
+        """Return the fraction of the segment a -> b at which it first enters a grown bar, None if it enters none."""
+        slab = _clip_centred(a, b, self._slab)
         if slab is None:
             return None
-        shaft = _clip_centred(a, b, self.shaft)
+        shaft = _clip_centred(a, b, self._shaft)
         if shaft is None or not shaft[0] <= slab[0] <= shaft[1]:
             return slab[0]
         return shaft[1] if shaft[1] < slab[1] else None
 
     def incidents(self, p0: Vec3, p1: Vec3) -> list[Incident]:
-        """Contact comes before a crossing at the same instant."""
+        """Return the contact and the crossing of a segment of the world, contact first at the same instant."""
         a, b = self.gate.to_local(p0), self.gate.to_local(p1)
-        found = [("touch", self.touch(a, b))]
-        if (a[0] < 0.0) != (b[0] < 0.0):  # x = 0 belongs to the far side: a step that ends there counts once
-            found.append(("forward" if a[0] < 0.0 else "backward", a[0] / (a[0] - b[0])))
-        return [Incident(s, kind, self.index, lerp(a, b, s)[1:]) for kind, s in found if s is not None]
+        found = []
+        touched = self.touch(a, b)
+        if touched is not None:
+            found.append(Incident(touched, "touch", self.index, between(a, b, touched).offset))
+        crossed = crossing(a, b)
+        if crossed is not None:
+            kind = "forward" if crossed.forward else "backward"
+            found.append(Incident(crossed.fraction, kind, self.index, crossed.offset))
+        return found
 
 
 class SweptGates:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from quadsim.course import Course
+from quadsim.course.opening import outer_half_sizes
 from quadsim.race.settings import SettingError
 
 RENDER_MODES = ("human", "rgb_array")
@@ -64,7 +65,7 @@ def picture(course: Course, states: np.ndarray) -> np.ndarray:
                 found[at[:, 0] + dr, at[:, 1] + dc] = colour
 
     for gate in course.gates:
-        left = (gate.opening[0] / 2 + gate.frame_width) * gate.rotation[:, 1]
+        left = outer_half_sizes(gate.opening, gate.frame_width).left * gate.rotation[:, 1]
         dots(np.array(gate.position) + np.linspace(-1, 1, 60)[:, None] * left, np.array(FRAME), 1)
     share = np.clip((states[:, 2] - z_low) / (z_high - z_low), 0, 1)[:, None]
     colours = (LOW + share * (HIGH - LOW)).astype(np.uint8)

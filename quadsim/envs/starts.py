@@ -11,11 +11,13 @@ from dataclasses import replace
 import numpy as np
 
 from controllers.costs import Cost
+from controllers.costs.race_targets import GateTarget
 from controllers.learned.observation import normalised
 from quadsim.course import Course
 from quadsim.physics.domain_randomization import Randomization, draw
 from quadsim.physics.plant_state import start_state
 from quadsim.systems.quadrotor import ModelParams, quadrotor
+from quadsim.systems.records import columns
 from quadsim.vehicle import GRAVITY, Vehicle
 
 ROWS = 1024  # different starts of a course, where they differ
@@ -58,12 +60,13 @@ def in_flight(course: Course, cost: Cost, rng: np.random.Generator) -> tuple[np.
     """A state on the way to some gate, and the row of that target."""
     target = int(rng.integers(len(cost.targets) - 1))
     gates, share, speed = course.gates, rng.uniform(0.0, 0.85), rng.uniform(0.0, SPEED)
-    exits = cost.targets[:, 0:3]
+    exits = columns(cost.targets, GateTarget, "x", "z")
+    passages = columns(cost.targets, GateTarget, "nx", "nz")
     before = exits[target - 1] if target else np.array(course.start.position)
     way = exits[target] - before
     direction = way / max(np.linalg.norm(way), 1e-6)
     out = gates[(target - 1) % len(gates)].rotation[:, 0] if target else direction  # as the last gate was left
-    if direction @ cost.targets[target, 3:6] < 0 or direction @ out < 0:  # the next gate stands behind or faces away
+    if direction @ passages[target] < 0 or direction @ out < 0:  # the next gate stands behind or faces away
         p = before + rng.uniform(0.0, 2.0) * out
         heading = out
     else:

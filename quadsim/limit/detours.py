@@ -10,85 +10,151 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Any
+from operator import itemgetter
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from quadsim.course import Box, Gate
-from quadsim.course.swept import SweptGate
+from quadsim.course.opening import half_depth, outer_half_sizes
 from quadsim.limit.solution import Solution
 from quadsim.limit.task import MARGIN, Segment, Task
+
+ALONG, LEFT, UP = 0, 1, 2  # axes of a gate's frame: the passage, left and up; of a box's: its x, y and z
+AXES = (ALONG, LEFT, UP)
+SIGNS = (1.0, -1.0)
+
+
+class Side(NamedTuple):
+    """One of the six sides of a box around the origin of a frame."""
+
+    axis: int  # of AXES
+    sign: float
+
+    def depth(self, local: np.ndarray, half: Sequence[float]) -> np.ndarray:
+        """Return how deep points (..., 3) lie behind this side of the box of these half extents [m].  (...)"""
+        return half[self.axis] - self.sign * local[..., self.axis]
+
+
+class Way(NamedTuple):
+    """Neighbouring nodes of a segment, from the first to the last, that are to be held outside a side."""
+
+    first: int
+    last: int
+    side: Side
 
 
 @dataclass(frozen=True)
 class Detour:
-    """sign * local[axis] >= distance, in the frame of a gate or a box, for the nodes in a part of a segment."""
+    """Nodes in a part of a segment are to stay beyond one side of a gate's frame or of a box.
+
+    In the frame of the gate or the box: side.sign * local[side.axis] >= distance.
+    """
 
     segment: int
     part: tuple[float, float]  # of the segment's intervals, 0 to 1
     gate: Gate | Box
-    axis: int
-    sign: float
-    distance: float  # [m]
+    side: Side
+    distance: float  # from the centre [m]
 
     def holds_at(self, segment: int, node: int, intervals: int) -> bool:
-        """For the nodes in that part; beyond an edge one more on either side, as the line between two stays out too."""
+        """Return whether the detour concerns a node of a segment of so many intervals.
+
+        It does in that part; beyond an edge also one node on either side, as the line between two stays out too.
+        """
         first, last = (share * intervals for share in self.part)
-        more = 1.0 if self.axis else 0.0
+        more = 0.0 if self.side.axis == ALONG else 1.0
         return segment == self.segment and first - more <= node <= last + more
 
     def spare(self, local: Any) -> Any:
-        """At or above 0 where it is kept [m].  local: in the gate's frame"""
-        return self.sign * local[self.axis] - self.distance
+        """Return by how much it is kept, negative where it is not [m].
+
+        Args:
+            local: position in the frame of the gate or the box, numbers or CasADi's symbols.  (3,)
+        """
+        return self.side.sign * local[self.side.axis] - self.distance
 
 
 def detours(
     solution: Solution, plan: list[Segment], task: Task, hits: list[tuple[float, Gate | Box]]
 ) -> Iterator[Detour]:
-    """Around what was hit.  hits: time [s], and gate or box, of each."""
+    """Yield detours around what was hit.
+
+    Args:
+        solution: the one in which something was hit.
+        plan: its segments.
+        task: what was to be flown.
+        hits: time [s], and gate or box, of each hit.
+    """
     begins = np.cumsum([0, *(s.intervals for s in plan)])  # index of the node where each segment begins
-    for t, gate in hits:
+    for t, place in hits:
         k = int(np.searchsorted(begins, np.searchsorted(solution.t, t))) - 1
-        if plan[k].kind == "approach":
-            own = slice(begins[k], begins[k + 1])
-            local = (solution.x[own, :3] - gate.position) @ np.array(gate.axes).T  # (nodes of the segment, 3)
-            hit = min(int(np.searchsorted(solution.t[own], t)), len(local) - 1)
-            if isinstance(gate, Box):
-                reach = [half + task.radius for half in gate.half]
-                ways = _ways_out_of_a_box(local, hit, reach)
-            else:
-                swept = SweptGate(gate, 0, task.radius)
-                reach, ways = swept.slab, _ways_out(local, hit, swept)
-            for first, last, axis, sign in ways:
-                part = (first - 0.5) / plan[k].intervals, (last + 0.5) / plan[k].intervals
-                yield Detour(k, part, gate, axis, sign, reach[axis] + MARGIN)
+        if plan[k].kind != "approach":
+            continue
+        # The nodes of the segment, seen from what was hit, and the one of them at which it was hit
+        own = slice(begins[k], begins[k + 1])
+        local = (solution.x[own, :3] - place.position) @ np.array(place.axes).T  # (nodes of the segment, 3)
+        hit = min(int(np.searchsorted(solution.t[own], t)), len(local) - 1)
+        if isinstance(place, Box):
+            half = [extent + task.radius for extent in place.half]
+            ways = [_way_out_of_a_box(local, hit, half)]
+        else:
+            outer = outer_half_sizes(place.opening, place.frame_width, task.radius)
+            half = [half_depth(task.radius), outer.left, outer.up]
+            ways = _ways_out_of_a_frame(local, hit, half)
+        for way in ways:
+            part = (way.first - 0.5) / plan[k].intervals, (way.last + 0.5) / plan[k].intervals
+            yield Detour(k, part, place, way.side, half[way.side.axis] + MARGIN)
 
 
-def _ways_out(local: np.ndarray, hit: int, swept: SweptGate) -> Iterator[tuple[int, int, int, float]]:
-    """First and last node of each run, with the axis and the sign of the side that is nearest to its nodes.
+def _ways_out_of_a_frame(local: np.ndarray, hit: int, half: Sequence[float]) -> Iterator[Way]:
+    """Yield the ways out of a frame: for each run of nodes the side that is nearest to them.
 
     Those are the slab's two faces and one edge of the frame, the nearest to all nodes in the slab.
+
+    Args:
+        local: nodes of the segment in the gate's frame [m].  (nodes, 3)
+        hit: index of the node at which the frame was hit.
+        half: half extents of the slab that the frame fills, grown by the sphere [m].  (3,)
     """
-    first, last = _within(abs(local[:, 0]) <= swept.slab[0], hit)
-    edges = [(axis, sign) for axis in (1, 2) for sign in (1.0, -1.0)]
-    edge = min(edges, key=lambda e: swept.slab[e[0]] - (e[1] * local[first : last + 1, e[0]]).min())
-    sides = [(0, 1.0), (0, -1.0), edge]
+    first, last = _within(abs(local[:, ALONG]) <= half[ALONG], hit)
+    edges = [Side(axis, sign) for axis in (LEFT, UP) for sign in SIGNS]
+    edge = _nearest_side(edges, local[first : last + 1], half)
+
+    # Each node in the slab, and one on either side of it, leaves by the side that is nearest to it
+    sides = [Side(ALONG, 1.0), Side(ALONG, -1.0), edge]
     nodes = range(max(first - 1, 1), min(last + 2, len(local)))
-    nearest = [min(sides, key=lambda s: swept.slab[s[0]] - s[1] * local[n, s[0]]) for n in nodes]
+    nearest = [_nearest_side(sides, local[n : n + 1], half) for n in nodes]
+
+    # From one face of the slab to the other the way leads past the edge
     for i in range(len(nearest) - 1):
-        if nearest[i][0] == nearest[i + 1][0] == 0 and nearest[i] != nearest[i + 1]:
-            nearest[i : i + 2] = [edge] * 2  # from one face to the other leads past the edge
-    for side, run in groupby(zip(nearest, nodes, strict=True), key=lambda pair: pair[0]):
+        on_faces = nearest[i].axis == nearest[i + 1].axis == ALONG
+        if on_faces and nearest[i] != nearest[i + 1]:
+            nearest[i] = nearest[i + 1] = edge
+
+    for side, run in groupby(zip(nearest, nodes, strict=True), key=itemgetter(0)):
         found = [node for _, node in run]
-        yield found[0], found[-1], *side
+        yield Way(found[0], found[-1], side)
 
 
-def _ways_out_of_a_box(local: np.ndarray, hit: int, half: Sequence[float]) -> Iterator[tuple[int, int, int, float]]:
-    """As `_ways_out`: one face for all nodes in the box, the one that is nearest to the deepest of them."""
+def _way_out_of_a_box(local: np.ndarray, hit: int, half: Sequence[float]) -> Way:
+    """Return the way out of a box: one side for all nodes in it, the one nearest to the deepest of them.
+
+    Args:
+        local: nodes of the segment in the frame of the box [m].  (nodes, 3)
+        hit: index of the node at which the box was hit.
+        half: half extents of the box, grown by the sphere [m].  (3,)
+    """
     first, last = _within(np.all(abs(local) <= half, axis=1), hit)
-    faces = [(axis, sign) for axis in range(3) for sign in (1.0, -1.0)]
-    axis, sign = min(faces, key=lambda f: half[f[0]] - (f[1] * local[first : last + 1, f[0]]).min())
-    yield max(first - 1, 1), min(last + 1, len(local) - 1), axis, sign
+    faces = [Side(axis, sign) for axis in AXES for sign in SIGNS]
+    side = _nearest_side(faces, local[first : last + 1], half)
+    return Way(max(first - 1, 1), min(last + 1, len(local) - 1), side)
+
+
+def _nearest_side(sides: Sequence[Side], local: np.ndarray, half: Sequence[float]) -> Side:
+    """Return the side behind which the deepest of the points (n, 3) is least deep; the first of equal ones."""
+    deepest = [float(side.depth(local, half).max()) for side in sides]
+    return sides[int(np.argmin(deepest))]
 
 
 def _within(inside: np.ndarray, node: int) -> tuple[int, int]:

@@ -8,7 +8,8 @@ from itertools import pairwise
 from math import dist, sqrt
 from typing import Literal
 
-from quadsim.course import FRAME_DEPTH, Course, Gate, Obstacle, Start, Vec3
+from quadsim.course import Course, Gate, Obstacle, Start, Vec3
+from quadsim.course.opening import HalfSizes, free_half_sizes, half_depth, margin_inside
 
 MARGIN = 2e-3  # kept to frames, ground and bounds, as the path is bent between two nodes [m]
 GROUND = 1e-3  # [m] between sphere and ground: closer is a crash to the referee
@@ -78,15 +79,15 @@ def segments(task: Task, nodes: Sequence[int]) -> list[Segment]:
 
 
 def reach(task: Task) -> float:
-    """From a gate's plane to the planes of entry and exit, between which the sphere may touch the frame [m]."""
-    return FRAME_DEPTH / 2 + task.radius
+    """Return the distance from a gate's plane to its entry and exit, where the sphere is clear of the frame [m]."""
+    return half_depth(task.radius)
 
 
-def room(gate: Gate, task: Task) -> tuple[float, float]:
-    """Half width and height of the opening in which the sphere's centre is free [m]."""
-    half_width, half_height = (size / 2 - task.radius - MARGIN for size in gate.opening)
-    margin = min(task.margin, half_width / 2, half_height / 2)
-    return half_width - margin, half_height - margin
+def room(gate: Gate, task: Task) -> HalfSizes:
+    """Return the half sizes of the opening within which the sphere's centre has to stay [m]."""
+    free = free_half_sizes(gate.opening, task.radius, MARGIN)
+    margin = margin_inside(free, task.margin)
+    return HalfSizes(free.left - margin, free.up - margin)
 
 
 def legs(task: Task) -> list[float]:

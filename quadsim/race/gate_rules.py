@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from math import cos, dist, hypot, radians
 
 from quadsim.course import Course, Gate, Vec3
+from quadsim.course.opening import approach_length
 from quadsim.course.swept import SweptGate
 
 TAKE_OFF = 0.1  # [m] between sphere and ground; only after that is the ground a crash, as a flight may start on it
@@ -19,23 +20,25 @@ def check(course: Course, laps: int, gates: Sequence[SweptGate], radius: float) 
         wanted = "at least 1 lap" if course.loop else "1 lap, as the course is open"
         raise ValueError(f"{course.name}: expected {wanted}, got {laps}")
     for swept in gates:
-        where, (_, free_y, free_z) = f"{course.name}: gates[{swept.index}]", swept.shaft
-        if min(free_y, free_z) <= 0.0:
+        where, free = f"{course.name}: gates[{swept.index}]", swept.free
+        if min(free) <= 0.0:
             width, height = swept.gate.opening
             wider = f"expected an opening wider than the vehicle's {2 * radius:g} m"
             raise ValueError(f"{where}: {wider}, got {width:g} x {height:g} m")
         _, left, up = swept.gate.axes
-        highest = swept.gate.position[2] + abs(left[2]) * free_y + abs(up[2]) * free_z
+        highest = swept.gate.position[2] + abs(left[2]) * free.left + abs(up[2]) * free.up
         if highest < radius + TAKE_OFF:
             above = f"expected an opening that is free {radius + TAKE_OFF:g} m above the ground, for the vehicle"
             raise ValueError(f"{where}: {above}, got {highest:.2f} m")
 
 
 def way_left(gate: Gate, p: Vec3) -> float:
-    """From p to the gate's centre, behind the gate by a point as far in front of it as its opening is wide [m]."""
-    x, y, z = gate.to_local(p)
-    approach = max(gate.opening)
-    return hypot(x, y, z) if x <= 0.0 else hypot(x + approach, y, z) + approach
+    """Return the way from p to the gate's centre, from behind the gate by the point where its approach begins [m]."""
+    here = gate.to_local(p)
+    if here.along <= 0.0:
+        return hypot(*here)
+    approach = approach_length(gate.opening)
+    return hypot(here.along + approach, here.left, here.up) + approach
 
 
 def crossed_at_once(gate: Gate, following: Gate) -> bool:

@@ -85,7 +85,7 @@ class Referee:
         inside = clip(p0, p1, low, high)  # None for a start outside, which may still come in
         if inside and not clip(p1, p1, low, high):
             found.append(Incident(inside[1], "bounds"))
-        if self._leaving and self._leaving.gate.to_local(p0)[0] > self._leaving.slab[0]:
+        if self._leaving and self._leaving.gate.to_local(p0).along > self._leaving.half_depth:
             self._leaving = None
         if (left := way_left(self._gates[self.next_gate].gate, p1)) < self._nearest[1] - NEARER:
             self._nearest = t1, left
@@ -101,21 +101,22 @@ class Referee:
         `target` was next when the step began: the plane of a gate that only became next within the step is no miss,
         or coplanar gates would be missed whenever one is passed.
         """
-        _, kind, k, offset, _ = incident
+        kind = incident.kind
         if kind == "touch":
             fresh = t - self._touched.get(incident.touched, -inf) >= CLEAR
             self._touched[incident.touched] = t1
             return "hit" if fresh else None
-        if k < 0:
+        if incident.gate < 0:
             return kind
-        beyond, gate = self._gates[k].beyond(offset), self._gates[k]
-        through = beyond <= gate.gate.frame_width  # without penalties, a touch of the frame has ended the flight before
+        gate = self._gates[incident.gate]
+        # Without penalties a touch of the frame has ended the flight before
+        through = gate.on_passage(incident.offset)
         if kind == "backward":
             return "wrong_way" if through else None
         if gate is self._gates[self.next_gate] and through and self._airborne:
             return None if self._leaving else "pass"
-        close = abs(offset[0]) <= gate.near[0] and abs(offset[1]) <= gate.near[1]
-        return "miss" if gate is self._gates[target] and target == self.next_gate and close else None
+        missed = gate is self._gates[target] and target == self.next_gate and gate.is_near(incident.offset)
+        return "miss" if missed else None
 
     def _call(self, kind: str, t: float, position: Vec3, speed: float, incident: Incident) -> None:
         is_next = kind == "stuck" or (incident.gate >= 0 and self._gates[incident.gate] is self._gates[self.next_gate])
@@ -148,4 +149,4 @@ class Referee:
         k = int(number) - 1
         if what == "obstacle":
             return Incident(1.0, "contact", obstacle=k)
-        return Incident(1.0, "contact", k, self._gates[k].gate.to_local(position)[1:])
+        return Incident(1.0, "contact", k, self._gates[k].gate.to_local(position).offset)

@@ -14,6 +14,7 @@ from typing import TypedDict
 import numpy as np
 
 from quadsim.course import Course, Gate, parse_course
+from quadsim.course.opening import approach_length
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.run import Run, system_of
 
@@ -51,11 +52,14 @@ def turns(course: Course, t: np.ndarray, p: np.ndarray, passed: np.ndarray) -> l
 
 
 def _turned(gate: Gate, p: np.ndarray) -> np.ndarray:
-    """Rows of the way to the gate at which it has been turned back.  p (n, 3)"""
-    opening, away = max(gate.opening), p - gate.position
-    s = away @ gate.rotation[:, 0]  # along the passage, negative in front [m]
-    lowest = np.minimum.accumulate(s)
-    approached = (lowest <= -opening) & (s - lowest >= opening)
-    close = np.linalg.norm(away, axis=1) <= CLOSE * opening
-    farthest = np.maximum.accumulate(np.where(approached & close, s, -np.inf))
-    return np.flatnonzero(farthest - s >= opening)
+    """Return the rows of the way to the gate at which it has been turned back.  p (n, 3)"""
+    opening = approach_length(gate.opening)
+    along = gate.to_local_rows(p).along
+    distance = np.linalg.norm(p - gate.position, axis=1)
+    # It has approached where it was an opening in front of the gate before, and has flown forward by one since
+    farthest_back = np.minimum.accumulate(along)
+    approached = (farthest_back <= -opening) & (along - farthest_back >= opening)
+    close = distance <= CLOSE * opening
+    # From the farthest point it then reached it has fallen back by an opening
+    farthest = np.maximum.accumulate(np.where(approached & close, along, -np.inf))
+    return np.flatnonzero(farthest - along >= opening)

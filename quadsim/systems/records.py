@@ -1,9 +1,15 @@
-"""Records: NamedTuples of numbers, of other records too. Their fields give every table its names and its order."""
+"""Records: NamedTuples of numbers, of other records too. Their fields give every table its names and its order.
+
+A table of rows is an array, one record a row, one number a column: the compiled lanes read arrays. Where rows are made
+they are records, and where columns of a table are read they are found by the record's field names.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, get_type_hints
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple, get_type_hints
+
+import numpy as np
 
 
 def is_record(kind: Any) -> bool:
@@ -46,3 +52,19 @@ def flat_names(kind: type, between: str = "_") -> Iterator[str]:
                 yield f"{field}{between}{name}"
         else:
             yield field
+
+
+def as_rows(records: Sequence[NamedTuple], record: type[NamedTuple]) -> np.ndarray:
+    """Return a table of these records, also where there are none.  (records, fields)"""
+    return np.array(records, float).reshape(-1, len(record._fields))
+
+
+def column(rows: np.ndarray, record: type[NamedTuple], name: str) -> np.ndarray:
+    """Return the column of a table in which this field of its records stands, a view.  (rows,)"""
+    return rows[:, record._fields.index(name)]
+
+
+def columns(rows: np.ndarray, record: type[NamedTuple], first: str, last: str) -> np.ndarray:
+    """Return the columns from one field of a table's records to another, both included, a view.  (rows, columns)"""
+    begin, end = record._fields.index(first), record._fields.index(last)
+    return rows[:, begin : end + 1]

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from race_cases import ALL, DT, EXIT, FAR, GAP, ONLY, RADIUS, ROW, at, course, fly, gate, straight, term, through
 
-from controllers.costs.race import RUN_OUT, TERMS, TO_GO, RaceWeights, clear_of_frame, race_cost
+from controllers.costs.race import RUN_OUT, TERMS, RaceWeights, clear_of_frame, race_cost
+from controllers.costs.race_targets import GateTarget
 from quadsim.course import course_names, load_course
+from quadsim.systems.records import column, columns
 
 
 def remaining(cost, points):
@@ -95,14 +97,18 @@ def test_flying_on_after_the_finish_is_progress():
 def test_laps_follow_each_other_without_a_seam():
     loop = course(gate(5.0), gate(10.0, 5.0, yaw=90), gate(5.0, 10.0, yaw=180), gate(0.0, 5.0, yaw=270), loop=True)
     cost, leg = race_cost(loop, RADIUS, ALL, 3), np.array((5 + EXIT, EXIT - 5))  # from exit to exit
-    targets = cost.targets
+    targets, to_go = cost.targets, column(cost.targets, GateTarget, "to_go")
     assert len(targets) == 3 * 4 + 1
-    np.testing.assert_array_equal(targets[4:8, :12], targets[:4, :12])
-    np.testing.assert_allclose(targets[8:12, 13:], targets[4:8, 13:])
-    np.testing.assert_allclose(np.diff(targets[:12, TO_GO]), -np.hypot(*leg))
-    np.testing.assert_allclose(targets[4, 14:18], (*leg / np.hypot(*leg), 0.0, np.hypot(*leg)))  # from gate 4
+    gates = columns(targets, GateTarget, "x", "bar")
+    np.testing.assert_array_equal(gates[4:8], gates[:4])
+    legs = columns(targets, GateTarget, "approach", "depth")
+    np.testing.assert_allclose(legs[8:12], legs[4:8])
+    np.testing.assert_allclose(np.diff(to_go[:12]), -np.hypot(*leg))
+    from_gate_4 = GateTarget(*targets[4])
+    np.testing.assert_allclose((from_gate_4.ex, from_gate_4.ey, from_gate_4.ez), (*leg / np.hypot(*leg), 0.0))
+    assert from_gate_4.leg == pytest.approx(np.hypot(*leg))
     late = cost.targets_from(8, np.array((5.0, 5.0, 20.0)))
-    np.testing.assert_allclose(late[:4, TO_GO], targets[8:12, TO_GO] - targets[8, TO_GO], rtol=1e-6)
+    np.testing.assert_allclose(column(late, GateTarget, "to_go")[:4], to_go[8:12] - to_go[8], rtol=1e-6)
 
 
 def test_leaving_the_bounds_or_coming_down_is_a_crash_and_starting_on_the_ground_is_none():
@@ -133,4 +139,4 @@ def test_remaining_distance_of_every_course_falls_through_its_gates(name):
     cost = race_cost(high, 0.15, replace(ONLY["progress"], margin=0.0), 1)
     for row, (a, b) in enumerate(pairwise(exits)):
         assert term("progress", cost, b, row=row) <= term("progress", cost, a, row=row) + 1e-9
-        assert term("progress", cost, b, row=row + 1) <= cost.targets[row, TO_GO] + 2e-3
+        assert term("progress", cost, b, row=row + 1) <= GateTarget(*cost.targets[row]).to_go + 2e-3

@@ -9,8 +9,10 @@ from race_cases import ALL, RADIUS, ROW, course, fly, gate, straight
 
 from controllers.costs.frames import obstacle_rows
 from controllers.costs.race import race_cost
+from controllers.costs.race_targets import GateTarget
 from controllers.costs.ways_round import sees, shortest, way_round
 from quadsim.course import Box, Cylinder
+from quadsim.systems.records import columns
 
 BOX = (0.2, -50.0, 50.0, -50.0, 50.0, 40.0)  # floor, x, y, roof
 WALL = Box((5.0, 1.0, 10.0), (0.4, 6.0, 20.0))  # from y = -2 to 4, from the ground to z = 20
@@ -61,12 +63,17 @@ def test_the_shortest_path_is_that_of_all_orders_of_five_nodes():
 WALLED = course(gate(0.0), gate(20.0), obstacles=(Box((10.0, 2.0, 20.0), (0.4, 6.0, 40.0)),), start=(-5.0, 0.0, 20.0))
 
 
+def exits(cost):
+    return columns(cost.targets, GateTarget, "x", "z")
+
+
 def test_a_wall_between_two_gates_puts_rows_between_them_and_the_way_to_go_counts_along_them():
     cost, bare = race_cost(WALLED, RADIUS, ALL, 1), race_cost(replace(WALLED, obstacles=()), RADIUS, ALL, 1)
     assert len(cost.targets) == len(bare.targets) + 2
-    np.testing.assert_array_equal(bare.targets[1:, :3], cost.targets[3:, :3])
-    assert cost.targets[0, 12] > bare.targets[0, 12] + 0.1  # metres to go from the first gate
-    corners = cost.targets[1:3, :3].tolist()
+    np.testing.assert_array_equal(exits(bare)[1:], exits(cost)[3:])
+    walled, free = (GateTarget(*c.targets[0]).to_go for c in (cost, bare))  # from the first gate [m]
+    assert walled > free + 0.1
+    corners = exits(cost)[1:3].tolist()
     assert max(y for _, y, _ in corners) < -1.0
     legs = pairwise([(-1.0, 0.0, 20.0), (1.0, 0.0, 20.0), *corners, (21.0, 0.0, 20.0)])
     points = [p for a, b in legs for p in straight(a, b)[:-1]]

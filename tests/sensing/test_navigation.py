@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from controllers.adaptation import Adaptation
+from controllers.costs.race_targets import GateTarget
 from quadsim.app.report import report
 from quadsim.course import load_course
 from quadsim.files.strict_yaml import FileError
@@ -105,16 +106,17 @@ def test_the_planner_keeps_farther_from_a_gate_whose_place_is_uncertain(moved):
     """Seen from the vehicle, which does not know where it is either."""
     spec = Spec.of("split_s_swift", sensing="gates", displace_gates=moved, **SMALL)
     plant, controller, _ = build(spec)
-    margin = controller.cost.targets[0, 18]
+    margin = GateTarget(*controller.cost.targets[0]).margin
     navigation = navigation_of(spec, plant, controller)
     belief = navigation.knowledge.estimator.belief
     navigation._follow_gates()
-    first, free = controller.cost.targets[0, 18], controller.cost.targets[0, 9]
+    target = GateTarget(*controller.cost.targets[0])
+    first, free = target.margin, target.free_y
     assert first == pytest.approx(min(margin + 2.5 * belief.gate_std(7)[0], 0.7 * free))
     assert first > 2 * margin
     navigation.knowledge.estimator.belief = replace(belief, P=1e-8 * belief.P)
     navigation._follow_gates()
-    assert controller.cost.targets[0, 18] == pytest.approx(margin, abs=1e-3)
+    assert GateTarget(*controller.cost.targets[0]).margin == pytest.approx(margin, abs=1e-3)
 
 
 def test_the_true_state_needs_no_navigation():

@@ -11,6 +11,7 @@ import viser
 from viser.transforms import SO3
 
 from quadsim.course import Course, Cylinder, Gate, Obstacle
+from quadsim.course.opening import outer_half_sizes
 from quadsim.palette import NEXT, Style
 from web.competitor import CRASHES, Competitor
 from web.lap_timing import LapTiming, crashed_gates
@@ -126,9 +127,8 @@ class CourseView:
             lod="off",
         )
         for number, gate in enumerate(course.gates, 1):
-            top = np.array(gate.position) + gate.rotation[:, 2] * (
-                gate.opening[1] / 2 + gate.frame_width + 0.35 * gate_scale(course)
-            )
+            above = outer_half_sizes(gate.opening, gate.frame_width).up + 0.35 * gate_scale(course)
+            top = np.array(gate.position) + above * gate.rotation[:, 2]
             scene.add_label(f"/course/number/{number}", str(number), position=top)
         scene.add_line_segments(
             "/course/arrows", _arrows(course), single_colour((130, 142, 165)), thickness=0.05 * gate_scale(course)

@@ -14,6 +14,7 @@ from matplotlib.patheffects import withStroke
 from quadsim.app.figures.style import STYLE, line
 from quadsim.app.figures.system_figure import COMMANDED, FEWEST, draw_events, draw_path, draw_system, title
 from quadsim.course import Course, Gate, parse_course
+from quadsim.course.opening import outer_half_sizes
 from quadsim.limit.solution import Limit
 from quadsim.palette import FINE, FRAME, INK, LIMIT, MARK, style
 from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
@@ -106,10 +107,10 @@ def _label(gate: Gate, plane: tuple[int, int], scale: float) -> np.ndarray:
     the gate, or before it where its opening is seen edge on.
     """
     passage, left, _ = gate.rotation.T
-    width, height = (size / 2 + gate.frame_width for size in gate.opening)
+    outer = outer_half_sizes(gate.opening, gate.frame_width)
     if plane == (0, 1):
-        return (gate.position + left * (width + 0.5 * scale) - 0.5 * scale * passage)[:2]
-    beside, above = -0.7 * scale * passage, np.array([0.0, 0.0, height + 0.3])
+        return (gate.position + left * (outer.left + 0.5 * scale) - 0.5 * scale * passage)[:2]
+    beside, above = -0.7 * scale * passage, np.array([0.0, 0.0, outer.up + 0.3])
     return (gate.position + (beside if abs(passage[plane[0]]) > 0.9 else above))[list(plane)]
 
 

@@ -19,6 +19,7 @@ from quadsim.app.figures.style import STYLE, line, write_figure
 from quadsim.app.paper.result import Result, flown, load_runs, table1, table1_row, write_csv
 from quadsim.course import load_course
 from quadsim.course.corridor import load_corridor
+from quadsim.course.opening import half_sizes
 from quadsim.palette import HIT, INK, LIMIT, style
 from quadsim.race.spec import Spec
 from quadsim.record.metrics import chatter
@@ -130,7 +131,7 @@ def _draw_first_laps(part: SubFigure, sampler: str, flights: Sequence[Run]) -> N
     part.colorbar(lines, ax=axes, label="ground speed [m/s]", pad=0.01, shrink=0.6)
     axes.set_title(f"{sampler}: first {len(laps)} laps that finished, of {len(flights)} attempts")
     for gate in load_course(COURSE).gates:
-        half = gate.opening[0] / 2 * gate.rotation[:2, 1]
+        half = half_sizes(gate.opening).left * gate.rotation[:2, 1]
         axes.plot(*np.array([gate.position[:2] - half, gate.position[:2] + half]).T, color=INK, linewidth=3.0)
     axes.margins(0.03)
 

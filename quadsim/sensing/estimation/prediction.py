@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Iterator
 
 from quadsim.course import Course
+from quadsim.course.opening import crossing, on_passage
 from quadsim.sensing.attitude import Vector
 from quadsim.systems.quadrotor import ModelParams, quadrotor
 
@@ -66,10 +67,7 @@ class GateCounter:
         if before is None or self.passed >= self._laps * len(course.gates):
             return self.passed
         gate = course.gates[self.passed % len(course.gates)]
-        (x0, y0, z0), (x1, y1, z1) = gate.to_local(before), gate.to_local(p)  # pyright: ignore
-        if x0 < 0.0 <= x1:
-            s = x0 / (x0 - x1)
-            left, up = abs(y0 + s * (y1 - y0)), abs(z0 + s * (z1 - z0))
-            inside = max(left - gate.opening[0] / 2, up - gate.opening[1] / 2) <= gate.frame_width
-            self.passed += inside
+        crossed = crossing(gate.to_local(before), gate.to_local(p))  # pyright: ignore
+        if crossed and crossed.forward and on_passage(crossed.offset, gate.opening, gate.frame_width):
+            self.passed += 1
         return self.passed
