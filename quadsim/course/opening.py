@@ -1,6 +1,6 @@
 """The geometry of a gate's opening and of the frame around it, for a sphere that flies through.
 
-Everything here is told in the gate's frame: x along the legal passage, y to the left, z up, from the centre of the
+Everything here is given in the gate's frame: x along the legal passage, y to the left, z up, from the centre of the
 opening. The gate from above, the passage leads to the right, z points out of the picture:
 
                       entry plane                          exit plane
