@@ -153,7 +153,7 @@ class Flight:
 
     def _replan(self, before: float) -> None:
         """By a new planner; before: the temperature that the spec said until now."""
-        mppi = planner_of(self._spec, self._spec.streams[0])
+        mppi = planner_of(self._spec, self._spec.streams.planner)
         mppi.continue_from(self._mppi)
         if mppi.config.temperature == before:  # then the one reached by steering to the target ESS stays
             mppi.temperature = self._mppi.temperature

@@ -15,6 +15,7 @@ from controllers.learned.observation import normalised
 from quadsim.course import Course
 from quadsim.physics.domain_randomization import Randomization, draw
 from quadsim.physics.plant_state import start_state
+from quadsim.streams import start_vehicle_stream
 from quadsim.systems.quadrotor import ModelParams, quadrotor
 from quadsim.vehicle import GRAVITY, Vehicle
 
@@ -33,8 +34,8 @@ def start_rows(
     many = ROWS if randomize or start == "anywhere" else 1
     rows, nominal = [], system_params(vehicle, Randomization(), dt)
     hover = hover_action(vehicle, dt)
-    for number, own in enumerate(seeds.spawn(many)):
-        varied = draw(own, randomize)
+    for number in range(many):
+        varied = draw(start_vehicle_stream(seeds, number), randomize)
         x, target = np.array(start_state(varied.start(course.start), vehicle.radius)), 0
         if start == "anywhere" and number >= STANDING * many:
             x, target = in_flight(course, cost, rng)

@@ -19,6 +19,7 @@ from quadsim.envs.render import RENDER_MODES, Renderer
 from quadsim.envs.spaces import ACTIONS, action_space, checked_actions, observation_space
 from quadsim.envs.task import task
 from quadsim.race.settings import SettingError
+from quadsim.streams import fresh_seed
 
 MODES = {AutoresetMode.SAME_STEP: SAME_STEP, AutoresetMode.NEXT_STEP: NEXT_STEP, AutoresetMode.DISABLED: DISABLED}
 
@@ -72,7 +73,7 @@ class RacingVectorEnv(VectorEnv):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start episodes; of those in options["reset_mask"] (num_envs,) alone, if it is given."""
         if seed is None and not self._begun:
-            seed = int(np.random.SeedSequence().generate_state(1)[0])
+            seed = fresh_seed()
         super().reset(seed=seed)
         mask = (options or {}).get("reset_mask")
         if mask is not None and (np.shape(mask) != (self.num_envs,) or np.asarray(mask).dtype != bool):

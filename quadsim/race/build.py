@@ -48,7 +48,7 @@ def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
     """
     own, streams = spec.own, spec.streams
     referee = made(own.referee, spec) or spec.entry.referee(spec)
-    controller = made(own.controller, spec) or pilot_of(spec) or planner_of(spec, streams[0])
+    controller = made(own.controller, spec) or pilot_of(spec) or planner_of(spec, streams.planner)
     if not hasattr(controller, "rest"):
         controller = PlainController(controller, spec.entry.system(spec.model, spec.planner.mppi.dt).rest)
     return made(own.plant, spec) or spec.entry.plant(spec, streams), controller, referee
@@ -124,7 +124,7 @@ def _sensed(spec: Spec, plant: Plant, adapt: bool) -> SensedState:
     assert sensing.imu
     true_gates = tuple(dict.fromkeys(spec.flown_course.gates))
     lag = getattr(plant, "velocity_lag", 0.0)
-    sensors = Sensors(sensing, spec.streams[3], spec.vehicle, true_gates, lag, spec.flown_course.obstacles)
+    sensors = Sensors(sensing, spec.streams.sensors, spec.vehicle, true_gates, lag, spec.flown_course.obstacles)
     sensors.warm_up(plant.state, plant.dt)
     estimator = Estimator(sensing, gates, spec.course.start, -WARM_UP, spec.displace_gates)
     vehicle, rotors = VehicleModel(spec.model, dt, sensing.imu), spec.vehicle.rotors

@@ -11,6 +11,7 @@ import numpy as np
 from quadsim.course import Course
 from quadsim.physics.actuators import Vector
 from quadsim.sensing.camera import Camera
+from quadsim.streams import pose_stream
 
 ASIDE = 1.0  # standard deviation of the distance from the straight lines between the gates, per axis [m]
 TURN, PITCH, ROLL = radians(25), radians(12), radians(25)  # standard deviations about the way to the next gate
@@ -49,7 +50,7 @@ def drawn_poses(course: Course, camera: Camera, count: int, seed: int) -> list[P
     Each is near the straight line to a gate, with the optical axis near the direction to that gate. Raises ValueError
     for a course without room.
     """
-    return [_draw(course, camera, np.random.default_rng((seed, i))) for i in range(count)]
+    return [_draw(course, camera, np.random.default_rng(pose_stream(seed, i))) for i in range(count)]
 
 
 def _draw(course: Course, camera: Camera, rng: np.random.Generator) -> Pose:

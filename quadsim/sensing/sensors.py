@@ -18,6 +18,7 @@ from quadsim.sensing.measurements import Measurement
 from quadsim.sensing.pose import PoseSensor
 from quadsim.sensing.rotor_speeds import RotorSpeeds
 from quadsim.sensing.sensing_file import Sensing
+from quadsim.streams import sensor_streams
 from quadsim.vehicle import Vehicle
 
 WARM_UP = 0.5  # [s] for which the sensors run before the flight begins, the vehicle at rest
@@ -36,16 +37,16 @@ class Sensors:
         obstacles: Sequence[Obstacle] = (),
     ):
         """vehicle, gates: the true ones, as the plant has them; each gate once. velocity_lag: see Plant [s]."""
-        streams = seeds.spawn(4)
+        streams = sensor_streams(seeds)
         self._sensors: list[Any] = []
         if sensing.imu:
-            self._sensors.append(Imu(sensing.imu, streams[0]))
+            self._sensors.append(Imu(sensing.imu, streams.imu))
         if sensing.rotors:
-            self._sensors.append(RotorSpeeds(sensing.rotors, streams[1], vehicle))
+            self._sensors.append(RotorSpeeds(sensing.rotors, streams.rotors, vehicle))
         if sensing.pose:
-            self._sensors.append(PoseSensor(sensing.pose, streams[2]))
+            self._sensors.append(PoseSensor(sensing.pose, streams.pose))
         if sensing.camera:
-            self._sensors.append(GateCamera(sensing.camera, streams[3], gates, obstacles))
+            self._sensors.append(GateCamera(sensing.camera, streams.camera, gates, obstacles))
         self._velocity_lag = velocity_lag
         self._before: PlantState | None = None
         self.truth: PlantState | None = None  # the last state that was sampled, position and velocity of one instant
