@@ -18,6 +18,7 @@ from quadsim.race.build import build
 from quadsim.race.flight import apply_control, whole_multiple
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
+from quadsim.systems.quadrotor import POSE
 
 
 class RacingBulletEnv(Env):
@@ -99,7 +100,8 @@ class RacingBulletEnv(Env):
         return float(self._cost.terms(x, x, self._system.rest, row, 0.0, self._cost.params)[0])
 
     def _state_rows(self) -> np.ndarray:
-        return np.array(self._plant.state.x[:10])[None]
+        """Position, velocity and attitude.  (1, 10)"""
+        return np.array(self._plant.state.x)[None, POSE]
 
     def render(self) -> Any:
         """With rgb_array a picture from above.  (height, width, 3) uint8"""

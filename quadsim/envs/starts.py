@@ -16,7 +16,7 @@ from quadsim.course import Course
 from quadsim.physics.domain_randomization import Randomization, draw
 from quadsim.physics.plant_state import start_state
 from quadsim.streams import start_vehicle_stream
-from quadsim.systems.quadrotor import ModelParams, quadrotor
+from quadsim.systems.quadrotor import ModelParams, State, quadrotor
 from quadsim.vehicle import GRAVITY, Vehicle
 
 ROWS = 1024  # different starts of a course, where they differ
@@ -74,7 +74,15 @@ def in_flight(course: Course, cost: Cost, rng: np.random.Generator) -> tuple[np.
     p = np.clip(p + rng.normal(0.0, AROUND, 3), np.add(low, 0.1), np.subtract(high, 0.1))
     v = speed * heading / max(np.linalg.norm(heading), 1e-6) + rng.normal(0.0, 0.5, 3)
     q = _attitude(np.arctan2(heading[1], heading[0]) + rng.normal(0.0, TILT), rng.normal(0.0, TILT, 2))
-    return np.array([*p, *v, *q, *rng.normal(0.0, SPIN, 3), rng.uniform(5.0, 2 * GRAVITY), 0.0, 0.0, 0.0]), target
+    x = State.of(
+        position=p.tolist(),
+        velocity=v.tolist(),
+        attitude=q.tolist(),
+        body_rates=rng.normal(0.0, SPIN, 3).tolist(),
+        thrust=rng.uniform(5.0, 2 * GRAVITY),
+        angular_acceleration=(0.0, 0.0, 0.0),
+    )
+    return np.array(x), target
 
 
 def _attitude(yaw: float, tilt: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ from quadsim.envs.spaces import ACTIONS, action_space, checked_actions, observat
 from quadsim.envs.task import task
 from quadsim.race.settings import SettingError
 from quadsim.streams import fresh_seed
+from quadsim.systems.quadrotor import POSE
 
 MODES = {AutoresetMode.SAME_STEP: SAME_STEP, AutoresetMode.NEXT_STEP: NEXT_STEP, AutoresetMode.DISABLED: DISABLED}
 
@@ -142,7 +143,8 @@ class RacingVectorEnv(VectorEnv):
 
     def _state_rows(self) -> np.ndarray:
         """Position, velocity and attitude.  (num_envs, 10)"""
-        return self.lanes.X[:, :10].transpose(0, 2, 1).reshape(-1, 10)[: self.num_envs]
+        shown = self.lanes.X[:, POSE].transpose(0, 2, 1)  # (blocks, LANES, 10)
+        return shown.reshape(-1, shown.shape[2])[: self.num_envs]
 
     def _one(self, lanes: np.ndarray) -> np.ndarray:
         """One number for each environment, a copy."""

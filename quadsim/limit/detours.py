@@ -18,6 +18,7 @@ from quadsim.course import Box, Gate
 from quadsim.course.swept import SweptGate
 from quadsim.limit.solution import Solution
 from quadsim.limit.task import MARGIN, Segment, Task
+from quadsim.systems.quadrotor import POSITION
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ def detours(
         k = int(np.searchsorted(begins, np.searchsorted(solution.t, t))) - 1
         if plan[k].kind == "approach":
             own = slice(begins[k], begins[k + 1])
-            local = (solution.x[own, :3] - gate.position) @ np.array(gate.axes).T  # (nodes of the segment, 3)
+            local = (solution.x[own, POSITION] - gate.position) @ np.array(gate.axes).T  # (nodes of the segment, 3)
             hit = min(int(np.searchsorted(solution.t[own], t)), len(local) - 1)
             if isinstance(gate, Box):
                 reach = [half + task.radius for half in gate.half]

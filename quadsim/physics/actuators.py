@@ -8,22 +8,27 @@ Scalars and tuples throughout: at 400 Hz the overhead of 3-element arrays would 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from math import isfinite
 
 from quadsim.physics.allocation import Vector, allocate, mixer, shares
 from quadsim.systems.first_order import remaining, response
+from quadsim.systems.quadrotor import Control
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
-HOVER: Vector = (0.0, 0.0, 0.0, GRAVITY)
+HOVER = Control(wx=0.0, wy=0.0, wz=0.0, thrust=GRAVITY)
 
 
-def clamp_command(command: Vector, vehicle: Vehicle) -> Vector:
-    """Body rates within +-rate_max, thrust within [0, thrust_max]. ValueError if a number is not finite."""
+def clamp_command(command: Sequence[float], vehicle: Vehicle) -> Control:
+    """Return the command with body rates within +-rate_max and thrust within [0, thrust_max].
+
+    Raises ValueError if a number is not finite. command: in the order of Control.
+    """
     wx, wy, wz, thrust = map(float, command)  # a float32 would make all that follows single precision
     if not all(map(isfinite, (wx, wy, wz, thrust))):
         raise ValueError(f"command: expected finite body rates [rad/s] and thrust [m/s^2], got {wx, wy, wz, thrust}")
     mx, my, mz = vehicle.rate_max
-    return (
+    return Control(
         min(max(wx, -mx), mx),
         min(max(wy, -my), my),
         min(max(wz, -mz), mz),
@@ -72,21 +77,21 @@ class Actuators:
     def __init__(self, vehicle: Vehicle, dt: float):
         self._vehicle = vehicle
         self._gain = tuple(response(tau, dt) / dt for tau in vehicle.rate_tau)  # [1/s]
-        self._delayed = deque([HOVER] * round(vehicle.latency / dt))
+        self._delayed: deque[Control] = deque([HOVER] * round(vehicle.latency / dt))
         self.motors = Motors(vehicle, vehicle.rotors, dt) if vehicle.rotors else None
         self.thrust = GRAVITY  # delivered, mass-normalised, along body z [m/s^2]
         self.angular_acceleration: Vector = (0.0, 0.0, 0.0)  # delivered, body frame [rad/s^2]
 
-    def wrench(self, command: Vector, omega_body: Vector, v_body: Vector) -> tuple[Vector, Vector]:
+    def wrench(self, command: Sequence[float], omega_body: Vector, v_body: Vector) -> tuple[Vector, Vector]:
         """(force [N], torque [N m]) in the body frame for the step that starts now.
 
-        command: body rates [rad/s] and mass-normalised thrust [m/s^2]. Drag is linear, -m d v per body axis.
+        command: in the order of Control. Drag is linear, -m d v per body axis.
         """
         vehicle = self._vehicle
         self._delayed.append(clamp_command(command, vehicle))
-        *omega_cmd, thrust = self._delayed.popleft()
-        torque = rate_torque(omega_body, tuple(omega_cmd), self._gain, vehicle.inertia)
-        force = vehicle.mass * thrust
+        acting = self._delayed.popleft()
+        torque = rate_torque(omega_body, acting.body_rates, self._gain, vehicle.inertia)
+        force = vehicle.mass * acting.thrust
         if self.motors:
             force, torque = self.motors.drive(force, torque)
         self.thrust = force / vehicle.mass

@@ -6,9 +6,9 @@ simulator, RotorPy, has a multirotor of its own. Any other system is flown by it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from quadsim.physics.actuators import Actuators, Vector
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.physics.rigid_body import RigidBody
 from quadsim.physics.rotorpy_plant import RotorpyPlant
+from quadsim.systems.quadrotor import State
 from quadsim.systems.rotation import to_body
 from quadsim.vehicle import Vehicle
 
@@ -28,10 +29,10 @@ class Plant(Protocol):
     # A plant may have `velocity_lag` [s]: how much older than the position the velocity of its states is.
 
     @property
-    def state(self) -> PlantState: ...
+    def state(self) -> PlantState[Any]: ...
 
-    def step(self, u: Vector) -> PlantState:
-        """Advance one physics step under the command u = (body rates [rad/s], thrust [m/s^2])."""
+    def step(self, u: Sequence[float]) -> PlantState[Any]:
+        """Advance one physics step under the command u, of a quadrotor in the order of Control."""
         ...
 
     def close(self) -> None: ...
@@ -71,7 +72,7 @@ class RigidPlant:
         self._world = self._new_world(course, body or vehicle, dt)
         self._mass, self._gusts = (body or vehicle).mass, gusts
         x = start_state(start or course.start, vehicle.radius)
-        self._world.place(x[0:3], x[6:10])
+        self._world.place(x.position, x.attitude)
         self._steps = 0
         self.state = self._read()
 
@@ -79,11 +80,12 @@ class RigidPlant:
     def _new_world(course: Course, body: Vehicle, dt: float) -> World:
         return RigidBody(course, body, dt)
 
-    def step(self, u: Vector) -> PlantState:
+    def step(self, u: Sequence[float]) -> PlantState[State]:
         x = self.state.x
-        force, torque = self._actuators.wrench(u, x[10:13], to_body(x[6:10], x[3:6]))
+        attitude = x.attitude
+        force, torque = self._actuators.wrench(u, x.body_rates, to_body(attitude, x.velocity))
         if self._gusts:
-            gust = to_body(x[6:10], next(self._gusts))
+            gust = to_body(attitude, next(self._gusts))
             force = tuple(f + self._mass * a for f, a in zip(force, gust, strict=True))
         self._world.apply(force, torque)
         self._world.step()
@@ -91,9 +93,16 @@ class RigidPlant:
         self.state = self._read()
         return self.state
 
-    def _read(self) -> PlantState:
-        p, v, q, omega = self._world.read()
-        x = (*p, *v, *q, *omega, self._actuators.thrust, *self._actuators.angular_acceleration)
+    def _read(self) -> PlantState[State]:
+        position, velocity, attitude, body_rates = self._world.read()
+        x = State.of(
+            position,
+            velocity,
+            attitude,
+            body_rates,
+            self._actuators.thrust,
+            self._actuators.angular_acceleration,
+        )
         return PlantState(self._steps * self.dt, x, self._world.contacts())
 
     def close(self) -> None:
@@ -129,12 +138,43 @@ def default_plant() -> str:
     return "bullet" if has_bullet() else "rigid"
 
 
+class NamedPlant:
+    """A quadrotor's plant of a user's own, whose states may be plain tuples of 17 numbers in the order of `State`.
+
+    The same plant, with a `State` in place of the tuple: sensors and records read its numbers by name.
+    """
+
+    def __init__(self, plant: Plant):
+        self._plant = plant
+        self.dt = plant.dt
+        self.velocity_lag = getattr(plant, "velocity_lag", 0.0)
+
+    @property
+    def state(self) -> PlantState[State]:
+        return named(self._plant.state)
+
+    def step(self, u: Sequence[float]) -> PlantState[State]:
+        return named(self._plant.step(u))
+
+    def close(self) -> None:
+        self._plant.close()
+
+
+def named(state: PlantState[Any]) -> PlantState[State]:
+    """Return the same state with its numbers by name. Raises ValueError unless there are as many as State has."""
+    if isinstance(state.x, State):
+        return state
+    if len(state.x) != len(State._fields):
+        raise ValueError(f"plant: expected a state of {len(State._fields)} numbers, got {len(state.x)}")
+    return PlantState(state.t, State(*state.x), state.contacts)
+
+
 class ModelPlant:
     """A system flown by its own step, with an optional disturbance. Touches nothing."""
 
     def __init__(
         self,
-        step: Callable[[Vector, Vector, Vector, float], Vector],
+        step: Callable[[Vector, Sequence[float], Vector, float], Vector],
         params: Vector,
         x0: Vector,
         dt: float,
@@ -144,9 +184,9 @@ class ModelPlant:
         self.dt = dt
         self._step, self._params, self._disturb = step, params, disturb
         self._steps = 0
-        self.state = PlantState(0.0, x0, ())
+        self.state: PlantState[Vector] = PlantState(0.0, x0, ())
 
-    def step(self, u: Vector) -> PlantState:
+    def step(self, u: Sequence[float]) -> PlantState[Vector]:
         x = self._step(self.state.x, u, self._params, self.dt)
         self._steps += 1
         self.state = PlantState(self._steps * self.dt, self._disturb(x) if self._disturb else x, ())

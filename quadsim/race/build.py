@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controllers.learned.pilot import PilotController
-from quadsim.physics.plant import Plant
+from quadsim.physics.plant import NamedPlant, Plant
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
 from quadsim.race.flight import Controller, PlainController, RefereeProtocol, simulate
@@ -23,6 +23,7 @@ from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.prediction import Commands
 from quadsim.sensing.estimation.vehicle_model import VehicleModel
 from quadsim.sensing.sensors import WARM_UP, Sensors
+from quadsim.streams import Streams
 
 if TYPE_CHECKING:
     from controllers.mppi import MPPI
@@ -51,7 +52,17 @@ def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
     controller = made(own.controller, spec) or pilot_of(spec) or planner_of(spec, streams.planner)
     if not hasattr(controller, "rest"):
         controller = PlainController(controller, spec.entry.system(spec.model, spec.planner.mppi.dt).rest)
-    return made(own.plant, spec) or spec.entry.plant(spec, streams), controller, referee
+    return plant_of(spec, streams), controller, referee
+
+
+def plant_of(spec: Spec, streams: Streams) -> Plant:
+    """Return the plant of one flight: the user's own, or that of the system. The caller closes it."""
+    own = made(spec.own.plant, spec)
+    if own is None:
+        return spec.entry.plant(spec, streams)
+    if spec.system == "quadrotor" and not spec.own.system:
+        return NamedPlant(own)
+    return own
 
 
 def pilot_of(spec: Spec) -> PilotController | None:

@@ -90,7 +90,7 @@ class State(NamedTuple):
         angular_acceleration: Sequence[float],
     ) -> State:
         """Put a state together from its vectors, named as the properties above."""
-        return cls(*position, *velocity, *attitude, *body_rates, thrust, *angular_acceleration)
+        return cls._make((*position, *velocity, *attitude, *body_rates, thrust, *angular_acceleration))
 
 
 class Control(NamedTuple):
@@ -111,6 +111,20 @@ class Control(NamedTuple):
 STATE_UNITS = {("a" if name == "thrust" else name): unit for name, unit in units_of(State).items()}
 CONTROL_UNITS = {("a_cmd" if name == "thrust" else f"{name}_cmd"): unit for name, unit in units_of(Control).items()}
 STATE, CONTROL = tuple(STATE_UNITS), tuple(CONTROL_UNITS)
+
+
+def columns(first: str, last: str) -> slice:
+    """Return where the numbers from one field of State to another stand in rows of states, e.g. x[:, POSITION]."""
+    return slice(State._fields.index(first), State._fields.index(last) + 1)
+
+
+# For tables of states and for the optimiser's vectors; a single State has properties of these names.
+POSITION = columns("px", "pz")
+VELOCITY = columns("vx", "vz")
+ATTITUDE = columns("qw", "qz")
+BODY_RATES = columns("wx", "wz")
+POSE = columns("px", "qz")  # position, velocity and attitude: what is shown of a vehicle
+RIGID_BODY = columns("px", "wz")  # all but what the rotors deliver
 
 LEAST_ROOM = 1e-3  # [m/s^2] of thrust is always left for yaw, so that UNLIMITED_YAW is without limit at full thrust too
 UNLIMITED_YAW = 1e9  # [1/m] 1 / c_z of a vehicle without rotors

@@ -16,11 +16,17 @@ from quadsim.sensing.imu import Imu
 from quadsim.sensing.pose import PoseSensor
 from quadsim.sensing.rotor_speeds import RotorSpeeds
 from quadsim.sensing.timing import Ticks
+from quadsim.systems.quadrotor import State
 from quadsim.vehicle import GRAVITY, load_vehicle
 from tests.sensing.truth_cases import GATES, circle, states
 
 SEED = np.random.SeedSequence(7)
 LONG = states(8.0)
+
+
+def at_rest(position):
+    """Return the state of a level vehicle that stands still, its rotors too."""
+    return State(*position, *(0.0,) * 3, *(1.0, 0.0, 0.0, 0.0), *(0.0,) * 7)
 
 
 def said(sensor, flight=LONG):
@@ -48,19 +54,18 @@ def test_a_unit_without_noise_gives_back_the_flight():
     from quadsim.sensing.estimation.nominal import Nominal
 
     first, last = LONG[0], LONG[-1]
-    nominal = Nominal(first.t, first.x[0:3], first.x[3:6], first.x[6:10])
+    nominal = Nominal(first.t, first.x.position, first.x.velocity, first.x.attitude)
     for sample in said(Imu(ImuConfig(rate=250), SEED)):
         nominal = nominal.moved(sample, sample.t)
-    np.testing.assert_allclose(nominal.p, last.x[0:3], atol=2e-3)
-    np.testing.assert_allclose(nominal.v, last.x[3:6], atol=1e-3)
-    np.testing.assert_allclose(between(nominal.q, last.x[6:10]), 0.0, atol=1e-6)
+    np.testing.assert_allclose(nominal.p, last.x.position, atol=2e-3)
+    np.testing.assert_allclose(nominal.v, last.x.velocity, atol=1e-3)
+    np.testing.assert_allclose(between(nominal.q, last.x.attitude), 0.0, atol=1e-6)
 
 
 def test_a_units_noise_bias_and_saturation():
     config = ImuConfig(rate=400, gyro_noise=0.02, accelerometer_noise=0.3, gyro_bias=0.1, accelerometer_bias=0.5)
-    rest = [
-        PlantState(k / 400, circle(0.0).x[:3] + (0.0,) * 3 + (1.0, 0.0, 0.0, 0.0) + (0.0,) * 7, ()) for k in range(4001)
-    ]
+    level = at_rest(circle(0.0).x.position)
+    rest = [PlantState(k / 400, level, ()) for k in range(4001)]
     unit = Imu(config, SEED)
     samples = np.array([(*m.gyro, *m.specific_force) for m in said(unit, rest)])
     assert len(samples) == 4000
@@ -114,7 +119,7 @@ def test_a_dropout_changes_no_later_noise():
 
 
 def test_rotor_speeds_say_the_thrust():
-    swift, true = load_vehicle("swift"), LONG[0].x[13]
+    swift, true = load_vehicle("swift"), LONG[0].x.thrust
     exact = said(RotorSpeeds(RotorConfig(rate=100), SEED, swift))
     assert [m.thrust for m in exact] == pytest.approx([true] * len(exact))
     off = [m.thrust - true for m in said(RotorSpeeds(RotorConfig(rate=400, noise=10.0), SEED, swift))]
@@ -140,13 +145,12 @@ def test_a_camera_without_noise_finds_every_corner_where_it_is():
         x = circle(picture.t).x
         assert len(picture.pixels) == picture.in_view > 0
         for gate, corner, pixel in zip(picture.gates, picture.corners, picture.pixels, strict=True):
-            body = (GATES[gate].corners()[corner] - x[0:3]) @ matrix(x[6:10])
+            body = (GATES[gate].corners()[corner] - x.position) @ matrix(x.attitude)
             np.testing.assert_allclose(pixel, CAMERA.seen(body[None])[0][0], atol=1e-9)
 
 
 def test_a_frame_hides_the_corners_behind_it():
-    level = (0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0, *(0.0,) * 10)
-    here = PlantState(0.0, level[:17], ())
+    here = PlantState(0.0, at_rest((0.0, 0.0, 2.0)), ())
     behind = Gate((6.0, 0.0, 2.0), 0.0, 0.0, 0.0, (1.5, 1.5), 0.275)
     wall = Gate((3.0, 0.0, 2.0), 0.0, 0.0, 0.0, (0.2, 0.2), 0.5)  # its bars fill what lies between
     alone = GateCamera(replace(CAMERA, tilt_deg=0.0), SEED, [behind]).sample(here)
