@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from quadsim.course import Course, Gate
+from quadsim.rotation import along, body_axes
 from quadsim.systems.quadrotor import CONTROL
-from quadsim.systems.rotation import along, body_axes
 
 SPEED, RATE, LENGTH = 10.0, 10.0, 10.0  # units of velocities [m/s], body rates [rad/s], lengths [m]
 AFTER_LAST = 5.0  # from the last gate of an open course to the gate that is shown after it [m]

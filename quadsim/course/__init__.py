@@ -1,9 +1,10 @@
 """Courses: where the gates stand, read from YAML files and checked."""
 
-from quadsim.course.axes import Vec3, in_frame
+from quadsim.course.axes import in_frame
 from quadsim.course.course import FRAME_DEPTH, Course, EstimatedGate, Gate, Published, Start
 from quadsim.course.course_file import COURSES, course_names, load_course, parse_course
 from quadsim.course.obstacles import Box, Cylinder, Obstacle
+from quadsim.rotation import Vec3
 
 __all__ = [
     "COURSES",

@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.course.course import FRAME_DEPTH, Gate, Vec3
+from quadsim.course.course import FRAME_DEPTH, Gate
+from quadsim.rotation import Vec3
 
 
 class Incident(NamedTuple):

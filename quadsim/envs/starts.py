@@ -15,6 +15,7 @@ from controllers.learned.observation import normalised
 from quadsim.course import Course
 from quadsim.physics.domain_randomization import Randomization, draw
 from quadsim.physics.plant_state import start_state
+from quadsim.rotation import from_yaw, product
 from quadsim.streams import start_vehicle_stream
 from quadsim.systems.quadrotor import ModelParams, State, quadrotor
 from quadsim.vehicle import GRAVITY, Vehicle
@@ -86,7 +87,7 @@ def in_flight(course: Course, cost: Cost, rng: np.random.Generator) -> tuple[np.
 
 
 def _attitude(yaw: float, tilt: np.ndarray) -> np.ndarray:
-    """Turned by a yaw, then by small rotations about body x and y [rad].  wxyz (4,)"""
-    (cy, sy), (a, b) = (np.cos(yaw / 2), np.sin(yaw / 2)), tilt / 2
-    q = np.array([cy - 0 * sy, cy * a - sy * b, cy * b + sy * a, sy])
+    """Return the attitude turned by a yaw, then by small rotations about body x and y [rad].  wxyz (4,)"""
+    half_x, half_y = tilt / 2
+    q = np.array(product(from_yaw(yaw), (1.0, half_x, half_y, 0.0)))
     return q / np.linalg.norm(q)

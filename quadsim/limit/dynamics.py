@@ -17,6 +17,7 @@ import numpy as np
 
 from quadsim.physics.actuators import gyroscopic
 from quadsim.physics.allocation import mixer
+from quadsim.rotation import quaternion_rate, to_body, to_world
 from quadsim.systems.quadrotor import (
     ATTITUDE,
     BODY_RATES,
@@ -27,10 +28,8 @@ from quadsim.systems.quadrotor import (
     ModelParams,
     State,
     quadrotor,
-    quaternion_rate,
     step,
 )
-from quadsim.systems.rotation import to_body, to_world
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
 if hasattr(casadi.GlobalOptions, "setNumpyMode"):  # CasADi 3.8 warns until it is told what to make of

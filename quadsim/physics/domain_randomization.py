@@ -14,8 +14,9 @@ from math import radians, sqrt
 import numpy as np
 
 from quadsim.course import Course, Start
+from quadsim.rotation import Vec3
 from quadsim.systems.first_order import remaining
-from quadsim.vehicle import Vec3, Vehicle, scale_thrust
+from quadsim.vehicle import Vehicle, scale_thrust
 
 # Half widths of the uniform distributions at size 1.
 OFFSET = 0.2  # of the start, per axis [m]

@@ -13,12 +13,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from quadsim.course import Course, Start
-from quadsim.physics.actuators import Actuators, Vector
+from quadsim.physics.actuators import Actuators
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.physics.rigid_body import RigidBody
 from quadsim.physics.rotorpy_plant import RotorpyPlant
+from quadsim.rotation import Quaternion, Vec3, to_body
 from quadsim.systems.quadrotor import State
-from quadsim.systems.rotation import to_body
 from quadsim.vehicle import Vehicle
 
 
@@ -41,10 +41,10 @@ class Plant(Protocol):
 class World(Protocol):
     """A rigid body among a course's gates; see quadsim.physics.rigid_body.RigidBody."""
 
-    def place(self, p: Vector, q: Vector) -> None: ...
-    def apply(self, force_body: Vector, torque_body: Vector) -> None: ...
+    def place(self, p: Vec3, q: Quaternion) -> None: ...
+    def apply(self, force_body: Vec3, torque_body: Vec3) -> None: ...
     def step(self) -> None: ...
-    def read(self) -> tuple[Vector, Vector, Vector, Vector]: ...
+    def read(self) -> tuple[Vec3, Vec3, Quaternion, Vec3]: ...
     def contacts(self) -> tuple[str, ...]: ...
     def close(self) -> None: ...
 
@@ -62,7 +62,7 @@ class RigidPlant:
         dt: float = 1 / 400,
         start: Start | None = None,
         body: Vehicle | None = None,
-        gusts: Iterator[Vector] | None = None,
+        gusts: Iterator[Vec3] | None = None,
     ):
         """start: in place of the course's own. body: whose mass and inertia the world has, in place of the vehicle's,
         by which the actuators are controlled. gusts: acceleration of each physics step, world frame [m/s^2]."""
@@ -85,8 +85,9 @@ class RigidPlant:
         attitude = x.attitude
         force, torque = self._actuators.wrench(u, x.body_rates, to_body(attitude, x.velocity))
         if self._gusts:
-            gust = to_body(attitude, next(self._gusts))
-            force = tuple(f + self._mass * a for f, a in zip(force, gust, strict=True))
+            fx, fy, fz = force
+            ax, ay, az = to_body(attitude, next(self._gusts))
+            force = fx + self._mass * ax, fy + self._mass * ay, fz + self._mass * az
         self._world.apply(force, torque)
         self._world.step()
         self._steps += 1
@@ -167,6 +168,9 @@ def named(state: PlantState[Any]) -> PlantState[State]:
     if len(state.x) != len(State._fields):
         raise ValueError(f"plant: expected a state of {len(State._fields)} numbers, got {len(state.x)}")
     return PlantState(state.t, State(*state.x), state.contacts)
+
+
+Vector = tuple[float, ...]  # a state or the parameters of any system
 
 
 class ModelPlant:

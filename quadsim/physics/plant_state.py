@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, sin
 from typing import Generic, TypeVar
 
 from quadsim.course import Start
+from quadsim.rotation import Vec3, from_yaw
 from quadsim.systems.quadrotor import State
 from quadsim.vehicle import GRAVITY
 
@@ -28,7 +28,7 @@ class PlantState(Generic[X]):
     contacts: tuple[str, ...]  # what the vehicle touches: "ground", "gate 3", "obstacle 2"
 
     @property
-    def position(self) -> tuple[float, float, float]:
+    def position(self) -> Vec3:
         """Of a state that begins with one [m]; a state of fewer than three numbers is filled up with zeros."""
         x, y, z = (*self.x[:3], 0.0, 0.0)[:3]
         return x, y, z
@@ -37,11 +37,10 @@ class PlantState(Generic[X]):
 def start_state(start: Start, radius: float) -> State:
     """Return the state at rest, level, with hover thrust; lifted clear of the ground where the start stands on it."""
     x, y, z = start.position
-    half = 0.5 * start.yaw
     return State.of(
         position=(x, y, max(z, radius + CLEARANCE)),
         velocity=(0.0, 0.0, 0.0),
-        attitude=(cos(half), 0.0, 0.0, sin(half)),
+        attitude=from_yaw(start.yaw),
         body_rates=(0.0, 0.0, 0.0),
         thrust=GRAVITY,
         angular_acceleration=(0.0, 0.0, 0.0),

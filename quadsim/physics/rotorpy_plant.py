@@ -23,9 +23,10 @@ import numpy as np
 
 from quadsim.course import Course, Start
 from quadsim.files.extras import needs_extra
-from quadsim.physics.actuators import HOVER, Vector, clamp_command, gyroscopic
+from quadsim.physics.actuators import HOVER, angular_acceleration, clamp_command
 from quadsim.physics.allocation import mixer
 from quadsim.physics.plant_state import PlantState, start_state
+from quadsim.rotation import Vec3
 from quadsim.systems.first_order import response
 from quadsim.systems.quadrotor import Control, State
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
@@ -45,7 +46,7 @@ class RotorpyPlant:
         dt: float = 1 / 400,
         start: Start | None = None,
         body: Vehicle | None = None,
-        gusts: Iterator[Vector] | None = None,
+        gusts: Iterator[Vec3] | None = None,
     ):
         """As quadsim.physics.plant.RigidPlant."""
         if vehicle.rotors is None:
@@ -81,11 +82,10 @@ class RotorpyPlant:
 
     def _read(self) -> PlantState[State]:
         """What the rotors deliver is computed as the other plants do, from their speeds."""
-        now, inertia = self._now, self._vehicle.inertia
-        body_rates = tuple(now["w"].tolist())
+        now = self._now
+        body_rates: Vec3 = tuple(now["w"].tolist())
         thrusts = self._rotors.thrust_map[0] * now["rotor_speeds"] ** 2
-        force, *torque = (self._mixer @ thrusts).tolist()
-        turning = gyroscopic(body_rates, inertia)
+        force, tx, ty, tz = (self._mixer @ thrusts).tolist()
         qx, qy, qz, qw = now["q"].tolist()
         x = State.of(
             position=now["x"].tolist(),
@@ -93,7 +93,7 @@ class RotorpyPlant:
             attitude=(qw, qx, qy, qz),
             body_rates=body_rates,
             thrust=force / self._vehicle.mass,
-            angular_acceleration=[(t - g) / j for t, g, j in zip(torque, turning, inertia, strict=True)],
+            angular_acceleration=angular_acceleration(body_rates, (tx, ty, tz), self._vehicle.inertia),
         )
         return PlantState(self._steps * self.dt, x, ())
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from quadsim.physics.plant_state import PlantState
-from quadsim.sensing.attitude import between
+from quadsim.rotation import between
 from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.estimation.updates import Innovation
 from quadsim.systems.quadrotor import State

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.course import Vec3
+from quadsim.rotation import Vec3
 from quadsim.streams import LookStreams, texture_stream
 
 VARIED = ("textures", "light", "background")  # what can be drawn from a seed

@@ -9,7 +9,7 @@ from math import asin, atan2, radians
 import numpy as np
 
 from quadsim.course import Course
-from quadsim.physics.actuators import Vector
+from quadsim.rotation import Quaternion, Vec3, from_euler
 from quadsim.sensing.camera import Camera
 from quadsim.streams import pose_stream
 
@@ -24,8 +24,8 @@ class Pose:
     """The vehicle's, not the camera's."""
 
     t: float | None  # in the flight [s]; None: of no flight
-    p: Vector  # [m]
-    q: Vector  # wxyz
+    p: Vec3  # [m]
+    q: Quaternion
 
 
 def flown_poses(telemetry: Mapping[str, np.ndarray], rate: float) -> list[Pose]:
@@ -74,16 +74,10 @@ def _free(course: Course, p: np.ndarray) -> bool:
     return within and z > LOWEST and min(away) > CLEAR
 
 
-def _looking(ahead: np.ndarray, camera: Camera, rng: np.random.Generator) -> Vector:
-    """The attitude with the camera's axis near this direction of the world: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+def _looking(ahead: np.ndarray, camera: Camera, rng: np.random.Generator) -> Quaternion:
+    """Return an attitude with the camera's axis near this direction of the world."""
     x, y, z = (ahead / max(float(np.linalg.norm(ahead)), 1e-9)).tolist()
     yaw = atan2(y, x) + TURN * rng.standard_normal()
     pitch = radians(camera.tilt_deg) - asin(z) + PITCH * rng.standard_normal()  # positive: nose down
-    return _quaternion(yaw, pitch, ROLL * rng.standard_normal())
-
-
-def _quaternion(yaw: float, pitch: float, roll: float) -> Vector:
-    (cy, cp, cr), (sy, sp, sr) = (tuple(map(f, (yaw / 2, pitch / 2, roll / 2))) for f in (np.cos, np.sin))
-    w, x = cy * cp * cr + sy * sp * sr, cy * cp * sr - sy * sp * cr
-    y, z = cy * sp * cr + sy * cp * sr, sy * cp * cr - cy * sp * sr
-    return float(w), float(x), float(y), float(z)
+    roll = ROLL * rng.standard_normal()
+    return from_euler(yaw, pitch, roll)

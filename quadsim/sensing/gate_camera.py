@@ -16,7 +16,7 @@ import numpy as np
 from quadsim.course import Gate
 from quadsim.course.obstacles import Obstacle
 from quadsim.physics.plant_state import PlantState
-from quadsim.sensing.attitude import matrix
+from quadsim.rotation import matrix
 from quadsim.sensing.camera_model import GateCameraConfig
 from quadsim.sensing.measurements import Corners
 from quadsim.sensing.timing import Ticks

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from quadsim.physics.plant_state import PlantState
-from quadsim.sensing.attitude import between, rotate_back, turned
+from quadsim.rotation import between, to_body, turned
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.measurements import Inertial
 from quadsim.sensing.timing import Ticks
@@ -52,7 +52,7 @@ class Imu:
             (after.vz - before.vz) / dt + GRAVITY,
         )
         middle = turned(before.attitude, [0.5 * angle for angle in turn])
-        specific_force = rotate_back(middle, acceleration)
+        specific_force = to_body(middle, acceleration)
         true = np.array([*body_rates, *specific_force])
         self.bias += self._walk * np.sqrt(dt) * self._rng.standard_normal(6)
         noisy = true + self.bias + self._noise * self._rng.standard_normal(6)

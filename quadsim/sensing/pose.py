@@ -15,7 +15,7 @@ from math import inf, radians
 import numpy as np
 
 from quadsim.physics.plant_state import PlantState
-from quadsim.sensing.attitude import turned
+from quadsim.rotation import turned
 from quadsim.sensing.config import PoseConfig
 from quadsim.sensing.measurements import Pose
 from quadsim.sensing.timing import Ticks
@@ -54,4 +54,4 @@ class PoseSensor:
         v = None
         if c.velocity_noise is not None:
             v = tuple((np.array(state.x.velocity) + c.velocity_noise * velocity).tolist())
-        return Pose(t, tuple(p.tolist()), q, v)
+        return Pose(t, position=tuple(p.tolist()), attitude=q, velocity=v)

@@ -25,6 +25,7 @@ from msgspec import Meta
 from numpy import maximum, minimum
 
 from quadsim.files.strict_yaml import unit
+from quadsim.rotation import Quaternion, Vec3, quaternion_rate
 from quadsim.systems import System, units_of
 from quadsim.systems.first_order import response
 from quadsim.vehicle import GRAVITY, Vehicle
@@ -55,27 +56,27 @@ class State(NamedTuple):
     bz: Annotated[float, "rad/s^2"]
 
     @property
-    def position(self) -> tuple[float, float, float]:
+    def position(self) -> Vec3:
         """In the world [m]."""
         return self.px, self.py, self.pz
 
     @property
-    def velocity(self) -> tuple[float, float, float]:
+    def velocity(self) -> Vec3:
         """In the world [m/s]."""
         return self.vx, self.vy, self.vz
 
     @property
-    def attitude(self) -> tuple[float, float, float, float]:
+    def attitude(self) -> Quaternion:
         """Unit quaternion wxyz, world from body."""
         return self.qw, self.qx, self.qy, self.qz
 
     @property
-    def body_rates(self) -> tuple[float, float, float]:
+    def body_rates(self) -> Vec3:
         """About the body's axes [rad/s]."""
         return self.wx, self.wy, self.wz
 
     @property
-    def angular_acceleration(self) -> tuple[float, float, float]:
+    def angular_acceleration(self) -> Vec3:
         """About the body's axes [rad/s^2]."""
         return self.bx, self.by, self.bz
 
@@ -102,7 +103,7 @@ class Control(NamedTuple):
     thrust: Annotated[float, "m/s^2"]  # mass-normalised
 
     @property
-    def body_rates(self) -> tuple[float, float, float]:
+    def body_rates(self) -> Vec3:
         """About the body's axes [rad/s]."""
         return self.wx, self.wy, self.wz
 
@@ -138,18 +139,6 @@ def thrust_axis(qw, qx, qy, qz):
 def tilt_reserve(c_x, c_y, bx, by):
     """r = c_x |beta_x| + c_y |beta_y|: the thrust kept free for these angular accelerations [m/s^2]."""
     return c_x * abs(bx) + c_y * abs(by)
-
-
-def quaternion_rate(q, m):
-    """q x (0, m), wxyz: with m = omega / 2 in the body frame, the rate at which the attitude q changes.  (4,)"""
-    qw, qx, qy, qz = q
-    mx, my, mz = m
-    return (
-        -(qx * mx + qy * my + qz * mz),
-        qw * mx + qy * mz - qz * my,
-        qw * my - qx * mz + qz * mx,
-        qw * mz + qx * my - qy * mx,
-    )
 
 
 def step(x, u, p, dt):

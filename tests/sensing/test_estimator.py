@@ -7,8 +7,8 @@ import pytest
 
 from quadsim.course import Start
 from quadsim.race.estimate_record import ESTIMATE_UNITS, estimate_row
+from quadsim.rotation import between, matrix
 from quadsim.sensing import load_sensing, sensing_names
-from quadsim.sensing.attitude import between, matrix
 from quadsim.sensing.camera_model import GateCameraConfig
 from quadsim.sensing.config import PoseConfig
 from quadsim.sensing.estimation.error_state import MOVING, Belief

@@ -8,7 +8,7 @@ import pytest
 from quadsim.course import Gate
 from quadsim.course.obstacles import Cylinder
 from quadsim.physics.plant_state import PlantState
-from quadsim.sensing.attitude import between, exp, log, matrix, product, rotate, rotate_back, skew
+from quadsim.rotation import between, matrix
 from quadsim.sensing.camera_model import GateCameraConfig
 from quadsim.sensing.config import ImuConfig, PoseConfig, RotorConfig
 from quadsim.sensing.gate_camera import GateCamera
@@ -31,15 +31,6 @@ def at_rest(position):
 
 def said(sensor, flight=LONG):
     return [m for m in map(sensor.sample, flight) if m is not None]
-
-
-def test_attitudes_turn_as_matrices_do():
-    q, turn, v = exp((0.3, -0.8, 1.1)), (0.2, 0.1, -0.4), (1.0, -2.0, 0.5)
-    np.testing.assert_allclose(rotate(q, v), matrix(q) @ v, atol=1e-12)
-    np.testing.assert_allclose(rotate_back(q, rotate(q, v)), v, atol=1e-12)
-    np.testing.assert_allclose(between(q, product(q, exp(turn))), turn, atol=1e-12)
-    np.testing.assert_allclose(log(tuple(-c for c in exp(turn))), turn, atol=1e-12)  # -q is the same attitude
-    np.testing.assert_allclose(skew(turn) @ v, np.cross(turn, v))
 
 
 def test_an_instant_is_sampled_once_at_the_step_at_or_after_it():
