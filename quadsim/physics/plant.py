@@ -21,6 +21,8 @@ from quadsim.rotation import Quaternion, Vec3, to_body
 from quadsim.systems.quadrotor import State
 from quadsim.vehicle import Vehicle
 
+Vector = tuple[float, ...]  # a state or the parameters of any system
+
 
 class Plant(Protocol):
     """A system with its own fixed physics step. One for each flight; close() frees it."""
@@ -168,9 +170,6 @@ def named(state: PlantState[Any]) -> PlantState[State]:
     if len(state.x) != len(State._fields):
         raise ValueError(f"plant: expected a state of {len(State._fields)} numbers, got {len(state.x)}")
     return PlantState(state.t, State(*state.x), state.contacts)
-
-
-Vector = tuple[float, ...]  # a state or the parameters of any system
 
 
 class ModelPlant:
