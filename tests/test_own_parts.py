@@ -13,7 +13,7 @@ import quadsim
 from controllers.plan import PlanStats
 from quadsim.physics.plant import PlantState
 from quadsim.race.plane_referees import DurationReferee
-from quadsim.systems.quadrotor import quadrotor
+from quadsim.systems.quadrotor import State, quadrotor
 
 SMALL = {"samples": 256, "horizon": 50, "iterations": 1, "laps": 1, "timeout": 0.3}
 FLAGS = [word for name, number in SMALL.items() for word in (f"--{name}", str(number))]
@@ -91,6 +91,37 @@ def test_a_part_of_ones_own_flies_is_recorded_and_kept(role, default, tmp_path):
     folder = quadsim.save_run(run, tmp_path)
     assert quadsim.load_run(folder).digest() == run.digest()
     assert json.loads((folder / "run.json").read_text())["repeatable_from_spec"] is False
+
+
+class FreeByName(Free):
+    """The same plant, whose states are records."""
+
+    def step(self, u):
+        after = super().step(u)
+        self.state = PlantState(after.t, State(*after.x), ())
+        return self.state
+
+
+class Short(Free):
+    """A plant that forgets what its rotors deliver."""
+
+    def step(self, u):
+        after = super().step(u)
+        return PlantState(after.t, tuple(after.x)[:13], ())
+
+
+@pytest.mark.parametrize("sensing", ["perfect", "vio"])
+def test_a_plant_of_ones_own_may_give_its_states_as_plain_tuples(sensing):
+    """Sensors and records read states by name, whichever of both a plant gives."""
+    plain, named = (quadsim.fly("figure8", **SMALL, sensing=sensing, plant=plant) for plant in (Free, FreeByName))
+    assert len(plain.telemetry["t"]) > 20
+    for column in plain.telemetry.keys() - {"plan_ms", "estimate_ms"}:
+        np.testing.assert_array_equal(plain.telemetry[column], named.telemetry[column], err_msg=column)
+
+
+def test_a_plant_whose_state_has_too_few_numbers_ends_in_one_line():
+    with pytest.raises(ValueError, match="plant: expected a state of 17 numbers, got 13"):
+        quadsim.fly("figure8", **SMALL, plant=Short)
 
 
 def test_ones_own_controller_and_referee_have_the_say():

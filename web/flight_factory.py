@@ -20,6 +20,7 @@ from quadsim.race.settings import Setting, settings_of
 from quadsim.race.spec import Spec
 from quadsim.race.systems import SYSTEMS
 from quadsim.sensing import PERFECT
+from quadsim.systems.quadrotor import Control
 
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories
@@ -59,7 +60,9 @@ def with_number(planner: Planner, preset: Planner, name: str, value: float) -> P
     if name.startswith("gamma"):
         if not isinstance(sampling, Colored):
             return planner
-        rates, thrust = (value, sampling.gamma[3]) if name == "gamma_rates" else (sampling.gamma[0], value)
+        gamma = Control(*sampling.gamma)
+        rates = value if name == "gamma_rates" else gamma.wx
+        thrust = value if name == "gamma_thrust" else gamma.thrust
         return replace(planner, sampling=replace(sampling, gamma=per_channel(rates, thrust)))
     changed: dict[str, Any] = {name: value if name != "target_ess" or value >= 1 else None}
     mppi = replace(planner.mppi, **changed)
@@ -153,7 +156,7 @@ class Flight:
 
     def _replan(self, before: float) -> None:
         """By a new planner; before: the temperature that the spec said until now."""
-        mppi = planner_of(self._spec, self._spec.streams[0])
+        mppi = planner_of(self._spec, self._spec.streams.planner)
         mppi.continue_from(self._mppi)
         if mppi.config.temperature == before:  # then the one reached by steering to the target ESS stays
             mppi.temperature = self._mppi.temperature

@@ -16,7 +16,7 @@ from dataclasses import replace
 from numpy import sqrt
 
 from controllers.costs import Cost, Term
-from quadsim.systems.rotation import to_body
+from quadsim.rotation import to_body
 
 
 def view(x, x_next, u, target, p):

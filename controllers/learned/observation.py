@@ -14,9 +14,9 @@ import numpy as np
 
 from quadsim.course import Course, Gate
 from quadsim.course.opening import half_sizes
+from quadsim.rotation import along, body_axes
 from quadsim.systems.quadrotor import CONTROL, Control, State
 from quadsim.systems.records import field_types, flat, flat_names, unflat
-from quadsim.systems.rotation import along, body_axes
 
 SPEED = 10.0  # unit of velocities [m/s]
 RATE = 10.0  # unit of body rates [rad/s]

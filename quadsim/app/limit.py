@@ -27,6 +27,7 @@ from quadsim.race.spec import Spec
 from quadsim.race.systems import system_of_course
 from quadsim.record.archive import RunFolder, find_run, load_run, write_whole
 from quadsim.record.run import Recorder, Run
+from quadsim.systems.quadrotor import Control, State
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:
@@ -203,9 +204,23 @@ def as_run(limit: Limit, race: Race) -> Run:
         if k:
             events += referee.observe(fine[k - 1][0], (*fine[k - 1][1:],), t, (*p,))
         if k % 10 == 0 or k == len(fine) - 1:
-            x, progress = tuple(states[k].tolist()), (referee.passed, referee.lap, referee.next_gate + 1)
-            done = referee.outcome if k == len(fine) - 1 else None
-            recorder.add(Frame(t, x, (*x[10:13], x[13]), *progress, 0.0, 0.0, 0.0, 0.0, t, tuple(events), done))
+            x = State(*states[k].tolist())
+            frame = Frame(
+                t=t,
+                x=x,
+                u=Control(*x.body_rates, thrust=x.thrust),
+                passed=referee.passed,
+                lap=referee.lap,
+                gate=referee.next_gate + 1,
+                ess=0.0,
+                temperature=0.0,
+                cost=0.0,
+                plan_ms=0.0,
+                elapsed=t,
+                events=tuple(events),
+                outcome=referee.outcome if k == len(fine) - 1 else None,
+            )
+            recorder.add(frame)
             events = []
     return recorder.run(spec)
 

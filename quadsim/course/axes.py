@@ -1,8 +1,6 @@
-"""Vectors of three numbers, and their components along axes."""
+"""Components of vectors along the axes of a frame."""
 
 from __future__ import annotations
-
-Vec3 = tuple[float, float, float]
 
 
 def in_frame(d, passage, left, up):

@@ -10,10 +10,11 @@ from typing import Annotated
 
 import numpy as np
 
-from quadsim.course.axes import Vec3, in_frame
+from quadsim.course.axes import in_frame
 from quadsim.course.obstacles import Obstacle
 from quadsim.course.opening import Bar, InGate, distance_to_frame, frame_bars, outer_half_sizes, rectangle_corners
 from quadsim.files.strict_yaml import unit
+from quadsim.rotation import Vec3, euler_matrix
 
 Second = Annotated[float, unit("s", gt=0)]
 
@@ -34,15 +35,8 @@ class Gate:
 
     @cached_property
     def rotation(self) -> np.ndarray:
-        """World from gate, R = Rz(yaw) Ry(pitch) Rx(roll). Columns: passage, left, up.  (3, 3)"""
-        cy, sy, cp, sp, cr, sr = (f(a) for a in (self.yaw, self.pitch, self.roll) for f in (np.cos, np.sin))
-        return np.array(
-            [
-                [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-                [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-                [-sp, cp * sr, cp * cr],
-            ]
-        )
+        """World from gate. Columns: passage, left, up.  (3, 3)"""
+        return euler_matrix(self.yaw, self.pitch, self.roll)
 
     @cached_property
     def axes(self) -> tuple[Vec3, Vec3, Vec3]:

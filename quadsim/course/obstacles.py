@@ -9,7 +9,8 @@ from math import cos, hypot, pi, sin
 
 import numpy as np
 
-from quadsim.course.axes import Vec3, in_frame
+from quadsim.course.axes import in_frame
+from quadsim.rotation import Vec3
 
 UP: Vec3 = (0.0, 0.0, 1.0)
 ROUND = 24  # corners of the outline of a cylinder

@@ -37,7 +37,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.course.axes import Vec3
+from quadsim.rotation import Vec3
 
 FRAME_DEPTH = 0.1  # of a gate's bars along its passage [m]
 

@@ -10,6 +10,7 @@ import numpy as np
 from quadsim.course.course import Course
 from quadsim.course.course_file import parse_course
 from quadsim.files.strict_yaml import FileError
+from quadsim.streams import course_stream
 
 OPENING = 1.5  # of every gate [m]
 APART = 4.0  # two gates in turn, at least [m]
@@ -28,8 +29,7 @@ def random_courses(number: int, seed: int) -> tuple[Course, ...]:
     for name, value, least in (("number", number, 1), ("seed", seed, 0)):
         if isinstance(value, bool) or not isinstance(value, int) or value < least:
             raise ValueError(f"{name}: expected a whole number of at least {least}, got {value!r}")
-    streams = np.random.SeedSequence(seed).spawn(number)
-    return tuple(_course(f"random_{seed}_{k}", s) for k, s in enumerate(streams, 1))
+    return tuple(_course(f"random_{seed}_{k}", course_stream(seed, k)) for k in range(1, number + 1))
 
 
 def _course(name: str, stream: np.random.SeedSequence) -> Course:

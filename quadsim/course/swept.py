@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.course.axes import Vec3
 from quadsim.course.course import Gate
 from quadsim.course.opening import (
     HalfSizes,
@@ -30,6 +29,7 @@ from quadsim.course.opening import (
     on_passage,
     outer_half_sizes,
 )
+from quadsim.rotation import Vec3
 
 
 class Incident(NamedTuple):

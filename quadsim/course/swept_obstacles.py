@@ -11,9 +11,9 @@ from math import dist, sqrt
 
 import numpy as np
 
-from quadsim.course.axes import Vec3
 from quadsim.course.obstacles import Cylinder, Obstacle
 from quadsim.course.swept import Incident, clip, lerp
+from quadsim.rotation import Vec3
 
 
 class SweptObstacle:

@@ -19,7 +19,7 @@ from quadsim.race.build import build
 from quadsim.race.flight import apply_control, whole_multiple
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
-from quadsim.systems.quadrotor import Control
+from quadsim.systems.quadrotor import POSE, Control
 
 
 class RacingBulletEnv(Env):
@@ -102,7 +102,8 @@ class RacingBulletEnv(Env):
         return float(progress(x, x, self._system.rest, self._cost.row(*row), self._cost.params))
 
     def _state_rows(self) -> np.ndarray:
-        return np.array(self._plant.state.x[:10])[None]
+        """Position, velocity and attitude.  (1, 10)"""
+        return np.array(self._plant.state.x)[None, POSE]
 
     def render(self) -> Any:
         """With rgb_array a picture from above.  (height, width, 3) uint8"""

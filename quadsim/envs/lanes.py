@@ -15,6 +15,7 @@ from controllers.rollout.threads import threads
 from quadsim.envs.reward import RewardParams, RewardWeights, reward
 from quadsim.envs.task import Tables, Task, tables
 from quadsim.race.settings import SettingError
+from quadsim.streams import observation_noise_key
 
 
 class LaneEnvironments:
@@ -78,7 +79,7 @@ class LaneEnvironments:
         """One step of dt under actions (blocks, n_u, LANES) in -1..1, float32; what lies outside is clipped."""
         t, self._calls = self.tables, self._calls + 1
         assert t is not None, "step before begin"
-        key = np.array([self.seed & 0xFFFFFFFF, 0x0B5E], np.uint32)
+        key = observation_noise_key(self.seed)
         self._module.advance(
             *self._state, self.obs, t.starts, t.targets, self.course, self.seed, t.p_cost, self._dt, actions,
             self.final, self.reward, self.ended, self.cut, self.hit, self.crashed, t.final_row, t.obstacles,

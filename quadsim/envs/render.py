@@ -11,6 +11,7 @@ import numpy as np
 from quadsim.course import Course
 from quadsim.course.opening import outer_half_sizes
 from quadsim.race.settings import SettingError
+from quadsim.systems.quadrotor import POSITION, VELOCITY
 
 RENDER_MODES = ("human", "rgb_array")
 
@@ -67,10 +68,11 @@ def picture(course: Course, states: np.ndarray) -> np.ndarray:
     for gate in course.gates:
         left = outer_half_sizes(gate.opening, gate.frame_width).left * gate.rotation[:, 1]
         dots(np.array(gate.position) + np.linspace(-1, 1, 60)[:, None] * left, np.array(FRAME), 1)
-    share = np.clip((states[:, 2] - z_low) / (z_high - z_low), 0, 1)[:, None]
+    positions, velocities = states[:, POSITION], states[:, VELOCITY]
+    share = np.clip((positions[:, 2] - z_low) / (z_high - z_low), 0, 1)[:, None]
     colours = (LOW + share * (HIGH - LOW)).astype(np.uint8)
-    ahead = states[:, :3] + np.linspace(0, 0.1, 8)[:, None, None] * states[:, 3:6]  # a tenth of a second of flight
+    ahead = positions + np.linspace(0, 0.1, 8)[:, None, None] * velocities  # a tenth of a second of flight
     for points in ahead:
         dots(points, colours, 0)
-    dots(states[:, :3], colours, 2)
+    dots(positions, colours, 2)
     return found

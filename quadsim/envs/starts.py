@@ -16,7 +16,9 @@ from controllers.learned.observation import normalised
 from quadsim.course import Course
 from quadsim.physics.domain_randomization import Randomization, draw
 from quadsim.physics.plant_state import start_state
-from quadsim.systems.quadrotor import ModelParams, quadrotor
+from quadsim.rotation import from_yaw, product
+from quadsim.streams import start_vehicle_stream
+from quadsim.systems.quadrotor import ModelParams, State, quadrotor
 from quadsim.systems.records import columns
 from quadsim.vehicle import GRAVITY, Vehicle
 
@@ -35,8 +37,8 @@ def start_rows(
     many = ROWS if randomize or start == "anywhere" else 1
     rows, nominal = [], system_params(vehicle, Randomization(), dt)
     hover = hover_action(vehicle, dt)
-    for number, own in enumerate(seeds.spawn(many)):
-        varied = draw(own, randomize)
+    for number in range(many):
+        varied = draw(start_vehicle_stream(seeds, number), randomize)
         x, target = np.array(start_state(varied.start(course.start), vehicle.radius)), 0
         if start == "anywhere" and number >= STANDING * many:
             x, target = in_flight(course, cost, rng)
@@ -76,11 +78,19 @@ def in_flight(course: Course, cost: Cost, rng: np.random.Generator) -> tuple[np.
     p = np.clip(p + rng.normal(0.0, AROUND, 3), np.add(low, 0.1), np.subtract(high, 0.1))
     v = speed * heading / max(np.linalg.norm(heading), 1e-6) + rng.normal(0.0, 0.5, 3)
     q = _attitude(np.arctan2(heading[1], heading[0]) + rng.normal(0.0, TILT), rng.normal(0.0, TILT, 2))
-    return np.array([*p, *v, *q, *rng.normal(0.0, SPIN, 3), rng.uniform(5.0, 2 * GRAVITY), 0.0, 0.0, 0.0]), target
+    x = State.of(
+        position=p.tolist(),
+        velocity=v.tolist(),
+        attitude=q.tolist(),
+        body_rates=rng.normal(0.0, SPIN, 3).tolist(),
+        thrust=rng.uniform(5.0, 2 * GRAVITY),
+        angular_acceleration=(0.0, 0.0, 0.0),
+    )
+    return np.array(x), target
 
 
 def _attitude(yaw: float, tilt: np.ndarray) -> np.ndarray:
-    """Turned by a yaw, then by small rotations about body x and y [rad].  wxyz (4,)"""
-    (cy, sy), (a, b) = (np.cos(yaw / 2), np.sin(yaw / 2)), tilt / 2
-    q = np.array([cy - 0 * sy, cy * a - sy * b, cy * b + sy * a, sy])
+    """Return the attitude turned by a yaw, then by small rotations about body x and y [rad].  wxyz (4,)"""
+    half_x, half_y = tilt / 2
+    q = np.array(product(from_yaw(yaw), (1.0, half_x, half_y, 0.0)))
     return q / np.linalg.norm(q)

@@ -19,6 +19,7 @@ from quadsim.envs.starts import start_rows
 from quadsim.race.gate_rules import check
 from quadsim.race.settings import SettingError
 from quadsim.race.systems import SYSTEMS
+from quadsim.streams import start_stream
 from quadsim.systems.quadrotor import ModelParams, quadrotor
 from quadsim.vehicle import Vehicle, load_vehicle
 
@@ -69,10 +70,9 @@ def tables(task: Task, seed: int) -> Tables:
         for cost, course, laps in zip(costs, task.courses, task.laps, strict=True)
     ]
     obstacles = [cost.obstacles.rows for cost in costs if cost.obstacles]
-    streams = np.random.SeedSequence(seed).spawn(len(costs))
     starts = [
-        start_rows(course, cost, task.vehicle, task.dt, task.start, task.randomize, stream)
-        for course, cost, stream in zip(task.courses, costs, streams, strict=True)
+        start_rows(course, cost, task.vehicle, task.dt, task.start, task.randomize, start_stream(seed, k))
+        for k, (course, cost) in enumerate(zip(task.courses, costs, strict=True))
     ]
     return Tables(
         targets=_padded(rows),

@@ -19,6 +19,8 @@ from quadsim.envs.render import RENDER_MODES, Renderer
 from quadsim.envs.spaces import ACTIONS, action_space, checked_actions, observation_space
 from quadsim.envs.task import task
 from quadsim.race.settings import SettingError
+from quadsim.streams import fresh_seed
+from quadsim.systems.quadrotor import POSE
 
 MODES = {AutoresetMode.SAME_STEP: SAME_STEP, AutoresetMode.NEXT_STEP: NEXT_STEP, AutoresetMode.DISABLED: DISABLED}
 
@@ -72,7 +74,7 @@ class RacingVectorEnv(VectorEnv):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start episodes; of those in options["reset_mask"] (num_envs,) alone, if it is given."""
         if seed is None and not self._begun:
-            seed = int(np.random.SeedSequence().generate_state(1)[0])
+            seed = fresh_seed()
         super().reset(seed=seed)
         mask = (options or {}).get("reset_mask")
         if mask is not None and (np.shape(mask) != (self.num_envs,) or np.asarray(mask).dtype != bool):
@@ -141,7 +143,8 @@ class RacingVectorEnv(VectorEnv):
 
     def _state_rows(self) -> np.ndarray:
         """Position, velocity and attitude.  (num_envs, 10)"""
-        return self.lanes.X[:, :10].transpose(0, 2, 1).reshape(-1, 10)[: self.num_envs]
+        shown = self.lanes.X[:, POSE].transpose(0, 2, 1)  # (blocks, LANES, 10)
+        return shown.reshape(-1, shown.shape[2])[: self.num_envs]
 
     def _one(self, lanes: np.ndarray) -> np.ndarray:
         """One number for each environment, a copy."""

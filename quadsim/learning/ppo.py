@@ -19,6 +19,7 @@ from controllers.rollout.environment import SAME_STEP
 from quadsim.envs.lanes import LaneEnvironments
 from quadsim.envs.starts import hover_action
 from quadsim.envs.task import Task
+from quadsim.streams import training_stream
 
 ACTIONS = 4
 REWARD_SCALE = 0.1  # so that values are of the order of one
@@ -63,7 +64,7 @@ class PPO:
 
     def __init__(self, task: Task, config: PPOConfig, seed: int = 0):
         self.task, self.config, self.seed = task, config, seed
-        self.rng = np.random.default_rng(np.random.SeedSequence([seed, 1]))
+        self.rng = np.random.default_rng(training_stream(seed))
         sizes = (SIZE, config.hidden, config.hidden)
         self.policy = network.new((*sizes, ACTIONS), self.rng)
         self.policy[-1][:] = hover_action(task.vehicle, task.dt)

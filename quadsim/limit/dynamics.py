@@ -17,14 +17,27 @@ import numpy as np
 
 from quadsim.physics.actuators import gyroscopic
 from quadsim.physics.allocation import mixer
-from quadsim.systems.quadrotor import UNLIMITED_YAW, ModelParams, quadrotor, quaternion_rate, step
-from quadsim.systems.rotation import to_body, to_world
+from quadsim.rotation import quaternion_rate, to_body, to_world
+from quadsim.systems.quadrotor import (
+    ATTITUDE,
+    BODY_RATES,
+    RIGID_BODY,
+    UNLIMITED_YAW,
+    VELOCITY,
+    Control,
+    ModelParams,
+    State,
+    quadrotor,
+    step,
+)
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
 if hasattr(casadi.GlobalOptions, "setNumpyMode"):  # CasADi 3.8 warns until it is told what to make of
     casadi.GlobalOptions.setNumpyMode(-1)  # the numpy functions in `step`: CasADi's own, as always
 
-BODY = 13  # position, velocity, attitude (wxyz) and body rates come first in every state
+# Every state begins with the RIGID_BODY of State. Where rotors lag, their four speeds follow, or what they deliver.
+BODY = RIGID_BODY.stop  # how many numbers the rigid body has
+ROTOR_SPEEDS = slice(BODY, BODY + 4)
 SPIN_UP_MAX = 1000.0  # [rad/s^2] of the body, beyond what any vehicle reaches
 YAW_MAX = 0.5  # [rad/s] of a race to be flown: rotors near full thrust cannot yaw, which this problem leaves out
 FINE = 1e-3, 2e-4  # longest step of the check, by Runge-Kutta and by the planner's step, of order 1 [s]
@@ -40,7 +53,7 @@ class Dynamics:
     high: np.ndarray
     u_low: np.ndarray  # (n_u,)
     u_high: np.ndarray
-    of_flight: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]  # STATE (17,) -> x, u of the same thrust
+    of_flight: Callable[[State], tuple[np.ndarray, np.ndarray]]  # x, u of the same motion and thrust
     fine: Callable[[Any, Any, float], Iterator[tuple]]  # the states on the way, and at the end of so many seconds
     spare: Callable[[Any, Any], tuple] = lambda x, u: ()  # of (x, u): what has to stay at or above 0
 
@@ -70,7 +83,8 @@ def rotors(vehicle: Vehicle, r: Rotors) -> Dynamics:
     idle, full = (r.speed(weakest), r.omega_max) if lags else (weakest, strongest)
 
     def rate(x, u):
-        v, q, omega, speeds = x[3:6], x[6:10], x[10:13], x[13:17]
+        v, q, omega = x[VELOCITY], x[ATTITUDE], x[BODY_RATES]
+        speeds = x[ROTOR_SPEEDS]
         thrusts = tuple(map(r.thrust, speeds)) if lags else u
         force, *torque = (a * thrusts[0] + b * thrusts[1] + c * thrusts[2] + d * thrusts[3] for a, b, c, d in mix)
         dx, dy, dz = (-d * b for d, b in zip(vehicle.drag, to_body(q, v), strict=True))
@@ -79,10 +93,11 @@ def rotors(vehicle: Vehicle, r: Rotors) -> Dynamics:
         lag = ((c - w) / r.tau for c, w in zip(u, speeds, strict=True)) if lags else ()
         return (*v, ax, ay, az - GRAVITY, *_turn(q, omega), *spin, *lag)
 
-    def of_flight(state):
-        each = float(np.clip(0.25 * mass * state[13], weakest, strongest))
+    def of_flight(state: State):
+        each = float(np.clip(0.25 * mass * state.thrust, weakest, strongest))
         u = np.full(4, r.speed(each) if lags else each)
-        return np.append(state[:BODY], u if lags else []), u
+        body = np.array(state)[RIGID_BODY]
+        return np.append(body, u if lags else []), u
 
     def fine(x, u, dt):
         steps = ceil(dt / FINE[0])
@@ -91,8 +106,16 @@ def rotors(vehicle: Vehicle, r: Rotors) -> Dynamics:
             yield x
 
     body, n = _body(vehicle.rate_max), 4 if lags else 0
-    low, high = np.append(-body, np.full(n, idle)), np.append(body, np.full(n, full))
-    return Dynamics("rotors", rate, low, high, np.full(4, idle), np.full(4, full), of_flight, fine)
+    return Dynamics(
+        name="rotors",
+        rate=rate,
+        low=np.append(-body, np.full(n, idle)),
+        high=np.append(body, np.full(n, full)),
+        u_low=np.full(4, idle),
+        u_high=np.full(4, full),
+        of_flight=of_flight,
+        fine=fine,
+    )
 
 
 def rates(model: ModelParams) -> Dynamics:
@@ -104,8 +127,10 @@ def rates(model: ModelParams) -> Dynamics:
     if min(model.rate_tau) <= 0.0:
         raise ValueError("--model: rates needs a vehicle whose body rates lag (rate_tau > 0): take rotors")
 
-    def whole(x):
-        return (*x, 0.0, 0.0, 0.0, 0.0)[: BODY + 4]
+    def whole(x) -> State:
+        """Return the state with zeros for what is no state without rotor lag."""
+        missing = len(State._fields) - len(x)
+        return State(*x, *(0.0,) * missing)
 
     def rate(x, u):  # x' = d step / d dt at dt = 0, with a clip that never acts
         dt = casadi.SX.sym("dt")
@@ -116,13 +141,20 @@ def rates(model: ModelParams) -> Dynamics:
         return tuple(casadi.vertsplit(casadi.substitute(casadi.jacobian(ahead, dt), dt, 0.0)))
 
     def spare(x, u):
-        cx, cy = ((c - w) / t for c, w, t in zip(u[:2], x[10:12], model.rate_tau[:2], strict=True))
+        now, command = whole(x), Control(*u)
+        tau_x, tau_y, _ = model.rate_tau
+        cx = (command.wx - now.wx) / tau_x
+        cy = (command.wy - now.wy) / tau_y
         reserves = [a * model.tilt_cost[0] * cx + b * model.tilt_cost[1] * cy for a, b in product((1, -1), repeat=2)]
-        return (*(model.thrust_max - u[3] - s for s in reserves), *(u[3] - model.thrust_min - s for s in reserves))
+        above = [model.thrust_max - command.thrust - s for s in reserves]
+        below = [command.thrust - model.thrust_min - s for s in reserves]
+        return (*above, *below)
 
-    def of_flight(state):
-        u = np.append(np.clip(state[10:13], -np.array(model.rate_max), model.rate_max), state[13])
-        return np.append(state[:14], np.zeros(3))[:n], u
+    def of_flight(state: State):
+        limits = np.array(model.rate_max)
+        u = Control(*np.clip(state.body_rates, -limits, limits), thrust=state.thrust)
+        x = state._replace(bx=0.0, by=0.0, bz=0.0)
+        return np.array(x)[:n], np.array(u)
 
     def fine(x, u, dt):
         steps = ceil(dt / FINE[1])
@@ -132,11 +164,18 @@ def rates(model: ModelParams) -> Dynamics:
             yield state[:n]
 
     body = _body(model.rate_max)
-    low = np.append(-body, [model.thrust_min, *[-SPIN_UP_MAX] * 3])[:n]
-    high = np.append(body, [model.thrust_max, *[SPIN_UP_MAX] * 3])[:n]
-    u_high = np.array([*model.rate_max, model.thrust_max])
-    u_low = np.append(-u_high[:3], model.thrust_min)
-    return Dynamics("rates", rate, low, high, u_low, u_high, of_flight, fine, spare)
+    roll, pitch, yaw = model.rate_max
+    return Dynamics(
+        name="rates",
+        rate=rate,
+        low=np.append(-body, [model.thrust_min, *[-SPIN_UP_MAX] * 3])[:n],
+        high=np.append(body, [model.thrust_max, *[SPIN_UP_MAX] * 3])[:n],
+        u_low=np.array(Control(-roll, -pitch, -yaw, model.thrust_min)),
+        u_high=np.array(Control(roll, pitch, yaw, model.thrust_max)),
+        of_flight=of_flight,
+        fine=fine,
+        spare=spare,
+    )
 
 
 def runge_kutta(rate: Callable, x: Any, u: Any, h: Any) -> tuple:

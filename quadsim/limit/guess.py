@@ -10,10 +10,9 @@ import numpy as np
 from quadsim.limit.dynamics import Dynamics
 from quadsim.limit.solution import Solution
 from quadsim.limit.task import INSIDE, Segment, Task, Waypoint, legs, reach, segments
-from quadsim.systems.quadrotor import STATE
+from quadsim.systems.quadrotor import ATTITUDE, STATE, VELOCITY, State
 from quadsim.vehicle import GRAVITY
 
-Q = slice(6, 10)  # of every state: the attitude
 SHORT = 0.2  # [s] that a leg takes at least
 SOON = 1e-6  # [s] between the two states at a corner
 
@@ -31,12 +30,12 @@ class Guess:
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """States, their attitudes of unit length, and controls.  t (k,) -> (k, n_x), (k, n_u)"""
         x, u = (np.column_stack([np.interp(t, self.t, c) for c in rows.T]) for rows in (_continuous(self.x), self.u))
-        x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
+        x[:, ATTITUDE] /= np.linalg.norm(x[:, ATTITUDE], axis=1, keepdims=True)
         return x, u
 
     def durations(self, plan: list[Segment], task: Task) -> list[float]:
         """Of the segments [s]; a gate's entry and exit lie `reach` before and behind its plane."""
-        speeds = np.linalg.norm(self.at(self.passes)[0][:, 3:6], axis=1)
+        speeds = np.linalg.norm(self.at(self.passes)[0][:, VELOCITY], axis=1)
         ends = [0.0]
         for s in plan:
             gate = s.target < len(task.targets) and not isinstance(task.targets[s.target], Waypoint)
@@ -60,7 +59,15 @@ def straight(task: Task, model: Dynamics, speed: float) -> Guess:
     for i, (leg, end) in enumerate(zip(np.array(lengths) / speed, passes, strict=True)):
         v = (points[i + 1] - points[i]) / leg
         for point in (points[i], points[i + 1]):
-            rows.append([*point, *v, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, GRAVITY, 0.0, 0.0, 0.0])
+            x = State.of(
+                position=point,
+                velocity=v,
+                attitude=(1.0, 0.0, 0.0, 0.0),
+                body_rates=(0.0, 0.0, 0.0),
+                thrust=GRAVITY,
+                angular_acceleration=(0.0, 0.0, 0.0),
+            )
+            rows.append(x)
         t += [end - leg + SOON, end]
     return _of_flight(f"straight lines at {speed:g} m/s", model, np.array(t), np.array(rows), passes)
 
@@ -81,13 +88,14 @@ def solved(name: str, s: Solution, task: Task) -> Guess:
 
 
 def _of_flight(name: str, model: Dynamics, t: np.ndarray, rows: np.ndarray, passes: np.ndarray) -> Guess:
-    x, u = zip(*map(model.of_flight, rows), strict=True)
+    """rows: states in the order of STATE.  (n, 17)"""
+    x, u = zip(*(model.of_flight(State(*row)) for row in rows), strict=True)
     return Guess(name, t, np.array(x), np.array(u), passes)
 
 
 def _continuous(x: np.ndarray) -> np.ndarray:
     """The same attitudes, each with the sign that is nearer to the one before.  (n, n_x)"""
     x = x.copy()
-    same = (x[1:, Q] * x[:-1, Q]).sum(axis=1) >= 0.0
-    x[1:, Q] *= np.cumprod(np.where(same, 1.0, -1.0))[:, None]
+    same = (x[1:, ATTITUDE] * x[:-1, ATTITUDE]).sum(axis=1) >= 0.0
+    x[1:, ATTITUDE] *= np.cumprod(np.where(same, 1.0, -1.0))[:, None]
     return x

@@ -17,6 +17,7 @@ import numpy as np
 
 from quadsim.course import Course, parse_course
 from quadsim.files.strict_yaml import FileError
+from quadsim.systems.quadrotor import BODY_RATES, POSITION, RIGID_BODY, VELOCITY, Control, State
 from quadsim.vehicle import Vehicle
 
 SOLUTIONS = Path(__file__).parent / "solutions"  # those that come with the project
@@ -50,7 +51,7 @@ class Solution:
         """Cubic between the nodes, as they have velocities.  t (n,) [s] -> (n, 3) [m]"""
         from scipy.interpolate import CubicHermiteSpline  # here: reports load this module, scipy takes .3 s
 
-        return CubicHermiteSpline(self.t, self.x[:, :3], self.x[:, 3:6])(t)
+        return CubicHermiteSpline(self.t, self.x[:, POSITION], self.x[:, VELOCITY])(t)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,15 +83,19 @@ class Limit:
         """STATE, linear between the nodes but for the position.  t (n,) -> (n, 17)"""
         s, rotors = self.solution, vehicle.rotors
         u = np.vstack([s.u, s.u[-1:]])
+        body = s.x[:, RIGID_BODY]
+        more = s.x[:, RIGID_BODY.stop :]  # what the model has beside the rigid body
         if s.model == "rotors" and rotors:
-            thrusts = rotors.thrust(s.x[:, 13:17]) if rotors.tau > 0.0 else u  # pyright: ignore[reportArgumentType]
+            thrusts = rotors.thrust(more) if rotors.tau > 0.0 else u  # pyright: ignore[reportArgumentType]
             thrust = np.sum(thrusts, axis=1) / vehicle.mass
+        elif more.shape[1]:  # thrust and angular acceleration
+            thrust = State(*s.x.T).thrust
         else:
-            thrust = s.x[:, 13] if s.x.shape[1] > 13 else u[:, 3]
-        spin = np.gradient(s.x[:, 10:13], s.t, axis=0)
-        whole = np.column_stack([s.x[:, :13], thrust, spin])
+            thrust = Control(*u.T).thrust
+        spin = np.gradient(s.x[:, BODY_RATES], s.t, axis=0)
+        whole = np.column_stack([body, thrust, spin])
         x = np.column_stack([np.interp(t, s.t, column) for column in whole.T])
-        x[:, :3] = s.position(t)
+        x[:, POSITION] = s.position(t)
         return x
 
     def above(self, time: float) -> float:

@@ -8,8 +8,9 @@ from itertools import pairwise
 from math import dist, sqrt
 from typing import Literal
 
-from quadsim.course import Course, Gate, Obstacle, Start, Vec3
+from quadsim.course import Course, Gate, Obstacle, Start
 from quadsim.course.opening import HalfSizes, free_half_sizes, half_depth, margin_inside
+from quadsim.rotation import Vec3
 
 MARGIN = 2e-3  # kept to frames, ground and bounds, as the path is bent between two nodes [m]
 GROUND = 1e-3  # [m] between sphere and ground: closer is a crash to the referee

@@ -19,16 +19,18 @@ import numpy as np
 
 from quadsim.course import Box, Cylinder, Gate
 from quadsim.limit.detours import Detour
-from quadsim.limit.dynamics import BODY, Dynamics, runge_kutta
+from quadsim.limit.dynamics import Dynamics, runge_kutta
 from quadsim.limit.guess import Guess
 from quadsim.limit.task import MARGIN, PAST, Segment, Task, Waypoint, reach, room, segments
-from quadsim.physics.plant import start_state
+from quadsim.physics.plant_state import start_state
+from quadsim.systems.quadrotor import ATTITUDE, BODY_RATES, POSITION, VELOCITY
 
 SPEED_MAX = 100.0  # [m/s] beyond what any vehicle reaches
 SLOWEST, FASTEST = 2.0, 0.1  # length of a segment over that of the guess
 FORWARD = 0.1  # least speed through a gate [m/s]
 STEPS = 2  # of Runge-Kutta in one interval
-RATES = slice(10, 13)  # of a state
+BEFORE_ATTITUDE = slice(0, ATTITUDE.start)  # of a state: position and velocity
+AFTER_ATTITUDE = slice(ATTITUDE.stop, None)  # body rates and what the rotors do
 
 
 @dataclass
@@ -83,7 +85,7 @@ def shooting(task: Task, model: Dynamics, nodes: list[int], guess: Guess, around
     low, high = _limits(task, model)
     x0, low0, high0 = guess.at(np.zeros(1))[0][0], low, high
     if task.start:
-        x0 = low0 = high0 = model.of_flight(np.array(start_state(task.start, task.radius)))[0]
+        x0 = low0 = high0 = model.of_flight(start_state(task.start, task.radius))[0]
     x = s.program.variable("x0", x0, low0, high0, scale)
     s.x.append(x)
     advance, spare, began = _interval(model), _spare(model), 0.0
@@ -99,10 +101,10 @@ def shooting(task: Task, model: Dynamics, nodes: list[int], guess: Guess, around
             after = s.program.variable("x", x_guess, lowest, high, scale)
             reached, between, middle = advance(x, u, h)
             s.defects.append(s.program.hold((reached - after) / casadi.DM(scale), 0.0, 0.0))
-            s.program.hold(between, np.tile(low[RATES], STEPS - 1), np.tile(high[RATES], STEPS - 1))
+            s.program.hold(between, np.tile(low[BODY_RATES], STEPS - 1), np.tile(high[BODY_RATES], STEPS - 1))
             for end in (x, after) if spare else ():
                 s.program.hold(spare(end, u), 0.0, np.inf)  # pyright: ignore
-            _hold_clear(s, (middle, after[0:3]), x_guess, h0)
+            _hold_clear(s, (middle, after[POSITION]), x_guess, h0)
             x = after
             s.x.append(x)
             s.u.append(u)
@@ -117,16 +119,24 @@ def shooting(task: Task, model: Dynamics, nodes: list[int], guess: Guess, around
 
 
 def _limits(task: Task, model: Dynamics) -> tuple[np.ndarray, np.ndarray]:
-    (x0, x1), (y0, y1), (z0, z1) = task.bounds
     low, high = model.low.copy(), model.high.copy()
-    low[:6], high[:6] = (x0, y0, z0, *[-SPEED_MAX] * 3), (x1, y1, z1, *[SPEED_MAX] * 3)
-    low[6:10], high[6:10] = -1.1, 1.1  # unit length by the equations, not by these
+    low[POSITION] = [least for least, _ in task.bounds]
+    high[POSITION] = [most for _, most in task.bounds]
+    low[VELOCITY] = -SPEED_MAX
+    high[VELOCITY] = SPEED_MAX
+    low[ATTITUDE] = -1.1  # unit length by the equations, not by these
+    high[ATTITUDE] = 1.1
     return low, high
 
 
 def state_scale(model: Dynamics) -> np.ndarray:
     """Of the state, so that the program's numbers are of order one.  (n_x,)"""
-    return np.array([10.0] * 6 + [1.0] * 4 + [10.0] * 3 + [0.1 * h for h in model.high[BODY:]])
+    scale = 0.1 * model.high
+    scale[POSITION] = 10.0  # [m]
+    scale[VELOCITY] = 10.0  # [m/s]
+    scale[ATTITUDE] = 1.0
+    scale[BODY_RATES] = 10.0  # [rad/s]
+    return scale
 
 
 def _interval(model: Dynamics) -> casadi.Function:
@@ -135,11 +145,13 @@ def _interval(model: Dynamics) -> casadi.Function:
     after, between, middle = tuple(casadi.vertsplit(x)), [], []
     for k in range(1, STEPS + 1):
         after = runge_kutta(model.rate, after, tuple(casadi.vertsplit(u)), h / STEPS)
-        between += after[RATES]
-        middle = after[:3] if 2 * k == STEPS else middle
-    q = casadi.vertcat(*after[6:10])
-    after = casadi.vertcat(*after[:6], q / casadi.norm_2(q), *after[10:])
-    return casadi.Function("interval", [x, u, h], [after, casadi.vertcat(*between[:-3]), casadi.vertcat(*middle)])
+        if k < STEPS:
+            between += after[BODY_RATES]
+        if 2 * k == STEPS:
+            middle = after[POSITION]
+    q = casadi.vertcat(*after[ATTITUDE])
+    after = casadi.vertcat(*after[BEFORE_ATTITUDE], q / casadi.norm_2(q), *after[AFTER_ATTITUDE])
+    return casadi.Function("interval", [x, u, h], [after, casadi.vertcat(*between), casadi.vertcat(*middle)])
 
 
 def _spare(model: Dynamics) -> casadi.Function | None:
@@ -152,32 +164,33 @@ def _hold_at(s: Shooting, segment: Segment, x: Any, at_end: bool) -> None:
     """What a segment asks of one of its nodes."""
     task, hold = s.task, s.program.hold
     if task.end and segment.kind == "rest" and at_end:
-        hold(x[0:3] - casadi.DM(task.end), 0.0, 0.0)
-        hold(x[3:6], 0.0, 0.0)
+        hold(x[POSITION] - casadi.DM(task.end), 0.0, 0.0)
+        hold(x[VELOCITY], 0.0, 0.0)
     target = task.targets[min(segment.target, len(task.targets) - 1)]
     if isinstance(target, Waypoint):
         if segment.kind == "waypoint" and at_end:
-            hold(casadi.sumsqr(x[0:3] - casadi.DM(target.position)), 0.0, target.tolerance**2)
+            hold(casadi.sumsqr(x[POSITION] - casadi.DM(target.position)), 0.0, target.tolerance**2)
         return
     if segment.kind == "rest" or (segment.kind == "approach" and not at_end):
         return
-    local = _local(target, x)
+    along, left, up = casadi.vertsplit(_local(target, x))
     y, z = room(target, task)
-    hold(local[1], -y, y)
-    hold(local[2], -z, z)
+    hold(left, -y, y)
+    hold(up, -z, z)
     if at_end:
         plane = {"approach": -reach(task), "inside": reach(task), "finish": PAST}[segment.kind]
-        hold(local[0], plane, plane)
-        hold(casadi.DM(target.axes[0]).T @ x[3:6], FORWARD, SPEED_MAX)
+        hold(along, plane, plane)
+        hold(casadi.DM(target.axes[0]).T @ x[VELOCITY], FORWARD, SPEED_MAX)
 
 
 def _hold_clear(s: Shooting, points: Sequence[Any], guess: np.ndarray, h: float) -> None:
     """Beside the cylinders that the guess does not fly over, by what the line between two points cuts off them."""
+    _, _, height = guess[POSITION]
     for o in s.task.obstacles:
         clear = s.task.radius + MARGIN
-        if isinstance(o, Cylinder) and o.base[2] - clear < guess[2] < o.top + clear:
+        if isinstance(o, Cylinder) and o.base[2] - clear < height < o.top + clear:
             clear += o.radius
-            apart = 0.5 * h * float(np.linalg.norm(guess[3:6]))
+            apart = 0.5 * h * float(np.linalg.norm(guess[VELOCITY]))
             clear += apart**2 / (8.0 * clear)
             for point in points:
                 s.program.hold(casadi.sumsqr(point[0:2] - casadi.DM(o.base[:2])), clear**2, np.inf)
@@ -185,13 +198,15 @@ def _hold_clear(s: Shooting, points: Sequence[Any], guess: np.ndarray, h: float)
 
 def _local(gate: Gate | Box, x: Any) -> Any:
     """The position of a state in the gate's frame, or a box's [m]."""
-    return casadi.DM(np.array(gate.axes)) @ (x[0:3] - casadi.DM(gate.position))
+    return casadi.DM(np.array(gate.axes)) @ (x[POSITION] - casadi.DM(gate.position))
 
 
 def _close(program: Program, first: Any, last: Any) -> None:
     """The lap ends as it begins. Attitudes q and -q are the same: the vector part of q0^-1 q1 is zero."""
-    for part in (slice(0, 6), slice(10, first.shape[0])):
+    for part in (BEFORE_ATTITUDE, AFTER_ATTITUDE):
         program.hold(last[part] - first[part], 0.0, 0.0)
-    q0, q1 = first[6:10], last[6:10]
+    q0, q1 = first[ATTITUDE], last[ATTITUDE]
+    w0, v0 = q0[0], q0[1:]  # scalar and vector part
+    w1, v1 = q1[0], q1[1:]
     program.hold(casadi.sumsqr(q0), 1.0, 1.0)
-    program.hold(q0[0] * q1[1:4] - q1[0] * q0[1:4] - casadi.cross(q0[1:4], q1[1:4]), 0.0, 0.0)
+    program.hold(w0 * v1 - w1 * v0 - casadi.cross(v0, v1), 0.0, 0.0)

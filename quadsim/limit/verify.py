@@ -12,6 +12,7 @@ import numpy as np
 
 from quadsim.limit.dynamics import Dynamics
 from quadsim.limit.solution import Solution
+from quadsim.systems.quadrotor import ATTITUDE, BODY_RATES, POSITION
 
 RESIDUAL = 5e-3  # [m] between a node and where the interval before it leads
 WORTH = 1e-3  # of the race's time
@@ -46,15 +47,16 @@ def verify(solution: Solution, model: Dynamics, referee: Any = None) -> Verified
     for k, u in enumerate(solution.u.tolist()):
         path = list(model.fine(tuple(x[k]), tuple(u), t[k + 1] - t[k]))
         residual = np.array(path[-1]) - solution.x[k + 1]
-        found.residual = max(found.residual, float(np.linalg.norm(residual[:3])))
+        found.residual = max(found.residual, float(np.linalg.norm(residual[POSITION])))
         found.worth += abs(float(solution.costate[k] @ residual))
-        found.attitude = max(found.attitude, *(abs(hypot(*p[6:10]) - 1.0) for p in path))
-        found.body_rate = tuple(np.abs([found.body_rate, *(p[10:13] for p in path)]).max(axis=0).tolist())
+        found.attitude = max(found.attitude, *(abs(hypot(*p[ATTITUDE]) - 1.0) for p in path))
+        found.body_rate = tuple(np.abs([found.body_rate, *(p[BODY_RATES] for p in path)]).max(axis=0).tolist())
         if referee:
             points = [x[k], *path[:-1], x[k + 1]]  # what is left at the node is part of the last step
             times = np.linspace(t[k], t[k + 1], len(points)).tolist()
             for i in range(len(path)):
-                referee.observe(times[i], tuple(points[i][:3]), times[i + 1], tuple(points[i + 1][:3]))
+                before, after = tuple(points[i][POSITION]), tuple(points[i + 1][POSITION])
+                referee.observe(times[i], before, times[i + 1], after)
     if referee:
         found.outcome = referee.outcome
         found.events = tuple(referee.events)
@@ -73,7 +75,7 @@ def _broken(found: Verified, solution: Solution) -> Iterator[str]:
 
 def _outside(found: Verified, solution: Solution, model: Dynamics) -> Iterator[str]:
     """Of the vehicle's limits: of the controls at the nodes, where they hold to rounding, of the body rates always."""
-    allowed = (1.0 + RATE[0]) * model.high[10:13] + RATE[1]
+    allowed = (1.0 + RATE[0]) * model.high[BODY_RATES] + RATE[1]
     if (np.array(found.body_rate) > allowed).any():
         asked, got = (", ".join(f"{w:.3g}" for w in rates) for rates in (allowed, found.body_rate))
         yield f"body rates: expected at most {asked} rad/s, got {got}"

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from quadsim.rotation import Vec3
 from quadsim.vehicle import Rotors
 
-Vector = tuple[float, ...]  # 3 numbers in space, 4 where it is a quaternion, a command or rotors
+PerRotor = tuple[float, ...]  # one number for each of the four rotors
 
 
-def mixer(rotors: Rotors) -> tuple[Vector, ...]:
+def mixer(rotors: Rotors) -> tuple[PerRotor, ...]:
     """(collective, torque x, y, z) = mixer @ rotor thrusts.  (4, 4), [N, N m]"""
     spin = tuple(s * rotors.kappa for s in rotors.spin)
     xs, ys = zip(*rotors.positions, strict=True)
     return (1.0, 1.0, 1.0, 1.0), ys, tuple(-x for x in xs), spin
 
 
-def shares(rotors: Rotors) -> tuple[Vector, ...]:
+def shares(rotors: Rotors) -> tuple[tuple[float, ...], ...]:
     """Inverse of the mixer: row i gives rotor i's part of (collective, torque x, y, z).  (4, 4)
 
     ValueError unless each rotor carries a quarter of the collective, which `saturate` builds on.
@@ -31,7 +32,9 @@ def shares(rotors: Rotors) -> tuple[Vector, ...]:
     return tuple(map(tuple, inverse.tolist()))
 
 
-def allocate(share: tuple[Vector, ...], collective: float, torque: Vector, low: float, high: float) -> Vector:
+def allocate(
+    share: tuple[tuple[float, ...], ...], collective: float, torque: Vec3, low: float, high: float
+) -> PerRotor:
     """Rotor thrusts [N] in [low, high] for a collective [N] and a torque [N m], by the inverse of the mixer."""
     x, y, z = torque
     tilt = tuple(s[1] * x + s[2] * y for s in share)
@@ -39,7 +42,7 @@ def allocate(share: tuple[Vector, ...], collective: float, torque: Vector, low: 
     return saturate(tilt, 0.25 * collective, twist, low, high)
 
 
-def saturate(tilt: Vector, lift: float, twist: Vector, low: float, high: float) -> Vector:
+def saturate(tilt: PerRotor, lift: float, twist: PerRotor, low: float, high: float) -> PerRotor:
     """tilt + lift + twist within [low, high] per rotor: roll and pitch first, then collective, yaw last.
 
     Yaw is given up first; then the collective moves up or down to make room; only a roll and pitch demand

@@ -14,8 +14,9 @@ from math import radians, sqrt
 import numpy as np
 
 from quadsim.course import Course, Start
+from quadsim.rotation import Vec3
 from quadsim.systems.first_order import remaining
-from quadsim.vehicle import Vec3, Vehicle, scale_thrust
+from quadsim.vehicle import Vehicle, scale_thrust
 
 # Half widths of the uniform distributions at size 1.
 OFFSET = 0.2  # of the start, per axis [m]
@@ -59,18 +60,22 @@ class Randomization:
 
 
 def draw(seeds: np.random.SeedSequence, size: float) -> Randomization:
-    """What these seeds change at this size: uniform distributions, all independent."""
+    """Return what these seeds change at this size: uniform distributions, all independent.
+
+    The order in which the numbers are drawn is part of what a seed means.
+    """
     if size == 0:
         return Randomization()
-    x = (size * np.random.default_rng(seeds).uniform(-1, 1, 9)).tolist()
+    drawn = (size * np.random.default_rng(seeds).uniform(-1, 1, 9)).tolist()
+    dx, dy, dz, turn, mass, thrust, rate_lag, motor_lag, drag = drawn
     return Randomization(
-        offset=(OFFSET * x[0], OFFSET * x[1], OFFSET * x[2]),
-        turn=TURN * x[3],
-        mass=MASS * x[4],
-        thrust=THRUST * x[5],
-        rate_lag=LAG * x[6],
-        motor_lag=LAG * x[7],
-        drag=DRAG * x[8],
+        offset=(OFFSET * dx, OFFSET * dy, OFFSET * dz),
+        turn=TURN * turn,
+        mass=MASS * mass,
+        thrust=THRUST * thrust,
+        rate_lag=LAG * rate_lag,
+        motor_lag=LAG * motor_lag,
+        drag=DRAG * drag,
         gust=GUST * size,
     )
 

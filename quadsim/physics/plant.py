@@ -8,18 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from quadsim.course import Course, Start
-from quadsim.physics.actuators import Actuators, Vector
+from quadsim.physics.actuators import Actuators
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.physics.rigid_body import RigidBody
 from quadsim.physics.rotorpy_plant import RotorpyPlant
+from quadsim.rotation import Quaternion, Vec3, to_body
 from quadsim.systems import System
-from quadsim.systems.rotation import to_body
+from quadsim.systems.quadrotor import State
 from quadsim.vehicle import Vehicle
+
+Vector = tuple[float, ...]  # a state or the parameters of any system
 
 
 class Plant(Protocol):
@@ -29,10 +32,10 @@ class Plant(Protocol):
     # A plant may have `velocity_lag` [s]: how much older than the position the velocity of its states is.
 
     @property
-    def state(self) -> PlantState: ...
+    def state(self) -> PlantState[Any]: ...
 
-    def step(self, u: Vector) -> PlantState:
-        """Advance one physics step under the command u = (body rates [rad/s], thrust [m/s^2])."""
+    def step(self, u: Sequence[float]) -> PlantState[Any]:
+        """Advance one physics step under the command u, of a quadrotor in the order of Control."""
         ...
 
     def close(self) -> None: ...
@@ -41,10 +44,10 @@ class Plant(Protocol):
 class World(Protocol):
     """A rigid body among a course's gates; see quadsim.physics.rigid_body.RigidBody."""
 
-    def place(self, p: Vector, q: Vector) -> None: ...
-    def apply(self, force_body: Vector, torque_body: Vector) -> None: ...
+    def place(self, p: Vec3, q: Quaternion) -> None: ...
+    def apply(self, force_body: Vec3, torque_body: Vec3) -> None: ...
     def step(self) -> None: ...
-    def read(self) -> tuple[Vector, Vector, Vector, Vector]: ...
+    def read(self) -> tuple[Vec3, Vec3, Quaternion, Vec3]: ...
     def contacts(self) -> tuple[str, ...]: ...
     def close(self) -> None: ...
 
@@ -62,7 +65,7 @@ class RigidPlant:
         dt: float = 1 / 400,
         start: Start | None = None,
         body: Vehicle | None = None,
-        gusts: Iterator[Vector] | None = None,
+        gusts: Iterator[Vec3] | None = None,
     ):
         """start: in place of the course's own. body: whose mass and inertia the world has, in place of the vehicle's,
         by which the actuators are controlled. gusts: acceleration of each physics step, world frame [m/s^2]."""
@@ -72,7 +75,7 @@ class RigidPlant:
         self._world = self._new_world(course, body or vehicle, dt)
         self._mass, self._gusts = (body or vehicle).mass, gusts
         x = start_state(start or course.start, vehicle.radius)
-        self._world.place(x[0:3], x[6:10])
+        self._world.place(x.position, x.attitude)
         self._steps = 0
         self.state = self._read()
 
@@ -80,21 +83,30 @@ class RigidPlant:
     def _new_world(course: Course, body: Vehicle, dt: float) -> World:
         return RigidBody(course, body, dt)
 
-    def step(self, u: Vector) -> PlantState:
+    def step(self, u: Sequence[float]) -> PlantState[State]:
         x = self.state.x
-        force, torque = self._actuators.wrench(u, x[10:13], to_body(x[6:10], x[3:6]))
+        attitude = x.attitude
+        force, torque = self._actuators.wrench(u, x.body_rates, to_body(attitude, x.velocity))
         if self._gusts:
-            gust = to_body(x[6:10], next(self._gusts))
-            force = tuple(f + self._mass * a for f, a in zip(force, gust, strict=True))
+            fx, fy, fz = force
+            ax, ay, az = to_body(attitude, next(self._gusts))
+            force = fx + self._mass * ax, fy + self._mass * ay, fz + self._mass * az
         self._world.apply(force, torque)
         self._world.step()
         self._steps += 1
         self.state = self._read()
         return self.state
 
-    def _read(self) -> PlantState:
-        p, v, q, omega = self._world.read()
-        x = (*p, *v, *q, *omega, self._actuators.thrust, *self._actuators.angular_acceleration)
+    def _read(self) -> PlantState[State]:
+        position, velocity, attitude, body_rates = self._world.read()
+        x = State.of(
+            position,
+            velocity,
+            attitude,
+            body_rates,
+            self._actuators.thrust,
+            self._actuators.angular_acceleration,
+        )
         return PlantState(self._steps * self.dt, x, self._world.contacts())
 
     def close(self) -> None:
@@ -130,6 +142,37 @@ def default_plant() -> str:
     return "bullet" if has_bullet() else "rigid"
 
 
+class NamedPlant:
+    """A quadrotor's plant of a user's own, whose states may be plain tuples of 17 numbers in the order of `State`.
+
+    The same plant, with a `State` in place of the tuple: sensors and records read its numbers by name.
+    """
+
+    def __init__(self, plant: Plant):
+        self._plant = plant
+        self.dt = plant.dt
+        self.velocity_lag = getattr(plant, "velocity_lag", 0.0)
+
+    @property
+    def state(self) -> PlantState[State]:
+        return named(self._plant.state)
+
+    def step(self, u: Sequence[float]) -> PlantState[State]:
+        return named(self._plant.step(u))
+
+    def close(self) -> None:
+        self._plant.close()
+
+
+def named(state: PlantState[Any]) -> PlantState[State]:
+    """Return the same state with its numbers by name. Raises ValueError unless there are as many as State has."""
+    if isinstance(state.x, State):
+        return state
+    if len(state.x) != len(State._fields):
+        raise ValueError(f"plant: expected a state of {len(State._fields)} numbers, got {len(state.x)}")
+    return PlantState(state.t, State(*state.x), state.contacts)
+
+
 class ModelPlant:
     """A system flown by its own step, with an optional disturbance. Touches nothing."""
 
@@ -145,9 +188,9 @@ class ModelPlant:
         self._system = system
         self._disturb = disturb
         self._steps = 0
-        self.state = PlantState(0.0, system.state(*x0), ())
+        self.state: PlantState[Any] = PlantState(0.0, system.state(*x0), ())
 
-    def step(self, u: Vector) -> PlantState:
+    def step(self, u: Sequence[float]) -> PlantState[Any]:
         x = self._system.next(self.state.x, u)
         if self._disturb:
             x = self._system.state(*self._disturb(x))

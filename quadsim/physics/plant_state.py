@@ -3,33 +3,45 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, sin
+from typing import Generic, TypeVar
 
 from quadsim.course import Start
-from quadsim.physics.allocation import Vector
+from quadsim.rotation import Vec3, from_yaw
+from quadsim.systems.quadrotor import State
 from quadsim.vehicle import GRAVITY
 
 CLEARANCE = 1e-3  # between the ground and a vehicle that starts on it [m]
 
+X = TypeVar("X", bound=tuple[float, ...])
+
 
 @dataclass(frozen=True, slots=True)
-class PlantState:
-    """The state after a physics step."""
+class PlantState(Generic[X]):
+    """The state after a physics step.
+
+    The plants of a quadrotor give a `State`. Those of other systems give a tuple in the order of the system's states,
+    and so may a quadrotor's plant of a user's own: see `quadsim.physics.plant.NamedPlant`.
+    """
 
     t: float  # [s]
-    x: Vector  # STATE
+    x: X  # the system's state
     contacts: tuple[str, ...]  # what the vehicle touches: "ground", "gate 3", "obstacle 2"
 
     @property
-    def position(self) -> tuple[float, float, float]:
+    def position(self) -> Vec3:
         """Of a state that begins with one [m]; a state of fewer than three numbers is filled up with zeros."""
         x, y, z = (*self.x[:3], 0.0, 0.0)[:3]
         return x, y, z
 
 
-def start_state(start: Start, radius: float) -> Vector:
-    """At rest, level, hover thrust; lifted clear of the ground where the start stands on it.  (17,)"""
+def start_state(start: Start, radius: float) -> State:
+    """Return the state at rest, level, with hover thrust; lifted clear of the ground where the start stands on it."""
     x, y, z = start.position
-    half = 0.5 * start.yaw
-    p = (x, y, max(z, radius + CLEARANCE))
-    return (*p, 0.0, 0.0, 0.0, cos(half), 0.0, 0.0, sin(half), 0.0, 0.0, 0.0, GRAVITY, 0.0, 0.0, 0.0)
+    return State.of(
+        position=(x, y, max(z, radius + CLEARANCE)),
+        velocity=(0.0, 0.0, 0.0),
+        attitude=from_yaw(start.yaw),
+        body_rates=(0.0, 0.0, 0.0),
+        thrust=GRAVITY,
+        angular_acceleration=(0.0, 0.0, 0.0),
+    )

@@ -14,15 +14,12 @@ through it.
 
 from __future__ import annotations
 
-from math import cos, hypot, sin
-
 from quadsim.course import Course
 from quadsim.course.swept import SweptGates
 from quadsim.course.swept_obstacles import SweptObstacles
-from quadsim.physics.actuators import Vector, gyroscopic
-from quadsim.systems.quadrotor import quaternion_rate
-from quadsim.systems.rotation import to_body, to_world
-from quadsim.vehicle import GRAVITY, Vec3, Vehicle
+from quadsim.physics.actuators import gyroscopic
+from quadsim.rotation import Quaternion, Vec3, to_body, to_world, turned_at
+from quadsim.vehicle import GRAVITY, Vehicle
 
 ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 
@@ -34,29 +31,33 @@ class RigidBody:
         self._vehicle, self._dt = vehicle, dt
         self._gates = SweptGates(course.gates, vehicle.radius)
         self._obstacles = SweptObstacles(course.obstacles, vehicle.radius)
-        self._force: Vector = ORIGIN
-        self._torque: Vector = ORIGIN
+        self._force: Vec3 = ORIGIN
+        self._torque: Vec3 = ORIGIN
         self.place(ORIGIN, (1.0, 0.0, 0.0, 0.0))
 
-    def place(self, p: Vector, q: Vector, v: Vector = ORIGIN, omega: Vector = ORIGIN) -> None:
+    def place(self, p: Vec3, q: Quaternion, v: Vec3 = ORIGIN, omega: Vec3 = ORIGIN) -> None:
         """Put the vehicle there: q wxyz, v and omega in the world frame [m/s, rad/s]."""
-        x, y, z = p
-        self._p, self._q, self._v, self._omega = (x, y, z), q, v, to_body(q, omega)
+        self._p = p
+        self._q = q
+        self._v = v
+        self._omega: Vec3 = to_body(q, omega)
         self._contacts: tuple[str, ...] = ()
 
-    def apply(self, force_body: Vector, torque_body: Vector) -> None:
+    def apply(self, force_body: Vec3, torque_body: Vec3) -> None:
         """Act for the next step only [N, N m]; gravity is added here."""
         self._force, self._torque = force_body, torque_body
 
     def step(self) -> None:
         """Velocities first, then poses with the new velocities, then contacts on the way."""
-        dt, mass, inertia = self._dt, self._vehicle.mass, self._vehicle.inertia
+        dt, mass = self._dt, self._vehicle.mass
         fx, fy, fz = to_world(self._q, self._force)
-        (vx, vy, vz), before = self._v, self._p
-        vx, vy, vz = vx + dt * fx / mass, vy + dt * fy / mass, vz + dt * (fz / mass - GRAVITY)
-        held = zip(self._omega, self._torque, gyroscopic(self._omega, inertia), inertia, strict=True)
-        self._omega = tuple(w + dt * (t - g) / j for w, t, g, j in held)
-        self._q = turned(self._q, self._omega, dt)
+        vx, vy, vz = self._v
+        vx = vx + dt * fx / mass
+        vy = vy + dt * fy / mass
+        vz = vz + dt * (fz / mass - GRAVITY)
+        self._omega = self._turning_on()
+        self._q = turned_at(self._q, self._omega, dt)
+        before = self._p
         x, y, z = before[0] + dt * vx, before[1] + dt * vy, before[2] + dt * vz
         lowest = self._vehicle.radius
         grounded = z <= lowest
@@ -65,7 +66,16 @@ class RigidBody:
         self._contacts = (("ground",) if grounded else ()) + self._touched(before, self._p)
         self._force = self._torque = ORIGIN
 
-    def read(self) -> tuple[Vec3, Vector, Vector, Vector]:
+    def _turning_on(self) -> Vec3:
+        """Return the body rates after the step [rad/s], by Euler's equation."""
+        dt = self._dt
+        wx, wy, wz = self._omega
+        tx, ty, tz = self._torque
+        gx, gy, gz = gyroscopic(self._omega, self._vehicle.inertia)
+        jx, jy, jz = self._vehicle.inertia
+        return wx + dt * (tx - gx) / jx, wy + dt * (ty - gy) / jy, wz + dt * (tz - gz) / jz
+
+    def read(self) -> tuple[Vec3, Vec3, Quaternion, Vec3]:
         """p [m], v [m/s] in the world frame, q wxyz, omega [rad/s] in the body frame."""
         return self._p, self._v, self._q, self._omega
 
@@ -79,13 +89,3 @@ class RigidBody:
     def _touched(self, p0: Vec3, p1: Vec3) -> tuple[str, ...]:
         hit = (g for g in self._gates.near(p0, p1) if g.touch(g.gate.to_local(p0), g.gate.to_local(p1)) is not None)
         return (*(f"gate {g.index + 1}" for g in hit), *(i.touched for i in self._obstacles.incidents(p0, p1)))
-
-
-def turned(q: Vector, omega: Vector, dt: float) -> Vector:
-    """q x exp((0, omega) dt / 2), of unit length: after dt at constant body rates omega [rad/s]."""
-    rate = hypot(*omega)
-    s = sin(0.5 * rate * dt) / rate if rate > 0.0 else 0.5 * dt
-    r, turn = cos(0.5 * rate * dt), quaternion_rate(q, tuple(s * w for w in omega))
-    product = tuple(r * a + b for a, b in zip(q, turn, strict=True))
-    length = hypot(*product)
-    return tuple(v / length for v in product)

@@ -15,7 +15,7 @@ Nothing is touched here: the referee finds contacts by its own swept test.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,10 +23,12 @@ import numpy as np
 
 from quadsim.course import Course, Start
 from quadsim.files.extras import needs_extra
-from quadsim.physics.actuators import HOVER, Vector, clamp_command, gyroscopic
+from quadsim.physics.actuators import HOVER, angular_acceleration, clamp_command
 from quadsim.physics.allocation import mixer
 from quadsim.physics.plant_state import PlantState, start_state
+from quadsim.rotation import Vec3
 from quadsim.systems.first_order import response
+from quadsim.systems.quadrotor import Control, State
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
 PARASITIC = (0.006, 0.006, 0.012)  # c / m [1/m]: 2.4 m/s^2 at 20 m/s
@@ -44,7 +46,7 @@ class RotorpyPlant:
         dt: float = 1 / 400,
         start: Start | None = None,
         body: Vehicle | None = None,
-        gusts: Iterator[Vector] | None = None,
+        gusts: Iterator[Vec3] | None = None,
     ):
         """As quadsim.physics.plant.RigidPlant."""
         if vehicle.rotors is None:
@@ -53,13 +55,13 @@ class RotorpyPlant:
         self._vehicle, self._rotors, self._gusts = vehicle, _quadratic(vehicle.rotors), gusts
         self._mixer = np.array(mixer(self._rotors))  # (4, 4): collective and torque of the rotors' thrusts
         self._model = _multirotor(vehicle, self._rotors, body or vehicle, dt)
-        self._delayed = deque([HOVER] * round(vehicle.latency / dt))
+        self._delayed: deque[Control] = deque([HOVER] * round(vehicle.latency / dt))
         x = start_state(start or course.start, vehicle.radius)
         hover = self._rotors.speed(0.25 * vehicle.mass * GRAVITY)
         self._now: dict[str, np.ndarray] = {
-            "x": np.array(x[0:3]),
+            "x": np.array(x.position),
             "v": np.zeros(3),
-            "q": np.array([*x[7:10], x[6]]),  # RotorPy's quaternions are xyzw
+            "q": np.array([x.qx, x.qy, x.qz, x.qw]),  # RotorPy's quaternions are xyzw
             "w": np.zeros(3),
             "wind": np.zeros(3),
             "rotor_speeds": np.full(4, hover),
@@ -67,10 +69,10 @@ class RotorpyPlant:
         self._steps = 0
         self.state = self._read()
 
-    def step(self, u: Vector) -> PlantState:
+    def step(self, u: Sequence[float]) -> PlantState[State]:
         self._delayed.append(clamp_command(u, self._vehicle))
-        *rates, thrust = self._delayed.popleft()
-        command = {"cmd_thrust": self._vehicle.mass * thrust, "cmd_w": np.array(rates)}
+        acting = self._delayed.popleft()
+        command = {"cmd_thrust": self._vehicle.mass * acting.thrust, "cmd_w": np.array(acting.body_rates)}
         self._now = self._model.step(self._now, command, self.dt)
         if self._gusts:
             self._now["v"] = self._now["v"] + self.dt * np.array(next(self._gusts))
@@ -78,15 +80,21 @@ class RotorpyPlant:
         self.state = self._read()
         return self.state
 
-    def _read(self) -> PlantState:
-        """What the rotors deliver is reckoned as the other plants do, from their speeds."""
-        now, (jx, jy, jz) = self._now, self._vehicle.inertia
-        omega = tuple(now["w"].tolist())
-        force, *torque = (self._mixer @ (self._rotors.thrust_map[0] * now["rotor_speeds"] ** 2)).tolist()
-        turning = gyroscopic(omega, (jx, jy, jz))
-        beta = [(t - g) / j for t, g, j in zip(torque, turning, (jx, jy, jz), strict=True)]
-        (qx, qy, qz, qw), a = now["q"].tolist(), force / self._vehicle.mass
-        x = (*now["x"].tolist(), *now["v"].tolist(), qw, qx, qy, qz, *omega, a, *beta)
+    def _read(self) -> PlantState[State]:
+        """What the rotors deliver is computed as the other plants do, from their speeds."""
+        now = self._now
+        body_rates: Vec3 = tuple(now["w"].tolist())
+        thrusts = self._rotors.thrust_map[0] * now["rotor_speeds"] ** 2
+        force, tx, ty, tz = (self._mixer @ thrusts).tolist()
+        qx, qy, qz, qw = now["q"].tolist()
+        x = State.of(
+            position=now["x"].tolist(),
+            velocity=now["v"].tolist(),
+            attitude=(qw, qx, qy, qz),
+            body_rates=body_rates,
+            thrust=force / self._vehicle.mass,
+            angular_acceleration=angular_acceleration(body_rates, (tx, ty, tz), self._vehicle.inertia),
+        )
         return PlantState(self._steps * self.dt, x, ())
 
     def close(self) -> None:

@@ -14,8 +14,7 @@ import numpy as np
 
 from quadsim.course import Course, Gate, Obstacle
 from quadsim.course.obstacles import Cylinder
-from quadsim.physics.actuators import Vector
-from quadsim.systems.rotation import to_body
+from quadsim.rotation import Quaternion, Vec3, to_body
 from quadsim.vehicle import GRAVITY, Vehicle
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -102,7 +101,7 @@ class World:
         )
         return body
 
-    def place(self, p: Vector, q: Vector, v: Vector = ORIGIN, omega: Vector = ORIGIN) -> None:
+    def place(self, p: Vec3, q: Quaternion, v: Vec3 = ORIGIN, omega: Vec3 = ORIGIN) -> None:
         """Put the vehicle there: q wxyz, v and omega in the world frame [m/s, rad/s]."""
         w, x, y, z = q
         bullet.resetBasePositionAndOrientation(self._body, p, (x, y, z, w), **self._at)
@@ -110,7 +109,7 @@ class World:
         self._place = p
         self._put_up_gates()
 
-    def apply(self, force_body: Vector, torque_body: Vector) -> None:
+    def apply(self, force_body: Vec3, torque_body: Vec3) -> None:
         """Act for the next step only [N, N m]; gravity is added by Bullet."""
         bullet.applyExternalForce(self._body, -1, force_body, ORIGIN, bullet.LINK_FRAME, **self._at)
         bullet.applyExternalTorque(self._body, -1, torque_body, bullet.LINK_FRAME, **self._at)
@@ -122,7 +121,7 @@ class World:
         bullet.stepSimulation(**self._at)
         bullet.performCollisionDetection(**self._at)
 
-    def read(self) -> tuple[Vector, Vector, Vector, Vector]:
+    def read(self) -> tuple[Vec3, Vec3, Quaternion, Vec3]:
         """p [m], v [m/s] in the world frame, q wxyz, omega [rad/s] in the body frame."""
         p, (x, y, z, w) = bullet.getBasePositionAndOrientation(self._body, **self._at)
         v, omega = bullet.getBaseVelocity(self._body, **self._at)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controllers.learned.pilot import PilotController
-from quadsim.physics.plant import Plant
+from quadsim.physics.plant import NamedPlant, Plant
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
 from quadsim.race.flight import Controller, PlainController, RefereeProtocol, simulate
@@ -23,6 +23,7 @@ from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.prediction import Commands
 from quadsim.sensing.estimation.vehicle_model import VehicleModel
 from quadsim.sensing.sensors import WARM_UP, Sensors
+from quadsim.streams import Streams
 
 if TYPE_CHECKING:
     from controllers.costs import Cost
@@ -49,10 +50,20 @@ def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
     """
     own, streams = spec.own, spec.streams
     referee = made(own.referee, spec) or spec.entry.referee(spec)
-    controller = made(own.controller, spec) or pilot_of(spec) or planner_of(spec, streams[0])
+    controller = made(own.controller, spec) or pilot_of(spec) or planner_of(spec, streams.planner)
     if not hasattr(controller, "rest"):
         controller = PlainController(controller, spec.entry.system(spec.model, spec.planner.mppi.dt).rest)
-    return made(own.plant, spec) or spec.entry.plant(spec, streams), controller, referee
+    return plant_of(spec, streams), controller, referee
+
+
+def plant_of(spec: Spec, streams: Streams) -> Plant:
+    """Return the plant of one flight: the user's own, or that of the system. The caller closes it."""
+    own = made(spec.own.plant, spec)
+    if own is None:
+        return spec.entry.plant(spec, streams)
+    if spec.system == "quadrotor" and not spec.own.system:
+        return NamedPlant(own)
+    return own
 
 
 def pilot_of(spec: Spec) -> PilotController | None:
@@ -138,7 +149,7 @@ def _sensed(spec: Spec, plant: Plant, adapt: bool) -> SensedState:
     assert sensing.imu
     true_gates = tuple(dict.fromkeys(spec.flown_course.gates))
     lag = getattr(plant, "velocity_lag", 0.0)
-    sensors = Sensors(sensing, spec.streams[3], spec.vehicle, true_gates, lag, spec.flown_course.obstacles)
+    sensors = Sensors(sensing, spec.streams.sensors, spec.vehicle, true_gates, lag, spec.flown_course.obstacles)
     sensors.warm_up(plant.state, plant.dt)
     estimator = Estimator(sensing, gates, spec.course.start, -WARM_UP, spec.displace_gates)
     vehicle, rotors = VehicleModel(spec.model, dt, sensing.imu), spec.vehicle.rotors

@@ -12,9 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from quadsim.physics.plant_state import PlantState
-from quadsim.sensing.attitude import between
+from quadsim.rotation import between
 from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.estimation.updates import Innovation
+from quadsim.systems.quadrotor import State
 
 ESTIMATE_UNITS = {
     **dict.fromkeys(("est_px", "est_py", "est_pz"), "m"),
@@ -33,7 +34,7 @@ ERRORS = 9  # position, velocity, attitude
 
 
 def estimate_row(
-    state: PlantState,
+    state: PlantState[State],
     nominal: Nominal,
     P: np.ndarray,
     innovations: Sequence[Innovation],
@@ -41,10 +42,12 @@ def estimate_row(
     spent: float,
 ) -> tuple[float, ...]:
     """The columns of ESTIMATE_UNITS for one frame."""
+    true = state.x
     e = np.array(
         [
-            *(a - b for a, b in zip(state.x[0:6], (*nominal.p, *nominal.v), strict=True)),
-            *between(nominal.q, state.x[6:10]),
+            *(a - b for a, b in zip(true.position, nominal.p, strict=True)),
+            *(a - b for a, b in zip(true.velocity, nominal.v, strict=True)),
+            *between(nominal.q, true.attitude),
         ]
     )
     nees = float(e @ np.linalg.solve(P[:ERRORS, :ERRORS], e))

@@ -14,10 +14,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from controllers.plan import PlannerSnapshot, PlanStats
-from quadsim.course import Vec3
 from quadsim.physics.plant import Plant, PlantState
 from quadsim.race.clock import Clock
 from quadsim.race.events import Event, Frame
+from quadsim.rotation import Vec3
 
 
 class Controller(Protocol):

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import cos, dist, hypot, radians
 
-from quadsim.course import Course, Gate, Vec3
+from quadsim.course import Course, Gate
 from quadsim.course.opening import approach_length
 from quadsim.course.swept import SweptGate
+from quadsim.rotation import Vec3
 
 TAKE_OFF = 0.1  # [m] between sphere and ground; only after that is the ground a crash, as a flight may start on it
 SAME_PLACE, SAME_WAY = 0.1, cos(radians(45.0))  # gates closer than this [m, cos] are crossed at once

@@ -7,9 +7,9 @@ from math import dist
 
 import numpy as np
 
-from quadsim.course import Vec3
 from quadsim.course.corridor import Corridor
 from quadsim.race.events import Event
+from quadsim.rotation import Vec3
 
 STUCK = 5.0  # [s] within a metre of one place
 

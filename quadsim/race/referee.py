@@ -16,11 +16,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import dist, inf, isfinite
 
-from quadsim.course import Course, Vec3
+from quadsim.course import Course
 from quadsim.course.swept import Incident, SweptGate, SweptGates, clip, lerp
 from quadsim.course.swept_obstacles import SweptObstacles
 from quadsim.race.events import NO_PROGRESS, Event
 from quadsim.race.gate_rules import TAKE_OFF, check, crossed_at_once, way_left
+from quadsim.rotation import Vec3
 
 GROUND_MARGIN = 1e-3  # [m] a sphere this close to the ground is on it
 CLEAR = 0.5  # [s] without contact, after which touching the same gate again is a new hit

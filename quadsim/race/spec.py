@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-import numpy as np
-
 from controllers.learned.pilot import Pilot
 from controllers.presets import Planner
 from controllers.samplers import SAMPLERS
@@ -15,6 +13,7 @@ from quadsim.race.own_parts import OwnParts, describe, plain
 from quadsim.race.resolve import resolve
 from quadsim.race.systems import SYSTEMS, SystemEntry
 from quadsim.sensing import Sensing
+from quadsim.streams import Streams
 
 
 @dataclass(frozen=True)
@@ -62,13 +61,14 @@ class Spec:
         return self.own.system or SYSTEMS[self.system]
 
     @property
-    def streams(self) -> tuple[np.random.SeedSequence, ...]:
+    def streams(self) -> Streams:
+        """The random streams of this flight, made anew at each access."""
         return self.entry.streams(self.seed)
 
     @property
     def flown_course(self) -> Any:
         """The course as it stands, which may differ from the planner's map `course`."""
-        return displaced(self.course, self.streams[4], self.displace_gates) if self.displace_gates else self.course
+        return displaced(self.course, self.streams.gates, self.displace_gates) if self.displace_gates else self.course
 
     def record(self) -> dict:
         """The JSON that a run keeps. What no flight had before there were sensors is left out where it is not used."""
@@ -77,7 +77,7 @@ class Spec:
         kept = {f.name: plain(getattr(self, f.name)) for f in fields(self) if f.name not in left_out}
         kept["planner"].pop("view_weight")  # the preset's; the flight's own is kept above
         kept |= {"course": self.course.name, "course_text": self.course.text}
-        kept["variation"] = asdict(draw(self.streams[1], self.randomize if self.system == "quadrotor" else 0.0))
+        kept["variation"] = asdict(draw(self.streams.vehicle, self.randomize if self.system == "quadrotor" else 0.0))
         own = self.own.described()
         if type(self.planner.sampling) not in SAMPLERS.values():
             own["sampler"] = describe(self.planner.sampling)

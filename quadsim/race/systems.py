@@ -33,11 +33,9 @@ from quadsim.physics.plant import PLANTS, ModelPlant, Plant, diffusion, start_st
 from quadsim.race.plane_referees import CorridorReferee, DurationReferee
 from quadsim.race.referee import Referee
 from quadsim.race.reference import reference_of, stored_reference
+from quadsim.streams import Streams, double_integrator_streams, offroad_streams, quadrotor_streams
 from quadsim.systems import System, double_integrator, offroad, quadrotor
 from quadsim.vehicle import load_vehicle, vehicle_names
-
-# Of the planner, the randomized vehicle and start, the disturbance; of a quadrotor also the sensors and the gates.
-Streams = tuple[np.random.SeedSequence, ...]
 
 
 @dataclass(frozen=True)
@@ -87,25 +85,19 @@ def telemetry_columns(states: Mapping[str, str], controls: Mapping[str, str]) ->
     return {"t": "s", **states, **controls, **counted, "plan_ms": "ms"}
 
 
-def random_streams(seed: int) -> Streams:
-    """Independent of each other: every planner that flies a seed meets the same vehicle and disturbance."""
-    planner, plant, sensors, gates = np.random.SeedSequence(seed).spawn(4)
-    return planner, *plant.spawn(2), sensors, gates
-
-
 def _race_plant(spec: Any, streams: Streams) -> Plant:
     """A quadrotor among gates, its vehicle, start and gusts randomized by the seed."""
     build, course = PLANTS[spec.plant], spec.flown_course
     if spec.randomize == 0:
         return build(course, spec.vehicle, spec.plant_dt)
-    varied = draw(streams[1], spec.randomize)
+    varied = draw(streams.vehicle, spec.randomize)
     return build(
         course,
         varied.vehicle(spec.vehicle),
         spec.plant_dt,
         start=varied.start(spec.course.start),
         body=varied.body(spec.vehicle),
-        gusts=gusts(streams[2], varied.gust, spec.plant_dt),
+        gusts=gusts(streams.gusts, varied.gust, spec.plant_dt),
     )
 
 
@@ -136,7 +128,7 @@ def _drive_plant(spec: Any, streams: Streams) -> Plant:
     """The vehicle's own numbers with a random disturbance, in finer steps than the planner's model."""
     system = offroad.offroad(spec.vehicle, spec.plant_dt)
     std = tuple(spec.randomize * offroad.DISTURBANCE.get(name, 0.0) for name in system.states)
-    rng = np.random.default_rng(streams[1])
+    rng = np.random.default_rng(streams.gusts)
     return ModelPlant(system, _drive_start(spec), diffusion(std, spec.plant_dt, rng))
 
 
@@ -183,7 +175,7 @@ SYSTEMS: dict[str, SystemEntry] = {
         plant=_race_plant,
         referee=lambda spec: Referee(spec.flown_course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties),
         timeout=_race_timeout,
-        streams=random_streams,
+        streams=quadrotor_streams,
     ),
     "offroad": SystemEntry(
         name="offroad",
@@ -206,7 +198,7 @@ SYSTEMS: dict[str, SystemEntry] = {
         plant=_drive_plant,
         referee=lambda spec: CorridorReferee(spec.course, spec.vehicle.half_width, spec.timeout),
         timeout=lambda course, laps: 40.0,
-        streams=lambda seed: tuple(np.random.SeedSequence(seed).spawn(3)),
+        streams=offroad_streams,
     ),
     "double_integrator": SystemEntry(
         name="double_integrator",
@@ -229,7 +221,7 @@ SYSTEMS: dict[str, SystemEntry] = {
         plant=_point_plant,
         referee=lambda spec: DurationReferee(spec.timeout),
         timeout=lambda course, laps: course.duration,
-        streams=lambda seed: (np.random.SeedSequence(seed),) * 3,
+        streams=double_integrator_streams,
     ),
 }
 

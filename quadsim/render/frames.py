@@ -25,10 +25,10 @@ from quadsim.render.labels import label
 from quadsim.render.look import Look, drawn_look, plain_look
 from quadsim.render.poses import Pose
 from quadsim.sensing.camera import Camera
+from quadsim.streams import look_streams
 
 SUFFIXES = {"rgb": "png", "segmentation": "png", "depth": "npz", "labels": "json"}
 LABELS = "labels"
-LOOKS = 1 << 20  # first word of the seed of a picture's look; poses have the picture's number there
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,10 @@ class Pictures:
         return parse_course(self.course_text, self.course_name)
 
     def look(self, i: int) -> Look:
-        return drawn_look(np.random.default_rng((self.seed, LOOKS + i)), self.vary) if self.vary else plain_look()
+        """The look of picture i: the plain one, or one that depends on the seed and on i alone."""
+        if not self.vary:
+            return plain_look()
+        return drawn_look(look_streams(self.seed, i), self.vary)
 
     def settings(self) -> dict[str, Any]:
         """As JSON holds it."""

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.course import Vec3
+from quadsim.rotation import Vec3
+from quadsim.streams import LookStreams, texture_stream
 
 VARIED = ("textures", "light", "background")  # what can be drawn from a seed
 SIZE = 128  # pixels of a texture's edge
@@ -52,22 +53,23 @@ def plain_look() -> Look:
     return Look(*paints, sun, white, 0.6, 0.35, 0.05, _gradient(HORIZON, ZENITH))
 
 
-def drawn_look(rng: np.random.Generator, vary: Collection[str]) -> Look:
-    """The plain one with what is in `vary` (of VARIED) drawn anew.  rng: the same one gives the same look."""
-    look, (of_textures, of_light, of_sky) = plain_look(), rng.spawn(3)
+def drawn_look(streams: LookStreams, vary: Collection[str]) -> Look:
+    """Return the plain look with what is in `vary` (of VARIED) drawn anew. The same streams give the same look."""
+    look = plain_look()
     if "textures" in vary:
-        ground, obstacles, *gates = (_paint(of_textures) for _ in range(5))
+        rng = np.random.default_rng(streams.textures)
+        ground, obstacles, *gates = (_paint(rng) for _ in range(5))
         look = replace(look, ground=ground, obstacles=obstacles, gates=tuple(gates))
     if "light" in vary:
-        look = replace(look, **_light(of_light))
+        look = replace(look, **_light(np.random.default_rng(streams.light)))
     if "background" in vary:
-        look = replace(look, sky=_clouds(of_sky))
+        look = replace(look, sky=_clouds(np.random.default_rng(streams.background)))
     return look
 
 
 def textures() -> list[np.ndarray]:
     """The same ones always, as a renderer loads each once.  TEXTURES of (SIZE, SIZE, 3) uint8"""
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(texture_stream())
     squares = (np.indices((SIZE, SIZE)) // (SIZE // 2)).sum(axis=0)[..., None] % 2
     flat, chequered = np.full((SIZE, SIZE, 3), 255, np.uint8), np.where(squares, 255, 215).astype(np.uint8)
     chequered = np.repeat(chequered, 3, axis=2)

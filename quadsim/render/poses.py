@@ -9,8 +9,9 @@ from math import asin, atan2, radians
 import numpy as np
 
 from quadsim.course import Course
-from quadsim.physics.actuators import Vector
+from quadsim.rotation import Quaternion, Vec3, from_euler
 from quadsim.sensing.camera import Camera
+from quadsim.streams import pose_stream
 
 ASIDE = 1.0  # standard deviation of the distance from the straight lines between the gates, per axis [m]
 TURN, PITCH, ROLL = radians(25), radians(12), radians(25)  # standard deviations about the way to the next gate
@@ -23,8 +24,8 @@ class Pose:
     """The vehicle's, not the camera's."""
 
     t: float | None  # in the flight [s]; None: of no flight
-    p: Vector  # [m]
-    q: Vector  # wxyz
+    p: Vec3  # [m]
+    q: Quaternion
 
 
 def flown_poses(telemetry: Mapping[str, np.ndarray], rate: float) -> list[Pose]:
@@ -49,7 +50,7 @@ def drawn_poses(course: Course, camera: Camera, count: int, seed: int) -> list[P
     Each is near the straight line to a gate, with the optical axis near the direction to that gate. Raises ValueError
     for a course without room.
     """
-    return [_draw(course, camera, np.random.default_rng((seed, i))) for i in range(count)]
+    return [_draw(course, camera, np.random.default_rng(pose_stream(seed, i))) for i in range(count)]
 
 
 def _draw(course: Course, camera: Camera, rng: np.random.Generator) -> Pose:
@@ -73,16 +74,10 @@ def _free(course: Course, p: np.ndarray) -> bool:
     return within and z > LOWEST and min(away) > CLEAR
 
 
-def _looking(ahead: np.ndarray, camera: Camera, rng: np.random.Generator) -> Vector:
-    """The attitude with the camera's axis near this direction of the world: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+def _looking(ahead: np.ndarray, camera: Camera, rng: np.random.Generator) -> Quaternion:
+    """Return an attitude with the camera's axis near this direction of the world."""
     x, y, z = (ahead / max(float(np.linalg.norm(ahead)), 1e-9)).tolist()
     yaw = atan2(y, x) + TURN * rng.standard_normal()
     pitch = radians(camera.tilt_deg) - asin(z) + PITCH * rng.standard_normal()  # positive: nose down
-    return _quaternion(yaw, pitch, ROLL * rng.standard_normal())
-
-
-def _quaternion(yaw: float, pitch: float, roll: float) -> Vector:
-    (cy, cp, cr), (sy, sp, sr) = (tuple(map(f, (yaw / 2, pitch / 2, roll / 2))) for f in (np.cos, np.sin))
-    w, x = cy * cp * cr + sy * sp * sr, cy * cp * sr - sy * sp * cr
-    y, z = cy * sp * cr + sy * cp * sr, sy * cp * cr - cy * sp * sr
-    return float(w), float(x), float(y), float(z)
+    roll = ROLL * rng.standard_normal()
+    return from_euler(yaw, pitch, roll)

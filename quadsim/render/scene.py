@@ -11,9 +11,9 @@ from PIL import Image
 
 from quadsim.course import Course, Gate
 from quadsim.course.obstacles import Cylinder, Obstacle
-from quadsim.physics.actuators import Vector
 from quadsim.physics.world import bullet  # its only importer
 from quadsim.render.look import TEXTURES, Look, textures
+from quadsim.rotation import Quaternion, Vec3
 from quadsim.sensing.camera import Camera
 
 NEAR, FAR = 0.05, 400.0  # planes between which something is drawn [m]
@@ -52,7 +52,7 @@ class Scene:
         self._textures = self._load_textures()
         self._rays = _rays(camera)
 
-    def shoot(self, p: Vector, q: Vector, look: Look) -> Picture:
+    def shoot(self, p: Vec3, q: Quaternion, look: Look) -> Picture:
         """The picture of a vehicle's camera: the vehicle at p [m] with the attitude q (wxyz). Itself it is not seen."""
         self._dress(look)
         position, axes = self._camera.pose(p, q)

@@ -24,7 +24,7 @@ from msgspec import Meta
 from quadsim.course import Gate
 from quadsim.files.data_files import locate, names, read_text
 from quadsim.files.strict_yaml import load, unit
-from quadsim.sensing.attitude import Vector, rotate
+from quadsim.rotation import Quaternion, Vec3, to_world
 
 CAMERAS = Path(__file__).parent / "cameras"
 BODY_AXES = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -53,12 +53,12 @@ class Camera:
         c, s = cos(radians(self.tilt_deg)), sin(radians(self.tilt_deg))
         return np.array([[0.0, s, c], [-1.0, 0.0, 0.0], [0.0, -c, s]])
 
-    def pose(self, p: Vector, q: Vector) -> tuple[np.ndarray, np.ndarray]:
+    def pose(self, p: Vec3, q: Quaternion) -> tuple[np.ndarray, np.ndarray]:
         """Where the camera of a vehicle at p [m] with attitude q (wxyz) is: position (3,), world from camera (3, 3)."""
-        body = np.array([rotate(q, axis) for axis in BODY_AXES]).T  # world from body
+        body = np.array([to_world(q, axis) for axis in BODY_AXES]).T  # world from body
         return np.asarray(p, float) + body @ np.asarray(self.position), body @ self.axes
 
-    def project(self, points: np.ndarray, p: Vector, q: Vector) -> tuple[np.ndarray, np.ndarray]:
+    def project(self, points: np.ndarray, p: Vec3, q: Quaternion) -> tuple[np.ndarray, np.ndarray]:
         """Points of the world (n, 3) [m] as pixels (u, v) (n, 2), and their depth along the optical axis (n,) [m].
 
         nan in place of pixels where the depth is not positive: such a point is not in front of the camera.
@@ -78,7 +78,7 @@ class Camera:
         """Which pixels (n, 2) lie within the picture; those that are nan do not.  (n,) bool"""
         return np.all((pixels >= 0.0) & (pixels < (self.width, self.height)), axis=1)
 
-    def gate_corners(self, gates: Sequence[Gate], p: Vector, q: Vector) -> tuple[np.ndarray, np.ndarray]:
+    def gate_corners(self, gates: Sequence[Gate], p: Vec3, q: Quaternion) -> tuple[np.ndarray, np.ndarray]:
         """The corners of the gates' openings, in the order of `Gate.corners`, as `project` gives points.
 
         Returns: pixels (n_gates, 4, 2), depth (n_gates, 4) [m].

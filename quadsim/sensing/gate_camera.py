@@ -16,11 +16,12 @@ import numpy as np
 from quadsim.course import Gate
 from quadsim.course.obstacles import Obstacle
 from quadsim.physics.plant_state import PlantState
-from quadsim.sensing.attitude import matrix
+from quadsim.rotation import matrix
 from quadsim.sensing.camera_model import GateCameraConfig
 from quadsim.sensing.measurements import Corners
 from quadsim.sensing.timing import Ticks
 from quadsim.sensing.visibility import hidden
+from quadsim.systems.quadrotor import State
 
 
 class GateCamera:
@@ -41,13 +42,13 @@ class GateCamera:
         self._corners = np.array([gate.corners() for gate in gates])  # (gates, 4, 3)
         self._dies = inf if config.dies_at is None else config.dies_at
 
-    def sample(self, state: PlantState) -> Corners | None:
+    def sample(self, state: PlantState[State]) -> Corners | None:
         """What is found in the picture, if one is taken at this step."""
         if not self._ticks.due(state.t) or state.t >= self._dies:
             return None
-        p, c = np.array(state.x[0:3]), self._config
+        p, c = np.array(state.x.position), self._config
         points = self._corners.reshape(-1, 3) - p
-        pixels, seen = c.seen(points @ matrix(state.x[6:10]))
+        pixels, seen = c.seen(points @ matrix(state.x.attitude))
         seen &= (points**2).sum(axis=1) <= c.range**2
         for k in np.flatnonzero(seen.reshape(-1, 4).any(axis=1)).tolist():
             others = self._gates[:k] + self._gates[k + 1 :]

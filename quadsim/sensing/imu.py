@@ -13,10 +13,11 @@ from __future__ import annotations
 import numpy as np
 
 from quadsim.physics.plant_state import PlantState
-from quadsim.sensing.attitude import between, rotate_back, turned
+from quadsim.rotation import between, to_body, turned
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.measurements import Inertial
 from quadsim.sensing.timing import Ticks
+from quadsim.systems.quadrotor import State
 from quadsim.vehicle import GRAVITY
 
 
@@ -32,18 +33,28 @@ class Imu:
         self._most = np.repeat([c.gyro_max, c.accelerometer_max], 3)
         self.bias = np.repeat([c.gyro_bias, c.accelerometer_bias], 3) * self._rng.standard_normal(6)
         self._ticks = Ticks(config.rate)
-        self._last: PlantState | None = None
+        self._last: PlantState[State] | None = None
 
-    def sample(self, state: PlantState) -> Inertial | None:
+    def sample(self, state: PlantState[State]) -> Inertial | None:
         """The unit's next sample, if the physics step that led to this state completes one."""
         last, self._last = self._last, self._last or state
         if last is None or not self._ticks.due(state.t):
             return None
-        self._last, dt = state, state.t - last.t
-        turn = between(last.x[6:10], state.x[6:10])
-        middle = turned(last.x[6:10], tuple(0.5 * a for a in turn))
-        ax, ay, az = ((b - a) / dt for a, b in zip(last.x[3:6], state.x[3:6], strict=True))
-        true = np.array([*(a / dt for a in turn), *rotate_back(middle, (ax, ay, az + GRAVITY))])
+        self._last = state
+        dt = state.t - last.t
+        # means over the sample: of the body rates by the turn, of the acceleration by the change of velocity
+        before, after = last.x, state.x
+        turn = between(before.attitude, after.attitude)
+        body_rates = [angle / dt for angle in turn]
+        acceleration = (
+            (after.vx - before.vx) / dt,
+            (after.vy - before.vy) / dt,
+            (after.vz - before.vz) / dt + GRAVITY,
+        )
+        middle = turned(before.attitude, [0.5 * angle for angle in turn])
+        specific_force = to_body(middle, acceleration)
+        true = np.array([*body_rates, *specific_force])
         self.bias += self._walk * np.sqrt(dt) * self._rng.standard_normal(6)
-        said = np.clip(true + self.bias + self._noise * self._rng.standard_normal(6), -self._most, self._most).tolist()
-        return Inertial(state.t, dt, tuple(said[:3]), tuple(said[3:]))
+        noisy = true + self.bias + self._noise * self._rng.standard_normal(6)
+        gx, gy, gz, fx, fy, fz = np.clip(noisy, -self._most, self._most).tolist()
+        return Inertial(state.t, dt, gyro=(gx, gy, gz), specific_force=(fx, fy, fz))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-Vec3 = tuple[float, float, float]
+from quadsim.rotation import Quaternion, Vec3
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class Pose:
 
     t: float  # [s]
     position: Vec3  # [m]
-    attitude: tuple[float, ...]  # wxyz
+    attitude: Quaternion
     velocity: Vec3 | None  # world [m/s]
 
 

@@ -14,6 +14,7 @@ from quadsim.physics.plant_state import PlantState
 from quadsim.sensing.config import RotorConfig
 from quadsim.sensing.measurements import RotorThrust
 from quadsim.sensing.timing import Ticks
+from quadsim.systems.quadrotor import State
 from quadsim.vehicle import Vehicle
 
 
@@ -26,11 +27,12 @@ class RotorSpeeds:
         self._rng, self._ticks = np.random.default_rng(seeds), Ticks(config.rate)
         self._rotors, self._mass, self._noise = vehicle.rotors, vehicle.mass, config.noise
 
-    def sample(self, state: PlantState) -> RotorThrust | None:
+    def sample(self, state: PlantState[State]) -> RotorThrust | None:
         """The thrust by the speeds, if a sample is due. A vehicle without rotors is taken at its word."""
         if not self._ticks.due(state.t):
             return None
-        errors, thrust = self._rng.standard_normal(4), state.x[13]
+        errors = self._rng.standard_normal(4)
+        thrust = state.x.thrust
         if self._rotors:  # the noise of four speeds about their mean
             rotors = self._rotors
             speed = rotors.speed(max(0.25 * self._mass * thrust, rotors.thrust_map[2]))

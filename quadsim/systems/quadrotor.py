@@ -25,6 +25,7 @@ from msgspec import Meta
 from numpy import maximum, minimum
 
 from quadsim.files.strict_yaml import unit
+from quadsim.rotation import Quaternion, Vec3, quaternion_rate
 from quadsim.systems import System
 from quadsim.systems.first_order import response
 from quadsim.systems.records import units_of
@@ -56,27 +57,27 @@ class State(NamedTuple):
     bz: Annotated[float, "rad/s^2"]
 
     @property
-    def position(self) -> tuple[float, float, float]:
+    def position(self) -> Vec3:
         """In the world [m]."""
         return self.px, self.py, self.pz
 
     @property
-    def velocity(self) -> tuple[float, float, float]:
+    def velocity(self) -> Vec3:
         """In the world [m/s]."""
         return self.vx, self.vy, self.vz
 
     @property
-    def attitude(self) -> tuple[float, float, float, float]:
+    def attitude(self) -> Quaternion:
         """Unit quaternion wxyz, world from body."""
         return self.qw, self.qx, self.qy, self.qz
 
     @property
-    def body_rates(self) -> tuple[float, float, float]:
+    def body_rates(self) -> Vec3:
         """About the body's axes [rad/s]."""
         return self.wx, self.wy, self.wz
 
     @property
-    def angular_acceleration(self) -> tuple[float, float, float]:
+    def angular_acceleration(self) -> Vec3:
         """About the body's axes [rad/s^2]."""
         return self.bx, self.by, self.bz
 
@@ -103,7 +104,7 @@ class Control(NamedTuple):
     thrust: Annotated[float, "m/s^2"]  # mass-normalised
 
     @property
-    def body_rates(self) -> tuple[float, float, float]:
+    def body_rates(self) -> Vec3:
         """About the body's axes [rad/s]."""
         return self.wx, self.wy, self.wz
 
@@ -128,6 +129,20 @@ STATE_UNITS = {("a" if name == "thrust" else name): unit for name, unit in units
 CONTROL_UNITS = {("a_cmd" if name == "thrust" else f"{name}_cmd"): unit for name, unit in units_of(Control).items()}
 STATE, CONTROL = tuple(STATE_UNITS), tuple(CONTROL_UNITS)
 
+
+def columns(first: str, last: str) -> slice:
+    """Return where the numbers from one field of State to another stand in rows of states, e.g. x[:, POSITION]."""
+    return slice(State._fields.index(first), State._fields.index(last) + 1)
+
+
+# For tables of states and for the optimiser's vectors; a single State has properties of these names.
+POSITION = columns("px", "pz")
+VELOCITY = columns("vx", "vz")
+ATTITUDE = columns("qw", "qz")
+BODY_RATES = columns("wx", "wz")
+POSE = columns("px", "qz")  # position, velocity and attitude: what is shown of a vehicle
+RIGID_BODY = columns("px", "wz")  # all but what the rotors deliver
+
 LEAST_ROOM = 1e-3  # [m/s^2] of thrust is always left for yaw, so that UNLIMITED_YAW is without limit at full thrust too
 UNLIMITED_YAW = 1e9  # [1/m] 1 / c_z of a vehicle without rotors
 
@@ -140,18 +155,6 @@ def thrust_axis(qw, qx, qy, qz):
 def tilt_reserve(c_x, c_y, bx, by):
     """r = c_x |beta_x| + c_y |beta_y|: the thrust kept free for these angular accelerations [m/s^2]."""
     return c_x * abs(bx) + c_y * abs(by)
-
-
-def quaternion_rate(q, m):
-    """q x (0, m), wxyz: with m = omega / 2 in the body frame, the rate at which the attitude q changes.  (4,)"""
-    qw, qx, qy, qz = q
-    mx, my, mz = m
-    return (
-        -(qx * mx + qy * my + qz * mz),
-        qw * mx + qy * mz - qz * my,
-        qw * my - qx * mz + qz * mx,
-        qw * mz + qx * my - qy * mx,
-    )
 
 
 def step(x, u, p, dt):

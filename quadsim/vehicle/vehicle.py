@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import sqrt
 
-Vec3 = tuple[float, float, float]
+from quadsim.rotation import Vec3
+
 GRAVITY = 9.81  # [m/s^2]
 
 

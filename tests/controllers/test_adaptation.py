@@ -130,7 +130,7 @@ def test_a_planner_that_has_to_gives_up_thrust_to_roll_and_pitch():
 
 def test_what_is_commanded_is_what_the_vehicle_can_follow():
     spec = Spec.of("paper_flat", vehicle="swift", preset="race", samples=128, horizon=50)
-    mppi, x = planner_of(spec, spec.streams[0]), np.array(launch_state())
+    mppi, x = planner_of(spec, spec.streams.planner), np.array(launch_state())
     mppi.plan[0] = 4.0, -3.0, 0.0, NOMINAL.thrust_max
     asked = mppi.command(x)
     assert asked == pytest.approx(mppi.clipped(mppi.plan[0]))
@@ -153,6 +153,6 @@ def test_a_flight_with_a_vehicle_too_heavy_learns_it():
     assert last.t == pytest.approx(1.5)
     assert mppi.adaptation.model.thrust_gain == pytest.approx(1 / (1 + mass), abs=0.015)
     assert mppi.system.params == mppi.adaptation.observe(np.array(last.x), mppi.plan[0], 0).params
-    successor = planner_of(spec, spec.streams[0])
+    successor = planner_of(spec, spec.streams.planner)
     successor.continue_from(mppi)
     assert successor.adaptation is mppi.adaptation, "a planner that takes over keeps the estimates"

@@ -9,7 +9,7 @@ from controllers.costs.race_view import with_view
 from quadsim.course import load_course
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
-from quadsim.sensing.attitude import exp, matrix, product
+from quadsim.rotation import exp, matrix, product
 
 RACE = race_cost(load_course("split_s_swift"), 0.14, RaceWeights(), 1)
 WEIGHT = 3.0

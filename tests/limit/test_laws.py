@@ -17,6 +17,7 @@ from quadsim.limit.solve import solve
 from quadsim.limit.task import Task, Waypoint, race_task, room, segments
 from quadsim.limit.verify import verify
 from quadsim.race.referee import Referee
+from quadsim.systems.quadrotor import ATTITUDE
 from quadsim.vehicle import GRAVITY, load_vehicle
 
 SWIFT = load_vehicle("swift")
@@ -92,7 +93,7 @@ def test_a_solution_that_is_played_too_fast_is_found_out(race):
 def test_an_attitude_that_is_not_of_unit_length_is_found_out(race):
     solution, model = race
     x = solution.x.copy()
-    x[:, 6:10] *= 1.02
+    x[:, ATTITUDE] *= 1.02
     assert any("attitude" in line for line in verify(replace(solution, x=x), model, referee()).broken)
 
 

@@ -6,10 +6,8 @@ from math import exp
 import numpy as np
 import pytest
 from plant_cases import FULL, ROTORS
-from scipy.spatial.transform import Rotation
 
 from quadsim.physics.actuators import HOVER, Actuators
-from quadsim.systems.rotation import to_body, to_world
 from quadsim.vehicle import GRAVITY, Vehicle
 
 REST = (0.0, 0.0, 0.0)
@@ -83,14 +81,6 @@ def test_drag_opposes_each_body_axis_by_its_own_coefficient():
     drag, v = (0.3, 0.4, 0.5), (7.0, -2.0, 1.0)
     with_drag, without = (Actuators(replace(POINT, drag=d), 1 / 400).wrench(HOVER, REST, v)[0] for d in (drag, REST))
     np.testing.assert_allclose(np.subtract(with_drag, without), [-1.3 * d * u for d, u in zip(drag, v, strict=True)])
-
-
-def test_to_body_undoes_the_attitude_and_to_world_applies_it():
-    rng = np.random.default_rng(2)
-    for q, v in zip(rng.normal(size=(50, 4)), rng.normal(size=(50, 3)), strict=True):
-        w, x, y, z = q / np.linalg.norm(q)
-        np.testing.assert_allclose(to_body((w, x, y, z), v), Rotation([x, y, z, w]).inv().apply(v), atol=1e-12)
-        np.testing.assert_allclose(to_world((w, x, y, z), v), Rotation([x, y, z, w]).apply(v), atol=1e-12)
 
 
 def test_rotors_never_pull_downwards():

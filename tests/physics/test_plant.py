@@ -89,7 +89,7 @@ def test_a_rate_step_is_63_percent_done_at_tau(launch, axis):
     """All three axes turn at once: the feed-forward must cancel what the unequal inertias couple."""
     command = (3.0, 4.0, -2.0)
     state = fly(launch(), PAPER.rate_tau[axis], (*command, GRAVITY))
-    assert state.x[10 + axis] / command[axis] == pytest.approx(1 - exp(-1), rel=1e-9)
+    assert state.x.body_rates[axis] / command[axis] == pytest.approx(1 - exp(-1), rel=1e-9)
 
 
 @pytest.mark.parametrize("name", vehicle_names())
@@ -97,7 +97,7 @@ def test_every_vehicle_settles_on_its_commanded_rates_with_little_overshoot(laun
     """With motors, tau s (tau_m s + 1) + 1 has damping sqrt(tau / tau_m) / 2: above .5 for all, 16 % overshoot."""
     plant = launch(load_vehicle(name))
     command = (3.0, -3.0, 0.2)
-    rates = np.array([plant.step((*command, GRAVITY)).x[10:13] for _ in range(800)])
+    rates = np.array([plant.step((*command, GRAVITY)).x.body_rates for _ in range(800)])
     np.testing.assert_allclose(rates[-1], command, rtol=0.02)
     assert (np.abs(rates).max(axis=0) < 1.16 * np.abs(command)).all()
 

@@ -7,8 +7,8 @@ import pytest
 
 from quadsim.course import Start
 from quadsim.race.estimate_record import ESTIMATE_UNITS, estimate_row
+from quadsim.rotation import between, matrix
 from quadsim.sensing import load_sensing, sensing_names
-from quadsim.sensing.attitude import between, matrix
 from quadsim.sensing.camera_model import GateCameraConfig
 from quadsim.sensing.config import PoseConfig
 from quadsim.sensing.estimation.error_state import MOVING, Belief
@@ -147,12 +147,12 @@ def test_a_late_measurement_counts_at_its_own_time():
 def test_spikes_and_false_corners_do_not_move_the_estimate():
     spiky = PoseConfig(rate=100, position_noise=0.01, attitude_noise_deg=0.5, spikes=0.1, spike=2.0)
     rows, _ = flown(replace(VIO, pose=spiky, camera=None), 2)
-    errors = np.linalg.norm(rows[:, 0:3] - [circle(0.01 * (k + 1)).x[0:3] for k in range(len(rows))], axis=1)
+    errors = np.linalg.norm(rows[:, 0:3] - [circle(0.01 * (k + 1)).x.position for k in range(len(rows))], axis=1)
     assert errors.max() < 0.1
     assert column(rows, "refused").sum() > 0
     many = replace(GATES_ONLY, camera=replace(GATES_ONLY.camera, outliers=0.2, swaps=0.1))
     rows, _ = flown(many, 2)
-    errors = np.linalg.norm(rows[:, 0:3] - [circle(0.01 * (k + 1)).x[0:3] for k in range(len(rows))], axis=1)
+    errors = np.linalg.norm(rows[:, 0:3] - [circle(0.01 * (k + 1)).x.position for k in range(len(rows))], axis=1)
     assert errors.max() < 0.3
 
 
@@ -175,5 +175,5 @@ def test_a_dead_sensor_leaves_a_finite_estimate():
     rows, estimator = flown(dead, 5)
     assert np.isfinite(rows).all()
     assert column(rows, "cov_xx")[-1] > 10 * column(rows, "cov_xx")[80]
-    assert np.linalg.norm(np.array(estimator.at(4.0).p) - circle(4.0).x[0:3]) < 5.0
-    assert abs(np.degrees(between(estimator.at(4.0).q, circle(4.0).x[6:10]))).max() < 5.0
+    assert np.linalg.norm(np.array(estimator.at(4.0).p) - circle(4.0).x.position) < 5.0
+    assert abs(np.degrees(between(estimator.at(4.0).q, circle(4.0).x.attitude))).max() < 5.0

@@ -8,7 +8,7 @@ import pytest
 from quadsim.course import Gate
 from quadsim.course.obstacles import Cylinder
 from quadsim.physics.plant_state import PlantState
-from quadsim.sensing.attitude import between, exp, log, matrix, product, rotate, rotate_back, skew
+from quadsim.rotation import between, matrix
 from quadsim.sensing.camera_model import GateCameraConfig
 from quadsim.sensing.config import ImuConfig, PoseConfig, RotorConfig
 from quadsim.sensing.gate_camera import GateCamera
@@ -16,6 +16,7 @@ from quadsim.sensing.imu import Imu
 from quadsim.sensing.pose import PoseSensor
 from quadsim.sensing.rotor_speeds import RotorSpeeds
 from quadsim.sensing.timing import Ticks
+from quadsim.systems.quadrotor import State
 from quadsim.vehicle import GRAVITY, load_vehicle
 from tests.sensing.truth_cases import GATES, circle, states
 
@@ -23,17 +24,13 @@ SEED = np.random.SeedSequence(7)
 LONG = states(8.0)
 
 
+def at_rest(position):
+    """Return the state of a level vehicle that stands still, its rotors too."""
+    return State(*position, *(0.0,) * 3, *(1.0, 0.0, 0.0, 0.0), *(0.0,) * 7)
+
+
 def said(sensor, flight=LONG):
     return [m for m in map(sensor.sample, flight) if m is not None]
-
-
-def test_attitudes_turn_as_matrices_do():
-    q, turn, v = exp((0.3, -0.8, 1.1)), (0.2, 0.1, -0.4), (1.0, -2.0, 0.5)
-    np.testing.assert_allclose(rotate(q, v), matrix(q) @ v, atol=1e-12)
-    np.testing.assert_allclose(rotate_back(q, rotate(q, v)), v, atol=1e-12)
-    np.testing.assert_allclose(between(q, product(q, exp(turn))), turn, atol=1e-12)
-    np.testing.assert_allclose(log(tuple(-c for c in exp(turn))), turn, atol=1e-12)  # -q is the same attitude
-    np.testing.assert_allclose(skew(turn) @ v, np.cross(turn, v))
 
 
 def test_an_instant_is_sampled_once_at_the_step_at_or_after_it():
@@ -48,19 +45,18 @@ def test_a_unit_without_noise_gives_back_the_flight():
     from quadsim.sensing.estimation.nominal import Nominal
 
     first, last = LONG[0], LONG[-1]
-    nominal = Nominal(first.t, first.x[0:3], first.x[3:6], first.x[6:10])
+    nominal = Nominal(first.t, first.x.position, first.x.velocity, first.x.attitude)
     for sample in said(Imu(ImuConfig(rate=250), SEED)):
         nominal = nominal.moved(sample, sample.t)
-    np.testing.assert_allclose(nominal.p, last.x[0:3], atol=2e-3)
-    np.testing.assert_allclose(nominal.v, last.x[3:6], atol=1e-3)
-    np.testing.assert_allclose(between(nominal.q, last.x[6:10]), 0.0, atol=1e-6)
+    np.testing.assert_allclose(nominal.p, last.x.position, atol=2e-3)
+    np.testing.assert_allclose(nominal.v, last.x.velocity, atol=1e-3)
+    np.testing.assert_allclose(between(nominal.q, last.x.attitude), 0.0, atol=1e-6)
 
 
 def test_a_units_noise_bias_and_saturation():
     config = ImuConfig(rate=400, gyro_noise=0.02, accelerometer_noise=0.3, gyro_bias=0.1, accelerometer_bias=0.5)
-    rest = [
-        PlantState(k / 400, circle(0.0).x[:3] + (0.0,) * 3 + (1.0, 0.0, 0.0, 0.0) + (0.0,) * 7, ()) for k in range(4001)
-    ]
+    level = at_rest(circle(0.0).x.position)
+    rest = [PlantState(k / 400, level, ()) for k in range(4001)]
     unit = Imu(config, SEED)
     samples = np.array([(*m.gyro, *m.specific_force) for m in said(unit, rest)])
     assert len(samples) == 4000
@@ -114,7 +110,7 @@ def test_a_dropout_changes_no_later_noise():
 
 
 def test_rotor_speeds_say_the_thrust():
-    swift, true = load_vehicle("swift"), LONG[0].x[13]
+    swift, true = load_vehicle("swift"), LONG[0].x.thrust
     exact = said(RotorSpeeds(RotorConfig(rate=100), SEED, swift))
     assert [m.thrust for m in exact] == pytest.approx([true] * len(exact))
     off = [m.thrust - true for m in said(RotorSpeeds(RotorConfig(rate=400, noise=10.0), SEED, swift))]
@@ -140,13 +136,12 @@ def test_a_camera_without_noise_finds_every_corner_where_it_is():
         x = circle(picture.t).x
         assert len(picture.pixels) == picture.in_view > 0
         for gate, corner, pixel in zip(picture.gates, picture.corners, picture.pixels, strict=True):
-            body = (GATES[gate].corners()[corner] - x[0:3]) @ matrix(x[6:10])
+            body = (GATES[gate].corners()[corner] - x.position) @ matrix(x.attitude)
             np.testing.assert_allclose(pixel, CAMERA.seen(body[None])[0][0], atol=1e-9)
 
 
 def test_a_frame_hides_the_corners_behind_it():
-    level = (0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0, *(0.0,) * 10)
-    here = PlantState(0.0, level[:17], ())
+    here = PlantState(0.0, at_rest((0.0, 0.0, 2.0)), ())
     behind = Gate((6.0, 0.0, 2.0), 0.0, 0.0, 0.0, (1.5, 1.5), 0.275)
     wall = Gate((3.0, 0.0, 2.0), 0.0, 0.0, 0.0, (0.2, 0.2), 0.5)  # its bars fill what lies between
     alone = GateCamera(replace(CAMERA, tilt_deg=0.0), SEED, [behind]).sample(here)

@@ -4,6 +4,7 @@ import numpy as np
 
 from quadsim.course import Gate
 from quadsim.physics.plant_state import PlantState
+from quadsim.systems.quadrotor import State
 from quadsim.vehicle import GRAVITY
 
 RADIUS, HEIGHT, RATE = 5.0, 2.0, 0.8  # [m, m, rad/s]
@@ -36,7 +37,7 @@ def circle(t):
     R = np.column_stack([x, np.cross(z, x), z])
     p[2] += HEIGHT
     state = (*p.tolist(), *v.tolist(), *quaternion(R), 0.0, 0.0, 0.0, float(np.linalg.norm(up)), 0.0, 0.0, 0.0)
-    return PlantState(t, tuple(map(float, state)), ())
+    return PlantState(t, State(*map(float, state)), ())
 
 
 def states(seconds, start=0.0):

@@ -9,7 +9,18 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from quadsim.physics.allocation import allocate, mixer, shares
-from quadsim.systems.quadrotor import STATE, ModelParams, quadrotor
+from quadsim.systems.quadrotor import (
+    ATTITUDE,
+    BODY_RATES,
+    POSE,
+    POSITION,
+    RIGID_BODY,
+    STATE,
+    VELOCITY,
+    ModelParams,
+    State,
+    quadrotor,
+)
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle, load_vehicle
 
 SIMPLE = ModelParams(rate_tau=(0.25, 0.2, 0.3), motor_tau=0.0, drag=0.0, rate_max=(6.0, 6.0, 6.0), thrust_max=36.0)
@@ -134,6 +145,19 @@ def test_numpy_rows_fly_as_floats_do():
         system.step(tuple(a.tolist()), tuple(b.tolist()), system.params, 0.01) for a, b in zip(x.T, u.T, strict=True)
     ]
     np.testing.assert_allclose(rows, np.array(floats).T, rtol=1e-14, atol=1e-14)
+
+
+def test_columns_of_a_table_of_states_are_what_a_state_calls_by_the_same_names():
+    table = np.random.default_rng(0).normal(size=(5, len(STATE)))
+    for row in table:
+        x = State(*row)
+        np.testing.assert_array_equal(x.position, row[POSITION])
+        np.testing.assert_array_equal(x.velocity, row[VELOCITY])
+        np.testing.assert_array_equal(x.attitude, row[ATTITUDE])
+        np.testing.assert_array_equal(x.body_rates, row[BODY_RATES])
+        np.testing.assert_array_equal(row[POSE], [*x.position, *x.velocity, *x.attitude])
+        np.testing.assert_array_equal(row[RIGID_BODY], [*row[POSE], *x.body_rates])
+        assert State.of(x.position, x.velocity, x.attitude, x.body_rates, x.thrust, x.angular_acceleration) == x
 
 
 def test_nominal_model_of_a_vehicle_has_all_but_the_axes_of_its_drag():

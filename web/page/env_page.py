@@ -9,6 +9,7 @@ import numpy as np
 
 from quadsim.course import Course
 from quadsim.palette import style
+from quadsim.systems.quadrotor import ATTITUDE, POSITION
 from web.page.camera import set_initial_camera
 from web.page.drones import SPAN, add_lights, quadrotor, single_colour
 from web.page.guard import address, serve
@@ -47,7 +48,8 @@ class EnvPage:
         self._drawn = self._next
         with self._server.atomic():
             for frame, x in zip(self._frames, states, strict=False):
-                frame.position, frame.wxyz = x[0:3], x[6:10]
+                frame.position = x[POSITION]
+                frame.wxyz = x[ATTITUDE]
 
     def close(self) -> None:
         self._server.stop()

@@ -78,7 +78,7 @@ def controller(case: Case) -> tuple[MPPI, np.ndarray]:
     course = COURSES.get(case.system, SYSTEMS[case.system].default_course)
     budget = {"samples": case.samples, "horizon": case.horizon, "iterations": case.iterations}
     spec = Spec.of(course, preset=PRESET, sampler=case.sampler, **budget)
-    return planner_of(spec, spec.streams[0]), np.array(spec.entry.start(spec))
+    return planner_of(spec, spec.streams.planner), np.array(spec.entry.start(spec))
 
 
 def measure(case: Case, seconds: float, machine: Machine) -> dict:

@@ -1,0 +1,168 @@
+"""Vectors and rotations: attitudes as unit quaternions q = (w, x, y, z), matrices, Euler angles, small turns.
+
+An attitude turns vectors of the body into vectors of the world. Angles are in radians; Euler angles are yaw about z,
+then pitch about the new y, then roll about the new x, so that R = Rz(yaw) Ry(pitch) Rx(roll).
+
+The first part is plain arithmetic on scalars. The compiled lanes inline these functions, and they take rows of numbers
+and CasADi's symbols as well. The second part works on the floats of one state: at 400 Hz the overhead of arrays of
+three numbers would be most of the cost.
+
+Flights are compared to the last bit. So where one quantity is computed by two formulas that round differently, here or
+elsewhere in the project, each caller keeps the formula that it has always had.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import atan2, cos, hypot, sin, sqrt
+
+import numpy as np
+
+Vec3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]  # wxyz, of unit length
+
+SMALL = 1e-9  # [rad] below this a turn is taken as linear
+
+
+# Plain arithmetic, inlined into the compiled lanes.
+
+
+def to_body(q, v):
+    """Return R(q)^T v, a vector of the world in the body: v - w t + u x t with t = 2 u x v, for q = (w, u).  (3,)"""
+    w, ux, uy, uz = q
+    x, y, z = v
+    tx, ty, tz = 2.0 * (uy * z - uz * y), 2.0 * (uz * x - ux * z), 2.0 * (ux * y - uy * x)
+    return x - w * tx + uy * tz - uz * ty, y - w * ty + uz * tx - ux * tz, z - w * tz + ux * ty - uy * tx
+
+
+def to_world(q, v):
+    """Return R(q) v, a vector of the body in the world: the inverse of `to_body`.  (3,)"""
+    return to_body((q[0], -q[1], -q[2], -q[3]), v)
+
+
+def body_axes(q):
+    """Return the columns of R(q), the body's axes in the world, one after another; see `along`.  (9,)"""
+    w, x, y, z = q
+    xx, yy, zz, xy, xz, yz, wx, wy, wz = x * x, y * y, z * z, x * y, x * z, y * z, w * x, w * y, w * z
+    return (
+        1.0 - 2.0 * (yy + zz), 2.0 * (xy + wz), 2.0 * (xz - wy),
+        2.0 * (xy - wz), 1.0 - 2.0 * (xx + zz), 2.0 * (yz + wx),
+        2.0 * (xz + wy), 2.0 * (yz - wx), 1.0 - 2.0 * (xx + yy),
+    )  # fmt: skip
+
+
+def along(axes, x, y, z):
+    """Return R(q)^T (x, y, z) by body_axes(q): as `to_body`, in fewer steps once the axes are known.  (3,)"""
+    a, b, c, d, e, f, g, h, i = axes
+    return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
+
+
+def quaternion_rate(q, m):
+    """Return q x (0, m): with m = omega / 2 in the body frame, the rate at which the attitude q changes.  (4,)"""
+    qw, qx, qy, qz = q
+    mx, my, mz = m
+    return (
+        -(qx * mx + qy * my + qz * mz),
+        qw * mx + qy * mz - qz * my,
+        qw * my - qx * mz + qz * mx,
+        qw * mz + qx * my - qy * mx,
+    )
+
+
+# Attitudes of one state, in plain floats.
+
+
+def product(a: Sequence[float], b: Sequence[float]) -> Quaternion:
+    """Return a x b, the attitude b as seen from the attitude a."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def exp(turn: Sequence[float]) -> Quaternion:
+    """Return the attitude after the turn (3,) [rad] from the identity."""
+    x, y, z = turn
+    angle = hypot(x, y, z)
+    s = sin(0.5 * angle) / angle if angle > SMALL else 0.5
+    return cos(0.5 * angle), s * x, s * y, s * z
+
+
+def log(q: Sequence[float]) -> Vec3:
+    """Return the shortest turn [rad] that leads from the identity to q, the inverse of `exp`."""
+    w, x, y, z = q if q[0] >= 0.0 else tuple(-c for c in q)
+    s = hypot(x, y, z)
+    k = 2.0 * atan2(s, w) / s if s > SMALL else 2.0 / max(w, SMALL)
+    return k * x, k * y, k * z
+
+
+def between(a: Sequence[float], b: Sequence[float]) -> Vec3:
+    """Return the turn in the body frame that leads from the attitude a to b [rad]."""
+    return log(product((a[0], -a[1], -a[2], -a[3]), b))
+
+
+def turned(q: Sequence[float], turn: Sequence[float]) -> Quaternion:
+    """Return q followed by a turn in the body frame [rad], of unit length."""
+    w, x, y, z = product(q, exp(turn))
+    n = 1.0 / sqrt(w * w + x * x + y * y + z * z)
+    return n * w, n * x, n * y, n * z
+
+
+def turned_at(q: Sequence[float], body_rates: Sequence[float], dt: float) -> Quaternion:
+    """Return q after dt [s] at constant body rates [rad/s], of unit length.
+
+    The same as `turned(q, body_rates * dt)` but for rounding.
+    """
+    wx, wy, wz = body_rates
+    rate = hypot(wx, wy, wz)
+    c = cos(0.5 * rate * dt)
+    s = sin(0.5 * rate * dt) / rate if rate > 0.0 else 0.5 * dt
+    dw, dx, dy, dz = quaternion_rate(q, (s * wx, s * wy, s * wz))
+    w, x, y, z = q
+    w, x, y, z = c * w + dw, c * x + dx, c * y + dy, c * z + dz
+    length = hypot(w, x, y, z)
+    return w / length, x / length, y / length, z / length
+
+
+def from_yaw(yaw: float) -> Quaternion:
+    """Return the level attitude of this yaw [rad]."""
+    return cos(0.5 * yaw), 0.0, 0.0, sin(0.5 * yaw)
+
+
+def from_euler(yaw: float, pitch: float, roll: float) -> Quaternion:
+    """Return the attitude of these Euler angles [rad]."""
+    about_y = cos(0.5 * pitch), 0.0, sin(0.5 * pitch), 0.0
+    about_x = cos(0.5 * roll), sin(0.5 * roll), 0.0, 0.0
+    return product(product(from_yaw(yaw), about_y), about_x)
+
+
+# Matrices.
+
+
+def matrix(q: Sequence[float]) -> np.ndarray:
+    """Return R(q), whose columns are the body's axes in the world.  (3, 3)"""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = body_axes(q)  # of the body's x, y and z axis
+    return np.array([[xx, yx, zx], [xy, yy, zy], [xz, yz, zz]])
+
+
+def euler_matrix(yaw: float, pitch: float, roll: float) -> np.ndarray:
+    """Return R = Rz(yaw) Ry(pitch) Rx(roll) of these Euler angles [rad].  (3, 3)"""
+    cy, cp, cr = np.cos(yaw), np.cos(pitch), np.cos(roll)
+    sy, sp, sr = np.sin(yaw), np.sin(pitch), np.sin(roll)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def skew(v: Sequence[float]) -> np.ndarray:
+    """Return [v]_x, so that skew(v) @ u is the cross product v x u.  (3, 3)"""
+    x, y, z = v
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -1,0 +1,161 @@
+"""Random streams by name: every random number of the project comes from a stream that is derived here from one seed.
+
+A stream is a `numpy.random.SeedSequence`. Streams of one seed differ in their spawn keys, so that numbers drawn from
+one of them are independent of the numbers drawn from another. A stream is derived from the seed and from its own key
+alone: drawing from one stream changes no other, and a new stream with a new key changes none of those below.
+
+Flights of a seed are compared across versions, so the keys are never changed:
+
+    flight of a quadrotor   planner (0), vehicle (1, 0), gusts (1, 1), sensors (2), gates (3)
+    its sensors             imu (2, 0), rotors (2, 1), pose (2, 2), camera (2, 3)
+    off-road vehicle        planner (0), gusts (1); vehicle (2), sensors (3), gates (4) are not used
+    double integrator       planner (); vehicle (0), gusts (1), sensors (2), gates (3) are not used
+    environments            starts of course k (k), vehicle of its row i (k, i)
+    generated courses       course number k, counted from 1, (k - 1)
+
+Pictures and training have entropy of two words in place of a key, see `pose_stream`, `look_streams` and
+`training_stream`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.random import SeedSequence
+
+LOOKS = 1 << 20  # added to a picture's number in the entropy of its look; its pose has the number itself there
+TRAINING = 1  # second word of the entropy of training
+OBSERVATION_NOISE = 0x0B5E  # second word of the key of the noise on observations
+
+
+class Streams(NamedTuple):
+    """The random streams of one flight."""
+
+    planner: SeedSequence  # perturbations of the sampled trajectories
+    vehicle: SeedSequence  # domain randomization: start pose, mass, thrust, lags, drag
+    gusts: SeedSequence  # disturbance of every physics step
+    sensors: SeedSequence  # noise of all sensors, see `sensor_streams`
+    gates: SeedSequence  # how far the gates stand off the map
+
+
+class SensorStreams(NamedTuple):
+    """The random streams of the sensors of one flight. None changes another's noise."""
+
+    imu: SeedSequence  # noise and walking biases
+    rotors: SeedSequence  # noise of the rotor speeds
+    pose: SeedSequence  # noise, drift, spikes and dropouts of the pose sensor
+    camera: SeedSequence  # noise, misses, outliers and false associations of corners
+
+
+class LookStreams(NamedTuple):
+    """The random streams of the look of one picture. What is not varied takes nothing from the others."""
+
+    textures: SeedSequence  # paint of ground, obstacles and gates
+    light: SeedSequence  # direction, colour and strength of the sun
+    background: SeedSequence  # colours and clouds of the sky
+
+
+def quadrotor_streams(seed: int) -> Streams:
+    """Return the streams of a quadrotor's flight: every planner that flies a seed meets the same vehicle and gusts."""
+    root = SeedSequence(seed)
+    return Streams(
+        planner=_child(root, 0),
+        vehicle=_child(root, 1, 0),
+        gusts=_child(root, 1, 1),
+        sensors=_child(root, 2),
+        gates=_child(root, 3),
+    )
+
+
+def sensor_streams(sensors: SeedSequence) -> SensorStreams:
+    """Return the streams of single sensors, derived from the stream `sensors` of a flight."""
+    return SensorStreams(
+        imu=_child(sensors, 0),
+        rotors=_child(sensors, 1),
+        pose=_child(sensors, 2),
+        camera=_child(sensors, 3),
+    )
+
+
+def offroad_streams(seed: int) -> Streams:
+    """Return the streams of an off-road drive. `gusts` is the disturbance of its state; the last three are not used."""
+    root = SeedSequence(seed)
+    return Streams(
+        planner=_child(root, 0),
+        gusts=_child(root, 1),
+        vehicle=_child(root, 2),
+        sensors=_child(root, 3),
+        gates=_child(root, 4),
+    )
+
+
+def double_integrator_streams(seed: int) -> Streams:
+    """Return the streams of the double integrator and of systems of a user's own, where the planner alone is random."""
+    root = SeedSequence(seed)
+    return Streams(
+        planner=root,
+        vehicle=_child(root, 0),
+        gusts=_child(root, 1),
+        sensors=_child(root, 2),
+        gates=_child(root, 3),
+    )
+
+
+def start_stream(seed: int, course: int) -> SeedSequence:
+    """Return the stream that decides where episodes on a course start in flight. course: index, from 0."""
+    return _child(SeedSequence(seed), course)
+
+
+def start_vehicle_stream(starts: SeedSequence, row: int) -> SeedSequence:
+    """Return the stream of the domain randomization of one row of starts, derived from the course's `start_stream`."""
+    return _child(starts, row)
+
+
+def observation_noise_key(seed: int) -> np.ndarray:
+    """Return the key of the counter-based generator of the noise on observations.  (2,) uint32"""
+    return np.array([seed & 0xFFFFFFFF, OBSERVATION_NOISE], np.uint32)
+
+
+def fresh_seed() -> int:
+    """Return a seed from the operating system, for environments that are reset without one."""
+    return int(SeedSequence().generate_state(1)[0])
+
+
+def training_stream(seed: int) -> SeedSequence:
+    """Return the stream of training: initial weights, explored actions, order of minibatches."""
+    return SeedSequence([seed, TRAINING])
+
+
+def pose_stream(seed: int, picture: int) -> SeedSequence:
+    """Return the stream that decides from where a picture is taken. picture: its number, from 0."""
+    return SeedSequence([seed, picture])
+
+
+def look_streams(seed: int, picture: int) -> LookStreams:
+    """Return the streams that decide how a picture looks. picture: its number, from 0."""
+    look = SeedSequence([seed, LOOKS + picture])
+    return LookStreams(
+        textures=_child(look, 0),
+        light=_child(look, 1),
+        background=_child(look, 2),
+    )
+
+
+def texture_stream() -> SeedSequence:
+    """Return the stream of the noise in the textures, which are the same for every seed."""
+    return SeedSequence(0)
+
+
+def course_stream(seed: int, number: int) -> SeedSequence:
+    """Return the stream that decides a generated course. number: of the course, from 1."""
+    return _child(SeedSequence(seed), number - 1)
+
+
+def _child(parent: SeedSequence, *key: int) -> SeedSequence:
+    """Return the stream that `parent.spawn` gives for this key, without counting it as spawned."""
+    return SeedSequence(
+        entropy=parent.entropy,
+        spawn_key=(*parent.spawn_key, *key),
+        pool_size=parent.pool_size,
+    )

@@ -1,0 +1,185 @@
+"""Rotations: against SciPy's, against each other, and to the bit as flights have always computed them."""
+
+from math import cos, hypot, radians, sin, sqrt
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from quadsim.course import Gate
+from quadsim.rotation import (
+    along,
+    between,
+    body_axes,
+    euler_matrix,
+    exp,
+    from_euler,
+    from_yaw,
+    log,
+    matrix,
+    product,
+    quaternion_rate,
+    skew,
+    to_body,
+    to_world,
+    turned,
+    turned_at,
+)
+
+NEAR = {"rtol": 0, "atol": 1e-12}
+
+
+def attitudes(number, seed=0):
+    """Return random attitudes, uniform over all, as tuples of floats."""
+    rows = np.random.default_rng(seed).normal(size=(number, 4))
+    return [tuple((q / np.linalg.norm(q)).tolist()) for q in rows]
+
+
+def vectors(number, seed=1, size=1.0):
+    """Return random vectors as tuples of floats."""
+    return [tuple(v) for v in np.random.default_rng(seed).normal(0.0, size, (number, 3)).tolist()]
+
+
+def scipys(q):
+    """Return the same attitude as SciPy's Rotation, whose quaternions are xyzw."""
+    w, x, y, z = q
+    return Rotation([x, y, z, w])
+
+
+CASES = list(zip(attitudes(200), vectors(200), strict=True))
+
+
+def test_vectors_and_matrices_turn_as_scipys_do():
+    for q, v in CASES:
+        np.testing.assert_allclose(to_world(q, v), scipys(q).apply(v), **NEAR)
+        np.testing.assert_allclose(to_body(q, v), scipys(q).inv().apply(v), **NEAR)
+        np.testing.assert_allclose(matrix(q), scipys(q).as_matrix(), **NEAR)
+        np.testing.assert_allclose(matrix(q).T.ravel(), body_axes(q), **NEAR)
+        np.testing.assert_allclose(along(body_axes(q), *v), to_body(q, v), **NEAR)
+
+
+def test_products_follow_each_other_as_scipys_do_and_not_the_other_way_round():
+    for a, b in zip(attitudes(50), attitudes(50, seed=2), strict=True):
+        np.testing.assert_allclose(matrix(product(a, b)), matrix(a) @ matrix(b), **NEAR)
+        assert abs(matrix(product(a, b)) - matrix(b) @ matrix(a)).max() > 1e-3
+
+
+def test_small_and_large_turns_are_found_again():
+    for q, turn in zip(attitudes(50), vectors(50, size=0.8), strict=True):
+        np.testing.assert_allclose(matrix(exp(turn)), Rotation.from_rotvec(turn).as_matrix(), **NEAR)
+        np.testing.assert_allclose(between(q, turned(q, turn)), turn, **NEAR)
+        np.testing.assert_allclose(log(tuple(-c for c in exp(turn))), turn, **NEAR)  # -q is the same attitude
+    tiny = (1e-12, -2e-12, 0.0)
+    np.testing.assert_allclose(log(exp(tiny)), tiny, rtol=1e-9)
+
+
+def test_turning_at_a_rate_is_a_turn_by_rate_times_time_but_for_rounding():
+    for q, rates in zip(attitudes(50), vectors(50, size=10.0), strict=True):
+        after = turned_at(q, rates, 0.0025)
+        np.testing.assert_allclose(after, turned(q, np.multiply(rates, 0.0025)), **NEAR)
+        assert hypot(*after) == pytest.approx(1.0, abs=1e-15)
+    assert turned_at((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0025) == (1.0, 0.0, 0.0, 0.0)
+
+
+def test_the_rate_of_a_quaternion_is_how_it_changes():
+    dt = 1e-7
+    for q, rates in zip(attitudes(20), vectors(20), strict=True):
+        slope = np.subtract(turned_at(q, rates, dt), turned_at(q, rates, -dt)) / (2 * dt)
+        np.testing.assert_allclose(quaternion_rate(q, np.multiply(0.5, rates)), slope, atol=1e-7)
+
+
+def test_euler_angles_are_yaw_then_pitch_then_roll():
+    for yaw, pitch, roll in vectors(50, size=1.5):
+        expected = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix()
+        np.testing.assert_allclose(euler_matrix(yaw, pitch, roll), expected, **NEAR)
+        np.testing.assert_allclose(matrix(from_euler(yaw, pitch, roll)), expected, **NEAR)
+    np.testing.assert_allclose(from_yaw(0.7), from_euler(0.7, 0.0, 0.0), **NEAR)
+    gate = Gate((0.0, 0.0, 2.0), radians(30), radians(-20), radians(10), (1.5, 1.5), 0.2)
+    np.testing.assert_array_equal(gate.rotation, euler_matrix(gate.yaw, gate.pitch, gate.roll))
+
+
+def test_skew_is_the_cross_product():
+    for a, b in zip(vectors(20), vectors(20, seed=3), strict=True):
+        np.testing.assert_allclose(skew(a) @ b, np.cross(a, b), **NEAR)
+
+
+def test_plain_functions_take_rows_of_numbers():
+    q, v = (np.array(part).T for part in zip(*CASES, strict=True))
+    for k, (one_q, one_v) in enumerate(CASES):
+        for function in (to_body, to_world):
+            np.testing.assert_allclose(np.array(function(q, v))[:, k], function(one_q, one_v), **NEAR)
+        np.testing.assert_allclose(np.array(body_axes(q))[:, k], body_axes(one_q), **NEAR)
+        np.testing.assert_allclose(np.array(quaternion_rate(q, v))[:, k], quaternion_rate(one_q, one_v), **NEAR)
+
+
+def test_plain_functions_take_symbols():
+    casadi = pytest.importorskip("casadi")
+    q, v = casadi.SX.sym("q", 4), casadi.SX.sym("v", 3)
+    parts = tuple(casadi.vertsplit(q)), tuple(casadi.vertsplit(v))
+    one_q, one_v = CASES[0]
+    for function in (to_body, to_world, quaternion_rate):
+        value = casadi.Function("f", [q, v], [casadi.vertcat(*function(*parts))])(one_q, one_v)
+        np.testing.assert_allclose(np.array(value).ravel(), function(one_q, one_v), **NEAR)
+
+
+# Earlier formulas, written out: flights are compared to the last bit.
+
+
+def earlier_to_world(q, v):
+    w, ux, uy, uz = q
+    x, y, z = v
+    tx, ty, tz = 2.0 * (uy * z - uz * y), 2.0 * (uz * x - ux * z), 2.0 * (ux * y - uy * x)
+    return x + w * tx + uy * tz - uz * ty, y + w * ty + uz * tx - ux * tz, z + w * tz + ux * ty - uy * tx
+
+
+def earlier_matrix(q):
+    w, x, y, z = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def earlier_turn_of_a_rigid_body(q, omega, dt):
+    rate = hypot(*omega)
+    s = sin(0.5 * rate * dt) / rate if rate > 0.0 else 0.5 * dt
+    r, turn = cos(0.5 * rate * dt), quaternion_rate(q, tuple(s * w for w in omega))
+    whole = tuple(r * a + b for a, b in zip(q, turn, strict=True))
+    length = hypot(*whole)
+    return tuple(v / length for v in whole)
+
+
+def earlier_turn_of_an_estimate(q, turn):
+    w, x, y, z = product(q, exp(turn))
+    n = 1.0 / sqrt(w * w + x * x + y * y + z * z)
+    return n * w, n * x, n * y, n * z
+
+
+def earlier_attitude_of_a_picture(yaw, pitch, roll):
+    (cy, cp, cr), (sy, sp, sr) = (tuple(map(f, (yaw / 2, pitch / 2, roll / 2))) for f in (cos, sin))
+    w, x = cy * cp * cr + sy * sp * sr, cy * cp * sr - sy * sp * cr
+    y, z = cy * sp * cr + sy * cp * sr, sy * cp * cr - cy * sp * sr
+    return w, x, y, z
+
+
+def test_one_formula_in_place_of_two_has_the_same_bits():
+    for q, v in CASES:
+        assert to_world(q, v) == earlier_to_world(q, v)
+        conjugate = (q[0], -q[1], -q[2], -q[3])
+        assert to_body(q, v) == earlier_to_world(conjugate, v)
+        np.testing.assert_array_equal(matrix(q), earlier_matrix(q))
+        assert matrix(q).flags["C_CONTIGUOUS"]  # another order would be summed in another order by @
+        assert from_euler(*v) == earlier_attitude_of_a_picture(*v)
+
+
+def test_formulas_that_round_differently_are_both_kept():
+    differ = 0
+    for q, rates in zip(attitudes(200), vectors(200, size=10.0), strict=True):
+        assert turned_at(q, rates, 0.0025) == earlier_turn_of_a_rigid_body(q, rates, 0.0025)
+        turn = tuple(0.0025 * w for w in rates)
+        assert turned(q, turn) == earlier_turn_of_an_estimate(q, turn)
+        differ += turned(q, turn) != turned_at(q, rates, 0.0025)
+    assert differ > 20, "then one of them would do"
