@@ -23,6 +23,8 @@ from controllers.learned.observation import SIZE, UNITS, command, gate_rows, nor
 from controllers.plan import PlanStats
 from quadsim.course import Course
 from quadsim.files.strict_yaml import FileError
+from quadsim.systems.control_periods import ControlPeriods
+from quadsim.systems.estimate import Estimate
 
 PILOTS = Path(__file__).parent / "pilots"
 FORMAT = "quadsim pilot 1"
@@ -78,14 +80,15 @@ class PilotController:
         self.pilot, self.rest = pilot, np.array(rest)
         self._gates = gate_rows(course, laps)
         self._last = normalised(rest, pilot.about.low, pilot.about.high)
-        self._until_next = 0
+        self._periods = ControlPeriods(pilot.about.dt)
+        self._until_next = 0  # control periods until it observes again
 
-    def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
-        """See quadsim.race.flight.Controller. There is no plan: its statistics are zero."""
-        self._until_next -= elapsed
+    def control(self, estimate: Estimate) -> tuple[np.ndarray, PlanStats]:
+        """Return the command; see quadsim.race.flight.Controller. There is no plan: its statistics are zero."""
+        self._until_next -= self._periods.advance(estimate.t)
         if self._until_next <= 0:
-            gates = self._gates[min(target, len(self._gates) - 1)]
-            self._last = self.pilot(np.array(observation(x, gates, self._last), np.float32))
+            gates = self._gates[min(estimate.target, len(self._gates) - 1)]
+            self._last = self.pilot(np.array(observation(estimate.x, gates, self._last), np.float32))
             self._until_next = self.pilot.about.hold
         return command(self._last, self.pilot.about.low, self.pilot.about.high), PlanStats(0.0, 0.0, 0.0)
 

@@ -16,16 +16,12 @@ import numpy as np
 from quadsim.course import Course, Start
 from quadsim.systems.first_order import remaining
 from quadsim.vehicle import Vec3, Vehicle, scale_thrust
+from quadsim.vehicle.tolerances import VehicleTolerances
 
 # Half widths of the uniform distributions at size 1.
 OFFSET = 0.2  # of the start, per axis [m]
 TURN = radians(10)  # of its yaw [rad]
-MASS = 0.05  # share: a battery more or less, which the flight controller is not told
-THRUST = 0.05  # share of the full thrust: the battery's charge
-LAG = 0.2  # share of the lags of body rates and rotors
-DRAG = 0.25  # share
-GUST = 0.5  # standard deviation per axis [m/s^2]: 1.25 m/s of wind on a drag of 0.4 1/s
-GUST_TAU = 0.5  # correlation time [s]
+VEHICLE = VehicleTolerances()  # of its numbers, which neither flight controller nor planner is told
 
 
 @dataclass(frozen=True)
@@ -66,12 +62,12 @@ def draw(seeds: np.random.SeedSequence, size: float) -> Randomization:
     return Randomization(
         offset=(OFFSET * x[0], OFFSET * x[1], OFFSET * x[2]),
         turn=TURN * x[3],
-        mass=MASS * x[4],
-        thrust=THRUST * x[5],
-        rate_lag=LAG * x[6],
-        motor_lag=LAG * x[7],
-        drag=DRAG * x[8],
-        gust=GUST * size,
+        mass=VEHICLE.mass * x[4],
+        thrust=VEHICLE.thrust * x[5],
+        rate_lag=VEHICLE.lag * x[6],
+        motor_lag=VEHICLE.lag * x[7],
+        drag=VEHICLE.drag * x[8],
+        gust=VEHICLE.gust * size,
     )
 
 
@@ -81,7 +77,7 @@ def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3
 
     w <- exp(-dt / tau) w + std sqrt(1 - exp(-2 dt / tau)) N(0, 1)
     """
-    keep = remaining(GUST_TAU, dt)
+    keep = remaining(VEHICLE.gust_tau, dt)
     fresh = std * sqrt(1 - keep * keep)
     rng = np.random.default_rng(seeds)
     x, y, z = (std * rng.standard_normal(3)).tolist()

@@ -21,6 +21,7 @@ from quadsim.sensing.camera_model import GateCameraConfig
 from quadsim.sensing.measurements import Corners
 from quadsim.sensing.timing import Ticks
 from quadsim.sensing.visibility import hidden
+from quadsim.systems.quadrotor import State
 
 
 class GateCamera:
@@ -42,12 +43,13 @@ class GateCamera:
         self._dies = inf if config.dies_at is None else config.dies_at
 
     def sample(self, state: PlantState) -> Corners | None:
-        """What is found in the picture, if one is taken at this step."""
+        """Return what is found in the picture, if one is taken at this step."""
         if not self._ticks.due(state.t) or state.t >= self._dies:
             return None
-        p, c = np.array(state.x[0:3]), self._config
+        true, c = State(*state.x), self._config
+        p = np.array(true.position)
         points = self._corners.reshape(-1, 3) - p
-        pixels, seen = c.seen(points @ matrix(state.x[6:10]))
+        pixels, seen = c.seen(points @ matrix(true.attitude))
         seen &= (points**2).sum(axis=1) <= c.range**2
         for k in np.flatnonzero(seen.reshape(-1, 4).any(axis=1)).tolist():
             others = self._gates[:k] + self._gates[k + 1 :]

@@ -51,9 +51,9 @@ def test_a_unit_without_noise_gives_back_the_flight():
     nominal = Nominal(first.t, first.x[0:3], first.x[3:6], first.x[6:10])
     for sample in said(Imu(ImuConfig(rate=250), SEED)):
         nominal = nominal.moved(sample, sample.t)
-    np.testing.assert_allclose(nominal.p, last.x[0:3], atol=2e-3)
-    np.testing.assert_allclose(nominal.v, last.x[3:6], atol=1e-3)
-    np.testing.assert_allclose(between(nominal.q, last.x[6:10]), 0.0, atol=1e-6)
+    np.testing.assert_allclose(nominal.position, last.x[0:3], atol=2e-3)
+    np.testing.assert_allclose(nominal.velocity, last.x[3:6], atol=1e-3)
+    np.testing.assert_allclose(between(nominal.attitude, last.x[6:10]), 0.0, atol=1e-6)
 
 
 def test_a_units_noise_bias_and_saturation():

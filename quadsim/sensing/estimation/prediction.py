@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 
-from quadsim.course import Course
+from quadsim.course import Course, Vec3
 from quadsim.sensing.attitude import Vector
 from quadsim.systems.quadrotor import ModelParams, quadrotor
 
@@ -25,17 +25,17 @@ class Commands:
         self._given: deque[tuple[float, Vector]] = deque([(float("-inf"), rest)])
 
     def give(self, t: float, u: Vector) -> None:
-        """The command u (4,) is given at t [s], and forgets what no longer matters."""
+        """Note that the command u (4,) is given at t [s], and forget what no longer matters."""
         self._given.append((t, u))
         while len(self._given) > 2 and self._given[1][0] + self.latency < t - 1.0:
             self._given.popleft()
 
     def acting(self, t: float) -> Vector:
-        """The command that acts from t [s] on."""
+        """Return the command that acts from t [s] on."""
         return next(u for given, u in reversed(self._given) if given + self.latency <= t + SAME)
 
     def pieces(self, t0: float, t1: float) -> Iterator[tuple[float, Vector]]:
-        """(duration [s], command) from t0 to t1 [s], whatever has been given until now."""
+        """Yield (duration [s], command) from t0 to t1 [s], by what has been given until now."""
         switches = [given + self.latency for given, _ in self._given]
         ends = [t for t in switches if t0 + SAME < t < t1 - SAME]
         for end in (*ends, t1) if t1 > t0 + SAME else ():
@@ -44,7 +44,7 @@ class Commands:
 
 
 def predict(x: Vector, commands: Commands, t0: float, t1: float, model: ModelParams, longest: float) -> Vector:
-    """The state (17,) at t1 [s] of a vehicle that is in the state x at t0, in steps of at most `longest` [s]."""
+    """Return the state (17,) at t1 [s] of a vehicle in the state x at t0 [s], in steps of at most `longest` [s]."""
     for duration, u in commands.pieces(t0, t1):
         number = max(1, -int(-(duration - SAME) // longest))
         system = quadrotor(model, duration / number)
@@ -54,19 +54,29 @@ def predict(x: Vector, commands: Commands, t0: float, t1: float, model: ModelPar
 
 
 class GateCounter:
-    """Gates passed, by the state that is known: when its path crosses the next gate's plane within the frame."""
+    """Counts the gates passed by the estimated path: it passes one where it crosses its plane within the frame."""
 
-    def __init__(self, laps: int):
-        self._laps, self._before = laps, None
+    def __init__(self, course: Course, laps: int):
+        """course: the map."""
+        self._map, self._laps = course, laps
+        self._before: Vec3 | None = None  # position at the last call [m]
         self.passed = 0
 
-    def at(self, course: Course, p: Vector) -> int:
-        """Gates passed when the vehicle is at p [m], on a straight line from where it was."""
-        before, self._before = self._before, p
-        if before is None or self.passed >= self._laps * len(course.gates):
+    def at(self, x: Vector, course: Course | None = None) -> int:
+        """Return the gates passed when the vehicle is in the state x, on a straight line from where it was.
+
+        Args:
+            x: state, which begins with the position [m]  (n_x,).
+            course: as it is estimated; None: the map.
+        """
+        position = x[0], x[1], x[2]
+        before, self._before = self._before, position
+        gates = (course or self._map).gates
+        if before is None or self.passed >= self._laps * len(gates):
             return self.passed
-        gate = course.gates[self.passed % len(course.gates)]
-        (x0, y0, z0), (x1, y1, z1) = gate.to_local(before), gate.to_local(p)  # pyright: ignore
+        gate = gates[self.passed % len(gates)]
+        x0, y0, z0 = gate.to_local(before)
+        x1, y1, z1 = gate.to_local(position)
         if x0 < 0.0 <= x1:
             s = x0 / (x0 - x1)
             left, up = abs(y0 + s * (y1 - y0)), abs(z0 + s * (z1 - z0))
