@@ -123,20 +123,20 @@ def load_pilot(path: str | Path) -> Pilot:
         raise FileError(f"{path}: expected a pilot as `race train` writes it, got a file that is no .npz")
     try:
         with np.load(BytesIO(data), allow_pickle=False) as arrays:
-            said = json.loads(str(arrays["about"][()]))
+            written = json.loads(str(arrays["about"][()]))
             weights = tuple(np.asarray(arrays[f"layer_{k}"], np.float32) for k in range(LAYERS))
     except (OSError, ValueError, KeyError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib_error) as error:
         raise FileError(f"{path}: expected a pilot as `race train` writes it, cannot be read: {error}") from None
-    about = _about(path, said)
+    about = _about(path, written)
     _check_weights(path, weights)
     return Pilot(path.stem, about, weights, hashlib.sha256(data).hexdigest())
 
 
-def _about(path: Path, said: Any) -> About:
-    if not isinstance(said, dict) or said.pop("format", None) != FORMAT:
+def _about(path: Path, written: Any) -> About:
+    if not isinstance(written, dict) or written.pop("format", None) != FORMAT:
         raise FileError(f"{path}: expected format {FORMAT!r}: it was written by another version")
     try:
-        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in said.items()}
+        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in written.items()}
         about = About(**values)
         numbers = np.array([about.dt, about.hold, *about.low, *about.high], float)
     except (TypeError, ValueError) as error:

@@ -131,7 +131,7 @@ def _sensed(spec: Spec, plant: Plant, adapt: bool) -> SensedState:
         Estimator(sensing, gates, spec.course.start, -WARM_UP, spec.displace_gates),
         BodyRates(spec.model, dt, sensing.imu),
         VehicleLearner.for_sensors(spec.model, dt, sensing.imu),
-        CourseEstimate(spec.course),
+        None if spec.pilot else CourseEstimate(spec.course),  # a pilot flies by the map
         dt,
         adapt,
         rotor_std(sensing.rotors, spec.vehicle),

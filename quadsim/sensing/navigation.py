@@ -41,7 +41,7 @@ WHOLE = 1e-6  # of a period: a number of periods this near to a whole one is tak
 
 
 class Present(NamedTuple):
-    """What a source of states knows of the present."""
+    """What is known of the present."""
 
     x: Vector  # state now  (n_x,)
     model: ModelParams | None = None  # as it is estimated; None: nothing is learnt of it
@@ -157,7 +157,7 @@ class SensedState:
         estimator: Estimator,
         body_rates: BodyRates,
         learner: VehicleLearner,
-        course: CourseEstimate,
+        course: CourseEstimate | None,
         dt: float,
         adapt: bool,
         rotor_std: float,
@@ -169,7 +169,7 @@ class SensedState:
             estimator: of position, velocity and attitude, and of where gates stand.
             body_rates: observes the rates and the angular accelerations.
             learner: of the thrust and the vehicle's numbers, for sensors.
-            course: as it is estimated.
+            course: as it is estimated; None: for a controller that flies by the map.
             dt: control period [s].
             adapt: whether the planner uses what is learnt of the vehicle.
             rotor_std: standard deviation of the thrust by rotor speeds [m/s^2].
@@ -181,7 +181,9 @@ class SensedState:
         self._rotors: RotorThrust | None = None  # the last measurement since the last estimate
         self.corners: Corners | None = None
         self._picture = PictureCount(0, 0)
-        self._spent = 0.0  # [ms] of the last call of `now`
+        self._nominal = estimator.state.nominal  # at the last estimate
+        self._t = self._nominal.t  # of the last estimate [s]
+        self._spent = 0.0  # time that the last call of `now` took [ms]
 
     def watch(self, state: PlantState) -> None:
         self._sensors.observe(state)
@@ -203,7 +205,8 @@ class SensedState:
         )
         self._spent = 1e3 * (perf_counter() - began)
         model = self.learner.model if self._adapt else None
-        return Present(x, model, self._course.updated(self._estimator.state))
+        course = self._course.updated(self._estimator.state) if self._course else None
+        return Present(x, model, course)
 
     def record(self, state: PlantState) -> tuple[float, ...]:
         if state.t > self._t + 1e-9:  # the last frame, within a control period

@@ -31,8 +31,11 @@ class Commands:
             self._given.popleft()
 
     def acting(self, t: float) -> Vector:
-        """Return the command that acts from t [s] on."""
-        return next(u for given, u in reversed(self._given) if given + self.latency <= t + SAME)
+        """Return the command that acts from t [s] on, of those that are not forgotten."""
+        for given, u in reversed(self._given):
+            if given + self.latency <= t + SAME:
+                return u
+        return self._given[0][1]
 
     def pieces(self, t0: float, t1: float) -> Iterator[tuple[float, Vector]]:
         """Yield (duration [s], command) from t0 to t1 [s], by what has been given until now."""

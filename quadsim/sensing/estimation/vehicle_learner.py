@@ -99,7 +99,7 @@ class VehicleNumbers(NamedTuple):
 class VehicleLearner:
     """Learns the numbers of a quadrotor in flight, once each control period.
 
-    Made by `for_exact_states` or by `for_sensors`, and told in the way it was made for.
+    Make it by `for_exact_states` or by `for_sensors`, and call the `learn` methods that belong to it.
     """
 
     def __init__(
@@ -137,7 +137,7 @@ class VehicleLearner:
         dt: float,
         tolerances: VehicleTolerances = VehicleTolerances(),  # noqa: B008 (frozen)
     ) -> VehicleLearner:
-        """Return a learner that is told by `learn_from_states`. A drag that is nominally zero is taken as known."""
+        """Return a learner for `learn_from_states`. A drag that is nominally zero is taken as known."""
         t = tolerances
         std = np.zeros(len(Row))
         std[Row.THRUST_MAX] = uniform_std(t.thrust * model.thrust_max)
@@ -154,7 +154,7 @@ class VehicleLearner:
         imu: ImuConfig,
         tolerances: VehicleTolerances = VehicleTolerances(),  # noqa: B008 (frozen)
     ) -> VehicleLearner:
-        """Return a learner that is told by `learn_from_force` and `learn_from_rotors`."""
+        """Return a learner for `learn_from_force` and `learn_from_rotors`."""
         t = tolerances
         variance = np.zeros(len(Row))  # not squares of `uniform_std`: flights are repeated to the last bit
         variance[Row.THRUST] = START_STD**2
