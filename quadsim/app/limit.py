@@ -27,7 +27,6 @@ from quadsim.race.spec import Spec
 from quadsim.race.systems import system_of_course
 from quadsim.record.archive import RunFolder, find_run, load_run, write_whole
 from quadsim.record.run import Recorder, Run
-from quadsim.systems.quadrotor import State
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:
@@ -204,9 +203,9 @@ def as_run(limit: Limit, race: Race) -> Run:
         if k:
             events += referee.observe(fine[k - 1][0], (*fine[k - 1][1:],), t, (*p,))
         if k % 10 == 0 or k == len(fine) - 1:
-            x, progress = State(*states[k].tolist()), (referee.passed, referee.lap, referee.next_gate + 1)
+            x, progress = tuple(states[k].tolist()), (referee.passed, referee.lap, referee.next_gate + 1)
             done = referee.outcome if k == len(fine) - 1 else None
-            recorder.add(Frame(t, x, (*x.body_rates, x.thrust), *progress, 0.0, 0.0, 0.0, 0.0, t, tuple(events), done))
+            recorder.add(Frame(t, x, (*x[10:13], x[13]), *progress, 0.0, 0.0, 0.0, 0.0, t, tuple(events), done))
             events = []
     return recorder.run(spec)
 

@@ -17,7 +17,6 @@ from quadsim.physics.actuators import Actuators, Vector
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.physics.rigid_body import RigidBody
 from quadsim.physics.rotorpy_plant import RotorpyPlant
-from quadsim.systems.quadrotor import State
 from quadsim.systems.rotation import to_body
 from quadsim.vehicle import Vehicle
 
@@ -72,7 +71,7 @@ class RigidPlant:
         self._world = self._new_world(course, body or vehicle, dt)
         self._mass, self._gusts = (body or vehicle).mass, gusts
         x = start_state(start or course.start, vehicle.radius)
-        self._world.place(x.position, x.attitude)
+        self._world.place(x[0:3], x[6:10])
         self._steps = 0
         self.state = self._read()
 
@@ -81,10 +80,10 @@ class RigidPlant:
         return RigidBody(course, body, dt)
 
     def step(self, u: Vector) -> PlantState:
-        x = State(*self.state.x)
-        force, torque = self._actuators.wrench(u, x.body_rates, to_body(x.attitude, x.velocity))
+        x = self.state.x
+        force, torque = self._actuators.wrench(u, x[10:13], to_body(x[6:10], x[3:6]))
         if self._gusts:
-            gust = to_body(x.attitude, next(self._gusts))
+            gust = to_body(x[6:10], next(self._gusts))
             force = tuple(f + self._mass * a for f, a in zip(force, gust, strict=True))
         self._world.apply(force, torque)
         self._world.step()
@@ -94,7 +93,7 @@ class RigidPlant:
 
     def _read(self) -> PlantState:
         p, v, q, omega = self._world.read()
-        x = State.of(p, v, q, omega, self._actuators.thrust, self._actuators.angular_acceleration)
+        x = (*p, *v, *q, *omega, self._actuators.thrust, *self._actuators.angular_acceleration)
         return PlantState(self._steps * self.dt, x, self._world.contacts())
 
     def close(self) -> None:

@@ -7,7 +7,6 @@ from math import cos, sin
 
 from quadsim.course import Start
 from quadsim.physics.allocation import Vector
-from quadsim.systems.quadrotor import State
 from quadsim.vehicle import GRAVITY
 
 CLEARANCE = 1e-3  # between the ground and a vehicle that starts on it [m]
@@ -28,16 +27,9 @@ class PlantState:
         return x, y, z
 
 
-def start_state(start: Start, radius: float) -> State:
-    """Return the state at rest, level, at hover thrust; lifted clear of the ground where the start stands on it."""
+def start_state(start: Start, radius: float) -> Vector:
+    """At rest, level, hover thrust; lifted clear of the ground where the start stands on it.  (17,)"""
     x, y, z = start.position
     half = 0.5 * start.yaw
-    still = (0.0, 0.0, 0.0)
-    return State.of(
-        position=(x, y, max(z, radius + CLEARANCE)),
-        velocity=still,
-        attitude=(cos(half), 0.0, 0.0, sin(half)),
-        body_rates=still,
-        thrust=GRAVITY,
-        angular_acceleration=still,
-    )
+    p = (x, y, max(z, radius + CLEARANCE))
+    return (*p, 0.0, 0.0, 0.0, cos(half), 0.0, 0.0, sin(half), 0.0, 0.0, 0.0, GRAVITY, 0.0, 0.0, 0.0)

@@ -27,7 +27,6 @@ from quadsim.physics.actuators import HOVER, Vector, clamp_command, gyroscopic
 from quadsim.physics.allocation import mixer
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.systems.first_order import response
-from quadsim.systems.quadrotor import State
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
 PARASITIC = (0.006, 0.006, 0.012)  # c / m [1/m]: 2.4 m/s^2 at 20 m/s
@@ -58,9 +57,9 @@ class RotorpyPlant:
         x = start_state(start or course.start, vehicle.radius)
         hover = self._rotors.speed(0.25 * vehicle.mass * GRAVITY)
         self._now: dict[str, np.ndarray] = {
-            "x": np.array(x.position),
+            "x": np.array(x[0:3]),
             "v": np.zeros(3),
-            "q": np.array([x.qx, x.qy, x.qz, x.qw]),  # RotorPy's quaternions are xyzw
+            "q": np.array([*x[7:10], x[6]]),  # RotorPy's quaternions are xyzw
             "w": np.zeros(3),
             "wind": np.zeros(3),
             "rotor_speeds": np.full(4, hover),
@@ -87,7 +86,7 @@ class RotorpyPlant:
         turning = gyroscopic(omega, (jx, jy, jz))
         beta = [(t - g) / j for t, g, j in zip(torque, turning, (jx, jy, jz), strict=True)]
         (qx, qy, qz, qw), a = now["q"].tolist(), force / self._vehicle.mass
-        x = State.of(now["x"].tolist(), now["v"].tolist(), (qw, qx, qy, qz), omega, a, beta)
+        x = (*now["x"].tolist(), *now["v"].tolist(), qw, qx, qy, qz, *omega, a, *beta)
         return PlantState(self._steps * self.dt, x, ())
 
     def close(self) -> None:

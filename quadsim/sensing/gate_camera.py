@@ -21,7 +21,6 @@ from quadsim.sensing.camera_model import GateCameraConfig
 from quadsim.sensing.measurements import Corners
 from quadsim.sensing.timing import Ticks
 from quadsim.sensing.visibility import hidden
-from quadsim.systems.quadrotor import State
 
 
 class GateCamera:
@@ -43,13 +42,12 @@ class GateCamera:
         self._dies = inf if config.dies_at is None else config.dies_at
 
     def sample(self, state: PlantState) -> Corners | None:
-        """Return what is found in the picture, if one is taken at this step."""
+        """What is found in the picture, if one is taken at this step."""
         if not self._ticks.due(state.t) or state.t >= self._dies:
             return None
-        true, c = State(*state.x), self._config
-        p = np.array(true.position)
+        p, c = np.array(state.x[0:3]), self._config
         points = self._corners.reshape(-1, 3) - p
-        pixels, seen = c.seen(points @ matrix(true.attitude))
+        pixels, seen = c.seen(points @ matrix(state.x[6:10]))
         seen &= (points**2).sum(axis=1) <= c.range**2
         for k in np.flatnonzero(seen.reshape(-1, 4).any(axis=1)).tolist():
             others = self._gates[:k] + self._gates[k + 1 :]

@@ -17,7 +17,6 @@ from quadsim.sensing.attitude import between, rotate_back, turned
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.measurements import Inertial
 from quadsim.sensing.timing import Ticks
-from quadsim.systems.quadrotor import State
 from quadsim.vehicle import GRAVITY
 
 
@@ -36,20 +35,15 @@ class Imu:
         self._last: PlantState | None = None
 
     def sample(self, state: PlantState) -> Inertial | None:
-        """Return the unit's next sample, if the physics step that led to this state completes one."""
+        """The unit's next sample, if the physics step that led to this state completes one."""
         last, self._last = self._last, self._last or state
         if last is None or not self._ticks.due(state.t):
             return None
         self._last, dt = state, state.t - last.t
-        before, after = State(*last.x), State(*state.x)
-
-        # The true means over the sample: of the body rates, and of the specific force in the middle attitude.
-        turn = between(before.attitude, after.attitude)
-        middle = turned(before.attitude, tuple(0.5 * a for a in turn))
-        ax, ay, az = ((b - a) / dt for a, b in zip(before.velocity, after.velocity, strict=True))
+        turn = between(last.x[6:10], state.x[6:10])
+        middle = turned(last.x[6:10], tuple(0.5 * a for a in turn))
+        ax, ay, az = ((b - a) / dt for a, b in zip(last.x[3:6], state.x[3:6], strict=True))
         true = np.array([*(a / dt for a in turn), *rotate_back(middle, (ax, ay, az + GRAVITY))])
-
         self.bias += self._walk * np.sqrt(dt) * self._rng.standard_normal(6)
-        measured = true + self.bias + self._noise * self._rng.standard_normal(6)
-        wx, wy, wz, fx, fy, fz = np.clip(measured, -self._most, self._most).tolist()
-        return Inertial(state.t, dt, gyro=(wx, wy, wz), specific_force=(fx, fy, fz))
+        said = np.clip(true + self.bias + self._noise * self._rng.standard_normal(6), -self._most, self._most).tolist()
+        return Inertial(state.t, dt, tuple(said[:3]), tuple(said[3:]))

@@ -19,7 +19,6 @@ from quadsim.sensing.attitude import turned
 from quadsim.sensing.config import PoseConfig
 from quadsim.sensing.measurements import Pose
 from quadsim.sensing.timing import Ticks
-from quadsim.systems.quadrotor import State
 
 
 class PoseSensor:
@@ -35,7 +34,7 @@ class PoseSensor:
         self._dies = inf if config.dies_at is None else config.dies_at
 
     def sample(self, state: PlantState) -> Pose | None:
-        """Return the sensor's next sample, if one is due and it is not silent."""
+        """The sensor's next sample, if one is due and it is not silent."""
         if not self._ticks.due(state.t):
             return None
         c, rng, t = self._config, self._rng, state.t
@@ -47,12 +46,11 @@ class PoseSensor:
             self._silent_until = t + c.dropout
         if t < self._silent_until or t >= self._dies:
             return None
-        true = State(*state.x)
-        p = np.array(true.position) + self.drift + c.position_noise * position
+        p = np.array(state.x[0:3]) + self.drift + c.position_noise * position
         if spikes < c.spikes:
             p += c.spike * spike / np.linalg.norm(spike)
-        q = turned(true.attitude, radians(c.attitude_noise_deg) * attitude)
+        q = turned(state.x[6:10], radians(c.attitude_noise_deg) * attitude)
         v = None
         if c.velocity_noise is not None:
-            v = tuple((np.array(true.velocity) + c.velocity_noise * velocity).tolist())
+            v = tuple((np.array(state.x[3:6]) + c.velocity_noise * velocity).tolist())
         return Pose(t, tuple(p.tolist()), q, v)

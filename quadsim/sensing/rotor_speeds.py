@@ -14,7 +14,6 @@ from quadsim.physics.plant_state import PlantState
 from quadsim.sensing.config import RotorConfig
 from quadsim.sensing.measurements import RotorThrust
 from quadsim.sensing.timing import Ticks
-from quadsim.systems.quadrotor import State
 from quadsim.vehicle import Vehicle
 
 
@@ -28,10 +27,10 @@ class RotorSpeeds:
         self._rotors, self._mass, self._noise = vehicle.rotors, vehicle.mass, config.noise
 
     def sample(self, state: PlantState) -> RotorThrust | None:
-        """Return the thrust by the speeds, if a sample is due; of a vehicle without rotors, the true thrust."""
+        """The thrust by the speeds, if a sample is due. A vehicle without rotors is taken at its word."""
         if not self._ticks.due(state.t):
             return None
-        errors, thrust = self._rng.standard_normal(4), State(*state.x).thrust
+        errors, thrust = self._rng.standard_normal(4), state.x[13]
         if self._rotors:  # the noise of four speeds about their mean
             rotors = self._rotors
             speed = rotors.speed(max(0.25 * self._mass * thrust, rotors.thrust_map[2]))

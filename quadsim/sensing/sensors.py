@@ -18,7 +18,6 @@ from quadsim.sensing.measurements import Measurement
 from quadsim.sensing.pose import PoseSensor
 from quadsim.sensing.rotor_speeds import RotorSpeeds
 from quadsim.sensing.sensing_file import Sensing
-from quadsim.systems.quadrotor import State
 from quadsim.vehicle import Vehicle
 
 WARM_UP = 0.5  # [s] for which the sensors run before the flight begins, the vehicle at rest
@@ -59,7 +58,7 @@ class Sensors:
             self.observe(PlantState(k * dt, state.x, ()))
 
     def observe(self, state: PlantState) -> None:
-        """Sample the state after a physics step."""
+        """The state after a physics step."""
         self.truth = self._of_one_instant(state)
         for sensor in self._sensors:
             measurement = sensor.sample(self.truth)
@@ -72,12 +71,11 @@ class Sensors:
         if before is None or not self._velocity_lag:
             return state
         share = self._velocity_lag / (state.t - before.t)
-        last, now = State(*before.x), State(*state.x)
-        vx, vy, vz = (b + share * (b - a) for a, b in zip(last.velocity, now.velocity, strict=True))
-        return PlantState(state.t, now._replace(vx=vx, vy=vy, vz=vz), state.contacts)
+        v = tuple(b + share * (b - a) for a, b in zip(before.x[3:6], state.x[3:6], strict=True))
+        return PlantState(state.t, (*state.x[:3], *v, *state.x[6:]), state.contacts)
 
     def arrived(self, t: float) -> list[Measurement]:
-        """Return what has arrived by t [s] since the last call, in the order of arrival."""
+        """What has arrived by t [s] since the last call, in the order of arrival."""
         found = []
         while self._coming and self._coming[0][0] <= t + 1e-9:
             found.append(heappop(self._coming)[2])
