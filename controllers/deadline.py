@@ -10,6 +10,7 @@ import numpy as np
 from controllers.mppi import MPPI
 from controllers.plan import PlanStats
 from controllers.rollout.layout import LANES
+from quadsim.systems.estimate import Estimate
 
 ROOM = 0.8  # of the deadline; below it the samples may grow again
 SHRINK, GROW = 0.8, 1.05
@@ -27,9 +28,10 @@ class Deadline:
     def rest(self) -> np.ndarray:
         return self.mppi.rest
 
-    def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
+    def control(self, known: Estimate | np.ndarray) -> tuple[np.ndarray, PlanStats]:
+        """Return the control to apply and statistics of the plan; see MPPI.control."""
         began = self._time()
-        answer = self.mppi.control(x, target, elapsed)
+        answer = self.mppi.control(known)
         if self._warm:
             self.mppi.samples = self.next_samples(1e3 * (self._time() - began))
         self._warm = True

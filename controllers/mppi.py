@@ -15,8 +15,9 @@ to be compared under the same cost.
 Extensions, most of them optional in MPPIConfig: the last samples perturb another sequence (rest_fraction), the control
 limits are tightened, the plan may exceed them while what is applied does not (overshoot), perturbations and cost are
 weighted along the horizon (controllers.schedule), the first plan has more iterations (first_iterations), the
-temperature is adapted to an effective sample size (ESS), the plan is filtered, the model is estimated in flight
-(adaptation), and a sampler may have momentum (controllers.samplers.smooth).
+temperature is adapted to an effective sample size (ESS), the plan is filtered, and a sampler may have momentum
+(controllers.samplers.smooth). What is estimated in flight, the model and the course, comes with the state, as an
+Estimate (quadsim.systems.estimate).
 How samples lie in memory, and why they are drawn in chunks, is said in controllers.rollout.layout.
 
 Source: B. Vlahov, J. Gibson, D. D. Fan, P. Spieler, A. Agha-mohammadi and E. A. Theodorou, "Low Frequency Sampling in
@@ -26,8 +27,8 @@ doi:10.48550/arXiv.2404.03094.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -42,7 +43,10 @@ from controllers.samplers import PlainSampler, Sampling, build_lanes
 from controllers.samplers.lane_sampler import stream_key
 from controllers.schedule import Schedule
 from controllers.update import adapt_temperature, savitzky_golay, softmax_weights, weights
+from quadsim.course import Course
 from quadsim.systems import System
+from quadsim.systems.control_periods import ControlPeriods
+from quadsim.systems.estimate import Estimate
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -55,14 +59,6 @@ class Iteration:
     nominal: np.ndarray  # control sequence that the samples perturb  (T, n_u)
     rest_offset: np.ndarray  # from it to what the last rest_fraction * M samples perturb, over the ramp  (2, T, n_u)
     J: np.ndarray  # cost of each sample  (M,)
-
-
-class Adaptation(Protocol):
-    """Estimates the parameters of the system in flight; see controllers.adaptation."""
-
-    def observe(self, x: np.ndarray, u: np.ndarray, elapsed: float) -> System:
-        """The estimated system, `elapsed` control periods under u (n_u,) after the last state, at x (n_x,)."""
-        ...
 
 
 class MPPI:
@@ -87,7 +83,7 @@ class MPPI:
         sampler: one of controllers.samplers, or any object with `sample`, see PlainSampler.
         config: sampling budget and update; its dt must be the system's.
         seed: of the random perturbations. They depend on it and the index of the call alone, never on threads.
-        adaptation: estimates the system in flight; None: the model stays as it is.
+        cost_of: makes the cost of a course, as it is estimated in flight; None: the cost stays as it is.
 
     Raises:
         ValueError: sampler, system and configuration differ in the number of controls or in dt.
@@ -100,11 +96,13 @@ class MPPI:
         sampler: Sampling | PlainSampler,
         config: MPPIConfig = MPPIConfig(),  # noqa: B008 (frozen)
         seed: int | np.random.SeedSequence = 0,
-        adaptation: Adaptation | None = None,
+        cost_of: Callable[[Course], Cost] | None = None,
     ):
         if config.dt != system.dt:
             raise ValueError(f"dt: expected the system's {system.dt:g} s, got {config.dt:g}")
-        self.cost, self.config, self.adaptation = cost, config, adaptation
+        self.cost, self.config, self.cost_of = cost, config, cost_of
+        self.course: Course | None = None  # as it was estimated last; None: the map that `cost` was made for
+        self.periods = ControlPeriods(config.dt)
         self.schedule = Schedule(config.first_noise, config.cost_rise)
         self.ramp = self.schedule.noise(config.horizon)  # factors on the perturbations  (2, T)
         chunk_size, n_u = min(config.samples, layout.CHUNK), len(system.controls)
@@ -116,7 +114,6 @@ class MPPI:
         self.rest = np.array(system.rest)  # the control at rest; of a quadrotor hover: no rates, thrust g  (n_u,)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
         self.guide = self.plan
-        self.commanded = self.rest
         self.executed = np.tile(self.rest, (2, 1))  # the last two controls, left padding of the smoothing filter
         self.temperature = config.temperature
         self.samples = config.samples  # M, which a deadline may change
@@ -130,6 +127,7 @@ class MPPI:
 
     def set_model(self, system: System) -> None:
         """Plan with this system from now on: the same states and controls, other parameters."""
+        self.model = system
         self.system = system.tightened(self.config.tighten)
         self.rollout = Rollout(self.system, self.cost, schedule=self.schedule)
         self.low, self.high = np.array(self.system.low), np.array(self.system.high)
@@ -141,20 +139,20 @@ class MPPI:
         self.rollout = Rollout(self.system, cost, schedule=self.schedule)
 
     def continue_from(self, planner: MPPI) -> None:
-        """Start from another planner's plan, momentum and estimates. It must have the same system and horizon."""
+        """Start from another planner's plan, momentum and time. It must have the same system and horizon."""
         self.plan, self.executed, self._calls = planner.plan, planner.executed, planner._calls
-        self.commanded = planner.commanded
-        self.adaptation = planner.adaptation
+        self.periods = planner.periods
         if self.sampler.momentum and planner.sampler.momentum:
             self.sampler.momentum.change = planner.sampler.momentum.change
 
-    def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
-        """The control to apply at state x.
+    def control(self, known: Estimate | np.ndarray) -> tuple[np.ndarray, PlanStats]:
+        """Return the control to apply.
+
+        The plan is shifted by as many steps as control periods have passed since the last call.
 
         Args:
-            x: (n_x,)
-            target: row of the cost's targets that the vehicle flies to.
-            elapsed: control periods since the last call; the plan is shifted by as many steps.
+            known: what is known of the vehicle, or its state x (n_x,) alone. A state alone is taken to be one control
+                period after the last one, with the first row of the cost's targets as the target.
 
         Returns:
             The control (n_u,) and statistics of the plan.
@@ -163,19 +161,29 @@ class MPPI:
             ValueError: x has another length or is not finite, as when the plant has diverged.
             FloatingPointError: no sample has a finite cost.
         """
+        estimate = known if isinstance(known, Estimate) else Estimate(self.periods.next, known)
+        x, target = estimate.x, estimate.target
         self.system.check(x)
-        if self.adaptation:
-            self.set_model(self.adaptation.observe(x, self.commanded, elapsed))
+        self.use_estimates(estimate)
         self.guide = self.guided(target, x)
+        steps = self.periods.advance(estimate.t)
         if not self._calls and self.cost.guide:
             self.plan = self.guide.copy()
-        elif self._calls and elapsed:
-            self.shift(elapsed)
+        elif self._calls and steps:
+            self.shift(steps)
         first = None if self._calls else self.config.first_iterations
         for _ in range(first or self.config.iterations):
             stats = self.iterate(x, target)
-        self.commanded = self.command(x)
-        return self.commanded, stats
+        return self.command(x), stats
+
+    def use_estimates(self, estimate: Estimate) -> None:
+        """Plan with the estimated course and model from now on, where they are given and have changed."""
+        course, model = estimate.course, estimate.model
+        if self.cost_of and course is not None and course is not self.course:
+            self.course = course
+            self.set_cost(self.cost_of(course))
+        if model is not None and model != self.model:
+            self.set_model(model)
 
     def command(self, x: np.ndarray) -> np.ndarray:
         """The plan's first control, as far as the vehicle can follow it.  (n_u,)"""

@@ -20,8 +20,9 @@ from controllers.update import weights
 from quadsim import Colored, Gaussian, MPPIConfig, Spec
 from quadsim.app.figures.style import STYLE
 from quadsim.palette import INK, MARK, NEXT, SPARE, style
-from quadsim.race.build import build, launch
+from quadsim.race.build import build, launch, navigation_of
 from quadsim.systems.double_integrator import double_integrator
+from quadsim.systems.estimate import Estimate
 
 FOLDER = Path(__file__).parent
 COLORED, WHITE = style("colored").colour, style("gaussian").colour
@@ -48,7 +49,7 @@ def weights_and_temperature() -> Any:
     mppi = point_planner(Colored((2.0, 2.0), (2.0, 2.0)), temperature=3.0, iterations=1)
     x = np.array([2.0, 1.0, -0.5, 1.0])
     for _ in range(3):
-        mppi.control(x, elapsed=0)
+        mppi.control(Estimate(0.0, x))
     seen, J = sampled_trajectories(mppi), np.sort(mppi.last.J)
     share = np.exp(-(seen.costs - seen.costs.min()) / mppi.temperature)
     for path, s in reversed(list(zip(seen.paths, share, strict=True))):
@@ -167,9 +168,12 @@ def adaptation() -> Any:
     figure, axes = plt.subplots(figsize=(9.0, 2.8))
     spec = Spec.of("figure8", laps=1, seed=3, randomize=1.0)
     plant, mppi, referee = build(spec)
+    navigation = navigation_of(spec, plant, mppi, referee)
+    learner = navigation.learner
+    assert learner
     rows = []
-    for frame in islice(launch(spec, plant, mppi, referee), 300):
-        rows.append((frame.t, mppi.adaptation.model.thrust_gain, mppi.adaptation.std[0]))
+    for frame in islice(launch(spec, plant, mppi, referee, navigation), 300):
+        rows.append((frame.t, learner.model.thrust_gain, learner.std.thrust_gain))
     plant.close()
     t, gain, std = np.array(rows).T
     true = 1.0 / (1.0 + spec.record()["variation"]["mass"])

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from quadsim.race.systems import SYSTEMS
     from quadsim.record.run import Run, RunError
     from quadsim.systems import System
+    from quadsim.systems.estimate import Estimate
     from quadsim.vehicle import Vehicle, load_vehicle
 
 _HOMES = {
@@ -43,6 +44,7 @@ _HOMES = {
     "quadsim.race.systems": ("SYSTEMS",),
     "quadsim.record.run": ("Run", "RunError"),
     "quadsim.systems": ("System",),
+    "quadsim.systems.estimate": ("Estimate",),
     "quadsim.vehicle": ("Vehicle", "load_vehicle"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

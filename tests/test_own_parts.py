@@ -60,7 +60,7 @@ class Hover:
     def __init__(self, thrust):
         self.thrust, self.rest = thrust, np.array([0.0, 0.0, 0.0, thrust])
 
-    def control(self, x, target, elapsed):
+    def control(self, estimate):
         return self.rest, PlanStats(cost=0.0, ess=1.0, temperature=1.0)
 
 

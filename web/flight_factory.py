@@ -20,6 +20,7 @@ from quadsim.race.settings import Setting, settings_of
 from quadsim.race.spec import Spec
 from quadsim.race.systems import SYSTEMS
 from quadsim.sensing import PERFECT
+from quadsim.systems.estimate import Estimate
 from quadsim.systems.quadrotor import Control
 
 if TYPE_CHECKING:
@@ -124,13 +125,14 @@ class Flight:
         self._mppi: Any = planner  # MPPI, whose module loads the compiler, or a learned pilot
         self.rest = self._mppi.rest
         self.is_cached = spec.pilot or self._mppi.is_cached  # False: the first plan has to compile, some 20 s
-        self._navigation = navigation = navigation_of(self._spec, self._plant, planner)  # it keeps its map
+        self._navigation = navigation_of(self._spec, self._plant, planner, referee)
         self.frames: Iterator[Frame] = simulate(
-            self._plant, self, referee, self.period, snapshot=self._snapshot, navigation=navigation
+            self._plant, self, referee, self.period, snapshot=self._snapshot, navigation=self._navigation
         )
 
-    def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
-        return self._mppi.control(x, target, elapsed)
+    def control(self, estimate: Estimate) -> tuple[np.ndarray, PlanStats]:
+        """Return the control of the planner that flies at present."""
+        return self._mppi.control(estimate)
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -169,7 +171,7 @@ class Flight:
 
     def corners(self) -> Corners | None:
         """Those of gates that were found in the last picture, where the vehicle has a gate camera."""
-        return getattr(getattr(self._navigation, "knowledge", None), "corners", None)
+        return self._navigation.corners
 
     def close(self) -> None:
         self._plant.close()

@@ -23,6 +23,8 @@ from controllers.learned.observation import SIZE, UNITS, command, gate_rows, nor
 from controllers.plan import PlanStats
 from quadsim.course import Course
 from quadsim.files.strict_yaml import FileError
+from quadsim.systems.control_periods import ControlPeriods
+from quadsim.systems.estimate import Estimate
 
 PILOTS = Path(__file__).parent / "pilots"
 FORMAT = "quadsim pilot 1"
@@ -78,14 +80,15 @@ class PilotController:
         self.pilot, self.rest = pilot, np.array(rest)
         self._gates = gate_rows(course, laps)
         self._last = normalised(rest, pilot.about.low, pilot.about.high)
-        self._until_next = 0
+        self._periods = ControlPeriods(pilot.about.dt)
+        self._until_next = 0  # control periods until it observes again
 
-    def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
-        """See quadsim.race.flight.Controller. There is no plan: its statistics are zero."""
-        self._until_next -= elapsed
+    def control(self, estimate: Estimate) -> tuple[np.ndarray, PlanStats]:
+        """Return the command; see quadsim.race.flight.Controller. There is no plan: its statistics are zero."""
+        self._until_next -= self._periods.advance(estimate.t)
         if self._until_next <= 0:
-            gates = self._gates[min(target, len(self._gates) - 1)]
-            self._last = self.pilot(observe(x, gates, self._last))
+            gates = self._gates[min(estimate.target, len(self._gates) - 1)]
+            self._last = self.pilot(observe(estimate.x, gates, self._last))
             self._until_next = self.pilot.about.hold
         return command(self._last, self.pilot.about.low, self.pilot.about.high), PlanStats(0.0, 0.0, 0.0)
 
@@ -120,20 +123,20 @@ def load_pilot(path: str | Path) -> Pilot:
         raise FileError(f"{path}: expected a pilot as `race train` writes it, got a file that is no .npz")
     try:
         with np.load(BytesIO(data), allow_pickle=False) as arrays:
-            said = json.loads(str(arrays["about"][()]))
+            written = json.loads(str(arrays["about"][()]))
             weights = tuple(np.asarray(arrays[f"layer_{k}"], np.float32) for k in range(LAYERS))
     except (OSError, ValueError, KeyError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib_error) as error:
         raise FileError(f"{path}: expected a pilot as `race train` writes it, cannot be read: {error}") from None
-    about = _about(path, said)
+    about = _about(path, written)
     _check_weights(path, weights)
     return Pilot(path.stem, about, weights, hashlib.sha256(data).hexdigest())
 
 
-def _about(path: Path, said: Any) -> About:
-    if not isinstance(said, dict) or said.pop("format", None) != FORMAT:
+def _about(path: Path, written: Any) -> About:
+    if not isinstance(written, dict) or written.pop("format", None) != FORMAT:
         raise FileError(f"{path}: expected format {FORMAT!r}: it was written by another version")
     try:
-        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in said.items()}
+        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in written.items()}
         about = About(**values)
         numbers = np.array([about.dt, about.hold, *about.low, *about.high], float)
     except (TypeError, ValueError) as error:

@@ -17,16 +17,12 @@ from quadsim.course import Course, Start
 from quadsim.rotation import Vec3
 from quadsim.systems.first_order import remaining
 from quadsim.vehicle import Vehicle, scale_thrust
+from quadsim.vehicle.tolerances import VehicleTolerances
 
 # Half widths of the uniform distributions at size 1.
 OFFSET = 0.2  # of the start, per axis [m]
 TURN = radians(10)  # of its yaw [rad]
-MASS = 0.05  # share: a battery more or less, which the flight controller is not told
-THRUST = 0.05  # share of the full thrust: the battery's charge
-LAG = 0.2  # share of the lags of body rates and rotors
-DRAG = 0.25  # share
-GUST = 0.5  # standard deviation per axis [m/s^2]: 1.25 m/s of wind on a drag of 0.4 1/s
-GUST_TAU = 0.5  # correlation time [s]
+VEHICLE = VehicleTolerances()  # of its numbers, which neither flight controller nor planner is told
 
 
 @dataclass(frozen=True)
@@ -71,12 +67,12 @@ def draw(seeds: np.random.SeedSequence, size: float) -> Randomization:
     return Randomization(
         offset=(OFFSET * dx, OFFSET * dy, OFFSET * dz),
         turn=TURN * turn,
-        mass=MASS * mass,
-        thrust=THRUST * thrust,
-        rate_lag=LAG * rate_lag,
-        motor_lag=LAG * motor_lag,
-        drag=DRAG * drag,
-        gust=GUST * size,
+        mass=VEHICLE.mass * mass,
+        thrust=VEHICLE.thrust * thrust,
+        rate_lag=VEHICLE.lag * rate_lag,
+        motor_lag=VEHICLE.lag * motor_lag,
+        drag=VEHICLE.drag * drag,
+        gust=VEHICLE.gust * size,
     )
 
 
@@ -86,7 +82,7 @@ def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3
 
     w <- exp(-dt / tau) w + std sqrt(1 - exp(-2 dt / tau)) N(0, 1)
     """
-    keep = remaining(GUST_TAU, dt)
+    keep = remaining(VEHICLE.gust_tau, dt)
     fresh = std * sqrt(1 - keep * keep)
     rng = np.random.default_rng(seeds)
     x, y, z = (std * rng.standard_normal(3)).tolist()

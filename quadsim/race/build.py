@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
@@ -11,19 +11,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from controllers.learned.pilot import PilotController
+from quadsim.course import Gate
 from quadsim.physics.plant import NamedPlant, Plant
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
-from quadsim.race.flight import Controller, PlainController, RefereeProtocol, simulate
-from quadsim.race.navigation import ExactState, Navigation, SensedState
+from quadsim.race.flight import Controller, PlainController, RefereeProtocol, exact_navigation, simulate
 from quadsim.race.own_parts import made
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
+from quadsim.sensing.config import RotorConfig
+from quadsim.sensing.estimation.body_rates import BodyRates
 from quadsim.sensing.estimation.estimator import Estimator
-from quadsim.sensing.estimation.prediction import Commands
-from quadsim.sensing.estimation.vehicle_model import VehicleModel
+from quadsim.sensing.estimation.prediction import Commands, GateCounter
+from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
+from quadsim.sensing.navigation import CourseEstimate, Navigation, RefereeCount, SensedState, TrueState
 from quadsim.sensing.sensors import WARM_UP, Sensors
 from quadsim.streams import Streams
+from quadsim.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from controllers.costs import Cost
@@ -51,7 +55,7 @@ def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
     own, streams = spec.own, spec.streams
     referee = made(own.referee, spec) or spec.entry.referee(spec)
     controller = made(own.controller, spec) or pilot_of(spec) or planner_of(spec, streams.planner)
-    if not hasattr(controller, "rest"):
+    if not isinstance(controller, Controller):
         controller = PlainController(controller, spec.entry.system(spec.model, spec.planner.mppi.dt).rest)
     return plant_of(spec, streams), controller, referee
 
@@ -76,19 +80,17 @@ def pilot_of(spec: Spec) -> PilotController | None:
 
 def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
     """The planner alone; `stream` seeds its perturbations."""
-    from controllers.adaptation import Adaptation
-    from controllers.mppi import MPPI  # here: they load the compiler
+    from controllers.mppi import MPPI  # here: it loads the compiler
 
     mppi = spec.planner.mppi
-    cost = _cost(spec, spec.course)
     if spec.own.terms or spec.own.cost:
-        _check_cost(spec, cost)
-    adaptation = Adaptation(spec.model, mppi.dt) if mppi.adapt and spec.system == "quadrotor" else None
+        check_cost(spec, cost_on(spec, spec.course))
     system = spec.entry.system(spec.model, mppi.dt)
-    return MPPI(system, cost, spec.planner.sampling, mppi, stream, adaptation)
+    cost_of = partial(cost_on, spec)
+    return MPPI(system, cost_of(spec.course), spec.planner.sampling, mppi, stream, cost_of)
 
 
-def _check_cost(spec: Spec, cost: Cost) -> None:
+def check_cost(spec: Spec, cost: Cost) -> None:
     """Raise SettingError, of one line, where a term of the user's own cannot be compiled."""
     from controllers.rollout.planner_loops import module_source
     from controllers.rollout.trace import TraceError
@@ -99,8 +101,8 @@ def _check_cost(spec: Spec, cost: Cost) -> None:
         raise SettingError("terms" if spec.own.terms else "cost", str(error)) from None
 
 
-def _cost(spec: Spec, course: Any) -> Any:
-    """Of this course, by the spec's own function where it has one."""
+def cost_on(spec: Spec, course: Any) -> Cost:
+    """Return the planner's cost on this course, with the terms of the user's own."""
     own: Any = spec.own.cost
     if own is not None and not callable(own):
         return spec.own.with_terms(own)
@@ -108,56 +110,70 @@ def _cost(spec: Spec, course: Any) -> Any:
     return spec.own.with_terms(cost if own is None else own(cost))
 
 
-def launch(spec: Spec, plant: Plant, controller: Any, referee: RefereeProtocol) -> Iterator[Frame]:
-    """The frames of a flight, of the parts that `build` returned."""
+def launch(
+    spec: Spec, plant: Plant, controller: Any, referee: RefereeProtocol, navigation: Navigation | None = None
+) -> Iterator[Frame]:
+    """Return the frames of a flight, of the parts that `build` returned. navigation: default: the spec's."""
     from controllers.deadline import Deadline
     from controllers.mppi import MPPI
     from controllers.sampled_trajectories import take_snapshot
 
     timed = Deadline(controller, spec.deadline_ms) if spec.deadline_ms else controller
     snapshot = partial(take_snapshot, controller) if isinstance(controller, MPPI) else None
-    clock = CLOCKS[spec.clock]()
-    return simulate(
-        plant, timed, referee, spec.planner.mppi.dt, clock, snapshot, navigation_of(spec, plant, controller)
-    )
+    navigation = navigation or navigation_of(spec, plant, controller, referee)
+    return simulate(plant, timed, referee, spec.planner.mppi.dt, CLOCKS[spec.clock](), snapshot, navigation)
 
 
-def navigation_of(spec: Spec, plant: Plant, controller: Any) -> Navigation | None:
-    """What tells the controller its state; None where that is the true one and commands act at once.
-
-    A planner that adapts is told by it what is known of the vehicle, and where gates stand.
-    """
+def navigation_of(spec: Spec, plant: Plant, controller: Controller, referee: RefereeProtocol) -> Navigation:
+    """Return what makes the estimates that the controller is given, at the start of a flight."""
+    dt, rest = spec.planner.mppi.dt, tuple(controller.rest.tolist())
     if spec.system != "quadrotor" or spec.own.system:
-        return None
-    if spec.sensing is None and not spec.vehicle.latency and spec.clock != "wall":
-        return None
-    adaptation = getattr(controller, "adaptation", None)
-    known = _sensed(spec, plant, adaptation is not None) if spec.sensing else None
-    knowledge = known or ExactState(spec.model, adaptation, spec.planner.mppi.dt)
-    knowledge.watch(plant.state)
-    commands = Commands(tuple(controller.rest.tolist()), spec.vehicle.latency)
-    remap = getattr(controller, "set_cost", None) and (lambda course: controller.set_cost(_cost(spec, course)))
-    navigation = Navigation(knowledge, commands, spec.course, spec.laps, spec.planner.mppi.dt, remap)
-    if adaptation is not None:
-        controller.adaptation = navigation
-    return navigation
+        return exact_navigation(plant.state, referee, rest, dt)
+    adapts = spec.planner.mppi.adapt and spec.pilot is None  # a pilot has no model that could be adapted
+    if spec.sensing:
+        source = _sensed(spec, plant, adapts)
+    else:
+        learner = VehicleLearner.for_exact_states(spec.model, dt) if adapts else None
+        source = TrueState(plant.state, dt, learner)
+    late = spec.vehicle.latency or spec.clock == "wall"
+    gates = GateCounter(spec.course, spec.laps) if spec.sensing or late else RefereeCount(referee)
+    return Navigation(source, gates, Commands(rest, spec.vehicle.latency), dt, spec.model)
 
 
 def _sensed(spec: Spec, plant: Plant, adapt: bool) -> SensedState:
-    sensing, dt, gates = spec.sensing, spec.planner.mppi.dt, tuple(dict.fromkeys(spec.course.gates))
+    """The estimates from a flight's sensors. adapt: whether the planner uses what is learnt of the vehicle."""
+    sensing, dt, flown = spec.sensing, spec.planner.mppi.dt, spec.flown_course
     assert sensing
     assert sensing.imu
-    true_gates = tuple(dict.fromkeys(spec.flown_course.gates))
     lag = getattr(plant, "velocity_lag", 0.0)
-    sensors = Sensors(sensing, spec.streams.sensors, spec.vehicle, true_gates, lag, spec.flown_course.obstacles)
+    sensors = Sensors(sensing, spec.streams.sensors, spec.vehicle, distinct(flown.gates), lag, flown.obstacles)
     sensors.warm_up(plant.state, plant.dt)
-    estimator = Estimator(sensing, gates, spec.course.start, -WARM_UP, spec.displace_gates)
-    vehicle, rotors = VehicleModel(spec.model, dt, sensing.imu), spec.vehicle.rotors
-    std = LEAST_ROTOR_STD
-    if sensing.rotors and rotors:  # four independent rotors at full speed
-        c2, c1, _ = rotors.thrust_map
-        std = max(std, 2 * sensing.rotors.noise * (2 * c2 * rotors.omega_max + c1) / spec.vehicle.mass)
-    return SensedState(sensors, estimator, vehicle, dt, adapt, std)
+    sensors.observe(plant.state)
+    gates = distinct(spec.course.gates)
+    return SensedState(
+        sensors,
+        Estimator(sensing, gates, spec.course.start, -WARM_UP, spec.displace_gates),
+        BodyRates(spec.model, dt, sensing.imu),
+        VehicleLearner.for_sensors(spec.model, dt, sensing.imu),
+        None if spec.pilot else CourseEstimate(spec.course),  # a pilot flies by the map
+        dt,
+        adapt,
+        rotor_std(sensing.rotors, spec.vehicle),
+    )
+
+
+def distinct(gates: Sequence[Gate]) -> tuple[Gate, ...]:
+    """Return each gate once, in the order of the course."""
+    return tuple(dict.fromkeys(gates))
+
+
+def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:
+    """Return the standard deviation of the thrust by the speeds of four independent rotors at full speed [m/s^2]."""
+    if config is None or vehicle.rotors is None:
+        return LEAST_ROTOR_STD
+    c2, c1, _ = vehicle.rotors.thrust_map
+    per_speed = 2 * c2 * vehicle.rotors.omega_max + c1  # [N s/rad]
+    return max(LEAST_ROTOR_STD, 2 * config.noise * per_speed / vehicle.mass)
 
 
 def flight_frames(spec: Spec) -> Iterator[Frame]:

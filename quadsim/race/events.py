@@ -53,7 +53,7 @@ class Frame:
     events: tuple[Event, ...] = ()  # of the physics steps that led to t
     outcome: str | None = None  # None: still flying; finished, crashed, stuck, timeout
     snapshot: PlannerSnapshot | None = None  # the planner's best samples, every SNAPSHOT_EVERY periods
-    estimate: tuple[float, ...] = ()  # of quadsim.race.estimate_record.ESTIMATE_UNITS, where the state is sensed
+    estimate: tuple[float, ...] = ()  # of quadsim.sensing.estimate_record.ESTIMATE_UNITS, where the state is sensed
 
 
 def flown_laps(events: Iterable[Event], completed: int) -> list[float]:

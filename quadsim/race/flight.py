@@ -9,32 +9,35 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from controllers.plan import PlannerSnapshot, PlanStats
 from quadsim.physics.plant import Plant, PlantState
 from quadsim.race.clock import Clock
 from quadsim.race.events import Event, Frame
 from quadsim.rotation import Vec3
+from quadsim.sensing.estimation.prediction import Commands
+from quadsim.sensing.navigation import Navigation, RefereeCount, TrueState
+from quadsim.systems.estimate import Estimate
 
 
+@runtime_checkable
 class Controller(Protocol):
-    """Computes the control u at the state x. MPPI is one."""
+    """Computes the next control from what is known of the vehicle. MPPI is one."""
 
     @property
     def rest(self) -> np.ndarray:
         """The control at rest, of a quadrotor hover; applied until the first plan is ready.  (n_u,)"""
         ...
 
-    def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
-        """The control to apply at the state x, and statistics of the plan.
+    def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
+        """Return the control to apply, and statistics of the plan.
 
         Args:
-            x: (n_x,)
-            target: index into the sequence of gates over all laps, from 0; equals the gates passed since the start.
-            elapsed: control periods since the last call, 0 at the first.
+            estimate: time, state and gates passed; the model and the course, where they are estimated in flight.
 
         Returns:
             u (n_u,) and PlanStats.
@@ -42,14 +45,25 @@ class Controller(Protocol):
         ...
 
 
+class ControlLaw(Protocol):
+    """A controller of one's own in its plainest form."""
+
+    def control(self, x: np.ndarray, /) -> ArrayLike:
+        """Return the control u (n_u,) at the state x (n_x,)."""
+        ...
+
+
 class PlainController:
-    """Adapts a user's controller that has only `control(x) -> u` to the Controller protocol."""
+    """Adapts a controller that has only `control(x) -> u` to the Controller protocol."""
 
-    def __init__(self, inner: Any, rest: Sequence[float]):
-        self._inner, self.rest = inner, np.array(rest)
+    def __init__(self, inner: ControlLaw, rest: Sequence[float]):
+        """rest: the control until the first one is ready  (n_u,)."""
+        self._inner = inner
+        self.rest = np.array(rest)
 
-    def control(self, x: np.ndarray, target: int = 0, elapsed: int = 1) -> tuple[np.ndarray, PlanStats]:
-        return np.asarray(self._inner.control(x), float), PlanStats(cost=0.0, ess=0.0, temperature=0.0)
+    def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
+        u = np.asarray(self._inner.control(estimate.x), float)
+        return u, PlanStats(cost=0.0, ess=0.0, temperature=0.0)
 
 
 class RefereeProtocol(Protocol):
@@ -80,15 +94,6 @@ class RefereeProtocol(Protocol):
         ...
 
 
-class NavigationProtocol(Protocol):
-    """Tells the controller what is known of the vehicle; see quadsim.race.navigation.Navigation."""
-
-    def watch(self, state: PlantState) -> None: ...
-    def state(self, t: float, elapsed: int) -> tuple[np.ndarray, int]: ...
-    def commanded(self, t: float, ready: float, u: tuple[float, ...]) -> None: ...
-    def record(self, state: PlantState) -> tuple[float, ...]: ...
-
-
 SNAPSHOT_EVERY = 10  # control periods from one PlannerSnapshot to the next
 
 
@@ -99,7 +104,7 @@ def simulate(
     period: float,
     clock: Clock | None = None,
     snapshot: Callable[[], PlannerSnapshot | None] | None = None,
-    navigation: NavigationProtocol | None = None,
+    navigation: Navigation | None = None,
 ) -> Iterator[Frame]:
     """Simulate until the referee ends the flight. The last frame has the outcome and the last control applied.
 
@@ -112,7 +117,7 @@ def simulate(
         period: control period [s], a whole multiple of the plant's step.
         clock: default: simulated time.
         snapshot: called every SNAPSHOT_EVERY periods; the result is stored in the frame.
-        navigation: tells the controller the state; default: the true one, and the gates that the referee counts.
+        navigation: makes the estimate that the controller is given; default: of the true state and the referee's count.
 
     Raises:
         ValueError: period is no whole multiple of the plant's step.
@@ -121,30 +126,47 @@ def simulate(
     whole_multiple(period, plant.dt)
     began = perf_counter()
     u = previous_u = tuple(controller.rest.tolist())
-    stats, plan_ms, elapsed = PlanStats(cost=0.0, ess=0.0, temperature=0.0), 0.0, 0
+    navigation = navigation or exact_navigation(plant.state, referee, u, period)
+    stats, plan_ms = PlanStats(cost=0.0, ess=0.0, temperature=0.0), 0.0
     events: list[Event] = []
     for k in count():
         state, flying = plant.state, referee.outcome is None
         if flying:
             before = perf_counter()
-            x, target = navigation.state(state.t, elapsed) if navigation else (np.array(state.x), referee.passed)
-            control, stats = controller.control(x, target, elapsed)
+            control, stats = controller.control(navigation.estimate(state.t))
             plan_ms = 1e3 * (perf_counter() - before)
             previous_u, u = u, tuple(control.tolist())
         plan_ready_time = clock.now(state.t)  # read before the frame is yielded, as its consumer may take a while
         best = snapshot() if snapshot and flying and k % SNAPSHOT_EVERY == 0 else None
-        wall: dict[str, Any] = {"plan_ms": plan_ms, "elapsed": perf_counter() - began}
-        if navigation:
-            navigation.commanded(state.t, plan_ready_time, u)
-            wall["estimate"] = navigation.record(state)
-        yield frame(state, u, referee, stats, **wall, events=tuple(events), snapshot=best)
+        navigation.commanded(state.t, plan_ready_time, u)
+        yield frame(
+            state,
+            u,
+            referee,
+            stats,
+            plan_ms=plan_ms,
+            elapsed=perf_counter() - began,
+            estimate=navigation.record(state),
+            events=tuple(events),
+            snapshot=best,
+        )
         if not flying:
             return
         events = apply_control(plant, referee, previous_u, plan_ready_time, navigation)
         next_time = max(state.t + period, plant.state.t)  # later if the plan took more than a period
         clock.wait(next_time)
         events += apply_control(plant, referee, u, next_time, navigation)
-        elapsed = max(round(next_time / period) - round(state.t / period), 1)  # late plans add up to whole periods
+
+
+def exact_navigation(state: PlantState, referee: RefereeProtocol, rest: tuple[float, ...], dt: float) -> Navigation:
+    """Return the navigation that knows the true state and the referee's count, without an estimate of anything else.
+
+    Args:
+        state: the plant's at the start.
+        rest: the control until the first one is given  (n_u,).
+        dt: control period [s].
+    """
+    return Navigation(TrueState(state, dt), RefereeCount(referee), Commands(rest, 0.0), dt, nominal=None)
 
 
 def frame(state: PlantState, u: tuple[float, ...], referee: RefereeProtocol, stats: PlanStats, **more: Any) -> Frame:
@@ -169,7 +191,7 @@ def apply_control(
     referee: RefereeProtocol,
     u: tuple[float, ...],
     until: float,
-    navigation: NavigationProtocol | None = None,
+    navigation: Navigation | None = None,
 ) -> list[Event]:
     """Step the plant under u to the physics step nearest to the time `until` [s]; the referee checks every step, and
     sensors watch it."""

@@ -46,7 +46,7 @@ class OwnParts:
             described["terms"] = [describe_term(term) for term in self.terms]
         return described
 
-    def with_terms(self, cost: Cost) -> Cost:
+    def with_terms(self, cost: Any) -> Cost:
         """Return the cost with the terms of the user's own after its own. Raises ValueError for a name it has."""
         return replace(cost, terms=(*cost.terms, *self.terms)) if self.terms else cost
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from quadsim.race.estimate_record import ERRORS
 from quadsim.record.run import Run
+from quadsim.sensing.estimate_record import ERRORS
 
 
 def estimate_errors(run: Run) -> np.ndarray:

@@ -18,10 +18,10 @@ from typing import Literal, TypedDict, get_args
 import numpy as np
 
 from controllers.plan import PlannerSnapshot
-from quadsim.race.estimate_record import ESTIMATE_UNITS
 from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.race.systems import SYSTEMS, telemetry_columns
 from quadsim.record.planner_snapshot import PlannerSnapshots
+from quadsim.sensing.estimate_record import ESTIMATE_UNITS
 
 INTERACTIVE = "interactive"  # key of a spec: the planner's numbers that were changed while it flew
 COLUMNS = SYSTEMS["quadrotor"].columns  # telemetry column -> unit

@@ -1,6 +1,7 @@
-"""What a vehicle senses of itself: sensors that watch the plant, and an estimator that is given what they say.
+"""Sensors that watch the plant, an estimator that is given their measurements, and what a controller is told of it all.
 
-`quadsim.sensing.estimation` makes a state of measurements and of the map; it knows neither sensors nor plant.
+`quadsim.sensing.estimation` makes a state of measurements and of the map; it imports neither sensors nor plant.
+`quadsim.sensing.navigation` makes the Estimate that a controller plans with.
 """
 
 from quadsim.sensing.sensing_file import PERFECT, SENSINGS, Sensing, load_sensing, parse_sensing, sensing_names

@@ -1,4 +1,4 @@
-"""What sensors say: values with the instant they are of, and nothing about how they came to be."""
+"""Measurements: values with the instant at which they were true, and nothing about how they came to be."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from quadsim.rotation import Quaternion, Vec3
 
 @dataclass(frozen=True, slots=True)
 class Inertial:
-    """Of an inertial measurement unit: means over the `dt` that ends at t."""
+    """A sample of an inertial measurement unit: means over the `dt` that ends at t."""
 
     t: float  # [s]
     dt: float  # [s]
@@ -21,7 +21,7 @@ class Inertial:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Of motion capture or visual-inertial odometry."""
+    """A pose measured by motion capture or visual-inertial odometry."""
 
     t: float  # [s]
     position: Vec3  # [m]
@@ -31,7 +31,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class RotorThrust:
-    """What the rotors deliver, by their speeds and the flight controller's thrust map."""
+    """The thrust of the rotors, by their speeds and the flight controller's thrust map."""
 
     t: float  # [s]
     thrust: float  # mass-normalised [m/s^2]
@@ -39,13 +39,13 @@ class RotorThrust:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
-    """Corners of gates' openings in one picture. None may be true: the association may be wrong."""
+    """Corners of gates' openings found in one picture. Each may be taken for another: the association may be wrong."""
 
     t: float  # of the exposure [s]
-    gates: np.ndarray  # index of the gate that each is said to belong to  (n,)
+    gates: np.ndarray  # index of the gate that each is taken to belong to  (n,)
     corners: np.ndarray  # index into Gate.corners()  (n,)
     pixels: np.ndarray  # right and down from the picture's corner [px]  (n, 2)
-    in_view: int  # how many stood in the picture, for the record only
+    in_view: int  # how many corners stood in the picture, for the record only
 
 
 Measurement = Inertial | Pose | RotorThrust | Corners

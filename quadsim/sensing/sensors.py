@@ -65,9 +65,9 @@ class Sensors:
         """The state after a physics step."""
         self.truth = self._of_one_instant(state)
         for sensor in self._sensors:
-            said = sensor.sample(self.truth)
-            if said is not None:
-                heappush(self._coming, (said.t + sensor.latency, next(self._number), said))
+            measurement = sensor.sample(self.truth)
+            if measurement is not None:
+                heappush(self._coming, (measurement.t + sensor.latency, next(self._number), measurement))
 
     def _of_one_instant(self, state: PlantState[State]) -> PlantState[State]:
         """Return the state with its velocity extrapolated to the instant of the position, by the acceleration of the

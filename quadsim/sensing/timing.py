@@ -14,7 +14,7 @@ class Ticks:
         self._done: int | None = None
 
     def due(self, t: float) -> bool:
-        """Whether an instant has come since the last call that said so; t [s] must not decrease."""
+        """Return whether an instant has come since the last call that returned True; t [s] must not decrease."""
         ticks = t * self._rate
         now = round(ticks) if isclose(ticks, round(ticks), abs_tol=1e-6) else floor(ticks)
         if self._done is not None and now <= self._done:

@@ -87,7 +87,7 @@ class FullThrottle:
 
     rest = np.zeros(2)
 
-    def control(self, x, target=0, elapsed=1):
+    def control(self, estimate):
         return np.array([1.0, 0.0]), PlanStats(0.0, 1.0, 1.0)
 
 

@@ -19,7 +19,7 @@ class FakeMPPI:
         self.config, self.samples = SimpleNamespace(samples=MOST), samples
         self.seconds, self.ms_per_sample, self._calls = 0.0, ms_per_sample, 0
 
-    def control(self, x, target=0, elapsed=1):
+    def control(self, known):
         self.seconds += 1e-3 * self.ms_per_sample * self.samples + (self._calls == 0)
         self._calls += 1
         return np.zeros(4), None

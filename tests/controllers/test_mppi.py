@@ -15,6 +15,7 @@ from controllers.mppi import MPPI
 from controllers.samplers import SAMPLERS, Gaussian
 from controllers.update import SAVITZKY_GOLAY, savitzky_golay
 from quadsim.systems.double_integrator import double_integrator
+from quadsim.systems.estimate import Estimate
 
 EVERY = [*SAMPLERS, White((0.8, 0.5))]
 NAMES = [*SAMPLERS, "own"]
@@ -52,7 +53,7 @@ def test_iterations_go_on_from_each_others_plans():
 def test_first_plan_has_iterations_of_its_own():
     mppi, other = make(first_iterations=5, iterations=2), make()
     for iterations in (5, 2):
-        mppi.control(START, elapsed=0)
+        mppi.control(Estimate(0.0, START))
         for _ in range(iterations):
             other.iterate(START, 0)
         np.testing.assert_array_equal(mppi.plan, other.plan)
@@ -128,15 +129,57 @@ def test_shift_drops_the_past_and_appends_rest(steps):
 
 def test_executed_controls_are_those_of_the_periods_that_passed():
     mppi = make()
-    mppi.control(START)
+    mppi.control(Estimate(1.0, START))
     first = mppi.plan.copy()
-    mppi.control(START, elapsed=3)
+    mppi.control(Estimate(1.0 + 3 * POINT.dt, START))
     np.testing.assert_array_equal(mppi.executed, first[1:3])
+
+
+def test_a_state_alone_is_one_control_period_after_the_last():
+    told, plain = make(iterations=2), make(iterations=2)
+    for k in range(4):
+        expected, _ = told.control(Estimate(7.0 + k * POINT.dt, START))
+        u, _ = plain.control(START)
+        np.testing.assert_array_equal(u, expected)
+    plain.control(START)
+    told.control(Estimate(7.0 + 5 * POINT.dt, START))
+    assert abs(told.plan - plain.plan).max() > 1e-3, "the control: two periods later is another plan"
+
+
+def test_the_estimated_model_is_planned_with_from_then_on():
+    """And an estimate without one leaves the model as it is."""
+    heavy = replace(POINT, params=(3.0,))
+    told, given = make(), make(system=heavy)
+    for estimate in (Estimate(0.0, START, model=heavy), Estimate(POINT.dt, START)):
+        told.control(estimate)
+        given.control(START)
+        np.testing.assert_array_equal(told.plan, given.plan)
+    other = make()
+    other.control(START)
+    assert abs(other.rollout.system.params[0] - told.rollout.system.params[0]) == pytest.approx(2.9)
+
+
+def test_a_new_course_is_planned_on_with_its_own_cost_and_the_same_one_only_once():
+    """Courses are the caller's own here: cost_of alone looks into them."""
+    asked = []
+
+    def cost_of(goal):
+        asked.append(goal)
+        return replace(GOAL, targets=np.array([goal]))
+
+    mppi, plain = make(), make()
+    mppi.cost_of, (near, far) = cost_of, ((1.0, 0.0), (5.0, 0.0))
+    for k, goal in enumerate((near, near, far, None)):
+        mppi.control(Estimate(k * POINT.dt, START, course=goal))
+        plain.control(Estimate(k * POINT.dt, START, course=goal))
+    assert asked == [near, far]
+    assert mppi.cost.targets[0, 0] == 5.0
+    assert plain.cost is GOAL, "without cost_of the cost stays as it is"
 
 
 def test_first_call_does_not_shift():
     mppi, other = make(), make()
-    mppi.control(START, elapsed=5)
+    mppi.control(Estimate(5.0, START))
     other.iterate(START, 0)
     np.testing.assert_array_equal(mppi.plan, other.plan)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from quadsim.course import load_course
-from quadsim.physics.domain_randomization import GUST_TAU, Randomization, draw, gusts
+from quadsim.physics.domain_randomization import VEHICLE, Randomization, draw, gusts
 from quadsim.physics.plant import PLANTS, default_plant
 from quadsim.race.build import build
 from quadsim.race.spec import Spec
@@ -67,7 +67,7 @@ def test_randomization_is_in_proportion_to_its_size():
 def test_gusts_have_their_deviation_and_correlation_time_for_any_step(dt):
     w = np.array(list(islice(gusts(np.random.SeedSequence(1), 0.5, dt), int(1000 / dt))))
     assert w.std() == pytest.approx(0.5, rel=0.05)  # 1000 s hold about 1000 independent gusts an axis
-    lag = round(GUST_TAU / dt)
+    lag = round(VEHICLE.gust_tau / dt)
     assert np.mean(w[lag:] * w[:-lag]) / w.var() == pytest.approx(np.exp(-1), abs=0.08)
 
 

@@ -7,6 +7,7 @@ from controllers.plan import PlanStats
 from quadsim.physics.plant import ModelPlant
 from quadsim.race.clock import Clock, WallClock
 from quadsim.race.flight import simulate
+from quadsim.systems.control_periods import ControlPeriods
 
 DT, PERIOD = 0.0025, 0.01  # four physics steps in a control period
 
@@ -31,11 +32,12 @@ class Planner:
 
     def __init__(self, time, durations):
         self._time, self._durations = time, iter(durations)
+        self._periods = ControlPeriods(PERIOD)
         self.begun, self.elapsed = [], []
 
-    def control(self, x, target=0, elapsed=1):
-        self.begun.append(round(float(x[1]), 9))
-        self.elapsed.append(elapsed)
+    def control(self, estimate):
+        self.begun.append(round(float(estimate.x[1]), 9))
+        self.elapsed.append(self._periods.advance(estimate.t))
         self._time.pass_by(next(self._durations))
         return np.array([float(len(self.begun))]), PlanStats(0.0, 1.0, 1.0)
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from quadsim.course import Start
-from quadsim.race.estimate_record import ESTIMATE_UNITS, estimate_row
 from quadsim.rotation import between, matrix
 from quadsim.sensing import load_sensing, sensing_names
 from quadsim.sensing.camera_model import GateCameraConfig
 from quadsim.sensing.config import PoseConfig
-from quadsim.sensing.estimation.error_state import MOVING, Belief
+from quadsim.sensing.estimate_record import ESTIMATE_UNITS, estimate_row
+from quadsim.sensing.estimation.error_state import MOVING, FilterState
 from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.nominal import Nominal
-from quadsim.sensing.estimation.updates import LEAST, CornerUpdate
+from quadsim.sensing.estimation.updates import LEAST_POSITION, CornerUpdate
 from quadsim.sensing.measurements import Corners, RotorThrust
 from quadsim.sensing.sensors import Sensors
 from quadsim.vehicle import load_vehicle
@@ -29,9 +29,8 @@ def begun(sensing, gates=GATES, displaced=0.0):
     """An estimator at the start of the circle, which flies already."""
     x = START.x
     estimator = Estimator(sensing, gates, Start(x[0:3], 0.0), 0.0, displaced)
-    belief = estimator.belief
     nominal = Nominal(0.0, x[0:3], x[3:6], x[6:10])
-    estimator.belief = estimator._before = replace(belief, nominal=nominal)
+    estimator.state = estimator._oldest = replace(estimator.state, nominal=nominal)
     return estimator
 
 
@@ -43,9 +42,9 @@ def flown(sensing, seed, seconds=4.0, true_gates=GATES, displaced=0.0, late=()):
         sensors.observe(state)
         if k % 4 == 0 and k:
             estimator.innovations.clear()
-            for said in sensors.arrived(state.t):
-                if not isinstance(said, RotorThrust):
-                    estimator.take(said)
+            for measurement in sensors.arrived(state.t):
+                if not isinstance(measurement, RotorThrust):
+                    estimator.take(measurement)
             rows.append(
                 estimate_row(
                     state, estimator.at(state.t), estimator.covariance(state.t), estimator.innovations, (0, 0), 0.0
@@ -67,7 +66,7 @@ def test_an_estimate_is_as_good_as_it_says(sensing):
 
     A sensor better than the filter takes any for leaves the covariance too large: then only the upper bounds hold.
     """
-    exact = sensing.pose is not None and sensing.pose.position_noise < LEAST["position"]
+    exact = sensing.pose is not None and sensing.pose.position_noise < LEAST_POSITION
     late = [flown(sensing, seed, seconds=2.5)[0][100:] for seed in range(5)]
     nees = np.mean([column(rows, "nees").mean() for rows in late])
     assert (0.0 if exact else 4.0) < nees < 11.0
@@ -76,34 +75,34 @@ def test_an_estimate_is_as_good_as_it_says(sensing):
 
 
 def test_too_little_noise_is_seen_in_the_consistency():
-    """The negative control: a sensor five times noisier than the estimator is told."""
+    """The negative control: a sensor five times noisier than the estimator takes it for."""
     worse = replace(GATES_ONLY, camera=replace(GATES_ONLY.camera, noise=10.0))
     sensors = Sensors(worse, np.random.SeedSequence(1), SWIFT, GATES)
     estimator = begun(GATES_ONLY)
     for state in states(2.0):
         sensors.observe(state)
-        for said in sensors.arrived(state.t):
-            estimator.take(said)
+        for measurement in sensors.arrived(state.t):
+            estimator.take(measurement)
     taken = estimator.innovations
     refused, used = (sum(getattr(i, name) for i in taken) for name in ("refused", "used"))
     assert refused > 0.3 * used
 
 
-def test_corners_say_what_the_jacobian_says():
+def test_corners_move_as_the_jacobian_predicts():
     camera = GateCameraConfig(640, 360, 320.0, 300.0, 20.0, position=(0.1, 0.0, 0.02))
     update = CornerUpdate(camera, GATES, free=True)
     x, which, corner = START.x, np.array([0, 0, 1]), np.array([0, 3, 1])
-    belief = Belief(Nominal(0.0, x[0:3], x[3:6], x[6:10]), np.zeros(0), np.zeros((2, 3)), np.eye(MOVING + 6))
+    state = FilterState(Nominal(0.0, x[0:3], x[3:6], x[6:10]), np.zeros(0), np.zeros((2, 3)), np.eye(MOVING + 6))
 
     def pixels(b):
         points = update._map[which, corner] + b.gates[which]
-        return camera.seen((points - b.nominal.p) @ matrix(b.nominal.q))[0].ravel()
+        return camera.seen((points - b.nominal.position) @ matrix(b.nominal.attitude))[0].ravel()
 
     R = matrix(x[6:10])
     body = (update._map[which, corner] - x[0:3]) @ R
-    H = update._jacobian(belief, R, body, *camera.local(body).T, which)
+    H = update._jacobian(state, R, body, camera.local(body), which)
     steps = 1e-6 * np.eye(MOVING + 6)
-    columns = [(pixels(belief.corrected(d, belief.P)) - pixels(belief.corrected(-d, belief.P))) / 2e-6 for d in steps]
+    columns = [(pixels(state.corrected(d, state.P)) - pixels(state.corrected(-d, state.P))) / 2e-6 for d in steps]
     np.testing.assert_allclose(H, np.column_stack(columns), atol=1e-4)
 
 
@@ -114,11 +113,11 @@ def test_a_gate_that_is_not_found_yet_is_moved_by_no_lone_corner(corners, known,
     camera = GateCameraConfig(640, 360, 320.0, 320.0, 20.0)
     update, x = CornerUpdate(camera, GATES, free=True), START.x
     P = np.diag([1e-6] * MOVING + [known**2, known**2, 1e-6] * 2)
-    belief = Belief(Nominal(0.0, x[0:3], x[3:6], x[6:10]), np.zeros(0), np.zeros((2, 3)), P)
+    state = FilterState(Nominal(0.0, x[0:3], x[3:6], x[6:10]), np.zeros(0), np.zeros((2, 3)), P)
     which = np.ones(len(corners), int)
     points = update._map[which, corners] + (0.1, 0.0, 0.0)
     pixels, _ = camera.seen((points - x[0:3]) @ matrix(x[6:10]))
-    after, innovation = update(belief, Corners(0.0, which, np.array(corners), pixels, len(corners)))
+    after, innovation = update(state, Corners(0.0, which, np.array(corners), pixels, len(corners)))
     assert (innovation.used > 0) == moves
     assert (np.hypot(*after.gates[1, :2]) > 0.005) == moves
     assert not after.gates[0].any()
@@ -140,7 +139,7 @@ def test_a_late_measurement_counts_at_its_own_time():
         for one in [*inertial, *(poses[k] for k in order)]:
             estimator.take(one)
         ends.append(estimator)
-    np.testing.assert_allclose(ends[0].at(1.0).p, ends[1].at(1.0).p, atol=1e-9)
+    np.testing.assert_allclose(ends[0].at(1.0).position, ends[1].at(1.0).position, atol=1e-9)
     np.testing.assert_allclose(ends[0].covariance(1.0), ends[1].covariance(1.0), atol=1e-12)
 
 
@@ -164,9 +163,9 @@ def test_gates_off_the_map_are_found():
     )
     known = replace(VIO, pose=replace(VIO.pose, drift=0.0))
     _, estimator = flown(known, 4, true_gates=true, displaced=0.15)
-    np.testing.assert_allclose(estimator.belief.gates[:, :2], moves, atol=0.03)
+    np.testing.assert_allclose(estimator.state.gates[:, :2], moves, atol=0.03)
     _, fixed = flown(known, 4, true_gates=true)
-    assert len(fixed.belief.gates) == 0
+    assert len(fixed.state.gates) == 0
 
 
 def test_a_dead_sensor_leaves_a_finite_estimate():
@@ -175,5 +174,5 @@ def test_a_dead_sensor_leaves_a_finite_estimate():
     rows, estimator = flown(dead, 5)
     assert np.isfinite(rows).all()
     assert column(rows, "cov_xx")[-1] > 10 * column(rows, "cov_xx")[80]
-    assert np.linalg.norm(np.array(estimator.at(4.0).p) - circle(4.0).x.position) < 5.0
-    assert abs(np.degrees(between(estimator.at(4.0).q, circle(4.0).x.attitude))).max() < 5.0
+    assert np.linalg.norm(np.array(estimator.at(4.0).position) - circle(4.0).x.position) < 5.0
+    assert abs(np.degrees(between(estimator.at(4.0).attitude, circle(4.0).x.attitude))).max() < 5.0

@@ -2,32 +2,37 @@
 
 import subprocess
 import sys
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from controllers.adaptation import Adaptation
 from controllers.costs.race_targets import GateTarget
 from quadsim.app.report import report
-from quadsim.course import load_course
+from quadsim.course import EstimatedGate, load_course
 from quadsim.files.strict_yaml import FileError
 from quadsim.physics.domain_randomization import displaced
 from quadsim.physics.plant import RigidPlant
-from quadsim.race.build import build, flight_frames, navigation_of
-from quadsim.race.navigation import ExactState
+from quadsim.race.build import build, distinct, flight_frames, navigation_of
+from quadsim.race.plane_referees import DurationReferee
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
 from quadsim.record.estimate_metrics import estimate_errors, sensing_numbers
 from quadsim.record.run import Run
 from quadsim.record.run_format import read_npz, write_npz
 from quadsim.sensing import load_sensing, parse_sensing, sensing_names
+from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.prediction import Commands, GateCounter, predict
-from quadsim.systems.quadrotor import ModelParams
+from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
+from quadsim.sensing.navigation import CourseEstimate, TrueState
+from quadsim.systems.estimate import Estimate
+from quadsim.systems.quadrotor import Control, ModelParams, State
 from quadsim.vehicle import load_vehicle
 
 SWIFT = load_vehicle("swift")
 REST = (0.0, 0.0, 0.0, 9.81)
+START = np.zeros(17)
 SMALL = {"samples": 64, "horizon": 10, "laps": 1, "randomize": 1.0}
 
 
@@ -66,17 +71,17 @@ def test_the_predicted_state_is_where_the_vehicle_then_is():
 def test_the_model_is_learnt_from_the_time_that_has_passed():
     """Plans of 12.5 ms with a period of 10: taken for 10 ms, every acceleration would be a quarter too large."""
     model, plant = ModelParams.of(SWIFT), RigidPlant(load_course("split_s_swift"), SWIFT)
-    adapted, mistaken = Adaptation(model, 0.01), Adaptation(model, 0.01)
-    known, elapsed = ExactState(model, adapted, 0.01), 0
+    learner, mistaken = (VehicleLearner.for_exact_states(model, 0.01) for _ in range(2))
+    known, periods = TrueState(plant.state, 0.01, learner), 0
     for k in range(40):
-        u = (1.0 * np.sin(0.3 * k), 1.0 * np.cos(0.2 * k), 0.0, 25.0)
-        known.watch(plant.state)
-        known.now(plant.state.t, u, elapsed)
-        mistaken.observe(np.array(plant.state.x), np.array(u), elapsed)
+        u = Control(1.0 * np.sin(0.3 * k), 1.0 * np.cos(0.2 * k), 0.0, 25.0)
+        known.now(plant.state.t, u, periods)
+        before = State(*plant.state.x)
         for _ in range(5):
-            plant.step(u)
-        elapsed = 1
-    assert known.model.thrust_gain == pytest.approx(1.0, abs=0.01)
+            known.watch(plant.step(u))
+        mistaken.learn_from_states(before, State(*plant.state.x), u, 0.01)
+        periods = 1
+    assert learner.model.thrust_gain == pytest.approx(1.0, abs=0.01)
     assert mistaken.model.thrust_gain > 1.05
 
 
@@ -85,11 +90,24 @@ def test_gates_are_counted_by_the_path_that_is_known():
     gate = course.gates[0]
     along = np.array(gate.axes[0])
     before, behind = (tuple((np.array(gate.position) + s * along).tolist()) for s in (-0.5, 0.5))
-    counter = GateCounter(laps=1)
-    assert [counter.at(course, p) for p in (before, behind, before, behind)] == [0, 1, 1, 1]
+    counter = GateCounter(course, laps=1)
+    assert [counter.at(p) for p in (before, behind, before, behind)] == [0, 1, 1, 1]
     beside = tuple((np.array(before) + 2.0 * np.array(gate.axes[1])).tolist())
-    missed = GateCounter(laps=1)
-    assert [missed.at(course, p) for p in (beside, tuple(np.add(beside, along)))] == [0, 0]
+    missed = GateCounter(course, laps=1)
+    assert [missed.at(p) for p in (beside, tuple(np.add(beside, along)))] == [0, 0]
+
+
+def test_gates_are_counted_where_they_are_estimated_to_stand():
+    """A gate 5 m farther along is not passed where the map has it, and is passed there."""
+    course = load_course("split_s_swift")
+    gate = course.gates[0]
+    along = np.array(gate.axes[0])
+    moved = replace(gate, position=tuple((np.array(gate.position) + 5.0 * along).tolist()))
+    estimated = replace(course, gates=(moved, *course.gates[1:]))
+    path = [tuple((np.array(gate.position) + s * along).tolist()) for s in (-0.5, 0.5, 4.5, 5.5)]
+    by_map, by_estimate = GateCounter(course, laps=1), GateCounter(course, laps=1)
+    assert [by_map.at(p) for p in path] == [0, 1, 1, 1]
+    assert [by_estimate.at(p, estimated) for p in path] == [0, 0, 0, 1]
 
 
 def test_gates_are_moved_by_the_seed_within_the_size():
@@ -106,29 +124,62 @@ def test_the_planner_keeps_farther_from_a_gate_whose_place_is_uncertain(moved):
     """Seen from the vehicle, which does not know where it is either."""
     spec = Spec.of("split_s_swift", sensing="gates", displace_gates=moved, **SMALL)
     plant, controller, _ = build(spec)
+    plant.close()
     margin = GateTarget(*controller.cost.targets[0]).margin
-    navigation = navigation_of(spec, plant, controller)
-    belief = navigation.knowledge.estimator.belief
-    navigation._follow_gates()
+    estimator = Estimator(spec.sensing, distinct(spec.course.gates), spec.course.start, 0.0, moved)
+    course, state = CourseEstimate(spec.course), estimator.state
+    controller.use_estimates(Estimate(0.0, START, course=course.updated(state)))
     target = GateTarget(*controller.cost.targets[0])
     first, free = target.margin, target.free_y
-    assert first == pytest.approx(min(margin + 2.5 * belief.gate_std(7)[0], 0.7 * free))
+    assert first == pytest.approx(min(margin + 2.5 * state.gate_std(7)[0], 0.7 * free))
     assert first > 2 * margin
-    navigation.knowledge.estimator.belief = replace(belief, P=1e-8 * belief.P)
-    navigation._follow_gates()
+    assert course.updated(state) is course.updated(state), "nothing has moved: the same course, the same cost"
+    certain = course.updated(replace(state, P=1e-8 * state.P))
+    controller.use_estimates(Estimate(0.0, START, course=certain))
     assert GateTarget(*controller.cost.targets[0]).margin == pytest.approx(margin, abs=1e-3)
 
 
-def test_the_true_state_needs_no_navigation():
+def test_the_planner_is_told_where_the_sensed_gates_stand():
+    spec = Spec.of("split_s_swift", sensing="gates", displace_gates=0.15, **SMALL)
+    plant, controller, referee = build(spec)
+    with closing(plant):
+        navigation = navigation_of(spec, plant, controller, referee)
+        estimate = navigation.estimate(0.0)
+    assert estimate.course is not None
+    assert all(isinstance(gate, EstimatedGate) and gate.std > 0.0 for gate in estimate.course.gates)
+    assert estimate.model is not None, "and what has been learnt of the vehicle, which the preset race adapts to"
+
+
+def test_exact_knowledge_is_the_true_state_and_the_referees_count():
     """A flight without sensors and latency is flown, and recorded, as it was before there were any."""
     spec = Spec.of("split_s_swift", **SMALL)
     plant, controller, _ = build(spec)
-    assert navigation_of(spec, plant, controller) is None
+    plant.close()
     assert not {"sensing", "displace_gates"} & spec.record().keys()
-    late = Spec.of("split_s_swift", vehicle="swift_40ms", **SMALL)
-    assert navigation_of(late, plant, controller) is not None
-    wall = Spec.of("split_s_swift", clock="wall", **SMALL)
-    assert navigation_of(wall, plant, controller) is not None, "the planner's own time is predicted"
+    counted = DurationReferee(1.0)
+    counted.passed = 3
+    at_once = navigation_of(spec, plant, controller, counted)
+    estimate = at_once.estimate(0.0)
+    assert (tuple(estimate.x), estimate.target, estimate.course) == (plant.state.x, 3, None)
+    assert at_once.record(plant.state) == ()
+    assert at_once.corners is None
+
+
+@pytest.mark.parametrize("change", [{"vehicle": "swift_40ms"}, {"clock": "wall"}])
+def test_where_commands_act_late_the_state_is_predicted_and_gates_are_counted_on_board(change):
+    """By latency, or by the planner's own time on the wall clock."""
+    spec = Spec.of("split_s_swift", **SMALL | change)
+    plant, controller, _ = build(spec)
+    counted = DurationReferee(1.0)
+    counted.passed = 3
+    with closing(plant):
+        navigation = navigation_of(spec, plant, controller, counted)
+        x = tuple(plant.state.x)
+        assert navigation.estimate(0.0).target == 0
+        for k in range(1, 11):  # at full thrust, each plan taking 5 ms where time passes
+            navigation.commanded(0.01 * (k - 1), 0.01 * (k - 1) + 0.005 * ("clock" in change), (0.0, 0.0, 0.0, 39.0))
+            estimate = navigation.estimate(0.01 * k)
+    assert estimate.x[2] > x[2], "the state that it is given stands still: only the prediction moves"
 
 
 def test_the_last_frame_is_estimated_at_its_own_time():
@@ -182,7 +233,7 @@ def test_a_pose_sensor_that_dies_in_flight_ends_in_words(tmp_path):
 
 def test_the_estimator_loads_neither_plant_nor_sensors():
     text = (
-        "import sys, quadsim.sensing.estimation.estimator, quadsim.sensing.estimation.vehicle_model,"
+        "import sys, quadsim.sensing.estimation.estimator, quadsim.sensing.estimation.vehicle_learner,"
         "quadsim.sensing.estimation.prediction; print([m for m in sys.modules if 'quadsim.physics' in m or m in"
         " ('quadsim.sensing.imu', 'quadsim.sensing.pose', 'quadsim.sensing.gate_camera', 'quadsim.sensing.sensors')])"
     )

@@ -48,9 +48,9 @@ def test_a_unit_without_noise_gives_back_the_flight():
     nominal = Nominal(first.t, first.x.position, first.x.velocity, first.x.attitude)
     for sample in said(Imu(ImuConfig(rate=250), SEED)):
         nominal = nominal.moved(sample, sample.t)
-    np.testing.assert_allclose(nominal.p, last.x.position, atol=2e-3)
-    np.testing.assert_allclose(nominal.v, last.x.velocity, atol=1e-3)
-    np.testing.assert_allclose(between(nominal.q, last.x.attitude), 0.0, atol=1e-6)
+    np.testing.assert_allclose(nominal.position, last.x.position, atol=2e-3)
+    np.testing.assert_allclose(nominal.velocity, last.x.velocity, atol=1e-3)
+    np.testing.assert_allclose(between(nominal.attitude, last.x.attitude), 0.0, atol=1e-6)
 
 
 def test_a_units_noise_bias_and_saturation():

@@ -1,1 +1,1 @@
-"""The estimator: a state of measurements, commands and the map. It knows neither sensors nor plant nor truth."""
+"""Estimation of the state and of the vehicle from measurements, commands and the map, without plant and sensors."""

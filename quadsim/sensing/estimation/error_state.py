@@ -12,85 +12,120 @@ arXiv:1711.02508, 2017, chapters 5 and 6.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from quadsim.sensing.attitude import matrix, skew, turned
+from quadsim.rotation import Vec3, matrix, skew, turned
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.measurements import Inertial
 
-POSITION, VELOCITY, TURN, ACCELEROMETER, GYRO = (slice(3 * k, 3 * k + 3) for k in range(5))
+# Rows of the error. The drift and the gates follow, where there are any.
+POSITION = slice(0, 3)
+VELOCITY = slice(3, 6)
+TURN = slice(6, 9)
+ACCELEROMETER = slice(9, 12)
+GYRO = slice(12, 15)
 MOVING = 15  # of the states, those that the unit moves
+DRIFT = slice(MOVING, MOVING + 3)
 MODEL_ACCELERATION = 0.3  # [m/s^2] standard deviation of a sample: what holding means over a sample leaves out
 
 
 @dataclass(frozen=True)
-class Belief:
-    """The filter's state at one instant."""
+class FilterState:
+    """The nominal state, the other states of the filter, and the covariance of the error, at one instant."""
 
     nominal: Nominal
     drift: np.ndarray  # of an odometry's position [m]  (3,)
     gates: np.ndarray  # where gates stand less where the map has them [m]  (gates, 3)
     P: np.ndarray  # covariance of the error; without drift or gates they are left out  (n, n)
 
+    @property
+    def first_gate(self) -> int:
+        """Row of the error at which the gates begin."""
+        return MOVING + len(self.drift)
+
     def gate_std(self, gates: int) -> np.ndarray:
-        """Standard deviation of each gate's position relative to the vehicle, of the worst axis [m].  (gates,)"""
+        """Return the standard deviation of each gate's position relative to the vehicle, of the worst axis [m].
+
+        Args:
+            gates: how many there are; those that stand where the map has them are as uncertain as the vehicle.
+
+        Returns:
+            (gates,)
+        """
         own = np.diag(self.P)[POSITION]
         if not len(self.gates):
             return np.full(gates, np.sqrt(own.max()))
-        first, P = MOVING + len(self.drift), self.P
-        of = np.arange(first, len(P)).reshape(-1, 3)  # states of each gate
-        variances = P[of, of] + own - 2.0 * P[np.arange(3), of]
+        rows = np.arange(self.first_gate, len(self.P)).reshape(-1, 3)  # of each gate
+        variances = self.P[rows, rows] + own - 2.0 * self.P[np.arange(3), rows]
         return np.sqrt(np.maximum(variances, 0.0).max(axis=1))
 
-    def corrected(self, dx: np.ndarray, P: np.ndarray) -> Belief:
-        """With the error dx (n,) moved into the state; P: its covariance afterwards."""
-        n, e = self.nominal, dx.tolist()
+    def corrected(self, dx: np.ndarray, P: np.ndarray) -> FilterState:
+        """Return the state with an error moved into it.
+
+        Args:
+            dx: the error  (n,).
+            P: its covariance afterwards  (n, n).
+        """
+        old, error = self.nominal, dx.tolist()
         nominal = Nominal(
-            n.t,
-            tuple(a + b for a, b in zip(n.p, e[0:3], strict=True)),
-            tuple(a + b for a, b in zip(n.v, e[3:6], strict=True)),
-            turned(n.q, e[6:9]),
-            tuple(a + b for a, b in zip(n.accelerometer_bias, e[9:12], strict=True)),
-            tuple(a + b for a, b in zip(n.gyro_bias, e[12:15], strict=True)),
+            old.t,
+            plus(old.position, error[POSITION]),
+            plus(old.velocity, error[VELOCITY]),
+            turned(old.attitude, error[TURN]),
+            plus(old.accelerometer_bias, error[ACCELEROMETER]),
+            plus(old.gyro_bias, error[GYRO]),
         )
-        drifts = MOVING + len(self.drift)
-        return Belief(nominal, self.drift + dx[MOVING:drifts], self.gates + dx[drifts:].reshape(self.gates.shape), P)
+        drift = self.drift + dx[MOVING : self.first_gate]
+        gates = self.gates + dx[self.first_gate :].reshape(self.gates.shape)
+        return FilterState(nominal, drift, gates, P)
 
 
 class Motion:
-    """Moves a Belief by samples of a unit with these noises."""
+    """Moves a FilterState by samples of a unit with these noises."""
 
     def __init__(self, imu: ImuConfig, drift: float, states: int):
         """drift: of an odometry's position [m/sqrt(s)]; states: of the filter."""
         accelerometer = imu.accelerometer_noise**2 + MODEL_ACCELERATION**2
-        self._white = np.repeat([0.0, accelerometer, imu.gyro_noise**2, 0.0, 0.0], 3) / imu.rate  # per second
-        self._walk = np.repeat([0.0, 0.0, 0.0, imu.accelerometer_walk**2, imu.gyro_walk**2], 3)
+        white = np.repeat([0.0, accelerometer, imu.gyro_noise**2, 0.0, 0.0], 3) / imu.rate  # per second
+        walk = np.repeat([0.0, 0.0, 0.0, imu.accelerometer_walk**2, imu.gyro_walk**2], 3)
         self._rate = np.zeros(states)  # of growth of the variances [1/s]
-        self._rate[:MOVING] = self._white + self._walk
-        self._rate[MOVING : MOVING + 3] += drift**2
+        self._rate[:MOVING] = white + walk
+        self._rate[DRIFT] += drift**2
         self._F = np.eye(MOVING)
 
-    def __call__(self, belief: Belief, sample: Inertial, until: float) -> Belief:
-        """The belief at `until` [s], the sample's means held."""
-        return replace(belief, nominal=belief.nominal.moved(sample, until), P=self.moved(belief, sample, until))
+    def __call__(self, state: FilterState, sample: Inertial, until: float) -> FilterState:
+        """Return the state at `until` [s], the sample's means held."""
+        return replace(state, nominal=state.nominal.moved(sample, until), P=self.moved(state, sample, until))
 
-    def moved(self, belief: Belief, sample: Inertial, until: float) -> np.ndarray:
-        """The covariance at `until` [s], to first order in the time.  (n, n)"""
-        n, F = belief.nominal, self._F
-        dt = until - n.t
-        wx, wy, wz = n.rates(sample)
-        R = dt * matrix(n.q)
-        F[VELOCITY, TURN] = -R @ skew(n.force(sample))
+    def moved(self, state: FilterState, sample: Inertial, until: float) -> np.ndarray:
+        """Return the covariance at `until` [s], to first order in the time.  (n, n)"""
+        nominal, F = state.nominal, self._F
+        dt = until - nominal.t
+        wx, wy, wz = nominal.rates(sample)
+        R = dt * matrix(nominal.attitude)
+        F[POSITION, VELOCITY] = np.diag([dt, dt, dt])
+        F[VELOCITY, TURN] = -R @ skew(nominal.force(sample))
         F[VELOCITY, ACCELEROMETER] = -R
-        F[TURN, TURN] = [[1.0, dt * wz, -dt * wy], [-dt * wz, 1.0, dt * wx], [dt * wy, -dt * wx, 1.0]]
-        for k in range(3):
-            F[k, 3 + k] = dt
-            F[6 + k, 12 + k] = -dt
-        P = belief.P.copy()
+        F[TURN, TURN] = [
+            [1.0, dt * wz, -dt * wy],
+            [-dt * wz, 1.0, dt * wx],
+            [dt * wy, -dt * wx, 1.0],
+        ]
+        F[TURN, GYRO] = np.diag([-dt, -dt, -dt])
+
+        # Drift and gates stand still: only the rows and columns of the other states are multiplied.
+        P = state.P.copy()
         P[:MOVING] = F @ P[:MOVING]
         P[:, :MOVING] = P[:, :MOVING] @ F.T
         P.flat[:: len(P) + 1] += dt * self._rate
         return P
+
+
+def plus(vector: Vec3, error: Iterable[float]) -> Vec3:
+    """Return the sum of two vectors."""
+    x, y, z = (a + b for a, b in zip(vector, error, strict=True))
+    return x, y, z

@@ -10,42 +10,53 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from quadsim.sensing.attitude import Vector, rotate, turned
+from quadsim.rotation import Quaternion, Vec3, to_world, turned
 from quadsim.sensing.measurements import Inertial
 from quadsim.vehicle import GRAVITY
 
 
 @dataclass(frozen=True, slots=True)
 class Nominal:
-    """Position [m], velocity [m/s] and attitude (wxyz) at t, and the unit's biases [m/s^2, rad/s]."""
+    """What an inertial unit's samples alone make of the state, and of the unit's biases."""
 
-    t: float
-    p: Vector
-    v: Vector
-    q: Vector
-    accelerometer_bias: Vector = (0.0, 0.0, 0.0)
-    gyro_bias: Vector = (0.0, 0.0, 0.0)
+    t: float  # [s]
+    position: Vec3  # [m]
+    velocity: Vec3  # [m/s]
+    attitude: Quaternion  # wxyz
+    accelerometer_bias: Vec3 = (0.0, 0.0, 0.0)  # [m/s^2]
+    gyro_bias: Vec3 = (0.0, 0.0, 0.0)  # [rad/s]
 
-    def rates(self, sample: Inertial) -> Vector:
-        """The body rates of a sample without bias [rad/s].  (3,)"""
-        (x, y, z), (a, b, c) = sample.gyro, self.gyro_bias
-        return x - a, y - b, z - c
+    def rates(self, sample: Inertial) -> Vec3:
+        """Return the body rates of a sample without bias [rad/s].  (3,)"""
+        wx, wy, wz = sample.gyro
+        bx, by, bz = self.gyro_bias
+        return wx - bx, wy - by, wz - bz
 
-    def force(self, sample: Inertial) -> Vector:
-        """The specific force of a sample without bias, in the body frame [m/s^2].  (3,)"""
-        (x, y, z), (a, b, c) = sample.specific_force, self.accelerometer_bias
-        return x - a, y - b, z - c
+    def force(self, sample: Inertial) -> Vec3:
+        """Return the specific force of a sample without bias, in the body frame [m/s^2].  (3,)"""
+        fx, fy, fz = sample.specific_force
+        bx, by, bz = self.accelerometer_bias
+        return fx - bx, fy - by, fz - bz
 
     def moved(self, sample: Inertial, until: float) -> Nominal:
-        """At `until` [s], the sample's means held from t on."""
+        """Return the state at `until` [s], the sample's means held from t on."""
         dt = until - self.t
-        wx, wy, wz = self.rates(sample)
         half = 0.5 * dt
-        middle = turned(self.q, (wx * half, wy * half, wz * half))
-        ax, ay, az = rotate(middle, self.force(sample))
+        wx, wy, wz = self.rates(sample)
+
+        # The force acts along the attitude in the middle of the interval.
+        middle = turned(self.attitude, (wx * half, wy * half, wz * half))
+        ax, ay, az = to_world(middle, self.force(sample))
         az -= GRAVITY
-        (px, py, pz), (vx, vy, vz) = self.p, self.v
-        v = vx + ax * dt, vy + ay * dt, vz + az * dt
-        p = px + (vx + v[0]) * half, py + (vy + v[1]) * half, pz + (vz + v[2]) * half
-        q = turned(self.q, (wx * dt, wy * dt, wz * dt))
-        return Nominal(until, p, v, q, self.accelerometer_bias, self.gyro_bias)
+        vx, vy, vz = self.velocity
+        velocity = vx + ax * dt, vy + ay * dt, vz + az * dt
+
+        # The position moves with the mean of both velocities.
+        px, py, pz = self.position
+        position = (
+            px + (vx + velocity[0]) * half,
+            py + (vy + velocity[1]) * half,
+            pz + (vz + velocity[2]) * half,
+        )
+        attitude = turned(self.attitude, (wx * dt, wy * dt, wz * dt))
+        return Nominal(until, position, velocity, attitude, self.accelerometer_bias, self.gyro_bias)

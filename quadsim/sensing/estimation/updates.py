@@ -1,4 +1,4 @@
-"""Updates of the filter: what each kind of measurement says of the error, with gating of what cannot be true.
+"""Updates of the filter: what each kind of measurement shows of the error, with gating of what cannot be true.
 
 A measurement z with the expected value h and the Jacobian H corrects the error by K (z - h), K = P H^T S^-1,
 S = H P H^T + R. Its normalised innovation squared (NIS), (z - h)^T S^-1 (z - h), follows a chi-square law if the filter
@@ -10,62 +10,80 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import radians, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from quadsim.course import Gate
-from quadsim.sensing.attitude import between, matrix
+from quadsim.rotation import between, matrix
 from quadsim.sensing.camera_model import NEAREST, GateCameraConfig
 from quadsim.sensing.config import PoseConfig
-from quadsim.sensing.estimation.error_state import MOVING, POSITION, TURN, VELOCITY, Belief
+from quadsim.sensing.estimation.error_state import DRIFT, POSITION, TURN, VELOCITY, FilterState
 from quadsim.sensing.measurements import Corners, Pose
 
 GATE = {2: 13.8, 3: 16.3}  # .999 quantiles of chi-square with 2 and 3 degrees of freedom
 JOINT = 4.0  # standard deviations of chi-square, sqrt(2 m), above its mean m
 FOUND = 0.03  # [m] standard deviation from which on a gate counts as found; until then a lone corner is no evidence
-LEAST = {"position": 1e-3, "velocity": 1e-2, "attitude": 1e-3}  # [m, m/s, rad] a sensor is never taken for better
+LEAST_POSITION = 1e-3  # [m] standard deviations that a sensor is never taken to be better than
+LEAST_VELOCITY = 1e-2  # [m/s]
+LEAST_ATTITUDE = 1e-3  # [rad]
 
 
 @dataclass(frozen=True, slots=True)
 class Innovation:
-    """How a measurement was taken."""
+    """How well a measurement fitted, and how much of it was used."""
 
     nis: float  # of what was used
     used: int  # degrees of freedom of what was used
     refused: int  # of what was taken for outliers
 
 
+class Part(NamedTuple):
+    """A vector that a pose sensor measures."""
+
+    rows: slice  # of the error, which it shows
+    innovation: np.ndarray  # (3,)
+    std: float
+
+
 class PoseUpdate:
-    """Position, attitude and velocity of a pose sensor, each gated by itself."""
+    """Uses position, attitude and velocity of a pose sensor, each gated by itself."""
 
     def __init__(self, config: PoseConfig):
         self._drifts = config.drift > 0.0
-        self._std = {
-            "position": max(config.position_noise, LEAST["position"]),
-            "velocity": max(config.velocity_noise or 0.0, LEAST["velocity"]),
-            "attitude": max(radians(config.attitude_noise_deg), LEAST["attitude"]),
-        }
+        self._position_std = max(config.position_noise, LEAST_POSITION)
+        self._velocity_std = max(config.velocity_noise or 0.0, LEAST_VELOCITY)
+        self._attitude_std = max(radians(config.attitude_noise_deg), LEAST_ATTITUDE)
 
-    def __call__(self, belief: Belief, said: Pose) -> tuple[Belief, Innovation]:
-        n, std, total = belief.nominal, self._std, []
-        drift = belief.drift if self._drifts else np.zeros(3)
-        parts = [("position", POSITION, np.subtract(said.position, n.p) - drift)]
-        parts.append(("attitude", TURN, np.array(between(n.q, said.attitude))))
-        if said.velocity:
-            parts.append(("velocity", VELOCITY, np.subtract(said.velocity, n.v)))
-        H, z, R = np.zeros((3 * len(parts), len(belief.P))), np.empty(3 * len(parts)), np.empty(3 * len(parts))
-        for k, (name, where, innovation) in enumerate(parts):
+    def __call__(self, state: FilterState, pose: Pose) -> tuple[FilterState, Innovation]:
+        """Return the state after a pose, and how it was used."""
+        parts = self._parts(state, pose)
+        H = np.zeros((3 * len(parts), len(state.P)))
+        innovation, variance = np.empty(3 * len(parts)), np.empty(3 * len(parts))
+        for k, part in enumerate(parts):
             rows = slice(3 * k, 3 * k + 3)
-            H[rows, where] = np.eye(3)
-            if name == "position" and self._drifts:
-                H[rows, MOVING : MOVING + 3] = np.eye(3)
-            z[rows], R[rows] = innovation, std[name] ** 2
-            total.append(rows)
-        return corrected(belief, H, z, R, 3)
+            H[rows, part.rows] = np.eye(3)
+            if self._drifts and part.rows is POSITION:
+                H[rows, DRIFT] = np.eye(3)
+            innovation[rows] = part.innovation
+            variance[rows] = part.std**2
+        return corrected(state, H, innovation, variance, 3)
+
+    def _parts(self, state: FilterState, pose: Pose) -> list[Part]:
+        """What the sensor measures, less what the filter expects."""
+        nominal = state.nominal
+        drift = state.drift if self._drifts else np.zeros(3)
+        position = np.subtract(pose.position, nominal.position) - drift
+        attitude = np.array(between(nominal.attitude, pose.attitude))
+        parts = [Part(POSITION, position, self._position_std), Part(TURN, attitude, self._attitude_std)]
+        if pose.velocity:
+            velocity = np.subtract(pose.velocity, nominal.velocity)
+            parts.append(Part(VELOCITY, velocity, self._velocity_std))
+        return parts
 
 
 class CornerUpdate:
-    """Corners of gates that were found in a picture, each gated by itself.
+    """Uses corners of gates that were found in a picture, each gated by itself.
 
     The variance of a pixel is that of its noise, and what the projection's curvature makes of the state's own
     uncertainty: about focal (tr P_theta + tr P_p / z^2), to second order. It matters until the heading is known.
@@ -73,28 +91,35 @@ class CornerUpdate:
 
     def __init__(self, config: GateCameraConfig, gates: Sequence[Gate], free: bool):
         """gates: of the map, each once. free: whether they may stand elsewhere, as states of the filter."""
-        self._config, self._free, self._rotation = config, free, config.axes.T
+        self._config, self._free = config, free
+        self._to_camera = config.axes.T  # from the body frame
         self._map = np.array([gate.corners() for gate in gates])  # (gates, 4, 3)
 
-    def __call__(self, belief: Belief, said: Corners) -> tuple[Belief, Innovation]:
-        R = matrix(belief.nominal.q)
-        points = self._map[said.gates, said.corners]
+    def __call__(self, state: FilterState, found: Corners) -> tuple[FilterState, Innovation]:
+        """Return the state after the corners of a picture, and how they were used."""
+        camera = self._config
+        R = matrix(state.nominal.attitude)
+        points = self._map[found.gates, found.corners]
         if self._free:
-            points = points + belief.gates[said.gates]
-        body = (points - belief.nominal.p) @ R  # (n, 3)
-        x, y, z = camera = self._config.local(body).T
-        ahead = np.flatnonzero((z > NEAREST) & self._confirmed(belief, said.gates))
+            points = points + state.gates[found.gates]
+        body = (points - state.nominal.position) @ R  # (n, 3)
+        local = camera.local(body)  # right, down and ahead of the camera  (n, 3)
+        ahead = np.flatnonzero((local[:, 2] > NEAREST) & self._confirmed(state, found.gates))
+        left_out = 2 * (len(points) - len(ahead))
         if not len(ahead):
-            return belief, Innovation(0.0, 0, 2 * len(points))
-        (x, y, z), body, c = camera[:, ahead], body[ahead], self._config
-        pixels, _ = c.to_pixels(np.column_stack([x, y, z]))
-        H = self._jacobian(belief, R, body, x, y, z, said.gates[ahead])
-        innovation = (said.pixels[ahead] - pixels).ravel()
-        curved = c.fx * (np.trace(belief.P[TURN, TURN]) + np.trace(belief.P[POSITION, POSITION]) / z**2)  # (n,)
-        new, found = corrected(belief, H, innovation, np.repeat(c.noise**2 + curved**2, 2), 2)
-        return new, Innovation(found.nis, found.used, found.refused + 2 * (len(points) - len(ahead)))
+            return state, Innovation(0.0, 0, left_out)
 
-    def _confirmed(self, belief: Belief, gates: np.ndarray) -> np.ndarray:
+        body, local = body[ahead], local[ahead]
+        pixels, _ = camera.to_pixels(local)
+        H = self._jacobian(state, R, body, local, found.gates[ahead])
+        innovation = (found.pixels[ahead] - pixels).ravel()
+        depth = local[:, 2]
+        curved = camera.fx * (np.trace(state.P[TURN, TURN]) + np.trace(state.P[POSITION, POSITION]) / depth**2)  # (n,)
+        variance = np.repeat(camera.noise**2 + curved**2, 2)
+        after, taken = corrected(state, H, innovation, variance, 2)
+        return after, Innovation(taken.nis, taken.used, taken.refused + left_out)
+
+    def _confirmed(self, state: FilterState, gates: np.ndarray) -> np.ndarray:
         """Which corners count: those of gates that are found, or that the picture has another corner of.  (n,)
 
         A gate that may stand anywhere within 15 cm lets a corner pass that was taken for its by mistake; it would be
@@ -102,55 +127,85 @@ class CornerUpdate:
         """
         if not self._free:
             return np.ones(len(gates), bool)
-        first = MOVING + len(belief.drift)
-        variance = np.diag(belief.P)[first:].reshape(-1, 3).max(axis=1)
+        variance = np.diag(state.P)[state.first_gate :].reshape(-1, 3).max(axis=1)
         return (variance[gates] < FOUND**2) | (np.bincount(gates)[gates] > 1)
 
     def _jacobian(
-        self, belief: Belief, R: np.ndarray, body: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray, gates
+        self, state: FilterState, R: np.ndarray, body: np.ndarray, local: np.ndarray, gates: np.ndarray
     ) -> np.ndarray:
-        """Of the pixels by the error: the corner in the body frame is R^T (c - p), turned by -dtheta.  (2 n, states)"""
+        """Of the pixels by the error.
+
+        A corner c in the body frame is R^T (c - p), turned by -dtheta.
+
+        Args:
+            R: attitude, world from body  (3, 3).
+            body, local: corners in the frames of the body and of the camera [m]  (n, 3).
+            gates: index of each corner's gate  (n,).
+
+        Returns:
+            (2 n, states)
+        """
         n = len(body)
-        by_camera = np.zeros((n, 2, 3))
         fx, fy = self._config.fx, self._config.fy
-        by_camera[:, 0, 0], by_camera[:, 1, 1] = fx / z, fy / z
-        by_camera[:, 0, 2], by_camera[:, 1, 2] = -fx * x / z**2, -fy * y / z**2
-        by_body = by_camera @ self._rotation  # (n, 2, 3)
+        x, y, z = local.T
+        by_local = np.zeros((n, 2, 3))
+        by_local[:, 0, 0] = fx / z
+        by_local[:, 1, 1] = fy / z
+        by_local[:, 0, 2] = -fx * x / z**2
+        by_local[:, 1, 2] = -fy * y / z**2
+        by_body = by_local @ self._to_camera  # (n, 2, 3)
         by_world = by_body @ R.T
-        H = np.zeros((n, 2, len(belief.P)))
+
+        H = np.zeros((n, 2, len(state.P)))
         H[:, :, POSITION] = -by_world
-        (a, b, c), (p, q, r) = by_body.transpose(2, 0, 1), body.T[:, :, None]  # a row a of it: a @ [b]_x = a x b
-        H[:, :, 6], H[:, :, 7], H[:, :, 8] = b * r - c * q, c * p - a * r, a * q - b * p
+        # A row a of by_body: a @ [b]_x = a x b.
+        a_x, a_y, a_z = by_body.transpose(2, 0, 1)
+        b_x, b_y, b_z = body.T[:, :, None]
+        H[:, :, TURN] = np.stack([a_y * b_z - a_z * b_y, a_z * b_x - a_x * b_z, a_x * b_y - a_y * b_x], axis=-1)
         if self._free:
-            first = MOVING + len(belief.drift) + 3 * gates
+            first = state.first_gate + 3 * gates
             for k in range(3):
                 H[np.arange(n), :, first + k] = by_world[:, :, k]
         return H.reshape(2 * n, -1)
 
 
-def corrected(belief: Belief, H: np.ndarray, z: np.ndarray, R: np.ndarray, group: int) -> tuple[Belief, Innovation]:
-    """The belief after innovations z (m,) of Jacobian H (m, n) and variances R (m,), gated in groups of so many.
+def corrected(
+    state: FilterState, H: np.ndarray, innovation: np.ndarray, variance: np.ndarray, group: int
+) -> tuple[FilterState, Innovation]:
+    """Return the state after a measurement, and how it was used.
 
-    Each group is gated by itself, then all that is left together: while its NIS is beyond JOINT standard deviations,
-    the group that fits worst after the correction is left out. An uncertain state lets every single group pass.
+    Each group of rows is gated by itself, then all that is left together: while its NIS is beyond JOINT standard
+    deviations, the group that fits worst after the correction is left out. An uncertain state lets every single group
+    pass.
+
+    Args:
+        H: Jacobian by the error  (m, n).
+        innovation: measured less expected  (m,).
+        variance: of the measurement's noise  (m,).
+        group: rows that are used or refused together.
     """
-    PHt = belief.P @ H.T  # (n, m)
+    z, R = innovation, variance
+    PHt = state.P @ H.T  # (n, m)
     S = H @ PHt
     S.flat[:: len(S) + 1] += R
+
+    # Each group by itself.
     number = np.arange(len(z) // group)
     each = z.reshape(-1, group)
     blocks = S.reshape(len(number), group, len(number), group)[number, :, number, :]
     nis = (each * np.linalg.solve(blocks, each[:, :, None])[:, :, 0]).sum(axis=1)
     good = nis < GATE[group]
+
+    # All that is left together.
     while good.any():
         rows = np.flatnonzero(np.repeat(good, group))
         part = PHt[:, rows]
         solved = np.linalg.solve(S[np.ix_(rows, rows)], np.column_stack([part.T, z[rows]]))  # S^-1 [H P, z]
         dx, total, m = part @ solved[:, -1], float(z[rows] @ solved[:, -1]), len(rows)
         if total < m + JOINT * sqrt(2.0 * m) or m == group:
-            after = belief.P - part @ solved[:, :-1]
+            P = state.P - part @ solved[:, :-1]
             refused = group * int((~good).sum())
-            return belief.corrected(dx, 0.5 * (after + after.T)), Innovation(total, m, refused)
-        left = (((z - H @ dx) ** 2 / R).reshape(-1, group)).sum(axis=1)
-        good[np.argmax(np.where(good, left, -1.0))] = False
-    return belief, Innovation(0.0, 0, len(z))
+            return state.corrected(dx, 0.5 * (P + P.T)), Innovation(total, m, refused)
+        misfit = (((z - H @ dx) ** 2 / R).reshape(-1, group)).sum(axis=1)
+        good[np.argmax(np.where(good, misfit, -1.0))] = False
+    return state, Innovation(0.0, 0, len(z))

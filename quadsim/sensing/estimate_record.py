@@ -1,7 +1,7 @@
-"""What a run keeps of an estimate beside the truth, and how consistent the two are.
+"""The columns that a run keeps of an estimate beside the truth, and how consistent the two are.
 
 The normalised estimation error squared (NEES), e^T P^-1 e of position, velocity and attitude, has the mean 9 if the
-covariance P tells the truth; the normalised innovation squared (NIS) of a measurement has its number of degrees of
+covariance P is that of the error; the normalised innovation squared (NIS) of a measurement has its number of degrees of
 freedom (Bar-Shalom, Li and Kirubarajan, "Estimation with applications to tracking and navigation", 2001, section 5.4).
 """
 
@@ -38,19 +38,31 @@ def estimate_row(
     nominal: Nominal,
     P: np.ndarray,
     innovations: Sequence[Innovation],
-    seen: tuple[int, int],
+    picture: tuple[int, int],
     spent: float,
 ) -> tuple[float, ...]:
-    """The columns of ESTIMATE_UNITS for one frame."""
-    true = state.x
-    e = np.array(
+    """Return the columns of ESTIMATE_UNITS for one frame.
+
+    Args:
+        state: the truth.
+        nominal: the estimate.
+        P: covariance of its error  (n, n).
+        innovations: of the measurements taken in this period.
+        picture: corners that stood in the last picture of this period, and that were found in it.
+        spent: time that the estimate took [ms].
+    """
+    true = State(*state.x)
+    error = np.array(
         [
-            *(a - b for a, b in zip(true.position, nominal.p, strict=True)),
-            *(a - b for a, b in zip(true.velocity, nominal.v, strict=True)),
-            *between(nominal.q, true.attitude),
+            *np.subtract(true.position, nominal.position),
+            *np.subtract(true.velocity, nominal.velocity),
+            *between(nominal.attitude, true.attitude),
         ]
     )
-    nees = float(e @ np.linalg.solve(P[:ERRORS, :ERRORS], e))
-    nis, dof, refused = (sum(getattr(i, name) for i in innovations) for name in ("nis", "used", "refused"))
+    nees = float(error @ np.linalg.solve(P[:ERRORS, :ERRORS], error))
+    nis = sum(i.nis for i in innovations)
+    used = sum(i.used for i in innovations)
+    refused = sum(i.refused for i in innovations)
     covariance = P[np.triu_indices(3)].tolist()
-    return (*nominal.p, *nominal.v, *nominal.q, *covariance, nees, nis, dof, refused, *seen, spent)
+    estimate = (*nominal.position, *nominal.velocity, *nominal.attitude)
+    return (*estimate, *covariance, nees, nis, used, refused, *picture, spent)

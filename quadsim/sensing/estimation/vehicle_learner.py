@@ -1,0 +1,337 @@
+"""The vehicle's own numbers, learnt in flight: thrust, highest thrust, thrust gain, drag and gust.
+
+A Kalman filter estimates theta = (a, a_max, k, d, w): delivered and highest thrust [m/s^2], thrust gain [], drag [1/s]
+and gust in the world (3,) [m/s^2]. k and d are constant, w is an Ornstein-Uhlenbeck process with correlation time tau:
+
+    v' + g e_z = k R(q) e_z a - d v + w,     w' = -w / tau + noise
+
+The filter learns in one of two ways.
+
+**From exact states.** a is known then, and the left side is measured from two consecutive states; the factors of k and
+d are taken as the means over the period. The highest thrust is what the rotors deliver when they have settled below
+their command. It is also learnt whether the flight controller gives up thrust to roll and pitch at that limit, by the
+share of the angular acceleration asked for that is delivered there: 0.9 in our plant, 0.46 in RotorPy, which clips
+rotors one by one.
+
+**From an accelerometer, and rotor speeds where there are any.** Over a control period
+
+    a <- a + (clip(a_cmd, r, a_max - r) - a) k_m + noise,     w <- exp(-dt / tau) w + noise
+    specific force = k a e_z - d R^T v + R^T w + noise
+
+with the model's rotor lag k_m and its reserve r for roll and pitch (quadsim.systems.quadrotor). An accelerometer
+measures the specific force itself, where differences of an estimated velocity would carry its noise over dt; k and d
+follow only as far as their own variances allow, so that little is learnt from a noisy sensor. Rotor speeds measure a.
+
+To estimate a disturbance and to plan with it is offset-free predictive control (Pannocchia and Rawlings, AIChE
+Journal 49(2), 2003). Here the disturbance is a gain of the thrust and not a constant acceleration, because the effect
+of a wrong mass turns with the vehicle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from enum import IntEnum
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsim.rotation import Vec3, matrix
+from quadsim.sensing.config import ImuConfig
+from quadsim.sensing.estimation.nominal import Nominal
+from quadsim.systems.first_order import remaining, response
+from quadsim.systems.quadrotor import Control, ModelParams, State, thrust_axis, tilt_reserve
+from quadsim.vehicle import GRAVITY
+from quadsim.vehicle.tolerances import VehicleTolerances
+
+# From exact states
+ACCELERATION_STD = 0.05  # [m/s^2] of v' from two states: the error of the trapezoidal rule over one period
+SETTLED = 0.15  # [m/s^2] a thrust that changes by less in a period has settled
+SHORTFALL = 0.5  # [m/s^2] a settled thrust that is this far below its command is at the rotors' limit
+MAX_RESERVE = 0.05  # share of the highest thrust: at a larger reserve for roll and pitch, no estimate is made
+STEP = 0.1  # share of the error by which each such period corrects the highest thrust, or the share delivered
+ON_TIME = 0.1  # of a period: the share delivered is judged over one period alone
+LEAST_RESERVE = 0.03  # share of the highest thrust: at a smaller one the share delivered shows little
+LEAST_DELIVERED = 0.7  # of the angular acceleration asked for, at the highest thrust; less: the planner gives up thrust
+
+# From sensors
+START_STD = 0.5  # [m/s^2] of the delivered thrust before the first measurement
+LEAST_DRAG = 0.1  # [1/s] a drag's tolerance is relative to no less than this
+FORCE_STD = 0.3  # [m/s^2] of a specific force: means over a period, flow that the drag leaves out
+THRUST_STD = 0.05  # [m/s^2] of the delivered thrust after a period, at least
+RESERVE_STD = 0.3  # of the reserve, relative
+THRUST_MAX_WALK = 1e-2  # [m/s^2/sqrt(s)] of the highest thrust, as a battery empties
+OUTLIER = 25.0  # of the normalised innovation squared, 3 degrees of freedom
+
+
+class Row(IntEnum):
+    """Rows of the filter's state."""
+
+    THRUST = 0
+    THRUST_MAX = 1
+    THRUST_GAIN = 2
+    DRAG = 3
+    GUST_X = 4
+    GUST_Y = 5
+    GUST_Z = 6
+
+
+GUST = slice(Row.GUST_X, Row.GUST_Z + 1)
+OF_ACCELERATION = slice(Row.THRUST_GAIN, Row.GUST_Z + 1)  # what an acceleration shows where the thrust is known
+
+
+class VehicleNumbers(NamedTuple):
+    """The numbers that are learnt, or their standard deviations."""
+
+    thrust: float  # delivered now [m/s^2]
+    thrust_max: float  # highest [m/s^2]
+    thrust_gain: float  # acceleration per thrust delivered []
+    drag: float  # [1/s]
+    gust: tuple[float, float, float]  # acceleration by the wind, in the world [m/s^2]
+
+    @classmethod
+    def of(cls, rows: np.ndarray) -> VehicleNumbers:
+        """Name the rows of the filter's state.  (7,)"""
+        thrust, thrust_max, thrust_gain, drag, *gust = rows.tolist()
+        return cls(thrust, thrust_max, thrust_gain, drag, tuple(gust))
+
+
+class VehicleLearner:
+    """Learns the numbers of a quadrotor in flight, once each control period.
+
+    Make it by `for_exact_states` or by `for_sensors`, and call the `learn` methods that belong to it.
+    """
+
+    def __init__(
+        self,
+        model: ModelParams,
+        dt: float,
+        tolerances: VehicleTolerances,
+        covariance: np.ndarray,
+        force_variance: float,
+        delivered: float | None,
+    ):
+        """Start at the nominal numbers.
+
+        Args:
+            model: the nominal one.
+            dt: control period [s].
+            tolerances: how far the vehicle may be from its model.
+            covariance: of the numbers at the start  (7, 7).
+            force_variance: of a specific force per axis [m^2/s^4].
+            delivered: share of the angular acceleration asked for that is delivered at the highest thrust; None: it is
+                not learnt.
+        """
+        self._nominal, self._dt, self._tolerances = model, dt, tolerances
+        self._theta = np.array([GRAVITY, model.thrust_max, model.thrust_gain, model.drag, 0.0, 0.0, 0.0])
+        self._P = covariance
+        self._R = force_variance * np.eye(3)
+        self._delivered = delivered
+        self._rotor_response = response(model.motor_tau, dt)
+        self._rate_gains = np.array([response(tau, dt) / dt for tau in model.rate_tau[:2]])  # about x and y [1/s]
+
+    @classmethod
+    def for_exact_states(
+        cls,
+        model: ModelParams,
+        dt: float,
+        tolerances: VehicleTolerances = VehicleTolerances(),  # noqa: B008 (frozen)
+    ) -> VehicleLearner:
+        """Return a learner for `learn_from_states`. A drag that is nominally zero is taken as known."""
+        t = tolerances
+        std = np.zeros(len(Row))
+        std[Row.THRUST_MAX] = uniform_std(t.thrust * model.thrust_max)
+        std[Row.THRUST_GAIN] = uniform_std(t.mass)
+        std[Row.DRAG] = uniform_std(t.drag * model.drag)
+        std[GUST] = t.gust
+        return cls(model, dt, tolerances, np.diag(std**2), 0.0, delivered=1.0)
+
+    @classmethod
+    def for_sensors(
+        cls,
+        model: ModelParams,
+        dt: float,
+        imu: ImuConfig,
+        tolerances: VehicleTolerances = VehicleTolerances(),  # noqa: B008 (frozen)
+    ) -> VehicleLearner:
+        """Return a learner for `learn_from_force` and `learn_from_rotors`."""
+        t = tolerances
+        variance = np.zeros(len(Row))  # not squares of `uniform_std`: flights are repeated to the last bit
+        variance[Row.THRUST] = START_STD**2
+        variance[Row.THRUST_MAX] = uniform_variance(t.thrust * model.thrust_max)
+        variance[Row.THRUST_GAIN] = uniform_variance(t.mass)
+        variance[Row.DRAG] = uniform_variance(t.drag * max(model.drag, LEAST_DRAG))
+        variance[GUST] = t.gust**2
+        force_variance = imu.accelerometer_noise**2 + FORCE_STD**2
+        return cls(model, dt, tolerances, np.diag(variance), force_variance, delivered=None)
+
+    @property
+    def model(self) -> ModelParams:
+        """The nominal parameters with the present estimates in their place."""
+        now = self.numbers
+        tilt_first = self._nominal.tilt_first if self._delivered is None else self._delivered > LEAST_DELIVERED
+        return replace(
+            self._nominal,
+            thrust_gain=now.thrust_gain,
+            drag=now.drag,
+            thrust_max=now.thrust_max,
+            tilt_first=tilt_first,
+        )
+
+    @property
+    def numbers(self) -> VehicleNumbers:
+        """The present estimates."""
+        return VehicleNumbers.of(self._theta)
+
+    @property
+    def std(self) -> VehicleNumbers:
+        """Standard deviations of the estimates; from exact states, that of the highest thrust stays the prior's."""
+        return VehicleNumbers.of(np.sqrt(np.diag(self._P)))
+
+    def learn_from_states(self, before: State, after: State, u: Control, duration: float) -> None:
+        """Learn from two consecutive exact states.
+
+        Args:
+            before, after: states at the beginning and at the end of the period.
+            u: the command that acted between them.
+            duration: time between them [s].
+        """
+        self._theta[Row.THRUST] = after.thrust
+        self._correct_by_acceleration(before, after, duration)
+        self._update_thrust_max(before, after, u)
+        if abs(duration - self._dt) < ON_TIME * self._dt:
+            self._update_delivered(before, after, u)
+
+    def learn_from_force(self, a_cmd: float, reserve: float, force: Vec3 | None, nominal: Nominal) -> None:
+        """Learn from one control period of an accelerometer.
+
+        Args:
+            a_cmd: commanded thrust [m/s^2].
+            reserve: thrust that roll and pitch have taken in the period [m/s^2].
+            force: mean specific force measured in the period, body frame [m/s^2]  (3,); None: there was no sample.
+            nominal: estimate of attitude and velocity at the period's end.
+        """
+        self._predict(a_cmd, reserve)
+        if force is not None:
+            self._correct_by_force(np.array(force), nominal)
+
+    def learn_from_rotors(self, thrust: float, std: float) -> None:
+        """Learn from rotor speeds.
+
+        Args:
+            thrust: delivered by their measured speeds [m/s^2].
+            std: its standard deviation [m/s^2].
+        """
+        gain = self._P[:, Row.THRUST] / (self._P[Row.THRUST, Row.THRUST] + std * std)
+        self._theta = self._theta + gain * (thrust - self._theta[Row.THRUST])
+        self._P = self._P - np.outer(gain, self._P[Row.THRUST])
+
+    def _gust_process(self, duration: float) -> tuple[float, float]:
+        """The share of the gust that is left after `duration` [s], and the variance that is added [m^2/s^4]."""
+        keep = remaining(self._tolerances.gust_tau, duration)
+        return keep, self._tolerances.gust**2 * (1.0 - keep**2)
+
+    def _correct_by_acceleration(self, before: State, after: State, duration: float) -> None:
+        """Predict over the period [s], then correct by its mean acceleration y = H theta + noise."""
+        keep, fresh = self._gust_process(duration)
+        F = np.array([1.0, 1.0, keep, keep, keep])
+        Q = np.array([0.0, 0.0, fresh, fresh, fresh])
+        theta = F * self._theta[OF_ACCELERATION]
+        P = F[:, None] * self._P[OF_ACCELERATION, OF_ACCELERATION] * F + np.diag(Q)
+
+        y = np.subtract(after.velocity, before.velocity) / duration + np.array([0.0, 0.0, GRAVITY])
+        lift = (thrust_vector(before) + thrust_vector(after)) / 2
+        velocity = np.add(before.velocity, after.velocity) / 2
+        H = np.column_stack([lift, -velocity, np.eye(3)])
+        S = H @ P @ H.T + ACCELERATION_STD**2 * np.eye(3)
+        K = np.linalg.solve(S, H @ P).T
+        self._theta[OF_ACCELERATION] = theta + K @ (y - H @ theta)
+        self._P[OF_ACCELERATION, OF_ACCELERATION] = P - K @ H @ P
+
+    def _update_thrust_max(self, before: State, after: State, u: Control) -> None:
+        """Where the thrust has settled below its command, it and the reserve for roll and pitch are all there is."""
+        change = after.thrust - before.thrust
+        settled = before.thrust + change / self._rotor_response
+        if abs(change) >= SETTLED or u.thrust <= settled + SHORTFALL:
+            return
+        reserve = self._mean_reserve(before, after, u)
+        thrust_max = self._theta[Row.THRUST_MAX]
+        if reserve < MAX_RESERVE * thrust_max:
+            self._theta[Row.THRUST_MAX] += STEP * (settled + reserve - thrust_max)
+
+    def _update_delivered(self, before: State, after: State, u: Control) -> None:
+        """Where thrust and reserve ask for more than there is, compare the angular acceleration with its command."""
+        assert self._delivered is not None
+        reserve = self._mean_reserve(before, after, u)
+        thrust_max = self._theta[Row.THRUST_MAX]
+        if reserve <= LEAST_RESERVE * thrust_max or u.thrust <= thrust_max - reserve / 2:
+            return
+        rates = np.add(before.body_rates, after.body_rates)[:2] / 2
+        asked = self._rate_gains * (np.array(u.body_rates[:2]) - rates)
+        first, last = np.array([before.angular_acceleration[:2], after.angular_acceleration[:2]])
+        settled = first + (last - first) / self._rotor_response
+        self._delivered += STEP * (float(settled @ asked / (asked @ asked)) - self._delivered)
+
+    def _mean_reserve(self, before: State, after: State, u: Control) -> float:
+        """For roll and pitch, the mean of both ends of the period [m/s^2]."""
+        commanded = np.array(u.body_rates[:2])
+        errors = (abs(commanded - before.body_rates[:2]) + abs(commanded - after.body_rates[:2])) / 2
+        return tilt_reserve(*self._nominal.tilt_cost, *(self._rate_gains * errors))
+
+    def _predict(self, a_cmd: float, reserve: float) -> None:
+        """Move the delivered thrust towards its command over one control period, and the gust towards zero."""
+        lag, theta = self._rotor_response, self._theta
+        most = theta[Row.THRUST_MAX] - reserve
+        limited = a_cmd > most
+        step = (most if limited else max(a_cmd, reserve)) - theta[Row.THRUST]
+
+        keep, fresh = self._gust_process(self._dt)
+        F = np.eye(len(Row))
+        F[Row.THRUST, Row.THRUST] = 1.0 - lag
+        F[Row.THRUST, Row.THRUST_MAX] = lag if limited else 0.0
+        F[GUST, GUST] *= keep
+        moved = F @ theta
+        moved[Row.THRUST] = theta[Row.THRUST] + lag * step
+
+        unsure = self._tolerances.lag * lag * step / sqrt(3) + RESERVE_STD * reserve * lag  # of lag and reserve
+        Q = np.zeros(len(Row))
+        Q[Row.THRUST] = unsure**2 + THRUST_STD**2
+        Q[Row.THRUST_MAX] = THRUST_MAX_WALK**2 * self._dt
+        Q[GUST] = fresh
+        self._theta, self._P = moved, F @ self._P @ F.T + np.diag(Q)
+
+    def _correct_by_force(self, force: np.ndarray, nominal: Nominal) -> None:
+        """Correct by a mean specific force [m/s^2] (3,), unless it is an outlier."""
+        a, k, d = (self._theta[row] for row in (Row.THRUST, Row.THRUST_GAIN, Row.DRAG))
+        to_body = matrix(nominal.attitude).T
+        v, w = to_body @ nominal.velocity, to_body @ self._theta[GUST]
+        H = np.zeros((3, len(Row)))
+        H[2, Row.THRUST] = k
+        H[2, Row.THRUST_GAIN] = a
+        H[:, Row.DRAG] = -v
+        H[:, GUST] = to_body
+        innovation = force - (w - d * v)
+        innovation[2] -= k * a
+
+        PHt = self._P @ H.T
+        S = H @ PHt + self._R
+        solved = np.linalg.solve(S, np.column_stack([PHt.T, innovation]))  # S^-1 [H P, innovation]
+        if innovation @ solved[:, -1] < OUTLIER:
+            self._theta = self._theta + PHt @ solved[:, -1]
+            P = self._P - PHt @ solved[:, :-1]
+            self._P = 0.5 * (P + P.T)
+
+
+def uniform_std(half_width: float) -> float:
+    """Return the standard deviation of a uniform distribution."""
+    return half_width / np.sqrt(3)
+
+
+def uniform_variance(half_width: float) -> float:
+    """Return the variance of a uniform distribution."""
+    return half_width * half_width / 3
+
+
+def thrust_vector(x: State) -> np.ndarray:
+    """Return R(q) e_z a, the delivered thrust in the world [m/s^2].  (3,)"""
+    return x.thrust * np.array(thrust_axis(*x.attitude))

@@ -1,0 +1,25 @@
+"""What is known of a vehicle when a controller is asked for its next control."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from quadsim.course import Course
+from quadsim.systems import System
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What a controller is told: the state, the next target, and the estimated model and course.
+
+    A flight makes one for each control period (quadsim.sensing.navigation). In a loop of one's own it is enough to
+    give the time and the state: `mppi.control(Estimate(t, x))`.
+    """
+
+    t: float  # time at which the control is asked for [s]
+    x: np.ndarray  # state in which the control will act, later than t where commands act late  (n_x,)
+    target: int = 0  # gates passed by then since the start: the row of the cost's targets
+    model: System | None = None  # the system to plan with as it is estimated; None: the controller's own
+    course: Course | None = None  # the course as it is estimated; None: the controller's own map

@@ -1,0 +1,236 @@
+"""The numbers of the vehicle, learnt in flight: errors as large as their deviations, small after two seconds."""
+
+from contextlib import closing
+from dataclasses import replace
+from importlib.util import find_spec
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from quadsim.course import load_course
+from quadsim.physics.domain_randomization import Randomization, gusts
+from quadsim.physics.plant import PLANTS, default_plant, start_state
+from quadsim.physics.rotorpy_plant import RotorpyPlant
+from quadsim.race.build import build, launch, navigation_of, planner_of
+from quadsim.race.spec import Spec
+from quadsim.rotation import rotate_back, turned
+from quadsim.sensing.config import ImuConfig
+from quadsim.sensing.estimation.body_rates import BodyRates
+from quadsim.sensing.estimation.nominal import Nominal
+from quadsim.sensing.estimation.vehicle_learner import FORCE_STD, VehicleLearner
+from quadsim.systems.estimate import Estimate
+from quadsim.systems.quadrotor import Control, ModelParams, State, quadrotor
+from quadsim.vehicle import GRAVITY, load_vehicle
+from quadsim.vehicle.tolerances import VehicleTolerances
+
+DT = 0.01
+SWIFT = load_vehicle("swift")
+NOMINAL = ModelParams.of(SWIFT)
+REAL = VehicleTolerances()
+HOVER = Control(0.0, 0.0, 0.0, GRAVITY)
+
+
+def simulated(seed, gust=REAL.gust, steps=200):
+    """States of a vehicle that tumbles at changing thrust, by the law that the filter assumes, and its true k and d."""
+    rng = np.random.default_rng(seed)
+    k, d = 1 + REAL.mass * rng.uniform(-1, 1), NOMINAL.drag * (1 + REAL.drag * rng.uniform(-1, 1))
+    wind = gusts(np.random.SeedSequence(seed), gust, DT)
+    x = np.array(start_state(load_course("figure8").start, 0.1))
+    a0, phase = 20.0, rng.uniform(0, 6, 2)
+    states = []
+    for i in range(steps):
+        states.append(x)
+        t, x0, x = (i + 1) * DT, x, x.copy()
+        x[13] = a0 + 10 * np.sin(3 * t + phase[0])
+        roll = 1.2 * np.sin(2 * t + phase[1])
+        x[6:10] = np.cos(roll / 2), np.sin(roll / 2), 0, 0
+        f = (_lift(x0) + _lift(x)) / 2
+        drift = k * f - np.array([0, 0, GRAVITY]) + next(wind)
+        x[3:6] = ((1 - d * DT / 2) * x0[3:6] + DT * drift) / (1 + d * DT / 2)
+    return np.array(states), k, d
+
+
+def _lift(x):
+    w, i = x[6:8]
+    return x[13] * np.array([0.0, -2 * w * i, 1 - 2 * i * i])
+
+
+def errors(gust, seeds=40):
+    """Of k and d after 2 s, in standard deviations as the filter has them, and of k as a share.  (seeds, 3)"""
+    found = []
+    for seed in range(seeds):
+        states, k, d = simulated(seed, gust)
+        learner = VehicleLearner.for_exact_states(NOMINAL, DT)
+        for before, after in pairwise(states):
+            learner.learn_from_states(State(*before), State(*after), HOVER, DT)
+        now, std = learner.numbers, learner.std
+        off = np.array([now.thrust_gain - k, now.drag - d])
+        found.append([*off / (std.thrust_gain, std.drag), off[0]])
+    return np.array(found)
+
+
+def test_errors_are_as_large_as_the_filter_says():
+    off = errors(REAL.gust)
+    mean_square = np.mean(off[:, :2] ** 2, axis=0)  # chi^2 with 40 degrees of freedom: .5 to 1.7 is 99.8 %
+    assert np.all((mean_square > 0.4) & (mean_square < 1.8)), mean_square
+    assert np.abs(off[:, 2]).max() < 0.02 < REAL.mass
+
+
+def test_a_wind_beyond_its_prior_makes_errors_beyond_its_deviations():
+    assert np.mean(errors(4 * REAL.gust)[:, :2] ** 2) > 4
+
+
+@pytest.mark.parametrize("share", [-0.05, 0.0])
+def test_the_highest_thrust_is_what_the_rotors_gave_when_asked_for_more(share):
+    full = Control(0.0, 0.0, 0.0, NOMINAL.thrust_max)
+    assert _highest(share, full) == pytest.approx((1 + share) * NOMINAL.thrust_max, rel=0.01)
+
+
+def test_rotors_that_follow_say_nothing_about_their_limit():
+    assert _highest(-0.05, Control(0.0, 0.0, 0.0, 0.9 * NOMINAL.thrust_max)) == NOMINAL.thrust_max
+
+
+def _highest(share, u):
+    """Estimated after half a second straight up [m/s^2]."""
+    learner = VehicleLearner.for_exact_states(NOMINAL, DT)
+    course = replace(load_course("figure8"), bounds=((-99, 99), (-99, 99), (-1, 99)))
+    with closing(PLANTS[default_plant()](course, Randomization(thrust=share).vehicle(SWIFT))) as plant:
+        for _ in range(50):
+            before = State(*plant.state.x)
+            for _ in range(4):
+                plant.step(u)
+            learner.learn_from_states(before, State(*plant.state.x), u, DT)
+    return learner.model.thrust_max
+
+
+def learnt_at_full_thrust(plant, vehicle, tilt=3.0):
+    """The model after 1.5 s at full thrust, rolling and pitching one way and the other at `tilt` [rad/s]."""
+    learner, full = VehicleLearner.for_exact_states(ModelParams.of(vehicle), DT), 0.99 * vehicle.thrust_max
+    with closing(plant(load_course("figure8"), vehicle)) as plant:
+        for i in range(150):
+            rate = tilt * (-1) ** (i // 15)
+            u, before = Control(rate, -rate, 0.0, full), State(*plant.state.x)
+            for _ in range(4):
+                plant.step(u)
+            if i > 0:
+                learner.learn_from_states(before, State(*plant.state.x), u, DT)
+    return learner.model
+
+
+@pytest.mark.parametrize("name", ["swift", "crazyflie", "cpc"])
+def test_whether_the_flight_controller_gives_up_thrust_to_tilt_is_learnt(name):
+    vehicle = load_vehicle(name)
+    assert learnt_at_full_thrust(PLANTS[default_plant()], vehicle).tilt_first
+    if find_spec("rotorpy"):
+        assert not learnt_at_full_thrust(RotorpyPlant, vehicle).tilt_first
+        assert learnt_at_full_thrust(RotorpyPlant, vehicle, tilt=0.0).tilt_first, "nothing was seen of it"
+
+
+def test_a_flight_with_a_vehicle_too_heavy_learns_it():
+    small = {"samples": 128, "horizon": 50, "iterations": 1, "target_ess": 20}
+    spec = Spec.of("paper_flat", vehicle="swift", preset="race", **small, timeout=1.5, randomize=1.0, seed=4)
+    plant, mppi, referee = build(spec)
+    navigation = navigation_of(spec, plant, mppi, referee)
+    with closing(plant):
+        *_, last = launch(spec, plant, mppi, referee, navigation)
+    mass = spec.record()["variation"]["mass"]
+    assert mass > 0.03
+    assert last.t == pytest.approx(1.5)
+    learnt = navigation.learner.model
+    assert learnt.thrust_gain == pytest.approx(1 / (1 + mass), abs=0.015)
+    assert mppi.model.params == quadrotor(learnt, DT).params, "the planner plans with it"
+    successor = planner_of(spec, spec.streams[0])
+    successor.continue_from(mppi)
+    estimate = navigation.estimate(last.t)
+    successor.control(estimate)
+    assert successor.model.params == estimate.model.params, "and so does one that takes over"
+    assert successor.model.params != planner_of(spec, spec.streams[0]).model.params
+
+
+def test_a_planner_that_does_not_adapt_is_given_no_model():
+    spec = Spec.of("paper_flat", vehicle="swift", preset="race", adapt=False, samples=128, horizon=50)
+    plant, mppi, referee = build(spec)
+    navigation = navigation_of(spec, plant, mppi, referee)
+    plant.close()
+    assert navigation.learner is None
+    estimate = navigation.estimate(0.0)
+    assert isinstance(estimate, Estimate)
+    assert estimate.model is None
+    assert estimate.course is None, "the map is all that is known without sensors"
+
+
+def sensed(seed, gust=REAL.gust, noise=0.1, taken_for=0.1, rotors=None, steps=300):
+    """Errors of thrust, thrust gain and drag in standard deviations, after a flight on noisy forces.
+
+    The vehicle is `simulated` by the law that the filter assumes: its thrust lags behind its command.
+    noise: of the specific force [m/s^2], which the filter takes for `taken_for`. rotors: standard deviation of the
+    thrust by rotor speeds [m/s^2].
+    """
+    rng = np.random.default_rng(seed)
+    k = 1 + REAL.mass * rng.uniform(-1, 1)
+    d = NOMINAL.drag * (1 + REAL.drag * rng.uniform(-1, 1))
+    wind = gusts(np.random.SeedSequence(seed), gust, DT)
+    learner = VehicleLearner.for_sensors(NOMINAL, DT, ImuConfig(250.0, accelerometer_noise=taken_for))
+    lag = quadrotor(NOMINAL, DT).params[3]
+    a, q, v = GRAVITY, (1.0, 0.0, 0.0, 0.0), np.zeros(3)
+    phase = rng.uniform(0, 6, 2)
+    for i in range(steps):
+        t = i * DT
+        a_cmd = 20.0 + 10.0 * np.sin(3 * t + phase[0])
+        a += (a_cmd - a) * lag + 0.05 * rng.standard_normal()
+        q = turned(q, (2.4 * np.cos(2 * t + phase[1]) * DT, 0.0, 0.0))
+        w = np.array(next(wind))
+        to_body = np.column_stack([rotate_back(q, axis) for axis in np.eye(3)])  # R(q)^T
+        force = np.array([0.0, 0.0, k * a]) + to_body @ (w - d * v)
+        v = v + DT * (to_body.T @ force - (0.0, 0.0, GRAVITY))
+        measured = force + np.hypot(noise, FORCE_STD) * rng.standard_normal(3)
+        learner.learn_from_force(a_cmd, 0.0, tuple(measured), Nominal(t, (0.0,) * 3, tuple(v), q))
+        if rotors:
+            learner.learn_from_rotors(a + rotors * rng.standard_normal(), rotors)
+    now, std = learner.numbers, learner.std
+    return (now.thrust - a) / std.thrust, (now.thrust_gain - k) / std.thrust_gain, (now.drag - d) / std.drag
+
+
+@pytest.mark.parametrize("rotors", [None, 0.1])
+def test_errors_from_sensors_are_no_larger_than_the_filter_expects(rotors):
+    """The rotors' own lag is taken as uncertain though it is known here: then only the upper bound holds."""
+    off = np.array([sensed(seed, rotors=rotors) for seed in range(40)])
+    mean_square = np.mean(off**2, axis=0)  # chi^2 with 40 degrees of freedom: .5 to 1.7 is 99.8 %
+    assert np.all(mean_square < 1.8), mean_square
+    assert np.all(mean_square > 0.1), mean_square
+
+
+def test_an_accelerometer_worse_than_it_is_taken_for_makes_errors_beyond_the_filters_deviations():
+    off = np.array([sensed(seed, noise=2.0, rotors=0.1) for seed in range(20)])
+    assert np.mean(off**2) > 2.5
+
+
+def test_rotor_speeds_make_the_thrust_better_known():
+    """By a force alone, weak rotors are told from a heavy vehicle by the model of the rotors only."""
+    std = {}
+    for rotors in (None, 0.1):
+        learner = VehicleLearner.for_sensors(NOMINAL, DT, ImuConfig(250.0, accelerometer_noise=0.1))
+        for k in range(200):
+            learner.learn_from_force(20.0, 0.0, (0.0, 0.0, 20.0), Nominal(k * DT, *((0.0,) * 3,) * 2, (1.0, 0, 0, 0)))
+            if rotors:
+                learner.learn_from_rotors(20.0, rotors)
+        std[rotors] = learner.std.thrust
+    assert std[0.1] < 0.8 * std[None]
+
+
+def test_body_rates_follow_the_gyroscope_and_the_model_without_one():
+    """A plant that turns as the model says is followed by the model alone; one that does not, by the gyroscope."""
+    rates = BodyRates(NOMINAL, DT, ImuConfig(250.0, gyro_noise=0.01))
+    system, x = quadrotor(NOMINAL, DT), tuple(start_state(load_course("figure8").start, 0.1))
+    for k in range(100):
+        u = Control(2.0 * np.sin(0.1 * k), 1.0 * np.cos(0.07 * k), 0.3, 20.0)
+        x = system.step(x, u, system.params, DT)
+        rates.advance(u, None)
+    now = State(*x)
+    assert rates.rates == pytest.approx(now.body_rates, abs=1e-9)
+    assert rates.angular_acceleration == pytest.approx(now.angular_acceleration, abs=1e-9)
+    for _ in range(50):
+        rates.advance(HOVER, (1.0, -1.0, 0.5))
+    assert rates.rates == pytest.approx((1.0, -1.0, 0.5), abs=0.1)
+    assert rates.reserve(HOVER) > 0.0
