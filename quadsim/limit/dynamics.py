@@ -17,7 +17,16 @@ import numpy as np
 
 from quadsim.physics.actuators import gyroscopic
 from quadsim.physics.allocation import mixer
-from quadsim.systems.quadrotor import UNLIMITED_YAW, ModelParams, quadrotor, quaternion_rate, step
+from quadsim.systems.quadrotor import (
+    UNLIMITED_YAW,
+    Control,
+    ModelParams,
+    Params,
+    State,
+    quadrotor,
+    quaternion_rate,
+    step,
+)
 from quadsim.systems.rotation import to_body, to_world
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
@@ -105,14 +114,14 @@ def rates(model: ModelParams) -> Dynamics:
         raise ValueError("--model: rates needs a vehicle whose body rates lag (rate_tau > 0): take rotors")
 
     def whole(x):
-        return (*x, 0.0, 0.0, 0.0, 0.0)[: BODY + 4]
+        return State(*(*x, 0.0, 0.0, 0.0, 0.0)[: BODY + 4])
 
     def rate(x, u):  # x' = d step / d dt at dt = 0, with a clip that never acts
         dt = casadi.SX.sym("dt")
         follow = dt / tau if tau > 0.0 else 1.0
         k, most = (model.thrust_gain, model.drag), 2 * model.thrust_max
-        p = (*(1.0 / t for t in model.rate_tau), follow, *k, 0.0, 0.0, UNLIMITED_YAW, most)
-        ahead = casadi.vertcat(*step(whole(x), u, p, dt)[:n])
+        p = Params(*(1.0 / t for t in model.rate_tau), follow, *k, 0.0, 0.0, UNLIMITED_YAW, most)
+        ahead = casadi.vertcat(*step(whole(x), Control(*u), p, dt)[:n])
         return tuple(casadi.vertsplit(casadi.substitute(casadi.jacobian(ahead, dt), dt, 0.0)))
 
     def spare(x, u):
@@ -128,7 +137,7 @@ def rates(model: ModelParams) -> Dynamics:
         steps = ceil(dt / FINE[1])
         system, state = quadrotor(model, dt / steps), whole(x)
         for _ in range(steps):
-            state = step(state, u, system.params, system.dt)
+            state = system.next(state, u)
             yield state[:n]
 
     body = _body(model.rate_max)
