@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from race_cases import ALL, DT, EXIT, FAR, GAP, ONLY, RADIUS, ROW, at, course, fly, gate, straight, term, through
 
-from controllers.costs.race import RUN_OUT, TERMS, TO_GO, RaceWeights, clear_of_frame, race_cost
+from controllers.costs.race import RUN_OUT, TERMS, RaceWeights, clear_of_frame, race_cost
+from controllers.costs.race_targets import TO_GO
 from quadsim.course import course_names, load_course
 
 

@@ -9,6 +9,7 @@ from race_cases import ALL, RADIUS, ROW, course, fly, gate, straight
 
 from controllers.costs.frames import obstacle_rows
 from controllers.costs.race import race_cost
+from controllers.costs.race_targets import TO_GO
 from controllers.costs.ways_round import sees, shortest, way_round
 from quadsim.course import Box, Cylinder
 
@@ -65,7 +66,7 @@ def test_a_wall_between_two_gates_puts_rows_between_them_and_the_way_to_go_count
     cost, bare = race_cost(WALLED, RADIUS, ALL, 1), race_cost(replace(WALLED, obstacles=()), RADIUS, ALL, 1)
     assert len(cost.targets) == len(bare.targets) + 2
     np.testing.assert_array_equal(bare.targets[1:, :3], cost.targets[3:, :3])
-    assert cost.targets[0, 12] > bare.targets[0, 12] + 0.1  # metres to go from the first gate
+    assert cost.targets[0, TO_GO] > bare.targets[0, TO_GO] + 0.1  # metres to go from the first gate
     corners = cost.targets[1:3, :3].tolist()
     assert max(y for _, y, _ in corners) < -1.0
     legs = pairwise([(-1.0, 0.0, 20.0), (1.0, 0.0, 20.0), *corners, (21.0, 0.0, 20.0)])
