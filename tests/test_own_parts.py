@@ -102,7 +102,7 @@ def test_ones_own_controller_and_referee_have_the_say():
     assert run.outcome == "finished"
 
 
-class State(NamedTuple):
+class Slide(NamedTuple):
     """A mass on a line: position, velocity, force."""
 
     s: float
@@ -126,7 +126,7 @@ class Zero(NamedTuple):
 
 
 def slide(x, u, p, dt):
-    return State(s=x.s + x.v * dt, v=x.v + x.f / p.mass * dt, f=x.f + (u.f_cmd - x.f) * dt / p.lag)
+    return Slide(s=x.s + x.v * dt, v=x.v + x.f / p.mass * dt, f=x.f + (u.f_cmd - x.f) * dt / p.lag)
 
 
 def position(x, x_next, u, zero, p):
@@ -138,7 +138,7 @@ def velocity(x, x_next, u, zero, p):
 
 
 MASS = {
-    "system": quadsim.System("mass", State, Control, slide, Params(mass=2.0, lag=0.1), 0.05, (-9.0,), (9.0,), (0.0,)),
+    "system": quadsim.System("mass", Slide, Control, slide, Params(mass=2.0, lag=0.1), 0.05, (-9.0,), (9.0,), (0.0,)),
     "cost": quadsim.Cost("near zero", (Term(position), Term(velocity, 0.1)), Zero, np.zeros((1, 1))),
     "sampler": quadsim.Gaussian((3.0,)),
     "start": (1.0, 0.0, 0.0),
