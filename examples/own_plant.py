@@ -19,9 +19,9 @@ class Windy:
         self.state = PlantState(0.0, spec.entry.start(spec), contacts=())
 
     def step(self, u: tuple[float, ...]) -> PlantState:
-        x = self.system.step(self.state.x, u, self.system.params, self.dt)
-        x = (*x[:4], x[4] + WIND * self.dt, *x[5:])  # vy
-        self.state = PlantState(self.state.t + self.dt, x, contacts=())
+        x = self.system.next(self.state.x, u)
+        blown = x._replace(vy=x.vy + WIND * self.dt)
+        self.state = PlantState(self.state.t + self.dt, blown, contacts=())
         return self.state
 
     def close(self) -> None:

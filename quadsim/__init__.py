@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "controllers.config": ("MPPIConfig",),
-    "controllers.costs": ("Cost",),
+    "controllers.costs": ("Cost", "Term"),
     "controllers.mppi": ("MPPI",),
     "controllers.plan": ("PlanStats",),
     "controllers.samplers": ("Colored", "Gaussian", "LogNormal", "Smooth", "SmoothStar"),

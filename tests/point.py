@@ -1,12 +1,13 @@
 """A point that is pushed about a plane, and Algorithm 1 written naively for it, for the tests of MPPI."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from oracle import from_lanes
 
 from controllers.config import MPPIConfig
-from controllers.costs import Cost
+from controllers.costs import Cost, Term, evaluate
 from controllers.mppi import MPPI, Iteration
 from controllers.samplers import make_sampler
 from quadsim.systems import System
@@ -28,21 +29,62 @@ class White:
         return rng.normal(size=(samples, horizon, controls)) * self.sd
 
 
+class State(NamedTuple):
+    px: float
+    py: float
+    vx: float
+    vy: float
+
+
+class Control(NamedTuple):
+    ax: float
+    ay: float
+
+
+class Params(NamedTuple):
+    drag: float
+
+
+class Goal(NamedTuple):
+    x: float
+    y: float
+
+
 def step(x, u, p, dt):
-    px, py, vx, vy = x
-    ax, ay = u
-    return px + vx * dt, py + vy * dt, vx + (ax - p[0] * vx) * dt, vy + (ay - p[0] * vy) * dt
+    return State(
+        px=x.px + x.vx * dt,
+        py=x.py + x.vy * dt,
+        vx=x.vx + (u.ax - p.drag * x.vx) * dt,
+        vy=x.vy + (u.ay - p.drag * x.vy) * dt,
+    )
 
 
-def terms(x, x_next, u, target, crashed, p):
-    ex, ey = x_next[0] - target[0], x_next[1] - target[1]
-    return p[0] * (ex * ex + ey * ey), p[1] * u[0] * u[0], ex > 1e6, crashed
+def distance(x, x_next, u, goal, p):
+    ex = x_next.px - goal.x
+    ey = x_next.py - goal.y
+    return ex * ex + ey * ey
+
+
+def effort(x, x_next, u, goal, p):
+    return u.ax * u.ax
+
+
+def far_off(x, x_next, u, goal, p):
+    return x_next.px - goal.x > 1e6
 
 
 POINT = System(
-    "point", ("px", "py", "vx", "vy"), ("ax", "ay"), step, (0.1,), 0.1, (-1.5, -1.0), (1.5, 2.0), tuple(REST)
+    name="point",
+    state=State,
+    control=Control,
+    step=step,
+    params=Params(drag=0.1),
+    dt=0.1,
+    low=(-1.5, -1.0),
+    high=(1.5, 2.0),
+    rest=tuple(REST),
 )
-GOAL = Cost("goal", ("distance", "effort"), terms, (1.0, 0.05), np.zeros((1, 2)))
+GOAL = Cost("goal", (Term(distance, 1.0), Term(effort, 0.05)), Goal, np.zeros((1, 2)), reached=far_off)
 
 
 def make(seed=12, sampler="gaussian", system=POINT, sigma=SAMPLING["sigma"], **changes):
@@ -55,10 +97,10 @@ def make(seed=12, sampler="gaussian", system=POINT, sigma=SAMPLING["sigma"], **c
 
 
 def naive_cost(v):
-    x, total = tuple(START), 0.0
+    x, total = State(*START), 0.0
     for u in v:
-        x_next = step(x, u, POINT.params, POINT.dt)
-        total += sum(terms(x, x_next, u, (0.0, 0.0), 0.0, GOAL.params)[:2])
+        x_next = POINT.next(x, u)
+        total += sum(evaluate(GOAL, x, x_next, Control(*u), GOAL.targets[0]).terms.values())
         x = x_next
     return total / len(v)
 

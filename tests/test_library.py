@@ -125,5 +125,5 @@ def test_mppi_alone_in_a_loop_brings_the_double_integrator_to_its_goal():
     for _ in range(150):
         u, stats = mppi.control(x)
         assert 1 <= stats.ess <= 256
-        x = np.array(system.step(x, u, system.params, dt))
+        x = np.array(system.next(x, u))
     assert x == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=0.2)

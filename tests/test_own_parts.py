@@ -5,11 +5,13 @@ import os
 import subprocess
 import sys
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 import quadsim
+from controllers.costs import Term
 from controllers.plan import PlanStats
 from quadsim.physics.plant import PlantState
 from quadsim.race.plane_referees import DurationReferee
@@ -34,7 +36,7 @@ class Held:
 
 def dearer(cost):
     """The default cost, its weights doubled."""
-    return replace(cost, params=tuple(2 * p for p in cost.params))
+    return replace(cost, terms=tuple(term.but(weight=2 * term.weight) for term in cost.terms))
 
 
 class Free:
@@ -46,7 +48,7 @@ class Free:
         self.state = PlantState(0.0, spec.entry.start(spec), ())
 
     def step(self, u):
-        x = self.system.step(self.state.x, u, self.system.params, self.dt)
+        x = self.system.next(self.state.x, u)
         self.state = PlantState(self.state.t + self.dt, x, ())
         return self.state
 
@@ -131,22 +133,44 @@ def test_ones_own_controller_and_referee_have_the_say():
     assert run.outcome == "finished"
 
 
+class Slide(NamedTuple):
+    """A mass on a line: position, velocity, force."""
+
+    s: float
+    v: float
+    f: float
+
+
+class Control(NamedTuple):
+    """The commanded force, which the force follows with a lag."""
+
+    f_cmd: float
+
+
+class Params(NamedTuple):
+    mass: float
+    lag: float
+
+
+class Zero(NamedTuple):
+    s: float
+
+
 def slide(x, u, p, dt):
-    """A mass on a line: position, velocity, force; commanded force, which the force follows with a lag."""
-    position, velocity, force = x
-    (command,) = u
-    mass, lag = p
-    return position + velocity * dt, velocity + force / mass * dt, force + (command - force) * dt / lag
+    return Slide(s=x.s + x.v * dt, v=x.v + x.f / p.mass * dt, f=x.f + (u.f_cmd - x.f) * dt / p.lag)
 
 
-def away_from_zero(x, x_next, u, target, crashed, p):
-    position, velocity, _ = x_next
-    return position * position, 0.1 * velocity * velocity, False, crashed
+def position(x, x_next, u, zero, p):
+    return (x_next.s - zero.s) * (x_next.s - zero.s)
+
+
+def velocity(x, x_next, u, zero, p):
+    return x_next.v * x_next.v
 
 
 MASS = {
-    "system": quadsim.System("mass", ("s", "v", "f"), ("f_cmd",), slide, (2.0, 0.1), 0.05, (-9.0,), (9.0,), (0.0,)),
-    "cost": quadsim.Cost("near zero", ("position", "velocity"), away_from_zero, (), np.zeros((1, 1))),
+    "system": quadsim.System("mass", Slide, Control, slide, Params(mass=2.0, lag=0.1), 0.05, (-9.0,), (9.0,), (0.0,)),
+    "cost": quadsim.Cost("near zero", (Term(position), Term(velocity, 0.1)), Zero, np.zeros((1, 1))),
     "sampler": quadsim.Gaussian((3.0,)),
     "start": (1.0, 0.0, 0.0),
     "timeout": 3.0,

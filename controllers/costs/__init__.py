@@ -46,15 +46,22 @@ class Term:
     Args:
         function: (x, x_next, u, target, p) -> number, a plain function over named scalars.
         weight: of its number in the cost; a term of weight zero is left out of the rollouts.
-        name: shown in telemetry and reports; default: the function's.
+        name: shown in telemetry and reports, a name as of a variable; default: the function's.
         parameters: of its own, which `p` then holds in place of the cost's. A number, or an array (T,) with one number
             for each step of the horizon. They can be changed without compiling again.
+
+    Raises:
+        ValueError: the name is no name of a variable.
     """
 
     def __init__(self, function: Callable, weight: Weight = 1.0, name: str = "", **parameters: Weight):
         self.function = function
         self.weight = weight
-        self.name = name or function.__name__.strip("<>")
+        self.name = name or getattr(function, "__name__", "").strip("<>")
+        if not self.name.isidentifier():
+            raise ValueError(
+                f"term: expected a name as of a variable, such as Term(..., name='band'), got {self.name!r}"
+            )
         self.parameters: tuple | None = None
         if parameters:
             self.parameters = namedtuple(f"{self.name}_parameters", tuple(parameters))(**parameters)
@@ -64,6 +71,9 @@ class Term:
         own = self.parameters._asdict() if self.parameters else {}  # pyright: ignore
         return Term(self.function, self.weight if weight is None else weight, self.name, **{**own, **parameters})
 
+    def __reduce__(self) -> tuple:
+        return _term, (self.function, self.weight, self.name, self.parameters._asdict() if self.parameters else {})  # pyright: ignore
+
     @property
     def shape(self) -> tuple:
         """What the compiled loop depends on: the function and the names of its parameters, not their values."""
@@ -72,6 +82,11 @@ class Term:
 
     def __repr__(self) -> str:
         return f"Term({self.name}, weight={self.weight})"
+
+
+def _term(function: Callable, weight: Weight, name: str, parameters: dict[str, Weight]) -> Term:
+    """Make a Term again in another process, where pickle would not find the type of its record of parameters."""
+    return Term(function, weight, name, **parameters)
 
 
 @dataclass(frozen=True)
@@ -107,10 +122,10 @@ class Cost:
     guide: Callable | None = None  # (target, x, T) -> controls (T, n_u) to perturb beside the plan, in place of rest
 
     def __post_init__(self) -> None:
-        names = self.term_names
-        if len(set(names)) < len(names):
-            twice = next(name for name in names if names.count(name) > 1)
-            raise ValueError(f"cost {self.name}: expected terms of different names, got two named {twice!r}")
+        for what, names in (("terms", self.term_names), ("weights and parameters", self.number_names)):
+            if len(set(names)) < len(names):
+                twice = next(name for name in names if names.count(name) > 1)
+                raise ValueError(f"cost {self.name}: expected {what} of different names, got two named {twice!r}")
 
     @property
     def term_names(self) -> tuple[str, ...]:
@@ -130,7 +145,7 @@ class Cost:
         """Names of the numbers that the compiled loops are given, in order: weights, parameters."""
         weights = (f"weight_{term.name}" for term in self.terms)
         shared = (f"p_{name}" for name in getattr(self.params, "_fields", ()))
-        own = (f"{term.name}_{name}" for term in self.terms if term.parameters for name in term.parameters._fields)  # pyright: ignore
+        own = (f"p_{term.name}_{name}" for term in self.terms if term.parameters for name in term.parameters._fields)  # pyright: ignore
         return (*weights, *shared, *own)
 
     def numbers(self, horizon: int) -> np.ndarray:
@@ -146,7 +161,7 @@ class Cost:
         values += self.params
         for term in self.terms:
             values += term.parameters or ()
-        if not any(isinstance(value, np.ndarray) and value.ndim for value in values):
+        if not any(np.ndim(value) for value in values):
             return np.array([values], float)
         rows = np.empty((horizon, len(values)))
         for k, (name, value) in enumerate(zip(self.number_names, values, strict=True)):

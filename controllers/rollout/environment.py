@@ -26,7 +26,7 @@ from controllers.rollout.compiled import load_module
 from controllers.rollout.parts import fill, header, line_test, next_targets, read, store
 from controllers.rollout.planner_loops import trace_model
 from controllers.rollout.text import Writer
-from controllers.rollout.trace import Graph, trace
+from controllers.rollout.trace import Graph, trace, trace_number
 from quadsim.systems import System
 from quadsim.systems.records import flat, flat_names
 
@@ -307,13 +307,13 @@ def _step(system: System, cost: Cost, learning: Learning) -> dict[str, str]:
         symbol.name = f"u_{name}"
     x_next = trace_model(graph, system, x, u, model)
     graph.section = "whether the vehicle crashes"
-    crashes = trace(cost.crash, x, x_next, u, target, shared)  # pyright: ignore[reportArgumentType]
+    crashes = trace_number(cost.crash, x, x_next, u, target, shared)  # pyright: ignore[reportArgumentType]
     crashed = graph.apply("where", crashes, 1.0, 0.0)
     graph.section = "whether it reaches its target"
-    reached = trace(cost.reached, x, x_next, u, target, shared)  # pyright: ignore[reportArgumentType]
+    reached = trace_number(cost.reached, x, x_next, u, target, shared)  # pyright: ignore[reportArgumentType]
     graph.section = "what the reward is made of"
-    way = trace(learning.progress, x, x_next, u, target, shared)
-    clearance = trace(learning.clearance, x, x_next, u, target, shared)
+    way = trace_number(learning.progress, x, x_next, u, target, shared)
+    clearance = trace_number(learning.clearance, x, x_next, u, target, shared)
 
     writer = Writer(ADVANCE)
     lines = writer.lines([*flat(x_next), *asked, crashed, reached, way, clearance])
@@ -347,7 +347,7 @@ def _pay(system: System, learning: Learning) -> dict[str, str]:
     reached = graph.input("has_passed", "F(reached[l])")
     graph.section = "the reward"
     weights = graph.record(learning.weights, "weight")
-    paid = trace(learning.reward, progress, clearance, crashed, reached, action, last, weights)
+    paid = trace_number(learning.reward, progress, clearance, crashed, reached, action, last, weights)
     graph.section = "the observation"
     seen = trace(learning.observation, x, gates, action)
     writer = Writer(ADVANCE)

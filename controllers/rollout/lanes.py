@@ -83,7 +83,13 @@ class Rollout:
             return numbers
         near = obstacles.near(np.asarray(x0, float), horizon * s.dt).astype(d)
         term = self.cost.crash_term
-        return *numbers, near, steps_between(s.dt), term, d(self.cost.terms[term].weight)
+        weight = self.cost.terms[term].weight
+        if np.ndim(weight):
+            raise ValueError(
+                f"cost {self.cost.name}: weight_{self.cost.terms[term].name}: expected one number, as there are "
+                f"obstacles, got shape {np.shape(weight)}"
+            )
+        return *numbers, near, steps_between(s.dt), term, d(weight)
 
     @property
     def _module(self) -> ModuleType:

@@ -22,7 +22,7 @@ from controllers.costs import Cost, crash
 from controllers.rollout.layout import LANES
 from controllers.rollout.parts import NEXT_TARGETS, fill, header, line_test, next_targets, read, store
 from controllers.rollout.text import Writer
-from controllers.rollout.trace import Graph, Symbol, trace, trace_number
+from controllers.rollout.trace import Graph, Symbol, check_number, trace, trace_number, wrong_result
 from quadsim.systems import System
 from quadsim.systems.records import flat
 
@@ -55,11 +55,12 @@ reached[l] = np.int32(1) if <is_reached> else np.int32(0)
 ROLLOUT = """
 @kept
 @njit(fastmath=FAST, error_model="numpy", parallel=True)
-def rollout(x0, U, z, J, noise_factor, cost_factor, low, high, dt, targets, p_system, p_cost<obstacle_arguments>):
+def rollout(x0, U, z, J, noise_factor, cost_factor, low, high, dt, targets, system_numbers,
+            cost_numbers<obstacle_arguments>):
     T = U.shape[0]
     halves = z.shape[2] // T
     last_row = np.int32(targets.shape[0] - 1)
-    varies = p_cost.shape[0] > 1  # whether the parameters of the cost depend on the step
+    varies = cost_numbers.shape[0] > 1  # whether the parameters of the cost depend on the step
     <read_model>
     <read_limits>
     for b in prange(J.shape[0]):
@@ -85,13 +86,13 @@ def rollout(x0, U, z, J, noise_factor, cost_factor, low, high, dt, targets, p_sy
 PATHS = """
 @kept
 @njit(fastmath=FAST, error_model="numpy")
-def paths(x0, U, block, path, means, noise_factor, cost_factor, low, high, dt, targets, p_system,
-          p_cost<obstacle_arguments>):
+def paths(x0, U, block, path, means, noise_factor, cost_factor, low, high, dt, targets, system_numbers,
+          cost_numbers<obstacle_arguments>):
     T = U.shape[0]
     t0 = 0
     b = 0
     last_row = np.int32(targets.shape[0] - 1)
-    varies = p_cost.shape[0] > 1
+    varies = cost_numbers.shape[0] > 1
     <read_model>
     <read_limits>
     <begin>
@@ -200,7 +201,6 @@ def module_source(system: System, cost: Cost, dtype: type) -> str:
             begin_marks=_marks(cost, BEGIN_MARKS),
         ),
         "next_targets": next_targets(len(cost.row._fields)),  # pyright: ignore[reportAttributeAccessIssue]
-        "obstacle_arguments": ", obstacles, stride, crash_term, crash_weight" if cost.obstacles else "",
     }
     rollout = fill(
         ROLLOUT, **parts, sum=" + ".join(step.weighted.values()) or "F(0)", keep_marks=_marks(cost, KEEP_MARKS, "cost")
@@ -244,7 +244,15 @@ def _step(system: System, cost: Cost) -> _Step:
     x_next = trace_model(graph, system, x, u)
     found = trace_cost(graph, cost, x, x_next, u, target, crashed_before)
 
-    writer = Writer(around=BEGIN + STEP + ROLLOUT + PATHS + BEGIN_MARKS + KEEP_MARKS + NEXT_TARGETS)
+    parts = {
+        "read_plan": "\n".join(f"plan_{name} = U[t, {k}]" for k, name in enumerate(system.controls)),
+        "read_limits": "\n".join(
+            f"{side}_{name} = {side}[{k}]" for side in ("low", "high") for k, name in enumerate(system.controls)
+        ),
+        "obstacle_arguments": ", obstacles, stride, crash_term, crash_weight" if cost.obstacles else "",
+    }
+    around = (BEGIN, STEP, ROLLOUT, PATHS, BEGIN_MARKS, KEEP_MARKS, NEXT_TARGETS, *parts.values())
+    writer = Writer("\n".join(around))
     lines = writer.lines([*flat(x_next), found.crashed, found.reached, *found.weighted.values()])
     step = fill(
         STEP,
@@ -253,15 +261,11 @@ def _step(system: System, cost: Cost) -> _Step:
         crashed=writer(found.crashed),
         is_reached=writer(found.reached),
     )
-    parts = {
+    parts |= {
         "step": step,
-        "read_model": read(type(system.params), "model", "p_system[{k}]", writer) if system.params else "",
+        "read_model": read(type(system.params), "model", "system_numbers[{k}]", writer) if system.params else "",
         "read_cost": "\n".join(
-            f"{name} = p_cost[k_t, {k}]" for k, name in enumerate(cost.number_names) if name in writer.read
-        ),
-        "read_plan": "\n".join(f"plan_{name} = U[t, {k}]" for k, name in enumerate(system.controls)),
-        "read_limits": "\n".join(
-            f"{side}_{name} = {side}[{k}]" for side in ("low", "high") for k, name in enumerate(system.controls)
+            f"{name} = cost_numbers[k_t, {k}]" for k, name in enumerate(cost.number_names) if name in writer.read
         ),
     }
     # clip(U + n z) is four operations for each control; each term is added to the sum
@@ -280,7 +284,12 @@ def trace_model(graph: Graph, system: System, x: Any, u: Any, params: Any = None
     graph.section = f"{system.name}: {system.step.__name__}"
     if params is None:
         params = graph.record(type(system.params), "model") if system.params else ()
-    return trace(system.step, x, u, params, graph.variable("dt"))
+    x_next = trace(system.step, x, u, params, graph.variable("dt"))
+    if not isinstance(x_next, system.state):
+        raise wrong_result(system.step, f"a {system.state.__name__}", x_next)
+    for value in flat(x_next):
+        check_number(system.step, value)
+    return x_next
 
 
 class TracedCost(NamedTuple):
@@ -309,7 +318,7 @@ def trace_cost(graph: Graph, cost: Cost, x: Any, x_next: Any, u: Any, target: An
         graph.section = f"term: {term.name}"
         value = crashed
         if term.function is not crash:
-            own = graph.record(type(term.parameters), term.name) if term.parameters else shared
+            own = graph.record(type(term.parameters), f"p_{term.name}") if term.parameters else shared
             value = trace_number(term.function, x, x_next, u, target, own)
         weighted[term.name] = _weigh(graph, graph.variable(f"weight_{term.name}"), value)
         weighted[term.name].hint = f"cost_of_{term.name}"

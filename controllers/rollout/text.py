@@ -82,6 +82,7 @@ class Writer:
         needed = self._needed(results)
         self.operations += sum(node.kind not in LEAVES for node in needed)
         self._count_uses(needed, results)
+        self._taken |= {node.name for node in needed if node.kind == "variable"}
         lines: list[str] = []
         section = ""
         for node in needed:

@@ -22,6 +22,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import isfinite
 from types import FrameType
 from typing import Any
 
@@ -238,13 +239,17 @@ class Graph:
 
 
 def operand(value: Any) -> Any:
-    """Return a Symbol or a finite Python number. Raises TraceError for anything else."""
-    if isinstance(value, Symbol | bool):
+    """Return a Symbol, a bool or a finite float. Raises TraceError for anything else."""
+    if isinstance(value, Symbol):
         return value
-    if isinstance(value, np.generic):
+    if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         value = value.item()
-    if isinstance(value, int | float) or (isinstance(value, np.ndarray) and value.ndim == 0):
-        return value if isinstance(value, bool) else float(value)
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, int | float) and isfinite(value):
+        return float(value)
+    if isinstance(value, float):
+        raise trace_error(f"{value} is not finite, and compiled code takes every number to be finite: write 1e30")
     raise trace_error(f"expected a number or a scalar of the rollout, got {type(value).__name__} {value!r:.60}")
 
 
@@ -264,11 +269,26 @@ def trace(function: Callable, *args: Any) -> Any:
 
 
 def trace_number(function: Callable, *args: Any) -> Any:
-    """Return the symbol, or the number, that the function makes of symbols. Raises TraceError, as `trace` does."""
-    value = trace(function, *args)
-    if not isinstance(value, Symbol | int | float | np.generic):
-        raise TraceError(f"{label(function)}: expected to return one number, got {type(value).__name__}")
-    return value
+    """Return the number or the condition that the function makes of symbols. Raises TraceError, as `trace` does."""
+    return check_number(function, trace(function, *args))
+
+
+def check_number(function: Callable, value: Any) -> Any:
+    """Return what a traced function returned. Raises TraceError unless it is a number or a condition."""
+    if isinstance(value, tuple | list):
+        raise wrong_result(function, "one number", value)
+    try:
+        return operand(value)
+    except TraceError:
+        raise wrong_result(function, "a number", value) from None
+
+
+def wrong_result(function: Callable, expected: str, value: Any) -> TraceError:
+    """Return the error of a function that returned something else than expected."""
+    code = getattr(function, "__code__", None)
+    place = f"{code.co_filename}:{code.co_firstlineno}: " if code else ""
+    found = "None: is a return missing?" if value is None else f"{type(value).__name__} {value!r:.60}"
+    return TraceError(f"{label(function)}: {place}expected it to return {expected}, got {found}")
 
 
 @contextmanager
@@ -283,8 +303,9 @@ def naming() -> Iterator[None]:
             return
         for name, local in named.f_locals.items():
             _name(name, local)
-        if event == "return":
-            _name(frame.f_code.co_name, value, weakly=True)
+        function_name = frame.f_code.co_name
+        if event == "return" and function_name.isidentifier():  # "<lambda>" is no name of a variable
+            _name(function_name, value, weakly=True)
 
     sys.setprofile(name_locals)
     try:

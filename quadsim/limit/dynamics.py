@@ -26,6 +26,7 @@ from quadsim.systems.quadrotor import (
     VELOCITY,
     Control,
     ModelParams,
+    Params,
     State,
     quadrotor,
     step,
@@ -135,9 +136,20 @@ def rates(model: ModelParams) -> Dynamics:
     def rate(x, u):  # x' = d step / d dt at dt = 0, with a clip that never acts
         dt = casadi.SX.sym("dt")
         follow = dt / tau if tau > 0.0 else 1.0
-        k, most = (model.thrust_gain, model.drag), 2 * model.thrust_max
-        p = (*(1.0 / t for t in model.rate_tau), follow, *k, 0.0, 0.0, UNLIMITED_YAW, most)
-        ahead = casadi.vertcat(*step(whole(x), u, p, dt)[:n])
+        tau_x, tau_y, tau_z = model.rate_tau
+        p = Params(
+            rate_gain_x=1.0 / tau_x,
+            rate_gain_y=1.0 / tau_y,
+            rate_gain_z=1.0 / tau_z,
+            rotor_response=follow,
+            thrust_gain=model.thrust_gain,
+            drag=model.drag,
+            tilt_cost_x=0.0,
+            tilt_cost_y=0.0,
+            yaw_per_room=UNLIMITED_YAW,
+            thrust_max=2 * model.thrust_max,
+        )
+        ahead = casadi.vertcat(*step(whole(x), Control(*u), p, dt)[:n])
         return tuple(casadi.vertsplit(casadi.substitute(casadi.jacobian(ahead, dt), dt, 0.0)))
 
     def spare(x, u):
@@ -160,7 +172,7 @@ def rates(model: ModelParams) -> Dynamics:
         steps = ceil(dt / FINE[1])
         system, state = quadrotor(model, dt / steps), whole(x)
         for _ in range(steps):
-            state = step(state, u, system.params, system.dt)
+            state = system.next(state, u)
             yield state[:n]
 
     body = _body(model.rate_max)

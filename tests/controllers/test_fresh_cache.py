@@ -26,7 +26,7 @@ x = start_state(course.start, 0.1)
 print(mppi.is_cached, file=sys.stderr)
 for _ in range(20):
     u, _ = mppi.control(np.array(x))
-    x = tuple(float(value) for value in system.step(x, tuple(u.tolist()), system.params, config.dt))
+    x = tuple(float(value) for value in system.next(x, u.tolist()))
 sys.stdout.buffer.write(mppi.plan.tobytes())
 """
 

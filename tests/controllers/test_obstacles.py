@@ -1,6 +1,7 @@
 """Frames, boxes and cylinders as obstacles of a rollout: held against the referee's swept test, wherever they stand."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -8,8 +9,8 @@ from oracle import fly_rows, to_lanes
 from race_cases import ALL, DT, RADIUS, ROW, course, gate, state
 from test_rollout_oracle import SYSTEM, assert_agree, controls, fly_lanes, launch
 
-from controllers.costs import Cost
-from controllers.costs.frames import SAFETY_MARGIN, course_obstacles, touches, touches_round
+from controllers.costs import Cost, Term, crash
+from controllers.costs.frames import SAFETY_MARGIN, FrameRow, ObstacleRow, course_obstacles, touches, touches_round
 from controllers.costs.race import race_cost
 from controllers.rollout.lanes import LANES, Rollout
 from quadsim.course import Box, Cylinder
@@ -21,12 +22,12 @@ TURNED = gate(5.0, 1.0, 20.0, 40, 20, 15)
 
 
 def frames(*gates):
-    return course_obstacles(course(*gates), RADIUS, 1.0, 5)
+    return course_obstacles(course(*gates), RADIUS)
 
 
 def test_lines_touch_what_the_referee_calls_a_touch_and_nothing_beyond_the_margin():
     rng, seen = np.random.default_rng(0), set()
-    (row,) = frames(TURNED).rows
+    row = FrameRow(*frames(TURNED).rows[0])
     bare, wide = (SweptGate(TURNED, 0, r) for r in (RADIUS, RADIUS + 1.01 * SAFETY_MARGIN / 2))
     for _ in range(3000):
         a, b = (TURNED.position + TURNED.rotation @ rng.uniform((-0.8, -2.0, -2.0), (0.8, 2.0, 2.0)) for _ in "ab")
@@ -52,7 +53,7 @@ def test_where_the_vehicle_is_within_the_margin_of_a_frame_the_margin_is_given_u
     g = gate(5.0)
     beside = np.array(state((5.0, 1.0 - RADIUS - SAFETY_MARGIN / 4, 20.0)))
     p = beside[:3]
-    (tight,), (row,) = frames(g).near(beside, 1.5), frames(g).rows
+    tight, row = (FrameRow(*rows[0]) for rows in (frames(g).near(beside, 1.5), frames(g).rows))
     assert touches(p, p, row)
     assert not touches(p, p, tight)
     assert touches(p, p + np.array((0.0, SAFETY_MARGIN / 2, 0.0)), tight)
@@ -97,12 +98,12 @@ POLE, WALL = Cylinder((5.0, 1.0, 19.0), 0.2, 2.0), Box((5.0, 1.0, 20.0), (0.4, 3
 def test_lines_touch_an_obstacle_where_the_referee_does_and_nothing_beyond_the_margin(obstacle):
     rng, seen = np.random.default_rng(3), set()
     there = course(gate(40.0), obstacles=(obstacle,))
-    row = course_obstacles(there, RADIUS, 1.0, 5).rows[-1]
+    row = ObstacleRow(*course_obstacles(there, RADIUS).rows[-1])
     bare, wide = (SweptObstacle(obstacle, 0, r) for r in (RADIUS, RADIUS + 1.01 * SAFETY_MARGIN / 2))
     for _ in range(600):
         a, b = (tuple((rng.uniform((-0.8, -2.0, -1.6), (0.8, 2.0, 1.6)) + obstacle.centre).tolist()) for _ in "ab")
         found, hit, in_margin = (
-            bool(touches_round(a, b, tuple(row))),
+            bool(touches_round(a, b, row)),
             bare.touch(a, b) is not None,
             wide.touch(a, b) is not None,
         )
@@ -111,27 +112,55 @@ def test_lines_touch_an_obstacle_where_the_referee_does_and_nothing_beyond_the_m
     assert {(False, False), (True, True)} <= seen
 
 
+class State(NamedTuple):
+    px: float
+    py: float
+    pz: float
+    vx: float
+    vy: float
+    vz: float
+
+
+class Control(NamedTuple):
+    ax: float
+    ay: float
+    az: float
+
+
+class Line(NamedTuple):
+    x: float  # reached where px is greater
+
+
 def drift(x, u, p, dt):
-    px, py, pz, vx, vy, vz = x
-    return px + dt * vx, py + dt * vy, pz + dt * vz, vx + dt * u[0], vy + dt * u[1], vz + dt * u[2]
+    return State(
+        px=x.px + dt * x.vx,
+        py=x.py + dt * x.vy,
+        pz=x.pz + dt * x.vz,
+        vx=x.vx + dt * u.ax,
+        vy=x.vy + dt * u.ay,
+        vz=x.vz + dt * u.az,
+    )
 
 
-def onward(x, x_next, u, target, crashed, p):
-    return target[0] - x_next[0], p[0] * crashed, x_next[0] > target[0], crashed
+def way(x, x_next, u, line, p):
+    return line.x - x_next.px
+
+
+def beyond(x, x_next, u, line, p):
+    return x_next.px > line.x
 
 
 def test_obstacles_are_crashes_in_the_lanes_as_in_the_oracle():
     """A point mass past a frame, a pole and a wall: what their rows add, in a loop that compiles quickly."""
     there = course(gate(3.0), obstacles=(POLE, WALL, replace(WALL, centre=(8.0, -1.0, 20.0))))
-    system = System("drift", tuple("xyzuvw"), tuple("abc"), drift, (), 0.01, (-40.0,) * 3, (40.0,) * 3, (0.0,) * 3)
-    cost = Cost("onward", ("way", "crash"), onward, (5.0,), np.array([[50.0], [60.0]]))
-    cost = replace(cost, obstacles=course_obstacles(there, RADIUS, 5.0, 1))
+    system = System("drift", State, Control, drift, (), 0.01, (-40.0,) * 3, (40.0,) * 3, (0.0,) * 3)
+    cost = Cost("onward", (Term(way), Term(crash, 5.0)), Line, np.array([[50.0], [60.0]]), reached=beyond)
+    cost = replace(cost, obstacles=course_obstacles(there, RADIUS))
     rng, x0, U = np.random.default_rng(4), np.array([0.0, 0.9, 20.0, 9.0, 0.0, 0.0]), np.zeros((100, 3))
     z = (6.0 * rng.normal(size=(192, 3, 1)) + 4.0 * rng.normal(size=(192, 3, 100))).astype(np.float32)
     oracle = fly_rows(system, cost, x0, U, z, clearance=lambda *_: np.full(len(z), np.inf))
-    free = fly_rows(
-        system, replace(cost, obstacles=course_obstacles(replace(there, obstacles=()), RADIUS, 5.0, 1)), x0, U, z
-    )
+    frames_alone = replace(cost, obstacles=course_obstacles(replace(there, obstacles=()), RADIUS))
+    free = fly_rows(system, frames_alone, x0, U, z)
     assert 0.1 < free.crashed.mean() < oracle.crashed.mean() - 0.2 < 0.7
     J = np.empty((3, LANES), np.float32)
     Rollout(system, cost)(x0, U, to_lanes(z), 0, J)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from race_cases import ALL, EXIT, GAP, ONLY, RADIUS, ROW, course, fly, gate, state, term
 
+from controllers.costs import evaluate
 from controllers.costs.race import TERMS, race_cost
 
 
@@ -17,12 +18,12 @@ def test_weight_scales_its_term_alone(name):
     at = {"waypoint": (4.8, 0.1, 20.1), "clearance": (5.0, 0.7, 20.1)}.get(name, (2.0, 0.7, 20.5))
     x, x_next = state(at, (3.0, 1.0, 0.5), tilted), state(np.add(at, 0.01), (3.0, 1.0, 0.5), tilted)
     plain, scaled = (
-        np.array([float(t) for t in c.terms(x, x_next, (0.0,) * 4, tuple(c.targets[0]), 1.0, c.params)])
+        np.array([float(t) for t in evaluate(c, x, x_next, (0.0,) * 4, c.targets[0], crashed=1.0).terms.values()])
         for c in (base, double)
     )
     k = TERMS.index(name)
     assert plain[k] != 0.0
-    weighs = np.arange(len(TERMS) + 2) == k
+    weighs = np.arange(len(TERMS)) == k
     np.testing.assert_allclose(scaled / np.where(plain, plain, 1.0), np.where(weighs, 2.0, plain != 0.0))
 
 

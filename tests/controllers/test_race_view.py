@@ -2,29 +2,32 @@
 
 import numpy as np
 import pytest
-from controllers.rollout.inline import lane_source
 
-from controllers.costs.race import RaceWeights, race_cost, terms
+from controllers.costs import evaluate
+from controllers.costs.race import RaceWeights, race_cost
 from controllers.costs.race_view import with_view
+from controllers.rollout.planner_loops import module_source
 from quadsim.course import load_course
 from quadsim.race.settings import SettingError
 from quadsim.race.spec import Spec
 from quadsim.rotation import exp, matrix, product
+from quadsim.systems.quadrotor import Control, ModelParams, State, quadrotor
+from quadsim.vehicle import load_vehicle
 
 RACE = race_cost(load_course("split_s_swift"), 0.14, RaceWeights(), 1)
 WEIGHT = 3.0
+HOVER = Control(0.0, 0.0, 0.0, 9.81)
 FAST = 1e3  # [m/s] at which the one in the root is nothing
 
 
 def view(q, v):
     """The view term of a step that ends with attitude q and velocity v; all others are the racing cost's."""
     cost = with_view(RACE, WEIGHT)
-    x = (-2.0, 1.0, 2.0, *v, *q, 0.0, 0.0, 0.0, 9.81, 0.0, 0.0, 0.0)
-    found = cost.terms(x, x, (0.0, 0.0, 0.0, 9.81), tuple(cost.targets[0].tolist()), 0.0, cost.params)
-    same = terms(x, x, (0.0, 0.0, 0.0, 9.81), tuple(cost.targets[0].tolist()), 0.0, RACE.params)
-    assert found[:9] == same[:9]
-    assert found[10:] == same[9:]
-    return float(found[9])
+    x = State.of((-2.0, 1.0, 2.0), v, q, (0.0, 0.0, 0.0), 9.81, (0.0, 0.0, 0.0))
+    found, race = (evaluate(c, x, x, HOVER, c.targets[0]) for c in (cost, RACE))
+    assert found.terms == {**race.terms, "view": found.terms["view"]}
+    assert (found.reached, found.crashed) == (race.reached, race.crashed)
+    return float(found.terms["view"])
 
 
 @pytest.mark.parametrize(("turn", "share"), [(0.0, 0.0), (np.pi / 2, 1.0), (-np.pi / 2, 1.0), (np.pi, 2.0)])
@@ -48,16 +51,23 @@ def test_at_rest_it_costs_nothing():
     assert view(exp((0.0, 0.0, 2.0)), (0.0, 0.0, 0.0)) == pytest.approx(0.0, abs=WEIGHT * 2e-3)
 
 
-def test_it_has_a_lane_twin_of_its_own():
-    source = lane_source(with_view(RACE, WEIGHT).terms, "terms")
-    assert {"terms", "terms_race_terms", "terms_to_body"} <= source.keys()
+def test_the_lanes_compute_it_where_it_has_a_weight_alone():
+    """By its own lines beside those of the racing cost, which stay as they are."""
+    system = quadrotor(ModelParams.of(load_vehicle("swift")), 0.01)
+    race, seen, blind = (module_source(system, c, np.float32) for c in (RACE, with_view(RACE, 3.0), with_view(RACE, 0)))
+    assert "# term: view" in seen
+    assert "weight_view" in seen
+    assert "view" not in blind + race
+    assert {line.strip() for line in race.splitlines() if " = " in line and "p_cost" not in line} <= {
+        line.strip() for line in seen.splitlines()
+    }
 
 
 def test_it_is_flown_where_a_camera_has_to_find_gates():
     spec = Spec.of("split_s_swift", sensing="gates", view_weight=2.0)
     cost = spec.entry.cost(spec)
     assert cost.term_names[-1] == "view"
-    assert cost.params[-1] == 2.0
+    assert cost.terms[-1].weight == 2.0
     assert Spec.of("split_s_swift", sensing="gates").record().get("view_weight") is None
     displaced = {"sensing": "gates", "displace_gates": 0.15}
     assert Spec.of("split_s_swift", **displaced).view_weight == 1.0

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.costs.reference import GATE_TIME, TERMS, Reference, ReferenceWeights, reference_cost, terms
+from controllers.costs import evaluate
+from controllers.costs.reference import GATE_TIME, TERMS, Reference, ReferenceWeights, reference_cost
 from quadsim.course import load_course
 from quadsim.files.strict_yaml import FileError
 from quadsim.race.reference import reference_of, stored_reference
 from quadsim.race.spec import Spec
+from quadsim.systems.quadrotor import State
 from quadsim.vehicle import load_vehicle
 
 COURSE, SWIFT, DT = load_course("split_s_swift"), load_vehicle("swift"), 0.01
@@ -32,10 +34,10 @@ def paid(offset, velocity=(0.0, 0.0, 0.0), row=20):
     reference = straight()
     cost = reference_cost(COURSE, 0.14, WEIGHTS, reference)
     target = cost.targets[row]
-    x = (*(target[:3] + offset), *(target[3:6] + velocity), *LEVEL)
-    found = terms(x, x, (0.0,) * 4, target, 0.0, cost.params)
-    assert found[-2], "every step leads to the next row"
-    return dict(zip(TERMS, map(float, found), strict=False))
+    x = State.of(target[:3] + offset, target[3:6] + velocity, LEVEL, (0.0, 0.0, 0.0), 9.81, (0.0, 0.0, 0.0))
+    found = evaluate(cost, x, x, (0.0,) * 4, target)
+    assert found.reached, "every step leads to the next row"
+    return {name: float(value) for name, value in found.terms.items()}
 
 
 def test_a_state_on_the_reference_costs_nothing():

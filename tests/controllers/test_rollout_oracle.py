@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from oracle import SAME, decision_distance, fly_rows, to_lanes
 
+from controllers.costs import evaluate
 from controllers.costs.race import RaceWeights, race_cost
 from controllers.rollout.lanes import LANES, Rollout
 from controllers.rollout.planner_loops import module_source
@@ -182,11 +183,15 @@ def test_cost_of_a_sample_depends_on_neither_its_place_nor_the_threads(on_thread
 def test_terms_on_floats_are_those_on_numpy_rows():
     """At steps of some 0.3 m around the first gate's centre."""
     cost, _ = scene(0)
-    rng, target, u = np.random.default_rng(0), tuple(cost.targets[0]), (0.0,) * 4
-    x = launch(target[:3])[:, None] + rng.normal(0, 0.3, (len(STATE), 200))
+    rng, target, u = np.random.default_rng(0), cost.targets[0], (0.0,) * 4
+    x = launch(target[:3])[:, None] + rng.normal(0, 0.3, (len(State._fields), 200))
     x_next = x + rng.normal(0, 0.3, x.shape)
-    rows = cost.terms(tuple(x), tuple(x_next), u, target, np.zeros(200), cost.params)
+
+    def everything(found):
+        return [*found.terms.values(), found.reached, found.crashed]
+
+    rows = everything(evaluate(cost, State(*x), State(*x_next), u, target, np.zeros(200)))
     pairs = zip(x.T.tolist(), x_next.T.tolist(), strict=True)
-    floats = np.array([cost.terms(tuple(a), tuple(b), u, target, 0.0, cost.params) for a, b in pairs], float)
+    floats = np.array([everything(evaluate(cost, State(*a), State(*b), u, target)) for a, b in pairs], float)
     assert floats[:, -2:].any(axis=0).all()  # some reach, some crash
     np.testing.assert_allclose(np.array(np.broadcast_arrays(*rows), float), floats.T, rtol=1e-13)

@@ -3,24 +3,25 @@
 import numpy as np
 import pytest
 
+from controllers.costs import evaluate
 from controllers.costs.corridor import RUN_OUT, CorridorWeights, corridor_cost
 from quadsim.course import course_names
 from quadsim.course.corridor import Corridor, load_corridor
 from quadsim.files.strict_yaml import FileError
 from quadsim.race.plane_referees import STUCK, CorridorReferee
+from quadsim.systems.offroad import Control, State
 
 CORNER = Corridor(name="corner", width=6.0, points=((0.0, 0.0), (20.0, 0.0), (20.0, 20.0)))  # one bend, 90 degrees left
 COST = corridor_cost(CORNER, 0.8, CorridorWeights(margin=0.5), 0.02)
 
 
 def at(px, py, v=5.0, r=0.0):
-    return (px, py, 1.0, 0.0, v, r, 0.0, 0.0)
+    return State(px, py, hx=1.0, hy=0.0, v=v, r=r, steer=0.0, drive=0.0)
 
 
 def terms(x, leg=0):
-    target = tuple(COST.targets[leg])
-    names = (*COST.term_names, "reached", "crashed")
-    return dict(zip(names, COST.terms(x, x, (0.0, 0.0), target, 0.0, COST.params), strict=True))
+    found = evaluate(COST, x, x, Control(0.0, 0.0), COST.targets[leg])
+    return found.terms | {"reached": found.reached}
 
 
 def driven(*places, referee=None, dt=0.1):

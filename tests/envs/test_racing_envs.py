@@ -9,13 +9,13 @@ from gymnasium.error import ResetNeeded  # noqa: E402
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AutoresetMode  # noqa: E402
 
-from controllers.learned.observation import SIZE, UNITS, command, gate_rows, observation  # noqa: E402
+from controllers.learned.observation import SIZE, UNITS, command, gate_rows, observe  # noqa: E402
 from controllers.rollout.threads import use_threads  # noqa: E402
 from quadsim.envs import BULLET, RACING  # noqa: E402
 from quadsim.envs.lanes import LaneEnvironments  # noqa: E402
 from quadsim.envs.task import task  # noqa: E402
 from quadsim.envs.vector_env import RacingVectorEnv  # noqa: E402
-from quadsim.systems.quadrotor import step  # noqa: E402
+from quadsim.systems.quadrotor import Control, Params, State, step  # noqa: E402
 
 
 def made(n=70, **settings):
@@ -69,15 +69,15 @@ def test_every_lane_flies_the_step_of_the_planners_model():
     envs.reset(seed=1)
     e, system, rng = envs.lanes, envs.task.system, np.random.default_rng(0)
     lanes = [0, 17, 63]
-    expected = {k: tuple(e.X[0, :, k].astype(float)) for k in lanes}
-    params = {k: tuple(e.P[0, :, k].astype(float)) for k in lanes}
+    expected = {k: State(*e.X[0, :, k].astype(float)) for k in lanes}
+    params = {k: Params(*e.P[0, :, k].astype(float)) for k in lanes}
     assert len(set(params.values())) == len(lanes)
     for _ in range(50):
         actions = rng.uniform(-0.4, 0.4, (envs.num_envs, 4)).astype(np.float32)
         e.rows_to_lanes(actions, envs._actions)
         e.step(envs._actions)
         for k in lanes:
-            u = tuple(command(actions[k].astype(float), system.low, system.high))
+            u = Control(*command(actions[k].astype(float), system.low, system.high))
             expected[k] = step(expected[k], u, params[k], system.dt)
     for k in lanes:
         np.testing.assert_allclose(e.X[0, :, k], expected[k], rtol=2e-4, atol=2e-4)
@@ -90,7 +90,7 @@ def test_observations_are_those_of_a_single_flight():
     e, rows = envs.lanes, gate_rows(envs.task.courses[0], 1)
     for k in (0, 5, 40):
         x, last = tuple(e.X[0, :, k].astype(float)), e.last[0, :, k].astype(float)
-        np.testing.assert_allclose(obs[k], observation(x, rows[e.row[0, k]], last), rtol=1e-4, atol=1e-5)
+        np.testing.assert_allclose(obs[k], observe(x, rows[e.row[0, k]], last), rtol=1e-4, atol=1e-5)
 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from math import exp, pi
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from plant_cases import DT, HOVER, SKY, both_plants
 from quadsim.course import Start, course_names, load_course
 from quadsim.physics.plant import ModelPlant, diffusion
 from quadsim.physics.plant_state import CLEARANCE
+from quadsim.systems import System
 from quadsim.systems.quadrotor import STATE, ModelParams, quadrotor
 from quadsim.vehicle import GRAVITY, load_vehicle, vehicle_names
 
@@ -141,9 +143,8 @@ def test_the_same_commands_give_the_same_states_to_the_last_bit(launch, vehicle)
 
 def gap(launch, model_dt, plant_dt):
     """Largest difference of each state between model and plant in a second of lively flight.  (17,)"""
-    model = quadrotor(ModelParams.of(PAPER), model_dt)
     plant = launch(dt=plant_dt)
-    model = ModelPlant(model.step, model.params, plant.state.x, model_dt)
+    model = ModelPlant(quadrotor(ModelParams.of(PAPER), model_dt), plant.state.x)
     gaps = []
     for k in range(round(1.0 / model_dt)):
         u = weave(k * model_dt)
@@ -166,12 +167,33 @@ def test_a_model_at_100_hz_predicts_a_plant_at_400_hz_to_5_mm_in_a_second(launch
     assert worst[6:10].max() < 0.005
 
 
-def double_integrator(x, u, p, dt):
-    return (x[0] + x[1] * dt, x[1] + p[0] * u[0] * dt)
+class Rail(NamedTuple):
+    s: float
+    v: float
+
+
+class Push(NamedTuple):
+    a: float
+
+
+class Gain(NamedTuple):
+    k: float
+
+
+def slide(x, u, p, dt):
+    return Rail(s=x.s + x.v * dt, v=x.v + p.k * u.a * dt)
+
+
+def stay(x, u, p, dt):
+    return x
+
+
+def on_rail(step, dt):
+    return System("rail", Rail, Push, step, Gain(2.0), dt, low=(-9.0,), high=(9.0,), rest=(0.0,))
 
 
 def test_a_model_is_flown_by_its_own_step():
-    plant = ModelPlant(double_integrator, (2.0,), (1.0, 0.5), 0.1)
+    plant = ModelPlant(on_rail(slide, 0.1), (1.0, 0.5))
     state = plant.step((3.0,))
     assert state.x == pytest.approx((1.05, 1.1))
     assert (plant.state.t, plant.state.contacts) == (0.1, ())
@@ -182,7 +204,7 @@ def test_a_model_is_flown_by_its_own_step():
 def test_a_disturbance_diffuses_to_its_std_in_one_second_for_any_step(dt):
     def end(seed, std):
         disturb = diffusion((0.0, std), dt, np.random.default_rng(seed))
-        return fly(ModelPlant(lambda x, u, p, dt: x, (), (0.0, 0.0), dt, disturb), 1.0, ()).x
+        return fly(ModelPlant(on_rail(stay, dt), (0.0, 0.0), disturb), 1.0, (0.0,)).x
 
     ends = np.array([end(seed, 0.7) for seed in range(400)])
     assert ends[:, 1].std() == pytest.approx(0.7, rel=0.12)  # 400 samples: std within 3.5 %, so 3.4 sigma

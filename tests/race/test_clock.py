@@ -1,5 +1,7 @@
 """Clocks, with a fake one: what acts while a plan is made, and what a plan that takes too long costs."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from controllers.plan import PlanStats
 from quadsim.physics.plant import ModelPlant
 from quadsim.race.clock import Clock, WallClock
 from quadsim.race.flight import simulate
+from quadsim.systems import System
 from quadsim.systems.control_periods import ControlPeriods
 
 DT, PERIOD = 0.0025, 0.01  # four physics steps in a control period
@@ -42,6 +45,20 @@ class Planner:
         return np.array([float(len(self.begun))]), PlanStats(0.0, 1.0, 1.0)
 
 
+class Counter(NamedTuple):
+    sum: float  # of the controls of all steps
+    t: float
+    z: float
+
+
+class Number(NamedTuple):
+    n: float
+
+
+def count(x, u, p, dt):
+    return Counter(x.sum + u.n, x.t + dt, 0.0)
+
+
 class Watch:
     """Ends the flight at a time [s] and notes the control of every physics step."""
 
@@ -60,7 +77,8 @@ def flown(durations, end, clock=None):
     """When plans were begun [s], the periods that had elapsed, and the control of every physics step."""
     time = FakeTime()
     planner, watch = Planner(time, durations), Watch(end)
-    plant = ModelPlant(lambda x, u, p, dt: (x[0] + u[0], x[1] + dt, 0.0), (), (0.0, 0.0, 0.0), DT)
+    counter = System("counter", Counter, Number, count, (), DT, low=(0.0,), high=(1e9,), rest=(0.0,))
+    plant = ModelPlant(counter, (0.0, 0.0, 0.0))
     list(simulate(plant, planner, watch, PERIOD, clock or WallClock(time, time.pass_by)))
     return planner.begun, planner.elapsed, watch.controls
 

@@ -6,6 +6,7 @@ import re
 import sys
 from dataclasses import replace
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from rich.console import Console
 from run_cases import same, save
 
 import quadsim
-from controllers.costs import Cost
+from controllers.costs import Cost, Term
 from controllers.samplers import SAMPLERS, Colored
 from quadsim.app.figures.run_figure import draw
 from quadsim.app.progress import Progress
@@ -31,19 +32,41 @@ OUTCOMES = ("finished", "crashed", "stuck", "timeout", "interrupted")
 EVERY = [*SYSTEMS, "own"]
 
 
+class State(NamedTuple):
+    """A cart on a rail: its position is no px."""
+
+    pos: float
+    v: float
+
+
+class Control(NamedTuple):
+    """It has a name that a quadrotor's thrust has, too."""
+
+    a_cmd: float
+
+
+class Params(NamedTuple):
+    gain: float
+
+
+class Zero(NamedTuple):
+    pos: float
+
+
 def step(x, u, p, dt):
-    """A cart on a rail: its position is no px, and its control has a name that a quadrotor's thrust has, too."""
-    pos, v = x
-    (a,) = u
-    return pos + v * dt, v + p[0] * a * dt
+    return State(pos=x.pos + x.v * dt, v=x.v + p.gain * u.a_cmd * dt)
 
 
-def terms(x, x_next, u, target, crashed, p):
-    return x_next[0] * x_next[0], p[0] * x_next[1] * x_next[1], False, crashed
+def place(x, x_next, u, zero, p):
+    return (x_next.pos - zero.pos) * (x_next.pos - zero.pos)
 
 
-CART = System("cart", ("pos", "v"), ("a_cmd",), step, (1.0,), 0.02, (-9.0,), (9.0,), (0.0,))
-TO_ZERO = Cost("to zero", ("place", "speed"), terms, (0.1,), np.zeros((1, 1)))
+def speed(x, x_next, u, zero, p):
+    return x_next.v * x_next.v
+
+
+CART = System("cart", State, Control, step, Params(gain=1.0), 0.02, (-9.0,), (9.0,), (0.0,))
+TO_ZERO = Cost("to zero", (Term(place), Term(speed, 0.1)), Zero, np.zeros((1, 1)))
 OWN = {"system": CART, "cost": TO_ZERO, "sampler": Colored((2.0,), (1.0,)), "start": (1.0, 0.0)}
 
 

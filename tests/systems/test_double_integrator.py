@@ -1,14 +1,13 @@
 """The double integrator and its quadratic cost: explicit Euler as published, and the lanes against the oracle."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from oracle import fly_rows, to_lanes
 
-from controllers.costs.quadratic import quadratic_cost, terms
+from controllers.costs import evaluate
+from controllers.costs.quadratic import quadratic_cost
 from controllers.rollout.lanes import LANES, Rollout
-from quadsim.systems.double_integrator import UNLIMITED, double_integrator
+from quadsim.systems.double_integrator import UNLIMITED, Control, PointMass, State, double_integrator
 
 SYSTEM, COST = double_integrator(0.015), quadratic_cost((-4.0, -4.0))
 START = (-9.0, -9.0, 0.1, 0.1)
@@ -30,7 +29,7 @@ def test_constant_control_goes_as_the_sums_of_explicit_euler():
     """n steps of u: v = v0 + n u dt, p = p0 + n v0 dt + n (n - 1) / 2 u dt^2, the position with the old velocity."""
     x, n, dt = START, 40, SYSTEM.dt
     for _ in range(n):
-        x = SYSTEM.step(x, (2.0, -1.0), SYSTEM.params, dt)
+        x = SYSTEM.next(x, (2.0, -1.0))
     np.testing.assert_allclose(x[2:], (0.1 + n * 2 * dt, 0.1 - n * dt))
     grid = -9 + n * 0.1 * dt + np.array([2, -1]) * n * (n - 1) / 2 * dt**2
     np.testing.assert_allclose(x[:2], grid)
@@ -38,15 +37,17 @@ def test_constant_control_goes_as_the_sums_of_explicit_euler():
 
 
 def test_cost_is_five_per_square_metre_and_a_half_per_square_metre_per_second():
-    x = (-3.0, -6.0, 2.0, -1.0)
-    distance, speed, reached, crashed = terms(x, x, (0.0, 0.0), (-4.0, -4.0), 0.0, COST.params)
-    assert (distance, speed, reached, crashed) == (5 * 5.0, 0.5 * 5.0, False, 0.0)
+    x = State(px=-3.0, py=-6.0, vx=2.0, vy=-1.0)
+    found = evaluate(COST, x, x, Control(0.0, 0.0), (-4.0, -4.0))
+    assert found.terms == {"distance": 5 * 5.0, "speed": 0.5 * 5.0}
+    assert (found.reached, found.crashed) == (False, 0.0)
 
 
 @pytest.mark.parametrize(("dtype", "rtol"), [(np.float32, 2e-5), (np.float64, 1e-12)])
 def test_lanes_agree_with_the_oracle(dtype, rtol):
     U, z = controls()
-    oracle, wrong = (fly_rows(s, COST, START, U, z).J for s in (SYSTEM, replace(SYSTEM, params=(1.05,))))
+    stronger = double_integrator(SYSTEM.dt, PointMass(gain=1.05))
+    oracle, wrong = (fly_rows(system, COST, START, U, z).J for system in (SYSTEM, stronger))
     np.testing.assert_allclose(fly_lanes(U, z, dtype), oracle, rtol=rtol)
     assert np.mean(abs(wrong / oracle - 1) > rtol) > 0.9
 

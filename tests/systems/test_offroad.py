@@ -10,7 +10,7 @@ from controllers.costs.corridor import CorridorWeights, corridor_cost
 from controllers.rollout.lanes import LANES, Rollout
 from quadsim.course.corridor import load_corridor
 from quadsim.physics.plant import ModelPlant, diffusion
-from quadsim.systems.offroad import DRIVEN, NOMINAL, OffroadVehicle, offroad
+from quadsim.systems.offroad import DRIVEN, NOMINAL, OffroadVehicle, State, offroad
 
 M, T, DT = 300, 250, 0.02
 SYSTEM = offroad(NOMINAL, DT)
@@ -19,14 +19,14 @@ COST = corridor_cost(load_corridor("zigzag"), 0.8, CorridorWeights(), DT)
 
 
 def state(**values):
-    return tuple({**dict.fromkeys(STATES, 0.0), "hx": 1.0, **values}[name] for name in STATES)
+    return State(**{**dict.fromkeys(STATES, 0.0), "hx": 1.0, **values})
 
 
 def drive(x, u, seconds, vehicle=NOMINAL, dt=DT):
     """All states.  (steps + 1, n_x)"""
     system, states = offroad(vehicle, dt), [x]
     for _ in range(round(seconds / dt)):
-        states.append(system.step(states[-1], u, system.params, dt))
+        states.append(system.next(states[-1], u))
     return np.array(states, float)
 
 
@@ -95,7 +95,7 @@ def test_plant_drifts_by_its_disturbance_alone():
     ends = []
     for seed in range(200):
         disturb = diffusion(std, 0.05, np.random.default_rng(seed))
-        plant = ModelPlant(offroad(free, 0.05).step, free.params(0.05), state(), 0.05, disturb)
+        plant = ModelPlant(offroad(free, 0.05), state(), disturb)
         for _ in range(20):
             plant.step((0.0, 0.0))
         ends.append(plant.state.x[STATES.index("r")])
@@ -118,8 +118,7 @@ def fly_lanes(U, z, dtype):
 
 def end_line(x, x_next, target, params):
     """Distance to the line at which the leg ends.  (M,)"""
-    bx, by, _, _, mx, my, _ = target
-    return abs((x_next[0] - bx) * mx + (x_next[1] - by) * my)
+    return abs((x_next.px - target.x) * target.mx + (x_next.py - target.y) * target.my)
 
 
 @pytest.mark.parametrize(("dtype", "rtol", "graze"), [(np.float32, 3e-4, 1e-4), (np.float64, 1e-10, 1e-10)])

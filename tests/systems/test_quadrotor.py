@@ -17,6 +17,7 @@ from quadsim.systems.quadrotor import (
     RIGID_BODY,
     STATE,
     VELOCITY,
+    Control,
     ModelParams,
     State,
     quadrotor,
@@ -27,21 +28,21 @@ SIMPLE = ModelParams(rate_tau=(0.25, 0.2, 0.3), motor_tau=0.0, drag=0.0, rate_ma
 FULL = replace(
     SIMPLE, motor_tau=0.04, drag=0.4, tilt_cost=(0.02, 0.03), yaw_cost=1.5
 )  # with rotors that lag, saturate and drag
-HOVER = (0.0, 0.0, 0.0, GRAVITY)
+HOVER = Control(0.0, 0.0, 0.0, GRAVITY)
 SAME = {"rtol": 0, "atol": 1e-9}
 
 
 def state(**values):
     """At rest, level and hovering but for the values given by name."""
-    return tuple({"qw": 1.0, "a": GRAVITY, **values}.get(name, 0.0) for name in STATE)
+    return State(**{**dict.fromkeys(State._fields, 0.0), "qw": 1.0, "thrust": GRAVITY, **values})
 
 
 def fly(model, u, seconds, x=None, dt=0.01):
     """Hold one control; every state by name.  -> name: (steps + 1,)"""
     system, path = quadrotor(model, dt), [x or state()]
     for _ in range(round(seconds / dt)):
-        path.append(system.step(path[-1], u, system.params, dt))
-    return dict(zip(STATE, np.array(path).T, strict=True))
+        path.append(system.next(path[-1], u))
+    return dict(zip(State._fields, np.array(path).T, strict=True))
 
 
 def derivative(x, u, model):
@@ -64,15 +65,15 @@ def derivative(x, u, model):
 
 def error(model, dt, seconds=0.6):
     """Of the model's first ten states (p, v, q) after a brisk turn, against a fine integration."""
-    x, u = state(vx=8.0, vy=-2.0, wx=1.0, a=12.0), (3.0, -2.0, 1.5, 15.0)
+    x, u = state(vx=8.0, vy=-2.0, wx=1.0, thrust=12.0), (3.0, -2.0, 1.5, 15.0)
     fine = solve_ivp(lambda _, y: derivative(y, u, model), (0.0, seconds), x, rtol=1e-10, atol=1e-10).y[:10, -1]
-    return np.linalg.norm([fly(model, u, seconds, x, dt)[name][-1] for name in STATE[:10]] - fine)
+    return np.linalg.norm([fly(model, u, seconds, x, dt)[name][-1] for name in State._fields[:10]] - fine)
 
 
 @pytest.mark.parametrize("model", [SIMPLE, FULL])
 def test_hover_holds_every_state(model):
     flown = fly(model, HOVER, 10.0)
-    assert {name: np.ptp(path) for name, path in flown.items()} == dict.fromkeys(STATE, 0.0)
+    assert {name: np.ptp(path) for name, path in flown.items()} == dict.fromkeys(State._fields, 0.0)
 
 
 def test_free_fall_is_half_g_t_squared():
@@ -89,7 +90,7 @@ def test_rate_step_is_63_percent_done_at_tau():
 
 def test_thrust_step_is_63_percent_done_at_the_motors_lag():
     flown = fly(FULL, (0.0, 0.0, 0.0, 2 * GRAVITY), 0.04)
-    assert flown["a"][-1] / GRAVITY - 1 == pytest.approx(1 - exp(-1))
+    assert flown["thrust"][-1] / GRAVITY - 1 == pytest.approx(1 - exp(-1))
 
 
 def test_fall_with_drag_ends_at_g_over_d():
@@ -122,10 +123,10 @@ def test_quaternion_stays_of_unit_length_in_a_tumble():
 def test_without_motor_lag_it_is_the_13_state_model_of_the_paper():
     """What the rotors delivered before is forgotten; rates and thrust follow at once."""
     u = (3.0, -2.0, 1.0, 15.0)
-    plain, disturbed = (fly(SIMPLE, u, 0.3, state(vx=5.0, **rotors)) for rotors in ({}, {"a": 30.0, "bx": 50.0}))
-    for name in STATE[:13]:
+    plain, disturbed = (fly(SIMPLE, u, 0.3, state(vx=5.0, **rotors)) for rotors in ({}, {"thrust": 30.0, "bx": 50.0}))
+    for name in State._fields[:13]:
         np.testing.assert_array_equal(plain[name], disturbed[name])
-    assert set(plain["a"][1:]) == {15.0}
+    assert set(plain["thrust"][1:]) == {15.0}
 
 
 @pytest.mark.parametrize(("model", "order"), [(SIMPLE, 2), (FULL, 1)])
@@ -140,10 +141,8 @@ def test_error_falls_with_the_step(model, order):
 def test_numpy_rows_fly_as_floats_do():
     system = quadrotor(FULL, 0.01)
     x, u = np.random.default_rng(0).normal(size=(17, 50)), np.random.default_rng(1).normal(size=(4, 50))
-    rows = np.array(system.step(tuple(x), tuple(u), system.params, 0.01))
-    floats = [
-        system.step(tuple(a.tolist()), tuple(b.tolist()), system.params, 0.01) for a, b in zip(x.T, u.T, strict=True)
-    ]
+    rows = np.array(system.next(x, u))
+    floats = [system.next(a.tolist(), b.tolist()) for a, b in zip(x.T, u.T, strict=True)]
     np.testing.assert_allclose(rows, np.array(floats).T, rtol=1e-14, atol=1e-14)
 
 
@@ -176,13 +175,14 @@ def test_thrust_beside_a_tilt_is_what_the_rotors_deliver():
     """The collective of the allocation itself, over demands that saturate and demands that do not."""
     vehicle = load_vehicle("swift")
     system, share = quadrotor(replace(ModelParams.of(vehicle), motor_tau=0.0), 0.01), shares(vehicle.rotors)
-    high, k = vehicle.mass * vehicle.thrust_max / 4, system.params[0]  # N a rotor, rad/s^2 for each rad/s asked for
+    high = vehicle.mass * vehicle.thrust_max / 4  # of a rotor [N]
+    p = system.params
     modest = []
     for beta_x, beta_y, a in np.random.default_rng(0).uniform((-80, -80, 0), (80, 80, 40), (200, 3)):
         torque = (vehicle.inertia[0] * beta_x, vehicle.inertia[1] * beta_y, 0.0)
         delivered = sum(allocate(share, vehicle.mass * a, torque, 0.0, high)) / vehicle.mass
-        x = system.step(state(), (beta_x / k, beta_y / k, 0.0, a), system.params, 0.01)
-        assert x[STATE.index("a")] == pytest.approx(delivered, abs=1e-9)
+        x = system.next(state(), Control(beta_x / p.rate_gain_x, beta_y / p.rate_gain_y, 0.0, a))
+        assert x.thrust == pytest.approx(delivered, abs=1e-9)
         modest.append(delivered == pytest.approx(a))
     assert 0.2 < np.mean(modest) < 0.98
 
@@ -192,14 +192,14 @@ def test_yaw_beside_thrust_and_tilt_is_what_the_rotors_deliver(tilted):
     """That of the allocation itself; beside a tilt the model may promise less, never more."""
     vehicle = load_vehicle("swift")
     system, share = quadrotor(replace(ModelParams.of(vehicle), motor_tau=0.0), 0.01), shares(vehicle.rotors)
-    high, k = vehicle.mass * vehicle.thrust_max / 4, system.params[0:3:2]
+    high = vehicle.mass * vehicle.thrust_max / 4  # of a rotor [N]
+    p = system.params
     short, cut = [], []
     for beta_x, beta_z, a in np.random.default_rng(0).uniform((-tilted, -80, 0), (tilted, 80, 40), (200, 3)):
         torque = (vehicle.inertia[0] * beta_x, 0.0, vehicle.inertia[2] * beta_z)
         forces = allocate(share, vehicle.mass * a, torque, 0.0, high)
         delivered = np.dot(mixer(vehicle.rotors)[3], forces) / vehicle.inertia[2]
-        x = system.step(state(), (beta_x / k[0], 0.0, beta_z / k[1], a), system.params, 0.01)
-        promised = x[STATE.index("bz")]
+        promised = system.next(state(), Control(beta_x / p.rate_gain_x, 0.0, beta_z / p.rate_gain_z, a)).bz
         assert abs(promised) <= abs(delivered) + 0.01
         short.append(abs(delivered) - abs(promised))
         cut.append(abs(promised) < abs(beta_z) - 0.01)

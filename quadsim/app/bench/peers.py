@@ -234,7 +234,7 @@ def jax_rollout(jax: ModuleType, ours: MPPI) -> Callable:
         return x_next, state_cost(x_next, tuple(u))
 
     def rollout(x, v):
-        start = tuple(jax.numpy.full(v.shape[2], xi) for xi in x)
+        start = ours.system.state(*(jax.numpy.full(v.shape[2], xi) for xi in x))
         return jax.lax.scan(advance, start, v)[1].mean(axis=0)
 
     return rollout

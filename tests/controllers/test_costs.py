@@ -1,0 +1,403 @@
+"""Costs as tuples of terms: names, weights and parameters, also ones that depend on the step of the horizon."""
+
+import keyword
+import pickle
+import re
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy import maximum, minimum
+from oracle import fly_rows, to_lanes
+from point import POINT
+
+from controllers.config import MPPIConfig
+from controllers.costs import Cost, Term, crash, evaluate
+from controllers.costs.quadratic import Goal, distance, quadratic_cost, speed
+from controllers.mppi import MPPI
+from controllers.rollout.lanes import LANES, Rollout, compiled_module
+from controllers.rollout.planner_loops import module_source
+from controllers.rollout.trace import TraceError
+from controllers.samplers import Gaussian
+from quadsim.systems.double_integrator import Control, State, double_integrator
+
+SYSTEM = double_integrator(0.05)
+START = np.array([-1.0, 0.5, 0.4, 0.2])
+M, T = 150, 30
+
+
+def near(x, x_next, u, target, p):
+    """Return the square of the distance to a point that may move [m^2]."""
+    dx = x_next.px - p.x
+    dy = x_next.py - p.y
+    return dx * dx + dy * dy
+
+
+def push(x, x_next, u, target, p):
+    return u.ax_cmd * u.ax_cmd + u.ay_cmd * u.ay_cmd
+
+
+def outside(x, x_next, u, target, p):
+    """Return by how much the velocity is outside a band [m/s]."""
+    return maximum(p.low - x_next.vx, 0.0) + maximum(x_next.vx - p.high, 0.0)
+
+
+class Point(NamedTuple):
+    x: float
+    y: float
+
+
+TERMS = (Term(near, 2.0), Term(push, 0.1), Term(outside, 3.0, name="band", low=0.2, high=1.5))
+COST = Cost("moving", TERMS, Goal, np.zeros((1, 2)), params=Point(x=1.0, y=-0.5))
+
+
+def along(x0, y0, vx, vy, steps=T):
+    """Return a point that moves, at the end of each step."""
+    t = SYSTEM.dt * np.arange(1, steps + 1)
+    return Point(x=x0 + vx * t, y=y0 + vy * t)
+
+
+def controls(seed=0, n_u=2, spread=2.0):
+    rng = np.random.default_rng(seed)
+    return rng.normal(0, 1, (T, n_u)), rng.normal(0, spread, (M, n_u, T)).astype(np.float32)
+
+
+def fly_lanes(cost, U, z, system=SYSTEM, x0=START):
+    J = np.empty((-(-M // LANES), LANES), np.float32)
+    Rollout(system, cost)(x0, U, to_lanes(z), 0, J)
+    return J.ravel()[:M]
+
+
+def test_two_terms_of_one_name_are_refused_and_one_function_may_serve_two_terms():
+    with pytest.raises(ValueError, match="cost moving: expected terms of different names, got two named 'push'"):
+        replace(COST, terms=(*TERMS, Term(push, 3.0)))
+    assert replace(COST, terms=(*TERMS, Term(push, 3.0, name="again"))).term_names[-1] == "again"
+
+
+def test_two_numbers_of_one_name_are_refused():
+    """The parameter `low` of the term `band`, and a parameter `band_low` of the cost."""
+
+    class Low(NamedTuple):
+        band_low: float
+
+    with pytest.raises(ValueError, match="got two named 'p_band_low'"):
+        replace(COST, params=Low(0.0))
+
+
+@pytest.mark.parametrize("name", ["fast yaw", "2nd", "a-b"])
+def test_a_name_that_is_no_name_of_a_variable_is_refused(name):
+    with pytest.raises(ValueError, match=f"term: expected a name as of a variable, .*got '{name}'"):
+        Term(push, name=name)
+    with pytest.raises(ValueError, match="term: expected a name"):
+        Term(partial(push), 1.0)
+    assert Term(partial(push), 1.0, name="pushed").name == "pushed"
+
+
+def test_weights_and_parameters_are_one_row_of_numbers_by_their_names():
+    (row,) = COST.numbers(T)
+    assert dict(zip(COST.number_names, row.tolist(), strict=True)) == {
+        "weight_near": 2.0,
+        "weight_push": 0.1,
+        "weight_band": 3.0,
+        "p_x": 1.0,
+        "p_y": -0.5,
+        "p_band_low": 0.2,
+        "p_band_high": 1.5,
+    }
+
+
+VARYING = {  # what varies along the horizon -> the cost with it
+    "p_x": lambda values: replace(COST, params=Point(x=values, y=1.0)),
+    "weight_push": lambda values: replace(COST, terms=(TERMS[0], TERMS[1].but(weight=values), TERMS[2])),
+    "p_band_high": lambda values: replace(COST, terms=(*TERMS[:2], TERMS[2].but(high=values))),
+}
+
+
+@pytest.mark.parametrize("name", VARYING)
+def test_a_number_of_each_step_makes_a_row_of_each_step(name):
+    values = np.linspace(0.0, 3.0, T)
+    for given in (values, values.tolist()):
+        rows = VARYING[name](given).numbers(T)
+        k = COST.number_names.index(name)
+        np.testing.assert_array_equal(rows[:, k], values)
+        assert rows.shape == (T, len(COST.number_names))
+        assert (np.ptp(np.delete(rows, k, axis=1), axis=0) == 0.0).all()
+
+
+@pytest.mark.parametrize("name", VARYING)
+@pytest.mark.parametrize("shape", [(T - 1,), (T + 1,), (1,), (T, 2)])
+def test_numbers_of_another_length_than_the_horizon_are_a_line_that_names_them(name, shape):
+    cost = VARYING[name](np.ones(shape))
+    with pytest.raises(ValueError, match=rf"^cost moving: {name}: expected .* each of {T} steps, got shape") as caught:
+        MPPI(SYSTEM, cost, Gaussian((1.0, 1.0)), MPPIConfig(samples=64, horizon=T, dt=SYSTEM.dt)).control(START)
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).endswith(str(shape))
+
+
+def test_a_term_with_other_numbers_keeps_all_else():
+    band = TERMS[2]
+    wider = band.but(high=2.0)
+    heavier = band.but(weight=7.0)
+    assert (wider.weight, wider.parameters._asdict()) == (3.0, {"low": 0.2, "high": 2.0})
+    assert (heavier.weight, heavier.parameters) == (7.0, band.parameters)
+    assert {wider.name, heavier.name} == {"band"}
+    assert band.parameters._asdict() == {"low": 0.2, "high": 1.5}, "it is another term"
+    assert band.but(weight=0.0).weight == 0.0
+
+
+def test_terms_go_to_other_processes():
+    cost = pickle.loads(pickle.dumps(VARYING["p_band_high"](np.ones(T))))
+    assert cost.term_names == COST.term_names
+    np.testing.assert_array_equal(cost.numbers(T), VARYING["p_band_high"](np.ones(T)).numbers(T))
+
+
+def test_evaluate_takes_the_numbers_of_its_step():
+    moving = replace(COST, params=along(1.0, 0.0, 2.0, -1.0))
+    x, u = State(0.0, 0.0, 0.0, 0.0), Control(0.0, 0.0)
+    for t in (0, 7, T - 1):
+        frozen = replace(COST, params=Point(*(float(value[t]) for value in moving.params)))
+        assert evaluate(moving, x, x, u, (0.0, 0.0), t=t).terms == evaluate(frozen, x, x, u, (0.0, 0.0)).terms
+
+
+def steps(cost):
+    """Return the cost with weights and parameters of which each depends on the step."""
+    wave = np.sin(0.4 * np.arange(T))
+    return replace(
+        cost,
+        params=along(1.0, 0.0, 2.0, -1.0),
+        terms=(TERMS[0].but(weight=2.0 + wave), TERMS[1], TERMS[2].but(weight=1.0 - 0.5 * wave, low=wave)),
+    )
+
+
+@pytest.mark.parametrize("of", [lambda cost: cost, steps], ids=["constant", "one for each step"])
+def test_lanes_agree_with_the_oracle(of):
+    cost = of(COST)
+    U, z = controls()
+    oracle = fly_rows(SYSTEM, cost, START, U, z)
+    np.testing.assert_allclose(fly_lanes(cost, U, z), oracle.J, rtol=2e-5)
+    assert (oracle.terms != 0.0).any(axis=0).all()
+
+
+def test_numbers_that_come_a_step_late_are_another_cost():
+    cost = steps(COST)
+    late = replace(cost, params=Point(*(np.append(value[0], value[:-1]) for value in cost.params)))
+    U, z = controls()
+    oracle = fly_rows(SYSTEM, late, START, U, z)
+    assert np.mean(abs(fly_lanes(cost, U, z) / oracle.J - 1) > 2e-4) > 0.9
+
+
+def test_each_term_of_the_paths_agrees_with_the_oracle():
+    cost = steps(COST)
+    U, z = controls()
+    oracle = fly_rows(SYSTEM, cost, START, 0 * U, z[:LANES])
+    _, terms = Rollout(SYSTEM, cost).paths(START, z[:LANES], 0)
+    np.testing.assert_allclose(terms, oracle.terms, rtol=2e-5, atol=1e-6)
+
+
+def test_other_numbers_compile_nothing_anew_and_another_term_does():
+    module = compiled_module(SYSTEM, COST, np.float32)
+    faster = double_integrator(SYSTEM.dt).params._replace(gain=1.3)
+    same = (
+        replace(COST, params=Point(7.0, 8.0)),
+        replace(COST, terms=tuple(term.but(weight=4.0) for term in TERMS)),
+        replace(COST, terms=(*TERMS[:2], TERMS[2].but(low=-1.0))),
+        replace(COST, targets=np.ones((3, 2))),
+        steps(COST),
+    )
+    assert {id(compiled_module(SYSTEM, cost, np.float32)) for cost in same} == {id(module)}
+    assert compiled_module(replace(SYSTEM, params=faster, dt=0.01), COST, np.float32) is module
+    for other in (replace(COST, terms=TERMS[:2]), replace(COST, terms=(*TERMS[:2], TERMS[2].but(weight=0.0)))):
+        assert compiled_module(SYSTEM, other, np.float32) is not module
+    assert compiled_module(SYSTEM, COST, np.float64) is not module
+
+
+def test_a_term_without_weight_leaves_no_line():
+    weighted = module_source(SYSTEM, COST, np.float32)
+    without = module_source(SYSTEM, replace(COST, terms=(*TERMS[:2], TERMS[2].but(weight=0.0))), np.float32)
+    absent = module_source(SYSTEM, replace(COST, terms=TERMS[:2]), np.float32)
+    assert "# term: band" in weighted
+    assert "band" not in without
+    assert without.replace("cost_numbers[k_t, 3]", "cost_numbers[k_t, 2]") != weighted
+
+    def lines(source):
+        return [line for line in source.splitlines() if "cost_numbers[" not in line]
+
+    assert lines(without) == lines(absent), "but for the places of the numbers that are read"
+
+
+def test_a_cost_whose_terms_have_no_weight_costs_nothing():
+    nothing = replace(COST, terms=tuple(term.but(weight=0.0) for term in TERMS))
+    assert (fly_lanes(nothing, *controls()) == 0.0).all()
+
+
+def test_a_term_may_return_a_condition_or_a_number():
+    """As 0 or 1: a term that counts."""
+
+    def fast(x, x_next, u, target, p):
+        return x_next.vx > 1.0
+
+    def always(x, x_next, u, target, p):
+        return 2.0
+
+    cost = Cost("counts", (Term(fast, 3.0), Term(always, 0.5)), Goal, np.zeros((1, 2)))
+    U, z = controls()
+    np.testing.assert_allclose(fly_lanes(cost, U, z), fly_rows(SYSTEM, cost, START, U, z).J, rtol=1e-5)
+
+
+def test_a_step_that_returns_no_state_is_a_line_that_names_it():
+    def plain(x, u, p, dt):
+        return x.px, x.py, x.vx, x.vy
+
+    with pytest.raises(TraceError, match=r"plain: .*test_costs.py:\d+: expected it to return a State, got tuple"):
+        module_source(replace(SYSTEM, step=plain), COST, np.float32)
+
+
+def test_a_crash_that_returns_nothing_is_a_line_that_names_it():
+    def crashes(x, x_next, u, target, p):
+        x_next.px > 3.0  # noqa: B015
+
+    with pytest.raises(TraceError, match=r"crashes: .*test_costs.py:\d+: expected it to return a number, got None"):
+        module_source(SYSTEM, replace(COST, crash=crashes), np.float32)
+
+
+# Names: of the loops, and of the numbers that they read.
+
+
+class Unlucky(NamedTuple):
+    """Parameters named as arguments and variables of the loops."""
+
+    cost: float
+    system: float
+    numbers: float
+    t: float
+
+
+def shared(x, x_next, u, target, p):
+    return p.cost * x_next.px * x_next.px + p.system * x_next.py * x_next.py + p.numbers * p.t
+
+
+def own(x, x_next, u, target, p):
+    return p.factor * x_next.vx * x_next.vx + p.row
+
+
+UNLUCKY = Cost(
+    "unlucky",
+    (
+        Term(shared, 2.0),
+        Term(own, 1.0, name="noise", factor=0.3, row=0.1),
+        Term(own, 1.5, name="cost", factor=0.7, row=0.2),
+        Term(own, 0.5, name="last", factor=0.9, row=0.3),
+        Term(crash, 4.0),
+    ),
+    Goal,
+    np.zeros((1, 2)),
+    params=Unlucky(cost=0.5, system=0.25, numbers=0.1, t=2.0),
+    crash=lambda x, x_next, u, target, p: x_next.px > -0.4,
+)
+
+
+def greedy_term(names):
+    """Return a term that has a local variable of each of these names, of which each counts."""
+    lines = ["def greedy(x, x_next, u, target, p):", "    found = x_next.px * 0.01"]
+    before = "found"
+    for k, name in enumerate(names):
+        lines.append(f"    {name} = {before} * 0.9 + x_next.vx * {0.01 * (k % 7 + 1):g}")
+        before = name
+    scope = {}
+    exec("\n".join([*lines, f"    return {before} + {names[0]}"]), scope)
+    return scope["greedy"]
+
+
+def test_names_of_the_source_never_collide_with_those_of_the_loops():
+    """A term whose variables have every name that occurs in the generated text, beside parameters that have some."""
+    source = module_source(SYSTEM, UNLUCKY, np.float32)
+    words = set(re.findall(r"[A-Za-z_]\w*", source)) - {*keyword.kwlist, "x", "x_next", "u", "target", "p", "found"}
+    assert {"cost", "state", "t", "l", "select", "F", "L", "np", "range", "noise_factor", "last_row", "x_px"} < words
+    assert {"p_cost", "p_t", "p_noise_factor", "weight_shared", "model_gain", "plan_ax_cmd", "low_ax_cmd"} < words
+    cost = replace(UNLUCKY, terms=(*UNLUCKY.terms, Term(greedy_term(sorted(words)), 3.0)))
+    U, z = controls()
+    oracle = fly_rows(SYSTEM, cost, START, U, z)
+    np.testing.assert_allclose(fly_lanes(cost, U, z), oracle.J, rtol=5e-5)
+    assert 0.1 < oracle.crashed.mean() < 0.9
+    assert (oracle.terms != 0.0).any(axis=0).all()
+    _, terms = Rollout(SYSTEM, cost).paths(START, z[:LANES], 0)
+    np.testing.assert_allclose(terms, fly_rows(SYSTEM, cost, START, 0 * U, z[:LANES]).terms, rtol=5e-5, atol=1e-6)
+
+
+def test_a_model_whose_variables_have_names_of_the_loops_flies_as_on_floats():
+    def step(x, u, p, dt):
+        state = x.vx * dt
+        cost = x.vy * dt
+        t = (u.ax - p.drag * x.vx) * dt
+        low_ax = (u.ay - p.drag * x.vy) * dt
+        model_drag = t + x.vx
+        return type(x)(x.px + state, x.py + cost, model_drag, x.vy + low_ax)
+
+    system, cost = replace(POINT, step=step), quadratic_cost((1.0, -1.0))
+    U, z = controls()
+    oracle = fly_rows(POINT, cost, START, U, z).J
+    np.testing.assert_allclose(fly_lanes(cost, U, z, system), oracle, rtol=2e-5)
+
+
+# Moving targets: the parameters of each step are where something will be then.
+
+LIMITED = replace(SYSTEM, low=(-2.0, -2.0), high=(2.0, 2.0))
+CONFIG = MPPIConfig(samples=512, horizon=45, iterations=2, dt=SYSTEM.dt, temperature=0.02)
+
+
+def pursued(predicts, seconds=5.0):
+    """Return the distances to a point that moves at 1.5 m/s, which the planner sees ahead or takes to stand still."""
+    cost = Cost("pursuit", (Term(near, 5.0), Term(push, 0.01)), Goal, np.zeros((1, 2)), params=Point(0.0, 0.0))
+    mppi = MPPI(LIMITED, cost, Gaussian((1.5, 1.5)), CONFIG, seed=1)
+    x = State(-1.0, -1.0, 0.0, 0.0)
+    apart = []
+    for k in range(round(seconds / SYSTEM.dt)):
+        here = along(0.0, 1.5 * k * SYSTEM.dt, 0.0, 1.5, CONFIG.horizon)
+        if not predicts:
+            here = Point(here.x[0], here.y[0])
+        mppi.set_cost(replace(cost, params=here))
+        u, _ = mppi.control(np.array(x))
+        x = LIMITED.next(x, u)
+        apart.append(np.hypot(x.px, x.py - 1.5 * (k + 1) * SYSTEM.dt))
+    return np.array(apart)
+
+
+def test_a_target_that_moves_is_met_where_it_will_be_and_trailed_where_it_was():
+    ahead, behind = pursued(predicts=True)[-20:], pursued(predicts=False)[-20:]
+    assert ahead.mean() < 0.1
+    assert behind.mean() > 3 * ahead.mean()
+
+
+RADIUS = 0.6
+
+
+def keep_off(x, x_next, u, target, p):
+    """Return by how much the point is within a disc that may move [m]."""
+    dx = x_next.px - p.x
+    dy = x_next.py - p.y
+    return maximum(RADIUS * RADIUS - (dx * dx + dy * dy), 0.0)
+
+
+def room_left(params):
+    """Return how far the plan keeps off a disc that crosses its way, where the planner takes it to be at `params`."""
+    terms = (Term(distance, 1.0), Term(speed, 0.1), Term(keep_off, 1000.0, **params._asdict()))
+    mppi = MPPI(LIMITED, Cost("crossing", terms, Goal, np.array([[1.5, 0.0]])), Gaussian((1.5, 1.5)), CONFIG, seed=2)
+    start = np.array([-1.5, 0.0, 1.5, 0.0])
+    for _ in range(30):
+        mppi.control(start, elapsed=0)
+    x, apart = start, []
+    for u, disc_x, disc_y in zip(mppi.plan, *CROSSING, strict=True):
+        x = LIMITED.next(x, np.clip(u, LIMITED.low, LIMITED.high))
+        apart.append(np.hypot(x.px - disc_x, x.py - disc_y))
+    assert x.px > 0.0, "it flies on"
+    return minimum.reduce(apart)
+
+
+CROSSING = along(0.0, -2.4, 0.0, 3.0, CONFIG.horizon)  # in the middle of the way when the point would be there
+
+
+def test_a_plan_keeps_clear_of_a_disc_that_will_cross_its_way_and_not_of_one_that_is_taken_to_stand_still():
+    assert room_left(CROSSING) > RADIUS - 0.05
+    assert room_left(Point(*(float(value[0]) for value in CROSSING))) < 0.5 * RADIUS
