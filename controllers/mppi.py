@@ -100,15 +100,18 @@ class MPPI:
     ):
         if config.dt != system.dt:
             raise ValueError(f"dt: expected the system's {system.dt:g} s, got {config.dt:g}")
-        self.cost, self.config, self.cost_of = cost, config, cost_of
+        n_u = len(system.controls)
+        self.config = config
+        self.cost = cost
+        self.cost_of = cost_of
         self.course: Course | None = None  # as it was estimated last; None: the map that `cost` was made for
         self.periods = ControlPeriods(config.dt)
         self.schedule = Schedule(config.first_noise, config.cost_rise)
         self.ramp = self.schedule.noise(config.horizon)  # factors on the perturbations  (2, T)
-        chunk_size, n_u = min(config.samples, layout.CHUNK), len(system.controls)
+        chunk_size = min(config.samples, layout.CHUNK)
         self.sampler = build_lanes(sampler, n_u, chunk_size, config.horizon, stream_key(seed), config.dt)
         self.beyond = np.zeros(n_u)  # by which the plan may exceed the limits  (n_u,)
-        if config.overshoot:  # of what is drawn before the first call
+        if config.overshoot:  # in standard deviations of what is drawn before the first call
             self.beyond = config.overshoot * self.sampler.sample(0).std(axis=(0, 2, 3), dtype=float)
         self.set_model(system)
         self.rest = np.array(system.rest)  # the control at rest; of a quadrotor hover: no rates, thrust g  (n_u,)
@@ -119,31 +122,6 @@ class MPPI:
         self.samples = config.samples  # M, which a deadline may change
         self.last: Iteration | None = None
         self._calls = 0
-
-    @property
-    def is_cached(self) -> bool:
-        """Whether the loops were compiled on this machine before; otherwise the first plan takes some 20 s."""
-        return self.rollout.is_cached and (self.sampler.loop is None or is_cached(self.sampler.loop))
-
-    def set_model(self, system: System) -> None:
-        """Plan with this system from now on: the same states and controls, other parameters."""
-        self.model = system
-        self.system = system.tightened(self.config.tighten)
-        self.rollout = Rollout(self.system, self.cost, schedule=self.schedule)
-        self.low, self.high = np.array(self.system.low), np.array(self.system.high)
-        self.plan_low, self.plan_high = self.low - self.beyond, self.high + self.beyond
-
-    def set_cost(self, cost: Cost) -> None:
-        """Plan with this cost from now on: the same terms, other numbers."""
-        self.cost = cost
-        self.rollout = Rollout(self.system, cost, schedule=self.schedule)
-
-    def continue_from(self, planner: MPPI) -> None:
-        """Start from another planner's plan, momentum and time. It must have the same system and horizon."""
-        self.plan, self.executed, self._calls = planner.plan, planner.executed, planner._calls
-        self.periods = planner.periods
-        if self.sampler.momentum and planner.sampler.momentum:
-            self.sampler.momentum.change = planner.sampler.momentum.change
 
     def control(self, known: Estimate | np.ndarray) -> tuple[np.ndarray, PlanStats]:
         """Return the control to apply.
@@ -162,19 +140,91 @@ class MPPI:
             FloatingPointError: no sample has a finite cost.
         """
         estimate = known if isinstance(known, Estimate) else Estimate(self.periods.next, known)
-        x, target = estimate.x, estimate.target
-        self.system.check(x)
+        self.system.check(estimate.x)
         self.use_estimates(estimate)
-        self.guide = self.guided(target, x)
-        steps = self.periods.advance(estimate.t)
-        if not self._calls and self.cost.guide:
-            self.plan = self.guide.copy()
-        elif self._calls and steps:
-            self.shift(steps)
-        first = None if self._calls else self.config.first_iterations
-        for _ in range(first or self.config.iterations):
-            stats = self.iterate(x, target)
-        return self.command(x), stats
+        iterations = self.warm_start(estimate)
+        for _ in range(iterations):
+            stats = self.iterate(estimate.x, estimate.target)
+        return self.command(estimate.x), stats
+
+    def iterate(self, x: np.ndarray, target: int) -> PlanStats:
+        """Improve the plan U by one iteration of Algorithm 1.
+
+        Args:
+            x: state that the rollouts start from (n_x,).
+            target: row of the cost's targets.
+        """
+        # Perturb the plan, and for the last samples an alternative to it.
+        self._calls += 1
+        U, alternative = self.nominals()  # (T, n_u) each
+        rest_offset = (alternative - U) / self.ramp[:, :, None]  # (2, T, n_u)
+        J = np.empty(self.samples)  # (M,)
+        self.last = it = Iteration(x, target, self._calls, U, rest_offset, J)
+
+        # Sample the controls v = clip(U + n z) and roll them out. Samples come in chunks that fit the processor's
+        # caches: the perturbations of a chunk are overwritten by the next one's, so each chunk is averaged at once.
+        means = []  # of each chunk, with weights normalised within it  (T, n_u)
+        for chunk in layout.chunks(self.samples):
+            z = self.perturbations(it, chunk)  # (series, n_u, halves * T, LANES)
+            J[chunk] = self.costs(it, z, chunk)
+            share = softmax_weights(J[chunk], self.temperature)
+            means.append(weighted_mean(z, self.ramp, U, self.plan_low, self.plan_high, share))
+
+        # Weigh the samples by their costs.
+        w = weights(J, self.temperature)  # (M,)
+
+        # Update the plan by the weighted mean of v - U, each chunk by its part of the total weight.
+        self.update(U + self.config.step_size * layout.mean_of_chunks(means, w))
+
+        stats = PlanStats(cost=float(J[0]), ess=float(1 / np.sum(w * w)), temperature=self.temperature)
+        self.temperature = adapt_temperature(self.temperature, stats.ess, self.config.target_ess)
+        return stats
+
+    def nominals(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the control sequences to perturb.
+
+        Returns:
+            The main one, and the alternative for the last rest_fraction of the samples. Without momentum: the plan and
+            the guide. With momentum: plan + momentum, and the plan. (T, n_u) each.
+        """
+        momentum = self.sampler.momentum
+        if momentum:
+            return self.plan + momentum.change, self.plan
+        return self.plan, self.guide
+
+    def perturbations(self, it: Iteration, chunk: slice) -> np.ndarray:
+        """Return z of the chunk's samples, relative to it.nominal; z of sample 0 is zero.
+
+        Returns:
+            (series, n_u, halves * T, LANES), a layout described in controllers.rollout.layout.
+        """
+        count = chunk.stop - chunk.start
+        T = self.config.horizon
+        M = len(it.J)
+        z = self.sampler.sample(it.call, chunk.start, count)
+        first_alternative = M - int(self.config.rest_fraction * M)
+        layout.add_from(z, max(first_alternative - chunk.start, 0), count, it.rest_offset)
+        if self.config.freeze_first:
+            layout.first_steps(z, T)[:] = 0
+        if chunk.start == 0:
+            layout.sample(z, 0, T)[:] = 0
+        return z
+
+    def costs(self, it: Iteration, z: np.ndarray, chunk: slice) -> np.ndarray:
+        """Return J of the chunk's samples, with the perturbations z, rolled out from it.x.  (samples,)"""
+        count = chunk.stop - chunk.start
+        J = np.empty((layout.blocks(count), layout.LANES), z.dtype)
+        self.rollout(it.x, it.nominal, z, it.target, J)
+        return J.ravel()[:count]
+
+    def update(self, plan: np.ndarray) -> None:
+        """Set the plan, clipped to its limits and filtered if configured, and the momentum, if the sampler has one."""
+        plan = np.clip(plan, self.plan_low, self.plan_high)
+        if self.sampler.momentum:
+            self.sampler.momentum.change = plan - self.plan
+        self.plan = plan
+        if self.config.smooth:
+            self.plan = np.clip(savitzky_golay(self.plan, self.executed), self.plan_low, self.plan_high)
 
     def use_estimates(self, estimate: Estimate) -> None:
         """Plan with the estimated course and model from now on, where they are given and have changed."""
@@ -185,85 +235,70 @@ class MPPI:
         if model is not None and model != self.model:
             self.set_model(model)
 
-    def command(self, x: np.ndarray) -> np.ndarray:
-        """The plan's first control, as far as the vehicle can follow it.  (n_u,)"""
-        u, attainable = self.clipped(self.plan[0]), self.system.attainable
-        if attainable is None:
-            return u
-        return np.array(attainable(self.system.state(*x), self.system.control(*u), self.system.params))
-
-    def guided(self, target: int, x: np.ndarray) -> np.ndarray:
-        """Controls that the last rest_fraction of the samples perturb: the cost's guide, else rest.  (T, n_u)"""
-        T = self.config.horizon
-        return self.cost.guide(target, x, T) if self.cost.guide else np.tile(self.rest, (T, 1))
-
-    def clipped(self, u: np.ndarray) -> np.ndarray:
-        """Within the control limits, which the plan may exceed.  (..., n_u) -> (..., n_u)"""
-        return np.clip(u, self.low, self.high)
+    def warm_start(self, estimate: Estimate) -> int:
+        """Shift the plan to the present. Return the number of iterations to improve it by."""
+        self.guide = self.guided(estimate.target, estimate.x)
+        steps = self.periods.advance(estimate.t)
+        is_first = self._calls == 0
+        if is_first and self.cost.guide:
+            self.plan = self.guide.copy()
+        elif not is_first and steps:
+            self.shift(steps)
+        if is_first and self.config.first_iterations:
+            return self.config.first_iterations
+        return self.config.iterations
 
     def shift(self, steps: int) -> None:
-        """Warm start: drop the controls that lie in the past, append the guide's."""
+        """Drop the controls of the plan that lie in the past, append the guide's."""
         self.executed = np.vstack([self.executed, self.clipped(self.plan[:steps])])[-2:]
         self.plan = np.vstack([self.plan[steps:], self.guide[-steps:]])
         if self.sampler.momentum:
             self.sampler.momentum.shift(steps)
 
-    def iterate(self, x: np.ndarray, target: int) -> PlanStats:
-        """One iteration of Algorithm 1 on the plan."""
-        self._calls += 1
-        U, alternative = self.nominals()
-        J = np.empty(self.samples)
-        self.last = Iteration(x, target, self._calls, U, (alternative - U) / self.ramp[:, :, None], J)
-        # Weights are first normalised within a chunk: its perturbations are overwritten by the next chunk's, before the
-        # least cost of all samples is known. mean_of_chunks then weighs each chunk by its part of the total weight.
-        means = []
-        for chunk in layout.chunks(self.samples):
-            z = self.perturbations(self.last, chunk)
-            J[chunk] = self.costs(self.last, z, len(J[chunk]))
-            share = softmax_weights(J[chunk], self.temperature)
-            means.append(weighted_mean(z, self.ramp, U, self.plan_low, self.plan_high, share))
-        w = weights(J, self.temperature)
-        self.update(U + self.config.step_size * layout.mean_of_chunks(means, w))
-        stats = PlanStats(float(J[0]), float(1 / np.sum(w * w)), self.temperature)
-        self.temperature = adapt_temperature(self.temperature, stats.ess, self.config.target_ess)
-        return stats
+    def guided(self, target: int, x: np.ndarray) -> np.ndarray:
+        """Return the controls that the last samples perturb: the cost's guide, else rest.  (T, n_u)"""
+        T = self.config.horizon
+        if self.cost.guide:
+            return self.cost.guide(target, x, T)
+        return np.tile(self.rest, (T, 1))
 
-    def nominals(self) -> tuple[np.ndarray, np.ndarray]:
-        """Control sequences to perturb: the main one, and the alternative for the last rest_fraction of the samples.
+    def command(self, x: np.ndarray) -> np.ndarray:
+        """Return the plan's first control, as far as the vehicle can follow it.  (n_u,)"""
+        u = self.clipped(self.plan[0])
+        attainable = self.system.attainable
+        if attainable is None:
+            return u
+        return np.array(attainable(self.system.state(*x), self.system.control(*u), self.system.params))
 
-        Without momentum: the plan, and the guide. With momentum: plan + momentum, and the plan.
+    def clipped(self, u: np.ndarray) -> np.ndarray:
+        """Return controls within the limits, which the plan may exceed.  (..., n_u) -> (..., n_u)"""
+        return np.clip(u, self.low, self.high)
 
-        Returns: (T, n_u) and (T, n_u).
-        """
-        momentum = self.sampler.momentum
-        return (self.plan + momentum.change, self.plan) if momentum else (self.plan, self.guide)
+    def set_model(self, system: System) -> None:
+        """Plan with this system from now on: the same states and controls, other parameters."""
+        self.model = system
+        self.system = system.tightened(self.config.tighten)
+        self.rollout = Rollout(self.system, self.cost, schedule=self.schedule)
+        self.low = np.array(self.system.low)
+        self.high = np.array(self.system.high)
+        self.plan_low = self.low - self.beyond
+        self.plan_high = self.high + self.beyond
 
-    def perturbations(self, it: Iteration, chunk: slice) -> np.ndarray:
-        """z of the chunk's samples, relative to it.nominal; z of sample 0 is zero.
+    def set_cost(self, cost: Cost) -> None:
+        """Plan with this cost from now on: the same terms compile nothing anew, whatever their numbers."""
+        self.cost = cost
+        self.rollout = Rollout(self.system, cost, schedule=self.schedule)
 
-        Returns: (series, n_u, halves * T, LANES), a layout described in controllers.rollout.layout.
-        """
-        count, T, M = chunk.stop - chunk.start, self.config.horizon, len(it.J)
-        z = self.sampler.sample(it.call, chunk.start, count)
-        first = M - int(self.config.rest_fraction * M)  # first sample that perturbs the alternative
-        layout.add_from(z, max(first - chunk.start, 0), count, it.rest_offset)
-        if self.config.freeze_first:
-            layout.first_steps(z, T)[:] = 0
-        if chunk.start == 0:
-            layout.sample(z, 0, T)[:] = 0
-        return z
+    def continue_from(self, planner: MPPI) -> None:
+        """Start from another planner's plan, momentum and time. It must have the same system and horizon."""
+        self.plan = planner.plan
+        self.executed = planner.executed
+        self.periods = planner.periods
+        self._calls = planner._calls
+        if self.sampler.momentum and planner.sampler.momentum:
+            self.sampler.momentum.change = planner.sampler.momentum.change
 
-    def costs(self, it: Iteration, z: np.ndarray, count: int) -> np.ndarray:
-        """J of the first `count` samples of z, rolled out from it.x.  (count,)"""
-        J = np.empty((layout.blocks(count), layout.LANES), z.dtype)
-        self.rollout(it.x, it.nominal, z, it.target, J)
-        return J.ravel()[:count]
-
-    def update(self, plan: np.ndarray) -> None:
-        """Set the plan, clipped to the limits and filtered if configured, and the momentum, if the sampler has one."""
-        plan = np.clip(plan, self.plan_low, self.plan_high)
-        if self.sampler.momentum:
-            self.sampler.momentum.change = plan - self.plan
-        self.plan = plan
-        if self.config.smooth:
-            self.plan = np.clip(savitzky_golay(self.plan, self.executed), self.plan_low, self.plan_high)
+    @property
+    def is_cached(self) -> bool:
+        """Whether the loops were compiled on this machine before; otherwise the first plan takes some 20 s."""
+        return self.rollout.is_cached and (self.sampler.loop is None or is_cached(self.sampler.loop))

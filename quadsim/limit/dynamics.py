@@ -135,7 +135,7 @@ def rates(model: ModelParams) -> Dynamics:
 
     def rate(x, u):  # x' = d step / d dt at dt = 0, with a clip that never acts
         dt = casadi.SX.sym("dt")
-        follow = dt / tau if tau > 0.0 else 1.0
+        follow: Any = dt / tau if tau > 0.0 else 1.0
         tau_x, tau_y, tau_z = model.rate_tau
         p = Params(
             rate_gain_x=1.0 / tau_x,
