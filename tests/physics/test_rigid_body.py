@@ -12,7 +12,8 @@ from quadsim.physics import plant
 from quadsim.physics.domain_randomization import gusts
 from quadsim.physics.plant import PLANTS, BulletPlant, RigidPlant, default_plant
 from quadsim.physics.plant_state import CLEARANCE
-from quadsim.physics.rigid_body import RigidBody, turned
+from quadsim.physics.rigid_body import RigidBody
+from quadsim.rotation import turned_at
 from quadsim.systems.quadrotor import STATE
 from quadsim.vehicle import GRAVITY, load_vehicle
 
@@ -57,9 +58,9 @@ def test_a_body_one_percent_heavier_does_not_agree(name):
 def test_a_turn_of_half_a_second_at_pi_is_a_quarter_turn():
     q = (1.0, 0.0, 0.0, 0.0)
     for _ in range(200):
-        q = turned(q, (0.0, 0.0, pi), DT)
+        q = turned_at(q, (0.0, 0.0, pi), DT)
     np.testing.assert_allclose(q, (0.5**0.5, 0.0, 0.0, 0.5**0.5), atol=1e-12)
-    assert turned(q, (0.0, 0.0, 0.0), DT) == pytest.approx(q, abs=1e-15)
+    assert turned_at(q, (0.0, 0.0, 0.0), DT) == pytest.approx(q, abs=1e-15)
 
 
 def test_a_torque_free_tumble_gains_at_most_3_percent_energy_as_bullets_does():
