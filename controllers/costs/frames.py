@@ -15,8 +15,9 @@ import numpy as np
 from numpy import maximum, minimum, where
 
 from controllers.costs import Obstacles
-from quadsim.course import Course, Cylinder, Gate, Obstacle, Vec3, in_frame
+from quadsim.course import Course, Cylinder, Gate, Obstacle, in_frame
 from quadsim.course.opening import HalfSizes, free_half_sizes, half_depth, margin_inside, outer_half_sizes
+from quadsim.rotation import Vec3
 from quadsim.systems.records import as_rows, columns
 
 SAFETY_MARGIN = 0.02  # [m] kept between vehicle and frame; where a gate is narrow, at most half of the room there is

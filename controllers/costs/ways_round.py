@@ -14,9 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.costs.frames import ObstacleRow, obstacle_rows, touches_round
-from quadsim.course import Box, Course, Cylinder, Obstacle, Vec3
+from quadsim.course import Box, Course, Cylinder, Obstacle
 from quadsim.course.opening import HalfSizes
 from quadsim.course.swept import clip, lerp
+from quadsim.rotation import Vec3
 
 WORTH = 0.1  # [m] by which a way round is longer than the straight line; samples find a shorter one by themselves
 OUTSIDE = 0.02  # [m] of the points beyond what the lines keep clear of
