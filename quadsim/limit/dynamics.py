@@ -119,8 +119,19 @@ def rates(model: ModelParams) -> Dynamics:
     def rate(x, u):  # x' = d step / d dt at dt = 0, with a clip that never acts
         dt = casadi.SX.sym("dt")
         follow = dt / tau if tau > 0.0 else 1.0
-        k, most = (model.thrust_gain, model.drag), 2 * model.thrust_max
-        p = Params(*(1.0 / t for t in model.rate_tau), follow, *k, 0.0, 0.0, UNLIMITED_YAW, most)
+        gain_x, gain_y, gain_z = (1.0 / tau_rate for tau_rate in model.rate_tau)
+        p = Params(
+            rate_gain_x=gain_x,
+            rate_gain_y=gain_y,
+            rate_gain_z=gain_z,
+            rotor_response=follow,
+            thrust_gain=model.thrust_gain,
+            drag=model.drag,
+            tilt_cost_x=0.0,
+            tilt_cost_y=0.0,
+            yaw_per_room=UNLIMITED_YAW,
+            thrust_max=2 * model.thrust_max,
+        )
         ahead = casadi.vertcat(*step(whole(x), Control(*u), p, dt)[:n])
         return tuple(casadi.vertsplit(casadi.substitute(casadi.jacobian(ahead, dt), dt, 0.0)))
 
