@@ -118,7 +118,7 @@ def rates(model: ModelParams) -> Dynamics:
 
     def rate(x, u):  # x' = d step / d dt at dt = 0, with a clip that never acts
         dt = casadi.SX.sym("dt")
-        follow = dt / tau if tau > 0.0 else 1.0
+        follow: Any = dt / tau if tau > 0.0 else 1.0
         gain_x, gain_y, gain_z = (1.0 / tau_rate for tau_rate in model.rate_tau)
         p = Params(
             rate_gain_x=gain_x,
