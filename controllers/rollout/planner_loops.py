@@ -326,10 +326,15 @@ def trace_cost(graph: Graph, cost: Cost, x: Any, x_next: Any, u: Any, target: An
 
 
 def _weigh(graph: Graph, weight: Symbol, value: Any) -> Any:
-    """The weight times the value, multiplied from the left as the formula is read: w a b = (w a) b."""
-    if isinstance(value, Symbol) and value.kind in ("mul", "div"):
+    """The weight times the value, multiplied from the left as the formula is read: w a b = (w a) b.
+
+    A factor that a variable holds or another function returned stays whole, as in the source.
+    """
+    if isinstance(value, Symbol) and value.kind in ("mul", "div") and not value.name:
         left, right = value.args
-        return graph.apply(value.kind, _weigh(graph, weight, left), right)
+        is_whole = isinstance(left, Symbol) and left.hint
+        weighted = graph.apply("mul", weight, left) if is_whole else _weigh(graph, weight, left)
+        return graph.apply(value.kind, weighted, right)
     return graph.apply("mul", weight, value)
 
 

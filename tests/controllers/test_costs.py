@@ -227,6 +227,37 @@ def test_a_term_without_weight_leaves_no_line():
     assert lines(without) == lines(absent), "but for the places of the numbers that are read"
 
 
+def travelled(x_next):
+    return x_next.vx * SYSTEM.dt
+
+
+def squared(x, x_next, u, target, p):
+    return x_next.px * x_next.px / 3.0
+
+
+def of_a_helper(x, x_next, u, target, p):
+    return travelled(x_next) * x_next.py
+
+
+def of_a_variable(x, x_next, u, target, p):
+    area = x_next.px * x_next.py
+    return area
+
+
+@pytest.mark.parametrize(
+    ("term", "expected"),
+    [
+        (squared, "cost_of_squared = weight_squared * px * px / F(3.0)"),
+        (of_a_helper, "cost_of_of_a_helper = weight_of_a_helper * (vx * F(0.05)) * py"),
+        (of_a_variable, "cost_of_of_a_variable = weight_of_a_variable * area"),
+    ],
+)
+def test_a_weight_is_the_first_factor_and_what_the_source_computes_apart_stays_whole(term, expected):
+    """So that a sum of terms is rounded as its formula is read: w (v dt) d, where v dt is a quantity of its own."""
+    source = module_source(SYSTEM, Cost("one", (Term(term, 2.0),), Goal, np.zeros((1, 2))), np.float32)
+    assert expected in [line.strip() for line in source.splitlines()]
+
+
 def test_a_cost_whose_terms_have_no_weight_costs_nothing():
     nothing = replace(COST, terms=tuple(term.but(weight=0.0) for term in TERMS))
     assert (fly_lanes(nothing, *controls()) == 0.0).all()
