@@ -9,7 +9,7 @@ from quadsim.course import load_course
 from quadsim.physics.plant import start_state
 from quadsim.race.build import planner_of
 from quadsim.race.spec import Spec
-from quadsim.systems.quadrotor import ModelParams, quadrotor
+from quadsim.systems.quadrotor import Control, ModelParams, quadrotor
 from quadsim.vehicle import load_vehicle
 
 DT = 0.01
@@ -17,21 +17,20 @@ NOMINAL = ModelParams.of(load_vehicle("swift"))
 
 
 def test_a_planner_that_has_to_gives_up_thrust_to_roll_and_pitch():
-    x, u = launch_state(), (4.0, -3.0, 1.0, NOMINAL.thrust_max)
+    x, u = launch_state(), Control(4.0, -3.0, 1.0, NOMINAL.thrust_max)
     system = quadrotor(replace(NOMINAL, tilt_first=False), DT)
     assert quadrotor(NOMINAL, DT).attainable is None
-    wx, wy, wz, a = system.attainable(x, u, system.params)
-    assert (wx, wy, wz) == u[:3]
-    after = system.step(x, (wx, wy, wz, a), system.params, DT)
-    assert after == pytest.approx(system.step(x, u, system.params, DT)), "the model gives up the same"
-    assert a < 0.97 * NOMINAL.thrust_max
-    level = (0.0, 0.0, 1.0, NOMINAL.thrust_max)
+    given = system.attainable(x, u, system.params)
+    assert given.body_rates == u.body_rates
+    assert system.next(x, given) == pytest.approx(system.next(x, u)), "the model gives up the same"
+    assert given.thrust < 0.97 * NOMINAL.thrust_max
+    level = Control(0.0, 0.0, 1.0, NOMINAL.thrust_max)
     assert system.attainable(x, level, system.params) == level
 
 
 def test_what_is_commanded_is_what_the_vehicle_can_follow():
     spec = Spec.of("paper_flat", vehicle="swift", preset="race", samples=128, horizon=50)
-    mppi, x = planner_of(spec, spec.streams[0]), np.array(launch_state())
+    mppi, x = planner_of(spec, spec.streams.planner), np.array(launch_state())
     mppi.plan[0] = 4.0, -3.0, 0.0, NOMINAL.thrust_max
     asked = mppi.command(x)
     assert asked == pytest.approx(mppi.clipped(mppi.plan[0]))
@@ -40,4 +39,4 @@ def test_what_is_commanded_is_what_the_vehicle_can_follow():
 
 
 def launch_state():
-    return tuple(start_state(load_course("figure8").start, 0.1))
+    return start_state(load_course("figure8").start, 0.1)

@@ -22,6 +22,7 @@ from controllers.rollout.planner_loops import module_source
 from controllers.rollout.trace import TraceError
 from controllers.samplers import Gaussian
 from quadsim.systems.double_integrator import Control, State, double_integrator
+from quadsim.systems.estimate import Estimate
 
 SYSTEM = double_integrator(0.05)
 START = np.array([-1.0, 0.5, 0.4, 0.2])
@@ -417,7 +418,7 @@ def room_left(params):
     mppi = MPPI(LIMITED, Cost("crossing", terms, Goal, np.array([[1.5, 0.0]])), Gaussian((1.5, 1.5)), CONFIG, seed=2)
     start = np.array([-1.5, 0.0, 1.5, 0.0])
     for _ in range(30):
-        mppi.control(start, elapsed=0)
+        mppi.control(Estimate(0.0, start))
     x, apart = start, []
     for u, disc_x, disc_y in zip(mppi.plan, *CROSSING, strict=True):
         x = LIMITED.next(x, np.clip(u, LIMITED.low, LIMITED.high))

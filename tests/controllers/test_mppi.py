@@ -148,7 +148,7 @@ def test_a_state_alone_is_one_control_period_after_the_last():
 
 def test_the_estimated_model_is_planned_with_from_then_on():
     """And an estimate without one leaves the model as it is."""
-    heavy = replace(POINT, params=(3.0,))
+    heavy = replace(POINT, params=POINT.params._replace(**{POINT.params._fields[0]: 3.0}))
     told, given = make(), make(system=heavy)
     for estimate in (Estimate(0.0, START, model=heavy), Estimate(POINT.dt, START)):
         told.control(estimate)

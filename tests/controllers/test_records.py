@@ -60,7 +60,7 @@ def test_the_box_of_an_obstacle_is_its_own_grown_on_all_sides(grown):
 
 def test_a_course_keeps_every_frame_once_and_all_obstacles_behind_them():
     others = (Box((1.0, 2.0, 3.0), (2.0, 4.0, 6.0)), Cylinder((1.0, 2.0, 3.0), 0.2, 4.0))
-    rows = course_obstacles(course(TURNED, gate(9.0), TURNED, obstacles=others), RADIUS, 1.0, 5).rows
+    rows = course_obstacles(course(TURNED, gate(9.0), TURNED, obstacles=others), RADIUS).rows
     assert columns(rows, ObstacleRow, "x", "z").tolist() == [[5, 1, 20], [9, 0, 20], [1, 2, 3], [1, 2, 5]]
 
 

@@ -14,7 +14,7 @@ from quadsim.physics.plant import PLANTS, default_plant, start_state
 from quadsim.physics.rotorpy_plant import RotorpyPlant
 from quadsim.race.build import build, launch, navigation_of, planner_of
 from quadsim.race.spec import Spec
-from quadsim.rotation import rotate_back, turned
+from quadsim.rotation import to_body, turned
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.estimation.body_rates import BodyRates
 from quadsim.sensing.estimation.nominal import Nominal
@@ -181,9 +181,9 @@ def sensed(seed, gust=REAL.gust, noise=0.1, taken_for=0.1, rotors=None, steps=30
         a += (a_cmd - a) * lag + 0.05 * rng.standard_normal()
         q = turned(q, (2.4 * np.cos(2 * t + phase[1]) * DT, 0.0, 0.0))
         w = np.array(next(wind))
-        to_body = np.column_stack([rotate_back(q, axis) for axis in np.eye(3)])  # R(q)^T
-        force = np.array([0.0, 0.0, k * a]) + to_body @ (w - d * v)
-        v = v + DT * (to_body.T @ force - (0.0, 0.0, GRAVITY))
+        body_from_world = np.column_stack([to_body(q, axis) for axis in np.eye(3)])  # R(q)^T
+        force = np.array([0.0, 0.0, k * a]) + body_from_world @ (w - d * v)
+        v = v + DT * (body_from_world.T @ force - (0.0, 0.0, GRAVITY))
         measured = force + np.hypot(noise, FORCE_STD) * rng.standard_normal(3)
         learner.learn_from_force(a_cmd, 0.0, tuple(measured), Nominal(t, (0.0,) * 3, tuple(v), q))
         if rotors:
@@ -225,7 +225,7 @@ def test_body_rates_follow_the_gyroscope_and_the_model_without_one():
     system, x = quadrotor(NOMINAL, DT), tuple(start_state(load_course("figure8").start, 0.1))
     for k in range(100):
         u = Control(2.0 * np.sin(0.1 * k), 1.0 * np.cos(0.07 * k), 0.3, 20.0)
-        x = system.step(x, u, system.params, DT)
+        x = system.next(x, u)
         rates.advance(u, None)
     now = State(*x)
     assert rates.rates == pytest.approx(now.body_rates, abs=1e-9)

@@ -14,7 +14,7 @@ from controllers.samplers.lane_sampler import stream_key
 from quadsim.app.figures.style import STYLE, line, write_figure
 from quadsim.app.paper.result import Result, write_csv
 from quadsim.palette import dotted, style
-from quadsim.systems.offroad import NOMINAL, offroad
+from quadsim.systems.offroad import NOMINAL, State, offroad
 
 DT = 0.02  # [s]
 HORIZON = 250  # steps
@@ -70,10 +70,11 @@ def paths(controls: np.ndarray) -> np.ndarray:
     """
     system = offroad(NOMINAL, DT)
     u = np.clip(controls, -1.0, 1.0)
-    x = tuple(np.full(len(u), v) for v in (0.0, 0.0, 1.0, 0.0, SPEED, 0.0, 0.0, 0.0))
+    origin = State(px=0.0, py=0.0, hx=1.0, hy=0.0, v=SPEED, r=0.0, steer=0.0, drive=0.0)
+    x = State._make(np.full(len(u), value) for value in origin)
     places = [np.stack(x[:2], axis=1)]
     for t in range(u.shape[2]):
-        x = system.step(x, tuple(u[:, :, t].T), system.params, DT)
+        x = system.next(x, u[:, :, t].T)
         places.append(np.stack(x[:2], axis=1))
     return np.stack(places, axis=1)
 
