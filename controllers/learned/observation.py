@@ -111,9 +111,10 @@ def corners(p, axes, gate):
 def observation(x, gates, last):
     """Return the Observation at the State x, with the NextGates and the last action, a Control in -1..1."""
     axes = body_axes(x.attitude)
+    _, _, x_up, _, _, y_up, _, _, z_up = axes  # how far each of the body's axes points up
     return Observation(
         velocity=Vector(*along(axes, x.vx / SPEED, x.vy / SPEED, x.vz / SPEED)),
-        gravity=Vector(-axes[2], -axes[5], -axes[8]),
+        gravity=Vector(-x_up, -y_up, -z_up),
         rate=Vector(x.wx / RATE, x.wy / RATE, x.wz / RATE),
         height=x.pz / LENGTH,
         next_gate=corners(x.position, axes, gates.next),

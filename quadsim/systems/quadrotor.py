@@ -91,8 +91,12 @@ class State(NamedTuple):
         thrust: float,
         angular_acceleration: Sequence[float],
     ) -> State:
-        """Put a state together from its vectors, named as the properties above."""
-        return cls._make((*position, *velocity, *attitude, *body_rates, thrust, *angular_acceleration))
+        """Put a state together from its vectors, named as the properties above.
+
+        A number added to the state takes its default: plants and estimators do not have to know of it.
+        """
+        numbers = (*position, *velocity, *attitude, *body_rates, thrust, *angular_acceleration)
+        return cls(*numbers)  # pyright: ignore[reportCallIssue]
 
 
 class Control(NamedTuple):
