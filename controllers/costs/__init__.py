@@ -74,7 +74,7 @@ class Term:
     def __reduce__(self) -> tuple:
         return _term, (self.function, self.weight, self.name, self.parameters._asdict() if self.parameters else {})  # pyright: ignore
 
-    @property
+    @cached_property
     def shape(self) -> tuple:
         """What the compiled loop depends on: the function and the names of its parameters, not their values."""
         own = self.parameters._fields if self.parameters else None  # pyright: ignore

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import sys
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import ModuleType
 
 import numpy as np
@@ -91,8 +92,8 @@ class Rollout:
             )
         return *numbers, near, steps_between(s.dt), term, d(weight)
 
-    @property
-    def _module(self) -> ModuleType:
+    @cached_property
+    def _module(self) -> ModuleType:  # a control step runs it several times
         return compiled_module(self.system, self.cost, self.dtype)
 
 
