@@ -8,9 +8,9 @@ functions of the same kind decide what happens to the sample: `reached` moves it
 it as crashed for the rest of its rollout.
 
     def clearance(x, x_next, u, gate, p):
-        crossing = at_gate(x, x_next, gate)
-        missing = maximum(crossing.outside + gate.margin * crossing.span, 0.0)
-        return where(crossing.within, missing, 0.0)
+        step = at_gate(x, x_next, gate)
+        missing = maximum(step.outside + gate.margin * step.span, 0.0)
+        return where(step.within, missing, 0.0)
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Term:
 
     @cached_property
     def shape(self) -> tuple:
-        """What the compiled loop depends on: the function and the names of its parameters, not their values."""
+        """The key of the compiled loop: the function and the names of its parameters, without their values."""
         own = self.parameters._fields if self.parameters else None  # pyright: ignore
         return self.name, self.function, own, bool(np.any(self.weight))
 
@@ -91,7 +91,7 @@ def _term(function: Callable, weight: Weight, name: str, parameters: dict[str, W
 
 @dataclass(frozen=True)
 class Obstacles:
-    """What samples may run into wherever they fly to: a sample that touches one of them has crashed.
+    """Obstacles stand in the way of samples, whatever target these fly to: a sample that touches one has crashed.
 
     A sample that has reached its last target but one is past the finish and touches nothing.
     """
@@ -227,11 +227,18 @@ def evaluate(
         else:
             own = shared if term.parameters is None else at_step(term.parameters, t)
             value = term.function(x, x_next, u, gate, own)
-        terms[term.name] = (term.weight if np.ndim(term.weight) == 0 else np.asarray(term.weight)[t]) * value
+        terms[term.name] = number_at_step(term.weight, t) * value
     reached = cost.reached(x, x_next, u, gate, shared) if cost.reached else False
     return Evaluated(terms, reached, crashed)
 
 
 def at_step(parameters: tuple, t: int) -> Any:
     """Return a record of parameters at step t of the horizon."""
-    return parameters._make(value if np.ndim(value) == 0 else value[t] for value in parameters) if parameters else ()  # pyright: ignore
+    if not parameters:
+        return ()
+    return parameters._make(number_at_step(value, t) for value in parameters)  # pyright: ignore
+
+
+def number_at_step(value: Weight, t: int) -> Any:
+    """Return a weight or parameter at step t of the horizon: the number itself, or its entry of an array (T,)."""
+    return value if np.ndim(value) == 0 else np.asarray(value)[t]

@@ -19,7 +19,8 @@ RUN_OUT = 100.0  # [m] from the last gate to a last target behind it, so that pl
 
 
 class GateTarget(NamedTuple):
-    """What a sample flies to: the exit of a gate, a point on the way round obstacles, or a point behind the finish.
+    """A target row describes a place that a sample flies to: the exit of a gate, a point beside an obstacle, or a
+    point behind the finish.
 
     The picture in controllers.costs.race shows the sizes. Positions and directions are those of the world.
     """

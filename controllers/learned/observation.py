@@ -33,7 +33,7 @@ class Vector(NamedTuple):
 
 
 class GateNumbers(NamedTuple):
-    """Where a gate's opening is, in the world [m]."""
+    """The position and the size of a gate's opening, as vectors of the world [m]."""
 
     centre: Vector
     left: Vector  # from the centre to the middle of the left edge
@@ -57,7 +57,7 @@ class Corners(NamedTuple):
 
 
 class Observation(NamedTuple):
-    """What a pilot is given, in units that bring every number to the order of one."""
+    """A pilot observes these numbers, in units that bring each of them to the order of one."""
 
     velocity: Vector
     gravity: Vector  # its direction

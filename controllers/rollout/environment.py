@@ -36,7 +36,7 @@ SLACK = 1e-3  # [m] of a vehicle's room to the obstacles is left to rounding
 
 
 class Learning(NamedTuple):
-    """What an environment adds to a model and its cost: plain functions that the lanes inline, and their records."""
+    """An environment adds these plain functions to a model and its cost; the lanes inline them."""
 
     observation: Callable  # (x, gates, last) -> record of what is observed
     gates: type  # NamedTuple: the next gates, from the row of the course

@@ -70,7 +70,7 @@ class HalfSizes(NamedTuple):
 
 
 class Crossing(NamedTuple):
-    """Where a segment crosses the plane of a gate."""
+    """The point at which a segment crosses the plane of a gate."""
 
     fraction: float  # of the segment
     offset: Offset  # from the centre of the opening [m]

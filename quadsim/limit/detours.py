@@ -58,9 +58,10 @@ class Detour:
     distance: float  # from the centre [m]
 
     def holds_at(self, segment: int, node: int, intervals: int) -> bool:
-        """Return whether the detour concerns a node of a segment of so many intervals.
+        """Return whether the detour constrains this node of a segment with that many intervals.
 
-        It does in that part; beyond an edge also one node on either side, as the line between two stays out too.
+        It constrains the nodes of its part. Beyond an edge it also constrains one node on either side, so that the line
+        between two nodes stays out too.
         """
         first, last = (share * intervals for share in self.part)
         more = 0.0 if self.side.axis == ALONG else 1.0

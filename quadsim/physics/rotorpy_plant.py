@@ -81,7 +81,7 @@ class RotorpyPlant:
         return self.state
 
     def _read(self) -> PlantState[State]:
-        """What the rotors deliver is computed as the other plants do, from their speeds."""
+        """Read the state. Thrust and torque come from the rotors' speeds, as in the other plants."""
         now = self._now
         body_rates: Vec3 = tuple(now["w"].tolist())
         thrusts = self._rotors.thrust_map[0] * now["rotor_speeds"] ** 2

@@ -41,7 +41,7 @@ WHOLE = 1e-6  # of a period: a number of periods this near to a whole one is tak
 
 
 class Present(NamedTuple):
-    """What is known of the present."""
+    """The present state, with the model and the course as they are estimated."""
 
     x: tuple[float, ...]  # state now, of a quadrotor a State  (n_x,)
     model: ModelParams | None = None  # as it is estimated; None: nothing is learnt of it
@@ -56,7 +56,7 @@ class PictureCount(NamedTuple):
 
 
 class StateSource(Protocol):
-    """Where the present state comes from."""
+    """A source of the present state."""
 
     @property
     def corners(self) -> Corners | None:
@@ -82,7 +82,7 @@ class StateSource(Protocol):
 
 
 class GateCount(Protocol):
-    """How many gates are passed, as it is known on board."""
+    """A count of the passed gates, as it is known on board."""
 
     def at(self, x: tuple[float, ...], course: Course | None) -> int:
         """Return the gates passed when the vehicle is in the state x.

@@ -1,4 +1,4 @@
-"""What is known of a vehicle when a controller is asked for its next control."""
+"""The Estimate, which a controller is given when it is asked for its next control."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from quadsim.systems import System
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What a controller is told: the state, the next target, and the estimated model and course.
+    """An estimate of the vehicle and its surroundings: state, next target, model and course.
 
     A flight makes one for each control period (quadsim.sensing.navigation). In a loop of one's own it is enough to
     give the time and the state: `mppi.control(Estimate(t, x))`.

@@ -33,7 +33,7 @@ from quadsim.vehicle import GRAVITY, Vehicle
 
 
 class State(NamedTuple):
-    """What the quadrotor does now. Position and velocity in the world (ENU), rates and accelerations in the body.
+    """The state of the quadrotor. Position and velocity in the world (ENU), rates and accelerations in the body.
 
     Every table of the project takes the order of these names: telemetry, the compiled lanes, the optimiser.
     """
@@ -100,7 +100,7 @@ class State(NamedTuple):
 
 
 class Control(NamedTuple):
-    """What the flight controller is commanded."""
+    """A command to the flight controller."""
 
     wx: Annotated[float, "rad/s"]
     wy: Annotated[float, "rad/s"]

@@ -17,7 +17,7 @@ from quadsim.vehicle import GRAVITY
 
 @dataclass(frozen=True, slots=True)
 class Nominal:
-    """What an inertial unit's samples alone make of the state, and of the unit's biases."""
+    """The state that is integrated from an inertial unit's samples, and the unit's biases."""
 
     t: float  # [s]
     position: Vec3  # [m]

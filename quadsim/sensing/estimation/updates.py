@@ -70,7 +70,7 @@ class PoseUpdate:
         return corrected(state, H, innovation, variance, 3)
 
     def _parts(self, state: FilterState, pose: Pose) -> list[Part]:
-        """What the sensor measures, less what the filter expects."""
+        """Return the measurement less its prediction by the filter."""
         nominal = state.nominal
         drift = state.drift if self._drifts else np.zeros(3)
         position = np.subtract(pose.position, nominal.position) - drift
@@ -133,7 +133,7 @@ class CornerUpdate:
     def _jacobian(
         self, state: FilterState, R: np.ndarray, body: np.ndarray, local: np.ndarray, gates: np.ndarray
     ) -> np.ndarray:
-        """Of the pixels by the error.
+        """Return the derivatives of the pixels by the error state.
 
         A corner c in the body frame is R^T (c - p), turned by -dtheta.
 
