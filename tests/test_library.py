@@ -82,6 +82,7 @@ WRONG = {  # setting -> value, what the message must say
     "system": ("quadroter", "system: expected 'double_integrator' or 'offroad' or 'quadrotor', got 'quadroter'"),
     "plant": ("bulet", "plant: expected 'bullet' or 'rigid' or 'rotorpy', got 'bulet'"),
     "cost": (3, "cost: expected an object with 'terms', or a function that makes one, got 3"),
+    "terms": (5, "terms: expected terms=[(function, weight), ...] or controllers.costs.Term objects, got 5"),
     "controller": (3, "controller: expected an object with 'control', or a function that makes one, got 3"),
     "referee": (3, "referee: expected an object with 'observe', or a function that makes one, got 3"),
     "course": (3, "course: expected a name, a FILE.yaml or a Course, got 3"),

@@ -19,6 +19,7 @@ from quadsim.race.systems import SYSTEMS, SystemEntry
 from quadsim.systems import System
 
 OWN = {"cost": "terms", "plant": "step", "controller": "control", "referee": "observe"}  # what such an object has
+WANTED_TERMS = "expected terms=[(function, weight), ...] or controllers.costs.Term objects"
 LARGE = 1000  # numbers of an array, which a run does not keep
 
 
@@ -58,20 +59,22 @@ def own_parts(given: dict[str, Any]) -> OwnParts:
         if not (part is None or callable(part) or hasattr(part, OWN[role])):
             wanted = f"expected an object with {OWN[role]!r}, or a function that makes one"
             raise SettingError(role, f"{wanted}, got {part!r}")
-    terms = (*map(own_term, given.pop("terms", ())), *map(term_of_text, _several(given.pop("term", ()))))
-    return OwnParts(**parts, terms=terms)
+    objects = given.pop("terms", ())
+    if not isinstance(objects, tuple | list):
+        raise SettingError("terms", f"{WANTED_TERMS}, got {objects!r}")
+    texts = _several(given.pop("term", ()))
+    return OwnParts(**parts, terms=(*map(own_term, objects), *map(term_of_text, texts)))
 
 
 def own_term(term: Any) -> Term:
     """Return a cost term that was given as a Term, or as a function and its weight. Raises SettingError."""
     if isinstance(term, Term):
         return term
-    wanted = "expected terms=[(function, weight), ...] or controllers.costs.Term objects"
     if not isinstance(term, tuple | list) or len(term) != 2 or not callable(term[0]):
-        raise SettingError("terms", f"{wanted}, got {term!r}")
+        raise SettingError("terms", f"{WANTED_TERMS}, got {term!r}")
     function, weight = term
     if isinstance(weight, bool) or not isinstance(weight, int | float | np.ndarray) or not np.isfinite(weight).all():
-        raise SettingError("terms", f"{wanted} with a finite weight, got {weight!r} for {_name(function)}")
+        raise SettingError("terms", f"{WANTED_TERMS} with a finite weight, got {weight!r} for {_name(function)}")
     return Term(function, float(weight) if np.ndim(weight) == 0 else weight)
 
 
