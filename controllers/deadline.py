@@ -1,4 +1,5 @@
-"""A deadline for plans: fewer samples after a plan that took too long, more after one that took much less."""
+"""A deadline for plans: fewer samples after a plan that took too long, more after one that took
+much less."""
 
 from __future__ import annotations
 
@@ -7,17 +8,18 @@ from time import perf_counter
 
 import numpy as np
 
+from controllers.lanes.layout import LANES
 from controllers.mppi import MPPI
 from controllers.plan import PlanStats
-from controllers.rollout.layout import LANES
-from quadsim.systems.estimate import Estimate
+from quadsim.dynamics.estimate import Estimate
 
 ROOM = 0.8  # of the deadline; below it the samples may grow again
 SHRINK, GROW = 0.8, 1.05
 
 
 class Deadline:
-    """An MPPI whose number of samples follows its planning time, between one block of lanes and its configuration's."""
+    """An MPPI whose number of samples follows its planning time, between one block of lanes and its
+    configuration's."""
 
     def __init__(self, mppi: MPPI, deadline_ms: float, time: Callable[[], float] = perf_counter):
         """deadline_ms: for one plan [ms]. time: [s] from any instant on."""

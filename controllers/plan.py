@@ -1,4 +1,5 @@
-"""Statistics that a controller returns at every control step, and a snapshot of its samples for display."""
+"""Statistics that a controller returns at every control step, and a snapshot of its samples for
+display."""
 
 from __future__ import annotations
 
@@ -21,4 +22,5 @@ class PlannerSnapshot:
     """The planner at one control step, kept for display."""
 
     best: np.ndarray  # paths of the samples with the least cost, best first [m]  (8, points, 3)
-    terms: dict[str, float]  # cost of the updated plan by term, horizon means that sum to its J; empty: not stored
+    # cost of the updated plan by term, horizon means that sum to its J; empty: not stored
+    terms: dict[str, float]

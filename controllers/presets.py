@@ -1,4 +1,5 @@
-"""Presets: a planner's numbers by name and sampler. `paper` cites its sentences; `race` is tuned here."""
+"""Presets: a planner's numbers by name and sampler. `paper` cites its sentences; `race` is tuned
+here."""
 
 from __future__ import annotations
 
@@ -30,10 +31,10 @@ class Planner:
 Presets = Mapping[str, Mapping[str, Planner]]
 
 # Section IV-B: "I = 2 iterations, M = 4096 samples, lambda = 0.3, dt = 0.01 s, and T = 150";
-# Gaussian "standard deviations of [0.3, 0.3, 0.3, 3.5] for the angular rates and thrust";
-# colored "[0.2, 0.2, 0.2, 0.5] and exponents gamma of [0.01, 0.01, 0.01, 0.5]";
-# "a desired velocity of 9 m/s". The weights are not published; these are ours, chosen on paper_flat so that
-# both samplers pass every gate at about the paper's lap times, and for both alike.
+# Gaussian "standard deviations of [0.3, 0.3, 0.3, 3.5] for the angular rates and thrust"; colored
+# "[0.2, 0.2, 0.2, 0.5] and exponents gamma of [0.01, 0.01, 0.01, 0.5]"; "a desired velocity of 9
+# m/s". The weights are not published; these are ours, chosen on paper_flat so that both samplers
+# pass every gate at about the paper's lap times, and for both alike.
 _PAPER = Planner(
     vehicle="paper",
     sampling=Gaussian(sigma=(0.3, 0.3, 0.3, 3.5)),
@@ -50,10 +51,11 @@ _PAPER = Planner(
         desired_speed=9.0,
     ),
 )
-# Sampling as `race tune split_s_swift --laps 1` found it, 48 trials for each of the two samplers. It would have a
-# horizon of 1.2 s, too short to brake from 38 m/s on alphapilot. The weights along the horizon, the overshoot, the ESS
-# and the margin were chosen by hand on split_s_swift and alphapilot, for each sampler its own, see docs/results.md.
-# So was colored sampling's yaw: nothing in a race asks for it, and with 0.5 rad/s body rates vary by a third more.
+# Sampling as `race tune split_s_swift --laps 1` found it, 48 trials for each of the two samplers.
+# It would have a horizon of 1.2 s, too short to brake from 38 m/s on alphapilot. The weights along
+# the horizon, the overshoot, the ESS and the margin were chosen by hand on split_s_swift and
+# alphapilot, for each sampler its own, see docs/results.md. So was colored sampling's yaw: nothing
+# in a race asks for it, and with 0.5 rad/s body rates vary by a third more.
 _RACE = Planner(
     vehicle="swift",
     sampling=Colored(sigma=(0.86, 0.86, 0.1, 4.4), gamma=(0.8, 0.8, 0.8, 2.0)),
@@ -71,14 +73,16 @@ _RACE = Planner(
         cost_rise=2.0,
         adapt=True,
     ),
-    cost=RaceWeights(progress=1.0, opening=1.0, crash=1000.0, clearance=2500.0, margin=0.3, margin_share=0.25),
+    cost=RaceWeights(
+        progress=1.0, opening=1.0, crash=1000.0, clearance=2500.0, margin=0.3, margin_share=0.25
+    ),
 )
 
-# Samplers that the paper does not fly, by hand. Log-normal: sigma exp(sigma^2), its standard deviation, is the
-# Gaussian's, and racing asks for more samples that agree. Smooth: a fifth of the Gaussian's, as a plan with momentum
-# adds up what iterations find, in races half of its rates, behind the Savitzky-Golay filter, as nothing damps the
-# momentum; for `smooth`, whose sigma is the derivatives' [rad/s^2, m/s^3], divided by dt: both fly alike until one
-# changes dt.
+# Samplers that the paper does not fly, by hand. Log-normal: sigma exp(sigma^2), its standard
+# deviation, is the Gaussian's, and racing asks for more samples that agree. Smooth: a fifth of the
+# Gaussian's, as a plan with momentum adds up what iterations find, in races half of its rates,
+# behind the Savitzky-Golay filter, as nothing damps the momentum; for `smooth`, whose sigma is the
+# derivatives' [rad/s^2, m/s^3], divided by dt: both fly alike until one changes dt.
 
 
 def _smooth(base: Planner, sampling: Smooth | SmoothStar) -> Planner:
@@ -98,7 +102,9 @@ PRESETS: dict[str, dict[str, Planner]] = {
         "smooth_star": _smooth(_PAPER, SmoothStar((0.06, 0.06, 0.06, 0.7))),
     },
     "race": {
-        "gaussian": _race(Gaussian((1.12, 1.12, 1.98, 4.8)), overshoot=1.0, first_noise=1.0, cost_rise=0.0),
+        "gaussian": _race(
+            Gaussian((1.12, 1.12, 1.98, 4.8)), overshoot=1.0, first_noise=1.0, cost_rise=0.0
+        ),
         "colored": _RACE,
         "log_normal": _race(LogNormal((0.69, 0.69, 0.89, 1.18))),
         "smooth": _smooth(_RACE, Smooth((60.0, 60.0, 12.0, 120.0))),
@@ -107,11 +113,11 @@ PRESETS: dict[str, dict[str, Planner]] = {
 }
 
 
-# For gates of less than a metre and vehicles of some ten centimetres, such as `lsy_level2` and `crazyflie`: a margin
-# that the openings leave, weighed more, and two thirds of the horizon, as a course of 7 m is soon flown: with all of it
-# 6 of 15 flights of lsy_level2 got nowhere or crashed. With the yaw noise of `race` 94 of 100 finished, with
-# this all 100; 97 since the model limits yaw. Its gates face all ways, a metre apart: turning the nose to each costs
-# more than it shows of them.
+# For gates of less than a metre and vehicles of some ten centimetres, such as `lsy_level2` and
+# `crazyflie`: a margin that the openings leave, weighed more, and two thirds of the horizon, as a
+# course of 7 m is soon flown: with all of it 6 of 15 flights of lsy_level2 got nowhere or crashed.
+# With the yaw noise of `race` 94 of 100 finished, with this all 100; 97 since the model limits yaw.
+# Its gates face all ways, a metre apart: turning the nose to each costs more than it shows of them.
 _SMALL_COLORED = replace(_RACE.sampling, sigma=(0.86, 0.86, 0.5, 4.4))
 PRESETS["race_small"] = {
     sampler: replace(
@@ -126,9 +132,17 @@ PRESETS["race_small"] = {
 }
 
 
-# Along the solution of an optimiser, which looks further ahead than any plan does: so two fifths of the horizon with as
-# many iterations more, and less noise; chosen by hand on `alphapilot` and `split_s_swift`, see docs/results.md.
-INFORMED = {"horizon": 60, "iterations": 5, "first_noise": 1.0, "cost_rise": 0.0, "overshoot": 1.0, "tighten": 0.0}
+# Along the solution of an optimiser, which looks further ahead than any plan does: so two fifths of
+# the horizon with as many iterations more, and less noise; chosen by hand on `alphapilot` and
+# `split_s_swift`, see docs/results.md.
+INFORMED = {
+    "horizon": 60,
+    "iterations": 5,
+    "first_noise": 1.0,
+    "cost_rise": 0.0,
+    "overshoot": 1.0,
+    "tighten": 0.0,
+}
 CALMER = 0.7  # sigma over that of `race`
 CALM = {  # of the Gaussian's and of the smooth one's standard deviations, as above
     "log_normal": LogNormal((0.566, 0.566, 0.769, 1.07)),
@@ -137,7 +151,9 @@ CALM = {  # of the Gaussian's and of the smooth one's standard deviations, as ab
 
 
 def _calmer(name: str, sampling: Sampling) -> Sampling:
-    return CALM.get(name) or replace(sampling, sigma=tuple(round(CALMER * s, 2) for s in sampling.sigma))
+    return CALM.get(name) or replace(
+        sampling, sigma=tuple(round(CALMER * s, 2) for s in sampling.sigma)
+    )
 
 
 PRESETS["race_informed"] = {
@@ -156,7 +172,9 @@ def preset(name: str, sampler: str, presets: Presets = PRESETS) -> Planner:
     if name not in presets:
         raise FileError(f"no preset {name!r}: {did_you_mean(name, presets)} (or a FILE.yaml)")
     if sampler not in presets[name]:
-        raise FileError(f"preset {name!r} has no sampler {sampler!r}: {did_you_mean(sampler, presets[name])}")
+        raise FileError(
+            f"preset {name!r} has no sampler {sampler!r}: {did_you_mean(sampler, presets[name])}"
+        )
     return presets[name][sampler]
 
 
@@ -169,6 +187,12 @@ def faults(planner: Planner) -> Iterator[tuple[str, str]]:
     """What is wrong between several numbers, as (key, problem)."""
     mppi = planner.mppi
     if mppi.target_ess is not None and mppi.target_ess >= mppi.samples:
-        yield "mppi.target_ess", f"expected less than samples = {mppi.samples}, got {mppi.target_ess:g}"
+        yield (
+            "mppi.target_ess",
+            f"expected less than samples = {mppi.samples}, got {mppi.target_ess:g}",
+        )
     if mppi.samples * mppi.horizon > STEPS_MAX:
-        yield "mppi.samples", f"expected samples x horizon <= {STEPS_MAX:g}, got {mppi.samples} x {mppi.horizon}"
+        yield (
+            "mppi.samples",
+            f"expected samples x horizon <= {STEPS_MAX:g}, got {mppi.samples} x {mppi.horizon}",
+        )

@@ -1,4 +1,5 @@
-"""The weights of the samples, the temperature of that softmax, and a filter over the updated plan."""
+"""The weights of the samples, the temperature of that softmax, and a filter over the updated
+plan."""
 
 from __future__ import annotations
 
@@ -12,18 +13,22 @@ SAVITZKY_GOLAY = np.array([-3, 12, 17, 12, -3]) / 35  # 5 points, order 2
 
 
 def weights(J: np.ndarray, temperature: float) -> np.ndarray:
-    """w^m = exp(-(J^m - rho) / lambda) / eta, rho = min J; zero where J is not finite.  (M,) -> (M,)
+    """w^m = exp(-(J^m - rho) / lambda) / eta, rho = min J; zero where J is not finite.  (M,) ->
+    (M,)
 
     Raises FloatingPointError where no rollout has a finite cost.
     """
     w = softmax_weights(J, temperature)
     if not w.any():
-        raise FloatingPointError(f"MPPI: cost: expected a finite J, got none in {len(J)} rollouts; lower the weights")
+        raise FloatingPointError(
+            f"MPPI: cost: expected a finite J, got none in {len(J)} rollouts; lower the weights"
+        )
     return w
 
 
 def softmax_weights(J: np.ndarray, temperature: float) -> np.ndarray:
-    """Weights of a chunk of samples, normalised within it; zeros where none of them has a finite cost.  (n,) -> (n,)
+    """Weights of a chunk of samples, normalised within it; zeros where none of them has a finite
+    cost.  (n,) -> (n,)
 
     layout.mean_of_chunks recombines the chunks.
     """
@@ -37,7 +42,8 @@ def softmax_weights(J: np.ndarray, temperature: float) -> np.ndarray:
 
 
 def adapt_temperature(temperature: float, ess: float, target: float | None) -> float:
-    """The next temperature: higher by a fixed factor if the ESS is below the target, else lower; None: unchanged."""
+    """The next temperature: higher by a fixed factor if the ESS is below the target, else lower;
+    None: unchanged."""
     if target is None:
         return temperature
     low, high = TEMPERATURE_RANGE
@@ -45,7 +51,8 @@ def adapt_temperature(temperature: float, ess: float, target: float | None) -> f
 
 
 def savitzky_golay(plan: np.ndarray, executed: np.ndarray) -> np.ndarray:
-    """The plan filtered over time; the executed controls pad its left, its last row its right.  (T, n_u)"""
+    """The plan filtered over time; the executed controls pad its left, its last row its right.  (T,
+    n_u)"""
     padded = np.vstack([executed, plan, plan[-1:], plan[-1:]])
     shifted = np.stack([padded[i : i + len(plan)] for i in range(len(SAVITZKY_GOLAY))])
     return np.tensordot(SAVITZKY_GOLAY, shifted, axes=1)

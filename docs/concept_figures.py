@@ -1,4 +1,5 @@
-"""The pictures of concepts.md, in some minutes: `.venv/bin/python docs/concept_figures.py [NAME ...]`."""
+"""The pictures of concepts.md, in some minutes: `.venv/bin/python docs/concept_figures.py [NAME
+...]`."""
 
 from __future__ import annotations
 
@@ -18,11 +19,11 @@ from controllers.mppi import MPPI
 from controllers.sampled_trajectories import controls, sampled_trajectories
 from controllers.update import weights
 from quadsim import Colored, Gaussian, MPPIConfig, Spec
-from quadsim.app.figures.style import STYLE
+from quadsim.dynamics.estimate import Estimate
+from quadsim.figures.style import STYLE
 from quadsim.palette import INK, MARK, NEXT, SPARE, style
-from quadsim.race.build import build, launch, navigation_of
-from quadsim.systems.double_integrator import double_integrator
-from quadsim.systems.estimate import Estimate
+from quadsim.paper.double_integrator import double_integrator
+from quadsim.spec.build import build, launch, navigation_of
 
 FOLDER = Path(__file__).parent
 COLORED, WHITE = style("colored").colour, style("gaussian").colour
@@ -59,12 +60,24 @@ def weights_and_temperature() -> Any:
     plane.annotate("vehicle", x[:2], xytext=(6, -4), textcoords="offset points")
     plane.plot(0, 0, "*", color=NEXT, markersize=12)
     plane.annotate("goal", (0, 0), xytext=(7, -14), textcoords="offset points", weight="bold")
-    plane.set(title="The 63 cheapest samples; dark: large weight", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    plane.set(
+        title="The 63 cheapest samples; dark: large weight",
+        xlabel="x [m]",
+        ylabel="y [m]",
+        aspect="equal",
+    )
     plane.legend(loc="lower right")
     for temperature, s in zip((0.3, 3.0, 30.0), SPARE, strict=False):
         w = weights(J, temperature)
-        curve.loglog(np.arange(1, len(J) + 1), w, color=s.colour, label=f"λ = {temperature:g}: ESS {1 / (w @ w):.0f}")
-    curve.set(title="Weights of the 512 samples", xlabel="rank by cost", ylabel="weight w", ylim=(1e-6, 1))
+        curve.loglog(
+            np.arange(1, len(J) + 1),
+            w,
+            color=s.colour,
+            label=f"λ = {temperature:g}: ESS {1 / (w @ w):.0f}",
+        )
+    curve.set(
+        title="Weights of the 512 samples", xlabel="rank by cost", ylabel="weight w", ylim=(1e-6, 1)
+    )
     curve.legend()
     return figure
 
@@ -84,9 +97,16 @@ def noise() -> Any:
         paths, _ = mppi.rollout.paths(x, v, 0)
         for path in paths:
             reach.plot(*path[:, :2].T, color=colour, linewidth=0.8)
-    series.set(title="One control of one sample, σ = 1", xlabel="t [s]", ylabel="perturbation [m/s²]")
+    series.set(
+        title="One control of one sample, σ = 1", xlabel="t [s]", ylabel="perturbation [m/s²]"
+    )
     series.legend()
-    reach.set(title="Where 30 samples of each are after 4 s", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    reach.set(
+        title="Where 30 samples of each are after 4 s",
+        xlabel="x [m]",
+        ylabel="y [m]",
+        aspect="equal",
+    )
     return figure
 
 
@@ -107,7 +127,8 @@ def flown_until(spec: Spec, t: float) -> MPPI:
 
 
 def gates_in_the_rollout() -> Any:
-    """A plan through two gates: each sample is drawn to the next gate once it is through the last one."""
+    """A plan through two gates: each sample is drawn to the next gate once it is through the last
+    one."""
     figure, axes = plt.subplots(figsize=(9.0, 3.8))
     spec = Spec.of("figure8", laps=1)
     mppi = flown_until(spec, 1.96)
@@ -125,11 +146,20 @@ def gates_in_the_rollout() -> Any:
             axes.plot(*np.array(bar)[:, :2].T, color=INK, linewidth=3)
         if i != 4:  # it stands above gate 1
             name = "gates 1 and 5" if i == 0 else f"gate {i + 1}"
-            axes.annotate(name, gate.position[:2], xytext=(9, 12), textcoords="offset points", color=MARK)
+            axes.annotate(
+                name, gate.position[:2], xytext=(9, 12), textcoords="offset points", color=MARK
+            )
     axes.plot(*mppi.last.x[:2], "o", color=INK)
-    axes.set(title="Sampled trajectories of one plan, from above", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    axes.set(
+        title="Sampled trajectories of one plan, from above",
+        xlabel="x [m]",
+        ylabel="y [m]",
+        aspect="equal",
+    )
     handles, labels = axes.get_legend_handles_labels()
-    axes.legend(dict(zip(labels, handles, strict=True)).values(), dict.fromkeys(labels), loc="lower left")
+    axes.legend(
+        dict(zip(labels, handles, strict=True)).values(), dict.fromkeys(labels), loc="lower left"
+    )
     return figure
 
 
@@ -153,11 +183,23 @@ def randomized_seeds() -> Any:
     for seed in range(6):
         run = quadsim.fly("figure8", laps=1, seed=seed, randomize=1.0)
         colour = SPARE[seed].colour
-        above.plot(run.telemetry["px"], run.telemetry["py"], color=colour, linewidth=0.9, label=f"{run.laps[0]:.2f} s")
+        above.plot(
+            run.telemetry["px"],
+            run.telemetry["py"],
+            color=colour,
+            linewidth=0.9,
+            label=f"{run.laps[0]:.2f} s",
+        )
         drawn = [100 * run.spec["variation"][name] for name in names]
-        bars.plot(drawn, np.arange(len(names)) + 0.09 * (seed - 2.5), "o", color=colour, markersize=4)
-    above.set(title="One lap of six randomized seeds", xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    above.legend(loc="upper center", ncols=6, columnspacing=1.0, handlelength=1.0, bbox_to_anchor=(0.5, -0.2))
+        bars.plot(
+            drawn, np.arange(len(names)) + 0.09 * (seed - 2.5), "o", color=colour, markersize=4
+        )
+    above.set(
+        title="One lap of six randomized seeds", xlabel="x [m]", ylabel="y [m]", aspect="equal"
+    )
+    above.legend(
+        loc="upper center", ncols=6, columnspacing=1.0, handlelength=1.0, bbox_to_anchor=(0.5, -0.2)
+    )
     bars.set_yticks(range(len(names)), names.values())
     bars.set(title="What was drawn", xlabel="difference from nominal [%]", xlim=(-30, 30))
     return figure
@@ -177,7 +219,9 @@ def adaptation() -> Any:
     plant.close()
     t, gain, std = np.array(rows).T
     true = 1.0 / (1.0 + spec.record()["variation"]["mass"])
-    axes.fill_between(t, gain - 2 * std, gain + 2 * std, color=WHITE, alpha=0.4, linewidth=0, label="± 2 sd")
+    axes.fill_between(
+        t, gain - 2 * std, gain + 2 * std, color=WHITE, alpha=0.4, linewidth=0, label="± 2 sd"
+    )
     axes.plot(t, gain, color=SPARE[0].colour, label="estimate")
     axes.axhline(true, color=INK, linestyle="--", linewidth=1, label="true: nominal over real mass")
     axes.set(title="Thrust gain: acceleration per thrust delivered", xlabel="t [s]", ylabel="gain")

@@ -1,6 +1,8 @@
-"""The pictures of dashboard.md, in some minutes: `.venv/bin/python docs/dashboard_pictures.py [FOLDER]`.
+"""The pictures of dashboard.md, in some minutes: `.venv/bin/python docs/dashboard_pictures.py
+[FOLDER]`.
 
-Flies, and drives a chromium without a window as tests/web/browser does. A FOLDER keeps the flights for another time.
+Flies, and drives a chromium without a window as tests/web/browser does. A FOLDER keeps the flights
+for another time.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ from web.race import Race
 from web.session import Session
 
 OUT = Path(__file__).parent
-DRAWN = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]  # in software
+# in software
+DRAWN = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 WIDE, PHONE = ViewportSize(width=1600, height=900), ViewportSize(width=390, height=844)
 COLUMNS = 4  # of the phone's sheet
 COLOURS = 256  # of a picture's palette, which makes it a third as large
@@ -40,7 +43,8 @@ PATIENCE, SETTLED = 600.0, 4000  # [s] for a flight or a page, [ms] until all is
 COLORED, GAUSSIAN = Choices(), Choices(sampler="gaussian")
 CARELESS = {"samples": 256, "margin": 0.0, "crash": 0.0, "clearance": 0.0}
 STORED = {"colored": COLORED, "gaussian": GAUSSIAN, "crashed": Choices(settings=CARELESS)}
-IN_VIEW, SENSED = 7.5, 0.5  # [s] of a race when the next gate is in the view of the drone's camera, of its sensor
+# [s] of a race when the next gate is in the view of the drone's camera, of its sensor
+IN_VIEW, SENSED = 7.5, 0.5
 
 
 class Studio:
@@ -68,14 +72,20 @@ class Studio:
     def shoot(self, name: str) -> None:
         """Once all has been drawn."""
         for page in (self.page, self.phone):
-            page.evaluate("document.querySelectorAll('button[class*=CloseButton]').forEach(note => note.click())")
+            page.evaluate(
+                "document.querySelectorAll('button[class*=CloseButton]').forEach(note => note.click())"
+            )
             page.wait_for_timeout(SETTLED)
         save(picture_of(self.page), name)
         self._phone_shots.append(picture_of(self.phone))
 
     def save_phone(self) -> None:
         """The sheet of all that the phone has shown."""
-        width, height, rows = PHONE["width"] + 10, PHONE["height"] + 10, -(-len(self._phone_shots) // COLUMNS)
+        width, height, rows = (
+            PHONE["width"] + 10,
+            PHONE["height"] + 10,
+            -(-len(self._phone_shots) // COLUMNS),
+        )
         sheet = Image.new("RGB", (COLUMNS * width - 10, rows * height - 10), "white")
         for k, shot in enumerate(self._phone_shots):
             sheet.paste(shot, (k % COLUMNS * width, k // COLUMNS * height))
@@ -95,7 +105,9 @@ def picture_of(page: Page) -> Image.Image:
 
 
 def save(image: Image.Image, name: str) -> None:
-    image.quantize(COLOURS, dither=Image.Dither.NONE).save(OUT / f"dashboard_{name}.png", optimize=True)
+    image.quantize(COLOURS, dither=Image.Dither.NONE).save(
+        OUT / f"dashboard_{name}.png", optimize=True
+    )
 
 
 def wait(claim: Callable[[], bool]) -> None:
@@ -161,11 +173,16 @@ def main() -> None:
         kept = Path(sys.argv[1] if sys.argv[1:] else root)
         flown = [stored(kept / name, choices) for name, choices in STORED.items()]
         runs = [Path(shutil.copytree(run, Path(root) / "runs" / run.name)) for run in flown]
-        server, session = serve("127.0.0.1", 0, None, "race"), Session(FlightFactory(), f"{root}/runs")
+        server, session = (
+            serve("127.0.0.1", 0, None, "race"),
+            Session(FlightFactory(), f"{root}/runs"),
+        )
         dashboard = Dashboard(server, session, FlightFactory(), menu, Choices())
         found = shutil.which("chromium") or shutil.which("chromium-browser")
         browser = p.chromium.launch(executable_path=found, args=DRAWN)
-        take_pictures(Studio(browser, session, dashboard, f"http://127.0.0.1:{server.get_port()}/"), *runs)
+        take_pictures(
+            Studio(browser, session, dashboard, f"http://127.0.0.1:{server.get_port()}/"), *runs
+        )
         browser.close()
         dashboard.close()
         session.close()

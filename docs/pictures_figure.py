@@ -31,7 +31,9 @@ def main() -> None:
             colour.plot(u[shown == 2], v[shown == 2], "+", color="cyan", markersize=5)
             colour.plot(u[shown == 1], v[shown == 1], "x", color="red", markersize=4)
         depth.imshow(np.minimum(seen.depth, FAR), cmap="gray", vmin=0.0, vmax=FAR)
-        segmentation.imshow(np.where(seen.segmentation == 255, 9, seen.segmentation), cmap="tab10", vmin=0, vmax=9)
+        segmentation.imshow(
+            np.where(seen.segmentation == 255, 9, seen.segmentation), cmap="tab10", vmin=0, vmax=9
+        )
         for panel in (colour, depth, segmentation):
             panel.set_axis_off()
     figure.savefig(Path(__file__).parent / "pictures.png", dpi=110)

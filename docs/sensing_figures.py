@@ -1,4 +1,5 @@
-"""The picture of sensing.md: one lap against noise and against latency, 96 flights, resumed where it was broken off.
+"""The picture of sensing.md: one lap against noise and against latency, 96 flights, resumed where
+it was broken off.
 
 .venv/bin/python docs/sensing_figures.py
 """
@@ -14,8 +15,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import quadsim
-from quadsim.app.campaign.summary_stats import VariantStats
-from quadsim.app.figures.style import STYLE, line
+from quadsim.campaign.summary_stats import VariantStats
+from quadsim.figures.style import STYLE, line
 from quadsim.palette import style
 
 FOLDER, DATA = Path(__file__).parent, Path(quadsim.__file__).parent
@@ -34,7 +35,13 @@ def main() -> None:
             noise = flown(sampler, NOISE, lambda v: {"sensing": corner_noise(Path(made), v)})
             latency = flown(sampler, LATENCY, lambda s: {"vehicle": late(Path(made), s)})
             draw(axes[:, 0], i, NOISE, noise, "noise of the corners, gates.yaml [px]")
-            draw(axes[:, 1], i, [1e3 * s for s in LATENCY], latency, "latency of commands, true state [ms]")
+            draw(
+                axes[:, 1],
+                i,
+                [1e3 * s for s in LATENCY],
+                latency,
+                "latency of commands, true state [ms]",
+            )
     axes[0, 0].set(ylabel="finished [%]", ylim=(-5, 105))
     axes[1, 0].set(ylabel="one lap, median [s]")
     axes[1, 1].legend()
@@ -45,13 +52,17 @@ def main() -> None:
 def corner_noise(folder: Path, noise: float) -> str:
     """A file like gates.yaml, with another noise [px]."""
     text = (DATA / "sensing/gates.yaml").read_text()
-    return written(folder / f"corners_{noise:g}px.yaml", text, "  noise: 2 ", f"  noise: {noise:g} ")
+    return written(
+        folder / f"corners_{noise:g}px.yaml", text, "  noise: 2 ", f"  noise: {noise:g} "
+    )
 
 
 def late(folder: Path, latency: float) -> str:
     """A vehicle like swift_40ms, with another latency [s]."""
     text = (DATA / "vehicle/swift_40ms.yaml").read_text()
-    return written(folder / f"swift_{1e3 * latency:g}ms.yaml", text, "latency: 0.04 ", f"latency: {latency:g} ")
+    return written(
+        folder / f"swift_{1e3 * latency:g}ms.yaml", text, "latency: 0.04 ", f"latency: {latency:g} "
+    )
 
 
 def written(path: Path, text: str, old: str, new: str) -> str:
@@ -60,10 +71,19 @@ def written(path: Path, text: str, old: str, new: str) -> str:
     return str(path)
 
 
-def flown(sampler: str, values: Sequence[float], settings: Callable[[float], dict[str, Any]]) -> list[VariantStats]:
+def flown(
+    sampler: str, values: Sequence[float], settings: Callable[[float], dict[str, Any]]
+) -> list[VariantStats]:
     campaign = Path("campaigns/sensing_curves.sqlite")
     variants = {f"{v:g}": settings(v) for v in values}
-    fixed = {"sampler": sampler, "laps": 1, "randomize": 1.0, "attempts": ATTEMPTS, "jobs": 2, "campaign": campaign}
+    fixed = {
+        "sampler": sampler,
+        "laps": 1,
+        "randomize": 1.0,
+        "attempts": ATTEMPTS,
+        "jobs": 2,
+        "campaign": campaign,
+    }
     return list(quadsim.compare(COURSE, variants, **fixed).variants)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from controllers.costs.quadratic import quadratic_cost
 from quadsim import MPPI, Colored, MPPIConfig
-from quadsim.systems.double_integrator import double_integrator
+from quadsim.paper.double_integrator import double_integrator
 
 DT = 0.05
 system = double_integrator(DT)

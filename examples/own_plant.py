@@ -1,11 +1,12 @@
-"""A plant of one's own: the quadrotor's equations as the world, in a side wind that the planner does not know."""
+"""A plant of one's own: the quadrotor's equations as the world, in a side wind that the planner
+does not know."""
 
 from dataclasses import replace
 
 import quadsim
 from quadsim import Spec
+from quadsim.dynamics.quadrotor import quadrotor
 from quadsim.physics.plant import PlantState
-from quadsim.systems.quadrotor import quadrotor
 
 WIND = 1.5  # acceleration to the left [m/s^2]
 

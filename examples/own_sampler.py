@@ -14,7 +14,9 @@ class PiecewiseConstant:
     sigma: tuple[float, ...] = (0.8, 0.8, 0.5, 4.0)  # [rad/s, rad/s, rad/s, m/s^2]
     hold: int = 10
 
-    def sample(self, rng: np.random.Generator, samples: int, horizon: int, controls: int) -> np.ndarray:
+    def sample(
+        self, rng: np.random.Generator, samples: int, horizon: int, controls: int
+    ) -> np.ndarray:
         pieces = rng.standard_normal((samples, -(-horizon // self.hold), controls))
         return np.array(self.sigma) * pieces.repeat(self.hold, axis=1)[:, :horizon]  # (M, T, n_u)
 

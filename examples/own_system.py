@@ -77,4 +77,9 @@ run = quadsim.fly(
     horizon=75,
     target_ess=50.0,
 )
-print(run.outcome, "angle from upright at the end:", np.degrees(np.arccos(run.telemetry["cos"][-1])).round(1), "deg")
+print(
+    run.outcome,
+    "angle from upright at the end:",
+    np.degrees(np.arccos(run.telemetry["cos"][-1])).round(1),
+    "deg",
+)

@@ -1,17 +1,28 @@
-"""Learn to race with PPO of stable-baselines3 (pip install stable-baselines3), then fly a lap's worth of steps."""
+"""Learn to race with PPO of stable-baselines3 (pip install stable-baselines3), then fly a lap's
+worth of steps."""
 
 import sys
 
 import numpy as np
 from stable_baselines3 import PPO
 
-from quadsim.envs.stable_baselines import RacingVecEnv
+from quadsim.learn.stable_baselines import RacingVecEnv
 
-STEPS = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000  # a pilot that finishes needs some 20 million
+# a pilot that finishes needs some 20 million
+STEPS = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
 
 envs = RacingVecEnv(128, course="split_s_swift", start="anywhere", randomize=0.5, time_limit=10.0)
 envs.seed(0)
-model = PPO("MlpPolicy", envs, n_steps=32, batch_size=2048, n_epochs=4, gamma=0.99, learning_rate=5e-4, device="cpu")
+model = PPO(
+    "MlpPolicy",
+    envs,
+    n_steps=32,
+    batch_size=2048,
+    n_epochs=4,
+    gamma=0.99,
+    learning_rate=5e-4,
+    device="cpu",
+)
 model.learn(STEPS)
 
 obs, gates, ended = envs.reset(), [], 0
@@ -20,4 +31,6 @@ for _ in range(500):
     obs, reward, done, infos = envs.step(actions)
     gates += [info["gates"] for info in infos if info]
     ended += int(done.sum())
-print(f"finished {STEPS} steps: {ended} flights ended, after {np.mean(gates) if gates else 0:.2f} gates in the mean")
+print(
+    f"finished {STEPS} steps: {ended} flights ended, after {np.mean(gates) if gates else 0:.2f} gates in the mean"
+)

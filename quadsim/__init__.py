@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from controllers.samplers import Colored, Gaussian, LogNormal, Smooth, SmoothStar
     from quadsim.api import compare, fly, frames, load_run, plot, save_run
     from quadsim.course import Course, Gate, Start, load_course
+    from quadsim.dynamics import System
+    from quadsim.dynamics.estimate import Estimate
     from quadsim.files.strict_yaml import FileError
-    from quadsim.race.settings import SettingError
-    from quadsim.race.spec import Spec
-    from quadsim.race.systems import SYSTEMS
     from quadsim.record.run import Run, RunError
-    from quadsim.systems import System
-    from quadsim.systems.estimate import Estimate
+    from quadsim.spec.settings import SettingError
+    from quadsim.spec.spec import Spec
+    from quadsim.spec.systems import SYSTEMS
     from quadsim.vehicle import Vehicle, load_vehicle
 
 _HOMES = {
@@ -39,12 +39,12 @@ _HOMES = {
     "quadsim.api": ("compare", "fly", "frames", "load_run", "plot", "save_run"),
     "quadsim.course": ("Course", "Gate", "Start", "load_course"),
     "quadsim.files.strict_yaml": ("FileError",),
-    "quadsim.race.settings": ("SettingError",),
-    "quadsim.race.spec": ("Spec",),
-    "quadsim.race.systems": ("SYSTEMS",),
+    "quadsim.spec.settings": ("SettingError",),
+    "quadsim.spec.spec": ("Spec",),
+    "quadsim.spec.systems": ("SYSTEMS",),
     "quadsim.record.run": ("Run", "RunError"),
-    "quadsim.systems": ("System",),
-    "quadsim.systems.estimate": ("Estimate",),
+    "quadsim.dynamics": ("System",),
+    "quadsim.dynamics.estimate": ("Estimate",),
     "quadsim.vehicle": ("Vehicle", "load_vehicle"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

@@ -1,4 +1,5 @@
-"""The functions of the public interface; `import quadsim` loads this module when one of them is used."""
+"""The functions of the public interface; `import quadsim` loads this module when one of them is
+used."""
 
 from __future__ import annotations
 
@@ -6,17 +7,17 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from quadsim.race.build import flight_frames, with_threads
 from quadsim.race.events import Frame
-from quadsim.race.spec import Spec
 from quadsim.record.archive import RunFolder, find_run
 from quadsim.record.archive import load_run as _load_run
 from quadsim.record.run import Run
+from quadsim.spec.build import flight_frames, with_threads
+from quadsim.spec.spec import Spec
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from quadsim.app.campaign.compare import Comparison
+    from quadsim.campaign.compare import Comparison
 
 
 def fly(course: Any = None, **settings: Any) -> Run:
@@ -24,13 +25,15 @@ def fly(course: Any = None, **settings: Any) -> Run:
 
     Args:
         course: a course by name ("split_s_swift"), a FILE.yaml, a Course, or a complete Spec.
-        settings: every flight, planner, cost and model option of `race fly`, with `_` for `-`: sampler="gaussian",
-            seed=3, horizon=120, sigma=(1, 1, 1, 4) [rad/s, rad/s, rad/s, m/s^2], vehicle="swift", laps=1. Options with
-            a dot: **{"model.drag": 0.0}. sampler, cost, system, plant, controller and referee may be objects of your
-            own, see docs/library.md.
+        settings: every flight, planner, cost and model option of `race fly`, with `_` for `-`:
+            sampler="gaussian", seed=3, horizon=120, sigma=(1, 1, 1, 4) [rad/s, rad/s, rad/s,
+            m/s^2], vehicle="swift", laps=1. Options with a dot: **{"model.drag": 0.0}. sampler,
+            cost, system, plant, controller and referee may be objects of your own, see
+            docs/library.md.
 
     Returns:
-        The Run. The same arguments on the same machine give the same run to the last bit, for any number of threads.
+        The Run. The same arguments on the same machine give the same run to the last bit, for any
+        number of threads.
 
     Raises:
         SettingError: an invalid setting (a ValueError): name, what was expected, what was found.
@@ -41,10 +44,11 @@ def fly(course: Any = None, **settings: Any) -> Run:
 
 
 def frames(course: Any = None, **settings: Any) -> Iterator[Frame]:
-    """Simulate step by step: an iterator of Frames, one for each control period, the last one with the outcome.
+    """Simulate step by step: an iterator of Frames, one for each control period, the last one with
+    the outcome.
 
-    The same arguments and errors as `fly`. The simulation advances only when the next frame is asked for; closing the
-    iterator ends the flight.
+    The same arguments and errors as `fly`. The simulation advances only when the next frame is
+    asked for; closing the iterator ends the flight.
     """
     return flight_frames(_spec(course, settings))
 
@@ -68,7 +72,8 @@ def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
 
 
 def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
-    """Store a run as `race fly` does: run.json, telemetry.npz and events.csv in a folder of its own under `runs_dir`.
+    """Store a run as `race fly` does: run.json, telemetry.npz and events.csv in a folder of its own
+    under `runs_dir`.
 
     Returns:
         That folder.
@@ -90,8 +95,8 @@ def plot(run: Run, path: str | Path | None = None) -> Figure:
     Returns:
         The matplotlib Figure.
     """
-    from quadsim.app.figures.run_figure import draw  # which loads matplotlib
-    from quadsim.app.figures.style import save_figure
+    from quadsim.figures.run_figure import draw  # which loads matplotlib
+    from quadsim.figures.style import save_figure
 
     figure = draw(run)
     if path is not None:
@@ -107,23 +112,28 @@ def compare(
     campaign: str | Path | None = None,
     **settings: Any,
 ) -> Comparison:
-    """Compare variants over many flights, paired by seed: lap times, finish rates, thrust chatter, 95 % intervals.
+    """Compare variants over many flights, paired by seed: lap times, finish rates, thrust chatter,
+    95 % intervals.
 
     Args:
         courses: one course or several.
         variants: samplers by name, or {name: settings}; attempt i of each flies seed + i.
         attempts: flights of each variant on each course.
-        jobs: worker processes; None: all flights in this process, one after the other. With workers a script needs
-            `if __name__ == "__main__":`, and objects of your own must be importable by them.
-        campaign: an SQLite file that stores finished attempts; the same call resumes where it stopped.
-        settings: of all variants, as for `fly`; randomize=1.0 randomizes vehicle, start and wind by seed.
+        jobs: worker processes; None: all flights in this process, one after the other. With workers
+            a script needs `if __name__ == "__main__":`, and objects of your own must be importable
+            by them.
+        campaign: an SQLite file that stores finished attempts; the same call resumes where it
+            stopped.
+        settings: of all variants, as for `fly`; randomize=1.0 randomizes vehicle, start and wind by
+            seed.
 
     Returns:
-        A Comparison: `.variants` and `.pairs` with the numbers, `print(comparison)` for tables, `.plot(path)`.
+        A Comparison: `.variants` and `.pairs` with the numbers, `print(comparison)` for tables,
+            `.plot(path)`.
 
     Raises:
         ValueError: as `fly`.
     """
-    from quadsim.app.campaign.compare import compare as run_comparison
+    from quadsim.campaign.compare import compare as run_comparison
 
     return run_comparison(courses, variants, attempts, jobs, campaign, settings)

@@ -1,6 +1,7 @@
 """One colour and one line style for each sampler, the same on every page, figure and table.
 
-Okabe and Ito's colours, which people with any kind of colour vision tell apart; the dashes tell them apart in grey.
+Okabe and Ito's colours, which people with any kind of colour vision tell apart; the dashes tell
+them apart in grey.
 """
 
 from __future__ import annotations
@@ -36,8 +37,17 @@ SPARE = (  # for variants that are no sampler: what is left of the eight, then t
     Style("#332288", (4, 4)),
 )
 OTHER = Style("#b0b0b0", (4, 4))
-NEXT, HIT, BEST, FASTER = "#009e73", "#d55e00", "#b07cff", "#2fbf71"  # next gate, collisions, best of all, faster
-INK, MARK, FRAME, LIMIT, GRID, FINE = "#202020", "#606060", "#9a9a9a", "#b0b0b0", "#e6e6e6", "#f2f2f2"  # on white paper
+# next gate, collisions, best of all, faster
+NEXT, HIT, BEST, FASTER = "#009e73", "#d55e00", "#b07cff", "#2fbf71"
+# on white paper
+INK, MARK, FRAME, LIMIT, GRID, FINE = (
+    "#202020",
+    "#606060",
+    "#9a9a9a",
+    "#b0b0b0",
+    "#e6e6e6",
+    "#f2f2f2",
+)
 
 
 def style(sampler: str) -> Style:
@@ -45,7 +55,8 @@ def style(sampler: str) -> Style:
 
 
 def styles(variants: Sequence[str]) -> list[Style]:
-    """Of what is compared in one figure: a sampler by its name has its own, any other variant the next spare one."""
+    """Of what is compared in one figure: a sampler by its name has its own, any other variant the
+    next spare one."""
     spare = cycle(SPARE)
     return [STYLES[name] if name in STYLES else next(spare) for name in variants]
 

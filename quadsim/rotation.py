@@ -1,14 +1,16 @@
-"""Vectors and rotations: attitudes as unit quaternions q = (w, x, y, z), matrices, Euler angles, small turns.
+"""Vectors and rotations: attitudes as unit quaternions q = (w, x, y, z), matrices, Euler angles,
+small turns.
 
-An attitude turns vectors of the body into vectors of the world. Angles are in radians; Euler angles are yaw about z,
-then pitch about the new y, then roll about the new x, so that R = Rz(yaw) Ry(pitch) Rx(roll).
+An attitude turns vectors of the body into vectors of the world. Angles are in radians; Euler angles
+are yaw about z, then pitch about the new y, then roll about the new x, so that R = Rz(yaw)
+Ry(pitch) Rx(roll).
 
-The first part is plain arithmetic on scalars. The compiled lanes inline these functions, and they take rows of numbers
-and CasADi's symbols as well. The second part works on the floats of one state: at 400 Hz the overhead of arrays of
-three numbers would be most of the cost.
+The first part is plain arithmetic on scalars. The compiled lanes inline these functions, and they
+take rows of numbers and CasADi's symbols as well. The second part works on the floats of one state:
+at 400 Hz the overhead of arrays of three numbers would be most of the cost.
 
-Flights are compared to the last bit. So where one quantity is computed by two formulas that round differently, here or
-elsewhere in the project, each caller keeps the formula that it has always had.
+Flights are compared to the last bit. So where one quantity is computed by two formulas that round
+differently, here or elsewhere in the project, each caller keeps the formula that it has always had.
 """
 
 from __future__ import annotations
@@ -28,11 +30,16 @@ SMALL = 1e-9  # [rad] below this a turn is taken as linear
 
 
 def to_body(q, v):
-    """Return R(q)^T v, a vector of the world in the body: v - w t + u x t with t = 2 u x v, for q = (w, u).  (3,)"""
+    """Return R(q)^T v, a vector of the world in the body: v - w t + u x t with t = 2 u x v, for q =
+    (w, u).  (3,)"""
     w, ux, uy, uz = q
     x, y, z = v
     tx, ty, tz = 2.0 * (uy * z - uz * y), 2.0 * (uz * x - ux * z), 2.0 * (ux * y - uy * x)
-    return x - w * tx + uy * tz - uz * ty, y - w * ty + uz * tx - ux * tz, z - w * tz + ux * ty - uy * tx
+    return (
+        x - w * tx + uy * tz - uz * ty,
+        y - w * ty + uz * tx - ux * tz,
+        z - w * tz + ux * ty - uy * tx,
+    )
 
 
 def to_world(q, v):
@@ -41,9 +48,20 @@ def to_world(q, v):
 
 
 def body_axes(q):
-    """Return the columns of R(q), the body's axes in the world, one after another; see `along`.  (9,)"""
+    """Return the columns of R(q), the body's axes in the world, one after another; see `along`.
+    (9,)"""
     w, x, y, z = q
-    xx, yy, zz, xy, xz, yz, wx, wy, wz = x * x, y * y, z * z, x * y, x * z, y * z, w * x, w * y, w * z
+    xx, yy, zz, xy, xz, yz, wx, wy, wz = (
+        x * x,
+        y * y,
+        z * z,
+        x * y,
+        x * z,
+        y * z,
+        w * x,
+        w * y,
+        w * z,
+    )
     return (
         1.0 - 2.0 * (yy + zz), 2.0 * (xy + wz), 2.0 * (xz - wy),
         2.0 * (xy - wz), 1.0 - 2.0 * (xx + zz), 2.0 * (yz + wx),
@@ -52,13 +70,15 @@ def body_axes(q):
 
 
 def along(axes, x, y, z):
-    """Return R(q)^T (x, y, z) by body_axes(q): as `to_body`, in fewer steps once the axes are known.  (3,)"""
+    """Return R(q)^T (x, y, z) by body_axes(q): as `to_body`, in fewer steps once the axes are
+    known.  (3,)"""
     a, b, c, d, e, f, g, h, i = axes
     return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
 
 def quaternion_rate(q, m):
-    """Return q x (0, m): with m = omega / 2 in the body frame, the rate at which the attitude q changes.  (4,)"""
+    """Return q x (0, m): with m = omega / 2 in the body frame, the rate at which the attitude q
+    changes.  (4,)"""
     qw, qx, qy, qz = q
     mx, my, mz = m
     return (

@@ -1,8 +1,11 @@
-"""Random streams by name: every random number of the project comes from a stream that is derived here from one seed.
+"""Random streams by name: every random number of the project comes from a stream that is derived
+here from one seed.
 
-A stream is a `numpy.random.SeedSequence`. Streams of one seed differ in their spawn keys, so that numbers drawn from
-one of them are independent of the numbers drawn from another. A stream is derived from the seed and from its own key
-alone: drawing from one stream changes no other, and a new stream with a new key changes none of those below.
+A stream is a `numpy.random.SeedSequence`. Streams of one seed differ in their spawn keys, so that
+numbers drawn from one of them are independent of the numbers drawn from another. A stream is
+derived from the seed and from its own key
+alone: drawing from one stream changes no other, and a new stream with a new key changes none of
+those below.
 
 Flights of a seed are compared across versions, so the keys are never changed:
 
@@ -13,8 +16,8 @@ Flights of a seed are compared across versions, so the keys are never changed:
     environments            starts of course k (k), vehicle of its row i (k, i)
     generated courses       course number k, counted from 1, (k - 1)
 
-Pictures and training have entropy of two words in place of a key, see `pose_stream`, `look_streams` and
-`training_stream`.
+Pictures and training have entropy of two words in place of a key, see `pose_stream`, `look_streams`
+and `training_stream`.
 """
 
 from __future__ import annotations
@@ -24,7 +27,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import SeedSequence
 
-LOOKS = 1 << 20  # added to a picture's number in the entropy of its look; its pose has the number itself there
+# added to a picture's number in the entropy of its look; its pose has the number itself there
+LOOKS = 1 << 20
 TRAINING = 1  # second word of the entropy of training
 OBSERVATION_NOISE = 0x0B5E  # second word of the key of the noise on observations
 
@@ -49,7 +53,8 @@ class SensorStreams(NamedTuple):
 
 
 class LookStreams(NamedTuple):
-    """The random streams of the look of one picture. What is not varied takes nothing from the others."""
+    """The random streams of the look of one picture. What is not varied takes nothing from the
+    others."""
 
     textures: SeedSequence  # paint of ground, obstacles and gates
     light: SeedSequence  # direction, colour and strength of the sun
@@ -57,7 +62,8 @@ class LookStreams(NamedTuple):
 
 
 def quadrotor_streams(seed: int) -> Streams:
-    """Return the streams of a quadrotor's flight: every planner that flies a seed meets the same vehicle and gusts."""
+    """Return the streams of a quadrotor's flight: every planner that flies a seed meets the same
+    vehicle and gusts."""
     root = SeedSequence(seed)
     return Streams(
         planner=_child(root, 0),
@@ -79,7 +85,8 @@ def sensor_streams(sensors: SeedSequence) -> SensorStreams:
 
 
 def offroad_streams(seed: int) -> Streams:
-    """Return the streams of an off-road drive. `gusts` is the disturbance of its state; the last three are not used."""
+    """Return the streams of an off-road drive. `gusts` is the disturbance of its state; the last
+    three are not used."""
     root = SeedSequence(seed)
     return Streams(
         planner=_child(root, 0),
@@ -91,7 +98,8 @@ def offroad_streams(seed: int) -> Streams:
 
 
 def double_integrator_streams(seed: int) -> Streams:
-    """Return the streams of the double integrator and of systems of a user's own, where the planner alone is random."""
+    """Return the streams of the double integrator and of systems of a user's own, where the planner
+    alone is random."""
     root = SeedSequence(seed)
     return Streams(
         planner=root,
@@ -103,12 +111,14 @@ def double_integrator_streams(seed: int) -> Streams:
 
 
 def start_stream(seed: int, course: int) -> SeedSequence:
-    """Return the stream that decides where episodes on a course start in flight. course: index, from 0."""
+    """Return the stream that decides where episodes on a course start in flight. course: index,
+    from 0."""
     return _child(SeedSequence(seed), course)
 
 
 def start_vehicle_stream(starts: SeedSequence, row: int) -> SeedSequence:
-    """Return the stream of the domain randomization of one row of starts, derived from the course's `start_stream`."""
+    """Return the stream of the domain randomization of one row of starts, derived from the course's
+    `start_stream`."""
     return _child(starts, row)
 
 

@@ -3,12 +3,14 @@
 import os
 import signal
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or BLAS threads spin against the compiled loops'
+# or BLAS threads spin against the compiled loops'
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
 
-# a job in the background of a shell inherits an ignored Ctrl-C, which tests send to themselves and to commands
+# a job in the background of a shell inherits an ignored Ctrl-C, which tests send to themselves and
+# to commands
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -22,7 +24,8 @@ def key():
 @pytest.fixture
 def on_threads():
     """on_threads(n, f): what f() returns on n threads. The number in use before comes back."""
-    from controllers.rollout.threads import threads, use_threads  # loads numba: only for tests that ask
+    # loads numba: only for tests that ask
+    from controllers.lanes.threads import threads, use_threads
 
     before = threads()
 

@@ -1,4 +1,5 @@
-"""The float64 oracle of the compiled lanes: the same step and terms, flown on numpy rows of all samples."""
+"""The float64 oracle of the compiled lanes: the same step and terms, flown on numpy rows of all
+samples."""
 
 from __future__ import annotations
 
@@ -9,10 +10,10 @@ import numpy as np
 
 from controllers.costs import Cost, evaluate
 from controllers.costs.frames import FrameRow, ObstacleRow, touches, touches_round
-from controllers.rollout.lanes import LANES
-from controllers.rollout.planner_loops import MARKS, steps_between
+from controllers.lanes.lanes import LANES
+from controllers.lanes.planner_loops import MARKS, steps_between
 from controllers.schedule import Schedule
-from quadsim.systems import System
+from quadsim.dynamics import System
 
 SAME = Schedule()  # every step alike
 GRAZE = 1e-4  # [m] by which float32 may judge otherwise whether a line touches a frame
@@ -25,14 +26,19 @@ class Flown:
     J: np.ndarray  # (M,) horizon mean of the cost
     reached: np.ndarray  # (M,) targets reached
     crashed: np.ndarray  # (M,) 0.0 or 1.0
-    clearance: np.ndarray  # (M,) least distance of a discrete decision to its other outcome, see `decision_distance`
+    # (M,) least distance of a discrete decision to its other outcome, see `decision_distance`
+    clearance: np.ndarray
     terms: np.ndarray  # (M, n_terms) horizon mean of each term
 
 
-def fly_rows(system: System, cost: Cost, x0, U, z, target: int = 0, clearance=None, schedule=SAME) -> Flown:
-    """Fly v_t = clip(U_t + n_t z_t) from x0, with n_t and s_t of the schedule.  U (T, n_u), z (M, n_u, T)
+def fly_rows(
+    system: System, cost: Cost, x0, U, z, target: int = 0, clearance=None, schedule=SAME
+) -> Flown:
+    """Fly v_t = clip(U_t + n_t z_t) from x0, with n_t and s_t of the schedule.  U (T, n_u), z (M,
+    n_u, T)
 
-    clearance(x, x_next, target, params) -> (M,): how far this step's decisions are from turning out otherwise.
+    clearance(x, x_next, target, params) -> (M,): how far this step's decisions are from turning out
+    otherwise.
     """
     M, T = len(z), len(U)
     noise, stage, odd = schedule.noise(T), schedule.cost(T), np.arange(M) // LANES % 2
@@ -43,7 +49,10 @@ def fly_rows(system: System, cost: Cost, x0, U, z, target: int = 0, clearance=No
     lines = Lines(cost, x0, T, system.dt, row < len(targets) - 1)
     for t in range(T):
         u = system.control(
-            *(np.clip(U[t, k] + noise[odd, t] * z[:, k, t], system.low[k], system.high[k]) for k in range(U.shape[1]))
+            *(
+                np.clip(U[t, k] + noise[odd, t] * z[:, k, t], system.low[k], system.high[k])
+                for k in range(U.shape[1])
+            )
         )
         x_next = system.next(x, u)
         gate = cost.row(*targets[row].T)
@@ -61,17 +70,24 @@ def fly_rows(system: System, cost: Cost, x0, U, z, target: int = 0, clearance=No
 
 
 class Lines:
-    """The lines that the lanes test against obstacles: between positions `stride` steps apart, MARKS at a time."""
+    """The lines that the lanes test against obstacles: between positions `stride` steps apart,
+    MARKS at a time."""
 
     def __init__(self, cost: Cost, x0, T: int, dt: float, unfinished):
-        self.T, self.stride, self.unfinished, self.obstacles = T, steps_between(dt), unfinished, cost.obstacles
+        self.T, self.stride, self.unfinished, self.obstacles = (
+            T,
+            steps_between(dt),
+            unfinished,
+            cost.obstacles,
+        )
         self.marked = [np.repeat(np.array(x0[:3])[:, None], len(unfinished), axis=1)]  # (3, M) each
         self.rows = cost.obstacles.near(np.asarray(x0), T * dt) if cost.obstacles else ()
         self.term = cost.crash_term if cost.obstacles else None
         self.weight = cost.terms[self.term].weight if cost.obstacles else 0.0
 
     def meet(self, t, p, crashed, total, unfinished):
-        """Latch crashes and add their cost; how far the decisions were from turning out otherwise [m].  (M,)"""
+        """Latch crashes and add their cost; how far the decisions were from turning out otherwise
+        [m].  (M,)"""
         least, end = np.full(len(crashed), np.inf), t == self.T - 1
         if (t + 1) % self.stride == 0 or end:
             self.marked += [p] * (MARKS - len(self.marked) if end else 1)
@@ -79,7 +95,11 @@ class Lines:
             return least
         for row in self.rows:
             for m, (a, b) in enumerate(pairwise(self.marked), 1):
-                new = self.obstacles.touches(a, b, self.obstacles.row(*row)) & (crashed == 0) & self.unfinished
+                new = (
+                    self.obstacles.touches(a, b, self.obstacles.row(*row))
+                    & (crashed == 0)
+                    & self.unfinished
+                )
                 due = (MARKS - 1 - m) * self.stride + 1
                 total[self.term] += self.weight * due * new
                 crashed[new] = 1.0
@@ -89,7 +109,8 @@ class Lines:
 
 
 def line_distance(a, b, row) -> np.ndarray:
-    """How far a line is from touching a grown frame if it does not, or from not touching it if it does, about [m]."""
+    """How far a line is from touching a grown frame if it does not, or from not touching it if it
+    does, about [m]."""
     is_round = len(row) == len(ObstacleRow._fields)
     exact = (ObstacleRow if is_round else FrameRow)(*row)
     found = []
@@ -111,8 +132,9 @@ def line_distance(a, b, row) -> np.ndarray:
 def decision_distance(x, x_next, target, params) -> np.ndarray:
     """Distance of a step to the surfaces where the racing cost jumps [m].  (M,)
 
-    Those are the gate's entry and exit planes at either end of the step, the edges of opening and frame where the
-    step crosses a plane or ends between them, the bounds, and the balls in which heading and waypoint switch.
+    Those are the gate's entry and exit planes at either end of the step, the edges of opening and
+    frame where the step crosses a plane or ends between them, the bounds, and the balls in which
+    heading and waypoint switch.
     """
     g = np.array((target.x, target.y, target.z))
     n = np.array((target.nx, target.ny, target.nz))
@@ -124,7 +146,9 @@ def decision_distance(x, x_next, target, params) -> np.ndarray:
     for plane in (0.0, -depth):
         crosses = (s0 < plane) != (s1 < plane)
         share = (s1 - plane) / np.where(crosses, s1 - s0, 1.0)
-        nearest.append(np.where(crosses, to_edges(after + (before - after) * share, n, left, target), np.inf))
+        nearest.append(
+            np.where(crosses, to_edges(after + (before - after) * share, n, left, target), np.inf)
+        )
     nearest.append(np.where((s1 > -depth) & (s1 < 0.0), to_edges(after, n, left, target), np.inf))
     px, py, pz = x_next[:3]
     p = params
@@ -135,7 +159,8 @@ def decision_distance(x, x_next, target, params) -> np.ndarray:
 
 
 def to_edges(p, n, left, target) -> np.ndarray:
-    """Distance of points p (3, M), off a gate's exit, to the edges of its free opening and of its frame [m].  (M,)"""
+    """Distance of points p (3, M), off a gate's exit, to the edges of its free opening and of its
+    frame [m].  (M,)"""
     free_y, free_z, bar = target.free_y, target.free_z, target.bar
     across, up = (p * left).sum(axis=0), (p * np.cross(n, left, axis=0)).sum(axis=0)
     beside = np.maximum(abs(across) - free_y, abs(up) - free_z)
@@ -143,13 +168,16 @@ def to_edges(p, n, left, target) -> np.ndarray:
 
 
 def to_lanes(z: np.ndarray, halves: int = 1, dtype: type = np.float32) -> np.ndarray:
-    """Samples in the samplers' layout; missing lanes are zero.  (M, n_u, T) -> (series, n_u, halves * T, LANES)"""
+    """Samples in the samplers' layout; missing lanes are zero.  (M, n_u, T) -> (series, n_u, halves
+    * T, LANES)"""
     M, n_u, T = z.shape
     series = -(-M // (LANES * halves))
     full = np.zeros((series * halves * LANES, n_u, T), dtype)
     full[:M] = z
     return np.ascontiguousarray(
-        full.reshape(series, halves, LANES, n_u, T).transpose(0, 3, 1, 4, 2).reshape(series, n_u, halves * T, LANES)
+        full.reshape(series, halves, LANES, n_u, T)
+        .transpose(0, 3, 1, 4, 2)
+        .reshape(series, n_u, halves * T, LANES)
     )
 
 

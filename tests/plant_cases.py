@@ -8,12 +8,17 @@ from quadsim.vehicle import GRAVITY, Rotors
 
 NO_BULLET = "PyBullet is not installed: its wheels end at Python 3.11"
 needs_bullet = pytest.mark.skipif(not has_bullet(), reason=NO_BULLET)
-both_plants = [pytest.param(BulletPlant, marks=needs_bullet, id="bullet"), pytest.param(RigidPlant, id="rigid")]
+both_plants = [
+    pytest.param(BulletPlant, marks=needs_bullet, id="bullet"),
+    pytest.param(RigidPlant, id="rigid"),
+]
 
 DT = 1 / 400
 HOVER = (0.0, 0.0, 0.0, GRAVITY)
 GATE = Gate((50.0, 0.0, 200.0), 0.0, 0.0, 0.0, (2.4, 2.4), 0.3)
-SKY = Course("sky", "test", (GATE,), Start((1.0, 2.0, 200.0), 0.0), ((-99, 99),) * 3, False, 1, (), "")
+SKY = Course(
+    "sky", "test", (GATE,), Start((1.0, 2.0, 200.0), 0.0), ((-99, 99),) * 3, False, 1, (), ""
+)
 
 FULL = 8.5  # strongest rotor thrust of RACER [N]
 ROTORS = Rotors(

@@ -1,4 +1,5 @@
-"""A point that is pushed about a plane, and Algorithm 1 written naively for it, for the tests of MPPI."""
+"""A point that is pushed about a plane, and Algorithm 1 written naively for it, for the tests of
+MPPI."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -10,7 +11,7 @@ from controllers.config import MPPIConfig
 from controllers.costs import Cost, Term, evaluate
 from controllers.mppi import MPPI, Iteration
 from controllers.samplers import make_sampler
-from quadsim.systems import System
+from quadsim.dynamics import System
 
 T = 20
 START = np.array([1.0, -0.5, 0.2, 0.0])
@@ -84,15 +85,24 @@ POINT = System(
     high=(1.5, 2.0),
     rest=tuple(REST),
 )
-GOAL = Cost("goal", (Term(distance, 1.0), Term(effort, 0.05)), Goal, np.zeros((1, 2)), reached=far_off)
+GOAL = Cost(
+    "goal", (Term(distance, 1.0), Term(effort, 0.05)), Goal, np.zeros((1, 2)), reached=far_off
+)
 
 
 def make(seed=12, sampler="gaussian", system=POINT, sigma=SAMPLING["sigma"], **changes):
     """sampler: a name, or an object of one's own."""
     config = replace(PLAIN, **changes)
     named = isinstance(sampler, str)
-    mppi = MPPI(system, GOAL, make_sampler(sampler, **SAMPLING | {"sigma": sigma}) if named else sampler, config, seed)
-    mppi.plan = REST + 0.3 * np.sin(np.arange(2 * config.horizon)).reshape(-1, 2)  # any plan but rest
+    mppi = MPPI(
+        system,
+        GOAL,
+        make_sampler(sampler, **SAMPLING | {"sigma": sigma}) if named else sampler,
+        config,
+        seed,
+    )
+    # any plan but rest
+    mppi.plan = REST + 0.3 * np.sin(np.arange(2 * config.horizon)).reshape(-1, 2)
     return mppi
 
 
@@ -122,5 +132,14 @@ def drawn(mppi, call=1):
 def perturbed(mppi):
     """What the first iteration perturbs the present plan by.  (M, n_u, T)"""
     nominal, alternative = mppi.nominals()
-    first = Iteration(START, 0, 1, nominal, (alternative - nominal) / mppi.ramp[:, :, None], np.empty(mppi.samples))
-    return from_lanes(mppi.perturbations(first, slice(0, mppi.samples)), mppi.samples, mppi.config.horizon)
+    first = Iteration(
+        START,
+        0,
+        1,
+        nominal,
+        (alternative - nominal) / mppi.ramp[:, :, None],
+        np.empty(mppi.samples),
+    )
+    return from_lanes(
+        mppi.perturbations(first, slice(0, mppi.samples)), mppi.samples, mppi.config.horizon
+    )

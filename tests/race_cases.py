@@ -9,7 +9,7 @@ import numpy as np
 from controllers.costs import evaluate
 from controllers.costs.race import SAFETY_MARGIN, TERMS, RaceWeights
 from quadsim.course import FRAME_DEPTH, Course, Gate, Start
-from quadsim.systems.quadrotor import State
+from quadsim.dynamics.quadrotor import State
 
 RADIUS, WIDTH, DT = 0.1, 0.3, 0.01
 GAP = RADIUS + SAFETY_MARGIN  # kept from frames, walls and the ground
@@ -42,14 +42,19 @@ def term(name, cost, p, v=(0.0, 0.0, 0.0), q=(1.0, 0.0, 0.0, 0.0), row=0):
 
 
 def fly(cost, points):
-    """Along a polyline, a step a segment, with the rollout's bookkeeping.  -> (steps, terms), rows, crashed"""
+    """Along a polyline, a step a segment, with the rollout's bookkeeping.  -> (steps, terms), rows,
+    crashed"""
     row, crashed, q, rows, crashes = 0, 0.0, [], [], []
     for a, b in pairwise(points):
         v = tuple(((np.array(b) - a) / DT).tolist())
         step = evaluate(cost, state(a, v), state(b, v), (0.0,) * 4, cost.targets[row], crashed)
         crashed = step.crashed
         row = min(row + int(step.reached), len(cost.targets) - 1)
-        q, rows, crashes = [*q, [float(t) for t in step.terms.values()]], [*rows, row], [*crashes, float(crashed)]
+        q, rows, crashes = (
+            [*q, [float(t) for t in step.terms.values()]],
+            [*rows, row],
+            [*crashes, float(crashed)],
+        )
     return np.array(q), rows, crashes
 
 

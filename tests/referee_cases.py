@@ -28,7 +28,11 @@ def make_referee(*gates, laps=1, timeout=1e3, penalties=False, **options):
 def fly(referee, path, dt=DT, t=0.0, contacts=()):
     """Move through the points of a path, one physics step each."""
     steps = enumerate(pairwise(path))
-    return [e for k, (a, b) in steps for e in referee.observe(t + k * dt, a, t + (k + 1) * dt, b, contacts)]
+    return [
+        e
+        for k, (a, b) in steps
+        for e in referee.observe(t + k * dt, a, t + (k + 1) * dt, b, contacts)
+    ]
 
 
 def straight(a, b, speed=30.0, dt=DT):

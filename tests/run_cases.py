@@ -39,9 +39,15 @@ def snapshot(seed=0, terms=("progress", "crash")):
 def two_laps(spec=SPEC, outcome="finished", plan_ms=5.0, snapshot=None):
     """Three gates; the second lap has a hit."""
     events = {10: (event(0.095),), 20: (event(0.2, gate=2),), 30: (event(0.3, gate=3),)}
-    events |= {40: (event(0.4, lap=2),), 45: (event(0.45, "hit", 2, 2),), 50: (event(0.5, gate=2, lap=2),)}
+    events |= {
+        40: (event(0.4, lap=2),),
+        45: (event(0.45, "hit", 2, 2),),
+        50: (event(0.5, gate=2, lap=2),),
+    }
     events |= {60: (event(0.59, gate=3, lap=2),)}
-    frames = [frame(k, 1 + (k >= 30), events.get(k, ()), None, snapshot, plan_ms) for k in range(60)]
+    frames = [
+        frame(k, 1 + (k >= 30), events.get(k, ()), None, snapshot, plan_ms) for k in range(60)
+    ]
     return Run.from_frames(spec, [*frames, frame(60, 2, events[60], outcome, snapshot, plan_ms)])
 
 
@@ -60,11 +66,16 @@ def same(a: Run, b: Run) -> bool:
         b.outcome,
         b.wall,
         list(other),
-    ) and all(x.dtype == other[k].dtype and np.array_equal(x, other[k], equal_nan=True) for k, x in named.items())
+    ) and all(
+        x.dtype == other[k].dtype and np.array_equal(x, other[k], equal_nan=True)
+        for k, x in named.items()
+    )
 
 
 def _arrays(run: Run) -> dict:
     snapshots = run.snapshots
     return run.telemetry | (
-        {} if snapshots is None else {"pictured": snapshots.frames, "best": snapshots.best} | snapshots.terms
+        {}
+        if snapshots is None
+        else {"pictured": snapshots.frames, "best": snapshots.best} | snapshots.terms
     )

@@ -29,7 +29,12 @@ def test_an_example_runs_and_prints_its_result(script, tmp_path):
     paths = os.pathsep.join([str(EXAMPLES.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
     environment = os.environ | {"PYTHONPATH": paths, "MPLBACKEND": "agg"}
     done = subprocess.run(
-        [sys.executable, script], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=600
+        [sys.executable, script],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
     )
     assert done.returncode == 0, done.stderr
     assert re.search(OUTCOMES.get(script.stem, r"finished"), done.stdout), done.stdout

@@ -10,8 +10,8 @@ import pytest
 
 import quadsim
 from controllers.costs.quadratic import quadratic_cost
-from quadsim.app.cli import race
-from quadsim.systems.double_integrator import double_integrator
+from quadsim.cli.cli import race
+from quadsim.paper.double_integrator import double_integrator
 
 SMALL = {"samples": 256, "horizon": 50, "iterations": 1, "laps": 1, "timeout": 0.3}
 FLAGS = [word for name, number in SMALL.items() for word in (f"--{name}", str(number))]
@@ -39,7 +39,9 @@ def test_an_unknown_name_is_an_attribute_error():
 
 def test_importing_quadsim_loads_nothing_slow():
     code = "import quadsim, sys; print(*sys.modules)"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
     slow = {"numba", "scipy", "matplotlib", "pybullet", "numpy", "viser", "msgspec", "yaml"}
     assert not slow & set(loaded)
     assert "quadsim" in loaded
@@ -49,7 +51,11 @@ def test_fly_gives_the_run_that_the_command_stores(default, tmp_path, capsys):
     assert race(["fly", "figure8", *FLAGS, "--runs-dir", str(tmp_path), "--json"]) == 1
     capsys.readouterr()
     stored = quadsim.load_run("last", str(tmp_path))
-    assert stored.digest() == default.digest() == quadsim.fly(quadsim.Spec.of("figure8", **SMALL)).digest()
+    assert (
+        stored.digest()
+        == default.digest()
+        == quadsim.fly(quadsim.Spec.of("figure8", **SMALL)).digest()
+    )
     record = json.loads(next(tmp_path.glob("*/run.json")).read_text())
     assert record["repeatable_from_spec"]
 
@@ -79,12 +85,24 @@ WRONG = {  # setting -> value, what the message must say
     "model.dragg": (1, "model.dragg: no such setting, did you mean 'model.drag'?"),
     "sampels": (3, "sampels: no such setting, did you mean 'samples'?"),
     "sampler": ("colred", "sampler: no sampler 'colred': did you mean 'colored'?"),
-    "system": ("quadroter", "system: expected 'double_integrator' or 'offroad' or 'quadrotor', got 'quadroter'"),
+    "system": (
+        "quadroter",
+        "system: expected 'double_integrator' or 'offroad' or 'quadrotor', got 'quadroter'",
+    ),
     "plant": ("bulet", "plant: expected 'bullet' or 'rigid' or 'rotorpy', got 'bulet'"),
     "cost": (3, "cost: expected an object with 'terms', or a function that makes one, got 3"),
-    "terms": (5, "terms: expected terms=[(function, weight), ...] or controllers.costs.Term objects, got 5"),
-    "controller": (3, "controller: expected an object with 'control', or a function that makes one, got 3"),
-    "referee": (3, "referee: expected an object with 'observe', or a function that makes one, got 3"),
+    "terms": (
+        5,
+        "terms: expected terms=[(function, weight), ...] or controllers.costs.Term objects, got 5",
+    ),
+    "controller": (
+        3,
+        "controller: expected an object with 'control', or a function that makes one, got 3",
+    ),
+    "referee": (
+        3,
+        "referee: expected an object with 'observe', or a function that makes one, got 3",
+    ),
     "course": (3, "course: expected a name, a FILE.yaml or a Course, got 3"),
 }
 
@@ -108,7 +126,7 @@ def test_a_course_or_vehicle_that_does_not_exist_is_a_value_error_with_a_proposa
 
 
 def test_the_number_of_threads_is_used(on_threads):
-    from controllers.rollout.threads import threads
+    from controllers.lanes.threads import threads
 
     def fly():
         quadsim.fly("figure8", **SMALL | {"timeout": 0.05}, threads=1)
@@ -121,7 +139,9 @@ def test_mppi_alone_in_a_loop_brings_the_double_integrator_to_its_goal():
     dt = 0.05
     system = double_integrator(dt)
     config = quadsim.MPPIConfig(samples=256, horizon=40, dt=dt)
-    mppi = quadsim.MPPI(system, quadratic_cost(goal=(1.0, 0.0)), quadsim.Gaussian((1.0, 1.0)), config)
+    mppi = quadsim.MPPI(
+        system, quadratic_cost(goal=(1.0, 0.0)), quadsim.Gaussian((1.0, 1.0)), config
+    )
     x = np.array([2.0, -1.0, 0.0, 0.0])
     for _ in range(150):
         u, stats = mppi.control(x)

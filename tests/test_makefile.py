@@ -1,4 +1,5 @@
-"""`make race` on a machine whose first Python is not fit: nothing is left that makes the right one fail."""
+"""`make race` on a machine whose first Python is not fit: nothing is left that makes the right one
+fail."""
 
 import shutil
 import stat

@@ -13,9 +13,9 @@ import pytest
 import quadsim
 from controllers.costs import Term
 from controllers.plan import PlanStats
+from quadsim.dynamics.quadrotor import State, quadrotor
+from quadsim.paper.referees import DurationReferee
 from quadsim.physics.plant import PlantState
-from quadsim.race.plane_referees import DurationReferee
-from quadsim.systems.quadrotor import State, quadrotor
 
 SMALL = {"samples": 256, "horizon": 50, "iterations": 1, "laps": 1, "timeout": 0.3}
 FLAGS = [word for name, number in SMALL.items() for word in (f"--{name}", str(number))]
@@ -71,7 +71,11 @@ OWN = {  # role -> the part, what a run says of it
     "cost": (dearer, "dearer", {}),
     "plant": (Free, "Free", {}),
     "controller": (Hover(10.5), "Hover", {"thrust": 10.5, "rest": [0.0, 0.0, 0.0, 10.5]}),
-    "referee": (DurationReferee(0.1), "DurationReferee", {"outcome": None, "passed": 0, "_duration": 0.1}),
+    "referee": (
+        DurationReferee(0.1),
+        "DurationReferee",
+        {"outcome": None, "passed": 0, "_duration": 0.1},
+    ),
 }
 
 
@@ -88,7 +92,11 @@ def test_a_part_of_ones_own_flies_is_recorded_and_kept(role, default, tmp_path):
     assert list(own) == [role]
     assert own[role]["class"].endswith(f".{name}")
     assert own[role]["parameters"] == parameters
-    changed = [k for k, x in run.telemetry.items() if k != "plan_ms" and not np.array_equal(x, default.telemetry[k])]
+    changed = [
+        k
+        for k, x in run.telemetry.items()
+        if k != "plan_ms" and not np.array_equal(x, default.telemetry[k])
+    ]
     assert changed, "the part made a difference"
     folder = quadsim.save_run(run, tmp_path)
     assert quadsim.load_run(folder).digest() == run.digest()
@@ -115,10 +123,15 @@ class Short(Free):
 @pytest.mark.parametrize("sensing", ["perfect", "vio"])
 def test_a_plant_of_ones_own_may_give_its_states_as_plain_tuples(sensing):
     """Sensors and records read states by name, whichever of both a plant gives."""
-    plain, named = (quadsim.fly("figure8", **SMALL, sensing=sensing, plant=plant) for plant in (Free, FreeByName))
+    plain, named = (
+        quadsim.fly("figure8", **SMALL, sensing=sensing, plant=plant)
+        for plant in (Free, FreeByName)
+    )
     assert len(plain.telemetry["t"]) > 20
     for column in plain.telemetry.keys() - {"plan_ms", "estimate_ms"}:
-        np.testing.assert_array_equal(plain.telemetry[column], named.telemetry[column], err_msg=column)
+        np.testing.assert_array_equal(
+            plain.telemetry[column], named.telemetry[column], err_msg=column
+        )
 
 
 def test_a_plant_whose_state_has_too_few_numbers_ends_in_one_line():
@@ -127,7 +140,9 @@ def test_a_plant_whose_state_has_too_few_numbers_ends_in_one_line():
 
 
 def test_ones_own_controller_and_referee_have_the_say():
-    run = quadsim.fly("figure8", **SMALL, controller=Hover(10.5), referee=lambda spec: DurationReferee(0.1))
+    run = quadsim.fly(
+        "figure8", **SMALL, controller=Hover(10.5), referee=lambda spec: DurationReferee(0.1)
+    )
     assert (run.telemetry["a_cmd"] == 10.5).all()
     assert run.telemetry["t"][-1] == pytest.approx(0.1)
     assert run.outcome == "finished"
@@ -169,8 +184,12 @@ def velocity(x, x_next, u, zero, p):
 
 
 MASS = {
-    "system": quadsim.System("mass", Slide, Control, slide, Params(mass=2.0, lag=0.1), 0.05, (-9.0,), (9.0,), (0.0,)),
-    "cost": quadsim.Cost("near zero", (Term(position), Term(velocity, 0.1)), Zero, np.zeros((1, 1))),
+    "system": quadsim.System(
+        "mass", Slide, Control, slide, Params(mass=2.0, lag=0.1), 0.05, (-9.0,), (9.0,), (0.0,)
+    ),
+    "cost": quadsim.Cost(
+        "near zero", (Term(position), Term(velocity, 0.1)), Zero, np.zeros((1, 1))
+    ),
     "sampler": quadsim.Gaussian((3.0,)),
     "start": (1.0, 0.0, 0.0),
     "timeout": 3.0,
@@ -195,16 +214,31 @@ def test_a_sampler_of_ones_own_on_the_command_line_lies_in_the_current_folder(tm
         "        return rng.standard_normal((samples, horizon, controls))\n"
     )
     # -P: Python itself does not look for modules in the current folder, as for an installed `race`
-    code = "from quadsim.app.cli import main; main()"
-    command = [sys.executable, "-P", "-c", code, "fly", "figure8", *FLAGS, "--sampler", "mine:Still", "--json"]
+    code = "from quadsim.cli.cli import main; main()"
+    command = [
+        sys.executable,
+        "-P",
+        "-c",
+        code,
+        "fly",
+        "figure8",
+        *FLAGS,
+        "--sampler",
+        "mine:Still",
+        "--json",
+    ]
     root = os.path.dirname(os.path.dirname(quadsim.__file__))
-    done = subprocess.run(command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": root}, capture_output=True, text=True)
+    done = subprocess.run(
+        command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": root}, capture_output=True, text=True
+    )
     assert done.returncode == 1, done.stderr
     run = quadsim.load_run("last", str(tmp_path / "runs"))
     assert run.spec["sampler"] == "Still"
     assert run.spec["own"]["sampler"] == {"class": "mine.Still", "parameters": {}}
     monkeypatched = "mine" in sys.modules or "" in sys.path
-    with pytest.raises(quadsim.SettingError, match=r"sampler: expected package.module:Class .* got 'mine:Still'"):
+    with pytest.raises(
+        quadsim.SettingError, match=r"sampler: expected package.module:Class .* got 'mine:Still'"
+    ):
         quadsim.fly("figure8", sampler="mine:Still")
     assert not monkeypatched, "the library itself looks where Python does"
 
@@ -218,15 +252,23 @@ def test_compare_with_a_sampler_of_ones_own_gives_pairs_tables_and_a_picture(tmp
     assert "held - gaussian" in str(comparison)
     figure = comparison.plot(tmp_path / "both.png")
     assert (tmp_path / "both.png").read_bytes().startswith(b"\x89PNG")
-    labels = [text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text"))]
+    labels = [
+        text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text"))
+    ]
     assert {"gaussian", "held"} <= set(labels)
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"cost": None}, "cost: expected a controllers.costs.Cost for a system of one's own, got None"),
-        ({"sampler": "colored"}, "sampler: expected a sampler: an object with sample(rng, samples, horizon, controls)"),
+        (
+            {"cost": None},
+            "cost: expected a controllers.costs.Cost for a system of one's own, got None",
+        ),
+        (
+            {"sampler": "colored"},
+            "sampler: expected a sampler: an object with sample(rng, samples, horizon, controls)",
+        ),
         ({"sampler": quadsim.Gaussian((1.0, 1.0))}, "sigma: expected 1 numbers"),
         ({"start": (1.0,)}, "start: expected 3 numbers, got 1"),
         ({"timeout": None}, "timeout: expected a number [s] for a system of one's own, got None"),

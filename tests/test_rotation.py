@@ -1,4 +1,5 @@
-"""Rotations: against SciPy's, against each other, and to the bit as flights have always computed them."""
+"""Rotations: against SciPy's, against each other, and to the bit as flights have always computed
+them."""
 
 from math import cos, hypot, radians, sin, sqrt
 
@@ -66,9 +67,12 @@ def test_products_follow_each_other_as_scipys_do_and_not_the_other_way_round():
 
 def test_small_and_large_turns_are_found_again():
     for q, turn in zip(attitudes(50), vectors(50, size=0.8), strict=True):
-        np.testing.assert_allclose(matrix(exp(turn)), Rotation.from_rotvec(turn).as_matrix(), **NEAR)
+        np.testing.assert_allclose(
+            matrix(exp(turn)), Rotation.from_rotvec(turn).as_matrix(), **NEAR
+        )
         np.testing.assert_allclose(between(q, turned(q, turn)), turn, **NEAR)
-        np.testing.assert_allclose(log(tuple(-c for c in exp(turn))), turn, **NEAR)  # -q is the same attitude
+        # -q is the same attitude
+        np.testing.assert_allclose(log(tuple(-c for c in exp(turn))), turn, **NEAR)
     tiny = (1e-12, -2e-12, 0.0)
     np.testing.assert_allclose(log(exp(tiny)), tiny, rtol=1e-9)
 
@@ -107,9 +111,13 @@ def test_plain_functions_take_rows_of_numbers():
     q, v = (np.array(part).T for part in zip(*CASES, strict=True))
     for k, (one_q, one_v) in enumerate(CASES):
         for function in (to_body, to_world):
-            np.testing.assert_allclose(np.array(function(q, v))[:, k], function(one_q, one_v), **NEAR)
+            np.testing.assert_allclose(
+                np.array(function(q, v))[:, k], function(one_q, one_v), **NEAR
+            )
         np.testing.assert_allclose(np.array(body_axes(q))[:, k], body_axes(one_q), **NEAR)
-        np.testing.assert_allclose(np.array(quaternion_rate(q, v))[:, k], quaternion_rate(one_q, one_v), **NEAR)
+        np.testing.assert_allclose(
+            np.array(quaternion_rate(q, v))[:, k], quaternion_rate(one_q, one_v), **NEAR
+        )
 
 
 def test_plain_functions_take_symbols():
@@ -129,7 +137,11 @@ def earlier_to_world(q, v):
     w, ux, uy, uz = q
     x, y, z = v
     tx, ty, tz = 2.0 * (uy * z - uz * y), 2.0 * (uz * x - ux * z), 2.0 * (ux * y - uy * x)
-    return x + w * tx + uy * tz - uz * ty, y + w * ty + uz * tx - ux * tz, z + w * tz + ux * ty - uy * tx
+    return (
+        x + w * tx + uy * tz - uz * ty,
+        y + w * ty + uz * tx - ux * tz,
+        z + w * tz + ux * ty - uy * tx,
+    )
 
 
 def earlier_matrix(q):
@@ -171,7 +183,8 @@ def test_one_formula_in_place_of_two_has_the_same_bits():
         conjugate = (q[0], -q[1], -q[2], -q[3])
         assert to_body(q, v) == earlier_to_world(conjugate, v)
         np.testing.assert_array_equal(matrix(q), earlier_matrix(q))
-        assert matrix(q).flags["C_CONTIGUOUS"]  # another order would be summed in another order by @
+        # another order would be summed in another order by @
+        assert matrix(q).flags["C_CONTIGUOUS"]
         assert from_euler(*v) == earlier_attitude_of_a_picture(*v)
 
 

@@ -1,4 +1,5 @@
-"""Every random stream is derived in one place, by name, and gives the numbers that it has always given."""
+"""Every random stream is derived in one place, by name, and gives the numbers that it has always
+given."""
 
 import ast
 from hashlib import sha256
@@ -11,7 +12,7 @@ import pytest
 from quadsim import Spec
 from quadsim.course import load_course
 from quadsim.course.random_courses import random_courses
-from quadsim.envs.task import tables, task
+from quadsim.learn.task import tables, task
 from quadsim.render.frames import Pictures
 from quadsim.render.poses import drawn_poses
 from quadsim.sensing.camera import Camera
@@ -99,7 +100,9 @@ def test_environments_and_training_have_the_streams_they_have_always_had(seed):
 def test_pictures_and_generated_courses_have_the_streams_they_have_always_had(seed):
     for i in (0, 5):
         before = np.random.default_rng((seed, i))
-        np.testing.assert_array_equal(np.random.default_rng(pose_stream(seed, i)).random(5), before.random(5))
+        np.testing.assert_array_equal(
+            np.random.default_rng(pose_stream(seed, i)).random(5), before.random(5)
+        )
         looks = np.random.default_rng((seed, (1 << 20) + i)).spawn(3)
         for stream, rng in zip(look_streams(seed, i), looks, strict=True):
             np.testing.assert_array_equal(np.random.default_rng(stream).random(5), rng.random(5))
@@ -110,7 +113,10 @@ def test_pictures_and_generated_courses_have_the_streams_they_have_always_had(se
 
 def test_the_numbers_of_seed_0_are_those_of_earlier_versions():
     """Golden numbers, so that a change in how numpy derives streams is found too."""
-    first = {name: stream.generate_state(2).tolist() for name, stream in quadrotor_streams(0)._asdict().items()}
+    first = {
+        name: stream.generate_state(2).tolist()
+        for name, stream in quadrotor_streams(0)._asdict().items()
+    }
     assert first == {
         "planner": [3757552657, 2018376492],
         "vehicle": [3953331965, 2686814951],
@@ -119,7 +125,10 @@ def test_the_numbers_of_seed_0_are_those_of_earlier_versions():
         "gates": [3685993406, 3082302701],
     }
     assert offroad_streams(0).gusts.generate_state(2).tolist() == [673228719, 1136656250]
-    assert double_integrator_streams(0).planner.generate_state(2).tolist() == [2968811710, 3677149159]
+    assert double_integrator_streams(0).planner.generate_state(2).tolist() == [
+        2968811710,
+        3677149159,
+    ]
 
 
 def test_what_is_drawn_from_streams_is_what_earlier_versions_drew():
@@ -164,7 +173,8 @@ def test_streams_of_two_seeds_and_of_two_pictures_differ():
 
 
 def test_drawing_from_a_stream_or_appending_one_changes_no_other():
-    """What is derived depends on the seed and its own key alone, not on what was derived or drawn before."""
+    """What is derived depends on the seed and its own key alone, not on what was derived or drawn
+    before."""
     untouched = quadrotor_streams(3)
     streams = quadrotor_streams(3)
     np.random.default_rng(streams.planner).random(1000)
@@ -195,7 +205,8 @@ def test_streams_are_read_by_name():
 
 
 def derivations(text):
-    """Return the lines that derive a stream: SeedSequence(...), or spawn(...) of a sequence or a generator."""
+    """Return the lines that derive a stream: SeedSequence(...), or spawn(...) of a sequence or a
+    generator."""
     found = []
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Call):
@@ -207,12 +218,22 @@ def derivations(text):
 
 
 def test_a_derivation_is_found():
-    assert derivations("a = np.random.SeedSequence(3)\nb = a.spawn(2)\nc: np.random.SeedSequence = b[0]\n") == [1, 2]
+    assert derivations(
+        "a = np.random.SeedSequence(3)\nb = a.spawn(2)\nc: np.random.SeedSequence = b[0]\n"
+    ) == [1, 2]
 
 
 def test_streams_are_derived_in_one_place():
     # a planner that is used alone is given a plain seed, of which it is the only user
     allowed = {"quadsim/streams.py", "controllers/samplers/lane_sampler.py"}
-    files = [path for package in ("quadsim", "controllers", "web") for path in (ROOT / package).rglob("*.py")]
-    found = {str(path.relative_to(ROOT)) for path in files if derivations(path.read_text(encoding="utf-8"))}
+    files = [
+        path
+        for package in ("quadsim", "controllers", "web")
+        for path in (ROOT / package).rglob("*.py")
+    ]
+    found = {
+        str(path.relative_to(ROOT))
+        for path in files
+        if derivations(path.read_text(encoding="utf-8"))
+    }
     assert found == allowed

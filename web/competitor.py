@@ -1,4 +1,5 @@
-"""Competitor: one flight as the page shows it, live or stored; Legs: how far along the course it is."""
+"""Competitor: one flight as the page shows it, live or stored; Legs: how far along the course it
+is."""
 
 from __future__ import annotations
 
@@ -15,10 +16,10 @@ import numpy as np
 from controllers.plan import PlannerSnapshot
 from controllers.presets import PRESETS
 from quadsim.course import Course, parse_course
-from quadsim.limit.solution import LIMITS, Limit, limit_of
 from quadsim.palette import Style, dotted, style
 from quadsim.race.events import Event
 from quadsim.record.archive import load_run
+from quadsim.record.limits import LIMITS, Limit, limit_of
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.run import INTERACTIVE, Run, RunError
 from web.flight_factory import numbers_of
@@ -36,16 +37,21 @@ class Legs:
     """The straight legs from the start through the gates of every lap."""
 
     def __init__(self, course: Course, laps: int):
-        centres = np.array([course.start.position, *(g.position for g in course.gates * laps)])  # (legs + 1, 3)
-        self._from, self._to = centres, np.vstack([centres[1:], centres[-1]])  # after the finish: the last gate
+        # (legs + 1, 3)
+        centres = np.array([course.start.position, *(g.position for g in course.gates * laps)])
+        # after the finish: the last gate
+        self._from, self._to = centres, np.vstack([centres[1:], centres[-1]])
         self.gates = len(course.gates)
-        self.ends = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1)))  # [m]  (legs + 1,)
+        # [m]  (legs + 1,)
+        self.ends = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1)))
         self.length = float(self.ends[-1])  # of the whole race [m]
-        self.lap_ends = self.ends[self.gates :: self.gates]  # progress at which each lap ends [m]  (laps,)
+        # progress at which each lap ends [m]  (laps,)
+        self.lap_ends = self.ends[self.gates :: self.gates]
 
     def progress(self, p: np.ndarray, passed: np.ndarray) -> np.ndarray:
-        """[m] at positions p (n, 3) after so many gates: the share d0 / (d0 + d1) of the leg, by the distances from
-        its two ends. It grows right after a gate, also where the path makes a detour, and never decreases.  (n,)
+        """[m] at positions p (n, 3) after so many gates: the share d0 / (d0 + d1) of the leg, by
+        the distances from its two ends. It grows right after a gate, also where the path makes a
+        detour, and never decreases.  (n,)
         """
         k = np.minimum(np.asarray(passed, int), len(self.ends) - 1)
         d0, d1 = (np.linalg.norm(p - end[k], axis=1) for end in (self._from, self._to))
@@ -55,7 +61,8 @@ class Legs:
 
 @dataclass(frozen=True, eq=False)
 class Competitor:
-    """A flight at one moment. Rows that its arrays show are never written again: any thread may read them."""
+    """A flight at one moment. Rows that its arrays show are never written again: any thread may
+    read them."""
 
     name: str
     spec: dict
@@ -163,7 +170,9 @@ def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
     names = next(names for names in (samplers, seeds, numbers) if len(set(names)) == len(entries))
     again = [e.sampler in samplers[:i] for i, e in enumerate(entries)]
     shown = zip(entries, names, again, strict=True)
-    return tuple(e if (e.name, e.again) == (n, a) else replace(e, name=n, again=a) for e, n, a in shown)
+    return tuple(
+        e if (e.name, e.again) == (n, a) else replace(e, name=n, again=a) for e, n, a in shown
+    )
 
 
 class _MPPI(msgspec.Struct):
@@ -191,7 +200,8 @@ class _Change(msgspec.Struct):
 
 
 class ReplaySchema(msgspec.Struct):
-    """What a spec must hold to be shown. A run may have been made by hand, or by another version."""
+    """What a spec must hold to be shown. A run may have been made by hand, or by another
+    version."""
 
     course: str
     sampler: str
@@ -215,7 +225,16 @@ def stored_competitor(path: Path) -> Competitor:
 
 def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
     legs, laps = Legs(course, run.spec["laps"]), tuple(run.laps)
-    shown = run.spec["sampler"], run.spec, course, legs, run.telemetry, run.events, laps, run.outcome
+    shown = (
+        run.spec["sampler"],
+        run.spec,
+        course,
+        legs,
+        run.telemetry,
+        run.events,
+        laps,
+        run.outcome,
+    )
     limit = limit_of(run.spec, *([path.parent / LIMITS] if path else []))
     planner = PRESETS.get(str(run.spec["preset"]), {}).get(run.spec["sampler"])
     numbers = numbers_of(run.spec["planner"], getattr(planner and planner.sampling, "sigma", ()))

@@ -1,4 +1,5 @@
-"""What a person chooses on the page, and the flights made of it: their numbers may change while they fly."""
+"""What a person chooses on the page, and the flights made of it: their numbers may change while
+they fly."""
 
 from __future__ import annotations
 
@@ -12,16 +13,16 @@ from controllers import presets
 from controllers.plan import PlannerSnapshot, PlanStats
 from controllers.presets import Planner, per_channel
 from controllers.samplers import Colored
-from quadsim.race.build import build, navigation_of, planner_of
+from quadsim.dynamics.estimate import Estimate
+from quadsim.dynamics.quadrotor import Control
 from quadsim.race.events import Frame
 from quadsim.race.flight import simulate
-from quadsim.race.own_parts import plain
-from quadsim.race.settings import Setting, settings_of
-from quadsim.race.spec import Spec
-from quadsim.race.systems import SYSTEMS
 from quadsim.sensing import PERFECT
-from quadsim.systems.estimate import Estimate
-from quadsim.systems.quadrotor import Control
+from quadsim.spec.build import build, navigation_of, planner_of
+from quadsim.spec.own_parts import plain
+from quadsim.spec.settings import Setting, settings_of
+from quadsim.spec.spec import Spec
+from quadsim.spec.systems import SYSTEMS
 
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories
@@ -33,13 +34,15 @@ RANGES = {  # of the numbers that may change in flight: name -> lowest, highest,
     "gamma_rates": (0.0, 6.0, 0.05),  # color exponent of the body rates
     "gamma_thrust": (0.0, 6.0, 0.05),  # and of the thrust
     "temperature": (0.01, 10.0, 0.01),
-    "target_ess": (0.0, 400.0, 5.0),  # effective sample size that the temperature is steered to; 0: it is fixed
+    # effective sample size that the temperature is steered to; 0: it is fixed
+    "target_ess": (0.0, 400.0, 5.0),
     "samples": (256, 8192, 256),
 }
 
 
 def numbers_of(planner: Mapping[str, Any], sigma: Sequence[float] = ()) -> dict[str, float]:
-    """Those of RANGES in a planner as a run records it. sigma: the standard deviations that scale 1 stands for."""
+    """Those of RANGES in a planner as a run records it. sigma: the standard deviations that scale 1
+    stands for."""
     mppi, sampling = planner["mppi"], planner.get("sampling")
     sampling = sampling if isinstance(sampling, dict) else {}
     own, gamma = sampling.get("sigma"), sampling.get("gamma") or (0.0,)
@@ -54,10 +57,14 @@ def numbers_of(planner: Mapping[str, Any], sigma: Sequence[float] = ()) -> dict[
 
 
 def with_number(planner: Planner, preset: Planner, name: str, value: float) -> Planner:
-    """The planner with this number of RANGES; gamma is of colored sampling alone and leaves others as they are."""
+    """The planner with this number of RANGES; gamma is of colored sampling alone and leaves others
+    as they are."""
     sampling: Any = planner.sampling
     if name == "sigma":
-        return replace(planner, sampling=replace(sampling, sigma=tuple(value * s for s in preset.sampling.sigma)))  # pyright: ignore
+        return replace(
+            planner,
+            sampling=replace(sampling, sigma=tuple(value * s for s in preset.sampling.sigma)),
+        )  # pyright: ignore
     if name.startswith("gamma"):
         if not isinstance(sampling, Colored):
             return planner
@@ -80,7 +87,8 @@ class Choices:
     sensing: str = PERFECT
     seed: int = 0
     laps: int = 0  # 0: the course's
-    numbers: Mapping[str, float] = field(default_factory=dict)  # of RANGES, where they are not the preset's
+    # of RANGES, where they are not the preset's
+    numbers: Mapping[str, float] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)  # any others, as of quadsim.fly
 
 
@@ -96,7 +104,8 @@ class FlightFactory:
         return numbers_of(plain(presets.preset(preset, planner_choice(sampler)["sampler"])))
 
     def settings(self, preset: str, vehicle: str, sampler: str) -> dict[str, Setting]:
-        """Every other number of the planner and its model of the vehicle, by name; a pilot has none."""
+        """Every other number of the planner and its model of the vehicle, by name; a pilot has
+        none."""
         if sampler.startswith(PILOT):
             return {}
         entry = SYSTEMS["quadrotor"]
@@ -124,10 +133,16 @@ class Flight:
         self._plant, planner, referee = build(self._spec)
         self._mppi: Any = planner  # MPPI, whose module loads the compiler, or a learned pilot
         self.rest = self._mppi.rest
-        self.is_cached = spec.pilot or self._mppi.is_cached  # False: the first plan has to compile, some 20 s
+        # False: the first plan has to compile, some 20 s
+        self.is_cached = spec.pilot or self._mppi.is_cached
         self._navigation = navigation_of(self._spec, self._plant, planner, referee)
         self.frames: Iterator[Frame] = simulate(
-            self._plant, self, referee, self.period, snapshot=self._snapshot, navigation=self._navigation
+            self._plant,
+            self,
+            referee,
+            self.period,
+            snapshot=self._snapshot,
+            navigation=self._navigation,
         )
 
     def control(self, estimate: Estimate) -> tuple[np.ndarray, PlanStats]:
@@ -140,37 +155,48 @@ class Flight:
         return numbers_of(plain(self._spec.planner), self._preset.sampling.sigma)  # pyright: ignore
 
     def tune(self, name: str, value: float | None) -> list[dict]:
-        """Use this number of RANGES from the next plan on, None: the preset's. Another planner takes over the plan.
+        """Use this number of RANGES from the next plan on, None: the preset's. Another planner
+        takes over the plan.
 
-        Returns what changed, [{name, from, to}]: nothing where its sampler has no such number, or a pilot flies.
+        Returns what changed, [{name, from, to}]: nothing where its sampler has no such number, or a
+        pilot flies.
         """
         if self._spec.pilot:
             return []
         old, before = self.numbers, self._spec.planner.mppi.temperature
-        self._spec = self._with(name, numbers_of(plain(self._preset))[name] if value is None else value)
-        changes = [{"name": k, "from": old[k], "to": v} for k, v in self.numbers.items() if v != old[k]]
+        self._spec = self._with(
+            name, numbers_of(plain(self._preset))[name] if value is None else value
+        )
+        changes = [
+            {"name": k, "from": old[k], "to": v} for k, v in self.numbers.items() if v != old[k]
+        ]
         if changes:
             self._replan(before)
         return changes
 
     def _with(self, name: str, value: float) -> Spec:
-        return replace(self._spec, planner=with_number(self._spec.planner, self._preset, name, value))
+        return replace(
+            self._spec, planner=with_number(self._spec.planner, self._preset, name, value)
+        )
 
     def _replan(self, before: float) -> None:
         """By a new planner; before: the temperature that the spec said until now."""
         mppi = planner_of(self._spec, self._spec.streams.planner)
         mppi.continue_from(self._mppi)
-        if mppi.config.temperature == before:  # then the one reached by steering to the target ESS stays
+        # then the one reached by steering to the target ESS stays
+        if mppi.config.temperature == before:
             mppi.temperature = self._mppi.temperature
         self._mppi = mppi
 
     def sampled_trajectories(self) -> SampledTrajectories | None:
-        from controllers.sampled_trajectories import sampled_trajectories  # here: it loads the compiler
+        # here: it loads the compiler
+        from controllers.sampled_trajectories import sampled_trajectories
 
         return None if self._spec.pilot else sampled_trajectories(self._mppi)
 
     def corners(self) -> Corners | None:
-        """Those of gates that were found in the last picture, where the vehicle has a gate camera."""
+        """Those of gates that were found in the last picture, where the vehicle has a gate
+        camera."""
         return self._navigation.corners
 
     def close(self) -> None:

@@ -1,4 +1,5 @@
-"""LapTiming: lap, gate, gap and chatter of every competitor at one instant; times and gaps at the same place."""
+"""LapTiming: lap, gate, gap and chatter of every competitor at one instant; times and gaps at the
+same place."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from web.competitor import CRASHES, Competitor
 from web.race import Snapshot
 
 MISSES = ("miss", "wrong_way")  # kinds of events
-Flown = tuple[np.ndarray, np.ndarray]  # times [s] and progress [m] of a flight or a lap, each  (frames,)
+# times [s] and progress [m] of a flight or a lap, each  (frames,)
+Flown = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,8 @@ class LapTiming:
 
 
 def lap_timings(s: Snapshot, by_place: bool) -> list[LapTiming]:
-    """In the order of the competitors. by_place: the others are shown where they pass the place of the first."""
+    """In the order of the competitors. by_place: the others are shown where they pass the place of
+    the first."""
     entries = [e for e in s.competitors if len(e.t)]
     if not entries:
         return []
@@ -70,20 +73,25 @@ def lap_timings(s: Snapshot, by_place: bool) -> list[LapTiming]:
 
 
 def order(timings: Sequence[LapTiming]) -> list[LapTiming]:
-    """The leader first: who is farthest along the course, whatever the number of laps each has to fly."""
+    """The leader first: who is farthest along the course, whatever the number of laps each has to
+    fly."""
     return sorted(timings, key=lambda s: (-s.place, s.t))
 
 
 def crashed_gates(timings: Sequence[LapTiming]) -> set[int]:
     """1-based numbers of the gates hit so far."""
-    return {e.gate for s in timings for e in s.entry.events if e.kind == "hit" and e.t <= s.t + 1e-9}
+    return {
+        e.gate for s in timings for e in s.entry.events if e.kind == "hit" and e.t <= s.t + 1e-9
+    }
 
 
 def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
     t, gates, laps = float(entry.t[i]), entry.legs.gates, entry.spec["laps"]
     events = [e for e in entry.events if e.t <= t + 1e-9]
     kinds = [e.kind for e in events]
-    done = [lap for lap, end in zip(entry.laps, entry.lap_starts[1:], strict=True) if end <= t + 1e-9]
+    done = [
+        lap for lap, end in zip(entry.laps, entry.lap_starts[1:], strict=True) if end <= t + 1e-9
+    ]
     passed = kinds.count("pass")
     finished = passed == gates * laps
     there = time_at(entry.progress[i : i + 1], leader.t, leader.progress)[0]
@@ -107,7 +115,8 @@ def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
 
 def time_at(place: np.ndarray, t: np.ndarray, progress: np.ndarray) -> np.ndarray:
     """When a flight was first this far along [s]; nan where it has not been.  (n,)"""
-    first = np.flatnonzero(np.diff(progress, prepend=-1.0) > 0)  # rows without progress would not be invertible
+    # rows without progress would not be invertible
+    first = np.flatnonzero(np.diff(progress, prepend=-1.0) > 0)
     if not len(first):
         return np.full(len(place), np.nan)
     return np.interp(place, progress[first], t[first], left=np.nan, right=np.nan)
@@ -120,7 +129,9 @@ def gap(place: np.ndarray, flown: Flown, reference: Flown) -> np.ndarray:
 
 def best_lap(entries: Sequence[Competitor]) -> Flown | None:
     """The fastest lap of all, from its beginning."""
-    best = min(((t, k, n) for n, e in enumerate(entries) for k, t in enumerate(e.laps)), default=None)
+    best = min(
+        ((t, k, n) for n, e in enumerate(entries) for k, t in enumerate(e.laps)), default=None
+    )
     return lap_of(entries[best[2]], best[1]) if best else None
 
 

@@ -1,4 +1,5 @@
-"""A flight while it is flown: its frames so far, the notices they give rise to, its pace, its run when it ends."""
+"""A flight while it is flown: its frames so far, the notices they give rise to, its pace, its run
+when it ends."""
 
 from __future__ import annotations
 
@@ -9,9 +10,9 @@ from itertools import count
 from pathlib import Path
 from time import perf_counter
 
-from quadsim.limit.solution import LIMITS, limit_of
 from quadsim.race.events import NO_PROGRESS, Event, Frame, flown_laps, lap_penalties
 from quadsim.record.archive import RunFolder, remove_unfinished
+from quadsim.record.limits import LIMITS, limit_of
 from quadsim.record.run import INTERACTIVE, Recorder, columns_of
 from web.competitor import CRASHES, Competitor, Legs
 from web.flight_factory import Flight
@@ -21,7 +22,8 @@ WINDOW = 1.0  # [s] over which the real-time factor is measured
 
 
 class LiveCompetitor:
-    """Flown frame by frame, stored in a run folder when it ends; `now` is what the page shows of it."""
+    """Flown frame by frame, stored in a run folder when it ends; `now` is what the page shows of
+    it."""
 
     def __init__(self, flight: Flight, root: str, name: str):
         self.flight, self._recorder = flight, Recorder()
@@ -45,7 +47,9 @@ class LiveCompetitor:
         events = tuple(self._recorder.events)
         laps = laps_so_far(events, self.now.legs.gates)
         x, corners = self._recorder.views(self._columns), self.flight.corners()
-        self.now = replace(self.now, x=x, events=events, laps=laps, outcome=frame.outcome, corners=corners)
+        self.now = replace(
+            self.now, x=x, events=events, laps=laps, outcome=frame.outcome, corners=corners
+        )
         return frame
 
     def update_trajectories(self) -> None:
@@ -53,10 +57,13 @@ class LiveCompetitor:
         self.now = replace(self.now, sampled_trajectories=self.flight.sampled_trajectories())
 
     def tune(self, name: str, value: float | None) -> None:
-        """Use this number from the next plan on, None: the preset's; the spec notes {t, name, from, to}."""
+        """Use this number from the next plan on, None: the preset's; the spec notes {t, name, from,
+        to}."""
         noted = [{"t": max(self.t, 0.0), **change} for change in self.flight.tune(name, value)]
         if noted:
-            self.now = replace(self.now, spec={**self.now.spec, INTERACTIVE: [*self.now.changes, *noted]})
+            self.now = replace(
+                self.now, spec={**self.now.spec, INTERACTIVE: [*self.now.changes, *noted]}
+            )
 
     def end(self) -> None:
         """Free the plant and store the run, unless it was interrupted before its first gate."""
@@ -104,11 +111,17 @@ class Notices:
         what = {"hit": "hit {place}", "ground": "hit the ground", "bounds": "left the bounds"}
         for e in frame.events:
             if e.kind in CRASHES:
-                self.add("crash", f"{name}: {what[e.kind].format(place=e.place)}", f"at {e.t:.2f} s, {e.speed:.1f} m/s")
+                self.add(
+                    "crash",
+                    f"{name}: {what[e.kind].format(place=e.place)}",
+                    f"at {e.t:.2f} s, {e.speed:.1f} m/s",
+                )
             if e.kind == "timeout":
                 self.add("crash", f"{name}: out of time", f"after {e.t:.1f} s")
             if e.kind == "stuck":
-                self.add("crash", f"{name}: no progress for {NO_PROGRESS:g} s", f"before gate {e.gate}")
+                self.add(
+                    "crash", f"{name}: no progress for {NO_PROGRESS:g} s", f"before gate {e.gate}"
+                )
         passed = any(e.kind == "pass" for e in frame.events)
         if passed and len(laps) > 1 and laps[-1] == min(laps) and abs(sum(laps) - frame.t) < 0.02:
             self.add("lap", f"{name}: best lap", f"{laps[-1]:.3f} s")
@@ -135,7 +148,8 @@ class Pace:
         return self._t + (self._clock() - self._wall) * self.speed
 
     def until(self, t: float) -> float:
-        """Seconds of wall clock until t is due; at most 0 if it is. A long delay is not caught up later."""
+        """Seconds of wall clock until t is due; at most 0 if it is. A long delay is not caught up
+        later."""
         wait = (t - self.now()) / self.speed
         if wait < -LATE:
             self._t, self._wall = t, self._clock()

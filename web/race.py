@@ -36,7 +36,12 @@ class Snapshot:
     @property
     def next_event(self) -> float | None:
         """[s] of the next one that can be shown; None while the race is being flown."""
-        later = [e.t for entry in self.competitors for e in entry.events if self.t + 1e-6 < e.t <= self.flown]
+        later = [
+            e.t
+            for entry in self.competitors
+            for e in entry.events
+            if self.t + 1e-6 < e.t <= self.flown
+        ]
         return min(later, default=None) if not (self.flying and self.playing) else None
 
 
@@ -53,7 +58,8 @@ class Race:
         self._pace = Pace()
 
     def start(self, choices: Sequence[Choices], runs: Sequence[Path] = ()) -> None:
-        """Fly these side by side with stored runs. Raises ValueError, RunError; then the old race stays."""
+        """Fly these side by side with stored runs. Raises ValueError, RunError; then the old race
+        stays."""
         stored = tuple(stored_competitor(path) for path in runs)
         flights = [self._flight_factory.flight(c) for c in choices]
         if len({x.spec["course_text"] for x in (*stored, *flights)}) > 1:
@@ -62,13 +68,17 @@ class Race:
             raise ValueError("side by side: expected runs of one course, got several")
         self.end_flights()
         self._choices = list(choices)
-        self._live = [LiveCompetitor(f, self._root, c.sampler) for c, f in zip(choices, flights, strict=True)]
+        self._live = [
+            LiveCompetitor(f, self._root, c.sampler) for c, f in zip(choices, flights, strict=True)
+        ]
         shown = named([*(entry.now for entry in self._live), *stored])
         for entry, now in zip(self._live, shown, strict=False):
             entry.now = now
         self._stored = shown[len(self._live) :]
         if not all(flight.is_cached for flight in flights):
-            self.notices.add("wait", "Compiling the planner for this machine", "once; it takes some 20 s")
+            self.notices.add(
+                "wait", "Compiling the planner for this machine", "once; it takes some 20 s"
+            )
         self._begin()
 
     def restart(self) -> None:
@@ -79,7 +89,8 @@ class Race:
             self._begin()
 
     def turn(self) -> float:
-        """Fly one frame of the competitor that is farthest behind, or advance a replay. -> [s] to wait"""
+        """Fly one frame of the competitor that is farthest behind, or advance a replay. -> [s] to
+        wait"""
         if not self._playing:
             return REST
         entry = self._next_to_fly()
@@ -128,7 +139,8 @@ class Race:
         self._pace.anchor(self._t)
 
     def tune(self, name: str, value: float | None) -> None:
-        """Every live flight uses this number from its next plan on, None: its preset's; its spec notes the change."""
+        """Every live flight uses this number from its next plan on, None: its preset's; its spec
+        notes the change."""
         for entry in self._flying:
             entry.tune(name, value)
 
@@ -149,7 +161,10 @@ class Race:
             competitors=tuple(self._competitors),
             race=self._count,
             notices=self.notices.recent,
-            compiling=any(e.now.outcome is None and not len(e.now.t) and not e.flight.is_cached for e in self._live),
+            compiling=any(
+                e.now.outcome is None and not len(e.now.t) and not e.flight.is_cached
+                for e in self._live
+            ),
         )
 
     def _begin(self) -> None:

@@ -1,4 +1,5 @@
-"""Session: a race on a thread of its own. Commands go in, snapshots come out; a flight never waits for a page."""
+"""Session: a race on a thread of its own. Commands go in, snapshots come out; a flight never waits
+for a page."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ from web.race import REST, Race, Snapshot
 
 
 class Session:
-    """`session.tell(Race.start, choices)` from any thread; `session.snapshot` is the race as it is now."""
+    """`session.tell(Race.start, choices)` from any thread; `session.snapshot` is the race as it is
+    now."""
 
     def __init__(self, flight_factory: FlightFactory, root: str):
         self.snapshot = Snapshot()
@@ -40,7 +42,8 @@ class Session:
         self._race.show_trajectories = on
 
     def titled_runs(self, most: int) -> dict[str, Path]:
-        """Stored runs by what to call them, the latest first: "16:15 split_s_swift colored 16.378 s"."""
+        """Stored runs by what to call them, the latest first: "16:15 split_s_swift colored 16.378
+        s"."""
         found: dict[str, Path] = {}
         for path in list_runs(self._root)[: -most - 1 : -1]:
             when, what = _flown_at(path), _flown(path)
@@ -74,7 +77,9 @@ class Session:
             self._race.notices.add("error", "Cannot do that", str(error))
         except Exception as error:  # an unforeseen error must not end the thread that flies
             traceback.print_exc()
-            self._race.notices.add("error", "The race broke off", f"{type(error).__name__}: {error}")
+            self._race.notices.add(
+                "error", "The race broke off", f"{type(error).__name__}: {error}"
+            )
             self._race.play(False)
         return REST
 
@@ -102,13 +107,19 @@ def _flown(path: Path) -> str:
         run = msgspec.json.decode((path / "run.json").read_bytes(), type=_Ended)
     except (OSError, msgspec.DecodeError):
         return path.name
-    ended = f"{sum(run.laps):.3f} s" if run.outcome == "finished" else f"{run.outcome}, lap {len(run.laps) + 1}"
+    ended = (
+        f"{sum(run.laps):.3f} s"
+        if run.outcome == "finished"
+        else f"{run.outcome}, lap {len(run.laps) + 1}"
+    )
     return f"{run.spec.course} {run.spec.sampler} {ended}"
 
 
 def _flown_at(path: Path) -> datetime:
     """In local time: from its name, or else when it was written."""
     try:
-        return datetime.strptime(path.name.partition("_")[0] + "+0000", "%Y%m%dT%H%M%SZ%z").astimezone()
+        return datetime.strptime(
+            path.name.partition("_")[0] + "+0000", "%Y%m%dT%H%M%SZ%z"
+        ).astimezone()
     except ValueError:
         return datetime.fromtimestamp(path.stat().st_mtime if path.exists() else 0.0).astimezone()

@@ -1,11 +1,12 @@
-"""Costs q(x): tuples of terms, each a plain function over named scalars, like the systems (see quadsim.systems).
+"""Costs q(x): tuples of terms, each a plain function over named scalars, like the systems (see
+quadsim.dynamics).
 
     q = sum_k w_k term_k(x, x_next, u, target, p),     J = (1/T) sum_t q_t
 
-A term returns one number for one step of one sample, which leads from x to x_next under the control u. `target` is
-the sample's target row, the numbers that describe what it flies to, and `p` the parameters of the cost. Two more
-functions of the same kind decide what happens to the sample: `reached` moves it to its next target row, `crash` marks
-it as crashed for the rest of its rollout.
+A term returns one number for one step of one sample, which leads from x to x_next under the control
+u. `target` is the sample's target row, the numbers that describe what it flies to, and `p` the
+parameters of the cost. Two more functions of the same kind decide what happens to the sample:
+`reached` moves it to its next target row, `crash` marks it as crashed for the rest of its rollout.
 
     def clearance(x, x_next, u, gate, p):
         step = at_gate(x, x_next, gate)
@@ -29,7 +30,8 @@ Weight = float | np.ndarray  # one number, or one for each step of the horizon (
 def crash(x, x_next, u, target, p):
     """Stand for the flag of a sample that has crashed: 1 from the crash on, 0 before.
 
-    As a term it is the cost of a crash, per step. It is never called: the rollout puts the sample's flag in its place.
+    As a term it is the cost of a crash, per step. It is never called: the rollout puts the sample's
+    flag in its place.
     """
     raise NotImplementedError("the rollout puts the flag of a crashed sample in this term's place")
 
@@ -47,14 +49,17 @@ class Term:
         function: (x, x_next, u, target, p) -> number, a plain function over named scalars.
         weight: of its number in the cost; a term of weight zero is left out of the rollouts.
         name: shown in telemetry and reports, a name as of a variable; default: the function's.
-        parameters: of its own, which `p` then holds in place of the cost's. A number, or an array (T,) with one number
-            for each step of the horizon. They can be changed without compiling again.
+        parameters: of its own, which `p` then holds in place of the cost's. A number, or an array
+            (T,) with one number for each step of the horizon. They can be changed without compiling
+            again.
 
     Raises:
         ValueError: the name is no name of a variable.
     """
 
-    def __init__(self, function: Callable, weight: Weight = 1.0, name: str = "", **parameters: Weight):
+    def __init__(
+        self, function: Callable, weight: Weight = 1.0, name: str = "", **parameters: Weight
+    ):
         self.function = function
         self.weight = weight
         self.name = name or getattr(function, "__name__", "").strip("<>")
@@ -69,14 +74,22 @@ class Term:
     def but(self, weight: Weight | None = None, **parameters: Weight) -> Term:
         """Return the term with another weight or other parameters."""
         own = self.parameters._asdict() if self.parameters else {}  # pyright: ignore
-        return Term(self.function, self.weight if weight is None else weight, self.name, **{**own, **parameters})
+        return Term(
+            self.function,
+            self.weight if weight is None else weight,
+            self.name,
+            **{**own, **parameters},
+        )
 
     def __reduce__(self) -> tuple:
-        return _term, (self.function, self.weight, self.name, self.parameters._asdict() if self.parameters else {})  # pyright: ignore
+        record: Any = self.parameters
+        parameters = record._asdict() if record else {}
+        return _term, (self.function, self.weight, self.name, parameters)
 
     @cached_property
     def shape(self) -> tuple:
-        """The key of the compiled loop: the function and the names of its parameters, without their values."""
+        """The key of the compiled loop: the function and the names of its parameters, without their
+        values."""
         own = self.parameters._fields if self.parameters else None  # pyright: ignore
         return self.name, self.function, own, bool(np.any(self.weight))
 
@@ -85,19 +98,23 @@ class Term:
 
 
 def _term(function: Callable, weight: Weight, name: str, parameters: dict[str, Weight]) -> Term:
-    """Make a Term again in another process, where pickle would not find the type of its record of parameters."""
+    """Make a Term again in another process, where pickle would not find the type of its record of
+    parameters."""
     return Term(function, weight, name, **parameters)
 
 
 @dataclass(frozen=True)
 class Obstacles:
-    """Obstacles stand in the way of samples, whatever target these fly to: a sample that touches one has crashed.
+    """Obstacles stand in the way of samples, whatever target these fly to: a sample that touches
+    one has crashed.
 
     A sample that has reached its last target but one is past the finish and touches nothing.
     """
 
-    touches: Callable  # (p0, p1, row) -> whether the straight line between two positions touches the obstacle
-    row: type  # NamedTuple: the names of a row's numbers, first the corners of a box around the obstacle [m]
+    # (p0, p1, row) -> whether the straight line between two positions touches the obstacle
+    touches: Callable
+    # NamedTuple: the names of a row's numbers, first the corners of a box around the obstacle [m]
+    row: type
     rows: np.ndarray  # (obstacles, n_obstacle)
     near: Callable  # (x, seconds) -> those rows that may be reached from x in this time
 
@@ -106,26 +123,37 @@ class Obstacles:
 class Cost:
     """A cost with its numbers.
 
-    `reached` and `crash` are functions as the terms are, and return a condition; None: it never holds.
+    `reached` and `crash` are functions as the terms are, and return a condition; None: it never
+    holds.
     """
 
     name: str
     terms: tuple[Term, ...]
-    row: type  # NamedTuple: the names of a target row's numbers; `to_go`, if any, is the distance still to fly
+    # NamedTuple: the names of a target row's numbers; `to_go`, if any, is the distance still to fly
+    row: type
     targets: np.ndarray  # (targets, n_target) the target rows, from the first target on
-    params: tuple = ()  # NamedTuple of numbers, or of arrays (T,) where they depend on the step of the horizon
+    # NamedTuple of numbers, or of arrays (T,) where they depend on the step of the horizon
+    params: tuple = ()
     reached: Callable | None = None  # the sample has reached its target
     crash: Callable | None = None  # the sample crashes in this step
     obstacles: Obstacles | None = None
-    still_in_gate: Callable | None = None  # (x, row) -> whether x has not left the gate of the target just reached
-    row_ahead: Callable | None = None  # (target, x) -> its row, where there are more rows than targets
-    guide: Callable | None = None  # (target, x, T) -> controls (T, n_u) to perturb beside the plan, in place of rest
+    # (x, row) -> whether x has not left the gate of the target just reached
+    still_in_gate: Callable | None = None
+    # (target, x) -> its row, where there are more rows than targets
+    row_ahead: Callable | None = None
+    # (target, x, T) -> controls (T, n_u) to perturb beside the plan, in place of rest
+    guide: Callable | None = None
 
     def __post_init__(self) -> None:
-        for what, names in (("terms", self.term_names), ("weights and parameters", self.number_names)):
+        for what, names in (
+            ("terms", self.term_names),
+            ("weights and parameters", self.number_names),
+        ):
             if len(set(names)) < len(names):
                 twice = next(name for name in names if names.count(name) > 1)
-                raise ValueError(f"cost {self.name}: expected {what} of different names, got two named {twice!r}")
+                raise ValueError(
+                    f"cost {self.name}: expected {what} of different names, got two named {twice!r}"
+                )
 
     @property
     def term_names(self) -> tuple[str, ...]:
@@ -134,18 +162,25 @@ class Cost:
 
     @property
     def crash_term(self) -> int:
-        """The place of the term that counts the steps after a crash. Raises ValueError where there is none."""
+        """The place of the term that counts the steps after a crash. Raises ValueError where there
+        is none."""
         for k, term in enumerate(self.terms):
             if term.function is crash:
                 return k
-        raise ValueError(f"cost {self.name}: expected a term of controllers.costs.crash, as it has obstacles")
+        raise ValueError(
+            f"cost {self.name}: expected a term of controllers.costs.crash, as it has obstacles"
+        )
 
     @cached_property
     def number_names(self) -> tuple[str, ...]:
         """Names of the numbers that the compiled loops are given, in order: weights, parameters."""
         weights = (f"weight_{term.name}" for term in self.terms)
         shared = (f"p_{name}" for name in getattr(self.params, "_fields", ()))
-        own = (f"p_{term.name}_{name}" for term in self.terms if term.parameters for name in term.parameters._fields)  # pyright: ignore
+        own = (
+            f"p_{term.name}_{name}"
+            for term in self.terms
+            for name in getattr(term.parameters, "_fields", ())
+        )
         return (*weights, *shared, *own)
 
     def numbers(self, horizon: int) -> np.ndarray:
@@ -179,7 +214,8 @@ class Cost:
         Args:
             target: number of targets reached so far.
             x: state (n_x,).
-            dtype: of the rows. The distance to go counts from the current target, which keeps its numbers small.
+            dtype: of the rows. The distance to go counts from the current target, which keeps its
+                numbers small.
         """
         nearest = self.row_ahead or self._row
         first = nearest(target, x)
@@ -191,7 +227,9 @@ class Cost:
 
     def _row(self, target: int, x: np.ndarray) -> int:
         target = min(target, len(self.targets) - 1)
-        still = self.still_in_gate and target > 0 and self.still_in_gate(x, self.targets[target - 1])
+        still = (
+            self.still_in_gate and target > 0 and self.still_in_gate(x, self.targets[target - 1])
+        )
         return target - 1 if still else target
 
 
@@ -204,7 +242,13 @@ class Evaluated(NamedTuple):
 
 
 def evaluate(
-    cost: Cost, x: Sequence, x_next: Sequence, u: Sequence, target: Sequence, crashed: Any = 0.0, t: int = 0
+    cost: Cost,
+    x: Sequence,
+    x_next: Sequence,
+    u: Sequence,
+    target: Sequence,
+    crashed: Any = 0.0,
+    t: int = 0,
 ) -> Evaluated:
     """Return the weighted terms of one step, by the same functions that the rollouts inline.
 
@@ -240,5 +284,6 @@ def at_step(parameters: tuple, t: int) -> Any:
 
 
 def number_at_step(value: Weight, t: int) -> Any:
-    """Return a weight or parameter at step t of the horizon: the number itself, or its entry of an array (T,)."""
+    """Return a weight or parameter at step t of the horizon: the number itself, or its entry of an
+    array (T,)."""
     return value if np.ndim(value) == 0 else np.asarray(value)[t]

@@ -1,22 +1,24 @@
-"""The off-road cost on flat ground: the terms of Vlahov et al. 2024, section IV-A, that make sense there.
+"""The off-road cost on flat ground: the terms of Vlahov et al. 2024, section IV-A, that make sense
+there.
 
     q = a_0 CostToGo + d (a_1 Lethal + a_2 Rollover + a_3 Speed),    d = v dt
 
-The risks count by the metre travelled, so standing still is safe. The other terms of the paper (wheels, body, roll,
-pitch) are about terrain. A leg of the corridor ends at the line that halves its bend; a sample that crosses
-it goes on along the next leg.
+The risks count by the metre travelled, so standing still is safe. The other terms of the paper
+(wheels, body, roll, pitch) are about terrain. A leg of the corridor ends at the line that halves
+its bend; a sample that crosses it goes on along the next leg.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy import maximum, sqrt
 
 from controllers.costs import Cost, Term
 from quadsim.course.corridor import Corridor
+from quadsim.files.strict_yaml import setting
 
 RUN_OUT = 100.0  # [m] a last leg behind the goal, so that plans do not end there
 
@@ -25,13 +27,18 @@ RUN_OUT = 100.0  # [m] a last leg behind the goal, so that plans do not end ther
 class CorridorWeights:
     """Weights a_0..a_3, and the numbers they refer to."""
 
-    to_go: float = 0.2  # per metre still to drive
-    lethal: float = 500.0  # per metre travelled at a wall; falls linearly to none at the margin
-    rollover: float = 10.0  # per metre travelled and (m/s^2)^2 of lateral acceleration above lateral_max
-    speed: float = 2.0  # per metre travelled and (m/s)^2 above speed_max
-    lateral_max: float = 4.0  # [m/s^2]
-    speed_max: float = 7.0  # [m/s]
-    margin: float = 0.5  # of the vehicle's side to a wall [m]
+    to_go: Annotated[float, setting("per metre still to drive")] = 0.2
+    lethal: Annotated[
+        float, setting("per metre travelled at a wall; falls linearly to none at the margin")
+    ] = 500.0
+    rollover: Annotated[
+        float,
+        setting("per metre travelled and (m/s^2)^2 of lateral acceleration above lateral_max"),
+    ] = 10.0
+    speed: Annotated[float, setting("per metre travelled and (m/s)^2 above speed_max")] = 2.0
+    lateral_max: Annotated[float, setting("[m/s^2]")] = 4.0
+    speed_max: Annotated[float, setting("[m/s]")] = 7.0
+    margin: Annotated[float, setting("of the vehicle's side to a wall [m]")] = 0.5
 
 
 class LegTarget(NamedTuple):
@@ -101,7 +108,9 @@ CORRIDOR_TERMS = (to_go, lethal, rollover, speed)
 TERMS = tuple(term.__name__ for term in CORRIDOR_TERMS)
 
 
-def corridor_cost(corridor: Corridor, half_width: float, weights: CorridorWeights, dt: float) -> Cost:
+def corridor_cost(
+    corridor: Corridor, half_width: float, weights: CorridorWeights, dt: float
+) -> Cost:
     """Return the cost for a vehicle of this half width [m] and steps of dt [s].
 
     Nothing is latched, as a wall costs by the metre.

@@ -1,8 +1,10 @@
-"""The frames of all gates, and a course's obstacles, in a rollout: rows of numbers, and the test of a straight line.
+"""The frames of all gates, and a course's obstacles, in a rollout: rows of numbers, and the test of
+a straight line.
 
-The vehicle is a sphere whose centre moves on the line. The four bars of a frame, as boxes grown by the sphere's radius
-and a margin, fill a slab around the gate's plane from a free shaft to the outer edge, as for the referee
-(quadsim.course.swept). A box is a slab without a shaft; so is a cylinder, lying across its axis, with a round outline.
+The vehicle is a sphere whose centre moves on the line. The four bars of a frame, as boxes grown by
+the sphere's radius and a margin, fill a slab around the gate's plane from a free shaft to the outer
+edge, as for the referee (quadsim.course.swept). A box is a slab without a shaft; so is a cylinder,
+lying across its axis, with a round outline.
 """
 
 from __future__ import annotations
@@ -16,19 +18,28 @@ from numpy import maximum, minimum, where
 
 from controllers.costs import Obstacles
 from quadsim.course import Course, Cylinder, Gate, Obstacle, in_frame
-from quadsim.course.opening import HalfSizes, free_half_sizes, half_depth, margin_inside, outer_half_sizes
+from quadsim.course.opening import (
+    HalfSizes,
+    free_half_sizes,
+    half_depth,
+    margin_inside,
+    outer_half_sizes,
+)
+from quadsim.dynamics.records import as_rows, columns
 from quadsim.rotation import Vec3
-from quadsim.systems.records import as_rows, columns
 
-SAFETY_MARGIN = 0.02  # [m] kept between vehicle and frame; where a gate is narrow, at most half of the room there is
+# [m] kept between vehicle and frame; where a gate is narrow, at most half of the room there is
+SAFETY_MARGIN = 0.02
 ACCELERATION = 40.0  # [m/s^2] with which frames may be reached
-UPRIGHT = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)  # axes of a cylinder as of a frame: its own comes first
+# axes of a cylinder as of a frame: its own comes first
+UPRIGHT = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 NO_SHAFT = -1.0  # half width of the opening of what has none [m]
 NOT_ROUND = 1e12  # square of the radius of an outline with corners [m^2]
 
 
 class FrameRow(NamedTuple):
-    """The numbers of a gate's frame that `touches` reads; its sizes are grown by the vehicle's radius and a margin [m].
+    """The numbers of a gate's frame that `touches` reads; its sizes are grown by the vehicle's
+    radius and a margin [m].
 
     See quadsim.course.opening for the frame's terms.
     """
@@ -65,9 +76,11 @@ class FrameRow(NamedTuple):
 
 
 class ObstacleRow(NamedTuple):
-    """The numbers of a frame or an obstacle that `touches_round` reads: those of `FrameRow`, and a round outline.
+    """The numbers of a frame or an obstacle that `touches_round` reads: those of `FrameRow`, and a
+    round outline.
 
-    A box and a cylinder are slabs without a shaft, along the box's own x axis and along the cylinder's axis.
+    A box and a cylinder are slabs without a shaft, along the box's own x axis and along the
+    cylinder's axis.
     """
 
     # Corners of the upright box around it
@@ -95,11 +108,13 @@ class ObstacleRow(NamedTuple):
     uz: float
 
     half: float  # half the depth of the slab
-    free_y: float  # half width and half height of the free shaft through it, NO_SHAFT where there is none
+    # half width and half height of the free shaft through it, NO_SHAFT where there is none
+    free_y: float
     free_z: float
     out_y: float  # half width and half height of the slab
     out_z: float
-    radius2: float  # square of the radius of the slab's outline [m^2], NOT_ROUND where it has corners
+    # square of the radius of the slab's outline [m^2], NOT_ROUND where it has corners
+    radius2: float
 
 
 def in_slab(p, row):
@@ -129,7 +144,10 @@ def touches(p0, p1, row):
     yb = y0 + leaves * (y1 - y0)
     za = z0 + enters * (z1 - z0)
     zb = z0 + leaves * (z1 - z0)
-    off_shaft = maximum(maximum(abs(ya), abs(yb)) - row.free_y, maximum(abs(za), abs(zb)) - row.free_z) > 0.0
+    off_shaft = (
+        maximum(maximum(abs(ya), abs(yb)) - row.free_y, maximum(abs(za), abs(zb)) - row.free_z)
+        > 0.0
+    )
     across = (minimum(ya, yb) < row.out_y) & (maximum(ya, yb) > -row.out_y)
     upright = (minimum(za, zb) < row.out_z) & (maximum(za, zb) > -row.out_z)
     return (enters < leaves) & off_shaft & across & upright
@@ -138,8 +156,8 @@ def touches(p0, p1, row):
 def touches_round(p0, p1, row):
     """Return whether the line touches what the row describes, with corners or round.
 
-    Beyond `touches`, the line also has to meet the slab's outline, not only the ranges of its two sides. Only a course
-    with obstacles pays for it.
+    Beyond `touches`, the line also has to meet the slab's outline, not only the ranges of its two
+    sides. Only a course with obstacles pays for it.
     """
     s0, y0, z0 = in_slab(p0, row)
     s1, y1, z1 = in_slab(p1, row)
@@ -178,8 +196,8 @@ def inner_margin(gate: Gate, radius: float) -> float:
 def course_obstacles(course: Course, radius: float) -> Obstacles:
     """Return every frame of the course once, and what else stands there, as obstacles of samples.
 
-    Lines run beside the curve that is flown, by .008 m at 40 m/s^2 over .04 s: half of the safety margin is left to
-    that, so that a gate flown through as the racing cost allows is no crash here.
+    Lines run beside the curve that is flown, by .008 m at 40 m/s^2 over .04 s: half of the safety
+    margin is left to that, so that a gate flown through as the racing cost allows is no crash here.
 
     Args:
         course: its gates and obstacles.
@@ -201,7 +219,9 @@ def _table(course: Course, radius: float, inner_share: float, outer: float) -> n
         outer: margin around frames and obstacles [m].
     """
     gates = dict.fromkeys(course.gates)
-    frames = [frame_row(gate, radius, inner_share * inner_margin(gate, radius), outer) for gate in gates]
+    frames = [
+        frame_row(gate, radius, inner_share * inner_margin(gate, radius), outer) for gate in gates
+    ]
     if not course.obstacles:
         return as_rows(frames, FrameRow)
     others = [obstacle_row(obstacle, radius + outer) for obstacle in course.obstacles]
@@ -209,7 +229,8 @@ def _table(course: Course, radius: float, inner_share: float, outer: float) -> n
 
 
 def obstacle_rows(obstacles: Sequence[Obstacle], grown: float) -> np.ndarray:
-    """Return the rows of obstacles, grown by this much on all sides [m], as `ObstacleRow`.  (obstacles, 24)"""
+    """Return the rows of obstacles, grown by this much on all sides [m], as `ObstacleRow`.
+    (obstacles, 24)"""
     return as_rows([obstacle_row(obstacle, grown) for obstacle in obstacles], ObstacleRow)
 
 
@@ -296,7 +317,8 @@ def in_reach(
     x: np.ndarray,
     seconds: float,
 ) -> np.ndarray:
-    """Return the rows that can be reached from x in this time; without their margin, where x is within it.
+    """Return the rows that can be reached from x in this time; without their margin, where x is
+    within it.
 
     Args:
         test: `touches` or `touches_round`.
@@ -310,7 +332,10 @@ def in_reach(
     way, turn = x[3:6] * seconds, 0.5 * ACCELERATION * seconds**2
 
     # Boxes that the vehicle's straight way, widened by what it can turn aside, meets
-    box_low, box_high = columns(rows, record, "x_low", "z_low"), columns(rows, record, "x_high", "z_high")
+    box_low, box_high = (
+        columns(rows, record, "x_low", "z_low"),
+        columns(rows, record, "x_high", "z_high"),
+    )
     low, high = box_low - np.maximum(way, 0.0) - turn, box_high - np.minimum(way, 0.0) + turn
     near = np.flatnonzero(((low <= p) & (p <= high)).all(axis=1))
     found = rows[near]

@@ -1,13 +1,15 @@
-"""The quadratic cost of the double integrator, q = a_0 |p - g|^2 + a_1 |v|^2: section IV-C of Vlahov et al. 2024."""
+"""The quadratic cost of the double integrator, q = a_0 |p - g|^2 + a_1 |v|^2: section IV-C of
+Vlahov et al. 2024."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from controllers.costs import Cost, Term
+from quadsim.files.strict_yaml import setting
 
 TERMS = ("distance", "speed")
 
@@ -23,8 +25,8 @@ class Goal(NamedTuple):
 class QuadraticWeights:
     """Weights a_0 and a_1."""
 
-    distance: float = 5.0  # per m^2 from the goal
-    speed: float = 0.5  # per (m/s)^2
+    distance: Annotated[float, setting("per m^2 from the goal")] = 5.0
+    speed: Annotated[float, setting("per (m/s)^2")] = 0.5
 
 
 def distance(x, x_next, u, goal, p):

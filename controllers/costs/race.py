@@ -1,26 +1,28 @@
 """The racing cost: eq. (8) of Vlahov et al. 2024, and the distance still to fly.
 
-    q = a_0 Progress + a_1 Heading + a_2 Height + a_3 Speed + a_4 Stabilize + a_5 Crash - a_6 Waypoint + a_7 Path
-      + a_8 Clearance
+    q = a_0 Progress + a_1 Heading + a_2 Height + a_3 Speed + a_4 Stabilize + a_5 Crash - a_6
+      Waypoint + a_7 Path + a_8 Clearance
 
-a_1 to a_7 are the paper's terms, a_0 and a_8 are ours: the distance still to fly, and the margin within a gate.
+a_1 to a_7 are the paper's terms, a_0 and a_8 are ours: the distance still to fly, and the margin
+within a gate.
 
 A gate from above; the vehicle's centre flies from left to right, along the passage:
 
     entry plane          exit plane: the target's position, x = 0 of the gate's frame here
         |    ####  frame     |
-        |    ####            |   bar: the frame's width, grown by the vehicle's radius and the margins
-        |                    |
+        |    ####            |   bar: the frame's width, grown by the vehicle's radius and the
+        margins |                    |
     ----|--------------------|-> free: half the opening, less radius and margin, to either side
         |                    |
         |    ####            |
         |    ####            |
         <------- depth ------>
-Unlike the paper's implementation, the target advances inside the rollout: once a sample has flown through a gate, its
-progress is measured to the next one. A gate counts as passed when the segment x -> x_next crosses its exit plane inside
-the free opening, which is the opening less the vehicle's radius and a safety margin; the frame in all of its depth, the
-ground and the bounds crash the sample for the rest of its rollout. The exit plane lies where the vehicle is clear of
-the frame behind it, the entry plane as far in front of the gate.
+Unlike the paper's implementation, the target advances inside the rollout: once a sample has flown
+through a gate, its progress is measured to the next one. A gate counts as passed when the segment x
+-> x_next crosses its exit plane inside the free opening, which is the opening less the vehicle's
+radius and a safety margin; the frame in all of its depth, the ground and the bounds crash the
+sample for the rest of its rollout. The exit plane lies where the vehicle is clear of the frame
+behind it, the entry plane as far in front of the gate.
 """
 
 from __future__ import annotations
@@ -34,10 +36,18 @@ from numpy import maximum, minimum, sqrt, where
 
 from controllers.costs import Cost, Term, crash
 from controllers.costs.frames import SAFETY_MARGIN, course_obstacles, obstacle_rows
-from controllers.costs.race_targets import RUN_OUT, GateTarget, clear_of_frame, cross, is_inside, row_ahead, targets
+from controllers.costs.race_targets import (
+    RUN_OUT,
+    GateTarget,
+    clear_of_frame,
+    cross,
+    is_inside,
+    row_ahead,
+    targets,
+)
 from quadsim.course import Course, in_frame
 from quadsim.course.opening import InGate
-from quadsim.files.strict_yaml import unit
+from quadsim.files.strict_yaml import setting
 
 FLOOR_MARGIN = 0.1  # [m]
 AT_TARGET = 0.5  # [m] nearer than this the bearing to the target says nothing
@@ -49,20 +59,39 @@ Weight = Annotated[float, Meta(ge=0, le=1e6)]
 class RaceWeights:
     """Weights a_0..a_8 of the terms, and the numbers they refer to."""
 
-    progress: Weight = 1.0  # per metre still to fly
-    heading: Weight = 0.0  # of 1 - cos of the angle between horizontal velocity and bearing to the gate
-    height: Weight = 0.0  # per m^2 off the height of the leg
-    speed: Weight = 0.0  # per (m/s)^2 off desired_speed, horizontal
-    stabilize: Weight = 0.0  # of 1 - cos of the tilt
-    crash: Weight = 1000.0  # per step after a crash
-    waypoint: Weight = 0.0  # reward per step within waypoint_radius of the gate's exit
-    path: Weight = 0.0  # per m^2 off the straight leg
-    clearance: Weight = 2000.0  # per metre by which the margin is not kept, per metre flown within a gate's depth
-    desired_speed: Annotated[float, unit("m/s", ge=0, le=100)] = 9.0  # horizontal, of the speed term [m/s]
-    waypoint_radius: Annotated[float, unit("m", gt=0, le=100)] = 0.5  # around a gate's exit [m]
-    margin: Annotated[float, unit("m", ge=0, le=10)] = 0.25  # wanted between vehicle and frame, within a gate [m]
-    margin_share: Annotated[float, Meta(ge=0, le=1)] = 0.5  # of half the free opening, which it takes at most
-    opening: Annotated[float, Meta(ge=0, le=1)] = 0.0  # progress aims at the nearest point of this share of the opening
+    progress: Annotated[Weight, setting("per metre still to fly")] = 1.0
+    heading: Annotated[
+        Weight,
+        setting("of 1 - cos of the angle between horizontal velocity and bearing to the gate"),
+    ] = 0.0
+    height: Annotated[Weight, setting("per m^2 off the height of the leg")] = 0.0
+    speed: Annotated[Weight, setting("per (m/s)^2 off desired_speed, horizontal")] = 0.0
+    stabilize: Annotated[Weight, setting("of 1 - cos of the tilt")] = 0.0
+    crash: Annotated[Weight, setting("per step after a crash")] = 1000.0
+    waypoint: Annotated[
+        Weight, setting("reward per step within waypoint_radius of the gate's exit")
+    ] = 0.0
+    path: Annotated[Weight, setting("per m^2 off the straight leg")] = 0.0
+    clearance: Annotated[
+        Weight,
+        setting("per metre by which the margin is not kept, per metre flown within a gate's depth"),
+    ] = 2000.0
+    desired_speed: Annotated[
+        float, setting("horizontal, of the speed term [m/s]", unit="m/s", ge=0, le=100)
+    ] = 9.0
+    waypoint_radius: Annotated[
+        float, setting("around a gate's exit [m]", unit="m", gt=0, le=100)
+    ] = 0.5
+    margin: Annotated[
+        float, setting("wanted between vehicle and frame, within a gate [m]", unit="m", ge=0, le=10)
+    ] = 0.25
+    margin_share: Annotated[
+        float, setting("of half the free opening, which it takes at most", ge=0, le=1)
+    ] = 0.5
+    opening: Annotated[
+        float,
+        setting("progress aims at the nearest point of this share of the opening", ge=0, le=1),
+    ] = 0.0
 
 
 class RaceParams(NamedTuple):
@@ -105,10 +134,10 @@ def off_exit(p, gate):
 def at_gate(x, x_next, gate):
     """Return what the step from x to x_next does at its gate, a StepAtGate.
 
-    The step is checked where it crosses the entry and the exit plane and at its end, which is enough as the free
-    opening is convex: at 50 m/s a step is longer than a gate is deep. `at_exit` and `at_entry` are how far outside the
-    free opening it crosses, times span: these products need no division, and summed over the steps within a gate they
-    do not depend on the speed.
+    The step is checked where it crosses the entry and the exit plane and at its end, which is
+    enough as the free opening is convex: at 50 m/s a step is longer than a gate is deep. `at_exit`
+    and `at_entry` are how far outside the free opening it crosses, times span: these products need
+    no division, and summed over the steps within a gate they do not depend on the speed.
     """
     before = in_gate(x.position, gate)
     after = in_gate(x_next.position, gate)
@@ -132,9 +161,16 @@ def at_gate(x, x_next, gate):
     at_end = maximum(abs(after.left) - free_y, abs(after.up) - free_z)
     ends_in = (after.along > -depth) & (after.along < 0.0) & (at_end < bar)
 
-    # the frame is touched at the exit, from either side, at the entry, or by a step that ends within it
-    clipped = (forward & (at_exit >= 0.0) & (at_exit < bar * span)) | (backward & (at_exit < bar * span))
-    clipped = clipped | (through_entry & (at_entry >= 0.0) & (at_entry < bar * span)) | (ends_in & (at_end >= 0.0))
+    # the frame is touched at the exit, from either side, at the entry, or by a step that ends
+    # within it
+    clipped = (forward & (at_exit >= 0.0) & (at_exit < bar * span)) | (
+        backward & (at_exit < bar * span)
+    )
+    clipped = (
+        clipped
+        | (through_entry & (at_entry >= 0.0) & (at_entry < bar * span))
+        | (ends_in & (at_end >= 0.0))
+    )
     return StepAtGate(
         reached=forward & (at_exit < 0.0),
         clipped=clipped,
@@ -166,7 +202,8 @@ def reached(x, x_next, u, gate, p):
 
 
 def crashes(x, x_next, u, gate, p):
-    """Return whether the step touches the gate's frame, the ground or the bounds; the last two until the finish."""
+    """Return whether the step touches the gate's frame, the ground or the bounds; the last two
+    until the finish."""
     pz = x_next.pz
     below_floor = (pz < p.floor) & (pz < x.pz)  # a start on the ground is no crash, coming down is
     out_x = (x_next.px < p.x_low) | (x_next.px > p.x_high)
@@ -178,14 +215,20 @@ def crashes(x, x_next, u, gate, p):
 def progress(x, x_next, u, gate, p):
     """Return the distance still to fly: to the gate, and from there on to the finish [m].
 
-    It is measured to the nearest point of the opening within the margin. For a sample behind the exit that has not
-    passed, the way leads round to a point in front of the gate.
+    It is measured to the nearest point of the opening within the margin. For a sample behind the
+    exit that has not passed, the way leads round to a point in front of the gate.
     """
     place = in_gate(x_next.position, gate)
     past_exit = place.along > 0.0
     along = where(past_exit, place.along + gate.approach, place.along)
-    left = where(past_exit, place.left, maximum(abs(place.left) - p.opening * (gate.free_y - gate.margin), 0.0))
-    up = where(past_exit, place.up, maximum(abs(place.up) - p.opening * (gate.free_z - gate.margin), 0.0))
+    left = where(
+        past_exit,
+        place.left,
+        maximum(abs(place.left) - p.opening * (gate.free_y - gate.margin), 0.0),
+    )
+    up = where(
+        past_exit, place.up, maximum(abs(place.up) - p.opening * (gate.free_z - gate.margin), 0.0)
+    )
     way = sqrt(along * along + left * left + up * up + 1e-6) + where(past_exit, gate.approach, 0.0)
     return where(at_gate(x, x_next, gate).reached, 0.0, way) + gate.to_go
 
@@ -261,14 +304,17 @@ def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) ->
         return cost
     return replace(
         cost,
-        row_ahead=partial(row_ahead, still_in_gate, first, rows, obstacle_rows(course.obstacles, radius)),
+        row_ahead=partial(
+            row_ahead, still_in_gate, first, rows, obstacle_rows(course.obstacles, radius)
+        ),
     )
 
 
 def room_to_fly(course: Course, radius: float, margin: float) -> tuple[float, ...]:
     """Where samples may fly: floor, x_low, x_high, y_low, y_high, z_high [m].
 
-    At most FLOOR_MARGIN of the margin is kept from the ground, and half of what the lowest gate leaves.
+    At most FLOOR_MARGIN of the margin is kept from the ground, and half of what the lowest gate
+    leaves.
     """
     (x_low, x_high), (y_low, y_high), (z_low, z_high) = course.bounds
     gap = radius + SAFETY_MARGIN

@@ -1,4 +1,5 @@
-"""The rows of numbers that samples of the racing cost fly to: a gate's exit, its free opening, the way that is left."""
+"""The rows of numbers that samples of the racing cost fly to: a gate's exit, its free opening, the
+way that is left."""
 
 from __future__ import annotations
 
@@ -10,22 +11,32 @@ import numpy as np
 from controllers.costs.frames import SAFETY_MARGIN, inner_margin
 from controllers.costs.ways_round import Stop, sees, stops_between
 from quadsim.course import Course, EstimatedGate, Gate, in_frame
-from quadsim.course.opening import HalfSizes, Offset, approach_length, beyond, free_half_sizes, half_depth
-from quadsim.systems.records import as_rows, columns
+from quadsim.course.opening import (
+    HalfSizes,
+    Offset,
+    approach_length,
+    beyond,
+    free_half_sizes,
+    half_depth,
+)
+from quadsim.dynamics.records import as_rows, columns
 
 GATE_STDS = 2.5  # standard deviations of a gate's estimated position that are added to the margin
 MARGIN_LIMIT = 0.7  # share of half the free opening that margin and uncertainty take at most
-RUN_OUT = 100.0  # [m] from the last gate to a last target behind it, so that plans do not end at the finish
+# [m] from the last gate to a last target behind it, so that plans do not end at the finish
+RUN_OUT = 100.0
 
 
 class GateTarget(NamedTuple):
-    """A target row describes a place that a sample flies to: the exit of a gate, a point beside an obstacle, or a
-    point behind the finish.
+    """A target row describes a place that a sample flies to: the exit of a gate, a point beside an
+    obstacle, or a point behind the finish.
 
-    The picture in controllers.costs.race shows the sizes. Positions and directions are those of the world.
+    The picture in controllers.costs.race shows the sizes. Positions and directions are those of the
+    world.
     """
 
-    # Position of the exit: the middle of the opening, where the vehicle is clear of the frame behind the gate [m]
+    # Position of the exit: the middle of the opening, where the vehicle is clear of the frame
+    # behind the gate [m]
     x: float
     y: float
     z: float
@@ -44,7 +55,8 @@ class GateTarget(NamedTuple):
     free_z: float
     bar: float  # thickness of the bars around it, grown by radius and margins [m]
     to_go: float  # from this exit to the last one, along the rows between them [m]
-    approach: float  # from the gate to the point in front of it to which a vehicle behind it flies first [m]
+    # from the gate to the point in front of it to which a vehicle behind it flies first [m]
+    approach: float
 
     # Unit vector along the leg, which leads from the exit before to this one, and its length [m]
     ex: float
@@ -66,23 +78,29 @@ def targets(
 ) -> tuple[np.ndarray, list[int]]:
     """Return the target rows of a race, and where the rows of each gate, and of the finish, begin.
 
-    There is one row for each gate of every lap, before it one for each point of the way round obstacles to it, and one
-    behind the finish.
+    There is one row for each gate of every lap, before it one for each point of the way round
+    obstacles to it, and one behind the finish.
 
     Args:
         course: its start, gates and obstacles.
         radius: of the vehicle [m].
-        margin: wanted between vehicle and frame [m], and the share of half the free opening that it takes at most.
+        margin: wanted between vehicle and frame [m], and the share of half the free opening that it
+            takes at most.
         room: where the vehicle may fly, of `room_to_fly` [m].
         laps: to fly.
 
     Returns:
-        Rows of `GateTarget`, (rows, 20), and indices of rows, (gates of all laps + 2,), the last of them their number.
+        Rows of `GateTarget`, (rows, 20), and indices of rows, (gates of all laps + 2,), the last of
+        them their number.
     """
-    at_gates = [gate_stop(gate, radius, margin, exit_distance(gate, radius, room)) for gate in course.gates * laps]
+    at_gates = [
+        gate_stop(gate, radius, margin, exit_distance(gate, radius, room))
+        for gate in course.gates * laps
+    ]
     stops_at = [*at_gates, finish_stop(course.gates[-1], radius, margin)]
     between = stops_between(course, stops_at, radius + 2 * SAFETY_MARGIN, room)
-    on_the_way = [[*between.get(k, ()), stop] for k, stop in enumerate(stops_at)]  # to each gate, and to the finish
+    # to each gate, and to the finish
+    on_the_way = [[*between.get(k, ()), stop] for k, stop in enumerate(stops_at)]
     first = np.cumsum([0, *map(len, on_the_way)]).tolist()
     return target_rows(course, [stop for stops in on_the_way for stop in stops]), first
 
@@ -93,14 +111,16 @@ def gate_stop(gate: Gate, radius: float, margin: tuple[float, float], behind: fl
     Args:
         gate: to fly through.
         radius: of the vehicle [m].
-        margin: wanted between vehicle and frame [m], and the share of half the free opening that it takes at most.
+        margin: wanted between vehicle and frame [m], and the share of half the free opening that it
+            takes at most.
         behind: from the gate's plane to the exit [m].
     """
     passage, left = gate.rotation[:, 0], gate.rotation[:, 1]
     inner = inner_margin(gate, radius)
     free = free_half_sizes(gate.opening, radius, inner)
 
-    # A narrow gate leaves less than the margin; where a gate stands is not known exactly, and asks for more
+    # A narrow gate leaves less than the margin; where a gate stands is not known exactly, and asks
+    # for more
     wanted = min(margin[0], margin[1] * min(free))
     uncertain = GATE_STDS * (gate.std if isinstance(gate, EstimatedGate) else 0.0)
     wanted = max(wanted, min(wanted + uncertain, MARGIN_LIMIT * min(free)))
@@ -117,12 +137,14 @@ def gate_stop(gate: Gate, radius: float, margin: tuple[float, float], behind: fl
 
 
 def finish_stop(last: Gate, radius: float, margin: tuple[float, float]) -> Stop:
-    """Return the stop far behind the last gate, where no frame stands.  Arguments: see `gate_stop`"""
+    """Return the stop far behind the last gate, where no frame stands.  Arguments: see
+    `gate_stop`"""
     return gate_stop(last, radius, margin, RUN_OUT)._replace(free=HalfSizes(RUN_OUT, RUN_OUT))
 
 
 def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
-    """Return the target rows of stops, with the legs that lead to them from the start on.  (stops, 20)"""
+    """Return the target rows of stops, with the legs that lead to them from the start on.  (stops,
+    20)"""
     exits = np.array([stop.exit for stop in stops])
     passages = np.array([stop.passage for stop in stops])
     approaches = np.array([stop.approach for stop in stops])
@@ -130,7 +152,8 @@ def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
     lengths = np.maximum(np.linalg.norm(legs, axis=1), 1e-6)
     directions = legs / lengths[:, None]
 
-    # The way from gate to gate as terms() measures it, round a gate that faces away: no jump of the cost at a gate
+    # The way from gate to gate as terms() measures it, round a gate that faces away: no jump of the
+    # cost at a gate
     faces_away = (legs * passages).sum(axis=1) < 1e-6
     ways_round = np.linalg.norm(approaches[:, None] * passages - legs, axis=1) + approaches
     ways = np.where(faces_away, ways_round, lengths)
@@ -159,12 +182,14 @@ def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
 
 
 def clear_of_frame(radius: float) -> float:
-    """Return the distance from a gate's plane to its entry, and to its exit, where the vehicle is clear of it [m]."""
+    """Return the distance from a gate's plane to its entry, and to its exit, where the vehicle is
+    clear of it [m]."""
     return half_depth(radius, SAFETY_MARGIN)
 
 
 def exit_distance(gate: Gate, radius: float, room: Sequence[float]) -> float:
-    """Return the distance from a gate's plane to its exit: where the room ends sooner, half of the way there [m].
+    """Return the distance from a gate's plane to its exit: where the room ends sooner, half of the
+    way there [m].
 
     Args:
         gate: to fly through.
@@ -198,7 +223,12 @@ def is_inside(clear: float, x: np.ndarray, row: np.ndarray) -> bool:
 
 
 def row_ahead(
-    still_in_gate: Callable, first: Sequence[int], rows: np.ndarray, obstacles: np.ndarray, target: int, x: np.ndarray
+    still_in_gate: Callable,
+    first: Sequence[int],
+    rows: np.ndarray,
+    obstacles: np.ndarray,
+    target: int,
+    x: np.ndarray,
 ) -> int:
     """Return the row to fly to on the way to a target, where rows stand between gates.
 

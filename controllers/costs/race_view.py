@@ -2,11 +2,12 @@
 
     a_v (|b_xy| - b_x) / sqrt(|v|^2 + 1),   b = R(q)^T v
 
-That is a_v (1 - cos of the angle about the body's z axis between its x axis and the velocity) where the velocity lies
-in the body's x-y plane; what yaw cannot change costs nothing, and neither does hovering. Perception-aware planning as
-in PAMPC (Falanga, Foehn, Lu and Scaramuzza, IROS 2018) and in Swift's reward (Kaufmann et al., Nature 2023) keeps a
-point of interest, the next gate, in the middle of the picture. Here it is the direction of flight: the gate after the
-next one may stand behind the vehicle, and a cost of the bearing to the next gate would jump up when a gate is passed.
+That is a_v (1 - cos of the angle about the body's z axis between its x axis and the velocity) where
+the velocity lies in the body's x-y plane; what yaw cannot change costs nothing, and neither does
+hovering. Perception-aware planning as in PAMPC (Falanga, Foehn, Lu and Scaramuzza, IROS 2018) and
+in Swift's reward (Kaufmann et al., Nature 2023) keeps a point of interest, the next gate, in the
+middle of the picture. Here it is the direction of flight: the gate after the next one may stand
+behind the vehicle, and a cost of the bearing to the next gate would jump up when a gate is passed.
 """
 
 from __future__ import annotations

@@ -1,14 +1,17 @@
-"""The cost of following a reference: a race that was optimised before, of the same vehicle on the same course.
+"""The cost of following a reference: a race that was optimised before, of the same vehicle on the
+same course.
 
     q = a_1 (1 + a_g g) |e_c|^2 + a_2 |v - v_r|^2 - a_3 tau + a_4 Crash,    p - p_r = e_c + tau v_r
 
-The reference is one state for each control period, p_r and v_r; e_c is the distance across its path, tau by how much
-time a sample is ahead on it [s], g is 1 at a gate and falls off before and behind it. That is contouring control (Lam,
-Manzie and Good, CDC 2010) with the reference's own timing, and, as in MPCC for quadrotors (Romero, Sun, Foehn and
-Scaramuzza, T-RO 2022), with a weight that rises at gates. Every plan begins at the state of the reference nearest to
-the vehicle, so that a vehicle that is late follows the same path later.
+The reference is one state for each control period, p_r and v_r; e_c is the distance across its
+path, tau by how much time a sample is ahead on it [s], g is 1 at a gate and falls off before and
+behind it. That is contouring control (Lam, Manzie and Good, CDC 2010) with the reference's own
+timing, and, as in MPCC for quadrotors (Romero, Sun, Foehn and Scaramuzza, T-RO 2022), with a weight
+that rises at gates. Every plan begins at the state of the reference nearest to the vehicle, so that
+a vehicle that is late follows the same path later.
 
-Frames, obstacles and the ground are what they are in the racing cost; that gates are passed is left to the reference.
+Frames, obstacles and the ground are what they are in the racing cost; that gates are passed is left
+to the reference.
 """
 
 from __future__ import annotations
@@ -18,17 +21,17 @@ from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from msgspec import Meta
 
 from controllers.costs import Cost, Term, crash
 from controllers.costs.frames import course_obstacles
 from controllers.costs.race import Weight, room_to_fly
 from quadsim.course import Course
-from quadsim.files.strict_yaml import unit
+from quadsim.files.strict_yaml import setting
 
 GATE_TIME = 0.06  # [s] before and behind a gate in which g falls to exp(-1/2)
 AT_REST = 1.0  # [m^2/s^2] added to |v_r|^2, which tau divides by
-VELOCITY_WEIGHT = 0.1  # [s] what a difference in velocity counts as a distance when the nearest state is searched
+# [s] what a difference in velocity counts as a distance when the nearest state is searched
+VELOCITY_WEIGHT = 0.1
 BEYOND = 15  # [rows] around the leg to the next gate within which it is searched
 AFTER = 10.0  # [s] of the reference behind the finish, so that no plan ends there
 ACCELERATING = 1.0  # [s] of these with the last acceleration
@@ -36,15 +39,18 @@ ACCELERATING = 1.0  # [s] of these with the last acceleration
 
 @dataclass(frozen=True)
 class ReferenceWeights:
-    """Weights a_1, a_g, a_2..a_4 of the terms, and which solution of `race limit --model rates` is followed."""
+    """Weights a_1, a_g, a_2..a_4 of the terms, and which solution of `race limit --model rates` is
+    followed."""
 
-    off_path: Weight = 10.0  # per m^2 across the path
-    at_gates: Weight = 60.0  # by how many times more at a gate's plane
-    velocity: Weight = 3.0  # per (m/s)^2 off the reference's velocity
-    ahead: Weight = 20.0  # reward per second ahead
-    crash: Weight = 1000.0  # per step after a crash
-    margin: Annotated[float, unit("m", ge=0, le=1)] = 0.03  # of the solution to the frames, its --margin [m]
-    reserve: Annotated[float, Meta(ge=0, le=0.2)] = 0.002  # of its thrust, its --reserve
+    off_path: Annotated[Weight, setting("per m^2 across the path")] = 10.0
+    at_gates: Annotated[Weight, setting("by how many times more at a gate's plane")] = 60.0
+    velocity: Annotated[Weight, setting("per (m/s)^2 off the reference's velocity")] = 3.0
+    ahead: Annotated[Weight, setting("reward per second ahead")] = 20.0
+    crash: Annotated[Weight, setting("per step after a crash")] = 1000.0
+    margin: Annotated[
+        float, setting("of the solution to the frames, its --margin [m]", unit="m", ge=0, le=1)
+    ] = 0.03
+    reserve: Annotated[float, setting("of its thrust, its --reserve", ge=0, le=0.2)] = 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,13 +64,18 @@ class Reference:
 
     @classmethod
     def of(cls, x: np.ndarray, u: np.ndarray, passes: Sequence[int], dt: float) -> Reference:
-        """With a way on behind the finish, under the last acceleration for a second and then straight. x (rows, 6),
-        u (rows, 4), dt: control period [s]."""
+        """With a way on behind the finish, under the last acceleration for a second and then
+        straight. x (rows, 6), u (rows, 4), dt: control period [s]."""
         p, v = x[-1, :3], x[-1, 3:]
         t = dt * np.arange(1, round(AFTER / dt))[:, None]
         a, on = (v - x[-6, 3:]) / (5 * dt), np.minimum(t, ACCELERATING)
         beyond = np.hstack([p + t * v + a * on * (t - on / 2), v + on * a])
-        return cls(np.vstack([x, beyond]), np.vstack([u, np.repeat(u[-1:], len(t), axis=0)]), tuple(passes), dt)
+        return cls(
+            np.vstack([x, beyond]),
+            np.vstack([u, np.repeat(u[-1:], len(t), axis=0)]),
+            tuple(passes),
+            dt,
+        )
 
     def at_gates(self) -> np.ndarray:
         """g of every row.  (rows,)"""
@@ -161,8 +172,11 @@ REFERENCE_TERMS = (off_path, velocity, ahead, crash)
 TERMS = tuple(term.__name__ for term in REFERENCE_TERMS)
 
 
-def reference_cost(course: Course, radius: float, weights: ReferenceWeights, reference: Reference) -> Cost:
-    """Return the cost of following the reference on this course for a vehicle of this radius [m]."""
+def reference_cost(
+    course: Course, radius: float, weights: ReferenceWeights, reference: Reference
+) -> Cost:
+    """Return the cost of following the reference on this course for a vehicle of this radius
+    [m]."""
     w = weights
     return Cost(
         name="reference",

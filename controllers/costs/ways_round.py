@@ -1,8 +1,10 @@
-"""Ways round obstacles that stand between two gates: points to fly by, where the straight line is blocked.
+"""Ways round obstacles that stand between two gates: points to fly by, where the straight line is
+blocked.
 
-The shortest path in the graph of lines that see each other (a visibility graph), between corners around the obstacles
-at the heights of the two ends and above their tops. It is a guide: samples keep clear of obstacles by themselves, and
-go round a pole without help, but see no end of a wall that is longer than what they reach.
+The shortest path in the graph of lines that see each other (a visibility graph), between corners
+around the obstacles at the heights of the two ends and above their tops. It is a guide: samples
+keep clear of obstacles by themselves, and go round a pole without help, but see no end of a wall
+that is longer than what they reach.
 """
 
 from __future__ import annotations
@@ -19,14 +21,17 @@ from quadsim.course.opening import HalfSizes
 from quadsim.course.swept import clip, lerp
 from quadsim.rotation import Vec3
 
-WORTH = 0.1  # [m] by which a way round is longer than the straight line; samples find a shorter one by themselves
+# [m] by which a way round is longer than the straight line; samples find a shorter one by
+# themselves
+WORTH = 0.1
 OUTSIDE = 0.02  # [m] of the points beyond what the lines keep clear of
 ANYWHERE = 50.0  # half the opening of a point on the way, which has no frame [m]
 EIGHTHS = 1.0 / np.cos(np.pi / 8.0)  # an octagon's corners over the circle inside it
 
 
 class Stop(NamedTuple):
-    """A plane that the vehicle has to cross within an opening: that of a gate's exit, or one on the way round."""
+    """A plane that the vehicle has to cross within an opening: that of a gate's exit, or one on the
+    way round."""
 
     exit: np.ndarray  # middle of the opening, at the exit plane [m]  (3,)
     passage: np.ndarray  # unit vector along the passage  (3,)
@@ -38,10 +43,13 @@ class Stop(NamedTuple):
     depth: float  # from entry to exit plane [m]
 
 
-def way_round(start: Vec3, end: Vec3, obstacles: Sequence[Obstacle], clear: float, room: Sequence[float]) -> np.ndarray:
+def way_round(
+    start: Vec3, end: Vec3, obstacles: Sequence[Obstacle], clear: float, room: Sequence[float]
+) -> np.ndarray:
     """Return the points between the ends of the shortest way round obstacles, in order.  (n, 3)
 
-    There are none where the straight line is free, where the way round is little longer, or where no way is found.
+    There are none where the straight line is free, where the way round is little longer, or where
+    no way is found.
 
     Args:
         start: where the way begins [m].
@@ -67,7 +75,9 @@ def way_round(start: Vec3, end: Vec3, obstacles: Sequence[Obstacle], clear: floa
     # Lengths of the lines between any two points that see each other
     a, b = np.triu_indices(len(points), 1)
     lengths = np.full((len(points), len(points)), np.inf)
-    lengths[a, b] = np.where(sees(points[a], points[b], rows), np.linalg.norm(points[a] - points[b], axis=1), np.inf)
+    lengths[a, b] = np.where(
+        sees(points[a], points[b], rows), np.linalg.norm(points[a] - points[b], axis=1), np.inf
+    )
     path, length = shortest(np.minimum(lengths, lengths.T))
     return points[path[1:-1]] if straight + WORTH < length < np.inf else none
 
@@ -87,7 +97,8 @@ def sees(a: np.ndarray, b: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def shortest(lengths: np.ndarray) -> tuple[list[int], float]:
-    """From node 0 to node 1, by the lengths between each two: the nodes, and their length (Dijkstra 1959)."""
+    """From node 0 to node 1, by the lengths between each two: the nodes, and their length (Dijkstra
+    1959)."""
     n = len(lengths)
     far, before, done = np.full(n, np.inf), np.zeros(n, int), np.zeros(n, bool)
     far[0] = 0.0
@@ -103,8 +114,8 @@ def shortest(lengths: np.ndarray) -> tuple[list[int], float]:
 
 
 def _corners(obstacle: Obstacle, clear: float, start: Vec3, end: Vec3) -> np.ndarray:
-    """Around it, this far from its sides, at the heights of both ends, and as far above its top where the straight
-    line comes and goes.  (n, 3)"""
+    """Around it, this far from its sides, at the heights of both ends, and as far above its top
+    where the straight line comes and goes.  (n, 3)"""
     if isinstance(obstacle, Cylinder):
         r = obstacle.radius
         around = obstacle.outline(EIGHTHS * (r + clear) - r)[::3]
@@ -118,8 +129,11 @@ def _corners(obstacle: Obstacle, clear: float, start: Vec3, end: Vec3) -> np.nda
     return np.array(points)
 
 
-def stops_between(course: Course, stops: Sequence[Stop], clear: float, room: Sequence[float]) -> dict[int, list[Stop]]:
-    """Return the stops at the points of ways round, for each gate that has one, by the gate's index in `stops`.
+def stops_between(
+    course: Course, stops: Sequence[Stop], clear: float, room: Sequence[float]
+) -> dict[int, list[Stop]]:
+    """Return the stops at the points of ways round, for each gate that has one, by the gate's index
+    in `stops`.
 
     A gate that faces away is reached by the point in front of it.
 
@@ -132,7 +146,8 @@ def stops_between(course: Course, stops: Sequence[Stop], clear: float, room: Seq
     if not course.obstacles:
         return {}
     found: dict[int, list[Stop]] = {}
-    known: dict[tuple[Vec3, Vec3], np.ndarray] = {}  # ways round by their ends: those of every lap are alike
+    # ways round by their ends: those of every lap are alike
+    known: dict[tuple[Vec3, Vec3], np.ndarray] = {}
     at_gates = stops[:-1]
     before = [course.start.position, *(_as_tuple(stop.exit) for stop in at_gates[:-1])]
     for k, (start, stop) in enumerate(zip(before, at_gates, strict=True)):
@@ -155,9 +170,12 @@ def _as_tuple(point: np.ndarray) -> Vec3:
 def _by_the_way(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> Stop:
     """Return a stop that is reached where its plane is crossed, wherever that is.
 
-    The plane halves the angle of the path from the point before (3,), past this one (3,), to the one after (3,).
+    The plane halves the angle of the path from the point before (3,), past this one (3,), to the
+    one after (3,).
     """
-    arriving, leaving = (d / max(float(np.linalg.norm(d)), 1e-9) for d in (here - before, after - here))
+    arriving, leaving = (
+        d / max(float(np.linalg.norm(d)), 1e-9) for d in (here - before, after - here)
+    )
     both = arriving + leaving
     passage = both if np.linalg.norm(both) > 1e-6 else leaving
     passage = passage / np.linalg.norm(passage)

@@ -11,7 +11,8 @@ Weights = list[np.ndarray]  # W, b of each layer in turn; W (inputs, outputs), b
 
 
 def new(sizes: Sequence[int], rng: np.random.Generator, last: float = 0.01) -> Weights:
-    """Orthogonal matrices, those of hidden layers scaled for tanh, the last one by `last`; no bias."""
+    """Orthogonal matrices, those of hidden layers scaled for tanh, the last one by `last`; no
+    bias."""
     found: Weights = []
     for k, (n, m) in enumerate(pairwise(sizes)):
         gain = last if k == len(sizes) - 2 else np.sqrt(2.0)
@@ -38,7 +39,8 @@ def activations(w: Weights, x: np.ndarray) -> list[np.ndarray]:
 
 
 def gradient(w: Weights, of_layers: list[np.ndarray], d_out: np.ndarray) -> Weights:
-    """Of a loss with respect to the weights, from that with respect to the outputs, summed over rows."""
+    """Of a loss with respect to the weights, from that with respect to the outputs, summed over
+    rows."""
     found: Weights = []
     for k in range(len(w) - 2, -1, -2):
         x = of_layers[k // 2]
@@ -50,7 +52,8 @@ def gradient(w: Weights, of_layers: list[np.ndarray], d_out: np.ndarray) -> Weig
 
 
 class Adam:
-    """Kingma and Ba 2015, in place. The gradient is first scaled down to a norm of at most `most`."""
+    """Kingma and Ba 2015, in place. The gradient is first scaled down to a norm of at most
+    `most`."""
 
     def __init__(self, w: Weights, most: float = 1.0):
         self.first, self.second = [np.zeros_like(a) for a in w], [np.zeros_like(a) for a in w]

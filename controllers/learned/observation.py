@@ -1,8 +1,11 @@
-"""What a pilot observes: plain functions over scalars, like the systems, so that lanes and single flights share them.
+"""What a pilot observes: plain functions over scalars, like the systems, so that lanes and single
+flights share them.
 
-The state is told in the vehicle's own frame, so that it does not depend on where the course lies or which way it
-turns: velocity, direction of gravity, body rates, height, the corners of the next two gates, and the last action.
-Everything is divided by a fixed unit that brings it to the order of one; UNITS says by which.
+The state is told in the vehicle's own frame, so that it does not depend on where the course lies or
+which way it
+turns: velocity, direction of gravity, body rates, height, the corners of the next two gates, and
+the last action. Everything is divided by a fixed unit that brings it to the order of one; UNITS
+says by which.
 """
 
 from __future__ import annotations
@@ -14,9 +17,9 @@ import numpy as np
 
 from quadsim.course import Course, Gate
 from quadsim.course.opening import half_sizes
+from quadsim.dynamics.quadrotor import CONTROL, Control, State
+from quadsim.dynamics.records import field_types, flat, flat_names, unflat
 from quadsim.rotation import along, body_axes
-from quadsim.systems.quadrotor import CONTROL, Control, State
-from quadsim.systems.records import field_types, flat, flat_names, unflat
 
 SPEED = 10.0  # unit of velocities [m/s]
 RATE = 10.0  # unit of body rates [rad/s]
@@ -82,7 +85,9 @@ def _units() -> dict[str, str]:
     """Observed number -> the unit it is given in, in the order of Observation."""
     found = {}
     for field, unit in FIELD_UNITS.items():
-        for name in flat_names(NamedTuple(field, [(field, field_types(Observation)[field])]), between=" "):
+        for name in flat_names(
+            NamedTuple(field, [(field, field_types(Observation)[field])]), between=" "
+        ):
             found[name.replace("_", " ")] = unit
     return found | {f"last {name}": "1" for name in CONTROL}
 
@@ -93,7 +98,8 @@ GATE_NUMBERS = len(tuple(flat_names(GateNumbers)))
 
 
 def corners(p, axes, gate):
-    """Return the Corners of a gate's opening seen from the position p, in the frame of these body axes, in LENGTH."""
+    """Return the Corners of a gate's opening seen from the position p, in the frame of these body
+    axes, in LENGTH."""
     dx, dy, dz = gate.centre.x - p[0], gate.centre.y - p[1], gate.centre.z - p[2]
     centre = Vector(*along(axes, dx / LENGTH, dy / LENGTH, dz / LENGTH))
     left = Vector(*along(axes, gate.left.x / LENGTH, gate.left.y / LENGTH, gate.left.z / LENGTH))
@@ -109,7 +115,8 @@ def corners(p, axes, gate):
 
 
 def observation(x, gates, last):
-    """Return the Observation at the State x, with the NextGates and the last action, a Control in -1..1."""
+    """Return the Observation at the State x, with the NextGates and the last action, a Control in
+    -1..1."""
     axes = body_axes(x.attitude)
     _, _, x_up, _, _, y_up, _, _, z_up = axes  # how far each of the body's axes points up
     return Observation(
@@ -124,15 +131,19 @@ def observation(x, gates, last):
 
 
 def observe(
-    x: Sequence[float] | np.ndarray, gates: Sequence[float] | np.ndarray, last: Sequence[float] | np.ndarray
+    x: Sequence[float] | np.ndarray,
+    gates: Sequence[float] | np.ndarray,
+    last: Sequence[float] | np.ndarray,
 ) -> np.ndarray:
-    """Return what a pilot is given at a state (n_x,), with a row of `gate_rows` and the last action.  (SIZE,)"""
+    """Return what a pilot is given at a state (n_x,), with a row of `gate_rows` and the last
+    action.  (SIZE,)"""
     seen = observation(State._make(x), unflat(NextGates, iter(gates)), Control._make(last))
     return np.array(list(flat(seen)), np.float32)
 
 
 def gate_rows(course: Course, laps: int) -> np.ndarray:
-    """The next two gates for each number of gates passed, up to all of them.  (laps * gates + 1, 18)"""
+    """The next two gates for each number of gates passed, up to all of them.  (laps * gates + 1,
+    18)"""
     gates = [gate_numbers(g) for g in course.gates]
     last, passage = np.array(gates[-1]), course.gates[-1].rotation[:, 0]
     behind = [last + np.concatenate([k * AFTER_LAST * passage, np.zeros(6)]) for k in (1, 2)]
@@ -148,13 +159,17 @@ def gate_numbers(gate: Gate) -> tuple[float, ...]:
     return (*gate.position, *left.tolist(), *up.tolist())
 
 
-def normalised(u: Sequence[float] | np.ndarray, low: Sequence[float], high: Sequence[float]) -> np.ndarray:
+def normalised(
+    u: Sequence[float] | np.ndarray, low: Sequence[float], high: Sequence[float]
+) -> np.ndarray:
     """A command as an action in -1..1."""
     lower, upper = np.asarray(low), np.asarray(high)
     return 2 * (np.asarray(u) - lower) / (upper - lower) - 1
 
 
-def command(action: Sequence[float] | np.ndarray, low: Sequence[float], high: Sequence[float]) -> np.ndarray:
+def command(
+    action: Sequence[float] | np.ndarray, low: Sequence[float], high: Sequence[float]
+) -> np.ndarray:
     """An action in -1..1 as a command: body rates [rad/s] and thrust [m/s^2]."""
     lower, upper = np.asarray(low), np.asarray(high)
     return lower + (np.clip(action, -1, 1) + 1) / 2 * (upper - lower)

@@ -1,7 +1,8 @@
-"""A pilot: a learned policy in a file of numbers and JSON, flown by numpy alone. Nothing in it is executed.
+"""A pilot: a learned policy in a file of numbers and JSON, flown by numpy alone. Nothing in it is
+executed.
 
-The file is an .npz: the weights of each layer, and `about`, the JSON of a `About`: what it observes and commands, which
-vehicle it was trained for, and how.
+The file is an .npz: the weights of each layer, and `about`, the JSON of a `About`: what it observes
+and commands, which vehicle it was trained for, and how.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ from controllers.learned import network
 from controllers.learned.observation import SIZE, UNITS, command, gate_rows, normalised, observe
 from controllers.plan import PlanStats
 from quadsim.course import Course
+from quadsim.dynamics.control_periods import ControlPeriods
+from quadsim.dynamics.estimate import Estimate
 from quadsim.files.strict_yaml import FileError
-from quadsim.systems.control_periods import ControlPeriods
-from quadsim.systems.estimate import Estimate
 
 PILOTS = Path(__file__).parent / "pilots"
 FORMAT = "quadsim pilot 1"
@@ -66,7 +67,9 @@ class Pilot:
                 f"pilot {self.name}: expected the vehicle it was trained for, {self.about.vehicle}, got {vehicle}"
             )
         if dt != self.about.dt:
-            raise FileError(f"pilot {self.name}: dt: expected the {self.about.dt:g} s it was trained for, got {dt:g}")
+            raise FileError(
+                f"pilot {self.name}: dt: expected the {self.about.dt:g} s it was trained for, got {dt:g}"
+            )
 
     def record(self) -> dict[str, Any]:
         """What a run keeps of it."""
@@ -74,7 +77,8 @@ class Pilot:
 
 
 class PilotController:
-    """A pilot in one flight: observes, and holds each action for as many control periods as in its training."""
+    """A pilot in one flight: observes, and holds each action for as many control periods as in its
+    training."""
 
     def __init__(self, pilot: Pilot, course: Course, laps: int, rest: Sequence[float]):
         self.pilot, self.rest = pilot, np.array(rest)
@@ -84,13 +88,16 @@ class PilotController:
         self._until_next = 0  # control periods until it observes again
 
     def control(self, estimate: Estimate) -> tuple[np.ndarray, PlanStats]:
-        """Return the command; see quadsim.race.flight.Controller. There is no plan: its statistics are zero."""
+        """Return the command; see quadsim.race.flight.Controller. There is no plan: its statistics
+        are zero."""
         self._until_next -= self._periods.advance(estimate.t)
         if self._until_next <= 0:
             gates = self._gates[min(estimate.target, len(self._gates) - 1)]
             self._last = self.pilot(observe(estimate.x, gates, self._last))
             self._until_next = self.pilot.about.hold
-        return command(self._last, self.pilot.about.low, self.pilot.about.high), PlanStats(0.0, 0.0, 0.0)
+        return command(self._last, self.pilot.about.low, self.pilot.about.high), PlanStats(
+            0.0, 0.0, 0.0
+        )
 
 
 def pilot_bytes(weights: Sequence[np.ndarray], about: About) -> bytes:
@@ -108,25 +115,42 @@ def pilot_names() -> tuple[str, ...]:
 
 
 def load_pilot(path: str | Path) -> Pilot:
-    """Read a pilot's file, or one that comes with the project by its name. Raises FileError of one line."""
+    """Read a pilot's file, or one that comes with the project by its name. Raises FileError of one
+    line."""
     path = PILOTS / f"{path}.npz" if str(path) in pilot_names() else Path(path)
     try:
         if path.stat().st_size > LARGEST:
-            raise FileError(f"{path}: expected a pilot of at most {LARGEST:,} bytes, got {path.stat().st_size:,}")
+            raise FileError(
+                f"{path}: expected a pilot of at most {LARGEST:,} bytes, got {path.stat().st_size:,}"
+            )
         data = path.read_bytes()
     except FileNotFoundError:
         names = ", ".join(pilot_names())
-        raise FileError(f"no pilot {str(path)!r}: expected FILE.npz, or one that comes with quadsim: {names}") from None
+        raise FileError(
+            f"no pilot {str(path)!r}: expected FILE.npz, or one that comes with quadsim: {names}"
+        ) from None
     except OSError as error:
         raise FileError(f"{path}: expected a pilot's file: {error.strerror}") from None
     if not zipfile.is_zipfile(BytesIO(data)):  # or numpy speaks of pickle
-        raise FileError(f"{path}: expected a pilot as `race train` writes it, got a file that is no .npz")
+        raise FileError(
+            f"{path}: expected a pilot as `race train` writes it, got a file that is no .npz"
+        )
     try:
         with np.load(BytesIO(data), allow_pickle=False) as arrays:
             written = json.loads(str(arrays["about"][()]))
             weights = tuple(np.asarray(arrays[f"layer_{k}"], np.float32) for k in range(LAYERS))
-    except (OSError, ValueError, KeyError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib_error) as error:
-        raise FileError(f"{path}: expected a pilot as `race train` writes it, cannot be read: {error}") from None
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        EOFError,
+        NotImplementedError,
+        zipfile.BadZipFile,
+        zlib_error,
+    ) as error:
+        raise FileError(
+            f"{path}: expected a pilot as `race train` writes it, cannot be read: {error}"
+        ) from None
     about = _about(path, written)
     _check_weights(path, weights)
     return Pilot(path.stem, about, weights, hashlib.sha256(data).hexdigest())
@@ -136,16 +160,27 @@ def _about(path: Path, written: Any) -> About:
     if not isinstance(written, dict) or written.pop("format", None) != FORMAT:
         raise FileError(f"{path}: expected format {FORMAT!r}: it was written by another version")
     try:
-        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in written.items()}
+        values: dict[str, Any] = {
+            k: tuple(v) if isinstance(v, list) else v for k, v in written.items()
+        }
         about = About(**values)
         numbers = np.array([about.dt, about.hold, *about.low, *about.high], float)
     except (TypeError, ValueError) as error:
         raise FileError(f"{path}: expected what a pilot says of itself: {error}") from None
     if about.observes != tuple(UNITS):
-        raise FileError(f"{path}: expected a pilot that observes the {SIZE} numbers of this version, got other ones")
-    fits = len(about.low) == len(about.high) == 4 and np.isfinite(numbers).all() and about.dt > 0 and about.hold >= 1
+        raise FileError(
+            f"{path}: expected a pilot that observes the {SIZE} numbers of this version, got other ones"
+        )
+    fits = (
+        len(about.low) == len(about.high) == 4
+        and np.isfinite(numbers).all()
+        and about.dt > 0
+        and about.hold >= 1
+    )
     if not fits or not isinstance(about.vehicle, str) or not isinstance(about.course, str):
-        raise FileError(f"{path}: expected limits, a control period and names in what a pilot says of itself")
+        raise FileError(
+            f"{path}: expected limits, a control period and names in what a pilot says of itself"
+        )
     return about
 
 

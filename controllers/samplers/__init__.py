@@ -1,6 +1,7 @@
 """Samplers: distributions of the perturbations z of v = u + z, one short file each.
 
-A sampler is a frozen dataclass of its numbers; `build` makes the source of perturbations that MPPI draws from.
+A sampler is a frozen dataclass of its numbers; `build` makes the source of perturbations that MPPI
+draws from.
 """
 
 from __future__ import annotations
@@ -28,15 +29,25 @@ SAMPLERS: dict[str, type[Sampling]] = {
 
 def make_sampler(name: str, **numbers: Any) -> Sampling:
     """The registered sampler of this name with those of the numbers that it has."""
-    return SAMPLERS[name](**{f.name: numbers[f.name] for f in fields(SAMPLERS[name]) if f.name in numbers})
+    return SAMPLERS[name](
+        **{f.name: numbers[f.name] for f in fields(SAMPLERS[name]) if f.name in numbers}
+    )
 
 
 def build_lanes(
-    sampler: Sampling | PlainSampler, controls: int, samples: int, horizon: int, key: np.ndarray, dt: float
+    sampler: Sampling | PlainSampler,
+    controls: int,
+    samples: int,
+    horizon: int,
+    key: np.ndarray,
+    dt: float,
 ) -> LaneSampler:
-    """The source of perturbations of so many controls. Raises ValueError where the sampler has other numbers."""
+    """The source of perturbations of so many controls. Raises ValueError where the sampler has
+    other numbers."""
     if not isinstance(sampler, Sampling):
         return lanes_of(sampler, samples, horizon, controls, key)
     if len(sampler.sigma) != controls:
-        raise ValueError(f"sigma: expected {controls} numbers, one per control, got {len(sampler.sigma)}")
+        raise ValueError(
+            f"sigma: expected {controls} numbers, one per control, got {len(sampler.sigma)}"
+        )
     return sampler.build(samples, horizon, key, dt)

@@ -1,13 +1,16 @@
-"""White Gaussian sampling: z_t ~ N(0, sigma^2), independent over t. The default of MPPI (Williams et al. 2018)."""
+"""White Gaussian sampling: z_t ~ N(0, sigma^2), independent over t. The default of MPPI (Williams
+et al. 2018)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from controllers.rollout.layout import LANES, blocks
+from controllers.lanes.layout import LANES, blocks
 from controllers.samplers.lane_sampler import LaneSampler, Sigma
+from quadsim.files.strict_yaml import setting
 
 
 @dataclass(frozen=True)
@@ -17,10 +20,10 @@ class Gaussian:
     sigma (n_u,) in the units of the controls.
     """
 
-    sigma: Sigma  # standard deviation of each control, in its unit
+    sigma: Annotated[Sigma, setting("standard deviation of each control, in its unit")]
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
-        from controllers.rollout.normals import fill_normals  # here: it loads the compiler
+        from controllers.lanes.normals import fill_normals  # here: it loads the compiler
 
         noise = np.empty((blocks(samples), len(self.sigma), horizon, LANES), np.float32)
         scale = np.repeat(np.array(self.sigma, np.float32), horizon)  # (n_u * T,)

@@ -1,6 +1,7 @@
-"""What a sampler is configured by and what it builds: perturbations z of v = u + z, in lanes of samples.
+"""What a sampler is configured by and what it builds: perturbations z of v = u + z, in lanes of
+samples.
 
-Memory layout and chunks of samples: see controllers.rollout.layout.
+Memory layout and chunks of samples: see controllers.lanes.layout.
 """
 
 from __future__ import annotations
@@ -18,24 +19,30 @@ Shift = Literal["corrected", "published"]
 
 
 class Momentum:
-    """D dt, what the last iteration changed the plan by; see controllers.samplers.smooth.  `change` (T, n_u)"""
+    """D dt, what the last iteration changed the plan by; see controllers.samplers.smooth.  `change`
+    (T, n_u)"""
 
     def __init__(self, horizon: int, controls: int, shift: Shift):
         self.change = np.zeros((horizon, controls))
         self._shift = shift
 
     def shift(self, steps: int) -> None:
-        """Time has moved on by so many control periods; beyond the horizon the last change goes on."""
+        """Time has moved on by so many control periods; beyond the horizon the last change goes
+        on."""
         moved = np.minimum(np.arange(len(self.change)) + steps, len(self.change) - 1)
-        self.change = self.change[moved if self._shift == "corrected" else np.full_like(moved, moved[0])]
+        self.change = self.change[
+            moved if self._shift == "corrected" else np.full_like(moved, moved[0])
+        ]
 
 
 @dataclass(frozen=True)
 class LaneSampler:
-    """What MPPI draws from: perturbations of its plan, or of its plan and the momentum that this has.
+    """What MPPI draws from: perturbations of its plan, or of its plan and the momentum that this
+    has.
 
-    sample(call, first=0, samples=as built) -> z (series, n_u, halves * T, LANES) of the samples from `first` on, a
-    multiple of 4 LANES: a function of (key, call, number of the sample) alone. The next call writes to the same memory.
+    sample(call, first=0, samples=as built) -> z (series, n_u, halves * T, LANES) of the samples
+    from `first` on, a multiple of 4 LANES: a function of (key, call, number of the sample) alone.
+    The next call writes to the same memory.
     """
 
     sample: Callable[..., np.ndarray]
@@ -45,7 +52,8 @@ class LaneSampler:
 
 @runtime_checkable
 class Sampling(Protocol):
-    """A frozen dataclass of a sampler's numbers, one sigma per control: configuration and public object."""
+    """A frozen dataclass of a sampler's numbers, one sigma per control: configuration and public
+    object."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
@@ -53,7 +61,8 @@ class Sampling(Protocol):
     def sigma(self) -> tuple[float, ...]: ...
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
-        """The source of at most so many samples at a time; key (2,) uint32, dt the control period [s]."""
+        """The source of at most so many samples at a time; key (2,) uint32, dt the control period
+        [s]."""
         ...
 
 

@@ -1,5 +1,5 @@
-"""Log-MPPI (Mohamed et al. 2022): the product of a normal and a log-normal, white like the Gaussian but with
-heavy tails.
+"""Log-MPPI (Mohamed et al. 2022): the product of a normal and a log-normal, white like the Gaussian
+but with heavy tails.
 
     z = sigma xi exp(sigma eta),  xi, eta ~ N(0, 1) independent for every sample, time and control
 
@@ -9,26 +9,31 @@ Its standard deviation is sigma exp(sigma^2), its kurtosis 3 exp(4 sigma^2).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from controllers.rollout.layout import LANES, blocks
+from controllers.lanes.layout import LANES, blocks
 from controllers.samplers.lane_sampler import LaneSampler, Sigma
+from quadsim.files.strict_yaml import setting
 
-CEILING = np.float32(60.0)  # of the exponent: exp(60) is far beyond any control and far below float32's largest number
+# of the exponent: exp(60) is far beyond any control and far below float32's largest number
+CEILING = np.float32(60.0)
 
 
 @dataclass(frozen=True)
 class LogNormal:
-    """v = u + sigma xi exp(sigma eta), xi and eta ~ N(0, 1) independent at every time step; Mohamed et al. 2022.
+    """v = u + sigma xi exp(sigma eta), xi and eta ~ N(0, 1) independent at every time step; Mohamed
+    et al. 2022.
 
-    sigma (n_u,): xi's in the units of the controls, eta's without a unit. The standard deviation is sigma exp(sigma^2).
+    sigma (n_u,): xi's in the units of the controls, eta's without a unit. The standard deviation is
+    sigma exp(sigma^2).
     """
 
-    sigma: Sigma  # standard deviation of each control, in its unit
+    sigma: Annotated[Sigma, setting("standard deviation of each control, in its unit")]
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
-        from controllers.rollout.normals import fill_normals  # here: it loads the compiler
+        from controllers.lanes.normals import fill_normals  # here: it loads the compiler
 
         shape = (len(self.sigma), horizon, LANES)
         normals = np.empty((blocks(samples), 2, *shape), np.float32)  # sigma xi, sigma eta

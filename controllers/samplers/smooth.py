@@ -1,4 +1,5 @@
-"""Smooth-MPPI (Kim et al. 2022): noise on the derivative of the controls, integrated over the iterations.
+"""Smooth-MPPI (Kim et al. 2022): noise on the derivative of the controls, integrated over the
+iterations.
 
     d = D + sigma xi        sampled derivatives around the derivative plan D, xi ~ N(0, 1)
     v = U + d dt            sampled controls: no sum over t, so v is as white as Gaussian sampling's
@@ -7,26 +8,29 @@
 So D dt is what the plan U changed by in the last iteration, and sampling is centred on U plus that
 change: Gaussian sampling with sigma dt and a momentum. Smooth-MPPI* (Vlahov et al. 2024, section
 IV-C) is the same with sigma / dt. There, when time moves on by one period, D moves with the plan
-(`corrected`) or, by an error of the authors' public CUDA code that its tables rest on, every derivative
-becomes the one at index 1 (`published`).
+(`corrected`) or, by an error of the authors' public CUDA code that its tables rest on, every
+derivative becomes the one at index 1 (`published`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
 from controllers.samplers.gaussian import Gaussian
 from controllers.samplers.lane_sampler import LaneSampler, Momentum, Shift, Sigma
+from quadsim.files.strict_yaml import setting
 
 
 @dataclass(frozen=True)
 class SmoothStar:
-    """Smooth-MPPI*, Vlahov et al. 2024: sigma (n_u,) in the units of the controls, as in Gaussian sampling."""
+    """Smooth-MPPI*, Vlahov et al. 2024: sigma (n_u,) in the units of the controls, as in Gaussian
+    sampling."""
 
-    sigma: Sigma  # standard deviation of each control, in its unit
-    shift: Shift = "corrected"  # of the momentum with time
+    sigma: Annotated[Sigma, setting("standard deviation of each control, in its unit")]
+    shift: Annotated[Shift, setting("of the momentum with time")] = "corrected"
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         momentum = Momentum(horizon, len(self.sigma), self.shift)
@@ -35,10 +39,15 @@ class SmoothStar:
 
 @dataclass(frozen=True)
 class Smooth:
-    """Smooth-MPPI, Kim et al. 2022: sigma (n_u,) of the controls' derivatives, in their units per second."""
+    """Smooth-MPPI, Kim et al. 2022: sigma (n_u,) of the controls' derivatives, in their units per
+    second."""
 
-    sigma: Sigma  # standard deviation of each control's derivative, in its unit per second
-    shift: Shift = "corrected"  # of the momentum with time
+    sigma: Annotated[
+        Sigma, setting("standard deviation of each control's derivative, in its unit per second")
+    ]
+    shift: Annotated[Shift, setting("of the momentum with time")] = "corrected"
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
-        return SmoothStar(tuple(s * dt for s in self.sigma), self.shift).build(samples, horizon, key, dt)
+        return SmoothStar(tuple(s * dt for s in self.sigma), self.shift).build(
+            samples, horizon, key, dt
+        )

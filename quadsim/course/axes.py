@@ -4,7 +4,8 @@ from __future__ import annotations
 
 
 def in_frame(d, passage, left, up):
-    """Components of the vector d along the axes of a gate's frame.  Each (3,), scalars or rows of numbers.
+    """Components of the vector d along the axes of a gate's frame.  Each (3,), scalars or rows of
+    numbers.
 
     A plain function, as the compiled lanes inline it.
     """

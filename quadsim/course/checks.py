@@ -1,4 +1,5 @@
-"""Whether gates, start, bounds, laps and obstacles of a course fit together: what no single key can show."""
+"""Whether gates, start, bounds, laps and obstacles of a course fit together: what no single key can
+show."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from quadsim.course.obstacles import Obstacle
 from quadsim.course.opening import InGate, half_sizes
 from quadsim.course.swept_obstacles import SweptObstacle
 
-ROOM = 0.3  # around the start, and before and behind gates [m]: the largest vehicle (.25) and half a bar (.05)
+# around the start, and before and behind gates [m]: the largest vehicle (.25) and half a bar (.05)
+ROOM = 0.3
 ROUNDING = 1e-6  # [m]
 LINES = 9  # across an opening, and as many up, of which one has to be free
 
@@ -37,8 +39,14 @@ def _start_faults(course: Course) -> Iterator[Fault]:
         yield "start.position", f"expected z >= 0, on or above the ground [m], got {start[2]:g}"
     if outside := _outside(course, np.array([start])):
         yield "start.position", outside
-    near = [(gate.frame_distance(start), f"the frame of gate {i}") for i, gate in enumerate(course.gates, 1)]
-    near += [(obstacle.distance(start), f"obstacle {i}") for i, obstacle in enumerate(course.obstacles, 1)]
+    near = [
+        (gate.frame_distance(start), f"the frame of gate {i}")
+        for i, gate in enumerate(course.gates, 1)
+    ]
+    near += [
+        (obstacle.distance(start), f"obstacle {i}")
+        for i, obstacle in enumerate(course.obstacles, 1)
+    ]
     for room, what in near:
         if room < ROOM:
             yield "start.position", f"expected {ROOM} m of room, got {room:.2f} m to {what}"
@@ -50,7 +58,10 @@ def _gate_faults(course: Course) -> Iterator[Fault]:
         before = gate.to_world(InGate(-ROOM, 0.0, 0.0))
         behind = gate.to_world(InGate(ROOM, 0.0, 0.0))
         if (low := opening[:, 2].min()) < -ROUNDING:
-            yield key, f"expected an opening above the ground, its lowest corner is at z = {low:.2f} m"
+            yield (
+                key,
+                f"expected an opening above the ground, its lowest corner is at z = {low:.2f} m",
+            )
         if outside := _outside(course, opening):
             yield key, outside
         for where, point in (("before", before), ("behind", behind)):
@@ -67,7 +78,10 @@ def _gate_faults(course: Course) -> Iterator[Fault]:
 def _obstacle_faults(course: Course) -> Iterator[Fault]:
     for i, obstacle in enumerate(course.obstacles):
         if obstacle.top <= 0.0:
-            yield f"obstacles[{i}]", f"expected an obstacle above the ground, its top is at z = {obstacle.top:.2f} m"
+            yield (
+                f"obstacles[{i}]",
+                f"expected an obstacle above the ground, its top is at z = {obstacle.top:.2f} m",
+            )
         low, high = obstacle.corners().min(axis=0), obstacle.corners().max(axis=0)
         for axis, a, b, (least, most) in zip("xyz", low, high, course.bounds, strict=True):
             if b < least or a > most:
@@ -77,11 +91,15 @@ def _obstacle_faults(course: Course) -> Iterator[Fault]:
                 )
     for i, gate in enumerate(course.gates):
         if course.obstacles and _blocked(gate, course.obstacles):
-            yield f"gates[{i}]", f"expected a free line of {2 * ROOM:g} m through the gate, obstacles leave none"
+            yield (
+                f"gates[{i}]",
+                f"expected a free line of {2 * ROOM:g} m through the gate, obstacles leave none",
+            )
 
 
 def _blocked(gate: Gate, obstacles: Sequence[Obstacle]) -> bool:
-    """Whether no straight line along the passage, from before the gate to behind it, is clear of all of them."""
+    """Whether no straight line along the passage, from before the gate to behind it, is clear of
+    all of them."""
     swept = [SweptObstacle(obstacle, k, 0.0) for k, obstacle in enumerate(obstacles)]
     half = half_sizes(gate.opening)
     shares = np.linspace(-1.0, 1.0, LINES + 2)[1:-1]  # of the half sizes, the edges left out

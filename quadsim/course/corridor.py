@@ -1,6 +1,7 @@
 """Corridor: two walls along a bent centre line, read from YAML.
 
-At a bend the legs meet at the line that halves the angle: there one leg ends and the next one begins.
+At a bend the legs meet at the line that halves the angle: there one leg ends and the next one
+begins.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ class CorridorFile:
 
     source: str = ""
     width: Size  # between the walls
-    points: Annotated[tuple[tuple[Metre, Metre], ...], Meta(min_length=2)]  # centre line from start to goal
+    points: Annotated[
+        tuple[tuple[Metre, Metre], ...], Meta(min_length=2)
+    ]  # centre line from start to goal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +52,8 @@ class Corridor(CorridorFile):
 
     @cached_property
     def ends(self) -> np.ndarray:
-        """Unit normals of the lines at which legs end: forward, at a bend halfway to the next leg.  (legs, 2)"""
+        """Unit normals of the lines at which legs end: forward, at a bend halfway to the next leg.
+        (legs, 2)"""
         e = self.directions
         both = e + np.vstack([e[1:], e[-1:]])
         return both / np.linalg.norm(both, axis=1, keepdims=True)
@@ -63,7 +67,8 @@ class Corridor(CorridorFile):
         """Left and right wall as polylines, mitred.  (2, points, 2)"""
         e = np.vstack([self.directions[:1], self.directions])
         normal = np.vstack([self.directions[:1], self.ends])
-        along = np.stack([-normal[:, 1], normal[:, 0]], axis=1)  # of the line at each point, to the left
+        # of the line at each point, to the left
+        along = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
         reach = 0.5 * self.width / (normal * e).sum(axis=1, keepdims=True)
         return np.stack([self.points + reach * along, self.points - reach * along])
 
@@ -81,10 +86,14 @@ def parse_corridor(text: str, file: str) -> Corridor:
     corridor = Corridor(name=Path(file).stem, text=text, **vars(entry))
     if not corridor.lengths.all():
         raise document.error("points", "expected points that differ, got one twice in a row")
-    bends = np.arccos(np.clip((corridor.directions[1:] * corridor.directions[:-1]).sum(axis=1), -1, 1))
+    bends = np.arccos(
+        np.clip((corridor.directions[1:] * corridor.directions[:-1]).sum(axis=1), -1, 1)
+    )
     taken = 0.5 * entry.width * np.tan(bends / 2)  # of both legs, by the mitre of a bend [m]
     short = corridor.lengths < np.append(taken, 0) + np.insert(taken, 0, 0)
     if short.any():
         where = f"points[{int(np.argmax(short))}]"
-        raise document.error(where, f"expected a leg longer than its bends take at width {entry.width:g} [m]")
+        raise document.error(
+            where, f"expected a leg longer than its bends take at width {entry.width:g} [m]"
+        )
     return corridor

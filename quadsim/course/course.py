@@ -1,4 +1,5 @@
-"""Course: gates, obstacles, start, bounds and laps as plain values; see course_file for the YAML they are read from."""
+"""Course: gates, obstacles, start, bounds and laps as plain values; see course_file for the YAML
+they are read from."""
 
 from __future__ import annotations
 
@@ -12,7 +13,14 @@ import numpy as np
 
 from quadsim.course.axes import in_frame
 from quadsim.course.obstacles import Obstacle
-from quadsim.course.opening import Bar, InGate, distance_to_frame, frame_bars, outer_half_sizes, rectangle_corners
+from quadsim.course.opening import (
+    Bar,
+    InGate,
+    distance_to_frame,
+    frame_bars,
+    outer_half_sizes,
+    rectangle_corners,
+)
 from quadsim.files.strict_yaml import unit
 from quadsim.rotation import Vec3, euler_matrix
 
@@ -50,7 +58,8 @@ class Gate:
         return InGate(*in_frame((p[0] - c[0], p[1] - c[1], p[2] - c[2]), *self.axes))
 
     def to_local_rows(self, points: np.ndarray) -> InGate:
-        """Return points (n, 3) of the world in the gate frame, as an InGate of three arrays (n,) [m]."""
+        """Return points (n, 3) of the world in the gate frame, as an InGate of three arrays (n,)
+        [m]."""
         away = points - self.position
         return InGate(*(away @ self.rotation).T)
 
@@ -70,7 +79,8 @@ class Gate:
         return self.position + local @ self.rotation.T
 
     def frame_distance(self, point: Vec3) -> float:
-        """Return the distance from a point of the world to the nearest bar, taken as flat; 0 on a bar [m]."""
+        """Return the distance from a point of the world to the nearest bar, taken as flat; 0 on a
+        bar [m]."""
         return distance_to_frame(self.to_local(point), self.opening, self.frame_width)
 
 
@@ -78,13 +88,20 @@ class Gate:
 class EstimatedGate(Gate):
     """A gate at its estimated position, with the uncertainty of that."""
 
-    std: float = 0.0  # standard deviation of the position relative to the vehicle, the largest of x, y and z [m]
+    # standard deviation of the position relative to the vehicle, the largest of x, y and z [m]
+    std: float = 0.0
 
     @classmethod
     def of(cls, gate: Gate, moved: Vec3, std: float) -> EstimatedGate:
         """The gate of the map, displaced by `moved` [m]."""
         where = {f.name: getattr(gate, f.name) for f in fields(gate)}
-        return cls(**where | {"position": tuple(a + b for a, b in zip(gate.position, moved, strict=True)), "std": std})
+        return cls(
+            **where
+            | {
+                "position": tuple(a + b for a, b in zip(gate.position, moved, strict=True)),
+                "std": std,
+            }
+        )
 
 
 @dataclass(frozen=True)
@@ -120,15 +137,19 @@ class Course:
 
     @cached_property
     def lap_length(self) -> float:
-        """Straight-line length through the gates once, from the start (open) or closed (loop) [m]."""
+        """Straight-line length through the gates once, from the start (open) or closed (loop)
+        [m]."""
         p = [g.position for g in self.gates]
         before = [p[-1] if self.loop else self.start.position, *p[:-1]]
         return sum(dist(a, b) for a, b in zip(before, p, strict=True))
 
     def points(self, frames: bool = True) -> np.ndarray:
-        """The start and all gates' centres; or the start, the frames' corners and the obstacles': what a view has to
-        show.  (n, 3)"""
+        """The start and all gates' centres; or the start, the frames' corners and the obstacles':
+        what a view has to show.  (n, 3)"""
         if not frames:
             return np.array([self.start.position, *(g.position for g in self.gates)])
-        corners: Iterable = (*(g.corners(g.frame_width) for g in self.gates), *(o.corners() for o in self.obstacles))
+        corners: Iterable = (
+            *(g.corners(g.frame_width) for g in self.gates),
+            *(o.corners() for o in self.obstacles),
+        )
         return np.vstack([[self.start.position], *corners])

@@ -1,4 +1,5 @@
-"""Course files: their keys, units, ranges and defaults, how they become a Course, and whether all fits together."""
+"""Course files: their keys, units, ranges and defaults, how they become a Course, and whether all
+fits together."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ from quadsim.files.strict_yaml import Document, parse, unit
 
 COURSES = Path(__file__).parents[2] / "courses"
 MARGIN = 10.0  # of default bounds around start, gates and obstacles [m]
-BELOW_GROUND = 1.0  # of default bounds below the ground [m]: there the ground ends a flight, not the bounds
+# of default bounds below the ground [m]: there the ground ends a flight, not the bounds
+BELOW_GROUND = 1.0
 
 Metre = Annotated[float, unit("m", ge=-1e4, le=1e4)]
 Size = Annotated[float, unit("m", gt=0, le=100)]
@@ -70,7 +72,8 @@ class CourseFile(Struct, frozen=True, kw_only=True):
     laps: Annotated[int, Meta(ge=1, le=1000)] = 1
     opening: tuple[Size, Size]
     frame_width: Size = 0.275  # Swift's gates: 1.5 m openings in a 2.05 m frame
-    bounds: tuple[Span, Span, Span] | None = None  # around start, gates and obstacles with room to fly
+    # around start, gates and obstacles with room to fly
+    bounds: tuple[Span, Span, Span] | None = None
     start: StartEntry
     gates: Annotated[tuple[GateEntry, ...], Meta(min_length=1)]
     obstacles: tuple[ObstacleEntry, ...] = ()
@@ -90,7 +93,8 @@ def load_course(name_or_path: str | Path) -> Course:
 
 @lru_cache(maxsize=16)  # reports and figures of a run ask for its course again and again
 def parse_course(text: str, file: str) -> Course:
-    """A course from its text; `file` is shown in errors and names a course without a name. Raises FileError."""
+    """A course from its text; `file` is shown in errors and names a course without a name. Raises
+    FileError."""
     document = parse(text, file)
     entry = document.fill(CourseFile)
     course = Course(
@@ -115,7 +119,9 @@ def parse_course(text: str, file: str) -> Course:
 def _gate(entry: GateEntry, course: CourseFile) -> Gate:
     angles = (radians(a) for a in (entry.yaw_deg, entry.pitch_deg, entry.roll_deg))
     frame_width = entry.frame_width or course.frame_width
-    return Gate(entry.position, *angles, opening=entry.opening or course.opening, frame_width=frame_width)
+    return Gate(
+        entry.position, *angles, opening=entry.opening or course.opening, frame_width=frame_width
+    )
 
 
 def _obstacles(document: Document, entries: tuple[ObstacleEntry, ...]) -> Iterator[Obstacle]:
@@ -132,5 +138,8 @@ def _obstacles(document: Document, entries: tuple[ObstacleEntry, ...]) -> Iterat
 
 def _default_bounds(course: Course) -> tuple[tuple[float, float], ...]:
     points = course.points()
-    (x0, y0, _), (x1, y1, z1) = (points.min(axis=0) - MARGIN).tolist(), (points.max(axis=0) + MARGIN).tolist()
+    (x0, y0, _), (x1, y1, z1) = (
+        (points.min(axis=0) - MARGIN).tolist(),
+        (points.max(axis=0) + MARGIN).tolist(),
+    )
     return (x0, x1), (y0, y1), (-BELOW_GROUND, z1)

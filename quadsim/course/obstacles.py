@@ -1,4 +1,5 @@
-"""Obstacles beside the gates: boxes turned about the vertical, and vertical cylinders such as poles."""
+"""Obstacles beside the gates: boxes turned about the vertical, and vertical cylinders such as
+poles."""
 
 from __future__ import annotations
 
@@ -53,7 +54,9 @@ class Box:
 
     def distance(self, point: Vec3) -> float:
         """From a point to its surface, 0 inside [m]."""
-        return hypot(*(max(abs(d) - h, 0.0) for d, h in zip(self.to_local(point), self.half, strict=True)))
+        return hypot(
+            *(max(abs(d) - h, 0.0) for d, h in zip(self.to_local(point), self.half, strict=True))
+        )
 
     def outline(self, border: float = 0.0) -> np.ndarray:
         """Its corners from above, in turn, each side `border` [m] farther out.  (4, 2)"""
@@ -94,7 +97,9 @@ class Cylinder:
     def outline(self, border: float = 0.0) -> np.ndarray:
         """Points on its circle from above, in turn, `border` [m] farther out.  (ROUND, 2)"""
         turn = 2.0 * pi * np.arange(ROUND) / ROUND
-        return (self.radius + border) * np.column_stack([np.cos(turn), np.sin(turn)]) + self.base[:2]
+        return (self.radius + border) * np.column_stack([np.cos(turn), np.sin(turn)]) + self.base[
+            :2
+        ]
 
     def corners(self) -> np.ndarray:
         """Those of the upright box around it.  (8, 3)"""

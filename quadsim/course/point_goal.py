@@ -1,4 +1,5 @@
-"""A point to reach from a point, for systems without gates: the task of the paper's double integrator, as YAML."""
+"""A point to reach from a point, for systems without gates: the task of the paper's double
+integrator, as YAML."""
 
 from __future__ import annotations
 

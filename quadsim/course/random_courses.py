@@ -1,4 +1,5 @@
-"""Random courses: gates around a loop at random heights, each course checked as a file is, from a seed alone."""
+"""Random courses: gates around a loop at random heights, each course checked as a file is, from a
+seed alone."""
 
 from __future__ import annotations
 
@@ -22,14 +23,17 @@ TURN = 0.7  # standard deviation of a gate's direction around that of the loop [
 
 
 def random_courses(number: int, seed: int) -> tuple[Course, ...]:
-    """So many different courses, `random_SEED_1` and on. Same numbers, same courses; more begin with the same.
+    """So many different courses, `random_SEED_1` and on. Same numbers, same courses; more begin
+    with the same.
 
     Raises ValueError for a number or seed below what makes sense.
     """
     for name, value, least in (("number", number, 1), ("seed", seed, 0)):
         if isinstance(value, bool) or not isinstance(value, int) or value < least:
             raise ValueError(f"{name}: expected a whole number of at least {least}, got {value!r}")
-    return tuple(_course(f"random_{seed}_{k}", course_stream(seed, k)) for k in range(1, number + 1))
+    return tuple(
+        _course(f"random_{seed}_{k}", course_stream(seed, k)) for k in range(1, number + 1)
+    )
 
 
 def _course(name: str, stream: np.random.SeedSequence) -> Course:
@@ -49,7 +53,9 @@ def _text(rng: np.random.Generator) -> str:
     """A course as YAML; whether it is valid is not known yet."""
     n = int(rng.integers(GATES[0], GATES[1] + 1))
     way = rng.choice([-1, 1])  # round the loop to the left or to the right
-    angles = way * (np.arange(n) + rng.uniform(-0.3, 0.3, n)) * 2 * np.pi / n + rng.uniform(0, 2 * np.pi)
+    angles = way * (np.arange(n) + rng.uniform(-0.3, 0.3, n)) * 2 * np.pi / n + rng.uniform(
+        0, 2 * np.pi
+    )
     radii, heights = rng.uniform(*RADIUS, n), rng.uniform(*HEIGHT, n)
     p = np.column_stack([radii * np.cos(angles), radii * np.sin(angles), heights]).round(2)
     along = np.roll(p, -1, 0) - np.roll(p, 1, 0)  # from the gate before to the one after
@@ -61,7 +67,8 @@ def _text(rng: np.random.Generator) -> str:
     low, high = np.minimum(p.min(0), start) - 4, np.maximum(p.max(0), start) + 4
     box = [[float(np.floor(a)), float(np.ceil(b))] for a, b in zip(low[:2], high[:2], strict=True)]
     rows = (
-        f"  - {{position: [{x:g}, {y:g}, {z:g}], yaw_deg: {yaw:g}}}" for (x, y, z), yaw in zip(p, yaws, strict=True)
+        f"  - {{position: [{x:g}, {y:g}, {z:g}], yaw_deg: {yaw:g}}}"
+        for (x, y, z), yaw in zip(p, yaws, strict=True)
     )
     return "\n".join(
         [
@@ -78,7 +85,8 @@ def _text(rng: np.random.Generator) -> str:
 
 
 def _legs_are_free(course: Course) -> Iterator[bool]:
-    """For the start's leg and each one of a lap: long enough, and clear of the frames of other gates."""
+    """For the start's leg and each one of a lap: long enough, and clear of the frames of other
+    gates."""
     gates = course.gates
     legs = [(course.start.position, 0, len(gates))]  # from where, to which gate, from which gate
     legs += [(g.position, (k + 1) % len(gates), k) for k, g in enumerate(gates)]
@@ -86,4 +94,6 @@ def _legs_are_free(course: Course) -> Iterator[bool]:
         line = np.linspace(begin, gates[to].position, 25)
         yield bool(np.linalg.norm(line[-1] - line[0]) >= APART)
         others = (g for k, g in enumerate(gates) if k not in (to, since))
-        yield all(g.frame_distance(tuple(point)) >= CLEAR for g in others for point in line.tolist())
+        yield all(
+            g.frame_distance(tuple(point)) >= CLEAR for g in others for point in line.tolist()
+        )

@@ -1,10 +1,11 @@
-"""The segment of one physics step against the gates: contact with a frame, crossing of a plane. No rules here.
+"""The segment of one physics step against the gates: contact with a frame, crossing of a plane. No
+rules here.
 
-In the gate frame (x along the legal passage) the vehicle is a sphere of radius r whose centre moves on a segment.
-The four bars, as boxes grown by r, are a slab around a free shaft: the sphere touches a bar where its centre is in the
-slab and not in the shaft. See quadsim.course.opening for both.
-Grown boxes stick out where a sphere would round an edge: contact is found up to .42 r early at the bars' edges,
-.73 r at their corners. On their faces, and straight through the opening, it is exact.
+In the gate frame (x along the legal passage) the vehicle is a sphere of radius r whose centre moves
+on a segment. The four bars, as boxes grown by r, are a slab around a free shaft: the sphere touches
+a bar where its centre is in the slab and not in the shaft. See quadsim.course.opening for both.
+Grown boxes stick out where a sphere would round an edge: contact is found up to .42 r early at the
+bars' edges, .73 r at their corners. On their faces, and straight through the opening, it is exact.
 """
 
 from __future__ import annotations
@@ -47,8 +48,11 @@ class Incident(NamedTuple):
         return f"obstacle {self.obstacle + 1}" if self.obstacle >= 0 else f"gate {self.gate + 1}"
 
 
-def clip(a: Sequence[float], b: Sequence[float], low: Vec3, high: Vec3) -> tuple[float, float] | None:
-    """Fractions (s_in, s_out) of the segment a -> b inside the box, None if it stays out (Liang and Barsky 1984)."""
+def clip(
+    a: Sequence[float], b: Sequence[float], low: Vec3, high: Vec3
+) -> tuple[float, float] | None:
+    """Fractions (s_in, s_out) of the segment a -> b inside the box, None if it stays out (Liang and
+    Barsky 1984)."""
     s_in, s_out = 0.0, 1.0
     for p, q, lo, hi in zip(a, b, low, high, strict=True):
         if p == q:
@@ -77,10 +81,12 @@ class SweptGate:
         self.free = free_half_sizes(gate.opening, radius)
         self.outer = outer_half_sizes(gate.opening, gate.frame_width, radius)
         self.half_depth = half_depth(radius)
-        # Half extents of the shaft through the opening, without ends, and of the slab that the grown bars fill [m]
+        # Half extents of the shaft through the opening, without ends, and of the slab that the
+        # grown bars fill [m]
         self._shaft: Vec3 = (inf, self.free.left, self.free.up)
         self._slab: Vec3 = (self.half_depth, self.outer.left, self.outer.up)
-        # Half sizes within which a crossing of the plane is about this gate: three of the opening's, and 2 m
+        # Half sizes within which a crossing of the plane is about this gate: three of the
+        # opening's, and 2 m
         half = half_sizes(gate.opening)
         self.near = HalfSizes(3.0 * half.left + 2.0, 3.0 * half.up + 2.0)
         # Radius about the centre outside which nothing concerns this gate [m]
@@ -97,7 +103,8 @@ class SweptGate:
         return beyond(offset, self.near) <= 0.0
 
     def touch(self, a: InGate, b: InGate) -> float | None:
-        """Return the fraction of the segment a -> b at which it first enters a grown bar, None if it enters none."""
+        """Return the fraction of the segment a -> b at which it first enters a grown bar, None if
+        it enters none."""
         slab = _clip_centred(a, b, self._slab)
         if slab is None:
             return None
@@ -107,7 +114,8 @@ class SweptGate:
         return shaft[1] if shaft[1] < slab[1] else None
 
     def incidents(self, p0: Vec3, p1: Vec3) -> list[Incident]:
-        """Return the contact and the crossing of a segment of the world, contact first at the same instant."""
+        """Return the contact and the crossing of a segment of the world, contact first at the same
+        instant."""
         a, b = self.gate.to_local(p0), self.gate.to_local(p1)
         found = []
         touched = self.touch(a, b)
@@ -121,11 +129,14 @@ class SweptGate:
 
 
 class SweptGates:
-    """All gates of a course, for a vehicle of this radius [m]. One that is flown through several times a lap is one."""
+    """All gates of a course, for a vehicle of this radius [m]. One that is flown through several
+    times a lap is one."""
 
     def __init__(self, gates: Sequence[Gate], radius: float):
         first: dict[Gate, SweptGate] = {}
-        self.of = tuple(first.setdefault(gate, SweptGate(gate, k, radius)) for k, gate in enumerate(gates))
+        self.of = tuple(
+            first.setdefault(gate, SweptGate(gate, k, radius)) for k, gate in enumerate(gates)
+        )
         self.all = tuple(first.values())  # each with the index of the first gate that it is
         self._centres = np.array([g.gate.position for g in self.all])  # (gates, 3)
         self._reach = np.array([g.reach for g in self.all])  # (gates,)

@@ -1,7 +1,8 @@
 """The segment of one physics step against obstacles: contact of a sphere whose centre moves on it.
 
-As for gates (quadsim.course.swept) the obstacle is grown by the sphere's radius r, edges not rounded: contact is found
-up to .42 r early at edges, .73 r at a box's corners, and exactly on faces and on the side of a cylinder.
+As for gates (quadsim.course.swept) the obstacle is grown by the sphere's radius r, edges not
+rounded: contact is found up to .42 r early at edges, .73 r at a box's corners, and exactly on faces
+and on the side of a cylinder.
 """
 
 from __future__ import annotations
@@ -22,8 +23,10 @@ class SweptObstacle:
     def __init__(self, obstacle: Obstacle, index: int, radius: float):
         self.obstacle, self.index, self.radius = obstacle, index, radius
         low, high = obstacle.corners().min(axis=0) - radius, obstacle.corners().max(axis=0) + radius
-        self.low, self.high = tuple(low.tolist()), tuple(high.tolist())  # of the upright box around all of it
-        self.reach = dist(self.low, self.high) / 2  # radius about its centre outside which nothing touches it [m]
+        # of the upright box around all of it
+        self.low, self.high = tuple(low.tolist()), tuple(high.tolist())
+        # radius about its centre outside which nothing touches it [m]
+        self.reach = dist(self.low, self.high) / 2
 
     def touch(self, p0: Vec3, p1: Vec3) -> float | None:
         """Fraction of the segment at which the sphere first touches it, None if it does not."""
@@ -31,7 +34,12 @@ class SweptObstacle:
             return self._touch_cylinder(p0, p1)
         x, y, z = self.obstacle.half
         half = (x + self.radius, y + self.radius, z + self.radius)
-        inside = clip(self.obstacle.to_local(p0), self.obstacle.to_local(p1), (-half[0], -half[1], -half[2]), half)
+        inside = clip(
+            self.obstacle.to_local(p0),
+            self.obstacle.to_local(p1),
+            (-half[0], -half[1], -half[2]),
+            half,
+        )
         return inside and inside[0]
 
     def _touch_cylinder(self, p0: Vec3, p1: Vec3) -> float | None:
@@ -67,4 +75,8 @@ class SweptObstacles:
         middle, half = lerp(p0, p1, 0.5), dist(p0, p1) / 2
         gap = ((self._centres - middle) ** 2).sum(axis=1)
         near = (self.all[k] for k in np.flatnonzero(gap <= (self._reach + half) ** 2))
-        return [Incident(t, "touch", obstacle=s.index) for s in near if (t := s.touch(p0, p1)) is not None]
+        return [
+            Incident(t, "touch", obstacle=s.index)
+            for s in near
+            if (t := s.touch(p0, p1)) is not None
+        ]

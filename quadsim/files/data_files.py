@@ -1,4 +1,5 @@
-"""Files by name or path: courses, vehicles and presets are folders of YAML, found and read in one way."""
+"""Files by name or path: courses, vehicles and presets are folders of YAML, found and read in one
+way."""
 
 from __future__ import annotations
 
@@ -18,10 +19,11 @@ def names(folder: Path) -> tuple[str, ...]:
 
 
 def locate(name_or_path: str | Path, folder: Path, kind: str, listed: bool = True) -> Path:
-    """A bare name is looked up in the folder; anything with a separator or a YAML suffix is a path as it stands.
+    """A bare name is looked up in the folder; anything with a separator or a YAML suffix is a path
+    as it stands.
 
-    Raises FileError for an unknown name. kind: what it is, "course"; listed: whether there is a `race <kind>s`, else
-    the error names all that are known.
+    Raises FileError for an unknown name. kind: what it is, "course"; listed: whether there is a
+    `race <kind>s`, else the error names all that are known.
     """
     given = str(name_or_path)
     if given.endswith(SUFFIXES) or "/" in given or os.sep in given:
@@ -31,7 +33,8 @@ def locate(name_or_path: str | Path, folder: Path, kind: str, listed: bool = Tru
         near = did_you_mean(given, known)
         if not listed:
             raise FileError(f"no {kind} {shown(given)}: {near}, or a FILE.yaml")
-        near = f": {near}" if near.startswith("did") else ""  # what else is known may be of another system
+        # what else is known may be of another system
+        near = f": {near}" if near.startswith("did") else ""
         raise FileError(f"no {kind} {shown(given)}{near} (race {kind}s lists them)")
     return known[given]
 
@@ -43,7 +46,8 @@ def _files(folder: Path) -> dict[str, Path]:
 def read_text(path: Path) -> str:
     """The file's text. Raises FileError: missing, a folder, unreadable, too large, not UTF-8."""
     try:
-        if path.is_fifo() and path.parts[:2] != ("/", "dev"):  # nobody may ever write; <(command) is one in /dev/fd
+        # nobody may ever write; <(command) is one in /dev/fd
+        if path.is_fifo() and path.parts[:2] != ("/", "dev"):
             raise FileError(f"{path}: expected a YAML file, got a pipe")
         with path.open("rb") as file:
             data = file.read(SIZE_MAX + 1)
@@ -60,4 +64,6 @@ def read_text(path: Path) -> str:
     except UnicodeDecodeError as error:
         before = data[: error.start].decode()
         line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
-        raise FileError(f"{path}:{line}:{column}: expected UTF-8, got byte 0x{data[error.start]:02x}") from None
+        raise FileError(
+            f"{path}:{line}:{column}: expected UTF-8, got byte 0x{data[error.start]:02x}"
+        ) from None

@@ -1,9 +1,10 @@
-"""YAML files read strictly: every error is one line that names file, line, column, key, unit and what was found.
+"""YAML files read strictly: every error is one line that names file, line, column, key, unit and
+what was found.
 
     paper_flat.yaml:14:12: gates[3].yaw_deg: expected a number [deg], got 'north'
 
-A schema is any msgspec Struct or dataclass of numbers, texts, literals, tuples, `X | None` and further schemas;
-`unit("m", gt=0)` inside Annotated gives a number its unit and its range.
+A schema is any msgspec Struct or dataclass of numbers, texts, literals, tuples, `X | None` and
+further schemas; `unit("m", gt=0)` inside Annotated gives a number its unit and its range.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ EXCERPT = 100  # columns of a source line worth showing
 
 
 class FileError(ValueError):
-    """A file that cannot be used. str() is one whole line; `excerpt` the source line with a caret below, or ""."""
+    """A file that cannot be used. str() is one whole line; `excerpt` the source line with a caret
+    below, or ""."""
 
     def __init__(self, message: str, excerpt: str = "") -> None:
         super().__init__(message)
@@ -35,9 +37,22 @@ def unit(name: str, **bounds: Any) -> msgspec.Meta:
     return msgspec.Meta(extra={"unit": name}, **bounds)
 
 
+def setting(text: str, unit: str = "", **bounds: Any) -> msgspec.Meta:
+    """Return what a field of settings says in Annotated: its help, its unit and its range.
+
+    Args:
+        text: the help of a flag, a slider or a page of the documentation.
+        unit: shown by errors.
+        bounds: of msgspec, gt, ge, lt or le.
+    """
+    extra = {"unit": unit} if unit else None
+    return msgspec.Meta(description=text, extra=extra, **bounds)
+
+
 @dataclass(frozen=True)
 class Document:
-    """One parsed file. It remembers where everything stands, so that checks after loading can point there too."""
+    """One parsed file. It remembers where everything stands, so that checks after loading can point
+    there too."""
 
     text: str
     file: str  # as the user gave it
@@ -59,7 +74,8 @@ class Document:
 
 
 def load(text: str, file: str, schema: type[Schema]) -> Schema:
-    """The YAML text as an instance of the schema; `file` is the name that errors show. Raises FileError."""
+    """The YAML text as an instance of the schema; `file` is the name that errors show. Raises
+    FileError."""
     return parse(text, file).fill(schema)
 
 
@@ -74,14 +90,17 @@ def parse(text: str, file: str) -> Document:
     except yaml.reader.ReaderError as error:
         before = text[: error.position]
         mark = yaml.Mark(file, 0, before.count("\n"), len(before) - before.rfind("\n") - 1, None, 0)
-        raise _error(text, file, mark, "", f"unprintable character {chr(error.character)!r}") from None
+        raise _error(
+            text, file, mark, "", f"unprintable character {chr(error.character)!r}"
+        ) from None
     if root is None:
         raise FileError(f"{file}:1:1: empty file, expected a mapping (key: value)")
     return Document(text, file, root)
 
 
 class _Composer(yaml.SafeLoader):
-    """PyYAML up to its node tree, refusing what can hide, repeat or nest without end. Nothing is constructed."""
+    """PyYAML up to its node tree, refusing what can hide, repeat or nest without end. Nothing is
+    constructed."""
 
     depth = 0
 
@@ -93,7 +112,9 @@ class _Composer(yaml.SafeLoader):
             raise Misfit(event.start_mark, "", "tags are not allowed")
         self.depth += 1
         if self.depth > DEPTH:
-            raise Misfit(event.start_mark, "", f"expected at most {DEPTH} levels of nesting, got more")
+            raise Misfit(
+                event.start_mark, "", f"expected at most {DEPTH} levels of nesting, got more"
+            )
         node = super().compose_node(parent, index)
         self.depth -= 1
         return node
@@ -105,7 +126,11 @@ def _problem(error: yaml.MarkedYAMLError) -> str:
         return "expected one document, found a second one"
     if r"'\t'" in str(error.problem):
         return "expected spaces, got a tab"
-    since = f" ({error.context}, line {error.context_mark.line + 1})" if error.context and error.context_mark else ""
+    since = (
+        f" ({error.context}, line {error.context_mark.line + 1})"
+        if error.context and error.context_mark
+        else ""
+    )
     return f"not YAML: {error.problem}{since}"
 
 
@@ -114,7 +139,8 @@ def _error(text: str, file: str, mark: Any, path: str, problem: str) -> FileErro
     lines = re.split(r"\r\n|[\n\r\x85\u2028\u2029]", text)  # where PyYAML breaks lines
     line = lines[mark.line] if mark.line < len(lines) else ""
     first = max(0, mark.column - EXCERPT // 2)
-    seen = "".join(c if c.isprintable() else " " for c in line[first : first + EXCERPT])  # no escape codes
+    # no escape codes
+    seen = "".join(c if c.isprintable() else " " for c in line[first : first + EXCERPT])
     where = f"{path}: " if path else ""
     excerpt = f"{seen}\n{' ' * (mark.column - first)}^"
     return FileError(f"{file}:{mark.line + 1}:{mark.column + 1}: {where}{problem}", excerpt)

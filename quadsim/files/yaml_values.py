@@ -1,7 +1,8 @@
 """A YAML node as the plain value that a msgspec type asks for.
 
-The schema decides what a scalar means, never YAML 1.1: in a number's place `1e-3` is a number and `yes`, `012`
-(octal there) and `22:30` (base 60 there) are errors; in a text's place only what YAML reads as text is text.
+The schema decides what a scalar means, never YAML 1.1: in a number's place `1e-3` is a number and
+`yes`, `012` (octal there) and `22:30` (base 60 there) are errors; in a text's place only what YAML
+reads as text is text.
 """
 
 from __future__ import annotations
@@ -14,7 +15,17 @@ from typing import Any
 import yaml
 from msgspec import inspect
 
-from quadsim.files.yaml_words import TEXT, did_you_mean, expected, found, is_null, limits, shown, unit_of, unless_null
+from quadsim.files.yaml_words import (
+    TEXT,
+    did_you_mean,
+    expected,
+    found,
+    is_null,
+    limits,
+    shown,
+    unit_of,
+    unless_null,
+)
 
 DECIMAL = re.compile(r"[-+]?((0|[1-9]\d*)(\.\d*)?|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 RENAMED = {"ess": "target_ess"}  # keys of older versions
@@ -30,7 +41,8 @@ class Misfit(Exception):  # noqa: N818 (strict_yaml turns it into a FileError, w
 
 
 def value(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> Any:
-    """The node as what `kind` (of msgspec.inspect) asks for; a unit is handed down to the items. Raises Misfit."""
+    """The node as what `kind` (of msgspec.inspect) asks for; a unit is handed down to the items.
+    Raises Misfit."""
     text = node.value if isinstance(node, yaml.ScalarNode) else ""
     unquoted = "" if getattr(node, "style", None) else text
     match kind:
@@ -56,7 +68,8 @@ def value(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> Any:
 
 
 def descend(node: yaml.Node, path: str) -> yaml.Node:
-    """The node at "gates[3].yaw_deg", or the nearest above it where the file leaves that key to its default."""
+    """The node at "gates[3].yaw_deg", or the nearest above it where the file leaves that key to its
+    default."""
     for part in re.findall(r"[^.\[\]]+", path):
         if isinstance(node, yaml.MappingNode):
             children = {key.value: child for key, child in node.value}
@@ -72,7 +85,11 @@ def _within_range(number: float, node: yaml.Node, kind: Any, path: str, unit: st
     above = (kind.ge is None or number >= kind.ge) and (kind.gt is None or number > kind.gt)
     below = (kind.le is None or number <= kind.le) and (kind.lt is None or number < kind.lt)
     if not (above and below):
-        raise Misfit(node.start_mark, path, f"expected {expected(kind, unit)} {limits(kind)}, got {node.value[:60]}")
+        raise Misfit(
+            node.start_mark,
+            path,
+            f"expected {expected(kind, unit)} {limits(kind)}, got {node.value[:60]}",
+        )
     return number
 
 
@@ -88,7 +105,9 @@ def _mapping(node: yaml.Node, kind: Any, path: str) -> dict[str, Any]:
         values[key] = value(value_node, fields[key].type, _join(path, key))
     for name, field in fields.items():
         if field.required and name not in values:
-            raise Misfit(node.start_mark, _join(path, name), f"missing, expected {expected(field.type)}")
+            raise Misfit(
+                node.start_mark, _join(path, name), f"missing, expected {expected(field.type)}"
+            )
     return values
 
 
@@ -114,7 +133,10 @@ def _sequence(node: yaml.Node, kind: Any, path: str, unit: str) -> list[Any]:
     kinds = kind.item_types if isinstance(kind, inspect.TupleType) else (kind.item_type,) * count
     if count != len(kinds) or count < (getattr(kind, "min_length", None) or 0):
         raise Misfit(node.start_mark, path, f"expected {expected(kind, unit)}, got {count}")
-    return [value(n, k, f"{path}[{i}]", unit) for i, (n, k) in enumerate(zip(node.value, kinds, strict=True))]
+    return [
+        value(n, k, f"{path}[{i}]", unit)
+        for i, (n, k) in enumerate(zip(node.value, kinds, strict=True))
+    ]
 
 
 def _join(path: str, key: str) -> str:

@@ -1,4 +1,5 @@
-"""The words of an error in a file: what a msgspec type asks for, what a YAML node holds, which name is near."""
+"""The words of an error in a file: what a msgspec type asks for, what a YAML node holds, which name
+is near."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ TRAPS = (
 
 
 def expected(kind: Any, unit: str = "", count: str = "") -> str:
-    """What `kind` (of msgspec.inspect) asks for, with its unit: "3 numbers [m]"; `count` of them where given."""
+    """What `kind` (of msgspec.inspect) asks for, with its unit: "3 numbers [m]"; `count` of them
+    where given."""
     noun, rest = "mapping", ""
     match kind:
         case inspect.Metadata():
@@ -57,14 +59,19 @@ def limits(kind: Any) -> str:
 def found(node: yaml.Node, kind: Any = None) -> str:
     """What stands there, and the trap of YAML 1.1 that it fell into."""
     if not isinstance(node, yaml.ScalarNode):
-        return f"a list of {len(node.value)}" if isinstance(node, yaml.SequenceNode) else "a mapping"
+        return (
+            f"a list of {len(node.value)}" if isinstance(node, yaml.SequenceNode) else "a mapping"
+        )
     if is_null(node):
         return "nothing"
     if node.style:
         return f"the quoted text {shown(node.value)}"
     traps = [why for pattern, why in TRAPS if pattern.fullmatch(node.value)]
     if isinstance(kind, inspect.StrType) and node.tag != TEXT:
-        traps = [*(traps or [f"YAML reads it as {node.tag.rpartition(':')[2]}"]), "put it in quotes"]
+        traps = [
+            *(traps or [f"YAML reads it as {node.tag.rpartition(':')[2]}"]),
+            "put it in quotes",
+        ]
     return shown(node.value) + (f" ({'; '.join(traps)})" if traps else "")
 
 

@@ -1,8 +1,9 @@
-"""Ways around frames and boxes that a solution hits beside its targets: half-spaces for a few of its nodes.
+"""Ways around frames and boxes that a solution hits beside its targets: half-spaces for a few of
+its nodes.
 
-The space around a frame or a box is not convex. So a race is solved without them first; where the referee then finds a
-hit, the nodes in the frame's slab are held before, behind or beside it, those in a box beyond one of its faces,
-whichever is the shortest way out, and it is solved again.
+The space around a frame or a box is not convex. So a race is solved without them first; where the
+referee then finds a hit, the nodes in the frame's slab are held before, behind or beside it, those
+in a box beyond one of its faces, whichever is the shortest way out, and it is solved again.
 """
 
 from __future__ import annotations
@@ -17,10 +18,11 @@ import numpy as np
 
 from quadsim.course import Box, Gate
 from quadsim.course.opening import half_depth, outer_half_sizes
-from quadsim.limit.solution import Solution
 from quadsim.limit.task import MARGIN, Segment, Task
+from quadsim.record.limits import Solution
 
-ALONG, LEFT, UP = 0, 1, 2  # axes of a gate's frame: the passage, left and up; of a box's: its x, y and z
+# axes of a gate's frame: the passage, left and up; of a box's: its x, y and z
+ALONG, LEFT, UP = 0, 1, 2
 AXES = (ALONG, LEFT, UP)
 SIGNS = (1.0, -1.0)
 
@@ -32,12 +34,14 @@ class Side(NamedTuple):
     sign: float
 
     def depth(self, local: np.ndarray, half: Sequence[float]) -> np.ndarray:
-        """Return how deep points (..., 3) lie behind this side of the box of these half extents [m].  (...)"""
+        """Return how deep points (..., 3) lie behind this side of the box of these half extents
+        [m].  (...)"""
         return half[self.axis] - self.sign * local[..., self.axis]
 
 
 class Way(NamedTuple):
-    """Neighbouring nodes of a segment, from the first to the last, that are to be held outside a side."""
+    """Neighbouring nodes of a segment, from the first to the last, that are to be held outside a
+    side."""
 
     first: int
     last: int
@@ -60,8 +64,8 @@ class Detour:
     def holds_at(self, segment: int, node: int, intervals: int) -> bool:
         """Return whether the detour constrains this node of a segment with that many intervals.
 
-        It constrains the nodes of its part. Beyond an edge it also constrains one node on either side, so that the line
-        between two nodes stays out too.
+        It constrains the nodes of its part. Beyond an edge it also constrains one node on either
+        side, so that the line between two nodes stays out too.
         """
         first, last = (share * intervals for share in self.part)
         more = 0.0 if self.side.axis == ALONG else 1.0
@@ -87,14 +91,16 @@ def detours(
         task: what was to be flown.
         hits: time [s], and gate or box, of each hit.
     """
-    begins = np.cumsum([0, *(s.intervals for s in plan)])  # index of the node where each segment begins
+    # index of the node where each segment begins
+    begins = np.cumsum([0, *(s.intervals for s in plan)])
     for t, place in hits:
         k = int(np.searchsorted(begins, np.searchsorted(solution.t, t))) - 1
         if plan[k].kind != "approach":
             continue
         # The nodes of the segment, seen from what was hit, and the one of them at which it was hit
         own = slice(begins[k], begins[k + 1])
-        local = (solution.x[own, :3] - place.position) @ np.array(place.axes).T  # (nodes of the segment, 3)
+        # (nodes of the segment, 3)
+        local = (solution.x[own, :3] - place.position) @ np.array(place.axes).T
         hit = min(int(np.searchsorted(solution.t[own], t)), len(local) - 1)
         if isinstance(place, Box):
             half = [extent + task.radius for extent in place.half]
@@ -139,7 +145,8 @@ def _ways_out_of_a_frame(local: np.ndarray, hit: int, half: Sequence[float]) -> 
 
 
 def _way_out_of_a_box(local: np.ndarray, hit: int, half: Sequence[float]) -> Way:
-    """Return the way out of a box: one side for all nodes in it, the one nearest to the deepest of them.
+    """Return the way out of a box: one side for all nodes in it, the one nearest to the deepest of
+    them.
 
     Args:
         local: nodes of the segment in the frame of the box [m].  (nodes, 3)
@@ -153,13 +160,15 @@ def _way_out_of_a_box(local: np.ndarray, hit: int, half: Sequence[float]) -> Way
 
 
 def _nearest_side(sides: Sequence[Side], local: np.ndarray, half: Sequence[float]) -> Side:
-    """Return the side behind which the deepest of the points (n, 3) is least deep; the first of equal ones."""
+    """Return the side behind which the deepest of the points (n, 3) is least deep; the first of
+    equal ones."""
     deepest = [float(side.depth(local, half).max()) for side in sides]
     return sides[int(np.argmin(deepest))]
 
 
 def _within(inside: np.ndarray, node: int) -> tuple[int, int]:
-    """First and last of the neighbouring nodes around this one that are inside; itself where none is."""
+    """First and last of the neighbouring nodes around this one that are inside; itself where none
+    is."""
     first = last = node
     while first > 0 and inside[first - 1]:
         first -= 1

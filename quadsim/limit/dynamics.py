@@ -1,7 +1,8 @@
 """x' = f(x, u) of a vehicle, for the optimiser and for the check of what it finds.
 
-rotors   the vehicle as the plant flies it: four rotor speeds behind their lag, thrust map, mixer, rigid body, drag
-rates    the planner's model: body rates and thrust behind first-order lags, by its own `step`
+rotors   the vehicle as the plant flies it: four rotor speeds behind their lag, thrust map, mixer,
+rigid body, drag rates    the planner's model: body rates and thrust behind first-order lags, by its
+own `step`
 """
 
 from __future__ import annotations
@@ -15,10 +16,7 @@ from typing import Any
 import casadi
 import numpy as np
 
-from quadsim.physics.actuators import gyroscopic
-from quadsim.physics.allocation import mixer
-from quadsim.rotation import quaternion_rate, to_body, to_world
-from quadsim.systems.quadrotor import (
+from quadsim.dynamics.quadrotor import (
     ATTITUDE,
     BODY_RATES,
     RIGID_BODY,
@@ -31,17 +29,24 @@ from quadsim.systems.quadrotor import (
     quadrotor,
     step,
 )
+from quadsim.physics.actuators import gyroscopic
+from quadsim.physics.allocation import mixer
+from quadsim.rotation import quaternion_rate, to_body, to_world
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
-if hasattr(casadi.GlobalOptions, "setNumpyMode"):  # CasADi 3.8 warns until it is told what to make of
+# CasADi 3.8 warns until it is told what to make of
+if hasattr(casadi.GlobalOptions, "setNumpyMode"):
     casadi.GlobalOptions.setNumpyMode(-1)  # the numpy functions in `step`: CasADi's own, as always
 
-# Every state begins with the RIGID_BODY of State. Where rotors lag, their four speeds follow, or what they deliver.
+# Every state begins with the RIGID_BODY of State. Where rotors lag, their four speeds follow, or
+# what they deliver.
 BODY = RIGID_BODY.stop  # how many numbers the rigid body has
 ROTOR_SPEEDS = slice(BODY, BODY + 4)
 SPIN_UP_MAX = 1000.0  # [rad/s^2] of the body, beyond what any vehicle reaches
-YAW_MAX = 0.5  # [rad/s] of a race to be flown: rotors near full thrust cannot yaw, which this problem leaves out
-FINE = 1e-3, 2e-4  # longest step of the check, by Runge-Kutta and by the planner's step, of order 1 [s]
+# [rad/s] of a race to be flown: rotors near full thrust cannot yaw, which this problem leaves out
+YAW_MAX = 0.5
+# longest step of the check, by Runge-Kutta and by the planner's step, of order 1 [s]
+FINE = 1e-3, 2e-4
 
 
 @dataclass(frozen=True)
@@ -54,30 +59,37 @@ class Dynamics:
     high: np.ndarray
     u_low: np.ndarray  # (n_u,)
     u_high: np.ndarray
-    of_flight: Callable[[State], tuple[np.ndarray, np.ndarray]]  # x, u of the same motion and thrust
-    fine: Callable[[Any, Any, float], Iterator[tuple]]  # the states on the way, and at the end of so many seconds
-    spare: Callable[[Any, Any], tuple] = lambda x, u: ()  # of (x, u): what has to stay at or above 0
+    # x, u of the same motion and thrust
+    of_flight: Callable[[State], tuple[np.ndarray, np.ndarray]]
+    # the states on the way, and at the end of so many seconds
+    fine: Callable[[Any, Any, float], Iterator[tuple]]
+    # of (x, u): what has to stay at or above 0
+    spare: Callable[[Any, Any], tuple] = lambda x, u: ()
 
 
 def dynamics(vehicle: Vehicle, model: str, reserve: float = 0.0) -> Dynamics:
-    """reserve: share of the thrust that is left unused, for rates; then YAW_MAX holds too. Raises ValueError for a
-    vehicle that the model does not cover."""
+    """reserve: share of the thrust that is left unused, for rates; then YAW_MAX holds too. Raises
+    ValueError for a vehicle that the model does not cover."""
     if model == "rates":
-        params = replace(ModelParams.of(vehicle), yaw_cost=0.0)  # YAW_MAX in its place: the problem stays smooth
+        # YAW_MAX in its place: the problem stays smooth
+        params = replace(ModelParams.of(vehicle), yaw_cost=0.0)
         if reserve:
             roll, pitch, yaw = params.rate_max
             thrust = (1.0 - reserve) * params.thrust_max
             params = replace(params, rate_max=(roll, pitch, min(yaw, YAW_MAX)), thrust_max=thrust)
         return rates(params)
     if reserve:
-        raise ValueError(f"--reserve: expected 0 for --model rotors, got {reserve:g}: take --model rates")
+        raise ValueError(
+            f"--reserve: expected 0 for --model rotors, got {reserve:g}: take --model rates"
+        )
     if vehicle.rotors is None:
         raise ValueError(f"--model: {vehicle.name} has no rotors: take rates")
     return rotors(vehicle, vehicle.rotors)
 
 
 def rotors(vehicle: Vehicle, r: Rotors) -> Dynamics:
-    """u: commanded rotor speeds [rad/s], or thrusts [N] of rotors that follow at once and so have no states."""
+    """u: commanded rotor speeds [rad/s], or thrusts [N] of rotors that follow at once and so have
+    no states."""
     mass, inertia, mix = vehicle.mass, vehicle.inertia, mixer(r)
     weakest, strongest = max(0.0, r.thrust(r.omega_min)), r.thrust(r.omega_max)
     lags = r.tau > 0.0
@@ -87,10 +99,14 @@ def rotors(vehicle: Vehicle, r: Rotors) -> Dynamics:
         v, q, omega = x[VELOCITY], x[ATTITUDE], x[BODY_RATES]
         speeds = x[ROTOR_SPEEDS]
         thrusts = tuple(map(r.thrust, speeds)) if lags else u
-        force, *torque = (a * thrusts[0] + b * thrusts[1] + c * thrusts[2] + d * thrusts[3] for a, b, c, d in mix)
+        force, *torque = (
+            a * thrusts[0] + b * thrusts[1] + c * thrusts[2] + d * thrusts[3] for a, b, c, d in mix
+        )
         dx, dy, dz = (-d * b for d, b in zip(vehicle.drag, to_body(q, v), strict=True))
         ax, ay, az = to_world(q, (dx, dy, dz + force / mass))
-        spin = ((t - g) / j for t, g, j in zip(torque, gyroscopic(omega, inertia), inertia, strict=True))
+        spin = (
+            (t - g) / j for t, g, j in zip(torque, gyroscopic(omega, inertia), inertia, strict=True)
+        )
         lag = ((c - w) / r.tau for c, w in zip(u, speeds, strict=True)) if lags else ()
         return (*v, ax, ay, az - GRAVITY, *_turn(q, omega), *spin, *lag)
 
@@ -120,13 +136,16 @@ def rotors(vehicle: Vehicle, r: Rotors) -> Dynamics:
 
 
 def rates(model: ModelParams) -> Dynamics:
-    """u: CONTROL, within what leaves the rotors the thrust they need to turn, so that `step` never clips.
+    """u: CONTROL, within what leaves the rotors the thrust they need to turn, so that `step` never
+    clips.
 
     Without rotor lag, thrust and angular acceleration follow at once and are no states.
     """
     tau, n = model.motor_tau, BODY + 4 if model.motor_tau > 0.0 else BODY
     if min(model.rate_tau) <= 0.0:
-        raise ValueError("--model: rates needs a vehicle whose body rates lag (rate_tau > 0): take rotors")
+        raise ValueError(
+            "--model: rates needs a vehicle whose body rates lag (rate_tau > 0): take rotors"
+        )
 
     def whole(x) -> State:
         """Return the state with zeros for what is no state without rotor lag."""
@@ -157,7 +176,10 @@ def rates(model: ModelParams) -> Dynamics:
         tau_x, tau_y, _ = model.rate_tau
         cx = (command.wx - now.wx) / tau_x
         cy = (command.wy - now.wy) / tau_y
-        reserves = [a * model.tilt_cost[0] * cx + b * model.tilt_cost[1] * cy for a, b in product((1, -1), repeat=2)]
+        reserves = [
+            a * model.tilt_cost[0] * cx + b * model.tilt_cost[1] * cy
+            for a, b in product((1, -1), repeat=2)
+        ]
         above = [model.thrust_max - command.thrust - s for s in reserves]
         below = [command.thrust - model.thrust_min - s for s in reserves]
         return (*above, *below)
@@ -196,7 +218,9 @@ def runge_kutta(rate: Callable, x: Any, u: Any, h: Any) -> tuple:
     b = rate(_plus(x, 0.5 * h, a), u)
     c = rate(_plus(x, 0.5 * h, b), u)
     d = rate(_plus(x, h, c), u)
-    return _plus(x, h / 6, tuple(k1 + 2 * (k2 + k3) + k4 for k1, k2, k3, k4 in zip(a, b, c, d, strict=True)))
+    return _plus(
+        x, h / 6, tuple(k1 + 2 * (k2 + k3) + k4 for k1, k2, k3, k4 in zip(a, b, c, d, strict=True))
+    )
 
 
 def _plus(x: Any, h: Any, rate: tuple) -> tuple:

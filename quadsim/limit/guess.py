@@ -1,4 +1,5 @@
-"""Where the optimiser starts from: straight lines at constant speed, a flight that was flown, another solution."""
+"""Where the optimiser starts from: straight lines at constant speed, a flight that was flown,
+another solution."""
 
 from __future__ import annotations
 
@@ -7,10 +8,10 @@ from math import sqrt
 
 import numpy as np
 
+from quadsim.dynamics.quadrotor import ATTITUDE, STATE, VELOCITY, State
 from quadsim.limit.dynamics import Dynamics
-from quadsim.limit.solution import Solution
 from quadsim.limit.task import INSIDE, Segment, Task, Waypoint, legs, reach, segments
-from quadsim.systems.quadrotor import ATTITUDE, STATE, VELOCITY, State
+from quadsim.record.limits import Solution
 from quadsim.vehicle import GRAVITY
 
 SHORT = 0.2  # [s] that a leg takes at least
@@ -19,7 +20,8 @@ SOON = 1e-6  # [s] between the two states at a corner
 
 @dataclass(frozen=True)
 class Guess:
-    """A flight, roughly: a model's states and controls over time, and when the task's points were passed."""
+    """A flight, roughly: a model's states and controls over time, and when the task's points were
+    passed."""
 
     name: str
     t: np.ndarray  # (n,) [s]
@@ -29,7 +31,10 @@ class Guess:
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """States, their attitudes of unit length, and controls.  t (k,) -> (k, n_x), (k, n_u)"""
-        x, u = (np.column_stack([np.interp(t, self.t, c) for c in rows.T]) for rows in (_continuous(self.x), self.u))
+        x, u = (
+            np.column_stack([np.interp(t, self.t, c) for c in rows.T])
+            for rows in (_continuous(self.x), self.u)
+        )
         x[:, ATTITUDE] /= np.linalg.norm(x[:, ATTITUDE], axis=1, keepdims=True)
         return x, u
 
@@ -39,15 +44,23 @@ class Guess:
         ends = [0.0]
         for s in plan:
             gate = s.target < len(task.targets) and not isinstance(task.targets[s.target], Waypoint)
-            aside = {"approach": -reach(task), "inside": reach(task)}.get(s.kind, 0.0) if gate else 0.0
-            ends.append(max(self.passes[s.target] + aside / max(speeds[s.target], 1.0), ends[-1] + 0.01))
+            aside = (
+                {"approach": -reach(task), "inside": reach(task)}.get(s.kind, 0.0) if gate else 0.0
+            )
+            ends.append(
+                max(self.passes[s.target] + aside / max(speeds[s.target], 1.0), ends[-1] + 0.01)
+            )
         return np.diff(ends).tolist()
 
 
 def speeds(task: Task, acceleration: float) -> list[float]:
-    """Of straight lines to start from [m/s]: shares of what this acceleration [m/s^2] gives on a mean leg from rest."""
+    """Of straight lines to start from [m/s]: shares of what this acceleration [m/s^2] gives on a
+    mean leg from rest."""
     lengths = legs(task)
-    return [round(share * sqrt(2.0 * acceleration * sum(lengths) / len(lengths)), 1) for share in (0.2, 0.3, 0.45)]
+    return [
+        round(share * sqrt(2.0 * acceleration * sum(lengths) / len(lengths)), 1)
+        for share in (0.2, 0.3, 0.45)
+    ]
 
 
 def straight(task: Task, model: Dynamics, speed: float) -> Guess:
@@ -69,10 +82,14 @@ def straight(task: Task, model: Dynamics, speed: float) -> Guess:
             )
             rows.append(x)
         t += [end - leg + SOON, end]
-    return _of_flight(f"straight lines at {speed:g} m/s", model, np.array(t), np.array(rows), passes)
+    return _of_flight(
+        f"straight lines at {speed:g} m/s", model, np.array(t), np.array(rows), passes
+    )
 
 
-def flown(name: str, model: Dynamics, telemetry: dict[str, np.ndarray], passes: list[float]) -> Guess:
+def flown(
+    name: str, model: Dynamics, telemetry: dict[str, np.ndarray], passes: list[float]
+) -> Guess:
     """telemetry: columns of a run; passes: when it passed the gates [s]."""
     rows = np.column_stack([telemetry[column] for column in STATE])
     return _of_flight(name, model, telemetry["t"], rows, np.array(passes))
@@ -83,11 +100,15 @@ def solved(name: str, s: Solution, task: Task) -> Guess:
     passes = []
     for segment in (p for p in segments(task, [1] * len(task.points)) if p.kind != "approach"):
         ends = s.t[1:][s.target == segment.target]
-        passes.append(0.5 * (ends[-1] + ends[-1 - INSIDE]) if segment.kind == "inside" else ends[-1])
+        passes.append(
+            0.5 * (ends[-1] + ends[-1 - INSIDE]) if segment.kind == "inside" else ends[-1]
+        )
     return Guess(name, s.t, s.x, np.vstack([s.u, s.u[-1:]]), np.array(passes))
 
 
-def _of_flight(name: str, model: Dynamics, t: np.ndarray, rows: np.ndarray, passes: np.ndarray) -> Guess:
+def _of_flight(
+    name: str, model: Dynamics, t: np.ndarray, rows: np.ndarray, passes: np.ndarray
+) -> Guess:
     """rows: states in the order of STATE.  (n, 17)"""
     x, u = zip(*(model.of_flight(State(*row)) for row in rows), strict=True)
     return Guess(name, t, np.array(x), np.array(u), passes)

@@ -11,9 +11,9 @@ import numpy as np
 from quadsim.limit.detours import Detour
 from quadsim.limit.dynamics import Dynamics
 from quadsim.limit.guess import Guess
-from quadsim.limit.solution import Solution
 from quadsim.limit.task import Task
 from quadsim.limit.transcription import Shooting, shooting, state_scale
+from quadsim.record.limits import Solution
 
 ITERATIONS = 1500
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
@@ -72,7 +72,8 @@ def solve(
     show: Show | None = None,
     around: Sequence[Detour] = (),
 ) -> Solution:
-    """nodes: intervals on the way to each of `task.points` but the first; around: frames beside the targets.
+    """nodes: intervals on the way to each of `task.points` but the first; around: frames beside the
+    targets.
 
     Raises NotSolvedError, and what `show` raises.
     """
@@ -93,9 +94,18 @@ def solve(
 
 
 def _read(s: Shooting, z: casadi.MX, found: dict, lengths: np.ndarray) -> Solution:
-    read = casadi.Function("read", [z], [casadi.horzcat(*s.x), casadi.horzcat(*s.u), casadi.vertcat(*s.h)])
+    read = casadi.Function(
+        "read", [z], [casadi.horzcat(*s.x), casadi.horzcat(*s.u), casadi.vertcat(*s.h)]
+    )
     x, u, h = (np.array(part) for part in read(found["x"]))
     multipliers = np.array(found["lam_g"]).ravel()
     costate = np.array([multipliers[d] for d in s.defects]) / state_scale(s.model)
     t = np.append(0.0, np.cumsum(np.repeat(h.ravel(), lengths)))
-    return Solution(s.model.name, t, x.T, u.T, costate, np.repeat([segment.target for segment in s.plan], lengths))
+    return Solution(
+        s.model.name,
+        t,
+        x.T,
+        u.T,
+        costate,
+        np.repeat([segment.target for segment in s.plan], lengths),
+    )

@@ -45,18 +45,24 @@ class Task:
         return [first, *(t.position for t in self.targets), *([self.end] if self.end else [])]
 
 
-def race_task(course: Course, radius: float, laps: int, closed: bool = False, margin: float = 0.0) -> Task:
-    """The race as the referee judges it. closed: the fastest lap that could be flown for ever, without a start."""
+def race_task(
+    course: Course, radius: float, laps: int, closed: bool = False, margin: float = 0.0
+) -> Task:
+    """The race as the referee judges it. closed: the fastest lap that could be flown for ever,
+    without a start."""
     (x0, x1), (y0, y1), (z0, z1) = course.bounds
     floor = max(z0, radius + GROUND)
     bounds = tuple((low + MARGIN, high - MARGIN) for low, high in ((x0, x1), (y0, y1), (floor, z1)))
     start = None if closed else course.start
-    return Task(course.gates * laps, start, bounds, radius, obstacles=course.obstacles, margin=margin)
+    return Task(
+        course.gates * laps, start, bounds, radius, obstacles=course.obstacles, margin=margin
+    )
 
 
 @dataclass(frozen=True)
 class Segment:
-    """Intervals of equal length [s]; what has to hold at their end, and inside a gate at every node."""
+    """Intervals of equal length [s]; what has to hold at their end, and inside a gate at every
+    node."""
 
     target: int  # index; the number of targets: the end at rest
     kind: Literal["approach", "inside", "finish", "waypoint", "rest"]
@@ -80,7 +86,8 @@ def segments(task: Task, nodes: Sequence[int]) -> list[Segment]:
 
 
 def reach(task: Task) -> float:
-    """Return the distance from a gate's plane to its entry and exit, where the sphere is clear of the frame [m]."""
+    """Return the distance from a gate's plane to its entry and exit, where the sphere is clear of
+    the frame [m]."""
     return half_depth(task.radius)
 
 
@@ -97,7 +104,8 @@ def legs(task: Task) -> list[float]:
 
 
 def mesh(task: Task, intervals: float) -> list[int]:
-    """Intervals to each point: so many on a leg of mean length, others by the root of theirs, as time goes; 6 or more.
+    """Intervals to each point: so many on a leg of mean length, others by the root of theirs, as
+    time goes; 6 or more.
 
     At the same mean acceleration the time of a leg grows with the root of its length.
     """

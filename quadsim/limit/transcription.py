@@ -1,11 +1,12 @@
 """Direct multiple shooting: a task and a model become a nonlinear program (Bock and Plitt 1984).
 
     minimise    sum over segments of n_s h_s
-    such that   x_{k+1} = Phi(x_k, u_k, h_s)    the state at each node is where the interval before it leads
-                limits of state, control and thrust; the gates' openings; start and end
+    such that   x_{k+1} = Phi(x_k, u_k, h_s)    the state at each node is where the interval before
+                it leads limits of state, control and thrust; the gates' openings; start and end
 
-Phi is the classical Runge-Kutta method with the attitude normalised. Without that the optimiser exploits what the
-method does to |q|, whose square scales the thrust: laps 15 % too fast that solve the equations to 1e-8.
+Phi is the classical Runge-Kutta method with the attitude normalised. Without that the optimiser
+exploits what the method does to |q|, whose square scales the thrust: laps 15 % too fast that solve
+the equations to 1e-8.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ import casadi
 import numpy as np
 
 from quadsim.course import Box, Cylinder, Gate
+from quadsim.dynamics.quadrotor import ATTITUDE, BODY_RATES, POSITION, VELOCITY
 from quadsim.limit.detours import Detour
 from quadsim.limit.dynamics import Dynamics, runge_kutta
 from quadsim.limit.guess import Guess
 from quadsim.limit.task import MARGIN, PAST, Segment, Task, Waypoint, reach, room, segments
 from quadsim.physics.plant_state import start_state
-from quadsim.systems.quadrotor import ATTITUDE, BODY_RATES, POSITION, VELOCITY
 
 SPEED_MAX = 100.0  # [m/s] beyond what any vehicle reaches
 SLOWEST, FASTEST = 2.0, 0.1  # length of a segment over that of the guess
@@ -35,7 +36,8 @@ AFTER_ATTITUDE = slice(ATTITUDE.stop, None)  # body rates and what the rotors do
 
 @dataclass
 class Program:
-    """min f(z) such that low <= z <= high, g_low <= g(z) <= g_high; collected node by node, in the order of time."""
+    """min f(z) such that low <= z <= high, g_low <= g(z) <= g_high; collected node by node, in the
+    order of time."""
 
     z: list = field(default_factory=list)
     start: list = field(default_factory=list)
@@ -50,7 +52,11 @@ class Program:
         scale = np.broadcast_to(scale, len(start)).astype(float)
         z = casadi.MX.sym(name, len(start))
         self.z.append(z)
-        for kept, values in ((self.start, np.clip(start, low, high)), (self.low, low), (self.high, high)):
+        for kept, values in (
+            (self.start, np.clip(start, low, high)),
+            (self.low, low),
+            (self.high, high),
+        ):
             kept.extend(np.broadcast_to(values, len(start)) / scale)
         return z * casadi.DM(scale)
 
@@ -77,7 +83,9 @@ class Shooting:
     defects: list[slice]  # (nodes - 1) of the continuity constraints
 
 
-def shooting(task: Task, model: Dynamics, nodes: list[int], guess: Guess, around: Sequence[Detour] = ()) -> Shooting:
+def shooting(
+    task: Task, model: Dynamics, nodes: list[int], guess: Guess, around: Sequence[Detour] = ()
+) -> Shooting:
     """nodes: intervals on the way to each of `task.points` but the first."""
     plan = segments(task, nodes)
     s = Shooting(task, model, plan, Program(), [], [], [], [])
@@ -101,7 +109,9 @@ def shooting(task: Task, model: Dynamics, nodes: list[int], guess: Guess, around
             after = s.program.variable("x", x_guess, lowest, high, scale)
             reached, between, middle = advance(x, u, h)
             s.defects.append(s.program.hold((reached - after) / casadi.DM(scale), 0.0, 0.0))
-            s.program.hold(between, np.tile(low[BODY_RATES], STEPS - 1), np.tile(high[BODY_RATES], STEPS - 1))
+            s.program.hold(
+                between, np.tile(low[BODY_RATES], STEPS - 1), np.tile(high[BODY_RATES], STEPS - 1)
+            )
             for end in (x, after) if spare else ():
                 s.program.hold(spare(end, u), 0.0, np.inf)  # pyright: ignore
             _hold_clear(s, (middle, after[POSITION]), x_guess, h0)
@@ -140,8 +150,13 @@ def state_scale(model: Dynamics) -> np.ndarray:
 
 
 def _interval(model: Dynamics) -> casadi.Function:
-    """(x, u, h) -> x after one interval of h [s], the body rates inside it, and the position in its middle."""
-    x, u, h = casadi.SX.sym("x", len(model.low)), casadi.SX.sym("u", len(model.u_low)), casadi.SX.sym("h")
+    """(x, u, h) -> x after one interval of h [s], the body rates inside it, and the position in its
+    middle."""
+    x, u, h = (
+        casadi.SX.sym("x", len(model.low)),
+        casadi.SX.sym("u", len(model.u_low)),
+        casadi.SX.sym("h"),
+    )
     after, between, middle = tuple(casadi.vertsplit(x)), [], []
     for k in range(1, STEPS + 1):
         after = runge_kutta(model.rate, after, tuple(casadi.vertsplit(u)), h / STEPS)
@@ -151,7 +166,9 @@ def _interval(model: Dynamics) -> casadi.Function:
             middle = after[POSITION]
     q = casadi.vertcat(*after[ATTITUDE])
     after = casadi.vertcat(*after[BEFORE_ATTITUDE], q / casadi.norm_2(q), *after[AFTER_ATTITUDE])
-    return casadi.Function("interval", [x, u, h], [after, casadi.vertcat(*between), casadi.vertcat(*middle)])
+    return casadi.Function(
+        "interval", [x, u, h], [after, casadi.vertcat(*between), casadi.vertcat(*middle)]
+    )
 
 
 def _spare(model: Dynamics) -> casadi.Function | None:
@@ -184,7 +201,8 @@ def _hold_at(s: Shooting, segment: Segment, x: Any, at_end: bool) -> None:
 
 
 def _hold_clear(s: Shooting, points: Sequence[Any], guess: np.ndarray, h: float) -> None:
-    """Beside the cylinders that the guess does not fly over, by what the line between two points cuts off them."""
+    """Beside the cylinders that the guess does not fly over, by what the line between two points
+    cuts off them."""
     _, _, height = guess[POSITION]
     for o in s.task.obstacles:
         clear = s.task.radius + MARGIN
@@ -202,7 +220,8 @@ def _local(gate: Gate | Box, x: Any) -> Any:
 
 
 def _close(program: Program, first: Any, last: Any) -> None:
-    """The lap ends as it begins. Attitudes q and -q are the same: the vector part of q0^-1 q1 is zero."""
+    """The lap ends as it begins. Attitudes q and -q are the same: the vector part of q0^-1 q1 is
+    zero."""
     for part in (BEFORE_ATTITUDE, AFTER_ATTITUDE):
         program.hold(last[part] - first[part], 0.0, 0.0)
     q0, q1 = first[ATTITUDE], last[ATTITUDE]

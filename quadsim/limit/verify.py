@@ -1,4 +1,5 @@
-"""Does a solution hold? Fine integration from every node, the limits on the way, and the referee's own test."""
+"""Does a solution hold? Fine integration from every node, the limits on the way, and the referee's
+own test."""
 
 from __future__ import annotations
 
@@ -10,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from quadsim.dynamics.quadrotor import ATTITUDE, BODY_RATES, POSITION
 from quadsim.limit.dynamics import Dynamics
-from quadsim.limit.solution import Solution
-from quadsim.systems.quadrotor import ATTITUDE, BODY_RATES, POSITION
+from quadsim.record.limits import Solution
 
 RESIDUAL = 5e-3  # [m] between a node and where the interval before it leads
 WORTH = 1e-3  # of the race's time
 UNIT = 1e-3  # of |q|
-# Of the limit of a body rate, and [rad/s], which may come on top of it between two nodes. The limit is one of commands:
-# behind it the rates of a flown vehicle overshoot by up to 8 % (damping 0.62).
+# Of the limit of a body rate, and [rad/s], which may come on top of it between two nodes. The limit
+# is one of commands: behind it the rates of a flown vehicle overshoot by up to 8 % (damping 0.62).
 RATE = 0.05, 0.06
 FOUL = ("hit", "ground", "bounds", "timeout")
 
@@ -37,11 +38,14 @@ class Verified:
 
     def summary(self) -> dict[str, Any]:
         """As JSON, the events counted by their kind."""
-        return asdict(replace(self, events=())) | {"events": dict(Counter(e.kind for e in self.events))}
+        return asdict(replace(self, events=())) | {
+            "events": dict(Counter(e.kind for e in self.events))
+        }
 
 
 def verify(solution: Solution, model: Dynamics, referee: Any = None) -> Verified:
-    """referee: of quadsim.race.referee, in the mode that goes on after a hit; it sees every step of the integration."""
+    """referee: of quadsim.race.referee, in the mode that goes on after a hit; it sees every step of
+    the integration."""
     found = Verified()
     x, t = solution.x.tolist(), solution.t.tolist()
     for k, u in enumerate(solution.u.tolist()):
@@ -50,9 +54,12 @@ def verify(solution: Solution, model: Dynamics, referee: Any = None) -> Verified
         found.residual = max(found.residual, float(np.linalg.norm(residual[POSITION])))
         found.worth += abs(float(solution.costate[k] @ residual))
         found.attitude = max(found.attitude, *(abs(hypot(*p[ATTITUDE]) - 1.0) for p in path))
-        found.body_rate = tuple(np.abs([found.body_rate, *(p[BODY_RATES] for p in path)]).max(axis=0).tolist())
+        found.body_rate = tuple(
+            np.abs([found.body_rate, *(p[BODY_RATES] for p in path)]).max(axis=0).tolist()
+        )
         if referee:
-            points = [x[k], *path[:-1], x[k + 1]]  # what is left at the node is part of the last step
+            # what is left at the node is part of the last step
+            points = [x[k], *path[:-1], x[k + 1]]
             times = np.linspace(t[k], t[k + 1], len(points)).tolist()
             for i in range(len(path)):
                 before, after = tuple(points[i][POSITION]), tuple(points[i + 1][POSITION])
@@ -60,7 +67,11 @@ def verify(solution: Solution, model: Dynamics, referee: Any = None) -> Verified
     if referee:
         found.outcome = referee.outcome
         found.events = tuple(referee.events)
-    found.broken = [*_broken(found, solution), *_outside(found, solution, model), *_incidents(referee)]
+    found.broken = [
+        *_broken(found, solution),
+        *_outside(found, solution, model),
+        *_incidents(referee),
+    ]
     return found
 
 
@@ -74,15 +85,22 @@ def _broken(found: Verified, solution: Solution) -> Iterator[str]:
 
 
 def _outside(found: Verified, solution: Solution, model: Dynamics) -> Iterator[str]:
-    """Of the vehicle's limits: of the controls at the nodes, where they hold to rounding, of the body rates always."""
+    """Of the vehicle's limits: of the controls at the nodes, where they hold to rounding, of the
+    body rates always."""
     allowed = (1.0 + RATE[0]) * model.high[BODY_RATES] + RATE[1]
     if (np.array(found.body_rate) > allowed).any():
         asked, got = (", ".join(f"{w:.3g}" for w in rates) for rates in (allowed, found.body_rate))
         yield f"body rates: expected at most {asked} rad/s, got {got}"
     tolerance = 1e-4 * np.maximum(np.abs(model.u_high), np.abs(model.u_low))
-    if (solution.u < model.u_low - tolerance).any() or (solution.u > model.u_high + tolerance).any():
+    if (solution.u < model.u_low - tolerance).any() or (
+        solution.u > model.u_high + tolerance
+    ).any():
         yield "controls: expected all within the vehicle's limits, found one beyond"
-    spare = [s for x, u in zip(solution.x, solution.u, strict=False) for s in model.spare(tuple(x), tuple(u))]
+    spare = [
+        s
+        for x, u in zip(solution.x, solution.u, strict=False)
+        for s in model.spare(tuple(x), tuple(u))
+    ]
     if min(spare, default=0.0) < -1e-2:
         yield f"thrust: expected room for the torque [m/s^2], got {min(spare):.2g}"
 

@@ -11,10 +11,10 @@ from collections import deque
 from collections.abc import Sequence
 from math import isfinite
 
+from quadsim.dynamics.first_order import remaining, response
+from quadsim.dynamics.quadrotor import Control
 from quadsim.physics.allocation import PerRotor, allocate, mixer, shares
 from quadsim.rotation import Vec3
-from quadsim.systems.first_order import remaining, response
-from quadsim.systems.quadrotor import Control
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
 HOVER = Control(wx=0.0, wy=0.0, wz=0.0, thrust=GRAVITY)
@@ -25,9 +25,12 @@ def clamp_command(command: Sequence[float], vehicle: Vehicle) -> Control:
 
     Raises ValueError if a number is not finite. command: in the order of Control.
     """
-    wx, wy, wz, thrust = map(float, command)  # a float32 would make all that follows single precision
+    # a float32 would make all that follows single precision
+    wx, wy, wz, thrust = map(float, command)
     if not all(map(isfinite, (wx, wy, wz, thrust))):
-        raise ValueError(f"command: expected finite body rates [rad/s] and thrust [m/s^2], got {wx, wy, wz, thrust}")
+        raise ValueError(
+            f"command: expected finite body rates [rad/s] and thrust [m/s^2], got {wx, wy, wz, thrust}"
+        )
     mx, my, mz = vehicle.rate_max
     return Control(
         min(max(wx, -mx), mx),
@@ -40,8 +43,9 @@ def clamp_command(command: Sequence[float], vehicle: Vehicle) -> Control:
 def rate_torque(omega: Vec3, omega_cmd: Vec3, gain: Vec3, inertia: Vec3) -> Vec3:
     """J K (omega_cmd - omega) + omega x J omega [N m].
 
-    With K = (1 - exp(-dt/tau)) / dt an explicit Euler step of dt lands exactly on the first-order response,
-    63 % at tau for any dt. The second term cancels the gyroscopic one that the body's own dynamics contain.
+    With K = (1 - exp(-dt/tau)) / dt an explicit Euler step of dt lands exactly on the first-order
+    response, 63 % at tau for any dt. The second term cancels the gyroscopic one that the body's own
+    dynamics contain.
     """
     wx, wy, wz = omega
     wx_cmd, wy_cmd, wz_cmd = omega_cmd
@@ -63,7 +67,8 @@ def gyroscopic(omega: Vec3, inertia: Vec3) -> Vec3:
 
 
 def angular_acceleration(omega: Vec3, torque: Vec3, inertia: Vec3) -> Vec3:
-    """J^-1 (tau - omega x J omega) [rad/s^2]: Euler's equation of a rigid body, in its own frame."""
+    """J^-1 (tau - omega x J omega) [rad/s^2]: Euler's equation of a rigid body, in its own
+    frame."""
     tx, ty, tz = torque
     gx, gy, gz = gyroscopic(omega, inertia)
     jx, jy, jz = inertia
@@ -75,27 +80,34 @@ class Motors:
 
     def __init__(self, vehicle: Vehicle, rotors: Rotors, dt: float):
         self._rotors, self._mixer, self._share = rotors, mixer(rotors), shares(rotors)
-        self._low = max(0.0, rotors.thrust(rotors.omega_min))  # a fitted map may go below zero at idle
+        # a fitted map may go below zero at idle
+        self._low = max(0.0, rotors.thrust(rotors.omega_min))
         self._high = rotors.thrust(rotors.omega_max)
         self._remaining = remaining(rotors.tau, dt)
         self.speeds: PerRotor = (rotors.speed(0.25 * vehicle.mass * GRAVITY),) * 4  # [rad/s]
 
     def drive(self, collective: float, torque: Vec3) -> tuple[float, Vec3]:
         """One step towards the demand: the collective [N] and torque [N m] delivered at its end."""
-        commands = map(self._rotors.speed, allocate(self._share, collective, torque, self._low, self._high))
-        self.speeds = tuple(c + (w - c) * self._remaining for w, c in zip(self.speeds, commands, strict=True))
+        commands = map(
+            self._rotors.speed, allocate(self._share, collective, torque, self._low, self._high)
+        )
+        self.speeds = tuple(
+            c + (w - c) * self._remaining for w, c in zip(self.speeds, commands, strict=True)
+        )
         t0, t1, t2, t3 = map(self._rotors.thrust, self.speeds)
         force, x, y, z = (a * t0 + b * t1 + c * t2 + d * t3 for a, b, c, d in self._mixer)
         return force, (x, y, z)
 
 
 class Actuators:
-    """One vehicle's actuators, stepped every dt [s]. Their state: commands within the latency, rotor speeds."""
+    """One vehicle's actuators, stepped every dt [s]. Their state: commands within the latency,
+    rotor speeds."""
 
     def __init__(self, vehicle: Vehicle, dt: float):
         self._vehicle = vehicle
         tau_x, tau_y, tau_z = vehicle.rate_tau
-        self._gain = response(tau_x, dt) / dt, response(tau_y, dt) / dt, response(tau_z, dt) / dt  # [1/s]
+        # [1/s]
+        self._gain = response(tau_x, dt) / dt, response(tau_y, dt) / dt, response(tau_z, dt) / dt
         self._delayed: deque[Control] = deque([HOVER] * round(vehicle.latency / dt))
         self.motors = Motors(vehicle, vehicle.rotors, dt) if vehicle.rotors else None
         self.thrust = GRAVITY  # delivered, mass-normalised, along body z [m/s^2]

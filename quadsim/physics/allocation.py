@@ -1,4 +1,5 @@
-"""Allocation: the thrusts of four rotors for a demanded collective and torque, with priorities where they saturate."""
+"""Allocation: the thrusts of four rotors for a demanded collective and torque, with priorities
+where they saturate."""
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ def shares(rotors: Rotors) -> tuple[tuple[float, ...], ...]:
 def allocate(
     share: tuple[tuple[float, ...], ...], collective: float, torque: Vec3, low: float, high: float
 ) -> PerRotor:
-    """Rotor thrusts [N] in [low, high] for a collective [N] and a torque [N m], by the inverse of the mixer."""
+    """Rotor thrusts [N] in [low, high] for a collective [N] and a torque [N m], by the inverse of
+    the mixer."""
     x, y, z = torque
     tilt = tuple(s[1] * x + s[2] * y for s in share)
     twist = tuple(s[3] * z for s in share)
@@ -43,18 +45,28 @@ def allocate(
 
 
 def saturate(tilt: PerRotor, lift: float, twist: PerRotor, low: float, high: float) -> PerRotor:
-    """tilt + lift + twist within [low, high] per rotor: roll and pitch first, then collective, yaw last.
+    """tilt + lift + twist within [low, high] per rotor: roll and pitch first, then collective, yaw
+    last.
 
-    Yaw is given up first; then the collective moves up or down to make room; only a roll and pitch demand
-    wider than the whole range is scaled, its direction kept. The order is that of Smeur, Hoeppener and
-    De Wagter, "Prioritized Control Allocation for Quadrotors Subject to Saturation", IMAV 2017: roll and pitch
-    direct the thrust, yaw does not.
+    Yaw is given up first; then the collective moves up or down to make room; only a roll and pitch
+    demand wider than the whole range is scaled, its direction kept. The order is that of Smeur,
+    Hoeppener and De Wagter, "Prioritized Control Allocation for Quadrotors Subject to Saturation",
+    IMAV 2017: roll and pitch direct the thrust, yaw does not.
     """
     spread = max(tilt) - min(tilt)
     scale = (high - low) / spread if spread > high - low else 1.0
     tilt = tuple(scale * r for r in tilt)
     lift = min(max(lift, low - min(tilt)), high - max(tilt))
     base = [lift + r for r in tilt]
-    room = min([1.0, *(((high if t > 0.0 else low) - b) / t for b, t in zip(base, twist, strict=True) if t != 0.0)])
+    room = min(
+        [
+            1.0,
+            *(
+                ((high if t > 0.0 else low) - b) / t
+                for b, t in zip(base, twist, strict=True)
+                if t != 0.0
+            ),
+        ]
+    )
     room = max(room, 0.0)  # rounding may leave a base slightly outside the range
     return tuple(min(max(b + room * t, low), high) for b, t in zip(base, twist, strict=True))

@@ -1,8 +1,9 @@
-"""Domain randomization: start pose, vehicle tolerances and gusts, drawn from the plant's own random stream.
+"""Domain randomization: start pose, vehicle tolerances and gusts, drawn from the plant's own random
+stream.
 
-Everything is in proportion to a size: 0 changes nothing, 1 is a careful outdoor flight. What is drawn depends on seed
-and size alone, so that two planners with the same seed fly under the same disturbances. The planner's model remains
-that of the nominal vehicle.
+Everything is in proportion to a size: 0 changes nothing, 1 is a careful outdoor flight. What is
+drawn depends on seed and size alone, so that two planners with the same seed fly under the same
+disturbances. The planner's model remains that of the nominal vehicle.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from math import radians, sqrt
 import numpy as np
 
 from quadsim.course import Course, Start
+from quadsim.dynamics.first_order import remaining
 from quadsim.rotation import Vec3
-from quadsim.systems.first_order import remaining
 from quadsim.vehicle import Vehicle, scale_thrust
 from quadsim.vehicle.tolerances import VehicleTolerances
 
@@ -27,7 +28,8 @@ VEHICLE = VehicleTolerances()  # of its numbers, which neither flight controller
 
 @dataclass(frozen=True)
 class Randomization:
-    """What one randomized seed changes of the nominal start and vehicle. Shares are relative, 0.03 is 3 % more."""
+    """What one randomized seed changes of the nominal start and vehicle. Shares are relative, 0.03
+    is 3 % more."""
 
     offset: Vec3 = (0.0, 0.0, 0.0)  # [m]
     turn: float = 0.0  # [rad]
@@ -45,12 +47,17 @@ class Randomization:
     def vehicle(self, vehicle: Vehicle) -> Vehicle:
         """The vehicle whose actuators fly, with its lags, drag and full thrust."""
         lags = tuple(tau * (1 + self.rate_lag) for tau in vehicle.rate_tau)
-        rotors = vehicle.rotors and replace(vehicle.rotors, tau=vehicle.rotors.tau * (1 + self.motor_lag))
+        rotors = vehicle.rotors and replace(
+            vehicle.rotors, tau=vehicle.rotors.tau * (1 + self.motor_lag)
+        )
         drag = tuple(d * (1 + self.drag) for d in vehicle.drag)
-        return scale_thrust(replace(vehicle, rate_tau=lags, rotors=rotors, drag=drag), 1 + self.thrust)
+        return scale_thrust(
+            replace(vehicle, rate_tau=lags, rotors=rotors, drag=drag), 1 + self.thrust
+        )
 
     def body(self, vehicle: Vehicle) -> Vehicle:
-        """The body that the wrench acts on, with its mass and inertia, which the flight controller does not know."""
+        """The body that the wrench acts on, with its mass and inertia, which the flight controller
+        does not know."""
         inertia = tuple(j * (1 + self.mass) for j in vehicle.inertia)
         return replace(vehicle, mass=vehicle.mass * (1 + self.mass), inertia=inertia)
 
@@ -77,8 +84,8 @@ def draw(seeds: np.random.SeedSequence, size: float) -> Randomization:
 
 
 def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3]:
-    """Acceleration [m/s^2] of every physics step: an Ornstein-Uhlenbeck process, exact for any dt, stationary from the
-    first step on.
+    """Acceleration [m/s^2] of every physics step: an Ornstein-Uhlenbeck process, exact for any dt,
+    stationary from the first step on.
 
     w <- exp(-dt / tau) w + std sqrt(1 - exp(-2 dt / tau)) N(0, 1)
     """
@@ -95,8 +102,8 @@ def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3
 def displaced(course: Course, seeds: np.random.SeedSequence, size: float) -> Course:
     """The course with every gate up to `size` [m] off along x and along y, uniformly.
 
-    A gate that is flown through several times is moved once. Heights stay, as gates stand on the ground: so one above
-    another stays clear of it.
+    A gate that is flown through several times is moved once. Heights stay, as gates stand on the
+    ground: so one above another stays clear of it.
     """
     distinct = tuple(dict.fromkeys(course.gates))
     moves = size * np.random.default_rng(seeds).uniform(-1, 1, (len(distinct), 2))

@@ -1,7 +1,8 @@
 """Plants: what is flown. The controller plans with a model of it, which may differ.
 
-A quadrotor is a rigid body behind its actuators; two worlds move the rigid body, PyBullet's and our own. Another
-simulator, RotorPy, has a multirotor of its own. Any other system is flown by its own step.
+A quadrotor is a rigid body behind its actuators; two worlds move the rigid body, PyBullet's and our
+own. Another simulator, RotorPy, has a multirotor of its own. Any other system is flown by its own
+step.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from quadsim.course import Course, Start
+from quadsim.dynamics import System
+from quadsim.dynamics.quadrotor import State
 from quadsim.physics.actuators import Actuators
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.physics.rigid_body import RigidBody
 from quadsim.physics.rotorpy_plant import RotorpyPlant
 from quadsim.rotation import Quaternion, Vec3, to_body
-from quadsim.systems import System
-from quadsim.systems.quadrotor import State
 from quadsim.vehicle import Vehicle
 
 Vector = tuple[float, ...]  # a state or the parameters of any system
@@ -29,7 +30,8 @@ class Plant(Protocol):
     """A system with its own fixed physics step. One for each flight; close() frees it."""
 
     dt: float  # physics step [s]
-    # A plant may have `velocity_lag` [s]: how much older than the position the velocity of its states is.
+    # A plant may have `velocity_lag` [s]: how much older than the position the velocity of its
+    # states is.
 
     @property
     def state(self) -> PlantState[Any]: ...
@@ -67,10 +69,12 @@ class RigidPlant:
         body: Vehicle | None = None,
         gusts: Iterator[Vec3] | None = None,
     ):
-        """start: in place of the course's own. body: whose mass and inertia the world has, in place of the vehicle's,
-        by which the actuators are controlled. gusts: acceleration of each physics step, world frame [m/s^2]."""
+        """start: in place of the course's own. body: whose mass and inertia the world has, in place
+        of the vehicle's, by which the actuators are controlled. gusts: acceleration of each physics
+        step, world frame [m/s^2]."""
         self.dt = dt
-        self.velocity_lag = dt / 2  # semi-implicit Euler: p <- p + v dt, so that v is of the middle of the step
+        # semi-implicit Euler: p <- p + v dt, so that v is of the middle of the step
+        self.velocity_lag = dt / 2
         self._actuators = Actuators(vehicle, dt)
         self._world = self._new_world(course, body or vehicle, dt)
         self._mass, self._gusts = (body or vehicle).mass, gusts
@@ -119,7 +123,9 @@ class BulletPlant(RigidPlant):
     @staticmethod
     def _new_world(course: Course, body: Vehicle, dt: float) -> World:
         if not has_bullet():
-            raise ValueError("plant: 'bullet' needs PyBullet, which is not installed: install it, or fly 'rigid'")
+            raise ValueError(
+                "plant: 'bullet' needs PyBullet, which is not installed: install it, or fly 'rigid'"
+            )
         from quadsim.physics import world  # here, so that models and referees do not load pybullet
 
         return world.World(course, body, dt)
@@ -138,14 +144,17 @@ def has_bullet() -> bool:
 
 
 def default_plant() -> str:
-    """The plant that is flown unless another is asked for: "bullet" where PyBullet is installed, else "rigid"."""
+    """The plant that is flown unless another is asked for: "bullet" where PyBullet is installed,
+    else "rigid"."""
     return "bullet" if has_bullet() else "rigid"
 
 
 class NamedPlant:
-    """A quadrotor's plant of a user's own, whose states may be plain tuples of 17 numbers in the order of `State`.
+    """A quadrotor's plant of a user's own, whose states may be plain tuples of 17 numbers in the
+    order of `State`.
 
-    The same plant, with a `State` in place of the tuple: sensors and records read its numbers by name.
+    The same plant, with a `State` in place of the tuple: sensors and records read its numbers by
+    name.
     """
 
     def __init__(self, plant: Plant):
@@ -165,18 +174,23 @@ class NamedPlant:
 
 
 def named(state: PlantState[Any]) -> PlantState[State]:
-    """Return the same state with its numbers by name. Raises ValueError unless there are as many as State has."""
+    """Return the same state with its numbers by name. Raises ValueError unless there are as many as
+    State has."""
     if isinstance(state.x, State):
         return state
     if len(state.x) != len(State._fields):
-        raise ValueError(f"plant: expected a state of {len(State._fields)} numbers, got {len(state.x)}")
+        raise ValueError(
+            f"plant: expected a state of {len(State._fields)} numbers, got {len(state.x)}"
+        )
     return PlantState(state.t, State(*state.x), state.contacts)
 
 
 class ModelPlant:
     """A system flown by its own step, with an optional disturbance. Touches nothing."""
 
-    def __init__(self, system: System, x0: Sequence[float], disturb: Callable[[Vector], Vector] | None = None):
+    def __init__(
+        self, system: System, x0: Sequence[float], disturb: Callable[[Vector], Vector] | None = None
+    ):
         """Start at the state x0 (n_x,).
 
         Args:
@@ -203,6 +217,7 @@ class ModelPlant:
 
 
 def diffusion(std: Vector, dt: float, rng: np.random.Generator) -> Callable[[Vector], Vector]:
-    """Brownian disturbance: x_i += std_i sqrt(dt) N(0, 1) each step, so std_i is reached after 1 s for any dt."""
+    """Brownian disturbance: x_i += std_i sqrt(dt) N(0, 1) each step, so std_i is reached after 1 s
+    for any dt."""
     scale = np.asarray(std) * np.sqrt(dt)
     return lambda x: tuple((x + scale * rng.standard_normal(len(scale))).tolist())

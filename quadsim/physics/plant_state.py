@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from quadsim.course import Start
+from quadsim.dynamics.quadrotor import State
 from quadsim.rotation import Vec3, from_yaw
-from quadsim.systems.quadrotor import State
 from quadsim.vehicle import GRAVITY
 
 CLEARANCE = 1e-3  # between the ground and a vehicle that starts on it [m]
@@ -19,8 +19,9 @@ X = TypeVar("X", bound=tuple[float, ...])
 class PlantState(Generic[X]):
     """The state after a physics step.
 
-    The plants of a quadrotor give a `State`. Those of other systems give a tuple in the order of the system's states,
-    and so may a quadrotor's plant of a user's own: see `quadsim.physics.plant.NamedPlant`.
+    The plants of a quadrotor give a `State`. Those of other systems give a tuple in the order of
+    the system's states, and so may a quadrotor's plant of a user's own: see
+    `quadsim.physics.plant.NamedPlant`.
     """
 
     t: float  # [s]
@@ -29,13 +30,15 @@ class PlantState(Generic[X]):
 
     @property
     def position(self) -> Vec3:
-        """Of a state that begins with one [m]; a state of fewer than three numbers is filled up with zeros."""
+        """Of a state that begins with one [m]; a state of fewer than three numbers is filled up
+        with zeros."""
         x, y, z = (*self.x[:3], 0.0, 0.0)[:3]
         return x, y, z
 
 
 def start_state(start: Start, radius: float) -> State:
-    """Return the state at rest, level, with hover thrust; lifted clear of the ground where the start stands on it."""
+    """Return the state at rest, level, with hover thrust; lifted clear of the ground where the
+    start stands on it."""
     x, y, z = start.position
     return State.of(
         position=(x, y, max(z, radius + CLEARANCE)),

@@ -1,15 +1,17 @@
-"""A rigid sphere with its own inertia, integrated here: the world of a plant where PyBullet is not installed.
+"""A rigid sphere with its own inertia, integrated here: the world of a plant where PyBullet is not
+installed.
 
     v <- v + (R(q) f / m - g e_z) dt                    p <- p + v dt
     omega <- omega + J^-1 (tau - omega x J omega) dt    q <- q x exp((0, omega) dt / 2)
 
-Semi-implicit Euler, in Bullet's order: velocities by the forces of the step, then poses by the new velocities. A
-scheme of higher order would be nearer to the differential equations, but farther from the other plant: in this order
-the two differ by rounding alone, and a flight in one of them says the same as in the other.
+Semi-implicit Euler, in Bullet's order: velocities by the forces of the step, then poses by the new
+velocities. A scheme of higher order would be nearer to the differential equations, but farther from
+the other plant: in this order the two differ by rounding alone, and a flight in one of them says
+the same as in the other.
 
-Contacts are the referee's swept test. The ground stops a fall, without bounce and without friction; a gate's frame and
-an obstacle are reported only, as touching one ends a flight, and where penalties are asked for the vehicle flies on
-through it.
+Contacts are the referee's swept test. The ground stops a fall, without bounce and without friction;
+a gate's frame and an obstacle are reported only, as touching one ends a flight, and where penalties
+are asked for the vehicle flies on through it.
 """
 
 from __future__ import annotations
@@ -87,5 +89,12 @@ class RigidBody:
         """Nothing is held."""
 
     def _touched(self, p0: Vec3, p1: Vec3) -> tuple[str, ...]:
-        hit = (g for g in self._gates.near(p0, p1) if g.touch(g.gate.to_local(p0), g.gate.to_local(p1)) is not None)
-        return (*(f"gate {g.index + 1}" for g in hit), *(i.touched for i in self._obstacles.incidents(p0, p1)))
+        hit = (
+            g
+            for g in self._gates.near(p0, p1)
+            if g.touch(g.gate.to_local(p0), g.gate.to_local(p1)) is not None
+        )
+        return (
+            *(f"gate {g.index + 1}" for g in hit),
+            *(i.touched for i in self._obstacles.incidents(p0, p1)),
+        )

@@ -1,15 +1,18 @@
-"""Another simulator as the plant: RotorPy's multirotor (Folk, Paulos and Kumar 2023); the only file that imports it.
+"""Another simulator as the plant: RotorPy's multirotor (Folk, Paulos and Kumar 2023); the only file
+that imports it.
 
-From RotorPy: the rate controller and the allocation, whose rotor commands are cut at their limits one by one; rotor
-lag; the integrator; and aerodynamics that the planner does not know. With the air's velocity v in the body frame
+From RotorPy: the rate controller and the allocation, whose rotor commands are cut at their limits
+one by one; rotor lag; the integrator; and aerodynamics that the planner does not know. With the
+air's velocity v in the body frame
 
     rotor drag            -k_d W v for each rotor, in proportion to its speed W
     parasitic drag        -c |v| v of the body
     translational lift    k_h (v_x^2 + v_y^2) for each rotor, along its axis
 
-From the vehicle's file: mass, inertia, rotors with their lag, limits, rate loop, latency. RotorPy's thrust map is
-k W^2, with the file's thrust at full speed. The linear drag of the file becomes k_d: four rotors at full speed have it.
-Nothing is touched here: the referee finds contacts by its own swept test.
+From the vehicle's file: mass, inertia, rotors with their lag, limits, rate loop, latency. RotorPy's
+thrust map is k W^2, with the file's thrust at full speed. The linear drag of the file becomes k_d:
+four rotors at full speed have it. Nothing is touched here: the referee finds contacts by its own
+swept test.
 """
 
 from __future__ import annotations
@@ -22,13 +25,13 @@ from typing import Any
 import numpy as np
 
 from quadsim.course import Course, Start
+from quadsim.dynamics.first_order import response
+from quadsim.dynamics.quadrotor import Control, State
 from quadsim.files.extras import needs_extra
 from quadsim.physics.actuators import HOVER, angular_acceleration, clamp_command
 from quadsim.physics.allocation import mixer
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.rotation import Vec3
-from quadsim.systems.first_order import response
-from quadsim.systems.quadrotor import Control, State
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
 PARASITIC = (0.006, 0.006, 0.012)  # c / m [1/m]: 2.4 m/s^2 at 20 m/s
@@ -37,7 +40,8 @@ LEAST_LAG = 1e-3  # [s] RotorPy divides by it
 
 
 class RotorpyPlant:
-    """One vehicle in RotorPy's world. Raises ValueError without RotorPy, and for a vehicle without rotors."""
+    """One vehicle in RotorPy's world. Raises ValueError without RotorPy, and for a vehicle without
+    rotors."""
 
     def __init__(
         self,
@@ -50,10 +54,13 @@ class RotorpyPlant:
     ):
         """As quadsim.physics.plant.RigidPlant."""
         if vehicle.rotors is None:
-            raise ValueError(f"plant: 'rotorpy' needs a vehicle with rotors, got {vehicle.name!r}: fly 'rigid'")
+            raise ValueError(
+                f"plant: 'rotorpy' needs a vehicle with rotors, got {vehicle.name!r}: fly 'rigid'"
+            )
         self.dt = dt
         self._vehicle, self._rotors, self._gusts = vehicle, _quadratic(vehicle.rotors), gusts
-        self._mixer = np.array(mixer(self._rotors))  # (4, 4): collective and torque of the rotors' thrusts
+        # (4, 4): collective and torque of the rotors' thrusts
+        self._mixer = np.array(mixer(self._rotors))
         self._model = _multirotor(vehicle, self._rotors, body or vehicle, dt)
         self._delayed: deque[Control] = deque([HOVER] * round(vehicle.latency / dt))
         x = start_state(start or course.start, vehicle.radius)
@@ -72,7 +79,10 @@ class RotorpyPlant:
     def step(self, u: Sequence[float]) -> PlantState[State]:
         self._delayed.append(clamp_command(u, self._vehicle))
         acting = self._delayed.popleft()
-        command = {"cmd_thrust": self._vehicle.mass * acting.thrust, "cmd_w": np.array(acting.body_rates)}
+        command = {
+            "cmd_thrust": self._vehicle.mass * acting.thrust,
+            "cmd_w": np.array(acting.body_rates),
+        }
         self._now = self._model.step(self._now, command, self.dt)
         if self._gusts:
             self._now["v"] = self._now["v"] + self.dt * np.array(next(self._gusts))
@@ -81,7 +91,8 @@ class RotorpyPlant:
         return self.state
 
     def _read(self) -> PlantState[State]:
-        """Read the state. Thrust and torque come from the rotors' speeds, as in the other plants."""
+        """Read the state. Thrust and torque come from the rotors' speeds, as in the other
+        plants."""
         now = self._now
         body_rates: Vec3 = tuple(now["w"].tolist())
         thrusts = self._rotors.thrust_map[0] * now["rotor_speeds"] ** 2
@@ -93,7 +104,9 @@ class RotorpyPlant:
             attitude=(qw, qx, qy, qz),
             body_rates=body_rates,
             thrust=force / self._vehicle.mass,
-            angular_acceleration=angular_acceleration(body_rates, (tx, ty, tz), self._vehicle.inertia),
+            angular_acceleration=angular_acceleration(
+                body_rates, (tx, ty, tz), self._vehicle.inertia
+            ),
         )
         return PlantState(self._steps * self.dt, x, ())
 
@@ -103,7 +116,9 @@ class RotorpyPlant:
 
 def _quadratic(rotors: Rotors) -> Rotors:
     """With the thrust map k W^2 that has the same thrust at full speed."""
-    return replace(rotors, thrust_map=(rotors.thrust(rotors.omega_max) / rotors.omega_max**2, 0.0, 0.0))
+    return replace(
+        rotors, thrust_map=(rotors.thrust(rotors.omega_max) / rotors.omega_max**2, 0.0, 0.0)
+    )
 
 
 def _multirotor(vehicle: Vehicle, rotors: Rotors, body: Vehicle, dt: float) -> Any:
@@ -119,7 +134,9 @@ def _multirotor(vehicle: Vehicle, rotors: Rotors, body: Vehicle, dt: float) -> A
         **dict(zip(("Ixx", "Iyy", "Izz"), body.inertia, strict=True)),
         **dict.fromkeys(("Ixy", "Ixz", "Iyz"), 0.0),
         "num_rotors": 4,
-        "rotor_pos": {f"r{i}": np.array([x, y, 0.0]) for i, (x, y) in enumerate(rotors.positions, start=1)},
+        "rotor_pos": {
+            f"r{i}": np.array([x, y, 0.0]) for i, (x, y) in enumerate(rotors.positions, start=1)
+        },
         "rotor_directions": np.array(rotors.spin),
         **dict(zip(("c_Dx", "c_Dy", "c_Dz"), (m * c for c in PARASITIC), strict=True)),
         "k_eta": k,
@@ -132,6 +149,7 @@ def _multirotor(vehicle: Vehicle, rotors: Rotors, body: Vehicle, dt: float) -> A
         "rotor_speed_max": rotors.omega_max,
         "k_w": np.array([response(tau, dt) / dt for tau in vehicle.rate_tau]),
     }
-    # one step of third order where its error is small: 0.01 mm in 2 s, and half the time of what RotorPy would use
+    # one step of third order where its error is small: 0.01 mm in 2 s, and half the time of what
+    # RotorPy would use
     integrator = {"method": "RK23", "rtol": 1e-3, "atol": 1e-4, "first_step": dt}
     return Multirotor(parameters, control_abstraction="cmd_ctbr", integrator_kwargs=integrator)

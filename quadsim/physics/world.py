@@ -1,6 +1,8 @@
-"""The PyBullet world: the only file that imports pybullet. Its frames and its xyzw quaternions end here.
+"""The PyBullet world: the only file that imports pybullet. Its frames and its xyzw quaternions end
+here.
 
-PyBullet caps velocities at 100 (m/s, rad/s) per coordinate, silently; no vehicle here gets near that.
+PyBullet caps velocities at 100 (m/s, rad/s) per coordinate, silently; no vehicle here gets near
+that.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ from quadsim.rotation import Quaternion, Vec3, to_body
 from quadsim.vehicle import GRAVITY, Vehicle
 
 ORIGIN = (0.0, 0.0, 0.0)
-NEAR = 10.0  # [m] from the vehicle to the frames that stand in the world, more than any step of the flight
+# [m] from the vehicle to the frames that stand in the world, more than any step of the flight
+NEAR = 10.0
 
 
 def _import_quietly(name: str) -> Any:
@@ -37,23 +40,31 @@ bullet = _import_quietly("pybullet")
 
 
 class World:
-    """A rigid sphere with its own inertia, the ground at z = 0, static frames and obstacles, in a client of its own."""
+    """A rigid sphere with its own inertia, the ground at z = 0, static frames and obstacles, in a
+    client of its own."""
 
     def __init__(self, course: Course, vehicle: Vehicle, dt: float):
         self._client = bullet.connect(bullet.DIRECT)
         self._at: dict[str, int] = {"physicsClientId": self._client}
         bullet.setTimeStep(dt, **self._at)
         bullet.setGravity(0.0, 0.0, -GRAVITY, **self._at)
-        plane = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], **self._at)
+        plane = bullet.createCollisionShape(
+            bullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], **self._at
+        )
         self._names = {bullet.createMultiBody(0.0, plane, **self._at): "ground"}
         number = {gate: k for k, gate in reversed([*enumerate(course.gates, 1)])}
-        self._gates = tuple(dict.fromkeys(course.gates))  # each once, however often a lap leads through it
+        # each once, however often a lap leads through it
+        self._gates = tuple(dict.fromkeys(course.gates))
         self._numbers = [number[gate] for gate in self._gates]  # of the first time
         self._standing: dict[int, int] = {}  # of those near the vehicle: place in _gates -> body
         self._centres = np.array([gate.position for gate in self._gates])  # (gates, 3)
-        self._reach = np.array([NEAR + hypot(*gate.opening) / 2 + 2 * gate.frame_width for gate in self._gates])
+        self._reach = np.array(
+            [NEAR + hypot(*gate.opening) / 2 + 2 * gate.frame_width for gate in self._gates]
+        )
         self._place = self._gates_stand_around = ORIGIN
-        self._names |= {self._add_obstacle(o): f"obstacle {k}" for k, o in enumerate(course.obstacles, 1)}
+        self._names |= {
+            self._add_obstacle(o): f"obstacle {k}" for k, o in enumerate(course.obstacles, 1)
+        }
         self._body = self._add_vehicle(vehicle)
 
     def _put_up_gates(self) -> None:
@@ -70,22 +81,35 @@ class World:
                 self._names[body] = f"gate {self._numbers[k]}"
 
     def _add_gate(self, gate: Gate) -> int:
-        """One static compound of boxes. Not a mesh, whose collision shape is its hull: a solid opening."""
-        centres, halves = map(list, zip(*gate.bars, strict=True))  # a tuple of rows crashes pybullet
+        """One static compound of boxes. Not a mesh, whose collision shape is its hull: a solid
+        opening."""
+        # a tuple of rows crashes pybullet
+        centres, halves = map(list, zip(*gate.bars, strict=True))
         frame = bullet.createCollisionShapeArray(
-            shapeTypes=[bullet.GEOM_BOX] * 4, halfExtents=halves, collisionFramePositions=centres, **self._at
+            shapeTypes=[bullet.GEOM_BOX] * 4,
+            halfExtents=halves,
+            collisionFramePositions=centres,
+            **self._at,
         )
         attitude = bullet.getQuaternionFromEuler([gate.roll, gate.pitch, gate.yaw], **self._at)
-        return bullet.createMultiBody(0.0, frame, basePosition=gate.position, baseOrientation=attitude, **self._at)
+        return bullet.createMultiBody(
+            0.0, frame, basePosition=gate.position, baseOrientation=attitude, **self._at
+        )
 
     def _add_obstacle(self, obstacle: Obstacle) -> int:
         if isinstance(obstacle, Cylinder):
-            kind, size, yaw = bullet.GEOM_CYLINDER, {"radius": obstacle.radius, "height": obstacle.height}, 0.0
+            kind, size, yaw = (
+                bullet.GEOM_CYLINDER,
+                {"radius": obstacle.radius, "height": obstacle.height},
+                0.0,
+            )
         else:
             kind, size, yaw = bullet.GEOM_BOX, {"halfExtents": obstacle.half}, obstacle.yaw
         shape = bullet.createCollisionShape(kind, **size, **self._at)
         attitude = bullet.getQuaternionFromEuler([0.0, 0.0, yaw], **self._at)
-        return bullet.createMultiBody(0.0, shape, basePosition=obstacle.centre, baseOrientation=attitude, **self._at)
+        return bullet.createMultiBody(
+            0.0, shape, basePosition=obstacle.centre, baseOrientation=attitude, **self._at
+        )
 
     def _add_vehicle(self, vehicle: Vehicle) -> int:
         sphere = bullet.createCollisionShape(bullet.GEOM_SPHERE, radius=vehicle.radius, **self._at)
@@ -115,7 +139,8 @@ class World:
         bullet.applyExternalTorque(self._body, -1, torque_body, bullet.LINK_FRAME, **self._at)
 
     def step(self) -> None:
-        """Velocities first, then poses with the new velocities. Then contacts, else they would lag one step."""
+        """Velocities first, then poses with the new velocities. Then contacts, else they would lag
+        one step."""
         if dist(self._place, self._gates_stand_around) > NEAR / 2:
             self._put_up_gates()
         bullet.stepSimulation(**self._at)
@@ -130,7 +155,8 @@ class World:
         return p, v, q, to_body(q, omega)
 
     def contacts(self) -> tuple[str, ...]:
-        """What the vehicle touches now. Bullet also lists near pairs, at positive distance: those are left out."""
+        """What the vehicle touches now. Bullet also lists near pairs, at positive distance: those
+        are left out."""
         points = bullet.getContactPoints(bodyA=self._body, **self._at)
         return tuple(dict.fromkeys(self._names[c[2]] for c in points if c[8] <= 0.0))
 

@@ -7,7 +7,8 @@ from time import perf_counter, sleep
 
 
 class Clock:
-    """Simulated clock: planning takes no simulated time, so that every flight is reproducible to the last bit.
+    """Simulated clock: planning takes no simulated time, so that every flight is reproducible to
+    the last bit.
 
     Time t [s] counts from the start of the flight.
     """
@@ -23,13 +24,16 @@ class Clock:
 class WallClock(Clock):
     """Real-time clock: simulated time runs on while the controller plans."""
 
-    def __init__(self, time: Callable[[], float] = perf_counter, sleep: Callable[[float], None] = sleep):
+    def __init__(
+        self, time: Callable[[], float] = perf_counter, sleep: Callable[[float], None] = sleep
+    ):
         """time: a clock [s] of any origin. sleep: waits for a number of seconds."""
         self._time, self._sleep = time, sleep
         self._began: float | None = None
 
     def now(self, t: float) -> float:
-        if self._began is None:  # time starts when the first plan is ready, as that one may include compiling
+        # time starts when the first plan is ready, as that one may include compiling
+        if self._began is None:
             self._began = self._time() - t
         return self._time() - self._began
 

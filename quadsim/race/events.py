@@ -1,4 +1,5 @@
-"""Records of a flight: the referee's events, a frame for each control step; lap times computed from the events."""
+"""Records of a flight: the referee's events, a frame for each control step; lap times computed from
+the events."""
 
 from __future__ import annotations
 
@@ -8,7 +9,8 @@ from itertools import pairwise
 
 from controllers.plan import PlannerSnapshot
 
-NO_PROGRESS = 5.0  # [s] without getting nearer to the next gate than before, after which a flight is over
+# [s] without getting nearer to the next gate than before, after which a flight is over
+NO_PROGRESS = 5.0
 PENALTY = 3.0  # [s] a hit in the timed mode, as AirSim Drone Racing Lab scores
 
 
@@ -28,7 +30,13 @@ class Event:
     @property
     def place(self) -> str:
         """ "gate 3", "obstacle 2", or "" for an event at neither."""
-        return f"obstacle {self.obstacle}" if self.obstacle else f"gate {self.gate}" if self.gate else ""
+        return (
+            f"obstacle {self.obstacle}"
+            if self.obstacle
+            else f"gate {self.gate}"
+            if self.gate
+            else ""
+        )
 
     def record(self) -> dict:
         """As JSON; an event of no obstacle does not say so, as before there were any."""
@@ -52,19 +60,23 @@ class Frame:
     elapsed: float  # wall clock since the start of the simulation [s]
     events: tuple[Event, ...] = ()  # of the physics steps that led to t
     outcome: str | None = None  # None: still flying; finished, crashed, stuck, timeout
-    snapshot: PlannerSnapshot | None = None  # the planner's best samples, every SNAPSHOT_EVERY periods
-    estimate: tuple[float, ...] = ()  # of quadsim.sensing.estimate_record.ESTIMATE_UNITS, where the state is sensed
+    # the planner's best samples, every SNAPSHOT_EVERY periods
+    snapshot: PlannerSnapshot | None = None
+    # of quadsim.sensing.estimate_record.ESTIMATE_UNITS, where the state is sensed
+    estimate: tuple[float, ...] = ()
 
 
 def flown_laps(events: Iterable[Event], completed: int) -> list[float]:
-    """Lap times [s]. A lap ends at its last gate; the first begins at t = 0, so that the laps sum to the race time."""
+    """Lap times [s]. A lap ends at its last gate; the first begins at t = 0, so that the laps sum
+    to the race time."""
     ends = {e.lap: e.t for e in events if e.kind == "pass"}
     ends = [0.0, *(ends[lap] for lap in range(1, completed + 1))]
     return [b - a for a, b in pairwise(ends)]
 
 
 def lap_penalties(events: Iterable[Event], completed: int) -> list[float]:
-    """Penalty time of each completed lap [s]: PENALTY for every hit. Without --penalties a hit ends the flight."""
+    """Penalty time of each completed lap [s]: PENALTY for every hit. Without --penalties a hit ends
+    the flight."""
     hits = [e.lap for e in events if e.kind == "hit"]
     return [PENALTY * hits.count(lap) for lap in range(1, completed + 1)]
 

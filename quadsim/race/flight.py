@@ -1,7 +1,8 @@
-"""simulate(): the loop in which the controller plans, the plant steps and the referee checks; one Frame per step.
+"""simulate(): the loop in which the controller plans, the plant steps and the referee checks; one
+Frame per step.
 
-It is a generator: the consumer sets the pace. The command line collects the frames, the web page draws them as they
-come and pauses by not asking for the next one.
+It is a generator: the consumer sets the pace. The command line collects the frames, the web page
+draws them as they come and pauses by not asking for the next one.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from controllers.plan import PlannerSnapshot, PlanStats
+from quadsim.dynamics.estimate import Estimate
 from quadsim.physics.plant import Plant, PlantState
 from quadsim.race.clock import Clock
 from quadsim.race.events import Event, Frame
 from quadsim.rotation import Vec3
 from quadsim.sensing.estimation.prediction import Commands
 from quadsim.sensing.navigation import Navigation, RefereeCount, TrueState
-from quadsim.systems.estimate import Estimate
 
 
 @runtime_checkable
@@ -30,14 +31,16 @@ class Controller(Protocol):
 
     @property
     def rest(self) -> np.ndarray:
-        """The control at rest, of a quadrotor hover; applied until the first plan is ready.  (n_u,)"""
+        """The control at rest, of a quadrotor hover; applied until the first plan is ready.
+        (n_u,)"""
         ...
 
     def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
         """Return the control to apply, and statistics of the plan.
 
         Args:
-            estimate: time, state and gates passed; the model and the course, where they are estimated in flight.
+            estimate: time, state and gates passed; the model and the course, where they are
+                estimated in flight.
 
         Returns:
             u (n_u,) and PlanStats.
@@ -67,7 +70,8 @@ class PlainController:
 
 
 class RefereeProtocol(Protocol):
-    """Checks every physics step and ends the flight by setting an outcome; see quadsim.race.referee.Referee."""
+    """Checks every physics step and ends the flight by setting an outcome; see
+    quadsim.race.referee.Referee."""
 
     @property
     def outcome(self) -> str | None:
@@ -89,8 +93,11 @@ class RefereeProtocol(Protocol):
         """Index of the next gate, from 0."""
         ...
 
-    def observe(self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()) -> list[Event]:
-        """Events of the physics step from p0 at t0 to p1 at t1 [m, s]. contacts: objects that the vehicle touches."""
+    def observe(
+        self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()
+    ) -> list[Event]:
+        """Events of the physics step from p0 at t0 to p1 at t1 [m, s]. contacts: objects that the
+        vehicle touches."""
         ...
 
 
@@ -106,18 +113,20 @@ def simulate(
     snapshot: Callable[[], PlannerSnapshot | None] | None = None,
     navigation: Navigation | None = None,
 ) -> Iterator[Frame]:
-    """Simulate until the referee ends the flight. The last frame has the outcome and the last control applied.
+    """Simulate until the referee ends the flight. The last frame has the outcome and the last
+    control applied.
 
-    With the wall clock, the previous control is applied until the new plan is ready; the next planning step starts one
-    period after this one started, or when this plan is ready if that is later. With the default clock, planning takes
-    no simulated time.
+    With the wall clock, the previous control is applied until the new plan is ready; the next
+    planning step starts one period after this one started, or when this plan is ready if that is
+    later. With the default clock, planning takes no simulated time.
 
     Args:
         plant, controller, referee: used for this one flight.
         period: control period [s], a whole multiple of the plant's step.
         clock: default: simulated time.
         snapshot: called every SNAPSHOT_EVERY periods; the result is stored in the frame.
-        navigation: makes the estimate that the controller is given; default: of the true state and the referee's count.
+        navigation: makes the estimate that the controller is given; default: of the true state and
+            the referee's count.
 
     Raises:
         ValueError: period is no whole multiple of the plant's step.
@@ -136,7 +145,8 @@ def simulate(
             control, stats = controller.control(navigation.estimate(state.t))
             plan_ms = 1e3 * (perf_counter() - before)
             previous_u, u = u, tuple(control.tolist())
-        plan_ready_time = clock.now(state.t)  # read before the frame is yielded, as its consumer may take a while
+        # read before the frame is yielded, as its consumer may take a while
+        plan_ready_time = clock.now(state.t)
         best = snapshot() if snapshot and flying and k % SNAPSHOT_EVERY == 0 else None
         navigation.commanded(state.t, plan_ready_time, u)
         yield frame(
@@ -153,23 +163,31 @@ def simulate(
         if not flying:
             return
         events = apply_control(plant, referee, previous_u, plan_ready_time, navigation)
-        next_time = max(state.t + period, plant.state.t)  # later if the plan took more than a period
+        # later if the plan took more than a period
+        next_time = max(state.t + period, plant.state.t)
         clock.wait(next_time)
         events += apply_control(plant, referee, u, next_time, navigation)
 
 
-def exact_navigation(state: PlantState, referee: RefereeProtocol, rest: tuple[float, ...], dt: float) -> Navigation:
-    """Return the navigation that knows the true state and the referee's count, without an estimate of anything else.
+def exact_navigation(
+    state: PlantState, referee: RefereeProtocol, rest: tuple[float, ...], dt: float
+) -> Navigation:
+    """Return the navigation that knows the true state and the referee's count, without an estimate
+    of anything else.
 
     Args:
         state: the plant's at the start.
         rest: the control until the first one is given  (n_u,).
         dt: control period [s].
     """
-    return Navigation(TrueState(state, dt), RefereeCount(referee), Commands(rest, 0.0), dt, nominal=None)
+    return Navigation(
+        TrueState(state, dt), RefereeCount(referee), Commands(rest, 0.0), dt, nominal=None
+    )
 
 
-def frame(state: PlantState, u: tuple[float, ...], referee: RefereeProtocol, stats: PlanStats, **more: Any) -> Frame:
+def frame(
+    state: PlantState, u: tuple[float, ...], referee: RefereeProtocol, stats: PlanStats, **more: Any
+) -> Frame:
     """The Frame of this state and control; `more`: its other fields."""
     return Frame(
         t=state.t,
@@ -193,21 +211,26 @@ def apply_control(
     until: float,
     navigation: Navigation | None = None,
 ) -> list[Event]:
-    """Step the plant under u to the physics step nearest to the time `until` [s]; the referee checks every step, and
-    sensors watch it."""
+    """Step the plant under u to the physics step nearest to the time `until` [s]; the referee
+    checks every step, and sensors watch it."""
     events: list[Event] = []
     while plant.state.t < until - plant.dt / 2 and referee.outcome is None:
         before = plant.state
         after = plant.step(u)
         if navigation:
             navigation.watch(after)
-        events += referee.observe(before.t, before.position, after.t, after.position, after.contacts)
+        events += referee.observe(
+            before.t, before.position, after.t, after.position, after.contacts
+        )
     return events
 
 
 def whole_multiple(period: float, dt: float) -> int:
-    """Number of physics steps of dt in a control period. Raises ValueError unless it is a whole number."""
+    """Number of physics steps of dt in a control period. Raises ValueError unless it is a whole
+    number."""
     substeps = round(period / dt)
     if substeps < 1 or abs(substeps * dt - period) > 1e-9:
-        raise ValueError(f"dt: expected a whole multiple of the plant's step {dt:g} [s], got {period:g}")
+        raise ValueError(
+            f"dt: expected a whole multiple of the plant's step {dt:g} [s], got {period:g}"
+        )
     return substeps

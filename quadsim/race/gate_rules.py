@@ -1,4 +1,5 @@
-"""What the referee asks of gates: does the vehicle fit, how far is the way, are two crossed at once."""
+"""What the referee asks of gates: does the vehicle fit, how far is the way, are two crossed at
+once."""
 
 from __future__ import annotations
 
@@ -10,12 +11,15 @@ from quadsim.course.opening import approach_length
 from quadsim.course.swept import SweptGate
 from quadsim.rotation import Vec3
 
-TAKE_OFF = 0.1  # [m] between sphere and ground; only after that is the ground a crash, as a flight may start on it
-SAME_PLACE, SAME_WAY = 0.1, cos(radians(45.0))  # gates closer than this [m, cos] are crossed at once
+# [m] between sphere and ground; only after that is the ground a crash, as a flight may start on it
+TAKE_OFF = 0.1
+# gates closer than this [m, cos] are crossed at once
+SAME_PLACE, SAME_WAY = 0.1, cos(radians(45.0))
 
 
 def check(course: Course, laps: int, gates: Sequence[SweptGate], radius: float) -> None:
-    """Raises ValueError for laps that the course does not have and for a gate that the vehicle cannot pass."""
+    """Raises ValueError for laps that the course does not have and for a gate that the vehicle
+    cannot pass."""
     most = laps if course.loop else 1
     if not 1 <= laps <= most:
         wanted = "at least 1 lap" if course.loop else "1 lap, as the course is open"
@@ -34,7 +38,8 @@ def check(course: Course, laps: int, gates: Sequence[SweptGate], radius: float) 
 
 
 def way_left(gate: Gate, p: Vec3) -> float:
-    """Return the way from p to the gate's centre, from behind the gate by the point where its approach begins [m]."""
+    """Return the way from p to the gate's centre, from behind the gate by the point where its
+    approach begins [m]."""
     here = gate.to_local(p)
     if here.along <= 0.0:
         return hypot(*here)

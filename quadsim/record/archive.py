@@ -1,7 +1,9 @@
-"""Archive: one folder a run, `<UTC>_<course>_<sampler>_s<seed>_<hash>/` with run.json, telemetry.npz, events.csv.
+"""Archive: one folder a run, `<UTC>_<course>_<sampler>_s<seed>_<hash>/` with run.json,
+telemetry.npz, events.csv.
 
-It is named `<name>.part` from before the flight until all is on disk: what looks finished is finished. Its process
-holds a lock on it, so that the next flight can tell what a killed one left behind.
+It is named `<name>.part` from before the flight until all is on disk: what looks finished is
+finished. Its process holds a lock on it, so that the next flight can tell what a killed one left
+behind.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ STARTED = "[0-9]" * 8 + "T" + "[0-9]" * 6 + "Z_"  # how the name of a run begins
 
 
 class RunFolder:
-    """`with RunFolder.open(root, spec) as folder: ... folder.save(run)`. Leaving without a save drops what is empty."""
+    """`with RunFolder.open(root, spec) as folder: ... folder.save(run)`. Leaving without a save
+    drops what is empty."""
 
     def __init__(self, path: Path, lock: int, flown_by: dict | None = None):
         self.path = path  # once finished
@@ -37,14 +40,17 @@ class RunFolder:
 
     @classmethod
     def open(cls, root: str | Path, spec: dict, flown_by: dict | None = None) -> RunFolder:
-        """Claim a folder before the flight: a root that cannot be written is one RunError before anything has flown.
+        """Claim a folder before the flight: a root that cannot be written is one RunError before
+        anything has flown.
 
         flown_by: provenance of a flight that another process flew.
         """
         name = run_name(spec)
         with one_line(root, "cannot make a folder for runs here"):
             Path(root).mkdir(parents=True, exist_ok=True)
-        paths = (Path(root) / (name if attempt == 1 else f"{name}-{attempt}") for attempt in count(1))
+        paths = (
+            Path(root) / (name if attempt == 1 else f"{name}-{attempt}") for attempt in count(1)
+        )
         path, lock = next((path, lock) for path in paths if (lock := _claim(path)) is not None)
         return cls(path, lock, flown_by)
 
@@ -57,7 +63,8 @@ class RunFolder:
         os.close(self._lock)
 
     def save(self, run: Run) -> Path:
-        """Write all, then take `.part` off the name. A full disk is a RunError, and what was written is removed."""
+        """Write all, then take `.part` off the name. A full disk is a RunError, and what was
+        written is removed."""
         self.write(run)
         return self.finish()
 
@@ -103,15 +110,20 @@ def remove_unfinished(root: str | Path, kept: Callable[[str], bool] = lambda nam
 
 
 def run_name(spec: dict) -> str:
-    """<UTC>_<course>_<sampler>_s<seed>_<first 8 hex digits of the sha256 of what decides the flight>."""
+    """<UTC>_<course>_<sampler>_s<seed>_<first 8 hex digits of the sha256 of what decides the
+    flight>."""
     utc = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
-    course, sampler, seed = (re.sub(r"[^\w.-]+", "-", str(spec[key])) for key in ("course", "sampler", "seed"))
+    course, sampler, seed = (
+        re.sub(r"[^\w.-]+", "-", str(spec[key])) for key in ("course", "sampler", "seed")
+    )
     return f"{utc}_{course}_{sampler}_s{seed}_{sha256(canonical(hostless(spec))).hexdigest()[:8]}"
 
 
 def list_runs(root: str | Path) -> list[Path]:
     """Finished run folders, oldest first."""
-    return sorted(p.parent for p in Path(root).glob("*/run.json") if not p.parent.name.endswith(PART))
+    return sorted(
+        p.parent for p in Path(root).glob("*/run.json") if not p.parent.name.endswith(PART)
+    )
 
 
 def find_run(wanted: str, root: str) -> Path:
@@ -131,7 +143,9 @@ def find_run(wanted: str, root: str) -> Path:
             f"no run {wanted!r} in {root!r}: expected a folder, part of a name or 'last'; the last is {runs[-1].name}"
         )
     names = ", ".join(run.name for run in fits[-3:])
-    raise RunError(f"{wanted!r} fits {len(fits)} runs, expected one: {names}{', ...' if len(fits) > 3 else ''}")
+    raise RunError(
+        f"{wanted!r} fits {len(fits)} runs, expected one: {names}{', ...' if len(fits) > 3 else ''}"
+    )
 
 
 def load_run(path: str | Path) -> Run:
@@ -140,13 +154,19 @@ def load_run(path: str | Path) -> Run:
     if path.name.endswith(PART):
         raise RunError(f"{path}: a flight that was never written to its end (.part); fly it again")
     if not path.is_dir():
-        raise RunError(f"{path}: expected a run folder, found {'a file' if path.exists() else 'nothing'}")
+        raise RunError(
+            f"{path}: expected a run folder, found {'a file' if path.exists() else 'nothing'}"
+        )
     record = read_json(_read(path / "run.json"), path / "run.json")
-    telemetry, snapshots = read_npz(_read(path / "telemetry.npz"), record.spec, path / "telemetry.npz")
+    telemetry, snapshots = read_npz(
+        _read(path / "telemetry.npz"), record.spec, path / "telemetry.npz"
+    )
     wall = {"plan_ms": record.plan_ms, "real_time_factor": record.real_time_factor}
     run = Run(record.spec, telemetry, record.events, record.outcome, wall, snapshots)
     if _digest(run) != record.digest:
-        raise RunError(f"{path}: run.json and telemetry.npz do not give the stored digest; changed after the flight")
+        raise RunError(
+            f"{path}: run.json and telemetry.npz do not give the stored digest; changed after the flight"
+        )
     return run
 
 
@@ -158,7 +178,8 @@ def _digest(run: Run) -> str | None:
 
 
 def _claim(path: Path) -> int | None:
-    """Where the name was free, it belongs to the flight that makes the .part and holds its lock: a handle."""
+    """Where the name was free, it belongs to the flight that makes the .part and holds its lock: a
+    handle."""
     part = path.with_name(path.name + PART)
     with one_line(part, "cannot make a run folder"):
         try:
@@ -170,14 +191,16 @@ def _claim(path: Path) -> int | None:
             return None
         try:
             return _lock(part)
-        except (FileNotFoundError, BlockingIOError):  # another process has just taken it for unfinished
+        # another process has just taken it for unfinished
+        except (FileNotFoundError, BlockingIOError):
             return None
         except OSError:  # a file system without locks, where nothing is taken for unfinished
             return os.open(part, os.O_RDONLY)
 
 
 def _lock(folder: Path) -> int:
-    """A handle that holds the folder's lock. Raises OSError; BlockingIOError where another process has it."""
+    """A handle that holds the folder's lock. Raises OSError; BlockingIOError where another process
+    has it."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

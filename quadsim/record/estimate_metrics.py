@@ -17,11 +17,12 @@ def estimate_errors(run: Run) -> np.ndarray:
 def sensing_numbers(run: Run) -> dict | None:
     """None where the planner was given the true state.
 
-    position_rms, position_max: distance between estimated and true position [m]; at_gates: the same where gates were
-    passed, RMS [m]; nees: mean, of `nees_expected` degrees of freedom; nis: per degree of freedom of the measurements
-    used; refused: share of the measurements taken for outliers; in_view: mean number of corners in a picture that
-    showed any; found: share of those that was found; unaided: time at the end since the last measurement was used,
-    inertial ones aside [s]; estimate_ms: time of an estimate, wall clock [ms].
+    position_rms, position_max: distance between estimated and true position [m]; at_gates: the same
+    where gates were passed, RMS [m]; nees: mean, of `nees_expected` degrees of freedom; nis: per
+    degree of freedom of the measurements used; refused: share of the measurements taken for
+    outliers; in_view: mean number of corners in a picture that showed any; found: share of those
+    that was found; unaided: time at the end since the last measurement was used, inertial ones
+    aside [s]; estimate_ms: time of an estimate, wall clock [ms].
     """
     x = run.telemetry
     if "est_px" not in x or not len(x["t"]):
@@ -42,7 +43,10 @@ def sensing_numbers(run: Run) -> dict | None:
         "in_view": float(in_view[in_view > 0].mean()) if in_view.any() else None,
         "found": float(x["found"].sum() / in_view.sum()) if in_view.any() else None,
         "unaided": float(x["t"][-1] - x["t"][aided[-1] if len(aided) else 0]),
-        "estimate_ms": {"p50": float(np.median(x["estimate_ms"])), "p95": float(np.percentile(x["estimate_ms"], 95))},
+        "estimate_ms": {
+            "p50": float(np.median(x["estimate_ms"])),
+            "p95": float(np.percentile(x["estimate_ms"], 95)),
+        },
     }
 
 

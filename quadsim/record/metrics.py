@@ -1,7 +1,7 @@
 """Metrics: what a report says, each a short pure function of a Run or of plain arrays.
 
-Of a quadrotor, chatter is measured on the commanded thrust (held over each control period) and on the delivered one
-(the state); of any other system on each commanded control.
+Of a quadrotor, chatter is measured on the commanded thrust (held over each control period) and on
+the delivered one (the state); of any other system on each commanded control.
 """
 
 from __future__ import annotations
@@ -13,28 +13,38 @@ import numpy as np
 from controllers.costs import evaluate
 from controllers.costs.quadratic import QuadraticWeights, quadratic_cost
 from quadsim.course.point_goal import parse_point_goal
+from quadsim.dynamics.first_order import remaining
+from quadsim.paper.double_integrator import State
 from quadsim.race.events import sector_times
 from quadsim.record.run import Run, system_of, units_of
-from quadsim.systems.double_integrator import State
-from quadsim.systems.first_order import remaining
 
 MOTOR_TAU = 0.033  # [s] a racing quadrotor's, for vehicles whose thrust acts at once
 WELCH_SEGMENT = 256  # samples
 
 
 def chatter(run: Run) -> dict:
-    """Of a quadrotor {commanded: {...}, delivered: {...}}, and the motor lag [s] and corner [Hz] they refer to.
+    """Of a quadrotor {commanded: {...}, delivered: {...}}, and the motor lag [s] and corner [Hz]
+    they refer to.
 
     Of any other system {commanded: {control: {unit, tv, slew_max}}}, both in unit/s.
     """
     x = run.telemetry
     if system_of(run.spec) != "quadrotor":
         units = units_of(run.spec)[1].items()
-        return {"commanded": {name: {"unit": unit, **_variation(x["t"], x[name])} for name, unit in units}}
+        return {
+            "commanded": {
+                name: {"unit": unit, **_variation(x["t"], x[name])} for name, unit in units
+            }
+        }
     tau = motor_tau(run.spec["vehicle"])
     commanded = _chatter(x["t"], x["a_cmd"], _rows(x, "wx_cmd", "wy_cmd", "wz_cmd"), tau)
     delivered = _chatter(x["t"], x["a"], _rows(x, "wx", "wy", "wz"), tau)
-    return {"commanded": commanded, "delivered": delivered, "motor_tau": tau, "motor_corner": motor_corner(tau)}
+    return {
+        "commanded": commanded,
+        "delivered": delivered,
+        "motor_tau": tau,
+        "motor_corner": motor_corner(tau),
+    }
 
 
 def _variation(t: np.ndarray, u: np.ndarray) -> dict[str, float]:
@@ -90,7 +100,8 @@ def motor_residual(t: np.ndarray, u: np.ndarray, tau: float) -> float:
 
 
 def smoothness(t: np.ndarray, u: np.ndarray) -> float:
-    """2/(n f_s) sum M_i f_i over the n frequencies f_i > 0, amplitudes M_i (CAPS, Mysore et al. 2021) [unit of u]."""
+    """2/(n f_s) sum M_i f_i over the n frequencies f_i > 0, amplitudes M_i (CAPS, Mysore et al.
+    2021) [unit of u]."""
     rate = (len(t) - 1) / (t[-1] - t[0])
     frequencies = np.fft.rfftfreq(len(u), 1.0 / rate)[1:]
     amplitudes = 2.0 / len(u) * np.abs(np.fft.rfft(u))[1:]
@@ -100,12 +111,14 @@ def smoothness(t: np.ndarray, u: np.ndarray) -> float:
 def thrust_psd(t: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """One-sided power spectral density by Welch: Hann windows, half overlapping, mean removed.
 
-    f [Hz], psd [unit of u squared per Hz]; the integral over f is the variance, less what is slower than a segment.
+    f [Hz], psd [unit of u squared per Hz]; the integral over f is the variance, less what is slower
+    than a segment.
     """
     from scipy.signal import welch  # takes .7 s to import
 
     rate = (len(t) - 1) / (t[-1] - t[0])
-    return welch(u - u[0], rate, nperseg=min(len(u), WELCH_SEGMENT))  # less u[0], so that a constant gives exact zeros
+    # less u[0], so that a constant gives exact zeros
+    return welch(u - u[0], rate, nperseg=min(len(u), WELCH_SEGMENT))
 
 
 def high_frequency_fraction(t: np.ndarray, u: np.ndarray, corner: float) -> float:
@@ -121,12 +134,14 @@ def splits(run: Run) -> list[list[float]]:
 
 
 def accumulated_cost(run: Run) -> float | None:
-    """Of a double integrator, over the states that were reached: Table II of Vlahov et al. 2024; None of others."""
+    """Of a double integrator, over the states that were reached: Table II of Vlahov et al. 2024;
+    None of others."""
     return sum(cost_terms(run).values()) if system_of(run.spec) == "double_integrator" else None
 
 
 def cost_terms(run: Run) -> dict[str, float]:
-    """The terms of a double integrator's quadratic cost, each summed over the states that were reached."""
+    """The terms of a double integrator's quadratic cost, each summed over the states that were
+    reached."""
     goal = parse_point_goal(run.spec["course_text"], run.spec["course"]).goal
     cost = quadratic_cost(goal, QuadraticWeights(**run.spec["planner"]["cost"]))
     x = State._make(run.telemetry[name][1:] for name in State._fields)  # the first state was given
@@ -135,7 +150,8 @@ def cost_terms(run: Run) -> dict[str, float]:
 
 
 def missed_deadlines(run: Run) -> int:
-    """Control periods that came late because a plan was not ready; none under the simulated clock."""
+    """Control periods that came late because a plan was not ready; none under the simulated
+    clock."""
     period = run.spec["planner"]["mppi"]["dt"]
     gaps = np.diff(run.telemetry["t"])
     return int(np.sum(gaps > period + 0.5 * run.spec["plant_dt"]))

@@ -1,4 +1,5 @@
-"""PlannerSnapshots: the planner's best sampled paths at some frames of a run, for display; no part of its digest."""
+"""PlannerSnapshots: the planner's best sampled paths at some frames of a run, for display; no part
+of its digest."""
 
 from __future__ import annotations
 
@@ -9,7 +10,8 @@ import numpy as np
 
 from controllers.plan import PlannerSnapshot
 
-FRAMES, BEST, TERM = "pictured", "best", "cost."  # names of arrays in telemetry.npz; TERM before that of a cost term
+# names of arrays in telemetry.npz; TERM before that of a cost term
+FRAMES, BEST, TERM = "pictured", "best", "cost."
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -17,7 +19,8 @@ class PlannerSnapshots:
     """All of a run, in order, in single precision."""
 
     frames: np.ndarray  # index of the frame that each was taken at  (snapshots,)
-    best: np.ndarray  # the first states, at most three, along the best paths  (snapshots, 8, points, states)
+    # the first states, at most three, along the best paths  (snapshots, 8, points, states)
+    best: np.ndarray
     terms: dict[str, np.ndarray]  # (snapshots,) each
 
     @classmethod
@@ -26,8 +29,12 @@ class PlannerSnapshots:
         if not taken:
             return None
         each = [snapshot for _, snapshot in taken]
-        terms = {name: np.array([s.terms[name] for s in each], np.float32) for name in each[0].terms}
-        return cls(np.array([k for k, _ in taken]), np.array([s.best for s in each], np.float32), terms)
+        terms = {
+            name: np.array([s.terms[name] for s in each], np.float32) for name in each[0].terms
+        }
+        return cls(
+            np.array([k for k, _ in taken]), np.array([s.best for s in each], np.float32), terms
+        )
 
     def latest(self, frame: int) -> tuple[int, PlannerSnapshot] | None:
         """The last one up to this frame, with the frame it was taken at."""
@@ -39,7 +46,9 @@ class PlannerSnapshots:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """As they are stored: one array for each term, so that a replay can name it."""
-        return {FRAMES: self.frames, BEST: self.best} | {TERM + name: x for name, x in self.terms.items()}
+        return {FRAMES: self.frames, BEST: self.best} | {
+            TERM + name: x for name, x in self.terms.items()
+        }
 
     @classmethod
     def taken_out_of(cls, arrays: dict[str, np.ndarray]) -> PlannerSnapshots | None:
@@ -48,21 +57,41 @@ class PlannerSnapshots:
             _compact(arrays)
         if not {FRAMES, BEST} <= arrays.keys():
             return None
-        terms = {name.removeprefix(TERM): arrays.pop(name) for name in list(arrays) if name.startswith(TERM)}
+        terms = {
+            name.removeprefix(TERM): arrays.pop(name)
+            for name in list(arrays)
+            if name.startswith(TERM)
+        }
         return cls(arrays.pop(FRAMES), arrays.pop(BEST), terms)
 
     def check(self, frames: int) -> None:
         """Raises ValueError, one line, unless they fit a run of so many frames."""
         k, best = self.frames, self.best
-        if k.ndim != 1 or k.dtype != np.int64 or not len(k) or k[0] < 0 or k[-1] >= frames or (np.diff(k) <= 0).any():
-            raise ValueError(f"{FRAMES}: expected rising frames below {frames}, got {k.dtype} {k.shape}")
-        shaped = best.ndim == 4 and 0 not in best.shape[1:] and len(best) == len(k) and best.shape[3] <= 3
+        if (
+            k.ndim != 1
+            or k.dtype != np.int64
+            or not len(k)
+            or k[0] < 0
+            or k[-1] >= frames
+            or (np.diff(k) <= 0).any()
+        ):
+            raise ValueError(
+                f"{FRAMES}: expected rising frames below {frames}, got {k.dtype} {k.shape}"
+            )
+        shaped = (
+            best.ndim == 4
+            and 0 not in best.shape[1:]
+            and len(best) == len(k)
+            and best.shape[3] <= 3
+        )
         if not shaped or best.dtype != np.float32:
             wanted = (len(k), 8, "points", "1 to 3")
             raise ValueError(f"{BEST}: expected float32 {wanted}, got {best.dtype} {best.shape}")
         for name, column in self.terms.items():
             if column.dtype != np.float32 or column.shape != k.shape:
-                raise ValueError(f"{TERM}{name}: expected float32 {k.shape}, got {column.dtype} {column.shape}")
+                raise ValueError(
+                    f"{TERM}{name}: expected float32 {k.shape}, got {column.dtype} {column.shape}"
+                )
 
 
 def _compact(arrays: dict[str, np.ndarray]) -> None:

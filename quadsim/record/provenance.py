@@ -1,4 +1,5 @@
-"""Provenance: on what machine and with which versions a run was flown. None of it may change a flight."""
+"""Provenance: on what machine and with which versions a run was flown. None of it may change a
+flight."""
 
 from __future__ import annotations
 
@@ -21,11 +22,22 @@ def versions() -> dict[str, str | None]:
 
 
 def git_commit() -> str | None:
-    """The commit of the working copy this package lies in, with "-dirty" if files differ; None if it is installed."""
+    """The commit of the working copy this package lies in, with "-dirty" if files differ; None if
+    it is installed."""
     root = Path(__file__).resolve().parents[2]
-    if not (root / ".git").exists():  # else git would name whatever repository an environment happens to lie in
+    # else git would name whatever repository an environment happens to lie in
+    if not (root / ".git").exists():
         return None
-    command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
+    command = [
+        "git",
+        "-C",
+        str(root),
+        "describe",
+        "--always",
+        "--dirty",
+        "--abbrev=40",
+        "--exclude=*",
+    ]
     try:
         answer = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)
     except (OSError, subprocess.SubprocessError):

@@ -1,8 +1,10 @@
-"""Run: what a flight leaves behind. Frames go in, one Run comes out; every number of a report is read off it.
+"""Run: what a flight leaves behind. Frames go in, one Run comes out; every number of a report is
+read off it.
 
-The spec is a JSON dict. Read here and in the archive: `system`, `course` and `sampler` (names), `course_text`, `seed`,
-`vehicle` (asdict(Vehicle)); `host` holds what must not change a flight (threads, folders); `interactive`, the changes
-made in flight, see `not_comparable`; `own`, the user's own parts. There may be more.
+The spec is a JSON dict. Read here and in the archive: `system`, `course` and `sampler` (names),
+`course_text`, `seed`, `vehicle` (asdict(Vehicle)); `host` holds what must not change a flight
+(threads, folders); `interactive`, the changes made in flight, see `not_comparable`; `own`, the
+user's own parts. There may be more.
 """
 
 from __future__ import annotations
@@ -19,15 +21,16 @@ import numpy as np
 
 from controllers.plan import PlannerSnapshot
 from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
-from quadsim.race.systems import SYSTEMS, telemetry_columns
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.sensing.estimate_record import ESTIMATE_UNITS
+from quadsim.spec.systems import SYSTEMS, telemetry_columns
 
 INTERACTIVE = "interactive"  # key of a spec: the planner's numbers that were changed while it flew
 COLUMNS = SYSTEMS["quadrotor"].columns  # telemetry column -> unit
 COUNTS = ("passed", "lap")  # integer columns
 Outcome = Literal["finished", "crashed", "stuck", "timeout", "interrupted"]
-WALL_CLOCK = ("plan_ms", "estimate_ms")  # columns that differ from flight to flight and are no part of the digest
+# columns that differ from flight to flight and are no part of the digest
+WALL_CLOCK = ("plan_ms", "estimate_ms")
 
 
 class PlanTime(TypedDict):
@@ -38,12 +41,14 @@ class PlanTime(TypedDict):
 
 
 def system_of(spec: dict) -> str | None:
-    """The name in SYSTEMS of a spec's system, None for a user's own; a spec that names none is a quadrotor's."""
+    """The name in SYSTEMS of a spec's system, None for a user's own; a spec that names none is a
+    quadrotor's."""
     return None if spec.get("own", {}).get("system") else spec.get("system", "quadrotor")
 
 
 def units_of(spec: dict) -> tuple[Mapping[str, str], Mapping[str, str]]:
-    """The states and the controls of a spec's system: name -> unit, which is not known of a user's own."""
+    """The states and the controls of a spec's system: name -> unit, which is not known of a user's
+    own."""
     name = system_of(spec)
     if name is None:
         own = spec["own"]["system"]
@@ -62,7 +67,8 @@ class RunError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What a flight leaves behind. Laps, splits and penalties are read off the events, so they cannot disagree."""
+    """What a flight leaves behind. Laps, splits and penalties are read off the events, so they
+    cannot disagree."""
 
     spec: dict  # resolved configuration, JSON
     telemetry: dict[str, np.ndarray]  # the columns of its system, each  (frames,)
@@ -82,7 +88,10 @@ class Run:
     @cached_property
     def laps(self) -> list[float]:
         """Completed laps, penalties included [s]."""
-        return [t + p for t, p in zip(flown_laps(self.events, self._completed), self.penalties, strict=True)]
+        return [
+            t + p
+            for t, p in zip(flown_laps(self.events, self._completed), self.penalties, strict=True)
+        ]
 
     @cached_property
     def penalties(self) -> list[float]:
@@ -91,7 +100,8 @@ class Run:
 
     @cached_property
     def gates(self) -> list[dict]:
-        """The gates passed, in order: gate and lap from 1, t [s], offset (left, up) of the centre [m], speed [m/s]."""
+        """The gates passed, in order: gate and lap from 1, t [s], offset (left, up) of the centre
+        [m], speed [m/s]."""
         keys = ("gate", "lap", "t", "offset", "speed")
         return [{k: getattr(e, k) for k in keys} for e in self.events if e.kind == "pass"]
 
@@ -113,11 +123,21 @@ class Run:
         return sum(1 for _ in takewhile(timed.__contains__, range(1, begun + 1)))
 
     def digest(self) -> str:
-        """sha256 [hex] of all that a seed determines: no wall clock, no spec["host"], no snapshots."""
+        """sha256 [hex] of all that a seed determines: no wall clock, no spec["host"], no
+        snapshots."""
         events = [e.record() for e in self.events]
-        text = canonical({"spec": hostless(self.spec), "events": events, "laps": self.laps, "outcome": self.outcome})
+        text = canonical(
+            {
+                "spec": hostless(self.spec),
+                "events": events,
+                "laps": self.laps,
+                "outcome": self.outcome,
+            }
+        )
         columns = [
-            self.telemetry[name].astype("<f8").tobytes() for name in columns_of(self.spec) if name not in WALL_CLOCK
+            self.telemetry[name].astype("<f8").tobytes()
+            for name in columns_of(self.spec)
+            if name not in WALL_CLOCK
         ]
         return sha256(b"".join([text, *columns])).hexdigest()
 
@@ -129,9 +149,14 @@ def own_parts(spec: dict) -> dict[str, str]:
     """
     parts = dict(spec.get("own", {}))
     terms = parts.pop("terms", [])
-    names = {role: part.get("class", spec.get("system", "")).rpartition(".")[2] for role, part in parts.items()}
+    names = {
+        role: part.get("class", spec.get("system", "")).rpartition(".")[2]
+        for role, part in parts.items()
+    }
     if terms:
-        names["terms"] = ", ".join(f"{term['name']} {weight_text(term['weight'])}" for term in terms)
+        names["terms"] = ", ".join(
+            f"{term['name']} {weight_text(term['weight'])}" for term in terms
+        )
     return names
 
 
@@ -141,13 +166,15 @@ def weight_text(weight: float | list) -> str:
 
 
 def flown_with(spec: dict) -> str:
-    """What controlled it, with which numbers; the preset and the vehicle of a user's own system are its own."""
+    """What controlled it, with which numbers; the preset and the vehicle of a user's own system are
+    its own."""
     own, pilot = own_parts(spec), spec.get("pilot")
     sampled = f"pilot {pilot['name']}" if pilot else f"{spec['sampler']} sampling"
     controlled = f"controller {own['controller']}" if "controller" in own else sampled
     preset = "" if pilot else f", preset {spec['preset']}"
     named = "" if "system" in own else f"{preset}, vehicle {spec['vehicle']['name']}"
-    simulator = ", plant rotorpy" if spec.get("plant") == "rotorpy" else ""  # the others have the same dynamics
+    # the others have the same dynamics
+    simulator = ", plant rotorpy" if spec.get("plant") == "rotorpy" else ""
     return f"{controlled}{named}{simulator}, seed {spec['seed']}"
 
 
@@ -157,13 +184,15 @@ def hostless(spec: dict) -> dict:
 
 
 def not_comparable(spec: dict) -> str:
-    """What is to be said wherever a run stands beside others that was changed in flight; empty if it was not."""
+    """What is to be said wherever a run stands beside others that was changed in flight; empty if
+    it was not."""
     n = len(spec.get(INTERACTIVE, ()))
     return f"interactive, not comparable: {n} change{'s' * (n > 1)} in flight" if n else ""
 
 
 def canonical(value: object) -> bytes:
-    """One JSON text for one value; raises ValueError on nan and TypeError on what JSON cannot hold."""
+    """One JSON text for one value; raises ValueError on nan and TypeError on what JSON cannot
+    hold."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
 
 
@@ -180,7 +209,18 @@ class Recorder:
     def add(self, f: Frame) -> None:
         if f.snapshot:
             self._snapshots.append((len(self), f.snapshot))
-        row = (f.t, *f.x, *f.u, f.passed, f.lap, f.ess, f.temperature, f.cost, f.plan_ms, *f.estimate)
+        row = (
+            f.t,
+            *f.x,
+            *f.u,
+            f.passed,
+            f.lap,
+            f.ess,
+            f.temperature,
+            f.cost,
+            f.plan_ms,
+            *f.estimate,
+        )
         if len(self) == len(self._table):  # a new one, as views of the old one must not change
             table = np.empty((2 * len(self) or 1024, len(row)))
             table[: len(self)] = self._table
@@ -194,18 +234,27 @@ class Recorder:
         return self._frames
 
     def views(self, columns: Iterable[str]) -> dict[str, np.ndarray]:
-        """The telemetry so far, not copied; a view stays valid while the flight goes on.  (frames,) each"""
+        """The telemetry so far, not copied; a view stays valid while the flight goes on.  (frames,)
+        each"""
         names = tuple(columns)
-        return dict(zip(names, self._table[: len(self)].reshape(len(self), len(names)).T, strict=True))
+        return dict(
+            zip(names, self._table[: len(self)].reshape(len(self), len(names)).T, strict=True)
+        )
 
     def run(self, spec: dict) -> Run:
-        """The flight so far, interrupted where its last frame has no outcome. Raises ValueError for any other one."""
+        """The flight so far, interrupted where its last frame has no outcome. Raises ValueError for
+        any other one."""
         outcome = (self.last.outcome if self.last else None) or "interrupted"
         if outcome not in get_args(Outcome):
-            raise ValueError(f"referee: expected an outcome of {', '.join(get_args(Outcome))}, got {outcome!r}")
-        spec = json.loads(canonical(spec))  # tuples become lists now, so that loading gives back the same
+            raise ValueError(
+                f"referee: expected an outcome of {', '.join(get_args(Outcome))}, got {outcome!r}"
+            )
+        # tuples become lists now, so that loading gives back the same
+        spec = json.loads(canonical(spec))
         views = self.views(columns_of(spec))
-        telemetry = {name: column.astype(int if name in COUNTS else float) for name, column in views.items()}
+        telemetry = {
+            name: column.astype(int if name in COUNTS else float) for name, column in views.items()
+        }
         return Run(
             spec=spec,
             telemetry=telemetry,
@@ -217,7 +266,9 @@ class Recorder:
 
     def _wall(self, plan_ms: np.ndarray) -> dict:
         """The real-time factor is simulated over wall-clock seconds."""
-        p50, p95 = (float(v) for v in np.percentile(plan_ms, [50, 95])) if len(plan_ms) else (0.0, 0.0)
+        p50, p95 = (
+            (float(v) for v in np.percentile(plan_ms, [50, 95])) if len(plan_ms) else (0.0, 0.0)
+        )
         timed = self.last is not None and self.last.elapsed > 0.0
         return {
             "plan_ms": {"p50": p50, "p95": p95},

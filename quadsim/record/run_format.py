@@ -63,8 +63,14 @@ def read_json(data: bytes, path: object) -> Record:
     try:
         version = msgspec.json.decode(data, type=Header).schema_version
         if version != SCHEMA_VERSION:
-            advice = "it comes from a newer quadsim, update this one" if version > SCHEMA_VERSION else "it is damaged"
-            raise RunError(f"{path}: expected schema_version {SCHEMA_VERSION}, got {version}; {advice}")
+            advice = (
+                "it comes from a newer quadsim, update this one"
+                if version > SCHEMA_VERSION
+                else "it is damaged"
+            )
+            raise RunError(
+                f"{path}: expected schema_version {SCHEMA_VERSION}, got {version}; {advice}"
+            )
         return msgspec.json.decode(data, type=Record)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise RunError(f"{path}: damaged: {error}") from error
@@ -77,7 +83,9 @@ def write_npz(run: Run) -> bytes:
     return buffer.getvalue()
 
 
-def read_npz(data: bytes, spec: dict, path: object) -> tuple[dict[str, np.ndarray], PlannerSnapshots | None]:
+def read_npz(
+    data: bytes, spec: dict, path: object
+) -> tuple[dict[str, np.ndarray], PlannerSnapshots | None]:
     """Telemetry by column, and the planner's snapshots where the run has them."""
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
@@ -99,7 +107,9 @@ def write_csv(events: Iterable[Event]) -> bytes:
     text = io.StringIO(newline="")
     out = csv.writer(text)
     out.writerow(["t", "kind", "gate", "lap", "left", "up", "speed", "x", "y", "z", "obstacle"])
-    out.writerows((e.t, e.kind, e.gate, e.lap, *e.offset, e.speed, *e.position, e.obstacle) for e in events)
+    out.writerows(
+        (e.t, e.kind, e.gate, e.lap, *e.offset, e.speed, *e.position, e.obstacle) for e in events
+    )
     return text.getvalue().encode()
 
 
@@ -112,12 +122,16 @@ def _wanted(spec: dict, path: object) -> dict[str, str]:
 
 def _check(columns: dict[str, np.ndarray], wanted: dict[str, str], path: object) -> None:
     if wrong := sorted(columns.keys() ^ wanted.keys()):
-        raise RunError(f"{path}: expected the columns of the run's system, missing or unknown: {', '.join(wrong)}")
+        raise RunError(
+            f"{path}: expected the columns of the run's system, missing or unknown: {', '.join(wrong)}"
+        )
     frames = columns["t"].shape
     for name, column in columns.items():
         kind = np.dtype(np.int64 if name in COUNTS else np.float64)
         if column.dtype != kind or column.ndim != 1 or column.shape != frames:
-            raise RunError(f"{path}: {name}: expected {kind} {frames}, got {column.dtype} {column.shape}")
+            raise RunError(
+                f"{path}: {name}: expected {kind} {frames}, got {column.dtype} {column.shape}"
+            )
 
 
 def _finite(value: object) -> object:

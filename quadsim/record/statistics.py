@@ -1,7 +1,7 @@
 """Statistics of flights: intervals, tests, and what a sample of this size can show.
 
-scipy.special has the distributions and loads in a tenth of the time of scipy.stats (.7 s), which the functions that
-need it import themselves.
+scipy.special has the distributions and loads in a tenth of the time of scipy.stats (.7 s), which
+the functions that need it import themselves.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ class Mean:
 
 
 def mean_interval(values: Sequence[float], confidence: float = 0.95) -> Mean:
-    """mean +- t sd / sqrt(n); nan where n is too small to say. Of paired differences: the paired t-interval."""
+    """mean +- t sd / sqrt(n); nan where n is too small to say. Of paired differences: the paired
+    t-interval."""
     x = np.asarray(values, float)
     n = len(x)
     if n < 2:
@@ -43,12 +44,14 @@ def ratio_interval(pairs: Sequence[tuple[float, float]]) -> Mean:
 
 
 def upper_bound(values: Sequence[float], confidence: float = 0.95) -> float:
-    """One-sided: the mean is below this with the given confidence; nan for fewer than two values."""
+    """One-sided: the mean is below this with the given confidence; nan for fewer than two
+    values."""
     return mean_interval(values, 2 * confidence - 1).high
 
 
 def detectable(sd: float, n: int, power: float = 0.8) -> float:
-    """The smallest true mean of n (paired) differences that a two-sided 5 % t-test detects with this power."""
+    """The smallest true mean of n (paired) differences that a two-sided 5 % t-test detects with
+    this power."""
     if n < 2:
         return nan
     t = stdtrit(n - 1, 0.975)  # a rejection on the wrong side is so rare that it is left out
@@ -56,7 +59,8 @@ def detectable(sd: float, n: int, power: float = 0.8) -> float:
 
 
 def false_alarm(sd: float, n: int, effect: float, confidence: float) -> float:
-    """Probability that `upper_bound` exceeds `effect` although the true mean is 0; `sd` of one difference."""
+    """Probability that `upper_bound` exceeds `effect` although the true mean is 0; `sd` of one
+    difference."""
     if n < 2:
         return 1.0
     if not sd > 0:
@@ -74,7 +78,8 @@ def wilson(k: int, n: int, confidence: float = 0.95) -> tuple[float, float]:
 
 
 def mcnemar(only_a: int, only_b: int) -> float:
-    """Exact two-sided p that a and b succeed alike, from the pairs in which just one of them did."""
+    """Exact two-sided p that a and b succeed alike, from the pairs in which just one of them
+    did."""
     from scipy.stats import binomtest
 
     return float(binomtest(only_a, only_a + only_b).pvalue) if only_a + only_b else 1.0
@@ -88,7 +93,9 @@ def fisher(k_a: int, n_a: int, k_b: int, n_b: int) -> float:
     return float(found.pvalue)  # pyright: ignore[reportAttributeAccessIssue]: of its result, which has no stub
 
 
-def proportion_difference(k_a: int, n_a: int, k_b: int, n_b: int, confidence: float = 0.95) -> tuple[float, float]:
+def proportion_difference(
+    k_a: int, n_a: int, k_b: int, n_b: int, confidence: float = 0.95
+) -> tuple[float, float]:
     """Interval of p_b - p_a from the two score intervals (Newcombe 1998, method 10)."""
     p_a, p_b = k_a / n_a, k_b / n_b
     (low_a, high_a), (low_b, high_b) = wilson(k_a, n_a, confidence), wilson(k_b, n_b, confidence)

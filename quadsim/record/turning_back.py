@@ -1,9 +1,11 @@
-"""Flights that overshoot a gate and return to it, read off positions and gates alone: so of stored runs too.
+"""Flights that overshoot a gate and return to it, read off positions and gates alone: so of stored
+runs too.
 
-In front of a gate the vehicle flies forward, along the passage, until it has passed. It has turned back where, after
-flying forward in front of its next gate and coming close, it flies backward by one opening and has still not passed: it
-missed the opening, or could not make the turn and fell back. What a course asks for is not counted: the swing out of a
-gate just passed, the way round one that faces away and the loop to a gate beside begin with no approach.
+In front of a gate the vehicle flies forward, along the passage, until it has passed. It has turned
+back where, after flying forward in front of its next gate and coming close, it flies backward by
+one opening and has still not passed: it missed the opening, or could not make the turn and fell
+back. What a course asks for is not counted: the swing out of a gate just passed, the way round one
+that faces away and the loop to a gate beside begin with no approach.
 """
 
 from __future__ import annotations
@@ -30,13 +32,16 @@ class TurnedBack(TypedDict):
 
 
 def turned_back(run: Run) -> list[TurnedBack]:
-    """Once at most for each gate of each lap; none of other systems than a quadrotor, and of a course that cannot be
-    read."""
+    """Once at most for each gate of each lap; none of other systems than a quadrotor, and of a
+    course that cannot be read."""
     x = run.telemetry
     if system_of(run.spec) == "quadrotor":
         p = np.stack([x[name] for name in ("px", "py", "pz")], axis=1)  # (frames, 3)
-        with suppress(FileError), np.errstate(all="ignore"):  # a plant that blew up has positions beyond all numbers
-            return turns(parse_course(run.spec["course_text"], run.spec["course"]), x["t"], p, x["passed"])
+        # a plant that blew up has positions beyond all numbers
+        with suppress(FileError), np.errstate(all="ignore"):
+            return turns(
+                parse_course(run.spec["course_text"], run.spec["course"]), x["t"], p, x["passed"]
+            )
     return []
 
 
@@ -56,7 +61,8 @@ def _turned(gate: Gate, p: np.ndarray) -> np.ndarray:
     opening = approach_length(gate.opening)
     along = gate.to_local_rows(p).along
     distance = np.linalg.norm(p - gate.position, axis=1)
-    # It has approached where it was an opening in front of the gate before, and has flown forward by one since
+    # It has approached where it was an opening in front of the gate before, and has flown forward
+    # by one since
     farthest_back = np.minimum.accumulate(along)
     approached = (farthest_back <= -opening) & (along - farthest_back >= opening)
     close = distance <= CLOSE * opening

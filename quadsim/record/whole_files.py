@@ -1,4 +1,5 @@
-"""Files that are there whole or not at all, and what is said of a path before anything is written."""
+"""Files that are there whole or not at all, and what is said of a path before anything is
+written."""
 
 from __future__ import annotations
 

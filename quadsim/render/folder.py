@@ -16,7 +16,8 @@ SETTINGS, ANNOTATIONS, VIDEO = "settings.json", "annotations.json", "video.mp4"
 
 
 def settle(out: Path, pictures: Pictures) -> None:
-    """Make the folder, or see that it has pictures of the same settings. Raises FileError, OSError."""
+    """Make the folder, or see that it has pictures of the same settings. Raises FileError,
+    OSError."""
     path, settings = out / SETTINGS, pictures.settings()
     if out.exists() and not out.is_dir():
         raise FileError(f"{out}: expected a folder, got a file")
@@ -24,7 +25,9 @@ def settle(out: Path, pictures: Pictures) -> None:
         before = _read(path)
         differ = [key for key in settings if settings[key] != before.get(key)]
         if differ:
-            raise FileError(f"{out}: has pictures of other settings ({', '.join(differ)}): name another folder")
+            raise FileError(
+                f"{out}: has pictures of other settings ({', '.join(differ)}): name another folder"
+            )
     elif out.exists() and any(out.iterdir()):
         raise FileError(f"{out}: expected a new folder or one of race render, found other files")
     for kind in SUFFIXES:
@@ -40,7 +43,9 @@ def _read(path: Path) -> dict[str, Any]:
     with suppress(ValueError):
         before = json.loads(path.read_bytes())
     if not isinstance(before, dict):
-        raise FileError(f"{path}: expected the settings of pictures: name another folder, or remove this one")
+        raise FileError(
+            f"{path}: expected the settings of pictures: name another folder, or remove this one"
+        )
     return before
 
 

@@ -1,4 +1,5 @@
-"""One picture with its labels as files, each whole or not at all; what is there already is not made again.
+"""One picture with its labels as files, each whole or not at all; what is there already is not made
+again.
 
 rgb/000007.png            colour, 8 bits
 segmentation/000007.png   8 bits: 0 sky, gate numbers from 1, 254 obstacles, 255 ground
@@ -63,7 +64,8 @@ def path_of(out: Path, kind: str, i: int) -> Path:
 
 
 def whole_label(out: Path, i: int) -> dict | None:
-    """The label of picture i, where all its files are there in the size in which they were written."""
+    """The label of picture i, where all its files are there in the size in which they were
+    written."""
     try:
         label = json.loads(path_of(out, LABELS, i).read_bytes())
         files = [(out / name, label["bytes"][kind]) for kind, name in label["files"].items()]
@@ -92,7 +94,11 @@ def _scene(course_name: str, course_text: str, camera: Camera) -> tuple[Course, 
 def _make(pictures: Pictures, out: Path, i: int, pose: Pose) -> None:
     course, scene = _scene(pictures.course_name, pictures.course_text, pictures.camera)
     seen = scene.shoot(pose.p, pose.q, pictures.look(i))
-    data = {"rgb": _png(seen.rgb), "segmentation": _png(seen.segmentation), "depth": _npz(seen.depth)}
+    data = {
+        "rgb": _png(seen.rgb),
+        "segmentation": _png(seen.segmentation),
+        "depth": _npz(seen.depth),
+    }
     for kind, content in data.items():
         replace_file(path_of(out, kind, i), content)
     files = {kind: path_of(Path(), kind, i).as_posix() for kind in data}

@@ -1,7 +1,10 @@
-"""Labels of a picture, as COCO has them for key points (Lin et al. 2014): gates, their corners, the camera's pose.
+"""Labels of a picture, as COCO has them for key points (Lin et al. 2014): gates, their corners, the
+camera's pose.
 
-Pixels are those of quadsim.sensing.camera, as COCO's: from the picture's top left corner. A key point is u, v and its
-visibility: 0 not in the picture (u = v = 0), 1 in it but behind another gate's frame or an obstacle, 2 seen.
+Pixels are those of quadsim.sensing.camera, as COCO's: from the picture's top left corner. A key
+point is u, v and its
+visibility: 0 not in the picture (u = v = 0), 1 in it but behind another gate's frame or an
+obstacle, 2 seen.
 """
 
 from __future__ import annotations
@@ -16,7 +19,8 @@ from quadsim.render.poses import Pose
 from quadsim.sensing.camera import Camera
 from quadsim.sensing.visibility import hidden_corners
 
-CORNERS = ("right_bottom", "right_top", "left_bottom", "left_top")  # of the opening, seen along the passage
+# of the opening, seen along the passage
+CORNERS = ("right_bottom", "right_top", "left_bottom", "left_top")
 CATEGORY = {
     "id": 1,
     "name": "gate",
@@ -26,7 +30,8 @@ CATEGORY = {
 
 
 def label(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray) -> dict:
-    """The camera and the gates of one picture, as JSON. segmentation: (height, width), gate numbers from 1."""
+    """The camera and the gates of one picture, as JSON. segmentation: (height, width), gate numbers
+    from 1."""
     position, axes = camera.pose(pose.p, pose.q)
     return {
         "t": pose.t,
@@ -52,7 +57,8 @@ def _gates(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray)
         yield {
             "gate": number,
             "keypoints": np.column_stack([corners, seen]).ravel().tolist(),
-            "depth": depth[k].tolist(),  # of the corners, along the optical axis [m]; negative: behind the camera
+            # of the corners, along the optical axis [m]; negative: behind the camera
+            "depth": depth[k].tolist(),
             "bbox": _box(rows, columns),
             "area": len(rows),
         }
@@ -76,9 +82,19 @@ def coco(course: Course, camera: Camera, labels: Iterable[dict]) -> dict:
         images[-1] |= {key: one[key] for key in ("t", "body", "camera")}
         for gate in one["gates"]:
             counted = sum(v > 0 for v in gate["keypoints"][2::3])
-            kept = {"id": len(annotations), "image_id": i, "category_id": 1, "iscrowd": 0, "num_keypoints": counted}
+            kept = {
+                "id": len(annotations),
+                "image_id": i,
+                "category_id": 1,
+                "iscrowd": 0,
+                "num_keypoints": counted,
+            }
             annotations.append(kept | gate)
-    info = {"course": course.name, "camera": asdict(camera), "gates": [_where(course, k) for k in _numbers(course)]}
+    info = {
+        "course": course.name,
+        "camera": asdict(camera),
+        "gates": [_where(course, k) for k in _numbers(course)],
+    }
     return {"info": info, "categories": [CATEGORY], "images": images, "annotations": annotations}
 
 

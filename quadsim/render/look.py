@@ -1,7 +1,8 @@
 """How a scene looks: paint of ground and gates, light, sky. The same always, or drawn from a seed.
 
-Textures are made here, of noise: nothing is loaded. Noise of several octaves is a sum of grids of random numbers, each
-twice as fine and half as strong as the one before (Perlin 1985), interpolated linearly and periodic.
+Textures are made here, of noise: nothing is loaded. Noise of several octaves is a sum of grids of
+random numbers, each twice as fine and half as strong as the one before (Perlin 1985), interpolated
+linearly and periodic.
 """
 
 from __future__ import annotations
@@ -43,7 +44,8 @@ class Look:
     ambient: float  # shares of the light
     diffuse: float
     specular: float
-    sky: Callable[[np.ndarray], np.ndarray]  # of directions in the world, unit length (n, 3) -> colours (n, 3) uint8
+    # of directions in the world, unit length (n, 3) -> colours (n, 3) uint8
+    sky: Callable[[np.ndarray], np.ndarray]
 
 
 def plain_look() -> Look:
@@ -54,7 +56,8 @@ def plain_look() -> Look:
 
 
 def drawn_look(streams: LookStreams, vary: Collection[str]) -> Look:
-    """Return the plain look with what is in `vary` (of VARIED) drawn anew. The same streams give the same look."""
+    """Return the plain look with what is in `vary` (of VARIED) drawn anew. The same streams give
+    the same look."""
     look = plain_look()
     if "textures" in vary:
         rng = np.random.default_rng(streams.textures)
@@ -71,7 +74,10 @@ def textures() -> list[np.ndarray]:
     """The same ones always, as a renderer loads each once.  TEXTURES of (SIZE, SIZE, 3) uint8"""
     rng = np.random.default_rng(texture_stream())
     squares = (np.indices((SIZE, SIZE)) // (SIZE // 2)).sum(axis=0)[..., None] % 2
-    flat, chequered = np.full((SIZE, SIZE, 3), 255, np.uint8), np.where(squares, 255, 215).astype(np.uint8)
+    flat, chequered = (
+        np.full((SIZE, SIZE, 3), 255, np.uint8),
+        np.where(squares, 255, 215).astype(np.uint8),
+    )
     chequered = np.repeat(chequered, 3, axis=2)
     return [flat, chequered, *(_texture(rng) for _ in range(TEXTURES - 2))]
 
@@ -105,13 +111,20 @@ def _paint(rng: np.random.Generator) -> Paint:
 
 
 def _light(rng: np.random.Generator) -> dict:
-    """A sun anywhere 15 degrees or more above the horizon, of a colour near white; contrast weak to strong."""
+    """A sun anywhere 15 degrees or more above the horizon, of a colour near white; contrast weak to
+    strong."""
     azimuth, elevation = rng.uniform(0.0, 2 * pi), rng.uniform(pi / 12, pi / 2)
     sun = (cos(azimuth) * cos(elevation), sin(azimuth) * cos(elevation), sin(elevation))
     ambient = rng.uniform(0.25, 0.75)
     colour = tuple(rng.uniform(0.75, 1.0, 3).tolist())
     diffuse, specular = rng.uniform(0.3, 0.9 - 0.4 * ambient), rng.uniform(0.0, 0.4)
-    return {"light": sun, "light_colour": colour, "ambient": ambient, "diffuse": diffuse, "specular": specular}
+    return {
+        "light": sun,
+        "light_colour": colour,
+        "ambient": ambient,
+        "diffuse": diffuse,
+        "specular": specular,
+    }
 
 
 def _gradient(horizon: Vec3, zenith: Vec3) -> Callable[[np.ndarray], np.ndarray]:
@@ -125,9 +138,11 @@ def _gradient(horizon: Vec3, zenith: Vec3) -> Callable[[np.ndarray], np.ndarray]
 
 
 def _clouds(rng: np.random.Generator) -> Callable[[np.ndarray], np.ndarray]:
-    """Random colours of horizon and zenith, and noise of a third colour that stands still in the world.
+    """Random colours of horizon and zenith, and noise of a third colour that stands still in the
+    world.
 
-    The noise lies on the picture of the sky by stereographic projection from below: x / (1 + z), y / (1 + z).
+    The noise lies on the picture of the sky by stereographic projection from below: x / (1 + z), y
+    / (1 + z).
     """
     horizon, zenith, cloud = rng.integers(0, 256, (3, 3))
     below = _gradient(horizon, zenith)
@@ -136,7 +151,9 @@ def _clouds(rng: np.random.Generator) -> Callable[[np.ndarray], np.ndarray]:
 
     def sky(directions: np.ndarray) -> np.ndarray:
         half = np.float32((CLOUDS - 1) / 2) / (np.float32(1.0) + np.maximum(directions[:, 2], 0.0))
-        row, column = (((CLOUDS - 1) / 2 + half * directions[:, axis]).astype(np.intp) for axis in (0, 1))
+        row, column = (
+            ((CLOUDS - 1) / 2 + half * directions[:, axis]).astype(np.intp) for axis in (0, 1)
+        )
         share = cover[row, column][:, None]
         return ((1.0 - share) * below(directions) + share * cloud).astype(np.uint8)
 

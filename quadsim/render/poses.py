@@ -1,4 +1,5 @@
-"""From where the pictures are taken: the poses of a stored flight, or poses drawn along and around a course."""
+"""From where the pictures are taken: the poses of a stored flight, or poses drawn along and around
+a course."""
 
 from __future__ import annotations
 
@@ -13,8 +14,10 @@ from quadsim.rotation import Quaternion, Vec3, from_euler
 from quadsim.sensing.camera import Camera
 from quadsim.streams import pose_stream
 
-ASIDE = 1.0  # standard deviation of the distance from the straight lines between the gates, per axis [m]
-TURN, PITCH, ROLL = radians(25), radians(12), radians(25)  # standard deviations about the way to the next gate
+# standard deviation of the distance from the straight lines between the gates, per axis [m]
+ASIDE = 1.0
+# standard deviations about the way to the next gate
+TURN, PITCH, ROLL = radians(25), radians(12), radians(25)
 CLEAR, LOWEST = 0.3, 0.3  # [m] from frames and obstacles, and from the ground
 TRIES = 1000  # draws for one pose
 
@@ -29,7 +32,8 @@ class Pose:
 
 
 def flown_poses(telemetry: Mapping[str, np.ndarray], rate: float) -> list[Pose]:
-    """A flight at `rate` [Hz], between its control steps interpolated: positions linearly, attitudes on the sphere.
+    """A flight at `rate` [Hz], between its control steps interpolated: positions linearly,
+    attitudes on the sphere.
 
     At 20 m/s and 4 g half way between two steps of 10 ms the position is off by 0.5 mm.
     """
@@ -37,20 +41,26 @@ def flown_poses(telemetry: Mapping[str, np.ndarray], rate: float) -> list[Pose]:
     at = np.arange(0.0, t[-1] + 1e-9, 1.0 / rate)
     p = np.column_stack([np.interp(at, t, telemetry[name]) for name in ("px", "py", "pz")])
     q = np.column_stack([telemetry[name] for name in ("qw", "qx", "qy", "qz")])
-    turns = np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))  # q and -q are one attitude
+    # q and -q are one attitude
+    turns = np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
     q[1:] *= turns[:, None]
     q = np.column_stack([np.interp(at, t, column) for column in q.T])
     q /= np.linalg.norm(q, axis=1, keepdims=True)
-    return [Pose(*pose) for pose in zip(at.tolist(), map(tuple, p.tolist()), map(tuple, q.tolist()), strict=True)]
+    return [
+        Pose(*pose)
+        for pose in zip(at.tolist(), map(tuple, p.tolist()), map(tuple, q.tolist()), strict=True)
+    ]
 
 
 def drawn_poses(course: Course, camera: Camera, count: int, seed: int) -> list[Pose]:
     """`count` poses along and around the course; pose i depends on the seed and on i alone.
 
-    Each is near the straight line to a gate, with the optical axis near the direction to that gate. Raises ValueError
-    for a course without room.
+    Each is near the straight line to a gate, with the optical axis near the direction to that gate.
+    Raises ValueError for a course without room.
     """
-    return [_draw(course, camera, np.random.default_rng(pose_stream(seed, i))) for i in range(count)]
+    return [
+        _draw(course, camera, np.random.default_rng(pose_stream(seed, i))) for i in range(count)
+    ]
 
 
 def _draw(course: Course, camera: Camera, rng: np.random.Generator) -> Pose:
@@ -78,6 +88,7 @@ def _looking(ahead: np.ndarray, camera: Camera, rng: np.random.Generator) -> Qua
     """Return an attitude with the camera's axis near this direction of the world."""
     x, y, z = (ahead / max(float(np.linalg.norm(ahead)), 1e-9)).tolist()
     yaw = atan2(y, x) + TURN * rng.standard_normal()
-    pitch = radians(camera.tilt_deg) - asin(z) + PITCH * rng.standard_normal()  # positive: nose down
+    # positive: nose down
+    pitch = radians(camera.tilt_deg) - asin(z) + PITCH * rng.standard_normal()
     roll = ROLL * rng.standard_normal()
     return from_euler(yaw, pitch, roll)

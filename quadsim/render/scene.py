@@ -1,4 +1,5 @@
-"""A course as PyBullet's TinyRenderer draws it: colour, depth, and which gate stands in each pixel."""
+"""A course as PyBullet's TinyRenderer draws it: colour, depth, and which gate stands in each
+pixel."""
 
 from __future__ import annotations
 
@@ -29,23 +30,32 @@ class Picture:
 
     rgb: np.ndarray  # (height, width, 3) uint8
     depth: np.ndarray  # (height, width) float32, along the optical axis [m]; inf: sky
-    segmentation: np.ndarray  # (height, width) uint8: SKY, the gate's number from 1, OBSTACLE, GROUND_ID
+    # (height, width) uint8: SKY, the gate's number from 1, OBSTACLE, GROUND_ID
+    segmentation: np.ndarray
 
 
 class Scene:
-    """The gates, the obstacles and the ground of a course, in a PyBullet client of its own. close() frees it."""
+    """The gates, the obstacles and the ground of a course, in a PyBullet client of its own. close()
+    frees it."""
 
     def __init__(self, course: Course, camera: Camera):
         """Raises ValueError for more gates than a picture of 8 bits tells apart."""
-        gates = tuple(dict.fromkeys(course.gates))  # each once, however often a lap leads through it
+        # each once, however often a lap leads through it
+        gates = tuple(dict.fromkeys(course.gates))
         if len(gates) > LAST_GATE:
             raise ValueError(f"{course.name}: expected at most {LAST_GATE} gates, got {len(gates)}")
         self._camera = camera
         self._client = bullet.connect(bullet.DIRECT)
         self._at: dict[str, int] = {"physicsClientId": self._client}
-        bodies = [self._add_ground(), *map(self._add_gate, gates), *map(self._add_obstacle, course.obstacles)]
+        bodies = [
+            self._add_ground(),
+            *map(self._add_gate, gates),
+            *map(self._add_obstacle, course.obstacles),
+        ]
         self._count = len(gates), len(course.obstacles)
-        self._bodies = [(body, {s[1] for s in bullet.getVisualShapeData(body, **self._at)}) for body in bodies]
+        self._bodies = [
+            (body, {s[1] for s in bullet.getVisualShapeData(body, **self._at)}) for body in bodies
+        ]
         numbers = (course.gates.index(gate) + 1 for gate in gates)
         ids = [GROUND_ID, *numbers, *[OBSTACLE] * len(course.obstacles), SKY]
         self._ids = np.array(ids, np.uint8)  # of the bodies 0, 1, ..., and of -1, nothing
@@ -53,7 +63,8 @@ class Scene:
         self._rays = _rays(camera)
 
     def shoot(self, p: Vec3, q: Quaternion, look: Look) -> Picture:
-        """The picture of a vehicle's camera: the vehicle at p [m] with the attitude q (wxyz). Itself it is not seen."""
+        """The picture of a vehicle's camera: the vehicle at p [m] with the attitude q (wxyz).
+        Itself it is not seen."""
         self._dress(look)
         position, axes = self._camera.pose(p, q)
         answer = bullet.getCameraImage(
@@ -73,7 +84,9 @@ class Scene:
         shape = (self._camera.height, self._camera.width)
         rgb = np.reshape(answer[2], (*shape, 4))[..., :3].astype(np.uint8)
         segmentation = self._ids[np.reshape(answer[4], shape)]
-        depth = np.float32(FAR * NEAR) / (np.float32(FAR) - np.float32(FAR - NEAR) * np.reshape(answer[3], shape))
+        depth = np.float32(FAR * NEAR) / (
+            np.float32(FAR) - np.float32(FAR - NEAR) * np.reshape(answer[3], shape)
+        )
         sky = segmentation == SKY
         depth[sky] = np.inf
         rgb[sky] = look.sky(self._rays[sky] @ axes.T.astype(np.float32))
@@ -99,14 +112,23 @@ class Scene:
     def _add_gate(self, gate: Gate) -> int:
         centres, halves = map(list, zip(*gate.bars, strict=True))
         frame = bullet.createVisualShapeArray(
-            shapeTypes=[bullet.GEOM_BOX] * 4, halfExtents=halves, visualFramePositions=centres, **self._at
+            shapeTypes=[bullet.GEOM_BOX] * 4,
+            halfExtents=halves,
+            visualFramePositions=centres,
+            **self._at,
         )
         attitude = bullet.getQuaternionFromEuler([gate.roll, gate.pitch, gate.yaw], **self._at)
-        return bullet.createMultiBody(0.0, -1, frame, basePosition=gate.position, baseOrientation=attitude, **self._at)
+        return bullet.createMultiBody(
+            0.0, -1, frame, basePosition=gate.position, baseOrientation=attitude, **self._at
+        )
 
     def _add_obstacle(self, obstacle: Obstacle) -> int:
         if isinstance(obstacle, Cylinder):
-            kind, size, yaw = bullet.GEOM_CYLINDER, {"radius": obstacle.radius, "length": obstacle.height}, 0.0
+            kind, size, yaw = (
+                bullet.GEOM_CYLINDER,
+                {"radius": obstacle.radius, "length": obstacle.height},
+                0.0,
+            )
         else:
             kind, size, yaw = bullet.GEOM_BOX, {"halfExtents": obstacle.half}, obstacle.yaw
         shape = bullet.createVisualShape(kind, **size, **self._at)
@@ -116,7 +138,8 @@ class Scene:
         )
 
     def _load_textures(self) -> list[int]:
-        """Each once, as PyBullet reads a texture from a file, and never drops it; those in use do not change."""
+        """Each once, as PyBullet reads a texture from a file, and never drops it; those in use do
+        not change."""
         with tempfile.TemporaryDirectory() as folder:
             paths = [Path(folder) / f"{i}.png" for i in range(TEXTURES)]
             for path, pixels in zip(paths, textures(), strict=True):
@@ -126,7 +149,11 @@ class Scene:
     def _dress(self, look: Look) -> None:
         """Put the look's paint on."""
         gates, obstacles = self._count
-        paints = [look.ground, *(look.gates[k % len(look.gates)] for k in range(gates)), *[look.obstacles] * obstacles]
+        paints = [
+            look.ground,
+            *(look.gates[k % len(look.gates)] for k in range(gates)),
+            *[look.obstacles] * obstacles,
+        ]
         for (body, links), (texture, colour) in zip(self._bodies, paints, strict=True):
             for link in links:
                 worn = {"textureUniqueId": self._textures[texture], "rgbaColor": (*colour, 1.0)}
@@ -134,7 +161,8 @@ class Scene:
 
 
 def _rays(camera: Camera) -> np.ndarray:
-    """Directions through the centres of the pixels, of length 1, in the camera frame.  (height, width, 3)"""
+    """Directions through the centres of the pixels, of length 1, in the camera frame.  (height,
+    width, 3)"""
     u, v = np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5
     x, y = np.meshgrid((u - camera.width / 2) / camera.fx, (v - camera.height / 2) / camera.fy)
     rays = np.stack([x, y, np.ones_like(x)], axis=-1)
@@ -152,7 +180,8 @@ def _view(position: np.ndarray, axes: np.ndarray) -> list[float]:
 def _projection(camera: Camera) -> list[float]:
     """OpenGL's projection matrix, by columns.
 
-    TinyRenderer samples pixel (i, j) at u = j, v = i + 1; half a pixel more each way and it does at the pixel's centre.
+    TinyRenderer samples pixel (i, j) at u = j, v = i + 1; half a pixel more each way and it does at
+    the pixel's centre.
     """
     matrix = np.zeros((4, 4))
     matrix[0, 0], matrix[0, 2] = 2.0 * camera.fx / camera.width, 1.0 / camera.width

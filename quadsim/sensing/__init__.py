@@ -1,9 +1,17 @@
-"""Sensors that watch the plant, an estimator that is given their measurements, and what a controller is told of it all.
+"""Sensors that watch the plant, an estimator that is given their measurements, and what a
+controller is told of it all.
 
-`quadsim.sensing.estimation` makes a state of measurements and of the map; it imports neither sensors nor plant.
-`quadsim.sensing.navigation` makes the Estimate that a controller plans with.
+`quadsim.sensing.estimation` makes a state of measurements and of the map; it imports neither
+sensors nor plant. `quadsim.sensing.navigation` makes the Estimate that a controller plans with.
 """
 
-from quadsim.sensing.sensing_file import PERFECT, SENSINGS, Sensing, load_sensing, parse_sensing, sensing_names
+from quadsim.sensing.sensing_file import (
+    PERFECT,
+    SENSINGS,
+    Sensing,
+    load_sensing,
+    parse_sensing,
+    sensing_names,
+)
 
 __all__ = ["PERFECT", "SENSINGS", "Sensing", "load_sensing", "parse_sensing", "sensing_names"]

@@ -1,12 +1,12 @@
 """A pinhole camera on the vehicle: which point of the world is seen at which place of the picture.
 
-Camera frame: x to the right of the picture, y down, z along the optical axis. Level, the axis is the body's x axis;
-`tilt_deg` turns it up. A point (x, y, z) of that frame is seen at
+Camera frame: x to the right of the picture, y down, z along the optical axis. Level, the axis is
+the body's x axis; `tilt_deg` turns it up. A point (x, y, z) of that frame is seen at
 
     u = f_x x / z + width / 2,    v = f_y y / z + height / 2        [px]
 
-(Hartley and Zisserman 2004, eq. 6.1), u from the left edge of the picture, v from its top: pixel (row i, column j)
-covers j <= u < j + 1, i <= v < i + 1. No distortion.
+(Hartley and Zisserman 2004, eq. 6.1), u from the left edge of the picture, v from its top: pixel
+(row i, column j) covers j <= u < j + 1, i <= v < i + 1. No distortion.
 """
 
 from __future__ import annotations
@@ -54,14 +54,17 @@ class Camera:
         return np.array([[0.0, s, c], [-1.0, 0.0, 0.0], [0.0, -c, s]])
 
     def pose(self, p: Vec3, q: Quaternion) -> tuple[np.ndarray, np.ndarray]:
-        """Where the camera of a vehicle at p [m] with attitude q (wxyz) is: position (3,), world from camera (3, 3)."""
+        """Where the camera of a vehicle at p [m] with attitude q (wxyz) is: position (3,), world
+        from camera (3, 3)."""
         body = np.array([to_world(q, axis) for axis in BODY_AXES]).T  # world from body
         return np.asarray(p, float) + body @ np.asarray(self.position), body @ self.axes
 
     def project(self, points: np.ndarray, p: Vec3, q: Quaternion) -> tuple[np.ndarray, np.ndarray]:
-        """Points of the world (n, 3) [m] as pixels (u, v) (n, 2), and their depth along the optical axis (n,) [m].
+        """Points of the world (n, 3) [m] as pixels (u, v) (n, 2), and their depth along the optical
+        axis (n,) [m].
 
-        nan in place of pixels where the depth is not positive: such a point is not in front of the camera.
+        nan in place of pixels where the depth is not positive: such a point is not in front of the
+        camera.
         """
         position, axes = self.pose(p, q)
         return self.to_pixels((points - position) @ axes)
@@ -70,7 +73,10 @@ class Camera:
         """The same for points of the camera frame.  (n, 3)"""
         depth = local[:, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
-            pixels = local[:, :2] * (self.fx, self.fy) / depth[:, None] + (self.width / 2, self.height / 2)
+            pixels = local[:, :2] * (self.fx, self.fy) / depth[:, None] + (
+                self.width / 2,
+                self.height / 2,
+            )
         pixels[depth <= 0.0] = np.nan
         return pixels, depth
 
@@ -78,8 +84,11 @@ class Camera:
         """Which pixels (n, 2) lie within the picture; those that are nan do not.  (n,) bool"""
         return np.all((pixels >= 0.0) & (pixels < (self.width, self.height)), axis=1)
 
-    def gate_corners(self, gates: Sequence[Gate], p: Vec3, q: Quaternion) -> tuple[np.ndarray, np.ndarray]:
-        """The corners of the gates' openings, in the order of `Gate.corners`, as `project` gives points.
+    def gate_corners(
+        self, gates: Sequence[Gate], p: Vec3, q: Quaternion
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The corners of the gates' openings, in the order of `Gate.corners`, as `project` gives
+        points.
 
         Returns: pixels (n_gates, 4, 2), depth (n_gates, 4) [m].
         """

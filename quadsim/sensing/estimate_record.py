@@ -1,8 +1,9 @@
 """The columns that a run keeps of an estimate beside the truth, and how consistent the two are.
 
-The normalised estimation error squared (NEES), e^T P^-1 e of position, velocity and attitude, has the mean 9 if the
-covariance P is that of the error; the normalised innovation squared (NIS) of a measurement has its number of degrees of
-freedom (Bar-Shalom, Li and Kirubarajan, "Estimation with applications to tracking and navigation", 2001, section 5.4).
+The normalised estimation error squared (NEES), e^T P^-1 e of position, velocity and attitude, has
+the mean 9 if the covariance P is that of the error; the normalised innovation squared (NIS) of a
+measurement has its number of degrees of freedom (Bar-Shalom, Li and Kirubarajan, "Estimation with
+applications to tracking and navigation", 2001, section 5.4).
 """
 
 from __future__ import annotations
@@ -11,11 +12,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from quadsim.dynamics.quadrotor import State
 from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import between
 from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.estimation.updates import Innovation
-from quadsim.systems.quadrotor import State
 
 ESTIMATE_UNITS = {
     **dict.fromkeys(("est_px", "est_py", "est_pz"), "m"),

@@ -1,9 +1,11 @@
-"""The gate camera: which corners of gates' openings stand in each picture, found with noise, misses and mistakes.
+"""The gate camera: which corners of gates' openings stand in each picture, found with noise, misses
+and mistakes.
 
-A corner is found if it is in front of the camera, in the picture and in range, with no other frame and no obstacle
-before it. It is found `noise` pixels off, Gaussian; a share is missed, a share is found anywhere, a share is taken for
-another corner. Corners found by a network and used as landmarks are the way of Swift (Kaufmann et al., Nature 2023)
-and of Foehn et al., "AlphaPilot: Autonomous drone racing", Autonomous Robots 46, 2022.
+A corner is found if it is in front of the camera, in the picture and in range, with no other frame
+and no obstacle before it. It is found `noise` pixels off, Gaussian; a share is missed, a share is
+found anywhere, a share is taken for another corner. Corners found by a network and used as
+landmarks are the way of Swift (Kaufmann et al., Nature 2023) and of Foehn et al., "AlphaPilot:
+Autonomous drone racing", Autonomous Robots 46, 2022.
 """
 
 from __future__ import annotations
@@ -15,13 +17,13 @@ import numpy as np
 
 from quadsim.course import Gate
 from quadsim.course.obstacles import Obstacle
+from quadsim.dynamics.quadrotor import State
 from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import matrix
 from quadsim.sensing.camera_model import GateCameraConfig
 from quadsim.sensing.measurements import Corners
 from quadsim.sensing.timing import Ticks
 from quadsim.sensing.visibility import hidden
-from quadsim.systems.quadrotor import State
 
 
 class GateCamera:

@@ -1,23 +1,25 @@
-"""The inertial measurement unit: gyroscope and accelerometer with white noise, walking biases and saturation.
+"""The inertial measurement unit: gyroscope and accelerometer with white noise, walking biases and
+saturation.
 
     gyro = omega + b_g + sigma_g N(0, 1)                          b_g' = walk_g N(0, 1)
     specific force = R(q)^T (v' + g e_z) + b_a + sigma_a N(0, 1)   b_a' = walk_a N(0, 1)
 
-The usual model of strapdown units (IEEE Std 952-1997, annex C; Woodman, "An introduction to inertial navigation",
-Cambridge UCAM-CL-TR-696, 2007). omega and v' are means over the sample, as of units that integrate: the turn and the
-change of velocity between two physics steps. So no plant has to be asked for its forces.
+The usual model of strapdown units (IEEE Std 952-1997, annex C; Woodman, "An introduction to
+inertial navigation", Cambridge UCAM-CL-TR-696, 2007). omega and v' are means over the sample, as of
+units that integrate: the turn and the change of velocity between two physics steps. So no plant has
+to be asked for its forces.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from quadsim.dynamics.quadrotor import State
 from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import between, to_body, turned
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.measurements import Inertial
 from quadsim.sensing.timing import Ticks
-from quadsim.systems.quadrotor import State
 from quadsim.vehicle import GRAVITY
 
 
@@ -42,7 +44,8 @@ class Imu:
             return None
         self._last = state
         dt = state.t - last.t
-        # means over the sample: of the body rates by the turn, of the acceleration by the change of velocity
+        # means over the sample: of the body rates by the turn, of the acceleration by the change of
+        # velocity
         before, after = last.x, state.x
         turn = between(before.attitude, after.attitude)
         body_rates = [angle / dt for angle in turn]

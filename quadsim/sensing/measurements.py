@@ -1,4 +1,5 @@
-"""Measurements: values with the instant at which they were true, and nothing about how they came to be."""
+"""Measurements: values with the instant at which they were true, and nothing about how they came to
+be."""
 
 from __future__ import annotations
 
@@ -39,7 +40,8 @@ class RotorThrust:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
-    """Corners of gates' openings found in one picture. Each may be taken for another: the association may be wrong."""
+    """Corners of gates' openings found in one picture. Each may be taken for another: the
+    association may be wrong."""
 
     t: float  # of the exposure [s]
     gates: np.ndarray  # index of the gate that each is taken to belong to  (n,)

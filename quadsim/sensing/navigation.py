@@ -1,15 +1,18 @@
 """Navigation: what is known of the vehicle, as the Estimate that its controller plans with.
 
-    sensors -> estimator -> state now -> model under the commands given -> state in which the next control acts
+    sensors -> estimator -> state now -> model under the commands given -> state in which the next
+    control acts
 
 A Navigation is put together from three parts:
 
 * a source of the present state: the true one (TrueState), or an estimator's (SensedState);
-* the commands given so far, under which the model predicts how the vehicle moves until the next one acts;
-* a count of the gates passed: the referee's (RefereeCount), or one by the estimated path (GateCounter).
+* the commands given so far, under which the model predicts how the vehicle moves until the next one
+  acts;
+* a count of the gates passed: the referee's (RefereeCount), or one by the estimated path
+  (GateCounter).
 
-The estimator, the prediction and the count by the path are given measurements, commands and the map alone; only the
-record of how far off they are knows the truth.
+The estimator, the prediction and the count by the path are given measurements, commands and the map
+alone; only the record of how far off they are knows the truth.
 """
 
 from __future__ import annotations
@@ -21,6 +24,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from quadsim.course import Course, EstimatedGate, Gate
+from quadsim.dynamics.control_periods import ControlPeriods
+from quadsim.dynamics.estimate import Estimate
+from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
 from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import Vec3
 from quadsim.sensing.estimate_record import estimate_row
@@ -31,11 +37,9 @@ from quadsim.sensing.estimation.prediction import Commands, predict
 from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.measurements import Corners, Inertial, RotorThrust
 from quadsim.sensing.sensors import Sensors
-from quadsim.systems.control_periods import ControlPeriods
-from quadsim.systems.estimate import Estimate
-from quadsim.systems.quadrotor import Control, ModelParams, State, quadrotor
 
-MOVED = 0.01  # [m] by which a gate's estimate, or its standard deviation, moves before the course is a new one
+# [m] by which a gate's estimate, or its standard deviation, moves before the course is a new one
+MOVED = 0.01
 PLAN_TIME = 0.1  # weight of the last planning time in the mean of them
 WHOLE = 1e-6  # of a period: a number of periods this near to a whole one is taken for it
 
@@ -73,11 +77,13 @@ class StateSource(Protocol):
         ...
 
     def now(self, t: float, acted: tuple[float, ...], periods: int) -> Present:
-        """Return what is known at t [s], after so many control periods under the command `acted` (n_u,)."""
+        """Return what is known at t [s], after so many control periods under the command `acted`
+        (n_u,)."""
         ...
 
     def record(self, state: PlantState) -> tuple[float, ...]:
-        """Return the columns of ESTIMATE_UNITS for this true state, or nothing where the true state is known."""
+        """Return the columns of ESTIMATE_UNITS for this true state, or nothing where the true state
+        is known."""
         ...
 
 
@@ -136,14 +142,17 @@ class TrueState:
             return Present(self._state.x)
         if before is not None and periods:
             duration = self._whole_periods(t - before.t) * self._dt
-            self.learner.learn_from_states(State(*before.x), State(*self._state.x), Control(*acted), duration)
+            self.learner.learn_from_states(
+                State(*before.x), State(*self._state.x), Control(*acted), duration
+            )
         return Present(self._state.x, self.learner.model)
 
     def record(self, state: PlantState) -> tuple[float, ...]:
         return ()
 
     def _whole_periods(self, duration: float) -> float:
-        """Control periods in a duration [s]; no whole number of them where planning took longer on the wall clock."""
+        """Control periods in a duration [s]; no whole number of them where planning took longer on
+        the wall clock."""
         periods = duration / self._dt
         return round(periods) if abs(periods - round(periods)) <= WHOLE else periods
 
@@ -222,7 +231,8 @@ class SensedState:
         )
 
     def _take_measurements(self, t: float) -> None:
-        """Bring position, velocity and attitude to t [s] by what has arrived, and keep what else was measured."""
+        """Bring position, velocity and attitude to t [s] by what has arrived, and keep what else
+        was measured."""
         self._rotors = None
         self._estimator.innovations.clear()
         for measurement in self._sensors.arrived(t):
@@ -239,7 +249,8 @@ class SensedState:
         self._nominal, self._t = self._estimator.at(t), t
 
     def _follow_vehicle(self, t: float, u: Control, periods: int) -> None:
-        """Bring body rates, thrust and the vehicle's numbers to t [s], so many control periods under the command u."""
+        """Bring body rates, thrust and the vehicle's numbers to t [s], so many control periods
+        under the command u."""
         nominal = self._nominal
         recent = [s for s in self._inertial if s.t > t - periods * self._dt + 1e-9]
         self._inertial = recent
@@ -261,10 +272,12 @@ class CourseEstimate:
         """course: the map."""
         self._map = self._course = course
         self._distinct: tuple[Gate, ...] = tuple(dict.fromkeys(course.gates))
-        self._offsets: np.ndarray | None = None  # of gates, and their standard deviations [m]  (gates, 4)
+        # of gates, and their standard deviations [m]  (gates, 4)
+        self._offsets: np.ndarray | None = None
 
     def updated(self, state: FilterState) -> Course:
-        """Return the course by this state of the filter: the same object as before until a gate has MOVED."""
+        """Return the course by this state of the filter: the same object as before until a gate has
+        MOVED."""
         gates = len(self._distinct)
         moves = state.gates if len(state.gates) else np.zeros((gates, 3))
         offsets = np.column_stack([moves, state.gate_std(gates)])
@@ -281,7 +294,12 @@ class Navigation:
     """Makes the Estimate that a controller is given, once each control period."""
 
     def __init__(
-        self, source: StateSource, gates: GateCount, commands: Commands, dt: float, nominal: ModelParams | None
+        self,
+        source: StateSource,
+        gates: GateCount,
+        commands: Commands,
+        dt: float,
+        nominal: ModelParams | None,
     ):
         """Put the parts together.
 
@@ -290,8 +308,8 @@ class Navigation:
             gates: counts the gates passed.
             commands: given before the flight.
             dt: control period [s].
-            nominal: the model that predicts until the next control acts, where none is estimated; None: a system for
-                which that is not predicted.
+            nominal: the model that predicts until the next control acts, where none is estimated;
+                None: a system for which that is not predicted.
         """
         self._source, self._gates, self._commands = source, gates, commands
         self._dt, self._nominal = dt, nominal
@@ -323,12 +341,14 @@ class Navigation:
         return Estimate(t, np.array(x), target, model, now.course)
 
     def commanded(self, t: float, ready: float, u: tuple[float, ...]) -> None:
-        """Note that the control u (n_u,), planned at t [s], is given to the vehicle at `ready` [s]."""
+        """Note that the control u (n_u,), planned at t [s], is given to the vehicle at `ready`
+        [s]."""
         self._commands.give(ready, u)
         self._planning += PLAN_TIME * (ready - t - self._planning)
 
     def record(self, state: PlantState) -> tuple[float, ...]:
-        """Return the columns of quadsim.sensing.estimate_record.ESTIMATE_UNITS for one frame, or nothing."""
+        """Return the columns of quadsim.sensing.estimate_record.ESTIMATE_UNITS for one frame, or
+        nothing."""
         return self._source.record(state)
 
     def _when_it_acts(self, now: Present, t: float) -> tuple[float, ...]:
@@ -342,5 +362,7 @@ class Navigation:
 def mean(vectors: list[Vec3], weights: list[float]) -> Vec3:
     """Return the weighted mean of vectors."""
     total = sum(weights)
-    x, y, z = (sum(w * v[k] for v, w in zip(vectors, weights, strict=True)) / total for k in range(3))
+    x, y, z = (
+        sum(w * v[k] for v, w in zip(vectors, weights, strict=True)) / total for k in range(3)
+    )
     return x, y, z

@@ -3,9 +3,10 @@
     position = p + drift + sigma_p N(0, 1),   drift' = walk N(0, 1)
     attitude = q exp(sigma_q N(0, 1)),        velocity = v + sigma_v N(0, 1)
 
-Of the samples, a share are spikes: that far off in a random direction. A dropout begins with each sample with a given
-probability and lasts a given time. Noise, spikes and their sizes follow RotorPy 3.0.0's motion capture (spp/rotorpy,
-MIT); the drift as a random walk is the usual model of odometry.
+Of the samples, a share are spikes: that far off in a random direction. A dropout begins with each
+sample with a given probability and lasts a given time. Noise, spikes and their sizes follow RotorPy
+3.0.0's motion capture (spp/rotorpy, MIT); the drift as a random walk is the usual model of
+odometry.
 """
 
 from __future__ import annotations
@@ -14,12 +15,12 @@ from math import inf, radians
 
 import numpy as np
 
+from quadsim.dynamics.quadrotor import State
 from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import turned
 from quadsim.sensing.config import PoseConfig
 from quadsim.sensing.measurements import Pose
 from quadsim.sensing.timing import Ticks
-from quadsim.systems.quadrotor import State
 
 
 class PoseSensor:
@@ -41,7 +42,8 @@ class PoseSensor:
         c, rng, t = self._config, self._rng, state.t
         drift, position, attitude, velocity, spike = rng.standard_normal((5, 3))
         begins, spikes = rng.random(2)
-        self.drift += c.drift * np.sqrt(max(t - self._before, 0.0)) * drift  # it begins with the flight, at t = 0
+        # it begins with the flight, at t = 0
+        self.drift += c.drift * np.sqrt(max(t - self._before, 0.0)) * drift
         self._before = max(t, 0.0)
         if begins < c.dropouts and t > 0.0:
             self._silent_until = t + c.dropout

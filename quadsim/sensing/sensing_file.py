@@ -67,7 +67,8 @@ def load_sensing(name_or_path: str | Path) -> Sensing:
 
 
 def parse_sensing(text: str, file: str) -> Sensing:
-    """A sensing from its text; `file` is shown in errors and gives it its name. Raises FileError."""
+    """A sensing from its text; `file` is shown in errors and gives it its name. Raises
+    FileError."""
     document = parse(text, file)
     entry = document.fill(SensingFile)
     for path, problem in _faults(entry):

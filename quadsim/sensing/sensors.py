@@ -1,4 +1,5 @@
-"""All sensors of one flight: they watch the plant, and hand over each measurement when it has arrived."""
+"""All sensors of one flight: they watch the plant, and hand over each measurement when it has
+arrived."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from quadsim.course import Gate
 from quadsim.course.obstacles import Obstacle
+from quadsim.dynamics.quadrotor import State
 from quadsim.physics.plant_state import PlantState
 from quadsim.sensing.gate_camera import GateCamera
 from quadsim.sensing.imu import Imu
@@ -19,14 +21,14 @@ from quadsim.sensing.pose import PoseSensor
 from quadsim.sensing.rotor_speeds import RotorSpeeds
 from quadsim.sensing.sensing_file import Sensing
 from quadsim.streams import sensor_streams
-from quadsim.systems.quadrotor import State
 from quadsim.vehicle import Vehicle
 
 WARM_UP = 0.5  # [s] for which the sensors run before the flight begins, the vehicle at rest
 
 
 class Sensors:
-    """Samples every physics step. Each sensor has a random stream of its own: none changes another's noise."""
+    """Samples every physics step. Each sensor has a random stream of its own: none changes
+    another's noise."""
 
     def __init__(
         self,
@@ -37,7 +39,8 @@ class Sensors:
         velocity_lag: float = 0.0,
         obstacles: Sequence[Obstacle] = (),
     ):
-        """vehicle, gates: the true ones, as the plant has them; each gate once. velocity_lag: see Plant [s]."""
+        """vehicle, gates: the true ones, as the plant has them; each gate once. velocity_lag: see
+        Plant [s]."""
         streams = sensor_streams(seeds)
         self._sensors: list[Any] = []
         if sensing.imu:
@@ -57,7 +60,8 @@ class Sensors:
         self._number = count()
 
     def warm_up(self, state: PlantState[State], dt: float) -> None:
-        """Sample the vehicle at rest at the flight's first state, for WARM_UP until just before it, every dt [s]."""
+        """Sample the vehicle at rest at the flight's first state, for WARM_UP until just before it,
+        every dt [s]."""
         for k in range(-round(WARM_UP / dt), 0):
             self.observe(PlantState(k * dt, state.x, ()))
 
@@ -67,11 +71,13 @@ class Sensors:
         for sensor in self._sensors:
             measurement = sensor.sample(self.truth)
             if measurement is not None:
-                heappush(self._coming, (measurement.t + sensor.latency, next(self._number), measurement))
+                heappush(
+                    self._coming, (measurement.t + sensor.latency, next(self._number), measurement)
+                )
 
     def _of_one_instant(self, state: PlantState[State]) -> PlantState[State]:
-        """Return the state with its velocity extrapolated to the instant of the position, by the acceleration of the
-        last step."""
+        """Return the state with its velocity extrapolated to the instant of the position, by the
+        acceleration of the last step."""
         before, self._before = self._before, state
         if before is None or not self._velocity_lag:
             return state
@@ -82,7 +88,9 @@ class Sensors:
             x.vy + share * (x.vy - last.vy),
             x.vz + share * (x.vz - last.vz),
         )
-        moved = State.of(x.position, velocity, x.attitude, x.body_rates, x.thrust, x.angular_acceleration)
+        moved = State.of(
+            x.position, velocity, x.attitude, x.body_rates, x.thrust, x.angular_acceleration
+        )
         return PlantState(state.t, moved, state.contacts)
 
     def arrived(self, t: float) -> list[Measurement]:

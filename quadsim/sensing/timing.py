@@ -1,4 +1,5 @@
-"""When sensors sample: at a rate of their own, at the first physics step at or after each instant."""
+"""When sensors sample: at a rate of their own, at the first physics step at or after each
+instant."""
 
 from __future__ import annotations
 
@@ -6,7 +7,8 @@ from math import floor, isclose
 
 
 class Ticks:
-    """The instants k / rate. A sample carries the time of the physics step at which it was taken."""
+    """The instants k / rate. A sample carries the time of the physics step at which it was
+    taken."""
 
     def __init__(self, rate: float):
         """rate: [Hz]"""
@@ -14,7 +16,8 @@ class Ticks:
         self._done: int | None = None
 
     def due(self, t: float) -> bool:
-        """Return whether an instant has come since the last call that returned True; t [s] must not decrease."""
+        """Return whether an instant has come since the last call that returned True; t [s] must not
+        decrease."""
         ticks = t * self._rate
         now = round(ticks) if isclose(ticks, round(ticks), abs_tol=1e-6) else floor(ticks)
         if self._done is not None and now <= self._done:

@@ -1,4 +1,5 @@
-"""Vehicles: the numbers of a quadrotor, read from YAML files with Flightmare's key names and checked."""
+"""Vehicles: the numbers of a quadrotor, read from YAML files with Flightmare's key names and
+checked."""
 
 from quadsim.vehicle.vehicle import GRAVITY, Rotors, Vehicle, scale_thrust, with_thrust_to_weight
 from quadsim.vehicle.vehicle_file import VEHICLES, load_vehicle, parse_vehicle, vehicle_names
@@ -7,7 +8,6 @@ __all__ = [
     "GRAVITY",
     "VEHICLES",
     "Rotors",
-    "Vec3",
     "Vehicle",
     "load_vehicle",
     "parse_vehicle",

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 class VehicleTolerances:
     """Half widths of uniform distributions about the nominal numbers, and a gust.
 
-    Domain randomization draws vehicles from these distributions, and what is learnt of a vehicle in flight starts at
-    them. The defaults are those of a careful outdoor flight: a battery more or less, which may be half empty, drag as
-    well as it is usually known, 1.25 m/s of wind on a drag of 0.4 1/s.
+    Domain randomization draws vehicles from these distributions, and what is learnt of a vehicle in
+    flight starts at them. The defaults are those of a careful outdoor flight: a battery more or
+    less, which may be half empty, drag as well as it is usually known, 1.25 m/s of wind on a drag
+    of 0.4 1/s.
     """
 
     mass: float = 0.05  # relative; the thrust gain is off by as much

@@ -1,4 +1,5 @@
-"""Vehicle: the numbers of one quadrotor as plain values; see vehicle_file for the YAML they are read from."""
+"""Vehicle: the numbers of one quadrotor as plain values; see vehicle_file for the YAML they are
+read from."""
 
 from __future__ import annotations
 
@@ -28,14 +29,16 @@ class Rotors:
         return (c2 * speed + c1) * speed + c0
 
     def speed(self, thrust: float) -> float:
-        """The speed [rad/s] at which one rotor gives this thrust [N], on the rising branch of the thrust map."""
+        """The speed [rad/s] at which one rotor gives this thrust [N], on the rising branch of the
+        thrust map."""
         c2, c1, c0 = self.thrust_map
         return (sqrt(c1 * c1 + 4.0 * c2 * (thrust - c0)) - c1) / (2.0 * c2)
 
 
 @dataclass(frozen=True)
 class Vehicle:
-    """What the plant flies. Thrusts and drag are mass-normalised, so that `paper` needs no mass of its own."""
+    """What the plant flies. Thrusts and drag are mass-normalised, so that `paper` needs no mass of
+    its own."""
 
     name: str
     source: str
@@ -51,7 +54,8 @@ class Vehicle:
 
 
 def scale_thrust(vehicle: Vehicle, factor: float) -> Vehicle:
-    """Stronger or weaker propellers: thrust map and limit times the factor, mass and rotor speeds as they were."""
+    """Stronger or weaker propellers: thrust map and limit times the factor, mass and rotor speeds
+    as they were."""
     rotors = vehicle.rotors
     if rotors:
         c2, c1, c0 = rotors.thrust_map

@@ -1,4 +1,5 @@
-"""Commands that the vehicle can follow, where its flight controller does not give up thrust to roll and pitch."""
+"""Commands that the vehicle can follow, where its flight controller does not give up thrust to roll
+and pitch."""
 
 from dataclasses import replace
 
@@ -6,10 +7,10 @@ import numpy as np
 import pytest
 
 from quadsim.course import load_course
+from quadsim.dynamics.quadrotor import Control, ModelParams, quadrotor
 from quadsim.physics.plant import start_state
-from quadsim.race.build import planner_of
-from quadsim.race.spec import Spec
-from quadsim.systems.quadrotor import Control, ModelParams, quadrotor
+from quadsim.spec.build import planner_of
+from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
 
 DT = 0.01

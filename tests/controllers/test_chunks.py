@@ -1,4 +1,5 @@
-"""Many samples are drawn and rolled out chunk by chunk: the plan is the one of all of them at once."""
+"""Many samples are drawn and rolled out chunk by chunk: the plan is the one of all of them at
+once."""
 
 from dataclasses import replace
 
@@ -6,14 +7,15 @@ import numpy as np
 import pytest
 from point import START, White, make, naive_cost
 
-from controllers.rollout import layout
+from controllers.lanes import layout
 from controllers.sampled_trajectories import controls
 from controllers.samplers import SAMPLERS
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS)
 def test_samples_in_chunks_are_the_samples_at_once(sampler, monkeypatch):
-    """The same costs, the same plan but for rounding, and the last samples perturb the rest control in both."""
+    """The same costs, the same plan but for rounding, and the last samples perturb the rest control
+    in both."""
     whole = make(sampler=sampler, samples=1100)
     stats = whole.iterate(START, 0)
     monkeypatch.setattr(layout, "CHUNK", 512)

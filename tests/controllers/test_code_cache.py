@@ -1,4 +1,5 @@
-"""Compiled code on the disk is checked before it is loaded; where it cannot be kept, that is said once."""
+"""Compiled code on the disk is checked before it is loaded; where it cannot be kept, that is said
+once."""
 
 import os
 import random
@@ -10,12 +11,12 @@ from pathlib import Path
 import pytest
 from numba import njit
 
-from controllers.rollout.code_cache import CodeCache, cache_folder
-from controllers.rollout.compiled import interruptible, is_cached, kept, load_module
+from controllers.lanes.code_cache import CodeCache, cache_folder
+from controllers.lanes.compiled import interruptible, is_cached, kept, load_module
 
 TEXT = """
 from numba import njit
-from controllers.rollout.compiled import kept
+from controllers.lanes.compiled import kept
 @kept
 @njit
 def twice(x):
@@ -59,7 +60,11 @@ def damaged(data: bytes, seed: int) -> bytes:
     """Cut short, or with one bit changed."""
     rng = random.Random(seed)
     at = rng.randrange(len(data))
-    return data[:at] if seed % 2 else data[:at] + bytes([data[at] ^ 1 << rng.randrange(8)]) + data[at + 1 :]
+    return (
+        data[:at]
+        if seed % 2
+        else data[:at] + bytes([data[at] ^ 1 << rng.randrange(8)]) + data[at + 1 :]
+    )
 
 
 @pytest.mark.parametrize("seed", [*range(8), "empty"])
@@ -79,11 +84,13 @@ def test_a_file_without_an_end_is_damaged(home, caplog, monkeypatch):
     (path,) = files(home)
     path.unlink()
     path.symlink_to("/dev/zero")
-    monkeypatch.setattr("controllers.rollout.code_cache.LARGEST", 10_000)
+    monkeypatch.setattr("controllers.lanes.code_cache.LARGEST", 10_000)
     assert not loaded(fresh())
     damaged_, kept_ = caplog.messages
     assert damaged_ == f"{path}: damaged compiled code, compiled anew"
-    assert kept_.startswith(f"{path.parent}: cannot keep compiled code: expected a file or a new name")
+    assert kept_.startswith(
+        f"{path.parent}: cannot keep compiled code: expected a file or a new name"
+    )
     assert path.is_symlink()
 
 

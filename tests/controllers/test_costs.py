@@ -1,4 +1,5 @@
-"""Costs as tuples of terms: names, weights and parameters, also ones that depend on the step of the horizon."""
+"""Costs as tuples of terms: names, weights and parameters, also ones that depend on the step of the
+horizon."""
 
 import keyword
 import pickle
@@ -16,13 +17,13 @@ from point import POINT
 from controllers.config import MPPIConfig
 from controllers.costs import Cost, Term, crash, evaluate
 from controllers.costs.quadratic import Goal, distance, quadratic_cost, speed
+from controllers.lanes.lanes import LANES, Rollout, compiled_module
+from controllers.lanes.planner_loops import module_source
+from controllers.lanes.trace import TraceError
 from controllers.mppi import MPPI
-from controllers.rollout.lanes import LANES, Rollout, compiled_module
-from controllers.rollout.planner_loops import module_source
-from controllers.rollout.trace import TraceError
 from controllers.samplers import Gaussian
-from quadsim.systems.double_integrator import Control, State, double_integrator
-from quadsim.systems.estimate import Estimate
+from quadsim.dynamics.estimate import Estimate
+from quadsim.paper.double_integrator import Control, State, double_integrator
 
 SYSTEM = double_integrator(0.05)
 START = np.array([-1.0, 0.5, 0.4, 0.2])
@@ -72,7 +73,9 @@ def fly_lanes(cost, U, z, system=SYSTEM, x0=START):
 
 
 def test_two_terms_of_one_name_are_refused_and_one_function_may_serve_two_terms():
-    with pytest.raises(ValueError, match="cost moving: expected terms of different names, got two named 'push'"):
+    with pytest.raises(
+        ValueError, match="cost moving: expected terms of different names, got two named 'push'"
+    ):
         replace(COST, terms=(*TERMS, Term(push, 3.0)))
     assert replace(COST, terms=(*TERMS, Term(push, 3.0, name="again"))).term_names[-1] == "again"
 
@@ -111,7 +114,9 @@ def test_weights_and_parameters_are_one_row_of_numbers_by_their_names():
 
 VARYING = {  # what varies along the horizon -> the cost with it
     "p_x": lambda values: replace(COST, params=Point(x=values, y=1.0)),
-    "weight_push": lambda values: replace(COST, terms=(TERMS[0], TERMS[1].but(weight=values), TERMS[2])),
+    "weight_push": lambda values: replace(
+        COST, terms=(TERMS[0], TERMS[1].but(weight=values), TERMS[2])
+    ),
     "p_band_high": lambda values: replace(COST, terms=(*TERMS[:2], TERMS[2].but(high=values))),
 }
 
@@ -131,8 +136,12 @@ def test_a_number_of_each_step_makes_a_row_of_each_step(name):
 @pytest.mark.parametrize("shape", [(T - 1,), (T + 1,), (1,), (T, 2)])
 def test_numbers_of_another_length_than_the_horizon_are_a_line_that_names_them(name, shape):
     cost = VARYING[name](np.ones(shape))
-    with pytest.raises(ValueError, match=rf"^cost moving: {name}: expected .* each of {T} steps, got shape") as caught:
-        MPPI(SYSTEM, cost, Gaussian((1.0, 1.0)), MPPIConfig(samples=64, horizon=T, dt=SYSTEM.dt)).control(START)
+    with pytest.raises(
+        ValueError, match=rf"^cost moving: {name}: expected .* each of {T} steps, got shape"
+    ) as caught:
+        MPPI(
+            SYSTEM, cost, Gaussian((1.0, 1.0)), MPPIConfig(samples=64, horizon=T, dt=SYSTEM.dt)
+        ).control(START)
     assert "\n" not in str(caught.value)
     assert str(caught.value).endswith(str(shape))
 
@@ -159,7 +168,10 @@ def test_evaluate_takes_the_numbers_of_its_step():
     x, u = State(0.0, 0.0, 0.0, 0.0), Control(0.0, 0.0)
     for t in (0, 7, T - 1):
         frozen = replace(COST, params=Point(*(float(value[t]) for value in moving.params)))
-        assert evaluate(moving, x, x, u, (0.0, 0.0), t=t).terms == evaluate(frozen, x, x, u, (0.0, 0.0)).terms
+        assert (
+            evaluate(moving, x, x, u, (0.0, 0.0), t=t).terms
+            == evaluate(frozen, x, x, u, (0.0, 0.0)).terms
+        )
 
 
 def steps(cost):
@@ -168,7 +180,11 @@ def steps(cost):
     return replace(
         cost,
         params=along(1.0, 0.0, 2.0, -1.0),
-        terms=(TERMS[0].but(weight=2.0 + wave), TERMS[1], TERMS[2].but(weight=1.0 - 0.5 * wave, low=wave)),
+        terms=(
+            TERMS[0].but(weight=2.0 + wave),
+            TERMS[1],
+            TERMS[2].but(weight=1.0 - 0.5 * wave, low=wave),
+        ),
     )
 
 
@@ -209,14 +225,19 @@ def test_other_numbers_compile_nothing_anew_and_another_term_does():
     )
     assert {id(compiled_module(SYSTEM, cost, np.float32)) for cost in same} == {id(module)}
     assert compiled_module(replace(SYSTEM, params=faster, dt=0.01), COST, np.float32) is module
-    for other in (replace(COST, terms=TERMS[:2]), replace(COST, terms=(*TERMS[:2], TERMS[2].but(weight=0.0)))):
+    for other in (
+        replace(COST, terms=TERMS[:2]),
+        replace(COST, terms=(*TERMS[:2], TERMS[2].but(weight=0.0))),
+    ):
         assert compiled_module(SYSTEM, other, np.float32) is not module
     assert compiled_module(SYSTEM, COST, np.float64) is not module
 
 
 def test_a_term_without_weight_leaves_no_line():
     weighted = module_source(SYSTEM, COST, np.float32)
-    without = module_source(SYSTEM, replace(COST, terms=(*TERMS[:2], TERMS[2].but(weight=0.0))), np.float32)
+    without = module_source(
+        SYSTEM, replace(COST, terms=(*TERMS[:2], TERMS[2].but(weight=0.0))), np.float32
+    )
     absent = module_source(SYSTEM, replace(COST, terms=TERMS[:2]), np.float32)
     assert "# term: band" in weighted
     assert "band" not in without
@@ -253,9 +274,14 @@ def of_a_variable(x, x_next, u, target, p):
         (of_a_variable, "cost_of_of_a_variable = weight_of_a_variable * area"),
     ],
 )
-def test_a_weight_is_the_first_factor_and_what_the_source_computes_apart_stays_whole(term, expected):
-    """So that a sum of terms is rounded as its formula is read: w (v dt) d, where v dt is a quantity of its own."""
-    source = module_source(SYSTEM, Cost("one", (Term(term, 2.0),), Goal, np.zeros((1, 2))), np.float32)
+def test_a_weight_is_the_first_factor_and_what_the_source_computes_apart_stays_whole(
+    term, expected
+):
+    """So that a sum of terms is rounded as its formula is read: w (v dt) d, where v dt is a
+    quantity of its own."""
+    source = module_source(
+        SYSTEM, Cost("one", (Term(term, 2.0),), Goal, np.zeros((1, 2))), np.float32
+    )
     assert expected in [line.strip() for line in source.splitlines()]
 
 
@@ -275,14 +301,18 @@ def test_a_term_may_return_a_condition_or_a_number():
 
     cost = Cost("counts", (Term(fast, 3.0), Term(always, 0.5)), Goal, np.zeros((1, 2)))
     U, z = controls()
-    np.testing.assert_allclose(fly_lanes(cost, U, z), fly_rows(SYSTEM, cost, START, U, z).J, rtol=1e-5)
+    np.testing.assert_allclose(
+        fly_lanes(cost, U, z), fly_rows(SYSTEM, cost, START, U, z).J, rtol=1e-5
+    )
 
 
 def test_a_step_that_returns_no_state_is_a_line_that_names_it():
     def plain(x, u, p, dt):
         return x.px, x.py, x.vx, x.vy
 
-    with pytest.raises(TraceError, match=r"plain: .*test_costs.py:\d+: expected it to return a State, got tuple"):
+    with pytest.raises(
+        TraceError, match=r"plain: .*test_costs.py:\d+: expected it to return a State, got tuple"
+    ):
         module_source(replace(SYSTEM, step=plain), COST, np.float32)
 
 
@@ -290,7 +320,9 @@ def test_a_crash_that_returns_nothing_is_a_line_that_names_it():
     def crashes(x, x_next, u, target, p):
         x_next.px > 3.0  # noqa: B015
 
-    with pytest.raises(TraceError, match=r"crashes: .*test_costs.py:\d+: expected it to return a number, got None"):
+    with pytest.raises(
+        TraceError, match=r"crashes: .*test_costs.py:\d+: expected it to return a number, got None"
+    ):
         module_source(SYSTEM, replace(COST, crash=crashes), np.float32)
 
 
@@ -343,11 +375,41 @@ def greedy_term(names):
 
 
 def test_names_of_the_source_never_collide_with_those_of_the_loops():
-    """A term whose variables have every name that occurs in the generated text, beside parameters that have some."""
+    """A term whose variables have every name that occurs in the generated text, beside parameters
+    that have some."""
     source = module_source(SYSTEM, UNLUCKY, np.float32)
-    words = set(re.findall(r"[A-Za-z_]\w*", source)) - {*keyword.kwlist, "x", "x_next", "u", "target", "p", "found"}
-    assert {"cost", "state", "t", "l", "select", "F", "L", "np", "range", "noise_factor", "last_row", "x_px"} < words
-    assert {"p_cost", "p_t", "p_noise_factor", "weight_shared", "model_gain", "plan_ax_cmd", "low_ax_cmd"} < words
+    words = set(re.findall(r"[A-Za-z_]\w*", source)) - {
+        *keyword.kwlist,
+        "x",
+        "x_next",
+        "u",
+        "target",
+        "p",
+        "found",
+    }
+    assert {
+        "cost",
+        "state",
+        "t",
+        "l",
+        "select",
+        "F",
+        "L",
+        "np",
+        "range",
+        "noise_factor",
+        "last_row",
+        "x_px",
+    } < words
+    assert {
+        "p_cost",
+        "p_t",
+        "p_noise_factor",
+        "weight_shared",
+        "model_gain",
+        "plan_ax_cmd",
+        "low_ax_cmd",
+    } < words
     cost = replace(UNLUCKY, terms=(*UNLUCKY.terms, Term(greedy_term(sorted(words)), 3.0)))
     U, z = controls()
     oracle = fly_rows(SYSTEM, cost, START, U, z)
@@ -355,7 +417,9 @@ def test_names_of_the_source_never_collide_with_those_of_the_loops():
     assert 0.1 < oracle.crashed.mean() < 0.9
     assert (oracle.terms != 0.0).any(axis=0).all()
     _, terms = Rollout(SYSTEM, cost).paths(START, z[:LANES], 0)
-    np.testing.assert_allclose(terms, fly_rows(SYSTEM, cost, START, 0 * U, z[:LANES]).terms, rtol=5e-5, atol=1e-6)
+    np.testing.assert_allclose(
+        terms, fly_rows(SYSTEM, cost, START, 0 * U, z[:LANES]).terms, rtol=5e-5, atol=1e-6
+    )
 
 
 def test_a_model_whose_variables_have_names_of_the_loops_flies_as_on_floats():
@@ -380,8 +444,15 @@ CONFIG = MPPIConfig(samples=512, horizon=45, iterations=2, dt=SYSTEM.dt, tempera
 
 
 def pursued(predicts, seconds=5.0):
-    """Return the distances to a point that moves at 1.5 m/s, which the planner sees ahead or takes to stand still."""
-    cost = Cost("pursuit", (Term(near, 5.0), Term(push, 0.01)), Goal, np.zeros((1, 2)), params=Point(0.0, 0.0))
+    """Return the distances to a point that moves at 1.5 m/s, which the planner sees ahead or takes
+    to stand still."""
+    cost = Cost(
+        "pursuit",
+        (Term(near, 5.0), Term(push, 0.01)),
+        Goal,
+        np.zeros((1, 2)),
+        params=Point(0.0, 0.0),
+    )
     mppi = MPPI(LIMITED, cost, Gaussian((1.5, 1.5)), CONFIG, seed=1)
     x = State(-1.0, -1.0, 0.0, 0.0)
     apart = []
@@ -413,9 +484,16 @@ def keep_off(x, x_next, u, target, p):
 
 
 def room_left(params):
-    """Return how far the plan keeps off a disc that crosses its way, where the planner takes it to be at `params`."""
+    """Return how far the plan keeps off a disc that crosses its way, where the planner takes it to
+    be at `params`."""
     terms = (Term(distance, 1.0), Term(speed, 0.1), Term(keep_off, 1000.0, **params._asdict()))
-    mppi = MPPI(LIMITED, Cost("crossing", terms, Goal, np.array([[1.5, 0.0]])), Gaussian((1.5, 1.5)), CONFIG, seed=2)
+    mppi = MPPI(
+        LIMITED,
+        Cost("crossing", terms, Goal, np.array([[1.5, 0.0]])),
+        Gaussian((1.5, 1.5)),
+        CONFIG,
+        seed=2,
+    )
     start = np.array([-1.5, 0.0, 1.5, 0.0])
     for _ in range(30):
         mppi.control(Estimate(0.0, start))
@@ -427,7 +505,8 @@ def room_left(params):
     return minimum.reduce(apart)
 
 
-CROSSING = along(0.0, -2.4, 0.0, 3.0, CONFIG.horizon)  # in the middle of the way when the point would be there
+# in the middle of the way when the point would be there
+CROSSING = along(0.0, -2.4, 0.0, 3.0, CONFIG.horizon)
 
 
 def test_a_plan_keeps_clear_of_a_disc_that_will_cross_its_way_and_not_of_one_that_is_taken_to_stand_still():

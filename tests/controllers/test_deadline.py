@@ -1,4 +1,5 @@
-"""The deadline: fewer samples after a plan that took too long, more after a quick one, in whole blocks of lanes."""
+"""The deadline: fewer samples after a plan that took too long, more after a quick one, in whole
+blocks of lanes."""
 
 from itertools import pairwise
 from types import SimpleNamespace
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from controllers.deadline import Deadline
-from controllers.rollout.lanes import LANES
+from controllers.lanes.lanes import LANES
 
 MOST = 32 * LANES
 

@@ -1,4 +1,5 @@
-"""The weights of MPPI, their effective sample size, and the temperature that is steered towards one."""
+"""The weights of MPPI, their effective sample size, and the temperature that is steered towards
+one."""
 
 import numpy as np
 import pytest
@@ -17,8 +18,12 @@ def test_effective_sample_size_counts_equal_samples():
 
 
 def test_weights_survive_huge_costs_and_overflowed_rollouts():
-    np.testing.assert_array_equal(weights(np.array([1e30, 3e38, np.inf, np.nan]), 0.3), [1.0, 0.0, 0.0, 0.0])
-    np.testing.assert_allclose(weights(np.array([1e6, 1e6 + 0.3]), 0.3), np.array([1, np.exp(-1)]) / (1 + np.exp(-1)))
+    np.testing.assert_array_equal(
+        weights(np.array([1e30, 3e38, np.inf, np.nan]), 0.3), [1.0, 0.0, 0.0, 0.0]
+    )
+    np.testing.assert_allclose(
+        weights(np.array([1e6, 1e6 + 0.3]), 0.3), np.array([1, np.exp(-1)]) / (1 + np.exp(-1))
+    )
     with pytest.raises(FloatingPointError, match="got none in 2 rollouts"):
         weights(np.array([np.inf, np.nan]), 0.3)
 

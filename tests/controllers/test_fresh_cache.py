@@ -16,7 +16,7 @@ from controllers.mppi import MPPI
 from controllers.samplers import Colored
 from quadsim.course import load_course
 from quadsim.physics.plant import start_state
-from quadsim.systems.quadrotor import ModelParams, quadrotor
+from quadsim.dynamics.quadrotor import ModelParams, quadrotor
 
 course, config = load_course("paper_flat"), MPPIConfig(samples=500, horizon=60, target_ess=20.0)
 system = quadrotor(ModelParams((0.1, 0.12, 0.2), 0.04, 0.3, (8.0, 8.0, 4.0), 36.0), config.dt)
@@ -33,7 +33,8 @@ sys.stdout.buffer.write(mppi.plan.tobytes())
 
 @pytest.fixture
 def plan(tmp_path):
-    """plan(seed): bytes of the plan after some flight, and whether nothing had to be compiled for it.
+    """plan(seed): bytes of the plan after some flight, and whether nothing had to be compiled for
+    it.
 
     By a process whose caches lie under tmp_path, empty at first.
     """
@@ -53,8 +54,13 @@ def test_fresh_code_and_code_from_the_cache_plan_alike_to_the_last_bit(plan, tmp
 
     (fresh, was_cached), built = plan(1), compiled()
     assert not was_cached
-    assert {name.split(".")[1].split("-")[0] for name in built} == {"rollout", "transformed", "_lane_sums"}
+    assert {name.split(".")[1].split("-")[0] for name in built} == {
+        "rollout",
+        "transformed",
+        "_lane_sums",
+    }
     assert plan(1) == (fresh, True)
     assert plan(2)[0] != fresh
     assert compiled() == built  # nothing was compiled again
-    assert np.ptp(np.frombuffer(fresh).reshape(60, 4), axis=0).min() > 0.1  # a plan, not the rest control
+    # a plan, not the rest control
+    assert np.ptp(np.frombuffer(fresh).reshape(60, 4), axis=0).min() > 0.1

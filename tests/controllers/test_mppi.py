@@ -5,7 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from point import GOAL, PLAIN, POINT, REST, START, T, White, drawn, make, naive, naive_cost, perturbed
+from point import (
+    GOAL,
+    PLAIN,
+    POINT,
+    REST,
+    START,
+    T,
+    White,
+    drawn,
+    make,
+    naive,
+    naive_cost,
+    perturbed,
+)
 from scipy.signal import savgol_coeffs
 
 from controllers import mppi as algorithm
@@ -14,8 +27,8 @@ from controllers.costs.quadratic import quadratic_cost
 from controllers.mppi import MPPI
 from controllers.samplers import SAMPLERS, Gaussian
 from controllers.update import SAVITZKY_GOLAY, savitzky_golay
-from quadsim.systems.double_integrator import double_integrator
-from quadsim.systems.estimate import Estimate
+from quadsim.dynamics.estimate import Estimate
+from quadsim.paper.double_integrator import double_integrator
 
 EVERY = [*SAMPLERS, White((0.8, 0.5))]
 NAMES = [*SAMPLERS, "own"]
@@ -28,14 +41,16 @@ def test_plan_is_that_of_a_naive_version_given_the_same_noise(sampler, samples, 
     mppi = make(sampler=sampler, samples=samples, step_size=step_size)
     z, rest = drawn(mppi), int(0.1 * samples)
     z[0] = 0
-    if not mppi.sampler.momentum:  # else the last samples perturb the plan without its momentum, here none yet
+    # else the last samples perturb the plan without its momentum, here none yet
+    if not mppi.sampler.momentum:
         z[samples - rest :] += (REST - mppi.plan).T
     expected, ess = naive(mppi.plan, z, 0.1, step_size)
     colder, _ = naive(mppi.plan, z, 0.09, step_size)
     stats = mppi.iterate(START, 0)
     np.testing.assert_allclose(mppi.plan, expected, atol=1e-5)
     assert stats.ess == pytest.approx(ess, rel=1e-3)
-    assert abs(mppi.plan - colder).max() > 3e-5 or ess < 1.001  # one of two samples may have all the weight
+    # one of two samples may have all the weight
+    assert abs(mppi.plan - colder).max() > 3e-5 or ess < 1.001
 
 
 WILD = (5.0, 5.0)
@@ -62,7 +77,10 @@ def test_first_plan_has_iterations_of_its_own():
 @pytest.mark.parametrize("overshoot", [0.0, 0.3])
 def test_plan_exceeds_the_limits_by_the_overshoot_and_the_control_does_not(overshoot):
     """A point far from its goal asks for all it can have."""
-    mppi, limit = make(sampler=Gaussian(WILD), samples=200, overshoot=overshoot), np.array(POINT.high)
+    mppi, limit = (
+        make(sampler=Gaussian(WILD), samples=200, overshoot=overshoot),
+        np.array(POINT.high),
+    )
     for _ in range(40):
         u, _ = mppi.control(np.array([50.0, -50.0, 0.0, 0.0]))
     beyond = (abs(mppi.plan) - limit) / WILD
@@ -79,7 +97,8 @@ def test_cost_of_the_nominal_plan_is_that_of_sample_zero():
 
 @pytest.mark.parametrize("horizon", [10, 40])
 def test_temperature_meets_the_mean_over_the_horizon(horizon):
-    """A constant cost c per step is J = c however long the horizon: here a point that stays 2 m off."""
+    """A constant cost c per step is J = c however long the horizon: here a point that stays 2 m
+    off."""
     still = replace(POINT, low=(0.0, 0.0), high=(0.0, 0.0))
     mppi = make(horizon=horizon, system=still)
     assert mppi.iterate(np.array([2.0, 0.0, 0.0, 0.0]), 0).cost == pytest.approx(4.0)
@@ -89,7 +108,9 @@ def test_last_samples_perturb_the_rest_control():
     mppi = make()
     raw, z = drawn(mppi), perturbed(mppi)
     np.testing.assert_array_equal(z[1:180], raw[1:180])
-    np.testing.assert_allclose(mppi.plan + z[180:].swapaxes(1, 2), REST + raw[180:].swapaxes(1, 2), atol=1e-6)
+    np.testing.assert_allclose(
+        mppi.plan + z[180:].swapaxes(1, 2), REST + raw[180:].swapaxes(1, 2), atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS)
@@ -106,7 +127,9 @@ def test_filter_is_savitzky_golay_of_five_points_and_order_two():
     np.testing.assert_allclose(SAVITZKY_GOLAY, savgol_coeffs(5, 2))
     t = np.arange(-2.0, 30.0)
     parabola = np.column_stack([t**2 - 3 * t, 2 - t])
-    np.testing.assert_allclose(savitzky_golay(parabola[2:], parabola[:2])[:-2], parabola[2:-2], atol=1e-9)
+    np.testing.assert_allclose(
+        savitzky_golay(parabola[2:], parabola[:2])[:-2], parabola[2:-2], atol=1e-9
+    )
     constant = np.full((6, 1), 3.0)
     np.testing.assert_allclose(savitzky_golay(constant, constant[:2]), constant)
 
@@ -123,7 +146,9 @@ def test_shift_drops_the_past_and_appends_rest(steps):
     mppi = make()
     before = mppi.plan.copy()
     mppi.shift(steps)
-    np.testing.assert_array_equal(mppi.plan[: T - steps or None][: max(T - steps, 0)], before[steps:])
+    np.testing.assert_array_equal(
+        mppi.plan[: T - steps or None][: max(T - steps, 0)], before[steps:]
+    )
     np.testing.assert_array_equal(mppi.plan[max(T - steps, 0) :], np.tile(REST, (min(steps, T), 1)))
 
 
@@ -143,7 +168,9 @@ def test_a_state_alone_is_one_control_period_after_the_last():
         np.testing.assert_array_equal(u, expected)
     plain.control(START)
     told.control(Estimate(7.0 + 5 * POINT.dt, START))
-    assert abs(told.plan - plain.plan).max() > 1e-3, "the control: two periods later is another plan"
+    assert abs(told.plan - plain.plan).max() > 1e-3, (
+        "the control: two periods later is another plan"
+    )
 
 
 def test_the_estimated_model_is_planned_with_from_then_on():

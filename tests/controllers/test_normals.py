@@ -1,6 +1,8 @@
-"""What the counter-based generator promises: Philox's words, N(0, 1) far into the tails, independence over every index.
+"""What the counter-based generator promises: Philox's words, N(0, 1) far into the tails,
+independence over every index.
 
-Each statistic is a distance from its expectation in standard errors, and each has a negative control.
+Each statistic is a distance from its expectation in standard errors, and each has a negative
+control.
 """
 
 import numpy as np
@@ -8,7 +10,7 @@ import pytest
 from numba import njit
 from scipy.special import ndtr
 
-from controllers.rollout.normals import box_muller, fill_normals, philox_words
+from controllers.lanes.normals import box_muller, fill_normals, philox_words
 
 LANES = 64
 LIMIT = 5.0  # standard errors
@@ -19,7 +21,9 @@ AXES = ("keys", "calls", "blocks", "rows", "lanes")
 
 def draw(blocks, rows, key=(1, 2), call=1, scale=None):
     out = np.full((blocks, rows, LANES), np.nan, np.float32)
-    fill_normals(out, np.ones(rows, np.float32) if scale is None else scale, np.array(key, np.uint32), call)
+    fill_normals(
+        out, np.ones(rows, np.float32) if scale is None else scale, np.array(key, np.uint32), call
+    )
     return out
 
 
@@ -46,7 +50,9 @@ def tails(x):
 
 def correlations(x):
     """The worst between two rows of x (d, n), of the numbers and of their squares."""
-    standard = [(f - f.mean(axis=1, keepdims=True)) / f.std(axis=1, keepdims=True) for f in (x, x * x)]
+    standard = [
+        (f - f.mean(axis=1, keepdims=True)) / f.std(axis=1, keepdims=True) for f in (x, x * x)
+    ]
     products = [np.einsum("in,jn->ij", f, f) - x.shape[1] * np.eye(len(x)) for f in standard]
     return abs(np.array(products)).max() / np.sqrt(x.shape[1])
 
@@ -103,7 +109,8 @@ def test_box_muller_follows_its_formula_into_the_corners():
     radius = np.sqrt(-2 * np.log(((a >> 8) + 0.5) * 2.0**-24))
     angle = 2 * np.pi * b.astype(float) / 2**32
     error = abs(out - (radius * [np.sin(angle), np.cos(angle)]).T).max(axis=1)
-    assert (error < 1e-5 * radius + 1.1 * 2.0**-24 / radius).all()  # the series; the uniform's last bit near 1
+    # the series; the uniform's last bit near 1
+    assert (error < 1e-5 * radius + 1.1 * 2.0**-24 / radius).all()
 
 
 def test_moments_are_those_of_a_standard_normal(stream):
@@ -115,7 +122,8 @@ def test_distribution_function_is_normal(stream):
     n = stream.size
     assert kolmogorov_smirnov(stream.ravel()) < KS_LIMIT
     uniforms = np.random.default_rng(0).random((12, n), np.float32)
-    assert kolmogorov_smirnov(uniforms.sum(axis=0) - 6) > KS_LIMIT  # twelve uniforms pass for normal at a glance
+    # twelve uniforms pass for normal at a glance
+    assert kolmogorov_smirnov(uniforms.sum(axis=0) - 6) > KS_LIMIT
 
 
 def test_tails_are_normal_beyond_five_sigma():
@@ -149,7 +157,8 @@ def test_stream_does_not_repeat_itself_at_any_lag(stream):
 
 
 def test_number_depends_on_its_place_alone():
-    """Fewer rows or blocks are the first rows and blocks of more, also where the last group of four is short."""
+    """Fewer rows or blocks are the first rows and blocks of more, also where the last group of four
+    is short."""
     whole = draw(3, 16)
     for rows in range(1, 16):
         np.testing.assert_array_equal(draw(2, rows), whole[:2, :rows])

@@ -1,4 +1,5 @@
-"""Frames, boxes and cylinders as obstacles of a rollout: held against the referee's swept test, wherever they stand."""
+"""Frames, boxes and cylinders as obstacles of a rollout: held against the referee's swept test,
+wherever they stand."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -10,13 +11,20 @@ from race_cases import ALL, DT, RADIUS, ROW, course, gate, state
 from test_rollout_oracle import SYSTEM, assert_agree, controls, fly_lanes, launch
 
 from controllers.costs import Cost, Term, crash
-from controllers.costs.frames import SAFETY_MARGIN, FrameRow, ObstacleRow, course_obstacles, touches, touches_round
+from controllers.costs.frames import (
+    SAFETY_MARGIN,
+    FrameRow,
+    ObstacleRow,
+    course_obstacles,
+    touches,
+    touches_round,
+)
 from controllers.costs.race import race_cost
-from controllers.rollout.lanes import LANES, Rollout
+from controllers.lanes.lanes import LANES, Rollout
 from quadsim.course import Box, Cylinder
 from quadsim.course.swept import SweptGate
 from quadsim.course.swept_obstacles import SweptObstacle
-from quadsim.systems import System
+from quadsim.dynamics import System
 
 TURNED = gate(5.0, 1.0, 20.0, 40, 20, 15)
 
@@ -30,9 +38,15 @@ def test_lines_touch_what_the_referee_calls_a_touch_and_nothing_beyond_the_margi
     row = FrameRow(*frames(TURNED).rows[0])
     bare, wide = (SweptGate(TURNED, 0, r) for r in (RADIUS, RADIUS + 1.01 * SAFETY_MARGIN / 2))
     for _ in range(3000):
-        a, b = (TURNED.position + TURNED.rotation @ rng.uniform((-0.8, -2.0, -2.0), (0.8, 2.0, 2.0)) for _ in "ab")
+        a, b = (
+            TURNED.position + TURNED.rotation @ rng.uniform((-0.8, -2.0, -2.0), (0.8, 2.0, 2.0))
+            for _ in "ab"
+        )
         ends = [TURNED.to_local(tuple(p.tolist())) for p in (a, b)]
-        found, (hit, in_margin) = bool(touches(a, b, row)), (g.touch(*ends) is not None for g in (bare, wide))
+        found, (hit, in_margin) = (
+            bool(touches(a, b, row)),
+            (g.touch(*ends) is not None for g in (bare, wide)),
+        )
         assert found or not hit
         if found and not in_margin:  # past a corner: no one side has both ends
             assert min(abs(np.array(ends)[:, 1:]).max(axis=0)) > 0.8
@@ -67,17 +81,29 @@ def test_a_frame_that_is_not_next_is_a_crash_in_the_lanes(y):
     alone = race_cost(course(gate(40.0)), RADIUS, replace(ALL, clearance=0.0), 1)
     x0, U = launch((0.0, 0.0, 20.0), (10.0, 0.0, 0.0)), np.tile(SYSTEM.rest, (60, 1))
     still = np.zeros((1, 4, 60), np.float32)
-    crashed = fly_lanes(cost, x0, U, still)[0] - fly_lanes(replace(cost, obstacles=None), x0, U, still)[0]
+    crashed = (
+        fly_lanes(cost, x0, U, still)[0] - fly_lanes(replace(cost, obstacles=None), x0, U, still)[0]
+    )
     assert (crashed > 0.0) == (y == 1.2)
-    assert fly_lanes(alone, x0, U, still)[0] == fly_lanes(replace(alone, obstacles=None), x0, U, still)[0]
+    assert (
+        fly_lanes(alone, x0, U, still)[0]
+        == fly_lanes(replace(alone, obstacles=None), x0, U, still)[0]
+    )
 
 
 def test_a_crash_is_paid_from_where_it_happened():
     """A bar .4 s ahead: what remains of the horizon after it, to a line's length."""
     cost = race_cost(course(gate(40.0), gate(4.0, 1.2)), RADIUS, replace(ALL, clearance=0.0), 1)
     for T in (50, 60, 113):
-        x0, U, still = launch((0.0, 0.0, 20.0), (10.0, 0.0, 0.0)), np.tile(SYSTEM.rest, (T, 1)), np.zeros((1, 4, T))
-        paid = fly_lanes(cost, x0, U, still)[0] - fly_lanes(replace(cost, obstacles=None), x0, U, still)[0]
+        x0, U, still = (
+            launch((0.0, 0.0, 20.0), (10.0, 0.0, 0.0)),
+            np.tile(SYSTEM.rest, (T, 1)),
+            np.zeros((1, 4, T)),
+        )
+        paid = (
+            fly_lanes(cost, x0, U, still)[0]
+            - fly_lanes(replace(cost, obstacles=None), x0, U, still)[0]
+        )
         assert paid * T / ALL.crash == pytest.approx(T - 4.0 / (10.0 * DT), abs=8)
 
 
@@ -87,7 +113,8 @@ def test_samples_past_the_finish_touch_nothing():
     U, z = controls(0)
     last = len(cost.targets) - 1
     np.testing.assert_array_equal(
-        fly_lanes(cost, x0, U, z, target=last), fly_lanes(replace(cost, obstacles=None), x0, U, z, target=last)
+        fly_lanes(cost, x0, U, z, target=last),
+        fly_lanes(replace(cost, obstacles=None), x0, U, z, target=last),
     )
 
 
@@ -99,9 +126,14 @@ def test_lines_touch_an_obstacle_where_the_referee_does_and_nothing_beyond_the_m
     rng, seen = np.random.default_rng(3), set()
     there = course(gate(40.0), obstacles=(obstacle,))
     row = ObstacleRow(*course_obstacles(there, RADIUS).rows[-1])
-    bare, wide = (SweptObstacle(obstacle, 0, r) for r in (RADIUS, RADIUS + 1.01 * SAFETY_MARGIN / 2))
+    bare, wide = (
+        SweptObstacle(obstacle, 0, r) for r in (RADIUS, RADIUS + 1.01 * SAFETY_MARGIN / 2)
+    )
     for _ in range(600):
-        a, b = (tuple((rng.uniform((-0.8, -2.0, -1.6), (0.8, 2.0, 1.6)) + obstacle.centre).tolist()) for _ in "ab")
+        a, b = (
+            tuple((rng.uniform((-0.8, -2.0, -1.6), (0.8, 2.0, 1.6)) + obstacle.centre).tolist())
+            for _ in "ab"
+        )
         found, hit, in_margin = (
             bool(touches_round(a, b, row)),
             bare.touch(a, b) is not None,
@@ -151,13 +183,22 @@ def beyond(x, x_next, u, line, p):
 
 
 def test_obstacles_are_crashes_in_the_lanes_as_in_the_oracle():
-    """A point mass past a frame, a pole and a wall: what their rows add, in a loop that compiles quickly."""
+    """A point mass past a frame, a pole and a wall: what their rows add, in a loop that compiles
+    quickly."""
     there = course(gate(3.0), obstacles=(POLE, WALL, replace(WALL, centre=(8.0, -1.0, 20.0))))
     system = System("drift", State, Control, drift, (), 0.01, (-40.0,) * 3, (40.0,) * 3, (0.0,) * 3)
-    cost = Cost("onward", (Term(way), Term(crash, 5.0)), Line, np.array([[50.0], [60.0]]), reached=beyond)
+    cost = Cost(
+        "onward", (Term(way), Term(crash, 5.0)), Line, np.array([[50.0], [60.0]]), reached=beyond
+    )
     cost = replace(cost, obstacles=course_obstacles(there, RADIUS))
-    rng, x0, U = np.random.default_rng(4), np.array([0.0, 0.9, 20.0, 9.0, 0.0, 0.0]), np.zeros((100, 3))
-    z = (6.0 * rng.normal(size=(192, 3, 1)) + 4.0 * rng.normal(size=(192, 3, 100))).astype(np.float32)
+    rng, x0, U = (
+        np.random.default_rng(4),
+        np.array([0.0, 0.9, 20.0, 9.0, 0.0, 0.0]),
+        np.zeros((100, 3)),
+    )
+    z = (6.0 * rng.normal(size=(192, 3, 1)) + 4.0 * rng.normal(size=(192, 3, 100))).astype(
+        np.float32
+    )
     oracle = fly_rows(system, cost, x0, U, z, clearance=lambda *_: np.full(len(z), np.inf))
     frames_alone = replace(cost, obstacles=course_obstacles(replace(there, obstacles=()), RADIUS))
     free = fly_rows(system, frames_alone, x0, U, z)

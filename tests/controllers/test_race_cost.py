@@ -1,4 +1,5 @@
-"""Each term of the racing cost, eq. (8), by its name and its weight. Its gates are in test_race_gates."""
+"""Each term of the racing cost, eq. (8), by its name and its weight. Its gates are in
+test_race_gates."""
 
 from dataclasses import replace
 from math import cos, radians, sin
@@ -13,18 +14,29 @@ from controllers.costs.race import TERMS, race_cost
 
 @pytest.mark.parametrize("name", TERMS)
 def test_weight_scales_its_term_alone(name):
-    base, double = (race_cost(ROW, RADIUS, w, 1) for w in (ALL, replace(ALL, **{name: 2 * getattr(ALL, name)})))
+    base, double = (
+        race_cost(ROW, RADIUS, w, 1) for w in (ALL, replace(ALL, **{name: 2 * getattr(ALL, name)}))
+    )
     tilted = (cos(0.2), sin(0.2), 0.0, 0.0)
     at = {"waypoint": (4.8, 0.1, 20.1), "clearance": (5.0, 0.7, 20.1)}.get(name, (2.0, 0.7, 20.5))
     x, x_next = state(at, (3.0, 1.0, 0.5), tilted), state(np.add(at, 0.01), (3.0, 1.0, 0.5), tilted)
     plain, scaled = (
-        np.array([float(t) for t in evaluate(c, x, x_next, (0.0,) * 4, c.targets[0], crashed=1.0).terms.values()])
+        np.array(
+            [
+                float(t)
+                for t in evaluate(
+                    c, x, x_next, (0.0,) * 4, c.targets[0], crashed=1.0
+                ).terms.values()
+            ]
+        )
         for c in (base, double)
     )
     k = TERMS.index(name)
     assert plain[k] != 0.0
     weighs = np.arange(len(TERMS)) == k
-    np.testing.assert_allclose(scaled / np.where(plain, plain, 1.0), np.where(weighs, 2.0, plain != 0.0))
+    np.testing.assert_allclose(
+        scaled / np.where(plain, plain, 1.0), np.where(weighs, 2.0, plain != 0.0)
+    )
 
 
 def test_cost_does_not_depend_on_where_the_course_lies_or_points():
@@ -40,11 +52,15 @@ def test_cost_does_not_depend_on_where_the_course_lies_or_points():
     for seed in (0, 6, 16):
         steps = np.random.default_rng(seed).normal((0.1, 0.0, 0.01), 0.05, (120, 3))
         points = np.cumsum([(0.0, 0.0, 20.0), *steps], axis=0)
-        a, b = fly(race_cost(here, RADIUS, ALL, 1), points), fly(race_cost(there, RADIUS, ALL, 1), points @ R.T + shift)
+        a, b = (
+            fly(race_cost(here, RADIUS, ALL, 1), points),
+            fly(race_cost(there, RADIUS, ALL, 1), points @ R.T + shift),
+        )
         np.testing.assert_allclose(a[0], b[0], atol=1e-9)
         assert a[1:] == b[1:]
         idle &= ~a[0].any(axis=0)
-    assert [name for name, i in zip(TERMS, idle, strict=True) if i] == ["stabilize"]  # these flights are level
+    # these flights are level
+    assert [name for name, i in zip(TERMS, idle, strict=True) if i] == ["stabilize"]
 
 
 def test_heading_is_least_towards_the_gate():
@@ -54,14 +70,21 @@ def test_heading_is_least_towards_the_gate():
         v = (8 * cos(radians(degrees)), 8 * sin(radians(degrees)), 3.0)
         assert term("heading", cost, (0, 0, 20), v) == pytest.approx(expected, abs=1e-6)
     away = [term("heading", cost, (5 + EXIT - d, 0, 20), (-8.0, 0.0, 0.0)) for d in (0.51, 0.49)]
-    assert away == pytest.approx([2.0, 0.0], abs=1e-5)  # half a metre before the exit it counts no more
+    # half a metre before the exit it counts no more
+    assert away == pytest.approx([2.0, 0.0], abs=1e-5)
 
 
 def test_height_is_least_on_the_leg_and_path_is_the_distance_from_it():
-    slope = race_cost(course(gate(3.0 - EXIT, 0.0, 24.0)), RADIUS, replace(ONLY["height"], path=1.0), 1)
+    slope = race_cost(
+        course(gate(3.0 - EXIT, 0.0, 24.0)), RADIUS, replace(ONLY["height"], path=1.0), 1
+    )
     on_leg, above, aside, before = (1.5, 0, 22), (1.5, 0, 22.5), (1.5, 0.5, 22), (-3, 0, 20)
-    assert [term("path", slope, p) for p in (on_leg, aside, before)] == pytest.approx([0.0, 0.25, 9.0])
-    assert [term("height", slope, p) for p in (on_leg, aside, before)] == pytest.approx([0.0, 0.0, 0.0])
+    assert [term("path", slope, p) for p in (on_leg, aside, before)] == pytest.approx(
+        [0.0, 0.25, 9.0]
+    )
+    assert [term("height", slope, p) for p in (on_leg, aside, before)] == pytest.approx(
+        [0.0, 0.0, 0.0]
+    )
     assert 0.0 < term("height", slope, above) < 0.25
     level = race_cost(ROW, RADIUS, ONLY["height"], 1)
     assert term("height", level, (2.0, 1.0, 20.5)) == pytest.approx(0.25)
@@ -70,7 +93,9 @@ def test_height_is_least_on_the_leg_and_path_is_the_distance_from_it():
 def test_speed_is_least_at_the_desired_horizontal_speed():
     cost = race_cost(ROW, RADIUS, ONLY["speed"], 1)
     speeds = [(9.0, 0.0, 0.0), (5.4, -7.2, 4.0), (6.0, 0.0, 0.0), (0.0, 0.0, 9.0)]
-    assert [term("speed", cost, (0, 0, 20), v) for v in speeds] == pytest.approx([0.0, 0.0, 9.0, 81.0], abs=0.02)
+    assert [term("speed", cost, (0, 0, 20), v) for v in speeds] == pytest.approx(
+        [0.0, 0.0, 9.0, 81.0], abs=0.02
+    )
 
 
 def test_stabilize_is_one_minus_the_cosine_of_the_tilt():
@@ -83,7 +108,11 @@ def test_stabilize_is_one_minus_the_cosine_of_the_tilt():
 
 def test_waypoint_rewards_each_step_near_the_centre():
     cost = race_cost(ROW, RADIUS, ONLY["waypoint"], 1)
-    assert [term("waypoint", cost, (5 + EXIT - d, 0, 20)) for d in (0.0, 0.49, 0.51)] == [-1.0, -1.0, 0.0]
+    assert [term("waypoint", cost, (5 + EXIT - d, 0, 20)) for d in (0.0, 0.49, 0.51)] == [
+        -1.0,
+        -1.0,
+        0.0,
+    ]
 
 
 STEP = 1e-3  # [m] along the passage
@@ -121,5 +150,6 @@ def test_clearance_is_paid_per_metre_flown_at_any_speed(step):
     for first in np.linspace(0.0, step, 50, endpoint=False):  # wherever steps begin
         points = [(x, 1.0 - GAP - 0.1, 20.0) for x in np.arange(4.0 + first, 6.5, step).tolist()]
         whole.append(paid(cost, points).sum())
-    assert np.mean(whole) == pytest.approx((2 * EXIT + step) * 0.15, rel=0.02)  # the step that leaves counts whole
+    # the step that leaves counts whole
+    assert np.mean(whole) == pytest.approx((2 * EXIT + step) * 0.15, rel=0.02)
     assert min(whole) > 0.0

@@ -1,4 +1,5 @@
-"""A gate's frame inside a rollout: what it hits, held against the referee, and how long it is minded."""
+"""A gate's frame inside a rollout: what it hits, held against the referee, and how long it is
+minded."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -34,7 +35,10 @@ def test_a_millimetre_decides_and_the_margin_does_not(angles, side, axis, margin
     for edge in (half - GAP, half + WIDTH + GAP):
         for offset in (edge - MM, edge + MM):
             y, z = beside(axis, side * offset)
-            for outcomes, points in ((forth, through(g, y, z)), (back, through(g, y, z, back=True))):
+            for outcomes, points in (
+                (forth, through(g, y, z)),
+                (back, through(g, y, z, back=True)),
+            ):
                 _, rows, crashed = fly(cost, points)
                 outcomes.append((rows[0], crashed[0]))
     assert forth == [(1, 0.0), (0, 1.0), (0, 1.0), (0, 0.0)]
@@ -45,7 +49,8 @@ def test_a_millimetre_decides_and_the_margin_does_not(angles, side, axis, margin
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_frame_is_hit_anywhere_in_its_depth(angles, side, axis):
-    """By a step of a tenth of a millimetre, from a millimetre before the entry to one behind the exit."""
+    """By a step of a tenth of a millimetre, from a millimetre before the entry to one behind the
+    exit."""
     g = gate(5.0, 1.0, 20.0, *angles)
     cost, half = race_cost(course(g), RADIUS, ALL, 1), g.opening[axis] / 2
     for offset, hits in (
@@ -62,19 +67,29 @@ def test_frame_is_hit_anywhere_in_its_depth(angles, side, axis):
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_slanted_step_over_the_whole_frame_counts_at_its_entry_and_its_exit(axis, side):
-    """Steps of .4 m along the passage, at either plane .1 or .2 m off the edge of the free opening."""
+    """Steps of .4 m along the passage, at either plane .1 or .2 m off the edge of the free
+    opening."""
     cost, edge = race_cost(ROW, RADIUS, ALL, 1), ROW.gates[0].opening[axis] / 2 - GAP
     crashed = {}
-    for name, entry, leave in (("free", -0.1, -0.2), ("late", -0.1, 0.1), ("early", 0.1, -0.1), ("beside", 0.1, 0.2)):
+    for name, entry, leave in (
+        ("free", -0.1, -0.2),
+        ("late", -0.1, 0.1),
+        ("early", 0.1, -0.1),
+        ("beside", 0.1, 0.2),
+    ):
         slope, middle = (leave - entry) / (2 * EXIT), edge + (leave + entry) / 2
-        step = [at(ROW.gates[0], s, *np.roll((side * (middle + s * slope), 0.0), axis)) for s in (-0.2, 0.2)]
+        step = [
+            at(ROW.gates[0], s, *np.roll((side * (middle + s * slope), 0.0), axis))
+            for s in (-0.2, 0.2)
+        ]
         crashed[name] = fly(cost, step)[2][0]
     assert crashed == {"free": 0.0, "late": 1.0, "early": 1.0, "beside": 1.0}
 
 
 def test_backing_out_in_front_of_the_gate_past_a_bar_is_a_crash():
     cost, edge = race_cost(ROW, RADIUS, ALL, 1), 1.0 - GAP
-    step = [(5.0 - EXIT + 0.1, edge - 0.05, 20.0), (5.0 - EXIT - 0.1, edge + 0.15, 20.0)]  # .05 m beyond at the entry
+    # .05 m beyond at the entry
+    step = [(5.0 - EXIT + 0.1, edge - 0.05, 20.0), (5.0 - EXIT - 0.1, edge + 0.15, 20.0)]
     beside = [(x, y - 0.1, z) for x, y, z in step]
     assert [fly(cost, points)[2][0] for points in (step, beside)] == [1.0, 0.0]
 
@@ -82,14 +97,19 @@ def test_backing_out_in_front_of_the_gate_past_a_bar_is_a_crash():
 def verdicts(one, radius, points):
     """What the referee says of a vehicle of this radius: the first of hit and pass, if any."""
     referee = Referee(one, radius, 1, 9.0)
-    events = [e for k, (a, b) in enumerate(pairwise(points)) for e in referee.observe(k * DT, a, (k + 1) * DT, b)]
+    events = [
+        e
+        for k, (a, b) in enumerate(pairwise(points))
+        for e in referee.observe(k * DT, a, (k + 1) * DT, b)
+    ]
     kinds = {e.kind for e in events}
     return next((kind for kind in ("hit", "pass") if kind in kinds), "neither")
 
 
 @pytest.mark.parametrize("slant", [0.0, 1.0])
 def test_rollout_is_never_laxer_than_the_referee_and_at_most_the_safety_margin_stricter(slant):
-    """Straight flights at 38 m/s at a tilted gate, up to 45 degrees aslant either way, at random places and phases."""
+    """Straight flights at 38 m/s at a tilted gate, up to 45 degrees aslant either way, at random
+    places and phases."""
     rng, g = np.random.default_rng(0), gate(5.0, 1.0, 20.0, 40, 20, 15)
     one, seen = course(g, gate(500.0)), {}
     cost = race_cost(one, RADIUS, ALL, 1)
@@ -105,18 +125,31 @@ def test_rollout_is_never_laxer_than_the_referee_and_at_most_the_safety_margin_s
         if is_hit == "hit" or slant == 0.0:
             assert rollout == with_margin
         seen[is_hit, rollout] = seen.get((is_hit, rollout), 0) + 1
-    assert set(seen) == {("hit", "hit"), ("pass", "pass"), ("pass", "hit"), ("neither", "neither"), ("neither", "hit")}
+    assert set(seen) == {
+        ("hit", "hit"),
+        ("pass", "pass"),
+        ("pass", "hit"),
+        ("neither", "neither"),
+        ("neither", "hit"),
+    }
 
 
 @pytest.mark.parametrize("room", [1e-3, 0.01, 0.03, 0.05, 0.3])
 def test_gate_that_is_wide_enough_for_the_referee_has_a_free_opening(room):
-    """The safety margin is given up to half of the room on either side, so that the vehicle fits in the rollout too."""
+    """The safety margin is given up to half of the room on either side, so that the vehicle fits in
+    the rollout too."""
     g = gate(5.0, opening=(2 * (RADIUS + room), 2.0))
     cost, free = race_cost(course(g), RADIUS, ALL, 1), max(room - SAFETY_MARGIN, room / 2)
     assert Referee(course(g), RADIUS, 1, 9.0).outcome is None
-    assert [fly(cost, through(g, y, 0.0))[1:] for y in (free - 1e-5, free + 1e-5)] == [([1], [0.0]), ([0], [1.0])]
+    assert [fly(cost, through(g, y, 0.0))[1:] for y in (free - 1e-5, free + 1e-5)] == [
+        ([1], [0.0]),
+        ([0], [1.0]),
+    ]
     outside = RADIUS + room + WIDTH + GAP
-    assert [fly(cost, through(g, y, 0.0))[2] for y in (outside - MM, outside + MM)] == [[1.0], [0.0]]
+    assert [fly(cost, through(g, y, 0.0))[2] for y in (outside - MM, outside + MM)] == [
+        [1.0],
+        [0.0],
+    ]
 
 
 @pytest.mark.parametrize("vehicle", vehicle_names())
@@ -138,23 +171,33 @@ def test_gate_is_minded_from_its_plane_until_the_vehicle_is_clear_of_the_frame(a
     loop = course(gate(5.0, 1.0, 20.0, *angles), gate(10.0, 4.0), loop=True)
     cost, g = race_cost(loop, RADIUS, ALL, 2), loop.gates[0]
     for lap in (0, 2):
-        rows = [rows_ahead(cost, lap + 1, at(g, s, -0.6, 0.4)) for s in (-MM, MM, EXIT - MM, EXIT + MM)]
+        rows = [
+            rows_ahead(cost, lap + 1, at(g, s, -0.6, 0.4)) for s in (-MM, MM, EXIT - MM, EXIT + MM)
+        ]
         assert rows == [lap + 1, lap, lap, lap + 1]
     beside_it = 1.0 + WIDTH + GAP
-    assert [rows_ahead(cost, 1, at(g, 0.1, y, 0.0)) for y in (MM - beside_it, beside_it + MM)] == [0, 1]
+    assert [rows_ahead(cost, 1, at(g, 0.1, y, 0.0)) for y in (MM - beside_it, beside_it + MM)] == [
+        0,
+        1,
+    ]
     run_out = at(loop.gates[1], RUN_OUT - 0.1, 0.0, 0.0)
-    assert [rows_ahead(cost, 0, x) for x in (at(g, 0.1, 0.0, 0.0), run_out)] == [0, 0]  # nothing was passed yet
-    assert [rows_ahead(cost, t, at(loop.gates[1], 0.1, 0.0, 0.0)) for t in (4, 99)] == [3, 3]  # over the finish
+    # nothing was passed yet
+    assert [rows_ahead(cost, 0, x) for x in (at(g, 0.1, 0.0, 0.0), run_out)] == [0, 0]
+    # over the finish
+    assert [rows_ahead(cost, t, at(loop.gates[1], 0.1, 0.0, 0.0)) for t in (4, 99)] == [3, 3]
     assert [rows_ahead(cost, t, at(loop.gates[1], 0.2, 0.0, 0.0)) for t in (4, 99)] == [4, 4]
 
 
 @pytest.mark.parametrize("name", course_names())
 def test_gate_just_passed_is_not_minded_on_the_way_into_the_next(name):
-    """Also where one stands below the other, so that the way through the second crosses the plane of the first."""
+    """Also where one stands below the other, so that the way through the second crosses the plane
+    of the first."""
     c = load_course(name)
     cost = race_cost(c, 0.14, ALL, 1)
     for target, g in enumerate(c.gates):
-        assert [rows_ahead(cost, target, at(g, s, 0.0, 0.0)) for s in np.linspace(-0.5, 0.0, 26)] == [target] * 26
+        assert [
+            rows_ahead(cost, target, at(g, s, 0.0, 0.0)) for s in np.linspace(-0.5, 0.0, 26)
+        ] == [target] * 26
 
 
 def test_sinking_onto_the_lower_bar_of_a_gate_just_passed_is_a_crash():

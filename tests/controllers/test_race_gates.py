@@ -1,16 +1,33 @@
-"""How the racing cost counts gates, distance and crashes inside a rollout. The gates' frames are in test_race_frame."""
+"""How the racing cost counts gates, distance and crashes inside a rollout. The gates' frames are in
+test_race_frame."""
 
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from race_cases import ALL, DT, EXIT, FAR, GAP, ONLY, RADIUS, ROW, at, course, fly, gate, straight, term, through
+from race_cases import (
+    ALL,
+    DT,
+    EXIT,
+    FAR,
+    GAP,
+    ONLY,
+    RADIUS,
+    ROW,
+    at,
+    course,
+    fly,
+    gate,
+    straight,
+    term,
+    through,
+)
 
 from controllers.costs.race import RUN_OUT, TERMS, RaceWeights, clear_of_frame, race_cost
 from controllers.costs.race_targets import GateTarget
 from quadsim.course import course_names, load_course
-from quadsim.systems.records import column, columns
+from quadsim.dynamics.records import column, columns
 
 
 def remaining(cost, points):
@@ -22,7 +39,8 @@ def test_remaining_distance_falls_along_a_straight_flight_by_the_distance_flown(
     cost, step = race_cost(ROW, RADIUS, ONLY["progress"], 1), speed * DT
     left = remaining(cost, straight((0.03, 0, 20), (18, 0, 20), speed))
     assert np.all(np.diff(left) < 0)
-    assert np.all(np.diff(left) > -2.1 * step)  # the step that passes a gate is counted up to its exit
+    # the step that passes a gate is counted up to its exit
+    assert np.all(np.diff(left) > -2.1 * step)
     assert left[0] - left[-1] == pytest.approx(18 - 0.03 - step, abs=0.01)
 
 
@@ -36,13 +54,17 @@ def test_remaining_distance_is_continuous_where_a_gate_is_passed(yaw):
 
 @pytest.mark.parametrize("phase", np.linspace(0.0, 0.29, 7))
 def test_gates_crossed_between_two_steps_at_30_mps_count(phase):
-    _, rows, crashed = fly(race_cost(ROW, RADIUS, ALL, 1), straight((phase, 0.5, 20.3), (18 + phase, 0.5, 20.3), 30.0))
+    _, rows, crashed = fly(
+        race_cost(ROW, RADIUS, ALL, 1), straight((phase, 0.5, 20.3), (18 + phase, 0.5, 20.3), 30.0)
+    )
     assert (rows[-1], crashed[-1]) == (3, 0.0)
 
 
 def test_crash_is_latched_and_paid_at_every_later_step():
     cost = race_cost(ROW, RADIUS, ONLY["crash"], 1)
-    q, _, crashed = fly(cost, straight((0.03, 1.1, 20), (8, 1.1, 20)) + straight((8.1, 0, 20), (12, 0, 20)))
+    q, _, crashed = fly(
+        cost, straight((0.03, 1.1, 20), (8, 1.1, 20)) + straight((8.1, 0, 20), (12, 0, 20))
+    )
     hit = crashed.index(1.0)
     np.testing.assert_array_equal(q[:, TERMS.index("crash")], [0.0] * hit + [1.0] * (len(q) - hit))
     assert 40 < hit < 60
@@ -59,7 +81,12 @@ def test_wrong_way_is_a_crash_and_a_far_miss_is_nothing():
     ):
         _, rows, crashed = fly(cost, through(ROW.gates[0], y, 0.0, back))
         outcomes[name] = rows[0], crashed[0]
-    assert outcomes == {"wrong way": (0, 1.0), "clipped from behind": (0, 1.0), "miss": (0, 0.0), "back": (0, 0.0)}
+    assert outcomes == {
+        "wrong way": (0, 1.0),
+        "clipped from behind": (0, 1.0),
+        "miss": (0, 0.0),
+        "back": (0, 0.0),
+    }
 
 
 def test_beyond_a_missed_gate_the_way_leads_back_round_it():
@@ -95,7 +122,13 @@ def test_flying_on_after_the_finish_is_progress():
 
 
 def test_laps_follow_each_other_without_a_seam():
-    loop = course(gate(5.0), gate(10.0, 5.0, yaw=90), gate(5.0, 10.0, yaw=180), gate(0.0, 5.0, yaw=270), loop=True)
+    loop = course(
+        gate(5.0),
+        gate(10.0, 5.0, yaw=90),
+        gate(5.0, 10.0, yaw=180),
+        gate(0.0, 5.0, yaw=270),
+        loop=True,
+    )
     cost, leg = race_cost(loop, RADIUS, ALL, 3), np.array((5 + EXIT, EXIT - 5))  # from exit to exit
     targets, to_go = cost.targets, column(cost.targets, GateTarget, "to_go")
     assert len(targets) == 3 * 4 + 1
@@ -105,14 +138,20 @@ def test_laps_follow_each_other_without_a_seam():
     np.testing.assert_allclose(legs[8:12], legs[4:8])
     np.testing.assert_allclose(np.diff(to_go[:12]), -np.hypot(*leg))
     from_gate_4 = GateTarget(*targets[4])
-    np.testing.assert_allclose((from_gate_4.ex, from_gate_4.ey, from_gate_4.ez), (*leg / np.hypot(*leg), 0.0))
+    np.testing.assert_allclose(
+        (from_gate_4.ex, from_gate_4.ey, from_gate_4.ez), (*leg / np.hypot(*leg), 0.0)
+    )
     assert from_gate_4.leg == pytest.approx(np.hypot(*leg))
     late = cost.targets_from(8, np.array((5.0, 5.0, 20.0)))
-    np.testing.assert_allclose(column(late, GateTarget, "to_go")[:4], to_go[8:12] - to_go[8], rtol=1e-6)
+    np.testing.assert_allclose(
+        column(late, GateTarget, "to_go")[:4], to_go[8:12] - to_go[8], rtol=1e-6
+    )
 
 
 def test_leaving_the_bounds_or_coming_down_is_a_crash_and_starting_on_the_ground_is_none():
-    low = course(gate(50.0, 0.0, 2.0), start=(0.0, 0.0, 0.0), bounds=((-9.0, 99.0), (-5.0, 5.0), (-1.0, 8.0)))
+    low = course(
+        gate(50.0, 0.0, 2.0), start=(0.0, 0.0, 0.0), bounds=((-9.0, 99.0), (-5.0, 5.0), (-1.0, 8.0))
+    )
     cost = race_cost(low, RADIUS, RaceWeights(margin=0.2), 1)
     floor, mm = GAP + 0.1, 1e-3  # of the margin, at most .1 m is kept from the ground
     crashed = {
@@ -127,7 +166,13 @@ def test_leaving_the_bounds_or_coming_down_is_a_crash_and_starting_on_the_ground
         "above": [(0, 0, 2), (0, 0, 8 - GAP + mm)],
     }
     outcomes = {name: fly(cost, points)[2][0] for name, points in crashed.items()}
-    assert outcomes == {**dict.fromkeys(crashed, 1.0), "stands": 0.0, "climbs": 0.0, "flies low": 0.0, "inside": 0.0}
+    assert outcomes == {
+        **dict.fromkeys(crashed, 1.0),
+        "stands": 0.0,
+        "climbs": 0.0,
+        "flies low": 0.0,
+        "inside": 0.0,
+    }
 
 
 @pytest.mark.parametrize("name", course_names())

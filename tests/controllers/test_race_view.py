@@ -1,4 +1,5 @@
-"""The view term: nothing where the nose points where the vehicle flies, twice the weight where it points back."""
+"""The view term: nothing where the nose points where the vehicle flies, twice the weight where it
+points back."""
 
 import numpy as np
 import pytest
@@ -6,12 +7,12 @@ import pytest
 from controllers.costs import evaluate
 from controllers.costs.race import RaceWeights, race_cost
 from controllers.costs.race_view import with_view
-from controllers.rollout.planner_loops import module_source
+from controllers.lanes.planner_loops import module_source
 from quadsim.course import load_course
-from quadsim.race.settings import SettingError
-from quadsim.race.spec import Spec
+from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
 from quadsim.rotation import exp, matrix, product
-from quadsim.systems.quadrotor import Control, ModelParams, State, quadrotor
+from quadsim.spec.settings import SettingError
+from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
 
 RACE = race_cost(load_course("split_s_swift"), 0.14, RaceWeights(), 1)
@@ -21,7 +22,8 @@ FAST = 1e3  # [m/s] at which the one in the root is nothing
 
 
 def view(q, v):
-    """The view term of a step that ends with attitude q and velocity v; all others are the racing cost's."""
+    """The view term of a step that ends with attitude q and velocity v; all others are the racing
+    cost's."""
     cost = with_view(RACE, WEIGHT)
     x = State.of((-2.0, 1.0, 2.0), v, q, (0.0, 0.0, 0.0), 9.81, (0.0, 0.0, 0.0))
     found, race = (evaluate(c, x, x, HOVER, c.targets[0]) for c in (cost, RACE))
@@ -30,11 +32,15 @@ def view(q, v):
     return float(found.terms["view"])
 
 
-@pytest.mark.parametrize(("turn", "share"), [(0.0, 0.0), (np.pi / 2, 1.0), (-np.pi / 2, 1.0), (np.pi, 2.0)])
+@pytest.mark.parametrize(
+    ("turn", "share"), [(0.0, 0.0), (np.pi / 2, 1.0), (-np.pi / 2, 1.0), (np.pi, 2.0)]
+)
 def test_the_angle_between_nose_and_velocity_about_the_bodys_z_axis_costs(turn, share):
     q = exp((0.1, -0.3, 0.8))
     v = FAST * matrix(q)[:, 0]
-    assert view(product(q, exp((0.0, 0.0, turn))), tuple(v)) == pytest.approx(share * WEIGHT, abs=1e-3)
+    assert view(product(q, exp((0.0, 0.0, turn))), tuple(v)) == pytest.approx(
+        share * WEIGHT, abs=1e-3
+    )
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -54,7 +60,10 @@ def test_at_rest_it_costs_nothing():
 def test_the_lanes_compute_it_where_it_has_a_weight_alone():
     """By its own lines beside those of the racing cost, which stay as they are."""
     system = quadrotor(ModelParams.of(load_vehicle("swift")), 0.01)
-    race, seen, blind = (module_source(system, c, np.float32) for c in (RACE, with_view(RACE, 3.0), with_view(RACE, 0)))
+    race, seen, blind = (
+        module_source(system, c, np.float32)
+        for c in (RACE, with_view(RACE, 3.0), with_view(RACE, 0))
+    )
     assert "# term: view" in seen
     assert "weight_view" in seen
     assert "view" not in blind + race
@@ -76,6 +85,10 @@ def test_it_is_flown_where_a_camera_has_to_find_gates():
     assert Spec.of("split_s_swift", **displaced).view_weight == 1.0
     assert Spec.of("split_s_swift", **displaced, view_weight=0.0).view_weight == 0.0
     assert Spec.of("lsy_level2", preset="race_small", **displaced).view_weight == 0.0
-    assert Spec.of("lsy_level2", preset="race_small", **displaced, view_weight=0.5).view_weight == 0.5
-    with pytest.raises(SettingError, match="view_weight: expected a sensing with a camera, got mocap"):
+    assert (
+        Spec.of("lsy_level2", preset="race_small", **displaced, view_weight=0.5).view_weight == 0.5
+    )
+    with pytest.raises(
+        SettingError, match="view_weight: expected a sensing with a camera, got mocap"
+    ):
         Spec.of("split_s_swift", sensing="mocap", view_weight=2.0)

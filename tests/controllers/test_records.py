@@ -4,12 +4,18 @@ import numpy as np
 import pytest
 from race_cases import ALL, RADIUS, course, gate
 
-from controllers.costs.frames import FrameRow, ObstacleRow, course_obstacles, frame_row, obstacle_row
+from controllers.costs.frames import (
+    FrameRow,
+    ObstacleRow,
+    course_obstacles,
+    frame_row,
+    obstacle_row,
+)
 from controllers.costs.race import race_cost
 from controllers.costs.race_targets import GateTarget
 from quadsim.course import Box, Cylinder
 from quadsim.course.swept import SweptGate
-from quadsim.systems.records import as_rows, column, columns
+from quadsim.dynamics.records import as_rows, column, columns
 
 TURNED = gate(5.0, 1.0, 20.0, 40, 20, 15)
 
@@ -28,7 +34,8 @@ def test_a_table_without_rows_has_its_columns():
 
 
 def test_the_row_of_an_obstacle_begins_as_that_of_a_frame():
-    """A line is tested against both by `touches`, and both are culled by the box in their first six columns."""
+    """A line is tested against both by `touches`, and both are culled by the box in their first six
+    columns."""
     assert ObstacleRow._fields[:-1] == FrameRow._fields
     assert FrameRow._fields[:6] == ("x_low", "y_low", "z_low", "x_high", "y_high", "z_high")
 
@@ -52,7 +59,9 @@ def test_the_box_of_an_obstacle_is_its_own_grown_on_all_sides(grown):
     r = 0.2 + grown
     assert (pole.x_low, pole.y_low, pole.z_low) == pytest.approx((1 - r, 2 - r, 3 - grown))
     assert (pole.x_high, pole.y_high, pole.z_high) == pytest.approx((1 + r, 2 + r, 7 + grown))
-    assert (pole.half, pole.out_y, pole.out_z, pole.radius2) == pytest.approx((2 + grown, r, r, r * r))
+    assert (pole.half, pole.out_y, pole.out_z, pole.radius2) == pytest.approx(
+        (2 + grown, r, r, r * r)
+    )
     box = obstacle_row(Box((1.0, 2.0, 3.0), (2.0, 4.0, 6.0)), grown)
     assert (box.half, box.out_y, box.out_z) == pytest.approx((1 + grown, 2 + grown, 3 + grown))
     assert (box.x_low, box.z_high) == pytest.approx((-grown, 6 + grown))
@@ -61,14 +70,22 @@ def test_the_box_of_an_obstacle_is_its_own_grown_on_all_sides(grown):
 def test_a_course_keeps_every_frame_once_and_all_obstacles_behind_them():
     others = (Box((1.0, 2.0, 3.0), (2.0, 4.0, 6.0)), Cylinder((1.0, 2.0, 3.0), 0.2, 4.0))
     rows = course_obstacles(course(TURNED, gate(9.0), TURNED, obstacles=others), RADIUS).rows
-    assert columns(rows, ObstacleRow, "x", "z").tolist() == [[5, 1, 20], [9, 0, 20], [1, 2, 3], [1, 2, 5]]
+    assert columns(rows, ObstacleRow, "x", "z").tolist() == [
+        [5, 1, 20],
+        [9, 0, 20],
+        [1, 2, 3],
+        [1, 2, 5],
+    ]
 
 
 def test_a_target_has_unit_vectors_and_its_leg_leads_from_the_exit_before():
     cost = race_cost(course(gate(5.0), TURNED, gate(9.0, 3.0, yaw=90)), RADIUS, ALL, 1)
     before = np.array((0.0, 0.0, 20.0))  # the start
     for target in (GateTarget(*row) for row in cost.targets):
-        passage, left = np.array((target.nx, target.ny, target.nz)), np.array((target.lx, target.ly, target.lz))
+        passage, left = (
+            np.array((target.nx, target.ny, target.nz)),
+            np.array((target.lx, target.ly, target.lz)),
+        )
         assert (passage @ passage, left @ left, passage @ left) == pytest.approx((1.0, 1.0, 0.0))
         exit = np.array((target.x, target.y, target.z))
         leg = target.leg * np.array((target.ex, target.ey, target.ez))

@@ -1,4 +1,5 @@
-"""The cost of following a reference: what is searched, what is paid for, and that a flight keeps to its path."""
+"""The cost of following a reference: what is searched, what is paid for, and that a flight keeps to
+its path."""
 
 from dataclasses import replace
 
@@ -7,12 +8,18 @@ import pytest
 
 import quadsim
 from controllers.costs import evaluate
-from controllers.costs.reference import GATE_TIME, TERMS, Reference, ReferenceWeights, reference_cost
+from controllers.costs.reference import (
+    GATE_TIME,
+    TERMS,
+    Reference,
+    ReferenceWeights,
+    reference_cost,
+)
 from quadsim.course import load_course
+from quadsim.dynamics.quadrotor import State
 from quadsim.files.strict_yaml import FileError
-from quadsim.race.reference import reference_of, stored_reference
-from quadsim.race.spec import Spec
-from quadsim.systems.quadrotor import State
+from quadsim.spec.reference import reference_of, stored_reference
+from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
 
 COURSE, SWIFT, DT = load_course("split_s_swift"), load_vehicle("swift"), 0.01
@@ -34,7 +41,9 @@ def paid(offset, velocity=(0.0, 0.0, 0.0), row=20):
     reference = straight()
     cost = reference_cost(COURSE, 0.14, WEIGHTS, reference)
     target = cost.targets[row]
-    x = State.of(target[:3] + offset, target[3:6] + velocity, LEVEL, (0.0, 0.0, 0.0), 9.81, (0.0, 0.0, 0.0))
+    x = State.of(
+        target[:3] + offset, target[3:6] + velocity, LEVEL, (0.0, 0.0, 0.0), 9.81, (0.0, 0.0, 0.0)
+    )
     found = evaluate(cost, x, x, (0.0,) * 4, target)
     assert found.reached, "every step leads to the next row"
     return {name: float(value) for name, value in found.terms.items()}
@@ -51,11 +60,15 @@ def test_across_the_path_is_paid_for_and_ahead_on_it_is_rewarded():
     assert ahead["ahead"] == pytest.approx(-WEIGHTS.ahead * 0.03, rel=0.02)  # 0.3 m at 10 m/s
     assert late["ahead"] == pytest.approx(-ahead["ahead"])
     assert ahead["off_path"] < 1e-3 * aside["off_path"]
-    assert paid((0.0, 0.0, 0.0), (0.0, 2.0, 0.0))["velocity"] == pytest.approx(4.0 * WEIGHTS.velocity)
+    assert paid((0.0, 0.0, 0.0), (0.0, 2.0, 0.0))["velocity"] == pytest.approx(
+        4.0 * WEIGHTS.velocity
+    )
 
 
 def test_across_the_path_costs_more_at_a_gate():
-    far, near, at = (paid((0.0, 0.3, 0.0), row=row)["off_path"] for row in (20, 50 - round(GATE_TIME / DT), 50))
+    far, near, at = (
+        paid((0.0, 0.3, 0.0), row=row)["off_path"] for row in (20, 50 - round(GATE_TIME / DT), 50)
+    )
     assert at == pytest.approx((1 + WEIGHTS.at_gates) * far, rel=1e-3)
     assert near == pytest.approx((1 + WEIGHTS.at_gates * np.exp(-0.5)) * far, rel=1e-3)
 
@@ -69,7 +82,8 @@ def test_a_plan_begins_at_the_nearest_state_on_the_way_to_the_target():
     reference = straight()
     late = np.array([2.0, 0.1, 2.0, 10.0, 0.0, 0.0])  # where the reference was after 0.2 s
     assert reference.nearest(0, late) == 20
-    assert reference.nearest(1, late) >= 50 - 15  # one that has passed the first gate is not taken back before it
+    # one that has passed the first gate is not taken back before it
+    assert reference.nearest(1, late) >= 50 - 15
     np.testing.assert_array_equal(reference.controls(0, late, 7), reference.u[20:27])
     assert reference.controls(0, late, 5000).shape == (5000, 4), "longer than the reference"
 
@@ -100,11 +114,17 @@ def test_a_flight_keeps_to_the_path_and_the_planner_without_it_does_not(sampler)
     assert off(preset="race") > 0.5
 
 
-@pytest.mark.parametrize("changed", [{"laps": 2}, {"vehicle": "kingfisher"}, {"margin": 0.2}, {"course": "paper_flat"}])
-def test_a_race_without_a_stored_solution_is_refused_with_the_command_that_finds_one(changed, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "changed", [{"laps": 2}, {"vehicle": "kingfisher"}, {"margin": 0.2}, {"course": "paper_flat"}]
+)
+def test_a_race_without_a_stored_solution_is_refused_with_the_command_that_finds_one(
+    changed, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     settings = {"course": "split_s_swift", "preset": "race_informed"} | changed
-    with pytest.raises(FileError, match=r"race limit \S+ --vehicle \S+ --laps \d --model rates --margin"):
+    with pytest.raises(
+        FileError, match=r"race limit \S+ --vehicle \S+ --laps \d --model rates --margin"
+    ):
         Spec.of(settings.pop("course"), **settings)
 
 

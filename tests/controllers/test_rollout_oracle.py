@@ -1,4 +1,5 @@
-"""The compiled lanes against the float64 oracle: the same text, flown on numpy rows, on courses drawn at random."""
+"""The compiled lanes against the float64 oracle: the same text, flown on numpy rows, on courses
+drawn at random."""
 
 from dataclasses import replace
 from functools import cache
@@ -9,20 +10,21 @@ from oracle import SAME, decision_distance, fly_rows, to_lanes
 
 from controllers.costs import evaluate
 from controllers.costs.race import RaceWeights, race_cost
-from controllers.rollout.lanes import LANES, Rollout
-from controllers.rollout.planner_loops import module_source
+from controllers.lanes.lanes import LANES, Rollout
+from controllers.lanes.planner_loops import module_source
 from controllers.schedule import Schedule
 from quadsim.course import Course, Gate, Start
-from quadsim.systems.quadrotor import ModelParams, State, quadrotor
+from quadsim.dynamics.quadrotor import ModelParams, State, quadrotor
 
 M, T = 500, 120  # M is no multiple of a block
 RADIUS = 0.1
 BELIEF = ModelParams((0.1, 0.12, 0.2), 0.04, 0.3, (8.0, 8.0, 4.0), 36.0)
-WEIGHTS = RaceWeights(1.0, 2.0, 0.5, 0.1, 1.0, 100.0, 3.0, 0.7, 20.0, margin=0.2, opening=0.6)  # every term counts
+# every term counts
+WEIGHTS = RaceWeights(1.0, 2.0, 0.5, 0.1, 1.0, 100.0, 3.0, 0.7, 20.0, margin=0.2, opening=0.6)
 SYSTEM = quadrotor(BELIEF, 0.01)
 SEEDS = range(6)
-# float32 rounds 20 m to 1e-6 m; after 120 steps that has grown to some 1e-5 m, and a decision closer than ten
-# times that may fall either way. It costs about one sample in a hundred.
+# float32 rounds 20 m to 1e-6 m; after 120 steps that has grown to some 1e-5 m, and a decision
+# closer than ten times that may fall either way. It costs about one sample in a hundred.
 GRAZE = 1e-4  # [m]
 
 
@@ -32,9 +34,24 @@ def random_course(seed, loop=False):
     position, heading, gates = np.array([0.0, 0.0, 3.0]), 0.0, []
     for _ in range(6):
         heading += rng.uniform(-0.15, 0.15)
-        position = position + 2 * np.array([np.cos(heading), np.sin(heading), rng.uniform(-0.1, 0.1)])
-        yaw, pitch, roll = heading + rng.uniform(-0.4, 0.4), rng.uniform(-0.4, 0.4), rng.uniform(-0.8, 0.8)
-        gates.append(Gate(tuple(position.tolist()), yaw, pitch, roll, tuple(rng.uniform(1.8, 2.8, 2).tolist()), 0.1))
+        position = position + 2 * np.array(
+            [np.cos(heading), np.sin(heading), rng.uniform(-0.1, 0.1)]
+        )
+        yaw, pitch, roll = (
+            heading + rng.uniform(-0.4, 0.4),
+            rng.uniform(-0.4, 0.4),
+            rng.uniform(-0.8, 0.8),
+        )
+        gates.append(
+            Gate(
+                tuple(position.tolist()),
+                yaw,
+                pitch,
+                roll,
+                tuple(rng.uniform(1.8, 2.8, 2).tolist()),
+                0.1,
+            )
+        )
     bounds = ((-3.0, 25.0), (-8.0, 8.0), (0.0, 8.0))
     return Course("random", "", tuple(gates), Start((0.0, 0.0, 3.0), 0.0), bounds, loop, 1, (), "")
 
@@ -45,7 +62,8 @@ def launch(p=(0.0, 0.0, 3.0), v=(10.0, 0.0, 1.0)):
 
 
 def controls(seed, spread=0.8):
-    """A plan near hover, and perturbations of it that are slow in part, rounded to float32.  (T, n_u), (M, n_u, T)"""
+    """A plan near hover, and perturbations of it that are slow in part, rounded to float32.  (T,
+    n_u), (M, n_u, T)"""
     rng = np.random.default_rng(seed + 100)
     slow = rng.normal(size=(M, 4, 1)) * np.array([2.0, 2.0, 2.0, 6.0])[:, None]
     z = spread * (slow + rng.normal(0, 2, (M, 4, T)))
@@ -91,13 +109,20 @@ def test_float32_lanes_agree_with_the_oracle(seed):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_float64_lanes_are_the_oracle_to_rounding(seed):
     cost, oracle = scene(seed)
-    assert_agree(fly_lanes(cost, launch(), *controls(seed), dtype=np.float64), oracle, rtol=1e-12, graze=1e-10)
+    assert_agree(
+        fly_lanes(cost, launch(), *controls(seed), dtype=np.float64),
+        oracle,
+        rtol=1e-12,
+        graze=1e-10,
+    )
 
 
 def test_perturbations_and_cost_are_weighted_along_the_horizon():
     cost, even = scene(0)
     cost, rising = replace(cost, obstacles=None), Schedule(first_noise=0.3, cost_rise=2.0)
-    oracle = fly_rows(SYSTEM, cost, launch(), *controls(0), clearance=decision_distance, schedule=rising)
+    oracle = fly_rows(
+        SYSTEM, cost, launch(), *controls(0), clearance=decision_distance, schedule=rising
+    )
     assert_agree(fly_lanes(cost, launch(), *controls(0), schedule=rising), oracle)
     assert np.mean(abs(oracle.J - even.J) > 1e-2) > 0.9
     assert rising.cost(T).mean() == pytest.approx(1.0)
@@ -106,7 +131,8 @@ def test_perturbations_and_cost_are_weighted_along_the_horizon():
 
 def test_lanes_leave_out_the_terms_without_weight_and_no_others():
     cost = race_cost(random_course(0), RADIUS, RaceWeights(heading=2.0, margin=0.2), laps=1)
-    oracle = fly_rows(SYSTEM, cost, launch(), *controls(0), clearance=decision_distance)  # adds up all terms
+    # adds up all terms
+    oracle = fly_rows(SYSTEM, cost, launch(), *controls(0), clearance=decision_distance)
     source = module_source(SYSTEM, cost, np.float32)
     names = {name for name in cost.term_names if f"# term: {name}" in source}
     assert names == {"progress", "heading", "crash", "clearance"}
@@ -130,7 +156,9 @@ def test_gate_that_is_not_advanced_changes_the_samples_that_passed_it_alone():
     first_only = replace(cost, targets=cost.targets[:1])
     J, stuck = (fly_lanes(c, launch(), *controls(1)) for c in (cost, first_only))
     np.testing.assert_array_equal(stuck != J, oracle.reached > 0)
-    assert_agree(stuck, fly_rows(SYSTEM, first_only, launch(), *controls(1), clearance=decision_distance))
+    assert_agree(
+        stuck, fly_rows(SYSTEM, first_only, launch(), *controls(1), clearance=decision_distance)
+    )
 
 
 def test_lanes_start_in_mid_course_and_run_into_the_next_lap():
@@ -158,14 +186,19 @@ def test_lanes_that_start_within_the_frame_of_a_gate_just_passed_mind_it():
 
 def test_target_beyond_the_last_row_is_the_last_row():
     cost, _ = scene(0)
-    last, beyond = (fly_lanes(cost, launch(), *controls(0), target=t) for t in (len(cost.targets) - 1, 99))
+    last, beyond = (
+        fly_lanes(cost, launch(), *controls(0), target=t) for t in (len(cost.targets) - 1, 99)
+    )
     np.testing.assert_array_equal(last, beyond)
 
 
 def test_controls_are_clipped_at_their_limits():
     cost, _ = scene(3)
     U, z = controls(3, spread=20.0)
-    J, oracle = fly_lanes(cost, launch(), U, z), fly_rows(SYSTEM, cost, launch(), U, z, clearance=decision_distance)
+    J, oracle = (
+        fly_lanes(cost, launch(), U, z),
+        fly_rows(SYSTEM, cost, launch(), U, z, clearance=decision_distance),
+    )
     assert_agree(J, oracle)
     free = replace(SYSTEM, low=(-np.inf,) * 4, high=(np.inf,) * 4)
     assert np.mean(abs(J - fly_rows(free, cost, launch(), U, z).J) > 1e-2) > 0.9
@@ -192,6 +225,8 @@ def test_terms_on_floats_are_those_on_numpy_rows():
 
     rows = everything(evaluate(cost, State(*x), State(*x_next), u, target, np.zeros(200)))
     pairs = zip(x.T.tolist(), x_next.T.tolist(), strict=True)
-    floats = np.array([everything(evaluate(cost, State(*a), State(*b), u, target)) for a, b in pairs], float)
+    floats = np.array(
+        [everything(evaluate(cost, State(*a), State(*b), u, target)) for a, b in pairs], float
+    )
     assert floats[:, -2:].any(axis=0).all()  # some reach, some crash
     np.testing.assert_allclose(np.array(np.broadcast_arrays(*rows), float), floats.T, rtol=1e-13)

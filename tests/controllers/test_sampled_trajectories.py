@@ -5,9 +5,9 @@ import pytest
 
 from controllers.costs.race import TERMS
 from controllers.sampled_trajectories import controls, sampled_trajectories, take_snapshot
-from quadsim.race.build import build, launch
 from quadsim.race.flight import SNAPSHOT_EVERY, simulate
-from quadsim.race.spec import Spec
+from quadsim.spec.build import build, launch
+from quadsim.spec.spec import Spec
 
 
 @pytest.fixture
@@ -34,7 +34,9 @@ def test_the_terms_of_the_plan_sum_to_what_the_rollout_says(flight):
     _, mppi = flown(flight)
     last = mppi.last
     J = np.empty((1, 64), np.float32)
-    mppi.rollout(last.x, mppi.plan, np.zeros((1, 4, len(mppi.plan), 64), np.float32), last.target, J)
+    mppi.rollout(
+        last.x, mppi.plan, np.zeros((1, 4, len(mppi.plan), 64), np.float32), last.target, J
+    )
     assert sum(sampled_trajectories(mppi).terms.values()) == pytest.approx(float(J[0, 0]), rel=1e-4)
 
 

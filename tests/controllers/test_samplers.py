@@ -1,7 +1,8 @@
-"""What every registered sampler promises, whatever its law. The laws of colored noise are in test_colored.
+"""What every registered sampler promises, whatever its law. The laws of colored noise are in
+test_colored.
 
-A new sampler is found by its line in SAMPLERS: numbers per control are given to it by the name of the field, every
-choice of its further fields is a case.
+A new sampler is found by its line in SAMPLERS: numbers per control are given to it by the name of
+the field, every choice of its further fields is a case.
 """
 
 from dataclasses import fields
@@ -13,7 +14,7 @@ import pytest
 from oracle import from_lanes
 from point import White
 
-from controllers.rollout.layout import CHUNK, LANES
+from controllers.lanes.layout import CHUNK, LANES
 from controllers.samplers import SAMPLERS, Gaussian, build_lanes, make_sampler
 from controllers.samplers.lane_sampler import stream_key
 
@@ -27,7 +28,9 @@ def choices(name):
 
 CASES = [(name, chosen) for name in SAMPLERS for chosen in choices(name)] + [("own", {})]
 LIMIT = 5.0  # standard errors
-every_sampler = pytest.mark.parametrize("case", CASES, ids=lambda c: "-".join((c[0], *c[1].values())))
+every_sampler = pytest.mark.parametrize(
+    "case", CASES, ids=lambda c: "-".join((c[0], *c[1].values()))
+)
 
 
 def make(case, key, samples=4096, horizon=20, sigma=(0.4, 0.8)):
@@ -41,11 +44,14 @@ def make(case, key, samples=4096, horizon=20, sigma=(0.4, 0.8)):
 
 
 def draw(case, key, call=1, samples=4096, horizon=20, **options):
-    return from_lanes(make(case, key, samples, horizon, **options).sample(call).copy(), samples, horizon)
+    return from_lanes(
+        make(case, key, samples, horizon, **options).sample(call).copy(), samples, horizon
+    )
 
 
 def shared(a, b):
-    """The worst correlation of two sets of samples at any channel and time, in standard errors.  (M, n_u, T)"""
+    """The worst correlation of two sets of samples at any channel and time, in standard errors.
+    (M, n_u, T)"""
     r = (a * b).mean(axis=0) / np.sqrt((a * a).mean(axis=0) * (b * b).mean(axis=0))
     return abs(r).max() * np.sqrt(len(a))
 
@@ -75,10 +81,16 @@ def test_sample_is_a_function_of_key_and_call(case, key):
 
 @every_sampler
 def test_chunk_drawn_alone_is_that_of_the_whole(case, key):
-    """A sampler of one's own draws chunk by chunk; the others, any part that begins with a pair of series."""
+    """A sampler of one's own draws chunk by chunk; the others, any part that begins with a pair of
+    series."""
     sampler = make(case, key, samples=CHUNK)
-    chunks = [sampler.sample(7, first, count).copy() for first, count in ((0, CHUNK), (CHUNK, CHUNK), (2 * CHUNK, 100))]
-    np.testing.assert_array_equal(make(case, key, samples=CHUNK).sample(7, 2 * CHUNK, 100), chunks[2])
+    chunks = [
+        sampler.sample(7, first, count).copy()
+        for first, count in ((0, CHUNK), (CHUNK, CHUNK), (2 * CHUNK, 100))
+    ]
+    np.testing.assert_array_equal(
+        make(case, key, samples=CHUNK).sample(7, 2 * CHUNK, 100), chunks[2]
+    )
     np.testing.assert_array_equal(sampler.sample(7, CHUNK, CHUNK), chunks[1])
     assert not np.array_equal(chunks[0], chunks[1])
     if case[0] != "own":
@@ -111,7 +123,11 @@ def test_each_channel_scales_with_its_sigma(case, key):
 
 @every_sampler
 def test_calls_keys_and_channels_are_independent(case, key):
-    z, next_call, other_key = draw(case, key), draw(case, key, call=2), draw(case, key + np.uint32(1))
+    z, next_call, other_key = (
+        draw(case, key),
+        draw(case, key, call=2),
+        draw(case, key + np.uint32(1)),
+    )
     channel, other_channel = z[:, :1], z[:, 1:]
     assert max(shared(z, next_call), shared(z, other_key), shared(channel, other_channel)) < LIMIT
     assert shared(z, next_call + 0.2 * z) > LIMIT
@@ -124,7 +140,10 @@ def test_series_and_lanes_are_independent(case, key):
     for rows in (z, z.T):
         planted = rows.copy()
         planted[1] = rows[0]
-        worst, caught = (abs(np.corrcoef(r) - np.eye(len(r))).max() * np.sqrt(r.shape[1]) for r in (rows, planted))
+        worst, caught = (
+            abs(np.corrcoef(r) - np.eye(len(r))).max() * np.sqrt(r.shape[1])
+            for r in (rows, planted)
+        )
         assert worst < LIMIT < caught
 
 
@@ -145,7 +164,10 @@ def test_gaussian_is_white_with_the_variance_asked_for(key):
 @pytest.mark.parametrize(
     ("drawn", "found"),
     [
-        (lambda *shape: np.zeros((shape[0], shape[2], shape[1])), r"shape \(64, 20, 2\), .*, got shape \(64, 2, 20\)$"),
+        (
+            lambda *shape: np.zeros((shape[0], shape[2], shape[1])),
+            r"shape \(64, 20, 2\), .*, got shape \(64, 2, 20\)$",
+        ),
         (lambda *shape: np.full(shape, np.nan), "got 2560 that are not finite"),
         (lambda *shape: np.full(shape, 1e300), "got 2560 that are not finite"),
     ],

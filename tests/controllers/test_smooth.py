@@ -16,7 +16,8 @@ FREE = {"system": POINT.__class__(**vars(POINT) | {"low": (-1e9,) * 2, "high": (
 
 
 def kim(U, D, xi, dt, temperature):
-    """One iteration of Smooth-MPPI as published: sampled derivatives, integrated over iterations.  xi (M, T, n_u)"""
+    """One iteration of Smooth-MPPI as published: sampled derivatives, integrated over iterations.
+    xi (M, T, n_u)"""
     d = D + xi
     V = U + d * dt
     w = weights(np.array([naive_cost(v) for v in V]), temperature)
@@ -26,7 +27,8 @@ def kim(U, D, xi, dt, temperature):
 
 @pytest.mark.parametrize("name", ["smooth", "smooth_star"])
 def test_smooth_is_the_published_iteration_over_derivatives(name):
-    """Three iterations; with the derivative plan set to zero in between, the plan is another one."""
+    """Three iterations; with the derivative plan set to zero in between, the plan is another
+    one."""
     mppi = make(sampler=name, samples=64, rest_fraction=0.0, **FREE)
     dt = mppi.config.dt
     U, D, forgetful = mppi.plan.copy(), np.zeros((T, 2)), mppi.plan.copy()
@@ -79,7 +81,9 @@ def test_momentum_shifts_with_the_plan_or_by_the_published_slip(shift, steps):
     momentum.shift(steps)
     first = min(steps, T - 1)
     moved = np.vstack([D[first:], np.tile(D[-1:], (first, 1))])
-    np.testing.assert_array_equal(momentum.change, moved if shift == "corrected" else np.tile(D[first], (T, 1)))
+    np.testing.assert_array_equal(
+        momentum.change, moved if shift == "corrected" else np.tile(D[first], (T, 1))
+    )
 
 
 def test_plan_takes_its_momentum_along_when_time_moves_on():
@@ -98,7 +102,8 @@ def log_normal(key, sigma, samples=65536):
 
 @pytest.mark.parametrize("sigma", [0.2, 0.5])
 def test_log_normal_has_the_variance_and_kurtosis_of_a_normal_times_a_log_normal(key, sigma):
-    """Standard deviation sigma exp(sigma^2), kurtosis 3 exp(4 sigma^2); a Gaussian's are sigma and 3."""
+    """Standard deviation sigma exp(sigma^2), kurtosis 3 exp(4 sigma^2); a Gaussian's are sigma and
+    3."""
     z = log_normal(key, sigma)
     sd, kurtosis = z.std(), (z**4).mean() / (z**2).mean() ** 2
     assert sd == pytest.approx(sigma * np.exp(sigma**2), rel=0.01)
@@ -120,7 +125,9 @@ def test_log_normal_is_white(key):
     z = log_normal(key, 0.4).reshape(-1, 8)
     r = np.corrcoef(z.T) - np.eye(8)
     assert abs(r).max() < 5 / np.sqrt(len(z))
-    assert abs(np.corrcoef((z + 0.05 * np.roll(z, 1, axis=1)).T) - np.eye(8)).max() > 5 / np.sqrt(len(z))
+    assert abs(np.corrcoef((z + 0.05 * np.roll(z, 1, axis=1)).T) - np.eye(8)).max() > 5 / np.sqrt(
+        len(z)
+    )
 
 
 def test_log_normal_of_an_absurd_sigma_is_finite(key):
@@ -129,7 +136,8 @@ def test_log_normal_of_an_absurd_sigma_is_finite(key):
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_preset_has_numbers_for_every_sampler(preset):
-    """Log-normal with the Gaussian's standard deviations; both smooth ones with the same perturbations."""
+    """Log-normal with the Gaussian's standard deviations; both smooth ones with the same
+    perturbations."""
     planners = PRESETS[preset]
     assert set(planners) == set(SAMPLERS)
     sigma, white = (np.array(planners[name].sampling.sigma) for name in ("log_normal", "gaussian"))

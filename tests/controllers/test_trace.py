@@ -1,5 +1,5 @@
-"""Functions called once with symbols: the written lines compute what the functions compute, and what cannot be traced
-is one line that says where and what to write instead."""
+"""Functions called once with symbols: the written lines compute what the functions compute, and
+what cannot be traced is one line that says where and what to write instead."""
 
 import linecache
 import math
@@ -14,13 +14,20 @@ import numpy as np
 import pytest
 from numpy import arctan2, cos, exp, log, maximum, minimum, sin, sqrt, tan, tanh, where
 
-from controllers.rollout.text import Writer
-from controllers.rollout.trace import Graph, TraceError, trace, trace_number
-from quadsim.systems.records import flat
+from controllers.lanes.text import Writer
+from controllers.lanes.trace import Graph, TraceError, trace, trace_number
+from quadsim.dynamics.records import flat
 
 HERE = "test_trace.py"
 NUMPY = SimpleNamespace(
-    sqrt=np.sqrt, exp=np.exp, log=np.log, sin=np.sin, cos=np.cos, tan=np.tan, tanh=np.tanh, atan2=np.arctan2
+    sqrt=np.sqrt,
+    exp=np.exp,
+    log=np.log,
+    sin=np.sin,
+    cos=np.cos,
+    tan=np.tan,
+    tanh=np.tanh,
+    atan2=np.arctan2,
 )
 MEANS = {  # the names of the generated module, in float64
     "F": np.float64,
@@ -50,7 +57,8 @@ def compiled(function, names):
 
 
 def runs_alike(function, rows, ulps=0):
-    """Return whether the written lines give what the function gives, to the last bit or to some of its units."""
+    """Return whether the written lines give what the function gives, to the last bit or to some of
+    its units."""
     names = [f"argument_{k}" for k in range(len(rows[0]))]
     run = compiled(function, names)
     pairs = [(run(*row), tuple(flat(function(*row)))) for row in rows]
@@ -84,14 +92,19 @@ OPERATIONS = {
     "greater": lambda a, b: where((a > b) | (b < 0.2), 1.0, a),
     "not": lambda a, b: where(~((a > 0.0) & (b > 0.0)), a, 0.5),
     "equal": lambda a, b: where((a == b) | ((a > 0) != (b > 0)), a + b, b),
-    "logical": lambda a, b: where(np.logical_not(np.logical_or(a > 1.0, np.logical_and(a > 0.0, b > 0.0))), a, b),
+    "logical": lambda a, b: where(
+        np.logical_not(np.logical_or(a > 1.0, np.logical_and(a > 0.0, b > 0.0))), a, b
+    ),
 }
 
 
 def random_function(seed):
-    """Return a function of three numbers: some thirty operations, each on numbers that were computed before."""
+    """Return a function of three numbers: some thirty operations, each on numbers that were
+    computed before."""
     rng = np.random.default_rng(seed)
-    program = [(str(rng.choice(list(OPERATIONS))), *rng.integers(0, k + 3, 2).tolist()) for k in range(30)]
+    program = [
+        (str(rng.choice(list(OPERATIONS))), *rng.integers(0, k + 3, 2).tolist()) for k in range(30)
+    ]
 
     def function(a, b, c):
         values = [a, b, c]
@@ -146,7 +159,9 @@ def test_the_order_of_operations_is_that_of_the_source(expected):
     assert runs_alike(ORDERS[expected], random_rows(0), ulps=2 if powers else 0)
 
 
-@pytest.mark.parametrize("expected", ["a - (b - c)", "a + (b + c)", "a / (b * c)", "(a + b) * c", "-(a + b)"])
+@pytest.mark.parametrize(
+    "expected", ["a - (b - c)", "a + (b + c)", "a / (b * c)", "(a + b) * c", "-(a + b)"]
+)
 def test_lines_without_the_parentheses_would_be_found(expected, monkeypatch):
     """Even where the sum differs by its rounding alone."""
     monkeypatch.setattr(Writer, "_within", lambda writer, value, binding: writer(value))
@@ -202,14 +217,19 @@ def test_what_no_result_needs_is_not_written():
 def test_records_within_records_go_in_and_come_out():
     graph = Graph()
     pairs = graph.record(Pairs, "pairs", "numbers[{k}]")
-    found = trace(lambda p: Pairs(p.right, Pair(p.left.first * 2.0, p.apart), 1.0 - p.left.second), pairs)
+    found = trace(
+        lambda p: Pairs(p.right, Pair(p.left.first * 2.0, p.apart), 1.0 - p.left.second), pairs
+    )
     assert isinstance(found, Pairs)
     assert isinstance(found.left, Pair)
     writer = Writer()
     lines = writer.lines(flat(found))
     assert "pairs_left_second = numbers[1]" in lines
     assert "pairs_apart = numbers[4]" in lines
-    assert [writer(value) for value in flat(found)][:2] == ["pairs_right_first", "pairs_right_second"]
+    assert [writer(value) for value in flat(found)][:2] == [
+        "pairs_right_first",
+        "pairs_right_second",
+    ]
 
 
 def test_a_helper_that_returns_a_record_names_its_numbers():
@@ -226,7 +246,12 @@ def test_numbers_of_closures_modules_and_numpy_are_written_as_numbers():
 
     def function(a, b):
         low = numpy.minimum(np.maximum(minimum(a, gain), wide - 2), whole)
-        return np.sqrt(low * low + math.pi) * gain + np.float64(1.5) * b + whole / zero_d - np.float64(2.0) * a
+        return (
+            np.sqrt(low * low + math.pi) * gain
+            + np.float64(1.5) * b
+            + whole / zero_d
+            - np.float64(2.0) * a
+        )
 
     assert runs_alike(function, list(np.random.default_rng(0).normal(size=(20, 2))))
     lines, (result,) = written(function, "ab")
@@ -256,7 +281,8 @@ def test_variables_have_the_names_of_the_source():
 
 
 def test_a_name_that_is_taken_gets_a_number():
-    """By the text around, by what the lines call, by a variable of the text around, by another function."""
+    """By the text around, by what the lines call, by a variable of the text around, by another
+    function."""
 
     def inner(a):
         total = a * 3.0
@@ -447,7 +473,9 @@ def text_of(a, b):
 def test_a_result_that_is_no_number_is_a_line_that_names_the_function(function, found):
     message = refused(function)
     line = function.__code__.co_firstlineno
-    assert message.startswith(f"{__name__}.{function.__name__}: {__file__}:{line}: expected it to return ")
+    assert message.startswith(
+        f"{__name__}.{function.__name__}: {__file__}:{line}: expected it to return "
+    )
     assert found in message
 
 

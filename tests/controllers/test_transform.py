@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from controllers.rollout.lanes import LANES
-from controllers.rollout.normals import fill_normals
-from controllers.rollout.transform import fill_transformed
+from controllers.lanes.lanes import LANES
+from controllers.lanes.normals import fill_normals
+from controllers.lanes.transform import fill_transformed
 
 N = [2, 3, 4, 8, 13, 22, 34, 65, 91, 300]  # radices 2 to 13, and 17 in a loop
 
@@ -35,7 +35,8 @@ def test_parts_of_the_transform_are_the_two_series(n, scale, key):
     z = np.fft.ifft(Z, axis=0, norm="forward")
     tolerance = 1e-5 * np.sqrt((abs(Z) ** 2).sum(axis=0)).max()
     np.testing.assert_allclose(fill(n, scale(n), key), [z.real, z.imag], atol=tolerance)
-    assert abs(np.fft.fft(Z, axis=0) - z).max() > 100 * tolerance or n < 3  # the sign of the exponent matters
+    # the sign of the exponent matters
+    assert abs(np.fft.fft(Z, axis=0) - z).max() > 100 * tolerance or n < 3
 
 
 def test_fewer_steps_and_an_odd_number_of_series_are_the_same_numbers(scale, key):
@@ -51,4 +52,6 @@ def test_series_can_be_made_without_those_before_them(scale, key):
 
 def test_offset_takes_its_share_of_the_second_step(scale, key):
     plain = fill(30, scale(30), key)
-    np.testing.assert_allclose(fill(30, scale(30), key, offset=0.5), plain - 0.5 * plain[:, 1:2], atol=1e-5)
+    np.testing.assert_allclose(
+        fill(30, scale(30), key, offset=0.5), plain - 0.5 * plain[:, 1:2], atol=1e-5
+    )

@@ -1,4 +1,5 @@
-"""Targets lead round obstacles: the shortest way that is clear of them, and none where there is nothing in the way."""
+"""Targets lead round obstacles: the shortest way that is clear of them, and none where there is
+nothing in the way."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -12,7 +13,7 @@ from controllers.costs.race import race_cost
 from controllers.costs.race_targets import GateTarget
 from controllers.costs.ways_round import sees, shortest, way_round
 from quadsim.course import Box, Cylinder
-from quadsim.systems.records import columns
+from quadsim.dynamics.records import columns
 
 BOX = (0.2, -50.0, 50.0, -50.0, 50.0, 40.0)  # floor, x, y, roof
 WALL = Box((5.0, 1.0, 10.0), (0.4, 6.0, 20.0))  # from y = -2 to 4, from the ground to z = 20
@@ -38,7 +39,9 @@ def test_a_low_wall_is_flown_over_and_where_there_is_no_way_there_is_none():
     assert len(way_round(A, B, (replace(low, size=(0.4, 200.0, 90.0)),), CLEAR, BOX)) == 0
 
 
-@pytest.mark.parametrize("obstacle", [Cylinder((5.0, 0.0, 0.0), 0.05, 20.0), replace(WALL, centre=(5.0, 9.0, 10.0))])
+@pytest.mark.parametrize(
+    "obstacle", [Cylinder((5.0, 0.0, 0.0), 0.05, 20.0), replace(WALL, centre=(5.0, 9.0, 10.0))]
+)
 def test_beside_a_free_line_and_round_a_pole_no_point_is_needed(obstacle):
     assert len(way_round(A, B, (obstacle,), 0.2, BOX)) == 0
 
@@ -60,7 +63,12 @@ def test_the_shortest_path_is_that_of_all_orders_of_five_nodes():
     assert shortest(np.full((3, 3), far))[1] == far
 
 
-WALLED = course(gate(0.0), gate(20.0), obstacles=(Box((10.0, 2.0, 20.0), (0.4, 6.0, 40.0)),), start=(-5.0, 0.0, 20.0))
+WALLED = course(
+    gate(0.0),
+    gate(20.0),
+    obstacles=(Box((10.0, 2.0, 20.0), (0.4, 6.0, 40.0)),),
+    start=(-5.0, 0.0, 20.0),
+)
 
 
 def exits(cost):
@@ -68,17 +76,22 @@ def exits(cost):
 
 
 def test_a_wall_between_two_gates_puts_rows_between_them_and_the_way_to_go_counts_along_them():
-    cost, bare = race_cost(WALLED, RADIUS, ALL, 1), race_cost(replace(WALLED, obstacles=()), RADIUS, ALL, 1)
+    cost, bare = (
+        race_cost(WALLED, RADIUS, ALL, 1),
+        race_cost(replace(WALLED, obstacles=()), RADIUS, ALL, 1),
+    )
     assert len(cost.targets) == len(bare.targets) + 2
     np.testing.assert_array_equal(exits(bare)[1:], exits(cost)[3:])
-    walled, free = (GateTarget(*c.targets[0]).to_go for c in (cost, bare))  # from the first gate [m]
+    # from the first gate [m]
+    walled, free = (GateTarget(*c.targets[0]).to_go for c in (cost, bare))
     assert walled > free + 0.1
     corners = exits(cost)[1:3].tolist()
     assert max(y for _, y, _ in corners) < -1.0
     legs = pairwise([(-1.0, 0.0, 20.0), (1.0, 0.0, 20.0), *corners, (21.0, 0.0, 20.0)])
     points = [p for a, b in legs for p in straight(a, b)[:-1]]
     _, rows, crashes = fly(cost, points)
-    assert sorted(set(rows)) == [0, 1, 2, 3, 4]  # a gate, both corners, the other gate, and behind the finish
+    # a gate, both corners, the other gate, and behind the finish
+    assert sorted(set(rows)) == [0, 1, 2, 3, 4]
     assert not any(crashes)
 
 
@@ -91,7 +104,8 @@ def test_the_row_ahead_is_the_last_in_sight_and_never_one_that_lies_behind():
     assert ahead(0, -3.0, 0.0, 20.0) == 0
     assert ahead(1, 2.0, 0.0, 20.0) in (1, 2)
     assert ahead(1, 9.0, 3.0, 20.0) == 1  # before the middle of the wall, its first corner
-    assert ahead(1, 12.0, 0.0, 20.0) == ahead(1, 10.0, -5.0, 20.0) == 3  # past the wall, and where all is in sight
+    # past the wall, and where all is in sight
+    assert ahead(1, 12.0, 0.0, 20.0) == ahead(1, 10.0, -5.0, 20.0) == 3
     assert ahead(1, 0.02, 0.0, 20.0) == 0  # still between the bars of the first gate
     assert ahead(9, 30.0, 0.0, 20.0) == len(cost.targets) - 1
     assert race_cost(ROW, RADIUS, ALL, 1).row_ahead is None

@@ -8,10 +8,11 @@ from controllers.costs.corridor import RUN_OUT, CorridorWeights, corridor_cost
 from quadsim.course import course_names
 from quadsim.course.corridor import Corridor, load_corridor
 from quadsim.files.strict_yaml import FileError
-from quadsim.race.plane_referees import STUCK, CorridorReferee
-from quadsim.systems.offroad import Control, State
+from quadsim.paper.offroad import Control, State
+from quadsim.paper.referees import STUCK, CorridorReferee
 
-CORNER = Corridor(name="corner", width=6.0, points=((0.0, 0.0), (20.0, 0.0), (20.0, 20.0)))  # one bend, 90 degrees left
+# one bend, 90 degrees left
+CORNER = Corridor(name="corner", width=6.0, points=((0.0, 0.0), (20.0, 0.0), (20.0, 20.0)))
 COST = corridor_cost(CORNER, 0.8, CorridorWeights(margin=0.5), 0.02)
 
 
@@ -42,8 +43,14 @@ def test_corridors_are_no_race_courses():
         ("width: 0\npoints: [[0, 0], [9, 0]]\n", "1:8: width: expected a number [m] > 0"),
         ("width: 4\npoints: [[0, 0]]\n", "points: expected "),
         ("width: 4\npoints: [[0, 0], [9, 0], [9, 0]]\n", "expected points that differ"),
-        ("width: 8\npoints: [[0, 0], [9, 0], [9, 6], [0, 6]]\n", "expected a leg longer than its bends take"),
-        ("width: 4\npoints: [[0, 0], [9, 0], [1, 0.1]]\n", "expected a leg longer than its bends take"),
+        (
+            "width: 8\npoints: [[0, 0], [9, 0], [9, 6], [0, 6]]\n",
+            "expected a leg longer than its bends take",
+        ),
+        (
+            "width: 4\npoints: [[0, 0], [9, 0], [1, 0.1]]\n",
+            "expected a leg longer than its bends take",
+        ),
         ("width: 4\ngates: []\n", "unknown key"),
     ],
 )

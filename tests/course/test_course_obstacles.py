@@ -1,4 +1,5 @@
-"""Obstacles of a course: what a file may say, how far away they are, when a moving sphere touches them."""
+"""Obstacles of a course: what a file may say, how far away they are, when a moving sphere touches
+them."""
 
 from dataclasses import asdict, replace
 from itertools import product
@@ -10,7 +11,7 @@ import pytest
 from quadsim.course import Box, Cylinder, load_course, parse_course
 from quadsim.course.swept_obstacles import SweptObstacle, SweptObstacles
 from quadsim.files.strict_yaml import FileError
-from quadsim.limit.solution import SOLUTIONS, Race, load
+from quadsim.record.limits import SOLUTIONS, Race, load
 from quadsim.vehicle import load_vehicle
 
 PLAIN = """\
@@ -29,9 +30,17 @@ obstacles:
 """
 )
 BAD = [
-    ("radius: 0.5", "radius: 0", "7:41: obstacles[0].cylinder.radius: expected a number [m] > 0 and <= 100, got 0"),
+    (
+        "radius: 0.5",
+        "radius: 0",
+        "7:41: obstacles[0].cylinder.radius: expected a number [m] > 0 and <= 100, got 0",
+    ),
     (", height: 5", "", "7:15: obstacles[0].cylinder.height: missing, expected a number [m]"),
-    ("size: [2, 1, 2]", "size: [2, 1]", "8:37: obstacles[1].box.size: expected 3 numbers [m], got 2"),
+    (
+        "size: [2, 1, 2]",
+        "size: [2, 1]",
+        "8:37: obstacles[1].box.size: expected 3 numbers [m], got 2",
+    ),
     ("yaw_deg: 30", "yaw: 30", "8:48: obstacles[1].box.yaw: unknown key, did you mean 'yaw_deg'?"),
     ("  - box", "    box", "7:5: obstacles[0]: expected a box or a cylinder, got both"),
     (
@@ -40,8 +49,16 @@ BAD = [
         "7:5: obstacles[0]: expected a box or a cylinder, got none of both",
     ),
     ("cylinder", "pole", "7:5: obstacles[0].pole: unknown key, known are box, cylinder"),
-    ("[4, 2, 0]", "[4, 2, -9]", "7:5: obstacles[0]: expected an obstacle above the ground, its top is at z = -4.00 m"),
-    ("[-2, 3, 1]", "[-5, 0.6, 2]", "2:19: start.position: expected 0.3 m of room, got 0.02 m to obstacle 2"),
+    (
+        "[4, 2, 0]",
+        "[4, 2, -9]",
+        "7:5: obstacles[0]: expected an obstacle above the ground, its top is at z = -4.00 m",
+    ),
+    (
+        "[-2, 3, 1]",
+        "[-5, 0.6, 2]",
+        "2:19: start.position: expected 0.3 m of room, got 0.02 m to obstacle 2",
+    ),
     (
         "[4, 2, 0], radius: 0.5",
         "[0.1, 0, 0], radius: 1",
@@ -59,9 +76,14 @@ def test_each_fault_of_an_obstacle_has_its_one_line(old, new, message):
 
 
 def test_an_obstacle_outside_the_bounds_is_said():
-    with pytest.raises(FileError, match=r"obstacles\[1\]: outside the bounds, expected y within \[-9, 1.9\]"):
+    with pytest.raises(
+        FileError, match=r"obstacles\[1\]: outside the bounds, expected y within \[-9, 1.9\]"
+    ):
         parse_course(
-            GOOD.replace("opening", "bounds: [[-9, 9], [-9, 1.9], [0, 9]]\nopening", 1).replace("[8, 4", "[8, 1"), "x"
+            GOOD.replace("opening", "bounds: [[-9, 9], [-9, 1.9], [0, 9]]\nopening", 1).replace(
+                "[8, 4", "[8, 1"
+            ),
+            "x",
         )
 
 
@@ -81,13 +103,19 @@ def test_a_thin_pole_in_an_opening_does_not_block_it():
 
 
 def test_obstacles_change_the_key_of_a_race_and_none_leave_it_as_it_was():
-    course, vehicle = parse_course(GOOD.replace("height: 5", "height: 3"), "mine.yaml"), load_vehicle("swift")
+    course, vehicle = (
+        parse_course(GOOD.replace("height: 5", "height: 3"), "mine.yaml"),
+        load_vehicle("swift"),
+    )
     bare = Race(replace(course, obstacles=()), vehicle, 1, "rotors").key
     assert bare == Race(parse_course(PLAIN, "mine.yaml"), vehicle, 1, "rotors").key
     assert Race(course, vehicle, 1, "rotors").key != bare
-    for path in SOLUTIONS.glob("split_s_swift_swift_*_rotors_*.npz"):  # stored before courses had obstacles
+    # stored before courses had obstacles
+    for path in SOLUTIONS.glob("split_s_swift_swift_*_rotors_*.npz"):
         limit = load(path)
-        assert path.name == Race(load_course("split_s_swift"), vehicle, limit.laps, "rotors").file_name
+        assert (
+            path.name == Race(load_course("split_s_swift"), vehicle, limit.laps, "rotors").file_name
+        )
 
 
 OBSTACLES = Cylinder((1.0, -2.0, 0.5), 0.7, 1.6), Box((1.0, -2.0, 1.3), (1.4, 0.6, 1.0), 0.6)
@@ -107,13 +135,17 @@ def test_distance_to_an_obstacle_is_that_to_the_nearest_of_its_points(obstacle):
 
 @pytest.mark.parametrize("obstacle", OBSTACLES, ids=["cylinder", "box"])
 def test_a_sphere_touches_where_it_comes_as_near_as_its_radius(obstacle):
-    """Against 201 points of the segment; early at edges alone, by what the grown shape sticks out there."""
+    """Against 201 points of the segment; early at edges alone, by what the grown shape sticks out
+    there."""
     rng, radius, found = np.random.default_rng(1), 0.2, 0
     swept = SweptObstacle(obstacle, 0, radius)
     for _ in range(100):
         a, b = (tuple((rng.uniform(-2.0, 2.0, 3) + obstacle.centre).tolist()) for _ in "ab")
         s = np.linspace(0.0, 1.0, 201)
-        near = np.array([obstacle.distance(tuple(p)) for p in np.outer(1 - s, a) + np.outer(s, b)]) <= radius
+        near = (
+            np.array([obstacle.distance(tuple(p)) for p in np.outer(1 - s, a) + np.outer(s, b)])
+            <= radius
+        )
         touch = swept.touch(a, b)
         assert touch is not None or not near.any()
         if touch is not None:
@@ -125,7 +157,10 @@ def test_a_sphere_touches_where_it_comes_as_near_as_its_radius(obstacle):
 
 
 def test_the_near_obstacles_are_those_that_are_touched():
-    rng, poles = np.random.default_rng(2), [Cylinder((x, y, 0.0), 0.1, 3.0) for x, y in product(range(6), range(6))]
+    rng, poles = (
+        np.random.default_rng(2),
+        [Cylinder((x, y, 0.0), 0.1, 3.0) for x, y in product(range(6), range(6))],
+    )
     swept, hits = SweptObstacles(poles, 0.1), 0
     for _ in range(300):
         a = rng.uniform((0.0, 0.0, 0.0), (5.0, 5.0, 3.5))

@@ -36,11 +36,23 @@ BAD = [
         "[8, 4, .nan]",
         "7:22: gates[1].position[2]: expected a number [m], got '.nan' (not finite)",
     ),
-    ("[8, 4, 3]", "[8, 1e5, 3]", "7:19: gates[1].position[1]: expected a number [m] >= -10000 and <= 10000, got 1e5"),
+    (
+        "[8, 4, 3]",
+        "[8, 1e5, 3]",
+        "7:19: gates[1].position[1]: expected a number [m] >= -10000 and <= 10000, got 1e5",
+    ),
     ("[2, 1]", "[2, 0]", "10:18: gates[1].opening[1]: expected a number [m] > 0 and <= 100, got 0"),
-    ("[2, 1]", "[-2, 1]", "10:15: gates[1].opening[0]: expected a number [m] > 0 and <= 100, got -2"),
+    (
+        "[2, 1]",
+        "[-2, 1]",
+        "10:15: gates[1].opening[0]: expected a number [m] > 0 and <= 100, got -2",
+    ),
     ("opening: [1.6, 1.6]\n", "", "1:1: opening: missing, expected 2 numbers [m]"),
-    ("loop: true", "frame_width: 0", "1:14: frame_width: expected a number [m] > 0 and <= 100, got 0"),
+    (
+        "loop: true",
+        "frame_width: 0",
+        "1:14: frame_width: expected a number [m] > 0 and <= 100, got 0",
+    ),
     (
         GOOD[GOOD.index("gates") :],
         "gates: []\n",
@@ -49,7 +61,11 @@ BAD = [
     ("laps: 3", "laps: 0", "2:7: laps: expected a whole number >= 1 and <= 1000, got 0"),
     ("laps: 3", "laps: 1001", "2:7: laps: expected a whole number >= 1 and <= 1000, got 1001"),
     ("loop: true", "loop: false", "2:7: laps: expected 1 on an open course (or loop: true), got 3"),
-    ("loop: true", "name: ../x", "1:7: name: expected text like ^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$, got '../x'"),
+    (
+        "loop: true",
+        "name: ../x",
+        "1:7: name: expected text like ^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$, got '../x'",
+    ),
     (
         "loop: true\n",
         "loop: true\n" + ROOMY.replace("[0, 9]", "[9, 0]"),
@@ -70,8 +86,16 @@ BAD = [
         "[8, 4, 0.25]",
         "7:15: gates[1].position: expected an opening above the ground, its lowest corner is at z = -0.24 m",
     ),
-    ("[-5, 0, 2]", "[-5, 0, -2]", "4:19: start.position: expected z >= 0, on or above the ground [m], got -2"),
-    ("[-5, 0, 2]", "[0.1, 0.9, 2]", "4:19: start.position: expected 0.3 m of room, got 0.10 m to the frame of gate 1"),
+    (
+        "[-5, 0, 2]",
+        "[-5, 0, -2]",
+        "4:19: start.position: expected z >= 0, on or above the ground [m], got -2",
+    ),
+    (
+        "[-5, 0, 2]",
+        "[0.1, 0.9, 2]",
+        "4:19: start.position: expected 0.3 m of room, got 0.10 m to the frame of gate 1",
+    ),
     (
         "[8, 4, 3]\n    yaw_deg: 90\n    pitch_deg: 10",
         "[8, 4, 0.05]\n    yaw_deg: 90\n    pitch_deg: 90",
@@ -101,7 +125,17 @@ def test_each_fault_of_a_course_has_its_one_line(old, new, message):
 
 def test_no_damage_to_a_file_escapes_as_anything_but_one_line():
     rng = np.random.default_rng(0)
-    pieces = [*"[]{}:,-#&*!|>'\"%\t\n .e9\0\x07\x85\ufeff", "? ", "---\n", "&a ", "*a", "~", ".nan", "1e400", "\\e"]
+    pieces = [
+        *"[]{}:,-#&*!|>'\"%\t\n .e9\0\x07\x85\ufeff",
+        "? ",
+        "---\n",
+        "&a ",
+        "*a",
+        "~",
+        ".nan",
+        "1e400",
+        "\\e",
+    ]
     messages = []
     for _ in range(300):
         at, cut = rng.integers(len(GOOD)), rng.integers(3)
@@ -114,10 +148,19 @@ def test_no_damage_to_a_file_escapes_as_anything_but_one_line():
 
 
 def test_a_course_keeps_what_its_file_says():
-    course = parse_course(GOOD + "published:\n  - {who: somebody, time: 12.5}\n", "folder/my oval.yaml")
-    assert (course.name, course.loop, course.laps, course.text[:10]) == ("my_oval", True, 3, GOOD[:10])
+    course = parse_course(
+        GOOD + "published:\n  - {who: somebody, time: 12.5}\n", "folder/my oval.yaml"
+    )
+    assert (course.name, course.loop, course.laps, course.text[:10]) == (
+        "my_oval",
+        True,
+        3,
+        GOOD[:10],
+    )
     assert course.gates[0] == Gate((0.0, 0.0, 2.0), 0.0, 0.0, 0.0, (1.6, 1.6), 0.275)
-    assert course.gates[1] == Gate((8.0, 4.0, 3.0), radians(90), radians(10), 0.0, (2.0, 1.0), 0.275)
+    assert course.gates[1] == Gate(
+        (8.0, 4.0, 3.0), radians(90), radians(10), 0.0, (2.0, 1.0), 0.275
+    )
     assert course.published == (Published("somebody", 12.5),)
     assert course.lap_length == pytest.approx(18.0)
 
@@ -130,11 +173,17 @@ def test_default_bounds_leave_room_around_start_and_gates():
 
 
 def test_a_gate_may_come_again_and_opposite_and_stacked_gates_share_a_place():
-    again = GOOD.replace("[8, 4, 3]", "[0, 0, 2]").replace("yaw_deg: 90\n    pitch_deg: 10", "yaw_deg: 1")
+    again = GOOD.replace("[8, 4, 3]", "[0, 0, 2]").replace(
+        "yaw_deg: 90\n    pitch_deg: 10", "yaw_deg: 1"
+    )
     assert len(parse_course(again, "mine.yaml").gates) == 2
-    twice = GOOD.replace("[8, 4, 3]", "[0, 0, 2]").replace("yaw_deg: 90\n    pitch_deg: 10", "yaw_deg: 180")
+    twice = GOOD.replace("[8, 4, 3]", "[0, 0, 2]").replace(
+        "yaw_deg: 90\n    pitch_deg: 10", "yaw_deg: 180"
+    )
     assert len(parse_course(twice, "mine.yaml").gates) == 2
-    stacked = GOOD.replace("[8, 4, 3]", "[0, 0, 3.9]").replace("yaw_deg: 90\n    pitch_deg: 10", "yaw_deg: 0")
+    stacked = GOOD.replace("[8, 4, 3]", "[0, 0, 3.9]").replace(
+        "yaw_deg: 90\n    pitch_deg: 10", "yaw_deg: 0"
+    )
     assert len(parse_course(stacked, "mine.yaml").gates) == 2
 
 
@@ -149,7 +198,8 @@ def test_distance_to_a_frame_is_that_to_the_nearest_of_its_points():
     gate = Gate((1.0, 2.0, 3.0), 0.7, -0.3, 0.2, (2.0, 1.0), 0.4)
     y, z = np.meshgrid(np.linspace(-1.4, 1.4, 281), np.linspace(-0.9, 0.9, 181))
     bars = (np.abs(y) >= 1.0 - 1e-9) | (np.abs(z) >= 0.5 - 1e-9)
-    cloud = np.stack([0 * y[bars], y[bars], z[bars]], axis=1) @ gate.rotation.T + gate.position  # (n, 3)
+    # (n, 3)
+    cloud = np.stack([0 * y[bars], y[bars], z[bars]], axis=1) @ gate.rotation.T + gate.position
     for point in product((0.2, 1.1, 3.0), (0.5, 2.0, 4.0), (2.2, 3.0, 4.5)):
         nearest = np.linalg.norm(cloud - point, axis=1).min()
         assert gate.frame_distance(point) == pytest.approx(nearest, abs=0.01)
@@ -158,7 +208,10 @@ def test_distance_to_a_frame_is_that_to_the_nearest_of_its_points():
 def test_a_misspelt_name_gets_the_nearest_course():
     with pytest.raises(FileError) as error:
         load_course("split_swift")
-    assert str(error.value) == "no course 'split_swift': did you mean 'split_s_swift'? (race courses lists them)"
+    assert (
+        str(error.value)
+        == "no course 'split_swift': did you mean 'split_s_swift'? (race courses lists them)"
+    )
 
 
 def test_a_path_loads_a_course_from_anywhere(tmp_path):
@@ -167,7 +220,14 @@ def test_a_path_loads_a_course_from_anywhere(tmp_path):
 
 
 def test_the_folder_holds_the_courses_that_are_named_elsewhere():
-    assert {"alphapilot", "figure8", "lsy_level2", "paper_flat", "split_s_song", "split_s_swift"} <= set(course_names())
+    assert {
+        "alphapilot",
+        "figure8",
+        "lsy_level2",
+        "paper_flat",
+        "split_s_song",
+        "split_s_swift",
+    } <= set(course_names())
 
 
 def test_every_course_loads_says_its_source_and_keeps_its_text(course):
@@ -187,7 +247,8 @@ def test_no_frame_stands_in_another_gates_opening(course):
 
 
 def test_no_gate_is_first_met_from_behind(course):
-    """The straight way from the gate before has at most a hair against the passage: the second of a split-S has 0."""
+    """The straight way from the gate before has at most a hair against the passage: the second of a
+    split-S has 0."""
     for (before, here), gate in zip(pairwise(_way(course)), course.gates, strict=True):
         leg = np.subtract(here, before)
         assert leg @ gate.rotation[:, 0] > -0.05 * np.linalg.norm(leg)

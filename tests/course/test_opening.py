@@ -59,7 +59,9 @@ def touches(p, gate, radius):
 
 def outside(p, gate):
     """From a point to each bar along each axis, 0 within its faces.  (4, 3)"""
-    return np.array([np.maximum(np.maximum(low - p, p - high), 0.0) for low, high in map(np.array, boxes(gate))])
+    return np.array(
+        [np.maximum(np.maximum(low - p, p - high), 0.0) for low, high in map(np.array, boxes(gate))]
+    )
 
 
 @pytest.mark.parametrize("gate", [GATE, NARROW, TINY])
@@ -77,7 +79,9 @@ def test_slab_without_shaft_of_another_radius_is_not_the_grown_boxes():
 
 
 @pytest.mark.parametrize("gate", [GATE, NARROW])
-def test_no_overlap_of_a_sphere_is_missed_and_contact_is_at_most_three_quarters_of_a_radius_early(gate):
+def test_no_overlap_of_a_sphere_is_missed_and_contact_is_at_most_three_quarters_of_a_radius_early(
+    gate,
+):
     distances = np.array([np.linalg.norm(outside(p, gate), axis=1).min() for p in points(4000, 1)])
     found = np.array([touches(InGate(*p), gate, RADIUS) for p in points(4000, 1).tolist()])
     assert found[distances < RADIUS].all()
@@ -93,13 +97,17 @@ def test_where_the_sphere_does_not_fit_no_half_size_is_free():
 def test_a_margin_is_a_larger_sphere():
     for margin in (0.0, 0.02, 0.3):
         larger = RADIUS + margin
-        assert free_half_sizes(GATE.opening, RADIUS, margin) == pytest.approx(free_half_sizes(GATE.opening, larger))
+        assert free_half_sizes(GATE.opening, RADIUS, margin) == pytest.approx(
+            free_half_sizes(GATE.opening, larger)
+        )
         outer = outer_half_sizes(GATE.opening, 0.25, RADIUS, margin)
         assert outer == pytest.approx(outer_half_sizes(GATE.opening, 0.25, larger))
         assert half_depth(RADIUS, margin) == pytest.approx(half_depth(larger))
 
 
-@pytest.mark.parametrize("free", [HalfSizes(0.65, 0.45), HalfSizes(0.05, 0.45), HalfSizes(0.4, 0.01)])
+@pytest.mark.parametrize(
+    "free", [HalfSizes(0.65, 0.45), HalfSizes(0.05, 0.45), HalfSizes(0.4, 0.01)]
+)
 def test_a_margin_inside_takes_what_is_wanted_and_never_more_than_half_of_the_room(free):
     for wanted in (0.0, 0.004, 0.02, 0.3):
         margin = margin_inside(free, wanted)
@@ -110,7 +118,9 @@ def test_a_margin_inside_takes_what_is_wanted_and_never_more_than_half_of_the_ro
 
 def test_the_distance_to_the_frame_is_that_to_the_nearest_of_many_points_on_it():
     step = 0.02
-    y, z = (a.ravel() for a in np.meshgrid(np.arange(-1.05, 1.051, step), np.arange(-0.85, 0.851, step)))
+    y, z = (
+        a.ravel() for a in np.meshgrid(np.arange(-1.05, 1.051, step), np.arange(-0.85, 0.851, step))
+    )
     on_frame = (abs(y) >= 0.8 - 1e-9) | (abs(z) >= 0.6 - 1e-9)
     flat = np.column_stack([0.0 * y, y, z])[on_frame]
     for p in points(300, 2):
@@ -123,8 +133,13 @@ def test_the_distance_to_the_frame_is_that_to_the_nearest_of_many_points_on_it()
 def test_the_passage_is_the_rectangle_around_the_bars():
     faces = np.array(boxes(GATE))  # (4, 2, 3)
     low, high = faces[:, 0].min(axis=0), faces[:, 1].max(axis=0)
-    on_it = [on_passage(Offset(y, z), GATE.opening, GATE.frame_width) for _, y, z in points(2000, 3).tolist()]
-    assert on_it == [bool((low[1:] <= p[1:]).all() and (p[1:] <= high[1:]).all()) for p in points(2000, 3)]
+    on_it = [
+        on_passage(Offset(y, z), GATE.opening, GATE.frame_width)
+        for _, y, z in points(2000, 3).tolist()
+    ]
+    assert on_it == [
+        bool((low[1:] <= p[1:]).all() and (p[1:] <= high[1:]).all()) for p in points(2000, 3)
+    ]
     assert set(on_it) == {True, False}
 
 
@@ -136,7 +151,8 @@ def test_the_bars_of_a_gate_are_those_of_its_faces():
 
 def test_corners_are_where_free_begins_for_a_point_and_go_from_lower_right_to_upper_left():
     corners = rectangle_corners(half_sizes(GATE.opening))
-    np.testing.assert_array_equal(np.sign(corners[:, 1:]), [(-1, -1), (-1, 1), (1, -1), (1, 1)])  # left and up
+    # left and up
+    np.testing.assert_array_equal(np.sign(corners[:, 1:]), [(-1, -1), (-1, 1), (1, -1), (1, 1)])
     for along, left, up in corners.tolist():
         assert along == 0.0
         assert beyond(Offset(left, up), free_half_sizes(GATE.opening, 0.0)) == 0.0
@@ -159,7 +175,9 @@ def test_a_crossing_lies_on_the_plane_and_reversed_it_is_the_same_the_other_way_
     assert found > 100
 
 
-@pytest.mark.parametrize("along", [(-1.0, 0.0, 1.0), (-1.0, -0.0, 0.0, 2.0), (-1.0, -1e-300, 1.0), (-2.0, 3.0)])
+@pytest.mark.parametrize(
+    "along", [(-1.0, 0.0, 1.0), (-1.0, -0.0, 0.0, 2.0), (-1.0, -1e-300, 1.0), (-2.0, 3.0)]
+)
 def test_a_path_through_the_plane_crosses_it_once_wherever_its_points_lie(along):
     path = [InGate(x, 0.1, 0.2) for x in along]
     crossings = [crossing(a, b) for a, b in pairwise(path)]

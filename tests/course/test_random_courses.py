@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from quadsim.app.cli import race
-from quadsim.app.listing import examine
+from quadsim.cli.cli import race
+from quadsim.cli.listing import examine
 from quadsim.course.random_courses import APART, random_courses
 from quadsim.course.swept import SweptGates
 from quadsim.race.gate_rules import check
@@ -14,7 +14,20 @@ from quadsim.vehicle import load_vehicle, vehicle_names
 def test_every_file_passes_the_check_and_the_seed_decides_what_it_says(tmp_path, capsys):
     written = []
     for folder, seed in (("a", 3), ("b", 3), ("c", 4)):
-        assert race(["courses", "--generate", "12", "--seed", str(seed), "--out", str(tmp_path / folder)]) == 0
+        assert (
+            race(
+                [
+                    "courses",
+                    "--generate",
+                    "12",
+                    "--seed",
+                    str(seed),
+                    "--out",
+                    str(tmp_path / folder),
+                ]
+            )
+            == 0
+        )
         written.append([f.read_text() for f in sorted((tmp_path / folder).iterdir())])
     assert capsys.readouterr().out.count("\n") == 36
     assert all(examine(str(f))["ok"] for f in tmp_path.glob("*/*.yaml"))

@@ -32,7 +32,9 @@ def outcome(path: Path, seed: int, **settings: object) -> str:
 
 
 def main() -> int:
-    ask = argparse.ArgumentParser(prog="python -m tests.courses_nasty.outcomes", description=__doc__)
+    ask = argparse.ArgumentParser(
+        prog="python -m tests.courses_nasty.outcomes", description=__doc__
+    )
     ask.add_argument("courses", nargs="*", help="names; default: all")
     ask.add_argument("--seeds", type=int, default=3)
     ask.add_argument("--threads", type=int, help="of the planner; default: all")

@@ -1,6 +1,8 @@
-"""Courses at the edge of what is legal are flown, each on three seeds: no hit, no standstill, no timeout.
+"""Courses at the edge of what is legal are flown, each on three seeds: no hit, no standstill, no
+timeout.
 
-The files of this folder with the preset's own budget: make regression. Here some of them, with less.
+The files of this folder with the preset's own budget: make regression. Here some of them, with
+less.
 """
 
 from pathlib import Path
@@ -9,7 +11,7 @@ import numpy as np
 import pytest
 
 import quadsim
-from quadsim.race.spec import Spec
+from quadsim.spec.spec import Spec
 
 COURSES = sorted(Path(__file__).parent.glob("*.yaml"))
 QUICK = ("last_gate_at_bounds", "same_gate_in_a_row", "tight", "u_turn_in_front")
@@ -43,7 +45,10 @@ def test_a_gate_that_the_vehicle_cannot_pass_is_refused_before_the_flight():
     text = "opening: [0.3, 0.3]\nstart: {position: [0, 0, 2], yaw_deg: 0}\ngates:\n"
     text += "  - {position: [5, 0, 0.2], yaw_deg: 0}\n"
     course = quadsim.course.parse_course(text, "low.yaml")
-    with pytest.raises(ValueError, match=r"low: gates\[0\]: expected an opening that is free 0.24 m above the ground"):
+    with pytest.raises(
+        ValueError,
+        match=r"low: gates\[0\]: expected an opening that is free 0.24 m above the ground",
+    ):
         quadsim.fly(course, vehicle="swift")
 
 

@@ -49,33 +49,60 @@ BAD = {
         "points:\n  - at: [0, 0, 0]\n    yaw: 3\n",
         "3:5: points[0].yaw: unknown key, did you mean 'yaw_deg'?",
     ),
-    "nothing near": (GOOD + "q: 3\n", "3:1: q: unknown key, known are points, laps, loop, name, law, box"),
+    "nothing near": (
+        GOOD + "q: 3\n",
+        "3:1: q: unknown key, known are points, laps, loop, name, law, box",
+    ),
     "duplicate key": (GOOD + "laps: 1\nlaps: 2\n", "4:1: laps: duplicate key, first on line 3"),
-    "missing key": ("points:\n  - {yaw_deg: 3}\n", "2:5: points[0].at: missing, expected 3 numbers [m]"),
+    "missing key": (
+        "points:\n  - {yaw_deg: 3}\n",
+        "2:5: points[0].at: missing, expected 3 numbers [m]",
+    ),
     "missing list": ("laps: 2\n", "1:1: points: missing, expected 1 or more mappings with at"),
     "no items": ("points: []\n", "1:9: points: expected 1 or more mappings with at, got 0"),
     "not a list": ("points: 3\n", "1:9: points: expected 1 or more mappings with at, got '3'"),
     "not a mapping": ("points: [3]\n", "1:10: points[0]: expected a mapping (key: value), got '3'"),
-    "wrong length": ("points: [{at: [1, 2]}]\n", "1:15: points[0].at: expected 3 numbers [m], got 2"),
-    "nested length": (GOOD + "box: [[1, 2]]\n", "3:6: box: expected 2 lists of 2 numbers [m], got 1"),
-    "word": ("points: [{at: [1, 2, up]}]\n", "1:22: points[0].at[2]: expected a number [m], got 'up'"),
+    "wrong length": (
+        "points: [{at: [1, 2]}]\n",
+        "1:15: points[0].at: expected 3 numbers [m], got 2",
+    ),
+    "nested length": (
+        GOOD + "box: [[1, 2]]\n",
+        "3:6: box: expected 2 lists of 2 numbers [m], got 1",
+    ),
+    "word": (
+        "points: [{at: [1, 2, up]}]\n",
+        "1:22: points[0].at[2]: expected a number [m], got 'up'",
+    ),
     "list for a number": (
         GOOD + "    yaw_deg: [1]\n",
         "3:14: points[0].yaw_deg: expected a number [deg], got a list of 1",
     ),
-    "nothing": (GOOD + "    yaw_deg:\n", "3:13: points[0].yaw_deg: expected a number [deg], got nothing"),
+    "nothing": (
+        GOOD + "    yaw_deg:\n",
+        "3:13: points[0].yaw_deg: expected a number [deg], got nothing",
+    ),
     "quoted": (
         GOOD + "    yaw_deg: '3'\n",
         "3:14: points[0].yaw_deg: expected a number [deg], got the quoted text '3'",
     ),
-    "nan": (GOOD + "    yaw_deg: .nan\n", "3:14: points[0].yaw_deg: expected a number [deg], got '.nan' (not finite)"),
+    "nan": (
+        GOOD + "    yaw_deg: .nan\n",
+        "3:14: points[0].yaw_deg: expected a number [deg], got '.nan' (not finite)",
+    ),
     "inf": (
         GOOD + "    yaw_deg: -.inf\n",
         "3:14: points[0].yaw_deg: expected a number [deg], got '-.inf' (not finite)",
     ),
-    "overflow": (GOOD + "    yaw_deg: 1e999\n", "3:14: points[0].yaw_deg: expected a number [deg], got '1e999'"),
+    "overflow": (
+        GOOD + "    yaw_deg: 1e999\n",
+        "3:14: points[0].yaw_deg: expected a number [deg], got '1e999'",
+    ),
     "zero": (GOOD + "    size: 0\n", "3:11: points[0].size: expected a number [m] > 0, got 0"),
-    "negative": (GOOD + "    size: -2\n", "3:11: points[0].size: expected a number [m] > 0, got -2"),
+    "negative": (
+        GOOD + "    size: -2\n",
+        "3:11: points[0].size: expected a number [m] > 0, got -2",
+    ),
     "yes for a number": (
         GOOD + "    yaw_deg: yes\n",
         "3:14: points[0].yaw_deg: expected a number [deg], got 'yes' (YAML reads it as true or false)",
@@ -88,10 +115,16 @@ BAD = {
         GOOD + "    yaw_deg: 22:30\n",
         "3:14: points[0].yaw_deg: expected a number [deg], got '22:30' (YAML reads it in base 60)",
     ),
-    "hexadecimal": (GOOD + "    yaw_deg: 0x1F\n", "3:14: points[0].yaw_deg: expected a number [deg], got '0x1F'"),
+    "hexadecimal": (
+        GOOD + "    yaw_deg: 0x1F\n",
+        "3:14: points[0].yaw_deg: expected a number [deg], got '0x1F'",
+    ),
     "underscores": (GOOD + "laps: 1_0\n", "3:7: laps: expected a whole number, got '1_0'"),
     "fraction": (GOOD + "laps: 2.5\n", "3:7: laps: expected a whole number, got '2.5'"),
-    "huge": (GOOD + f"laps: {'9' * 5000}\n", f"3:7: laps: expected a whole number, got '{'9' * 57}...'"),
+    "huge": (
+        GOOD + f"laps: {'9' * 5000}\n",
+        f"3:7: laps: expected a whole number, got '{'9' * 57}...'",
+    ),
     "yes for a truth": (
         GOOD + "loop: yes\n",
         "3:7: loop: expected true or false, got 'yes' (YAML reads it as true or false)",
@@ -109,9 +142,15 @@ BAD = {
         "3:7: name: expected text, got '2024-01-31' (YAML reads it as timestamp; put it in quotes)",
     ),
     "no such choice": (GOOD + "law: exakt\n", "3:6: law: expected 'exact' or 'paper', got 'exakt'"),
-    "number as key": (GOOD + "1: 2\n", "3:1: '1': unknown key, known are points, laps, loop, name, law, box"),
+    "number as key": (
+        GOOD + "1: 2\n",
+        "3:1: '1': unknown key, known are points, laps, loop, name, law, box",
+    ),
     "list as key": (GOOD + "? [1, 2]\n: 3\n", "3:3: expected a key, got a list of 2"),
-    "merge key": (GOOD + "<<: {laps: 2}\n", "3:1: '<<': unknown key, known are points, laps, loop, name, law, box"),
+    "merge key": (
+        GOOD + "<<: {laps: 2}\n",
+        "3:1: '<<': unknown key, known are points, laps, loop, name, law, box",
+    ),
     "key that would break the line": (
         GOOD + '"a\\nb\\e[31m": 1\n',
         "3:1: 'a\\nb\\x1b[31m': unknown key, known are points, laps, loop, name, law, box",
@@ -151,7 +190,12 @@ def test_excerpt_puts_the_caret_under_the_named_column(name):
     if error.value.excerpt and column <= 50:
         source, caret = error.value.excerpt.split("\n")
         assert caret == " " * (column - 1) + "^"
-        assert [*text.split("\n"), ""][line - 1].replace("\t", " ").replace("\x07", " ").startswith(source)
+        assert (
+            [*text.split("\n"), ""][line - 1]
+            .replace("\t", " ")
+            .replace("\x07", " ")
+            .startswith(source)
+        )
     else:
         assert "empty file" in message
 
@@ -171,7 +215,9 @@ def test_defaults_fill_what_the_file_leaves_out():
 
 
 def test_null_stands_for_an_optional_value_left_out():
-    assert load(GOOD + "    size:\nbox: null\n", "my.yaml", TextTable) == load(GOOD, "my.yaml", TextTable)
+    assert load(GOOD + "    size:\nbox: null\n", "my.yaml", TextTable) == load(
+        GOOD, "my.yaml", TextTable
+    )
 
 
 def test_a_later_check_can_point_at_a_key_or_at_what_would_hold_it():

@@ -1,4 +1,5 @@
-"""`make fuzz`: seeded cases, counted by kind, failures with what reproduces them. Exit code 1 if there are any."""
+"""`make fuzz`: seeded cases, counted by kind, failures with what reproduces them. Exit code 1 if
+there are any."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ import time
 from collections import Counter
 from importlib import import_module
 
-from quadsim.app.cli import COMMANDS
+from quadsim.cli.cli import COMMANDS
 from tests.fuzz.base import base, campaign_base
 from tests.fuzz.harness import Case, run
 
@@ -18,7 +19,14 @@ CASES = {  # kind -> how many
     "flags": 300, "yamls": 300, "runs": 200, "caches": 100, "databases": 120, "journals": 30, "exports": 60,
     "disks": 60, "environments": 60,
 }  # fmt: skip
-LOADED = ("quadsim.app.fly", "controllers.rollout.lanes", "pybullet", "matplotlib.figure", "web.page.export", "optuna")
+LOADED = (
+    "quadsim.cli.fly",
+    "controllers.lanes.lanes",
+    "pybullet",
+    "matplotlib.figure",
+    "web.page.export",
+    "optuna",
+)
 
 
 def case_of(kind: str, i: int, seed: int) -> Case:
@@ -65,7 +73,10 @@ def main() -> int:
                 print(f"{ran.total()} of {len(places)}", file=sys.stderr, flush=True)
             if problem:
                 failed[kind] += 1
-                print(f"FAILED {kind} --only {i} --seed {said.seed}: {problem}\n    {label[:300]}", flush=True)
+                print(
+                    f"FAILED {kind} --only {i} --seed {said.seed}: {problem}\n    {label[:300]}",
+                    flush=True,
+                )
     for kind, n in ran.items():
         print(f"{kind:<14}{n:>6} cases {failed[kind]:>5} failed {seconds[kind]:>8.0f} s")
     print(f"{'all':<14}{ran.total():>6} cases {failed.total():>5} failed")

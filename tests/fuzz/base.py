@@ -1,4 +1,5 @@
-"""What is damaged: stored runs, a campaign, a search, compiled code; made once, by undamaged commands."""
+"""What is damaged: stored runs, a campaign, a search, compiled code; made once, by undamaged
+commands."""
 
 from __future__ import annotations
 
@@ -11,13 +12,13 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 
-from quadsim.app.campaign.store import Store
+from quadsim.campaign.store import Store
 from tests.fuzz.flags import TINY
 from tests.fuzz.harness import Case, forked
 
 SMALL = """
 from numba import njit
-from controllers.rollout.compiled import kept
+from controllers.lanes.compiled import kept
 @kept
 @njit
 def twice(x):
@@ -28,7 +29,19 @@ SHORT = tuple(word for pair in TINY.items() for word in pair)
 FLIGHTS = (("paper_flat", "--sampler", "colored"), ("zigzag",), ("table2",))
 CAMPAIGN = ("paper_flat", *SHORT, "--attempts", "2", "--jobs", "1")
 COMPARE = ("compare", *CAMPAIGN)
-TUNE = ("tune", "paper_flat", *SHORT, "--trials", "2", "--attempts", "1", "--jobs", "1", "--search", "sigma")
+TUNE = (
+    "tune",
+    "paper_flat",
+    *SHORT,
+    "--trials",
+    "2",
+    "--attempts",
+    "1",
+    "--jobs",
+    "1",
+    "--search",
+    "sigma",
+)
 
 
 @dataclass(frozen=True)
@@ -50,13 +63,20 @@ class Base:
     @cached_property
     def cache(self) -> Path:
         """Compiled code of the first flight: takes some 20 s."""
-        _do(self.folder / "flown", ("fly", *FLIGHTS[0], *SHORT), {"XDG_CACHE_HOME": str(self.folder / "cache")})
+        _do(
+            self.folder / "flown",
+            ("fly", *FLIGHTS[0], *SHORT),
+            {"XDG_CACHE_HOME": str(self.folder / "cache")},
+        )
         return self.folder / "cache"
 
     @cached_property
     def small_cache(self) -> Path:
         """Compiled code of a small function."""
-        said = forked(Case("base", "", (), env={"XDG_CACHE_HOME": str(self.folder / "small")}, call=small), self.folder)
+        said = forked(
+            Case("base", "", (), env={"XDG_CACHE_HOME": str(self.folder / "small")}, call=small),
+            self.folder,
+        )
         assert said.code == 0, said
         return self.folder / "small"
 
@@ -69,12 +89,14 @@ class Base:
     def variants(self) -> list[str]:
         """The stored variants that were compared."""
         with Store(self.campaign / "race.sqlite", create=False) as store:
-            return sorted({row.variant[:12] for row in store.rows() if not row.name.startswith("trial")})
+            return sorted(
+                {row.variant[:12] for row in store.rows() if not row.name.startswith("trial")}
+            )
 
 
 def small() -> int:
     """Compile a function and call it. The exit code says whether it computes what it should."""
-    from controllers.rollout.compiled import load_module
+    from controllers.lanes.compiled import load_module
 
     return 0 if load_module("fuzz_small", SMALL).twice(21) == 42 else 1
 

@@ -1,4 +1,5 @@
-"""Damage to compiled code on the disk: it is never loaded, and what is flown stays the same to the last bit."""
+"""Damage to compiled code on the disk: it is never loaded, and what is flown stays the same to the
+last bit."""
 
 from __future__ import annotations
 
@@ -17,14 +18,30 @@ HERE = {"XDG_CACHE_HOME": "{here}/cache"}
 
 
 def caches(rng: random.Random) -> Case:
-    """Mostly of a function that is compiled quickly; of a whole planner now and then, as that takes seconds."""
+    """Mostly of a function that is compiled quickly; of a whole planner now and then, as that takes
+    seconds."""
     seed = rng.randrange(2**32)
     if rng.random() < 0.12:
         prepare = partial(_damage, base().cache, seed)
-        return Case("caches", f"planner, seed {seed}", FLIGHT, prepare, _same_flight, frozenset({0, 1}), env=HERE)
+        return Case(
+            "caches",
+            f"planner, seed {seed}",
+            FLIGHT,
+            prepare,
+            _same_flight,
+            frozenset({0, 1}),
+            env=HERE,
+        )
     prepare = partial(_damage, base().small_cache, seed)
     return Case(
-        "caches", f"function, seed {seed}", ("cache",), prepare, _nothing_left, frozenset({0}), env=HERE, call=small
+        "caches",
+        f"function, seed {seed}",
+        ("cache",),
+        prepare,
+        _nothing_left,
+        frozenset({0}),
+        env=HERE,
+        call=small,
     )
 
 
@@ -45,7 +62,11 @@ def _damage(source: Path, seed: int, folder: Path) -> None:
 
 
 def _same_flight(_: Path, said: Said) -> str:
-    return "" if json.loads(said.out)["digest"] == base().digest else "another flight than from whole code"
+    return (
+        ""
+        if json.loads(said.out)["digest"] == base().digest
+        else "another flight than from whole code"
+    )
 
 
 def _nothing_left(folder: Path, said: Said) -> str:

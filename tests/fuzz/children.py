@@ -1,4 +1,5 @@
-"""`race`, or a function, in a process forked from one that has loaded everything: no command waits for imports."""
+"""`race`, or a function, in a process forked from one that has loaded everything: no command waits
+for imports."""
 
 from __future__ import annotations
 
@@ -31,8 +32,8 @@ class Child:
         return os.waitstatus_to_exitcode(status), *self.texts()
 
     def kill(self, patience: float) -> bool:
-        """SIGKILL to it alone; whether its workers end too within so many seconds, else they are killed. Where the
-        machine does other things too, it is so many times longer."""
+        """SIGKILL to it alone; whether its workers end too within so many seconds, else they are
+        killed. Where the machine does other things too, it is so many times longer."""
         os.kill(self.pid, signal.SIGKILL)
         os.waitpid(self.pid, 0)
         ended = self._alone(patience)
@@ -99,19 +100,24 @@ def _run(
     call: Callable[[], int] | None,
     outputs: list[int | str],
 ) -> None:
-    """In the child; never returns. The exit code of an exception that nobody caught is Python's, 1."""
+    """In the child; never returns. The exit code of an exception that nobody caught is Python's,
+    1."""
     code = 1
     try:
-        from quadsim.app.cli import main
+        from quadsim.cli.cli import main
 
-        mp.current_process()._config["daemon"] = False  # as a member of a pool it could start no workers
+        # as a member of a pool it could start no workers
+        mp.current_process()._config["daemon"] = False
         os.setsid()
         os.chdir(here)
         signal.signal(signal.SIGINT, signal.default_int_handler)
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
         for stream, out in enumerate(outputs, 1):
             os.dup2(os.open(out, os.O_WRONLY | os.O_CREAT) if isinstance(out, str) else out, stream)
-        sys.stdin, sys.stdout, sys.stderr = (open(i, "r" if i == 0 else "w", closefd=False) for i in range(3))  # noqa: SIM115
+        sys.stdin, sys.stdout, sys.stderr = (
+            open(i, "r" if i == 0 else "w", closefd=False)  # noqa: SIM115
+            for i in range(3)
+        )
         sys.argv = ["race", *argv]
         first()
         code = call() if call else main()  # main() ends by SystemExit

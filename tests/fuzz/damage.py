@@ -55,12 +55,16 @@ def damaged_text(rng: random.Random, text: str) -> str:
             case 2:
                 lines[i] = rng.choice((" ", "  ", "\t", "- ", "-")) + lines[i]
             case 3 | 4:
-                parts = lines[i].replace(",", " , ").replace("]", " ]").replace("}", " }").split(" ")
+                parts = (
+                    lines[i].replace(",", " , ").replace("]", " ]").replace("}", " }").split(" ")
+                )
                 parts[rng.randrange(len(parts))] = rng.choice(WORDS)
                 lines[i] = " ".join(parts)
             case 5:
                 at = rng.randrange(len(lines[i]) + 1)
-                lines[i] = lines[i][:at] + rng.choice("{}[]:,&*!|>'\"%@#\x00\x7f\u2028é-") + lines[i][at:]
+                lines[i] = (
+                    lines[i][:at] + rng.choice("{}[]:,&*!|>'\"%@#\x00\x7f\u2028é-") + lines[i][at:]
+                )
             case _:
                 at = rng.randrange(len(lines[i]) + 1)
                 lines[i] = lines[i][:at] + lines[i][at + 1 :]
@@ -69,7 +73,8 @@ def damaged_text(rng: random.Random, text: str) -> str:
 
 
 def damaged_json(rng: random.Random, text: str) -> str:
-    """Still JSON: a value somewhere replaced, lost, or under another name; now and then not JSON any more."""
+    """Still JSON: a value somewhere replaced, lost, or under another name; now and then not JSON
+    any more."""
     if rng.random() < 0.15:
         return damaged_text(rng, text)
     root = json.loads(text)

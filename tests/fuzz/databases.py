@@ -1,4 +1,5 @@
-"""Campaigns with damage: to the file, to the table, to the JSON in a row; listed, compared, gone on with."""
+"""Campaigns with damage: to the file, to the table, to the JSON in a row; listed, compared, gone on
+with."""
 
 from __future__ import annotations
 
@@ -23,7 +24,9 @@ TABLE = (
 
 def databases(rng: random.Random) -> Case:
     seed, ids = rng.randrange(2**32), campaign_base().variants
-    argv = rng.choice((("results",), ("results", "--json"), ("results", *ids), ("results", *ids, "--json")))
+    argv = rng.choice(
+        (("results",), ("results", "--json"), ("results", *ids), ("results", *ids, "--json"))
+    )
     if rng.random() < 0.1:
         argv = COMPARE
     return Case("databases", f"seed {seed}: {' '.join(argv)}", argv, partial(_damage, seed))
@@ -54,7 +57,9 @@ def _damage_row(rng: random.Random, db: sqlite3.Connection) -> None:
     if column in ("result", "spec") and rng.random() < 0.85:
         value = damaged_json(rng, row[column])
     else:
-        value = rng.choice([v for v in VALUES if isinstance(v, str | int | float | bytes) and abs_less(v)])
+        value = rng.choice(
+            [v for v in VALUES if isinstance(v, str | int | float | bytes) and abs_less(v)]
+        )
     where = "" if rng.random() < 0.2 else f" WHERE rowid = {row['rowid']}"
     db.execute(f"UPDATE OR IGNORE attempts SET {column} = ?{where}", (value,))
 

@@ -1,7 +1,8 @@
-"""Disks that fill, and outputs that cannot be written: what was there stays, and nothing looks finished that is not.
+"""Disks that fill, and outputs that cannot be written: what was there stays, and nothing looks
+finished that is not.
 
-A disk fills where a file reaches the largest size that the process may write (RLIMIT_FSIZE): the same half-written
-file, the same error from write(), without a file system of its own.
+A disk fills where a file reaches the largest size that the process may write (RLIMIT_FSIZE): the
+same half-written file, the same error from write(), without a file system of its own.
 """
 
 from __future__ import annotations
@@ -19,17 +20,29 @@ from tests.fuzz.damage import WORDS
 from tests.fuzz.harness import Case, Said
 
 OLD = b"an older file, whole"
-READERS = (("show",), ("show", "--json"), ("courses",), ("vehicles", "--json"), ("check", "swift"), ("--help",))
+READERS = (
+    ("show",),
+    ("show", "--json"),
+    ("courses",),
+    ("vehicles", "--json"),
+    ("check", "swift"),
+    ("--help",),
+)
 KINDS = {"--csv": "csv", "--zip": "zip", "--html": "html"}
 
 
 def exports(rng: random.Random) -> Case:
-    """A run exported or drawn over an older file, on a disk that fills; or to a place that cannot be written."""
+    """A run exported or drawn over an older file, on a disk that fills; or to a place that cannot
+    be written."""
     kind = rng.choice([*KINDS, "plot"])
     command = ("plot",) if kind == "plot" else ("export", kind)
     if rng.random() < 0.4:
-        out = rng.choice(("pipe", "to-null", "/proc/x", "old", "runs", "no/such/folder/x", "old/x", *WORDS))
-        return Case("exports", f"{command} to {out!r}", (*command, "--out", out), partial(_with_runs, True))
+        out = rng.choice(
+            ("pipe", "to-null", "/proc/x", "old", "runs", "no/such/folder/x", "old/x", *WORDS)
+        )
+        return Case(
+            "exports", f"{command} to {out!r}", (*command, "--out", out), partial(_with_runs, True)
+        )
     size = rng.choice((0, 1, 512, 4096, rng.randrange(20_000)))
     return Case(
         "exports",
@@ -47,11 +60,22 @@ def disks(rng: random.Random) -> Case:
     label = f"disk of {size} bytes"
     if kind < 0.5:
         argv = ("fly", *rng.choice(FLIGHTS), *SHORT)
-        return Case("disks", f"{label}: {argv}", argv, lambda _: None, _nothing_looks_finished, fsize=size)
+        return Case(
+            "disks", f"{label}: {argv}", argv, lambda _: None, _nothing_looks_finished, fsize=size
+        )
     if kind < 0.6:
-        return Case("disks", f"{label}: compare", COMPARE, _with_campaign, _campaign_stays, fsize=size)
+        return Case(
+            "disks", f"{label}: compare", COMPARE, _with_campaign, _campaign_stays, fsize=size
+        )
     argv = rng.choice(READERS)
-    return Case("disks", f"/dev/full: {argv}", argv, partial(_with_runs, False), codes=frozenset({2}), to="/dev/full")
+    return Case(
+        "disks",
+        f"/dev/full: {argv}",
+        argv,
+        partial(_with_runs, False),
+        codes=frozenset({2}),
+        to="/dev/full",
+    )
 
 
 def _with_runs(older: bool, folder: Path) -> None:
@@ -72,7 +96,11 @@ def _older_or_whole(folder: Path, said: Said) -> str:
         return ""
     if (folder / "old").read_bytes() != OLD:
         return "the older file is lost"
-    left = sorted(p.name for p in folder.iterdir() if p.name not in ("runs", "old", "figures", "pipe", "to-null"))
+    left = sorted(
+        p.name
+        for p in folder.iterdir()
+        if p.name not in ("runs", "old", "figures", "pipe", "to-null")
+    )
     left += [p.name for p in folder.glob("figures/*")]
     return f"left behind: {left}" if left else ""
 
@@ -88,7 +116,7 @@ def _nothing_looks_finished(folder: Path, said: Said) -> str:
 
 def _campaign_stays(folder: Path, said: Said) -> str:
     """Rows from before are still there."""
-    from quadsim.app.campaign.store import Store
+    from quadsim.campaign.store import Store
 
     try:
         with Store(folder / "campaigns" / "race.sqlite", create=False) as store:

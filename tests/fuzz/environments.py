@@ -48,7 +48,9 @@ def environments(rng: random.Random) -> Case:
     """One or two variables, and now and then a closed stream."""
     names = rng.sample(sorted(VARIABLES), rng.choice((1, 1, 2)))
     env = {name: rng.choice(VARIABLES[name]) for name in names}
-    closed = tuple(sorted(rng.sample(range(3), rng.choice((1, 2, 3))))) if rng.random() < 0.3 else ()
+    closed = (
+        tuple(sorted(rng.sample(range(3), rng.choice((1, 2, 3))))) if rng.random() < 0.3 else ()
+    )
     argv = rng.choice(COMMANDS)
     label = f"{' '.join(f'{k}={v!r}' for k, v in env.items())} {' '.join(argv)} closed: {closed}"
     return Case("environments", label, argv, partial(_with_run), env=env, closed=closed, fresh=True)

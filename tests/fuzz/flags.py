@@ -7,15 +7,52 @@ from functools import cache
 from importlib import import_module
 from inspect import Parameter, signature
 
-from quadsim.app.cli import COMMANDS
-from quadsim.app.flags import flag, flight_settings
+from quadsim.cli.cli import COMMANDS
+from quadsim.cli.flags import flag, flight_settings
 from tests.fuzz.damage import WORDS
 from tests.fuzz.harness import Case
 
-TINY = {"--samples": "128", "--horizon": "20", "--iterations": "1", "--laps": "1", "--timeout": "0.1"}
-COURSES = ("paper_flat", "split_s_swift", "zigzag", "table2", "split_s_swfit", "", ".", "no.yaml", "-")
-GOOD = ("gaussian", "colored", "smooth", "race", "paper", "swift", "rigid", "wall", "0.5", "1 1 1 1", "quadrotor")
-LONG = {"--timeout", "--laps", "--seconds", "--trials", "--attempts", "--runs", "--samples", "--horizon"}
+TINY = {
+    "--samples": "128",
+    "--horizon": "20",
+    "--iterations": "1",
+    "--laps": "1",
+    "--timeout": "0.1",
+}
+COURSES = (
+    "paper_flat",
+    "split_s_swift",
+    "zigzag",
+    "table2",
+    "split_s_swfit",
+    "",
+    ".",
+    "no.yaml",
+    "-",
+)
+GOOD = (
+    "gaussian",
+    "colored",
+    "smooth",
+    "race",
+    "paper",
+    "swift",
+    "rigid",
+    "wall",
+    "0.5",
+    "1 1 1 1",
+    "quadrotor",
+)
+LONG = {
+    "--timeout",
+    "--laps",
+    "--seconds",
+    "--trials",
+    "--attempts",
+    "--runs",
+    "--samples",
+    "--horizon",
+}
 NEEDS = {
     "bench": ("--seconds", "0"), "web": ("--port", "-1"), "paper": ("--runs", "0"), "tune": ("--trials", "0"),
     "limit": ("--nodes", "7"),
@@ -28,7 +65,11 @@ def flags_of(command: str) -> tuple[str, ...]:
     """Its own, and those of a flight."""
     module, _, name = COMMANDS[command][0].partition(":")
     function = getattr(import_module(module), name)
-    own = [flag(p.name) for p in signature(function).parameters.values() if p.kind is Parameter.KEYWORD_ONLY]
+    own = [
+        flag(p.name)
+        for p in signature(function).parameters.values()
+        if p.kind is Parameter.KEYWORD_ONLY
+    ]
     flight = [flag(name) for name in flight_settings(())] if command in FLIES else []
     return (*(f for f in own if f != "--settings"), *flight, "--no-such-flag", "--help")
 
@@ -40,7 +81,9 @@ def flags(rng: random.Random) -> Case:
     """
     command = rng.choice([*COMMANDS, "fly", "fly", "fly"])
     asked = {}
-    for name in rng.sample(flags_of(command), min(rng.choice((1, 1, 2, 3)), len(flags_of(command)))):
+    for name in rng.sample(
+        flags_of(command), min(rng.choice((1, 1, 2, 3)), len(flags_of(command)))
+    ):
         value = rng.choice(WORDS if rng.random() < 0.7 else GOOD)
         asked[name] = "1e9x" if name in LONG and value in ("1e9", "1_000") else value
     asked |= {k: v for k, v in TINY.items() if command in FLIES and k not in asked}

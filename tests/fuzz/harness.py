@@ -1,7 +1,8 @@
-"""Commands with seeded damage, each in a process forked from one that has loaded everything, and what they may do.
+"""Commands with seeded damage, each in a process forked from one that has loaded everything, and
+what they may do.
 
-No traceback, no hang, only documented exit codes, one line of plain text for an error; what each case claims besides
-(nothing half-written that looks finished) is checked by its `after`.
+No traceback, no hang, only documented exit codes, one line of plain text for an error; what each
+case claims besides (nothing half-written that looks finished) is checked by its `after`.
 """
 
 from __future__ import annotations
@@ -24,11 +25,14 @@ from pathlib import Path
 from tests.fuzz.children import Child, start, waiting
 
 HANG = 60.0  # [s]; on a machine that does other things too, of processor time or of doing nothing
-LATEST = 300.0  # [s] of the clock on the wall, and as many times longer as programs wait for each processor
-CODES = {0, 1, 2, 130, 141}  # finished, not finished, usage or bad file, interrupted, the reader of a pipe has left
-MEMORY = 8 << 30  # [bytes] of address space: what reads without an end fails before the machine does
+# [s] of the clock on the wall, and as many times longer as programs wait for each processor
+LATEST = 300.0
+# finished, not finished, usage or bad file, interrupted, the reader of a pipe has left
+CODES = {0, 1, 2, 130, 141}
+# [bytes] of address space: what reads without an end fails before the machine does
+MEMORY = 8 << 30
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
-RACE = "import sys; from quadsim.app.cli import main; main()"
+RACE = "import sys; from quadsim.cli.cli import main; main()"
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,8 @@ class Case:
     """One command in a folder of its own.
 
     prepare(folder): makes what is damaged; after(folder, said): what is wrong besides, or "".
-    codes: exit codes that are right here. fsize: largest file that may be written [bytes], as on a disk that fills.
+    codes: exit codes that are right here. fsize: largest file that may be written [bytes], as on a
+    disk that fills.
     env: other variables, {here} in them is the folder; closed: streams without a file (0, 1, 2).
     fresh: in an interpreter of its own, as libraries read variables when they are loaded.
     call: in the place of a command, returns its exit code.
@@ -99,7 +104,9 @@ def wrong(case: Case, said: Said) -> str:
 
 def forked(case: Case, folder: Path, patience: int = 1) -> Said:
     """In a child of this process, in which all modules are loaded but no thread runs yet."""
-    return _wait(start(case.argv, folder, partial(_limit, case, folder), case.call, case.to), patience)
+    return _wait(
+        start(case.argv, folder, partial(_limit, case, folder), case.call, case.to), patience
+    )
 
 
 def _limit(case: Case, folder: Path) -> None:
@@ -127,7 +134,8 @@ def _variables(case: Case, folder: Path) -> dict[str, str]:
 
 
 def _hangs(child: int, seconds: float) -> bool:
-    """Whether it has computed for HANG, or has had HANG and computed next to nothing, or is LATEST."""
+    """Whether it has computed for HANG, or has had HANG and computed next to nothing, or is
+    LATEST."""
     if seconds < HANG:
         return False
     time.sleep(0.2)  # the processes of a machine are not read in haste

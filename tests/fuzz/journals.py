@@ -1,4 +1,5 @@
-"""The journal of a search with damage: the same command goes on, or one line names file and line."""
+"""The journal of a search with damage: the same command goes on, or one line names file and
+line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What a command has left in its folder: attempts, files, and whether anything looks finished that is not."""
+"""What a command has left in its folder: attempts, files, and whether anything looks finished that
+is not."""
 
 from __future__ import annotations
 
@@ -29,10 +30,17 @@ class State:
     def of(cls, folder: Path) -> State:
         rows = [row for path in folder.rglob("*.sqlite") for row in _rows(path)]
         counts = Counter(row[:2] for row in rows)
-        named = {str(path.parent / row[2]) for path in folder.rglob("*.sqlite") for row in _rows(path) if row[2]}
+        named = {
+            str(path.parent / row[2])
+            for path in folder.rglob("*.sqlite")
+            for row in _rows(path)
+            if row[2]
+        }
         there = {str(p) for flights in folder.rglob("*.flights") for p in flights.iterdir()}
         return cls(
-            files=Counter(_general(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()),
+            files=Counter(
+                _general(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()
+            ),
             rows={row[:2]: row[3] for row in rows},
             twice=[row for row, n in counts.items() if n > 1],
             loose=sorted(named ^ there),
@@ -46,13 +54,21 @@ def _rows(path: Path) -> list[tuple]:
             found = db.execute("SELECT variant, seed, folder, result FROM attempts").fetchall()
     except sqlite3.OperationalError:  # no table yet
         return []
-    return [(variant, seed, folder, json.loads(result)["digest"]) for variant, seed, folder, result in found]
+    return [
+        (variant, seed, folder, json.loads(result)["digest"])
+        for variant, seed, folder, result in found
+    ]
 
 
 def _general(path: Path) -> str:
-    """Its time and hashes differ from flight to flight; SQLite's own two files come and go with its readers."""
+    """Its time and hashes differ from flight to flight; SQLite's own two files come and go with its
+    readers."""
     name = re.sub(r"\d{8}T\d{6}Z_", "", str(path))
-    return re.sub(r"\.sqlite-(wal|shm)$", ".sqlite", name) if name.endswith((".sqlite-wal", ".sqlite-shm")) else name
+    return (
+        re.sub(r"\.sqlite-(wal|shm)$", ".sqlite", name)
+        if name.endswith((".sqlite-wal", ".sqlite-shm"))
+        else name
+    )
 
 
 def left_behind(files: Counter, wanted: Counter) -> str:
@@ -72,7 +88,9 @@ def half(folder: Path) -> str:
             except (ValueError, OSError, zipfile.BadZipFile) as error:
                 return f"half a run: {path}: {error}"
     for path in folder.rglob("*.csv"):
-        if not path.parent.parent.name.endswith((".flights", "runs")) and not path.read_bytes().endswith(b"\r\n"):
+        if not path.parent.parent.name.endswith(
+            (".flights", "runs")
+        ) and not path.read_bytes().endswith(b"\r\n"):
             return f"half a file: {path}"
     old = folder / "old"
     if old.exists() and old.read_bytes() != OLD and not old.read_bytes().endswith(b"\r\n"):

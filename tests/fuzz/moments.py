@@ -1,11 +1,11 @@
-"""SIGKILL and a full disk at seeded random moments: nothing lost, nothing twice, nothing left behind, and the same
-command goes on.
+"""SIGKILL and a full disk at seeded random moments: nothing lost, nothing twice, nothing left
+behind, and the same command goes on.
 
 python -m tests.fuzz.moments --moments 20 fly compare tune paper export
 
-Each command runs once undisturbed; where it is disturbed and started again it must end with the same flights and the
-same files. A disk is a tmpfs with a random part of the room that the command needs; where none may be mounted, full
-disks are skipped. Exit code 1 if anything failed.
+Each command runs once undisturbed; where it is disturbed and started again it must end with the
+same flights and the same files. A disk is a tmpfs with a random part of the room that the command
+needs; where none may be mounted, full disks are skipped. Exit code 1 if anything failed.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ def kill(command: str, at: random.Random, stored: Path | None, undisturbed: Refe
 def full_disk(command: str, at: random.Random, stored: Path | None, undisturbed: Reference) -> str:
     """The same on a disk that has only a part of the room that the command needs."""
     with temporary_folder() as folder:
-        size = undisturbed.before + PAGE + int(at.random() * (undisturbed.room - undisturbed.before))
+        size = (
+            undisturbed.before + PAGE + int(at.random() * (undisturbed.room - undisturbed.before))
+        )
         _mount(folder, size)
         try:
             prepare(command, folder, stored)
@@ -50,7 +52,9 @@ def full_disk(command: str, at: random.Random, stored: Path | None, undisturbed:
             last = err.rstrip().rpartition("\n")[2]
             if "Traceback" in err or code not in (2, undisturbed.code):
                 return f"exit code {code}: {last}"
-            if code == 2 and not re.search(r"^race .*(No space left|disk is full|disk I/O error)", last):
+            if code == 2 and not re.search(
+                r"^race .*(No space left|disk is full|disk I/O error)", last
+            ):
                 return f"does not say that the disk is full: {last}"
             _mount(folder, ROOM, "remount,")
             return half(folder) or _goes_on(command, folder, undisturbed)
@@ -76,7 +80,9 @@ def _goes_on(command: str, folder: Path, undisturbed: Reference) -> str:
 
 
 def _mount(folder: Path, size: int, how: str = "") -> None:
-    subprocess.run(["mount", "-t", "tmpfs", "-o", f"{how}size={size}", "tmpfs", str(folder)], check=True)
+    subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", f"{how}size={size}", "tmpfs", str(folder)], check=True
+    )
 
 
 def _may_mount() -> bool:
@@ -98,7 +104,9 @@ def main() -> int:
         import_module(module)
     ways = {"kill": kill} | ({"full disk": full_disk} if _may_mount() else {})
     if len(ways) == 1:
-        print("full disks are skipped: no file system may be mounted here (root may, and `unshare -rm python -m ...`)")
+        print(
+            "full disks are skipped: no file system may be mounted here (root may, and `unshare -rm python -m ...`)"
+        )
     failed = 0
     with temporary_folder() as folder:
         run("fly", folder).finish()
@@ -109,11 +117,17 @@ def main() -> int:
                 wrong = []
                 for i in range(said.moments):
                     if problem := disturb(
-                        command, random.Random(f"{said.seed} {command} {way} {i}"), stored, undisturbed
+                        command,
+                        random.Random(f"{said.seed} {command} {way} {i}"),
+                        stored,
+                        undisturbed,
                     ):
                         wrong.append(f"    moment {i}, seed {said.seed}: {problem}")
                 print(
-                    f"{command:<8} {way:<10} {said.moments} moments, {len(wrong)} failed", *wrong, sep="\n", flush=True
+                    f"{command:<8} {way:<10} {said.moments} moments, {len(wrong)} failed",
+                    *wrong,
+                    sep="\n",
+                    flush=True,
                 )
                 failed += len(wrong)
     return 1 if failed else 0

@@ -21,10 +21,18 @@ READERS = (
 
 
 def runs(rng: random.Random) -> Case:
-    """A run with one damaged file: its readers refuse it with one line, or read what was not damaged."""
-    name = rng.choice(("run.json", "run.json", "run.json", "telemetry.npz", "telemetry.npz", "events.csv"))
+    """A run with one damaged file: its readers refuse it with one line, or read what was not
+    damaged."""
+    name = rng.choice(
+        ("run.json", "run.json", "run.json", "telemetry.npz", "telemetry.npz", "events.csv")
+    )
     seed, argv = rng.randrange(2**32), rng.choice(READERS)
-    return Case("runs", f"{name} damaged by seed {seed}: {' '.join(argv)}", argv, partial(_damage, name, seed))
+    return Case(
+        "runs",
+        f"{name} damaged by seed {seed}: {' '.join(argv)}",
+        argv,
+        partial(_damage, name, seed),
+    )
 
 
 def _damage(name: str, seed: int, folder: Path) -> None:
@@ -46,7 +54,8 @@ def _damage(name: str, seed: int, folder: Path) -> None:
 
 
 def _other_arrays(rng: random.Random, data: bytes) -> bytes:
-    """A whole npz with one column lost, renamed, of another length, type, shape or of other numbers."""
+    """A whole npz with one column lost, renamed, of another length, type, shape or of other
+    numbers."""
     with np.load(io.BytesIO(data)) as loaded:
         arrays: dict = {k: loaded[k] for k in loaded.files}
     name = rng.choice(sorted(arrays))

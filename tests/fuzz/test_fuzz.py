@@ -1,4 +1,5 @@
-"""The fuzzers judge rightly, and the first cases of each find nothing; `make fuzz` tries many more."""
+"""The fuzzers judge rightly, and the first cases of each find nothing; `make fuzz` tries many
+more."""
 
 import os
 import signal

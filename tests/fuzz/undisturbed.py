@@ -1,4 +1,5 @@
-"""The commands that are disturbed, each small enough to run in seconds, and what they do undisturbed."""
+"""The commands that are disturbed, each small enough to run in seconds, and what they do
+undisturbed."""
 
 from __future__ import annotations
 
@@ -21,12 +22,31 @@ gates:
 """
 SMALL = ("--samples", "128", "--horizon", "20", "--iterations", "1", "--jobs", "1", "--timeout")
 COMMAND_MODULES = ("fly", "campaign.compare", "campaign.tune", "paper.table1")
-LIBRARIES = ("controllers.rollout.lanes", "pybullet", "matplotlib.figure", "web.page.export", "optuna")
-LOADED = (*(f"quadsim.app.{name}" for name in COMMAND_MODULES), *LIBRARIES)
+LIBRARIES = (
+    "controllers.lanes.lanes",
+    "pybullet",
+    "matplotlib.figure",
+    "web.page.export",
+    "optuna",
+)
+LOADED = (*(f"quadsim.cli.{name}" for name in COMMAND_MODULES), *LIBRARIES)
 COMMANDS: dict[str, tuple[str, ...]] = {
     "fly": ("fly", "paper_flat", *SMALL[:-3], "--timeout", ".3"),
     "compare": ("compare", "near.yaml", *SMALL, ".2", "--attempts", "3", "--out", "report"),
-    "tune": ("tune", "near.yaml", *SMALL, "2", "--trials", "2", "--attempts", "1", "--floor", "0", "--search", "sigma"),
+    "tune": (
+        "tune",
+        "near.yaml",
+        *SMALL,
+        "2",
+        "--trials",
+        "2",
+        "--attempts",
+        "1",
+        "--floor",
+        "0",
+        "--search",
+        "sigma",
+    ),
     "paper": ("paper", "offroad", "--runs", "2"),
     "export": ("export", "last", "--csv", "--out", "old"),
 }
@@ -48,7 +68,7 @@ def smaller() -> None:
     from functools import partial
     from types import SimpleNamespace
 
-    from quadsim.app.paper import table1
+    from quadsim.paper import table1
 
     of = partial(table1.Spec.of, samples=128, horizon=20, iterations=1, timeout=0.3)
     table1.Spec = SimpleNamespace(of=of)

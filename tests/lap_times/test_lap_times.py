@@ -1,7 +1,9 @@
-"""Lap times: three courses and both samplers as fast as stored; a racer that really is slower fails.
+"""Lap times: three courses and both samplers as fast as stored; a racer that really is slower
+fails.
 
 One seed each here; all seeds against the stored distribution: make regression.
-After an intended change: race regress tests/lap_times/*.yaml --regen prints the difference and stores it.
+After an intended change: race regress tests/lap_times/*.yaml --regen prints the difference and
+stores it.
 """
 
 from pathlib import Path
@@ -9,23 +11,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from quadsim.app.campaign.baseline import Effects, Stored, baseline_text, judge, load_baseline
-from quadsim.app.campaign.pool import Processes
-from quadsim.app.campaign.regress import baseline_variant, fly_baselines
-from quadsim.app.cli import race
+from quadsim.campaign.baseline import Effects, Stored, baseline_text, judge, load_baseline
+from quadsim.campaign.pool import Processes
+from quadsim.campaign.regress import baseline_variant, fly_baselines
+from quadsim.cli.cli import race
 
 HERE = Path(__file__).parent
 BASELINES = sorted(HERE.glob("*.yaml"))
-# Another processor rounds otherwise, and a flight amplifies that. A start temperature of 1.001 instead of 1 has the
-# same effect: on the same seeds laps move by .3, .3 and 1.3 % and chatter by 5 % (standard deviations). The tolerances
-# are more than four of them.
+# Another processor rounds otherwise, and a flight amplifies that. A start temperature of 1.001
+# instead of 1 has the same effect: on the same seeds laps move by .3, .3 and 1.3 % and chatter by 5
+# % (standard deviations). The tolerances are more than four of them.
 TOLERANCE = {"figure8": 0.03, "split_s_song": 0.03, "paper_flat": 0.06}
 CHATTER = 0.5
 UNCHANGED = HERE / "figure8_colored.yaml"  # flown as it is on as many seeds as the slower racers
 SLOWED = [path for path in BASELINES if path.stem.endswith("_colored")]
 SEEDS = 3
-# Thrust-to-weight instead of 4.1. Laps are 6 to 19 % longer, most on paper_flat, where the vehicle must brake harder
-# before gate 7 (6.5 to 10.3 m/s there instead of 12.1 to 14.9); none of those flights turns back.
+# Thrust-to-weight instead of 4.1. Laps are 6 to 19 % longer, most on paper_flat, where the vehicle
+# must brake harder before gate 7 (6.5 to 10.3 m/s there instead of 12.1 to 14.9); none of those
+# flights turns back.
 WEAKER = 3.6
 
 
@@ -35,7 +38,8 @@ def variant(path, **settings):
 
 @pytest.fixture(scope="module")
 def flown():
-    """By path: one seed of every baseline, and by (path, WEAKER) some with weaker propellers; flown on every core."""
+    """By path: one seed of every baseline, and by (path, WEAKER) some with weaker propellers; flown
+    on every core."""
     attempts = {path: (variant(path), SEEDS if path == UNCHANGED else 1) for path in BASELINES}
     attempts |= {(path, WEAKER): (variant(path, thrust_to_weight=WEAKER), SEEDS) for path in SLOWED}
     with Processes() as pool:
@@ -80,12 +84,15 @@ def test_the_unchanged_racer_passes_on_as_many_seeds(flown):
 
 
 def shifted(then, slower, rng, chaos=0.005):
-    """A model of another machine: the same seeds, each lap with random rounding effects, and all slower by a share."""
+    """A model of another machine: the same seeds, each lap with random rounding effects, and all
+    slower by a share."""
     laps = tuple(t * (1 + slower) * (1 + chaos * rng.standard_normal()) for t in then.laps)
     return Stored("", "", laps, then.thrust_tv)
 
 
-@pytest.mark.parametrize(("slower", "fails"), [(0.03, (0.92, 1.0)), (0.04, (0.999, 1.0)), (0.0, (0.0, 0.001))])
+@pytest.mark.parametrize(
+    ("slower", "fails"), [(0.03, (0.92, 1.0)), (0.04, (0.999, 1.0)), (0.0, (0.0, 0.001))]
+)
 def test_a_slowdown_of_three_percent_is_caught_with_the_stated_power(slower, fails):
     then = load_baseline(UNCHANGED).stored
     rng = np.random.default_rng(0)
@@ -101,16 +108,23 @@ def test_success_and_chatter_are_judged_too():
     assert [v.ok for v in judge(then, crashing, Effects())] == [False, True, True]
     assert [v.ok for v in judge(then, shaking, Effects())] == [True, True, False]
     few = first(then, 6)
-    assert not judge(few, few, Effects())[0].ok, "six flights cannot show that success is within 20 points"
+    assert not judge(few, few, Effects())[0].ok, (
+        "six flights cannot show that success is within 20 points"
+    )
 
 
 def test_a_stored_distribution_passes_against_itself_and_fails_against_a_slower_racer_s():
-    """The slower racer: on these two courses the Gaussian one, flown on the same seeds, is 10 % slower."""
+    """The slower racer: on these two courses the Gaussian one, flown on the same seeds, is 10 %
+    slower."""
     for path in BASELINES:
         baseline = load_baseline(path)
-        assert all(v.ok for v in judge(baseline.stored, baseline.stored, baseline.effects)), path.stem
+        assert all(v.ok for v in judge(baseline.stored, baseline.stored, baseline.effects)), (
+            path.stem
+        )
     for course in ("figure8", "split_s_song"):
-        fast, slow = (load_baseline(HERE / f"{course}_{sampler}.yaml") for sampler in ("colored", "gaussian"))
+        fast, slow = (
+            load_baseline(HERE / f"{course}_{sampler}.yaml") for sampler in ("colored", "gaussian")
+        )
         assert not judge(fast.stored, slow.stored, fast.effects)[1].ok, course
         assert judge(slow.stored, fast.stored, slow.effects)[1].ok, "faster is no failure"
 
@@ -145,7 +159,9 @@ def test_regen_prints_the_difference_and_stores_it(tmp_path, capsys):
     assert race(["regress", str(path), "--regen", "--jobs", "1"]) == 0
     stored = load_baseline(path).stored
     assert stored.laps == (None,) * 4
-    path.write_text(baseline_text(load_baseline(path), Stored("old", "", (9.0,) * 4, stored.thrust_tv)))
+    path.write_text(
+        baseline_text(load_baseline(path), Stored("old", "", (9.0,) * 4, stored.thrust_tv))
+    )
     capsys.readouterr()
     assert race(["regress", str(path), "--regen", "--jobs", "1"]) == 0
     out = capsys.readouterr().out

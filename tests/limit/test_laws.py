@@ -9,21 +9,31 @@ from limit_cases import HALL, without_lag
 
 from quadsim.course import Course, Gate, Start
 from quadsim.course.swept import SweptGate
+from quadsim.dynamics.quadrotor import ATTITUDE
 from quadsim.limit.detours import detours
 from quadsim.limit.dynamics import YAW_MAX, dynamics
 from quadsim.limit.guess import solved, straight
-from quadsim.limit.solution import Limit
 from quadsim.limit.solve import solve
 from quadsim.limit.task import Task, Waypoint, race_task, room, segments
 from quadsim.limit.verify import verify
 from quadsim.race.referee import Referee
-from quadsim.systems.quadrotor import ATTITUDE
+from quadsim.record.limits import Limit
 from quadsim.vehicle import GRAVITY, load_vehicle
 
 SWIFT = load_vehicle("swift")
-GATES = tuple(Gate((x, 0.0, z), 0.0, 0.0, 0.0, (1.5, 1.5), 0.275) for x, z in ((5.0, 1.5), (11.0, 2.5)))
+GATES = tuple(
+    Gate((x, 0.0, z), 0.0, 0.0, 0.0, (1.5, 1.5), 0.275) for x, z in ((5.0, 1.5), (11.0, 2.5))
+)
 COURSE = Course(
-    "two", "", GATES, Start((0.0, 0.0, 1.5), 0.0), ((-5.0, 20.0), (-5.0, 5.0), (0.0, 6.0)), False, 1, (), ""
+    "two",
+    "",
+    GATES,
+    Start((0.0, 0.0, 1.5), 0.0),
+    ((-5.0, 20.0), (-5.0, 5.0), (0.0, 6.0)),
+    False,
+    1,
+    (),
+    "",
 )
 
 
@@ -80,7 +90,10 @@ def test_a_race_holds_to_the_referee(model):
 def test_the_time_left_falls_by_one_second_a_second_along_the_solution(race):
     """costate . x' = -1: the Hamiltonian of a problem of least time is constant."""
     solution, model = race
-    slopes = [c @ np.array(model.rate(x, u)) for c, x, u in zip(solution.costate, solution.x[1:], solution.u)]  # noqa: B905
+    slopes = [
+        c @ np.array(model.rate(x, u))
+        for c, x, u in zip(solution.costate, solution.x[1:], solution.u, strict=False)
+    ]
     assert np.median(slopes) == pytest.approx(-1.0, abs=0.03)
 
 
@@ -94,19 +107,25 @@ def test_an_attitude_that_is_not_of_unit_length_is_found_out(race):
     solution, model = race
     x = solution.x.copy()
     x[:, ATTITUDE] *= 1.02
-    assert any("attitude" in line for line in verify(replace(solution, x=x), model, referee()).broken)
+    assert any(
+        "attitude" in line for line in verify(replace(solution, x=x), model, referee()).broken
+    )
 
 
 def test_controls_beyond_the_rotors_are_found_out(race):
     solution, model = race
-    assert any("controls" in line for line in verify(replace(solution, u=1.05 * solution.u), model).broken)
+    assert any(
+        "controls" in line for line in verify(replace(solution, u=1.05 * solution.u), model).broken
+    )
 
 
 def test_a_path_through_a_frame_is_found_out(race):
     solution, model = race
     x = solution.x.copy()
     x[:, 1] += 0.8
-    assert any("hit at gate 1" in line for line in verify(replace(solution, x=x), model, referee()).broken)
+    assert any(
+        "hit at gate 1" in line for line in verify(replace(solution, x=x), model, referee()).broken
+    )
 
 
 def test_more_thrust_is_faster_and_lag_slower(race):
@@ -122,7 +141,8 @@ def test_a_vehicle_without_rotors_flies_by_its_rates():
 
 
 def test_a_u_turn_behind_a_gate_goes_around_its_frame():
-    """The straight way back leads through the gate's upper bar; the race around it is slower, and free of it."""
+    """The straight way back leads through the gate's upper bar; the race around it is slower, and
+    free of it."""
     low = Gate((3.0, 0.0, 1.5), 0.0, 0.0, 0.0, (1.5, 1.5), 0.275)
     back = Gate((-1.0, 0.0, 3.2), np.pi, 0.0, 0.0, (1.5, 1.5), 0.275)
     end, model = Task((low, back), COURSE.start, HALL, SWIFT.radius), dynamics(SWIFT, "rotors")
@@ -140,4 +160,8 @@ def touched(solution, gate):
     swept = SweptGate(gate, 0, SWIFT.radius)
     limit = Limit("", "", 1, False, [], {}, solution).path(1000.0)
     local = [gate.to_local(tuple(p)) for p in limit[:, 1:]]
-    return [t for t, a, b in zip(limit[:, 0], local, local[1:], strict=False) if swept.touch(a, b) is not None]
+    return [
+        t
+        for t, a, b in zip(limit[:, 0], local, local[1:], strict=False)
+        if swept.touch(a, b) is not None
+    ]

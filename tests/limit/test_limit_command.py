@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from quadsim.app import limit as command
-from quadsim.app.cli import race
+from quadsim.cli import limit as command
+from quadsim.cli.cli import race
 from quadsim.course import parse_course
-from quadsim.limit.solution import LIMITS, LimitError, Race, dump, load
 from quadsim.record.archive import load_run
+from quadsim.record.limits import LIMITS, LimitError, Race, dump, load
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 from web.competitor import stored_competitor
 
@@ -38,8 +38,17 @@ def place(tmp_path_factory):
     """A folder with a course whose limit has been searched, and what the command printed."""
     folder = tmp_path_factory.mktemp("limit")
     (folder / "mine.yaml").write_text(COURSE)
-    words = [sys.executable, "-c", "from quadsim.app.cli import main; main()", "limit", "mine.yaml", "--json"]
-    done = subprocess.run([*words, "--nodes", "8"], cwd=folder, capture_output=True, text=True, check=True)
+    words = [
+        sys.executable,
+        "-c",
+        "from quadsim.cli.cli import main; main()",
+        "limit",
+        "mine.yaml",
+        "--json",
+    ]
+    done = subprocess.run(
+        [*words, "--nodes", "8"], cwd=folder, capture_output=True, text=True, check=True
+    )
     return folder, json.loads(done.stdout)
 
 
@@ -103,7 +112,9 @@ def test_a_slower_solution_does_not_replace_a_faster_one(place, tmp_path, capsys
     limit = mine().best_known(kept)
     faster.mkdir()
     (faster / mine().file_name).write_bytes(dump(replace(limit, lap_times=[told["time"] - 0.1])))
-    code, out, _ = said(capsys, "limit", str(folder / "mine.yaml"), "--nodes", "8", "--runs-dir", str(tmp_path))
+    code, out, _ = said(
+        capsys, "limit", str(folder / "mine.yaml"), "--nodes", "8", "--runs-dir", str(tmp_path)
+    )
     assert code == 0
     assert f"best known limit {told['time'] - 0.1:.3f} s" in out
     assert "found before, and not slower than what was found now" in out
@@ -131,14 +142,26 @@ def test_without_the_extra_one_line_says_what_to_install(capsys, monkeypatch):
     monkeypatch.setattr(command, "find_spec", lambda name: None)
     code, out, err = said(capsys, "limit", "paper_flat")
     assert (code, out) == (2, "")
-    assert re.fullmatch(r"race limit: casadi is not installed: \S+ -m pip install '?casadi\S*\n", err)
+    assert re.fullmatch(
+        r"race limit: casadi is not installed: \S+ -m pip install '?casadi\S*\n", err
+    )
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_a_search_that_is_stopped_says_so(tmp_path, sent):
     (tmp_path / "mine.yaml").write_text(COURSE)
-    words = [sys.executable, "-c", "from quadsim.app.cli import main; main()", "limit", "mine.yaml", "--nodes", "200"]
-    search = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    words = [
+        sys.executable,
+        "-c",
+        "from quadsim.cli.cli import main; main()",
+        "limit",
+        "mine.yaml",
+        "--nodes",
+        "200",
+    ]
+    search = subprocess.Popen(
+        words, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
     try:
         assert "straight lines" in search.stderr.readline()
         os.kill(search.pid, sent)
@@ -152,7 +175,9 @@ def test_a_search_that_is_stopped_says_so(tmp_path, sent):
 def test_what_is_known_is_kept_as_a_run_that_the_page_can_race(place, capsys):
     folder, told = place
     runs = folder / "runs"
-    code, out, _ = said(capsys, "limit", str(folder / "mine.yaml"), "--known", "--runs-dir", str(runs), "--json")
+    code, out, _ = said(
+        capsys, "limit", str(folder / "mine.yaml"), "--known", "--runs-dir", str(runs), "--json"
+    )
     assert code == 0
     run = load_run(json.loads(out)["run_dir"])
     assert run.outcome == "finished"
@@ -166,7 +191,14 @@ def test_what_is_known_is_kept_as_a_run_that_the_page_can_race(place, capsys):
 
 def test_nothing_known_is_no_run(capsys, tmp_path):
     (tmp_path / "mine.yaml").write_text(COURSE)
-    code, out, _ = said(capsys, "limit", str(tmp_path / "mine.yaml"), "--known", "--runs-dir", str(tmp_path / "runs"))
+    code, out, _ = said(
+        capsys,
+        "limit",
+        str(tmp_path / "mine.yaml"),
+        "--known",
+        "--runs-dir",
+        str(tmp_path / "runs"),
+    )
     assert code == 1
     assert "no solution is known" in out
     assert not (tmp_path / "runs").exists()

@@ -1,14 +1,15 @@
-"""The solutions that come with the project hold: each is read back, integrated finely and judged by the referee."""
+"""The solutions that come with the project hold: each is read back, integrated finely and judged by
+the referee."""
 
 import numpy as np
 import pytest
 
 from quadsim.course import load_course
 from quadsim.limit.dynamics import dynamics
-from quadsim.limit.solution import SOLUTIONS, Race, load
 from quadsim.limit.verify import verify
 from quadsim.race.events import flown_laps
 from quadsim.race.referee import Referee
+from quadsim.record.limits import SOLUTIONS, Race, load
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 
 FILES = sorted(SOLUTIONS.glob("*.npz"))
@@ -21,8 +22,12 @@ def test_a_solution_of_the_project_holds(path):
     course, vehicle = load_course(limit.course), load_vehicle(name)
     if ratio:
         vehicle = with_thrust_to_weight(vehicle, float(ratio))
-    race = Race(course, vehicle, limit.laps, limit.solution.model, limit.closed, limit.margin, limit.reserve)
-    assert path.name == race.file_name, "the course or the vehicle has changed: race limit finds the new limit"
+    race = Race(
+        course, vehicle, limit.laps, limit.solution.model, limit.closed, limit.margin, limit.reserve
+    )
+    assert path.name == race.file_name, (
+        "the course or the vehicle has changed: race limit finds the new limit"
+    )
     assert path.stat().st_size <= 100_000
     referee = Referee(course, vehicle.radius, limit.laps, 1e3, penalties=True)
     found = verify(limit.solution, dynamics(vehicle, race.model, race.reserve), referee)

@@ -24,7 +24,9 @@ POINT = Vehicle(
     latency=0.0,
     rotors=None,
 )
-RACER = replace(POINT, mass=0.75, thrust_max=4 * FULL / 0.75, rate_tau=(0.06, 0.06, 0.2), rotors=ROTORS)
+RACER = replace(
+    POINT, mass=0.75, thrust_max=4 * FULL / 0.75, rate_tau=(0.06, 0.06, 0.2), rotors=ROTORS
+)
 
 
 @pytest.mark.parametrize("vehicle", [POINT, RACER])
@@ -57,13 +59,17 @@ def test_commands_are_flown_within_their_limits():
 
 
 def test_a_command_that_is_no_number_is_refused():
-    with pytest.raises(ValueError, match=r"command: expected finite body rates \[rad/s\] .* got \(0.0, nan"):
+    with pytest.raises(
+        ValueError, match=r"command: expected finite body rates \[rad/s\] .* got \(0.0, nan"
+    ):
         Actuators(POINT, 1 / 400).wrench((0.0, float("nan"), 0.0, GRAVITY), REST, REST)
 
 
 def test_a_single_precision_command_does_not_lower_the_precision_of_the_flight():
     command = np.array((0.3, -0.7, 0.1, 11.3), dtype=np.float32)
-    single, double = (Actuators(POINT, 1 / 400).wrench(u, REST, REST) for u in (command, command.tolist()))
+    single, double = (
+        Actuators(POINT, 1 / 400).wrench(u, REST, REST) for u in (command, command.tolist())
+    )
     assert single == double
     assert {type(v) for part in single for v in part} == {float}
 
@@ -79,12 +85,18 @@ def test_latency_delays_a_command_by_exactly_its_steps_of_hover():
 
 def test_drag_opposes_each_body_axis_by_its_own_coefficient():
     drag, v = (0.3, 0.4, 0.5), (7.0, -2.0, 1.0)
-    with_drag, without = (Actuators(replace(POINT, drag=d), 1 / 400).wrench(HOVER, REST, v)[0] for d in (drag, REST))
-    np.testing.assert_allclose(np.subtract(with_drag, without), [-1.3 * d * u for d, u in zip(drag, v, strict=True)])
+    with_drag, without = (
+        Actuators(replace(POINT, drag=d), 1 / 400).wrench(HOVER, REST, v)[0] for d in (drag, REST)
+    )
+    np.testing.assert_allclose(
+        np.subtract(with_drag, without), [-1.3 * d * u for d, u in zip(drag, v, strict=True)]
+    )
 
 
 def test_rotors_never_pull_downwards():
-    idling = replace(ROTORS, thrust_map=(1.33e-6, 0.003836, -1.769), omega_min=150.0, omega_max=2000.0)
+    idling = replace(
+        ROTORS, thrust_map=(1.33e-6, 0.003836, -1.769), omega_min=150.0, omega_max=2000.0
+    )
     motors = Actuators(replace(RACER, rotors=idling), 1 / 400).motors
     for _ in range(400):
         motors.drive(0.0, (9.0, 0.0, 0.0))
@@ -99,7 +111,9 @@ def test_rotor_speed_is_63_percent_of_the_way_at_tau():
     for _ in range(round(ROTORS.tau / dt)):
         motors.drive(4 * 6.0, REST)
     command = ROTORS.speed(6.0)
-    np.testing.assert_allclose((motors.speeds - before) / (command - before), 1 - exp(-1), rtol=1e-12)
+    np.testing.assert_allclose(
+        (motors.speeds - before) / (command - before), 1 - exp(-1), rtol=1e-12
+    )
 
 
 def test_delivered_thrust_stays_within_zero_and_thrust_max():

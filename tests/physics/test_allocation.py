@@ -1,4 +1,5 @@
-"""The allocation: what four rotors can give is mixed back exactly, and what they cannot is given up in order."""
+"""The allocation: what four rotors can give is mixed back exactly, and what they cannot is given up
+in order."""
 
 from dataclasses import replace
 
@@ -14,7 +15,11 @@ MIXER, SHARES = np.array(mixer(ROTORS)), shares(ROTORS)
 def demands(n=300, scale=1.0):
     """Random collectives [N] and torques [N m], the larger ones beyond what the rotors can give."""
     rng = np.random.default_rng(1)
-    return zip(rng.uniform(0, 4 * FULL, n), rng.normal(scale=[0.8, 0.6, 0.3], size=(n, 3)) * scale, strict=True)
+    return zip(
+        rng.uniform(0, 4 * FULL, n),
+        rng.normal(scale=[0.8, 0.6, 0.3], size=(n, 3)) * scale,
+        strict=True,
+    )
 
 
 def test_mixing_returns_every_demand_the_rotors_can_give():
@@ -45,7 +50,8 @@ def test_yaw_is_given_up_before_anything_else():
     collective, *torque = MIXER @ thrusts
     np.testing.assert_allclose((collective, *torque[:2]), demand[:3], atol=1e-12)
     assert 0.0 < torque[2] < 5.0
-    assert min(thrusts) == pytest.approx(0.0) or max(thrusts) == pytest.approx(FULL)  # and no more than needed
+    # and no more than needed
+    assert min(thrusts) == pytest.approx(0.0) or max(thrusts) == pytest.approx(FULL)
 
 
 @pytest.mark.parametrize(("collective", "moves"), [(4 * FULL, -1), (0.0, 1)])
@@ -62,7 +68,11 @@ def test_an_impossible_tilt_keeps_its_direction():
     assert yaw == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("wrong", [{"positions": ((0.2, -0.1), *ROTORS.positions[1:])}, {"spin": (1, 1, 1, 1)}])
+@pytest.mark.parametrize(
+    "wrong", [{"positions": ((0.2, -0.1), *ROTORS.positions[1:])}, {"spin": (1, 1, 1, 1)}]
+)
 def test_rotors_that_are_lopsided_or_cannot_yaw_are_refused(wrong):
-    with pytest.raises(ValueError, match=r"rotors: expected four, mirrored .* diagonal pairs of equal spin"):
+    with pytest.raises(
+        ValueError, match=r"rotors: expected four, mirrored .* diagonal pairs of equal spin"
+    ):
         shares(replace(ROTORS, **wrong))

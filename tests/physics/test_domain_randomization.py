@@ -1,4 +1,5 @@
-"""Domain randomization: a seed is one disturbance for every planner, size 0 is no change, the laws hold."""
+"""Domain randomization: a seed is one disturbance for every planner, size 0 is no change, the laws
+hold."""
 
 from dataclasses import replace
 from itertools import islice
@@ -7,12 +8,12 @@ import numpy as np
 import pytest
 
 from quadsim.course import load_course
+from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.physics.domain_randomization import VEHICLE, Randomization, draw, gusts
 from quadsim.physics.plant import PLANTS, default_plant
-from quadsim.race.build import build
-from quadsim.race.spec import Spec
+from quadsim.spec.build import build
+from quadsim.spec.spec import Spec
 from quadsim.streams import quadrotor_streams
-from quadsim.systems.quadrotor import ModelParams
 from quadsim.vehicle import GRAVITY, load_vehicle, with_thrust_to_weight
 
 HOVER = (0.0, 0.0, 0.0, GRAVITY)
@@ -34,7 +35,9 @@ def test_same_seed_is_the_same_disturbance_for_every_planner():
     a, b = (spec(sampler=s, randomize=1.0, seed=7) for s in ("gaussian", "colored"))
     assert a.record()["variation"] == b.record()["variation"]
     assert np.array_equal(drift(a), drift(b))
-    assert not np.array_equal(drift(a), drift(replace(a, seed=8))), "another seed draws other numbers"
+    assert not np.array_equal(drift(a), drift(replace(a, seed=8))), (
+        "another seed draws other numbers"
+    )
 
 
 def test_size_zero_is_the_plant_as_it_was():
@@ -57,16 +60,23 @@ def test_randomization_changes_neither_the_planners_samples_nor_its_nominal_mode
 def test_randomization_is_in_proportion_to_its_size():
     one, two = (draw(quadrotor_streams(5).vehicle, size) for size in (1.0, 2.0))
     assert two.offset == pytest.approx([2 * x for x in one.offset])
-    assert (two.mass, two.drag, two.gust) == pytest.approx((2 * one.mass, 2 * one.drag, 2 * one.gust))
+    assert (two.mass, two.drag, two.gust) == pytest.approx(
+        (2 * one.mass, 2 * one.drag, 2 * one.gust)
+    )
     drawn = [draw(quadrotor_streams(seed).vehicle, 1.0) for seed in range(200)]
-    assert max(abs(d.mass) for d in drawn) <= 0.05 < 1.1 * max(abs(d.mass) for d in drawn), "uniform up to 5 %"
-    assert abs(np.corrcoef([d.mass for d in drawn], [d.thrust for d in drawn])[0, 1]) < 0.2, "drawn independently"
+    assert max(abs(d.mass) for d in drawn) <= 0.05 < 1.1 * max(abs(d.mass) for d in drawn), (
+        "uniform up to 5 %"
+    )
+    assert abs(np.corrcoef([d.mass for d in drawn], [d.thrust for d in drawn])[0, 1]) < 0.2, (
+        "drawn independently"
+    )
 
 
 @pytest.mark.parametrize("dt", [0.0025, 0.02])
 def test_gusts_have_their_deviation_and_correlation_time_for_any_step(dt):
     w = np.array(list(islice(gusts(np.random.SeedSequence(1), 0.5, dt), int(1000 / dt))))
-    assert w.std() == pytest.approx(0.5, rel=0.05)  # 1000 s hold about 1000 independent gusts an axis
+    # 1000 s hold about 1000 independent gusts an axis
+    assert w.std() == pytest.approx(0.5, rel=0.05)
     lag = round(VEHICLE.gust_tau / dt)
     assert np.mean(w[lag:] * w[:-lag]) / w.var() == pytest.approx(np.exp(-1), abs=0.08)
 
@@ -76,7 +86,9 @@ def test_a_heavier_body_sinks_under_the_nominal_hover_command():
     plant = PLANTS[default_plant()](course, vehicle, body=Randomization(mass=0.05).body(vehicle))
     for _ in range(400):
         state = plant.step(HOVER)
-    assert state.x.vz == pytest.approx(GRAVITY / 1.05 - GRAVITY, rel=1e-3), "1 s of the missing 5 % [m/s]"
+    assert state.x.vz == pytest.approx(GRAVITY / 1.05 - GRAVITY, rel=1e-3), (
+        "1 s of the missing 5 % [m/s]"
+    )
 
 
 @pytest.mark.parametrize("name", ["swift", "flightmare", "paper"])

@@ -11,10 +11,10 @@ import pytest
 from plant_cases import DT, HOVER, SKY, both_plants
 
 from quadsim.course import Start, course_names, load_course
+from quadsim.dynamics import System
+from quadsim.dynamics.quadrotor import STATE, ModelParams, quadrotor
 from quadsim.physics.plant import ModelPlant, diffusion
 from quadsim.physics.plant_state import CLEARANCE
-from quadsim.systems import System
-from quadsim.systems.quadrotor import STATE, ModelParams, quadrotor
 from quadsim.vehicle import GRAVITY, load_vehicle, vehicle_names
 
 FALL = (0.0, 0.0, 0.0, 0.0)
@@ -55,7 +55,9 @@ def launch(request):
 def test_it_starts_at_rest_on_the_start_with_hover_thrust(launch):
     state = launch(start=Start((3.0, -1.0, 7.0), pi / 2)).state
     half = 0.5**0.5
-    np.testing.assert_allclose(state.x, (3, -1, 7, 0, 0, 0, half, 0, 0, half, 0, 0, 0, GRAVITY, 0, 0, 0), atol=1e-12)
+    np.testing.assert_allclose(
+        state.x, (3, -1, 7, 0, 0, 0, half, 0, 0, half, 0, 0, 0, GRAVITY, 0, 0, 0), atol=1e-12
+    )
     assert (state.t, state.contacts) == (0.0, ())
 
 
@@ -88,7 +90,8 @@ def test_without_thrust_it_falls_half_g_t_squared(launch):
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_rate_step_is_63_percent_done_at_tau(launch, axis):
-    """All three axes turn at once: the feed-forward must cancel what the unequal inertias couple."""
+    """All three axes turn at once: the feed-forward must cancel what the unequal inertias
+    couple."""
     command = (3.0, 4.0, -2.0)
     state = fly(launch(), PAPER.rate_tau[axis], (*command, GRAVITY))
     assert state.x.body_rates[axis] / command[axis] == pytest.approx(1 - exp(-1), rel=1e-9)
@@ -96,7 +99,8 @@ def test_a_rate_step_is_63_percent_done_at_tau(launch, axis):
 
 @pytest.mark.parametrize("name", vehicle_names())
 def test_every_vehicle_settles_on_its_commanded_rates_with_little_overshoot(launch, name):
-    """With motors, tau s (tau_m s + 1) + 1 has damping sqrt(tau / tau_m) / 2: above .5 for all, 16 % overshoot."""
+    """With motors, tau s (tau_m s + 1) + 1 has damping sqrt(tau / tau_m) / 2: above .5 for all, 16
+    % overshoot."""
     plant = launch(load_vehicle(name))
     command = (3.0, -3.0, 0.2)
     rates = np.array([plant.step((*command, GRAVITY)).x.body_rates for _ in range(800)])
@@ -135,14 +139,16 @@ def test_thrust_of_rotors_lags_and_thrust_without_rotors_does_not(launch):
 
 @pytest.mark.parametrize("vehicle", [PAPER, SWIFT])
 def test_the_same_commands_give_the_same_states_to_the_last_bit(launch, vehicle):
-    one, two = launch(vehicle), launch(vehicle)  # interleaved: worlds must not disturb each other either
+    # interleaved: worlds must not disturb each other either
+    one, two = launch(vehicle), launch(vehicle)
     for k in range(800):
         u = weave(k * DT)
         assert one.step(u) == two.step(u)
 
 
 def gap(launch, model_dt, plant_dt):
-    """Largest difference of each state between model and plant in a second of lively flight.  (17,)"""
+    """Largest difference of each state between model and plant in a second of lively flight.
+    (17,)"""
     plant = launch(dt=plant_dt)
     model = ModelPlant(quadrotor(ModelParams.of(PAPER), model_dt), plant.state.x)
     gaps = []
@@ -155,7 +161,8 @@ def gap(launch, model_dt, plant_dt):
 def test_model_and_plant_agree_in_free_flight_and_converge_with_the_step(launch):
     coarse, fine = gap(launch, 1 / 200, 1 / 200), gap(launch, 1 / 800, 1 / 800)
     assert coarse[10:].max() < 1e-6  # rates, thrust and angular acceleration are the same formula
-    # the plants move and turn with the new velocity, the model with the mean one: first order in the step
+    # the plants move and turn with the new velocity, the model with the mean one: first order in
+    # the step
     assert coarse[:3].max() < 0.01
     assert coarse[3:10].max() < 0.002
     assert fine[:10].max() == pytest.approx(coarse[:10].max() / 4, rel=0.1)
@@ -207,9 +214,11 @@ def test_a_disturbance_diffuses_to_its_std_in_one_second_for_any_step(dt):
         return fly(ModelPlant(on_rail(stay, dt), (0.0, 0.0), disturb), 1.0, (0.0,)).x
 
     ends = np.array([end(seed, 0.7) for seed in range(400)])
-    assert ends[:, 1].std() == pytest.approx(0.7, rel=0.12)  # 400 samples: std within 3.5 %, so 3.4 sigma
+    # 400 samples: std within 3.5 %, so 3.4 sigma
+    assert ends[:, 1].std() == pytest.approx(0.7, rel=0.12)
     assert (ends[:, 0] == 0.0).all()
-    assert end(0, 0.35)[1] == pytest.approx(ends[0, 1] / 2)  # negative control: half the std is seen
+    # negative control: half the std is seen
+    assert end(0, 0.35)[1] == pytest.approx(ends[0, 1] / 2)
 
 
 def test_models_and_referees_do_not_load_the_physics_engine():

@@ -1,4 +1,5 @@
-"""Our rigid body: free flights as PyBullet's to rounding, contacts by the swept test, a ground that holds."""
+"""Our rigid body: free flights as PyBullet's to rounding, contacts by the swept test, a ground that
+holds."""
 
 from dataclasses import replace
 from math import pi
@@ -8,13 +9,13 @@ import pytest
 from plant_cases import DT, GATE, HOVER, SKY, needs_bullet
 
 from quadsim.course import FRAME_DEPTH, Start
+from quadsim.dynamics.quadrotor import STATE
 from quadsim.physics import plant
 from quadsim.physics.domain_randomization import gusts
 from quadsim.physics.plant import PLANTS, BulletPlant, RigidPlant, default_plant
 from quadsim.physics.plant_state import CLEARANCE
 from quadsim.physics.rigid_body import RigidBody
 from quadsim.rotation import turned_at
-from quadsim.systems.quadrotor import STATE
 from quadsim.vehicle import GRAVITY, load_vehicle
 
 SWIFT = load_vehicle("swift")
@@ -24,7 +25,8 @@ Q = slice(STATE.index("qw"), STATE.index("wx"))
 
 
 def flight(plant, vehicle, u, gust=0.0, body=None):
-    """States over 2 s of one command, quaternions with the sign that makes their largest number positive.  (800, 17)"""
+    """States over 2 s of one command, quaternions with the sign that makes their largest number
+    positive.  (800, 17)"""
     wind = gusts(np.random.SeedSequence(1), gust, DT)
     flown = plant(SKY, vehicle, DT, body=body, gusts=wind)
     x = np.array([flown.step(u).x for _ in range(round(2.0 / DT))])
@@ -41,10 +43,13 @@ def flight(plant, vehicle, u, gust=0.0, body=None):
 def test_free_flights_agree_with_pybullet_to_rounding(vehicle, name, gust):
     """Both take the same steps in the same order, so only rounding differs.
 
-    800 steps with an error of 1e-16 of numbers up to 100 each, if all added up, make 1e-11; measured are 4e-13.
+    800 steps with an error of 1e-16 of numbers up to 100 each, if all added up, make 1e-11;
+    measured are 4e-13.
     """
     given = load_vehicle(vehicle), COMMANDS[name], gust
-    np.testing.assert_allclose(flight(RigidPlant, *given), flight(BulletPlant, *given), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(
+        flight(RigidPlant, *given), flight(BulletPlant, *given), rtol=0, atol=1e-11
+    )
 
 
 @needs_bullet
@@ -64,7 +69,8 @@ def test_a_turn_of_half_a_second_at_pi_is_a_quarter_turn():
 
 
 def test_a_torque_free_tumble_gains_at_most_3_percent_energy_as_bullets_does():
-    """omega x J omega is taken at the old rates: the energy grows by less than 3 % in 2 s at 6 rad/s."""
+    """omega x J omega is taken at the old rates: the energy grows by less than 3 % in 2 s at 6
+    rad/s."""
     body = RigidBody(SKY, SWIFT, DT)
     body.place((0.0, 0.0, 90.0), (1.0, 0.0, 0.0, 0.0), omega=TUMBLE)
     energy = [np.dot(SWIFT.inertia, np.square(body.read()[3]))]
@@ -75,7 +81,8 @@ def test_a_torque_free_tumble_gains_at_most_3_percent_energy_as_bullets_does():
     assert np.ptp(np.array(body.read()[3])) > 0.1, "the axis of the tumble moves in the body"
 
 
-BAR = GATE.opening[0] / 2 + GATE.frame_width / 2  # from the middle of the opening to that of a post [m]
+# from the middle of the opening to that of a post [m]
+BAR = GATE.opening[0] / 2 + GATE.frame_width / 2
 FACE = GATE.position[0] - FRAME_DEPTH / 2 - SWIFT.radius  # x at which the sphere touches the frame
 
 
@@ -120,5 +127,7 @@ def test_default_plant_is_bullet_where_it_is_installed_and_rigid_elsewhere(monke
 
 def test_bullet_without_pybullet_is_refused_in_one_line(monkeypatch):
     monkeypatch.setattr(plant, "has_bullet", lambda: False)
-    with pytest.raises(ValueError, match=r"^plant: 'bullet' needs PyBullet, which is not installed: .*'rigid'$"):
+    with pytest.raises(
+        ValueError, match=r"^plant: 'bullet' needs PyBullet, which is not installed: .*'rigid'$"
+    ):
         BulletPlant(SKY, SWIFT)

@@ -1,4 +1,5 @@
-"""RotorPy's multirotor as a plant: the same vehicle, other aerodynamics, flown by the same planner."""
+"""RotorPy's multirotor as a plant: the same vehicle, other aerodynamics, flown by the same
+planner."""
 
 import sys
 from contextlib import closing
@@ -11,16 +12,18 @@ from plant_cases import HOVER, SKY
 from race_cases import course, gate
 
 import quadsim
-from quadsim.app.cli import race
-from quadsim.limit.solution import limit_of
+from quadsim.cli.cli import race
+from quadsim.dynamics.quadrotor import STATE
 from quadsim.physics.plant import RigidPlant
 from quadsim.physics.rotorpy_plant import LIFT, PARASITIC, RotorpyPlant
+from quadsim.record.limits import limit_of
 from quadsim.record.run import flown_with
-from quadsim.systems.quadrotor import STATE
 from quadsim.vehicle import GRAVITY, load_vehicle
 
 SWIFT = load_vehicle("swift")
-needs_rotorpy = pytest.mark.skipif(not find_spec("rotorpy"), reason="RotorPy is not installed: extra rotorpy")
+needs_rotorpy = pytest.mark.skipif(
+    not find_spec("rotorpy"), reason="RotorPy is not installed: extra rotorpy"
+)
 
 
 def fly(plant, seconds, u=HOVER):
@@ -69,7 +72,9 @@ def test_command_latency_delays_the_rotors():
     late = replace(SWIFT, latency=0.04)
     u = (3.0, 0.0, 0.0, GRAVITY)
     assert fly(RotorpyPlant(SKY, late), 0.04, u)[10] == 0.0
-    assert fly(RotorpyPlant(SKY, late), 0.1, u)[10] == pytest.approx(fly(RotorpyPlant(SKY, SWIFT), 0.06, u)[10])
+    assert fly(RotorpyPlant(SKY, late), 0.1, u)[10] == pytest.approx(
+        fly(RotorpyPlant(SKY, SWIFT), 0.06, u)[10]
+    )
 
 
 @needs_rotorpy
@@ -82,7 +87,9 @@ def test_gusts_push_and_a_heavier_body_sinks():
 
 @needs_rotorpy
 def test_a_vehicle_without_rotors_is_one_line():
-    with pytest.raises(ValueError, match=r"^plant: 'rotorpy' needs a vehicle with rotors, got 'paper'"):
+    with pytest.raises(
+        ValueError, match=r"^plant: 'rotorpy' needs a vehicle with rotors, got 'paper'"
+    ):
         RotorpyPlant(SKY, load_vehicle("paper"))
 
 

@@ -19,13 +19,17 @@ DT, DEPTH, RADIUS = 1 / 400, 0.1, 0.1
 LEVEL, REST = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 MASS, INERTIA = 0.75, (0.0025, 0.0021, 0.0043)
 WEIGHT = (0.0, 0.0, MASS * GRAVITY)
-SPHERE = Vehicle("sphere", "test", MASS, INERTIA, RADIUS, (0.1,) * 3, (9.0,) * 3, 36.0, REST, 0.0, None)
+SPHERE = Vehicle(
+    "sphere", "test", MASS, INERTIA, RADIUS, (0.1,) * 3, (9.0,) * 3, 36.0, REST, 0.0, None
+)
 GATES = (
     Gate((5.0, 0.0, 2.0), 0.0, 0.0, 0.0, (2.4, 1.6), 0.3),
     Gate((-3.0, 4.0, 3.0), 2.2, 0.0, 0.0, (1.5, 1.5), 0.275),
     Gate((1.0, -6.0, 4.0), -0.7, 0.5, 0.3, (1.4, 1.0), 0.2),
 )
-COURSE = Course("three", "test", GATES, Start((0.0, 0.0, 1.0), 0.0), ((-9, 9),) * 3, False, 1, (), "")
+COURSE = Course(
+    "three", "test", GATES, Start((0.0, 0.0, 1.0), 0.0), ((-9, 9),) * 3, False, 1, (), ""
+)
 
 
 @pytest.fixture
@@ -45,7 +49,8 @@ def coast(world, seconds, force=REST, torque=REST):
 def touches(world, number, local):
     """What the vehicle touches when put at a point of the frame of gate `number`."""
     gate = GATES[number - 1]
-    for p in ((0.0, 0.0, 90.0), gate.position + gate.rotation @ local):  # far off first: a jump through a bar drags
+    # far off first: a jump through a bar drags
+    for p in ((0.0, 0.0, 90.0), gate.position + gate.rotation @ local):
         world.place(tuple(p), LEVEL)  # the old contact along
         world.step()
     return world.contacts()
@@ -90,7 +95,8 @@ def test_force_and_torque_act_in_the_body_frame_and_quaternions_are_wxyz(world):
     world.apply((3.0, 0.0, MASS * GRAVITY), (0.01, 0.02, 0.03))
     world.step()
     _, v, q, omega = world.read()
-    np.testing.assert_allclose(v, (0.0, 3.0 / MASS * DT, 0.0), atol=1e-12)  # body x looks along world y
+    # body x looks along world y
+    np.testing.assert_allclose(v, (0.0, 3.0 / MASS * DT, 0.0), atol=1e-12)
     np.testing.assert_allclose(omega, np.array((0.01, 0.02, 0.03)) / INERTIA * DT, rtol=1e-12)
     np.testing.assert_allclose(q, (cos(yaw / 2), 0.0, 0.0, sin(yaw / 2)), atol=1e-3)
 
@@ -108,7 +114,8 @@ def energy_gained(dt):
 def test_a_torque_free_tumble_gains_at_most_3_percent_energy_and_less_with_smaller_steps():
     coarse, fine = energy_gained(1 / 400), energy_gained(1 / 1600)
     assert 0 < fine < coarse < 0.03
-    assert coarse / fine == pytest.approx(4.0, rel=0.1)  # the gyroscopic term is explicit: first order
+    # the gyroscopic term is explicit: first order
+    assert coarse / fine == pytest.approx(4.0, rel=0.1)
 
 
 def test_worlds_do_not_disturb_each_other(world):
@@ -142,7 +149,11 @@ def test_bars_stand_where_geometry_says_to_a_millimetre(world, number, side):
     for edge, inward in ((inner - RADIUS, 1), (outer + RADIUS, -1)):
         assert touches(world, number, along * (edge - inward * mm)) == ()
         assert touches(world, number, along * (edge + inward * mm)) == name
-    middle, passage, face = along * (inner + outer) / 2, np.array((1.0, 0.0, 0.0)), DEPTH / 2 + RADIUS
+    middle, passage, face = (
+        along * (inner + outer) / 2,
+        np.array((1.0, 0.0, 0.0)),
+        DEPTH / 2 + RADIUS,
+    )
     for sign in (-1, 1):
         assert touches(world, number, middle + sign * (face + mm) * passage) == ()
         assert touches(world, number, middle + sign * (face - mm) * passage) == name
@@ -169,8 +180,12 @@ def test_a_contact_is_reported_in_the_step_that_makes_it(world):
 
 
 def test_of_many_gates_only_those_around_the_vehicle_stand_and_keep_their_numbers():
-    gates = tuple(Gate((4.0 * k, 0.0, 2.0), 0.0, 0.0, 0.0, (1.5, 1.5), 0.275) for k in range(1, 201))
-    course = Course("line", "", gates * 2, Start((0.0, 0.0, 2.0), 0.0), ((-1e4, 1e4),) * 3, False, 1, (), "")
+    gates = tuple(
+        Gate((4.0 * k, 0.0, 2.0), 0.0, 0.0, 0.0, (1.5, 1.5), 0.275) for k in range(1, 201)
+    )
+    course = Course(
+        "line", "", gates * 2, Start((0.0, 0.0, 2.0), 0.0), ((-1e4, 1e4),) * 3, False, 1, (), ""
+    )
     with closing(World(course, SPHERE, DT)) as world:
         for number in (1, 150, 200, 3):
             world.place((4.0 * number, 0.8, 2.0), LEVEL)
@@ -181,7 +196,9 @@ def test_of_many_gates_only_those_around_the_vehicle_stand_and_keep_their_number
 
 def test_gates_are_put_up_on_the_way():
     gates = tuple(Gate((4.0 * k, 0.0, 2.0), 0.0, 0.0, 0.0, (1.5, 1.5), 0.275) for k in range(1, 41))
-    course = Course("line", "", gates, Start((0.0, 0.0, 2.0), 0.0), ((-1e4, 1e4),) * 3, False, 1, (), "")
+    course = Course(
+        "line", "", gates, Start((0.0, 0.0, 2.0), 0.0), ((-1e4, 1e4),) * 3, False, 1, (), ""
+    )
     with closing(World(course, SPHERE, DT)) as world:
         world.place((4.0, 0.0, 2.0), LEVEL, (90.0, 0.0, 0.0))
         for _ in range(600):

@@ -1,4 +1,5 @@
-"""Clocks, with a fake one: what acts while a plan is made, and what a plan that takes too long costs."""
+"""Clocks, with a fake one: what acts while a plan is made, and what a plan that takes too long
+costs."""
 
 from typing import NamedTuple
 
@@ -6,11 +7,11 @@ import numpy as np
 import pytest
 
 from controllers.plan import PlanStats
+from quadsim.dynamics import System
+from quadsim.dynamics.control_periods import ControlPeriods
 from quadsim.physics.plant import ModelPlant
 from quadsim.race.clock import Clock, WallClock
 from quadsim.race.flight import simulate
-from quadsim.systems import System
-from quadsim.systems.control_periods import ControlPeriods
 
 DT, PERIOD = 0.0025, 0.01  # four physics steps in a control period
 
@@ -29,7 +30,8 @@ class FakeTime:
 
 
 class Planner:
-    """Answers its n-th plan with the control n, after so many seconds of fake time; notes when it was asked."""
+    """Answers its n-th plan with the control n, after so many seconds of fake time; notes when it
+    was asked."""
 
     rest = np.zeros(1)
 
@@ -74,17 +76,21 @@ class Watch:
 
 
 def flown(durations, end, clock=None):
-    """When plans were begun [s], the periods that had elapsed, and the control of every physics step."""
+    """When plans were begun [s], the periods that had elapsed, and the control of every physics
+    step."""
     time = FakeTime()
     planner, watch = Planner(time, durations), Watch(end)
-    counter = System("counter", Counter, Number, count, (), DT, low=(0.0,), high=(1e9,), rest=(0.0,))
+    counter = System(
+        "counter", Counter, Number, count, (), DT, low=(0.0,), high=(1e9,), rest=(0.0,)
+    )
     plant = ModelPlant(counter, (0.0, 0.0, 0.0))
     list(simulate(plant, planner, watch, PERIOD, clock or WallClock(time, time.pass_by)))
     return planner.begun, planner.elapsed, watch.controls
 
 
 def test_the_control_before_holds_until_the_plan_is_ready_then_the_new_one_acts():
-    """Each plan takes half a period: two physics steps under the old control, two under the new one."""
+    """Each plan takes half a period: two physics steps under the old control, two under the new
+    one."""
     begun, elapsed, controls = flown([0.005] * 4, 0.04)
     assert controls == [1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3, 4, 4]
     assert begun == [0.0, 0.01, 0.02, 0.03]
@@ -93,9 +99,13 @@ def test_the_control_before_holds_until_the_plan_is_ready_then_the_new_one_acts(
 
 def test_a_plan_that_takes_longer_than_a_period_makes_the_next_one_late_by_two_periods():
     begun, elapsed, controls = flown([0.0, 0.018, 0.005, 0.0], 0.0475)
-    assert begun == [0.0, 0.01, 0.0275, 0.0375], "at the physics step after it was ready, and on from there"
+    assert begun == [0.0, 0.01, 0.0275, 0.0375], (
+        "at the physics step after it was ready, and on from there"
+    )
     assert elapsed == [0, 1, 2, 1]
-    assert controls == [1] * 11 + [2] * 2 + [3] * 2 + [4] * 4, "each acts until the next one is ready"
+    assert controls == [1] * 11 + [2] * 2 + [3] * 2 + [4] * 4, (
+        "each acts until the next one is ready"
+    )
 
 
 def test_the_first_plan_takes_no_time_of_the_flight_as_it_may_have_to_compile():
@@ -105,7 +115,11 @@ def test_the_first_plan_takes_no_time_of_the_flight_as_it_may_have_to_compile():
 
 def test_under_the_simulated_clock_no_plan_is_ever_late():
     slow, quick = (flown([seconds] * 4, 0.04, Clock()) for seconds in (0.5, 0.0))
-    assert slow == quick == ([0.0, 0.01, 0.02, 0.03], [0, 1, 1, 1], [k for k in (1, 2, 3, 4) for _ in range(4)])
+    assert (
+        slow
+        == quick
+        == ([0.0, 0.01, 0.02, 0.03], [0, 1, 1, 1], [k for k in (1, 2, 3, 4) for _ in range(4)])
+    )
 
 
 def test_wall_clock_waits_for_a_later_time_and_returns_at_once_for_an_earlier_one():

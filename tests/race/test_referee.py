@@ -27,7 +27,9 @@ def test_crossing_at_30_m_s_is_timed_to_a_nanosecond(phase):
 
 def test_step_that_ends_exactly_on_the_plane_counts_once():
     referee = make_referee(gate(), gate((50.0, 0.0, 10.0)), laps=2)
-    assert kinds(fly(referee, [(-0.1, 0.0, 10.0), (0.0, 0.0, 10.0), (0.1, 0.0, 10.0)])) == [("pass", 1)]
+    assert kinds(fly(referee, [(-0.1, 0.0, 10.0), (0.0, 0.0, 10.0), (0.1, 0.0, 10.0)])) == [
+        ("pass", 1)
+    ]
 
 
 SIDES = {"left": (1, 0), "right": (-1, 0), "top": (0, 1), "bottom": (0, -1)}
@@ -48,7 +50,9 @@ def test_clip_is_called_where_the_sphere_meets_the_bar_not_at_the_plane():
 
 def test_oblique_pass_that_clips_a_bar_behind_the_plane_is_a_pass_and_then_a_hit():
     slope = 0.5
-    path = straight((-2.0, HALF[0] - R - 0.02 - 2 * slope, 10.0), (2.0, HALF[0] - R - 0.02 + 2 * slope, 10.0))
+    path = straight(
+        (-2.0, HALF[0] - R - 0.02 - 2 * slope, 10.0), (2.0, HALF[0] - R - 0.02 + 2 * slope, 10.0)
+    )
     events = fly(make_referee(gate(), gate((50.0, 0.0, 10.0))), path)
     assert kinds(events) == [("pass", 1), ("hit", 1)]
     assert events[1].offset[0] == pytest.approx(HALF[0] - R, abs=1e-9)
@@ -100,7 +104,8 @@ def test_two_gates_in_one_step_in_the_wrong_order_pass_only_the_next():
     assert referee.next_gate == 1
 
 
-# Stacked gates: 4 and 5 of the Split-S track, one above the other with opposite passages, frames overlapping by 7 cm
+# Stacked gates: 4 and 5 of the Split-S track, one above the other with opposite passages, frames
+# overlapping by 7 cm
 UPPER = Gate((-4.3, -5.6, 3.4), pi, 0.0, 0.0, (1.5, 1.5), WIDTH)
 LOWER = Gate((-4.3, -5.6, 1.42), 0.0, 0.0, 0.0, (1.5, 1.5), WIDTH)
 
@@ -108,7 +113,10 @@ LOWER = Gate((-4.3, -5.6, 1.42), 0.0, 0.0, 0.0, (1.5, 1.5), WIDTH)
 def test_split_s_through_stacked_gates_passes_both():
     referee = make_referee(UPPER, LOWER)
     turn = [(-5.5 - sin(a), -5.6, 2.41 + 0.99 * cos(a)) for a in np.linspace(0, pi, 60).tolist()]
-    events = fly(referee, [*straight((-2.0, -5.6, 3.4), turn[0]), *turn, *straight(turn[-1], (-2.0, -5.6, 1.42))])
+    events = fly(
+        referee,
+        [*straight((-2.0, -5.6, 3.4), turn[0]), *turn, *straight(turn[-1], (-2.0, -5.6, 1.42))],
+    )
     assert kinds(events) == [("pass", 1), ("pass", 2)]
 
 
@@ -146,7 +154,9 @@ def angles(m):
 
 def moved(g, m, shift):
     yaw, pitch, roll = (float(a) for a in angles(m @ g.rotation))
-    return replace(g, position=tuple((m @ g.position + shift).tolist()), yaw=yaw, pitch=pitch, roll=roll)
+    return replace(
+        g, position=tuple((m @ g.position + shift).tolist()), yaw=yaw, pitch=pitch, roll=roll
+    )
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -170,6 +180,7 @@ def test_rigid_motion_of_course_and_path_changes_nothing(seed):
 def test_pitched_gate_is_judged_in_its_own_frame_and_not_in_the_world_s():
     """A box along the world's axes would call this dive through a gate that faces down a hit."""
     dive = straight((0.6, 0.0, 12.0), (0.6, 0.0, 8.0))
-    sideways = gate(pitch=pi / 2, yaw=0.0)  # passage down; its 1.2 m height lies along the world's x
+    # passage down; its 1.2 m height lies along the world's x
+    sideways = gate(pitch=pi / 2, yaw=0.0)
     assert kinds(fly(make_referee(sideways), dive)) == [("hit", 1)]
     assert kinds(fly(make_referee(replace(sideways, roll=pi / 2)), dive)) == [("pass", 1)]

@@ -1,8 +1,9 @@
-"""The referee against PyBullet's contacts: straight passes at and around a turned gate's frame, at 1 to 30 m/s.
+"""The referee against PyBullet's contacts: straight passes at and around a turned gate's frame, at
+1 to 30 m/s.
 
-Measured over 6 400 such passes: PyBullet never touched a bar, nor changed the velocity, without a HIT. HITs that
-PyBullet let pass were from 64 mm outside the bars' true shape (at edges, where boxes grown by r stick out) to 1.4 mm
-inside it (a sphere sampled every v dt cuts across an edge).
+Measured over 6 400 such passes: PyBullet never touched a bar, nor changed the velocity, without a
+HIT. HITs that PyBullet let pass were from 64 mm outside the bars' true shape (at edges, where boxes
+grown by r stick out) to 1.4 mm inside it (a sphere sampled every v dt cuts across an edge).
 """
 
 from contextlib import closing
@@ -21,7 +22,9 @@ pytest.importorskip("pybullet", reason=NO_BULLET)
 from quadsim.physics.world import World
 
 GATE = gate((0.0, 0.0, 10.0), yaw=0.7, pitch=-0.4, roll=0.2)
-PROBE = Vehicle("probe", "", 1.0, (1e-3,) * 3, R, (0.05,) * 3, (10.0,) * 3, 40.0, (0.0,) * 3, 0.0, None)
+PROBE = Vehicle(
+    "probe", "", 1.0, (1e-3,) * 3, R, (0.05,) * 3, (10.0,) * 3, 40.0, (0.0,) * 3, 0.0, None
+)
 HOVER = (0.0, 0.0, GRAVITY * PROBE.mass)  # the probe never turns before it touches, so this is up
 CORNER = (sqrt(3) - 1) * R  # by which a grown box's corner sticks out of a sphere [m]
 NEAR = 1.8  # half length of a pass [m]
@@ -38,7 +41,8 @@ class Pass:
 
     @property
     def depth(self):
-        """How far the free flight would bring the sphere into a bar's true shape, negative outside [m]."""
+        """How far the free flight would bring the sphere into a bar's true shape, negative outside
+        [m]."""
         s = np.linspace(0.0, 2 * NEAR / self.speed, 4001)[:, None]
         p = self.start + s * self.velocity  # (4001, 3)
         gaps = [np.maximum(np.abs(p - np.array(c)) - np.array(h), 0.0) for c, h in GATE.bars]
@@ -46,7 +50,8 @@ class Pass:
 
     @property
     def unsure(self):
-        """Depth that may fall between two samples v dt apart: the sagitta of the sphere, and 1 mm [m]."""
+        """Depth that may fall between two samples v dt apart: the sagitta of the sphere, and 1 mm
+        [m]."""
         return (self.speed * DT) ** 2 / (8 * R) + 1e-3
 
 
@@ -60,7 +65,8 @@ def random_pass(rng):
 
 
 def fly_pass(world, trial):
-    """Whether the referee called a HIT, and whether PyBullet touched: a contact, or a velocity that changed."""
+    """Whether the referee called a HIT, and whether PyBullet touched: a contact, or a velocity that
+    changed."""
     referee = Referee(course(GATE), R, laps=99, timeout=1e3, penalties=True)
     turn, v0 = GATE.rotation, GATE.rotation @ trial.velocity
     p0 = tuple((GATE.position + turn @ trial.start).tolist())
@@ -80,7 +86,9 @@ def fly_pass(world, trial):
 def trials():
     rng = np.random.default_rng(1)
     with closing(World(course(GATE), PROBE, DT)) as world:
-        return [(trial, *fly_pass(world, trial)) for trial in (random_pass(rng) for _ in range(250))]
+        return [
+            (trial, *fly_pass(world, trial)) for trial in (random_pass(rng) for _ in range(250))
+        ]
 
 
 def test_every_contact_that_pybullet_sees_is_a_hit(trials):
@@ -96,14 +104,16 @@ def test_every_hit_but_a_graze_is_a_contact_in_pybullet(trials):
 
 
 def test_clean_passes_stay_clean_in_pybullet(trials):
-    """The control: without passes that touch nothing, a referee that always calls HIT would keep the first law."""
+    """The control: without passes that touch nothing, a referee that always calls HIT would keep
+    the first law."""
     clean = [trial for trial, kinds, touched in trials if "hit" not in kinds and not touched]
     assert len(clean) > 25
     assert all(trial.depth < 0.0 for trial in clean)
 
 
 def test_disagreement_is_put_on_record():
-    """The control: a referee that has the gate 3 m to the left records the contact that PyBullet reports."""
+    """The control: a referee that has the gate 3 m to the left records the contact that PyBullet
+    reports."""
     wrong = gate((0.0, 3.0, 10.0))
     referee = Referee(course(wrong), R, laps=99, timeout=1e3, penalties=True)
     true = gate((0.0, 0.0, 10.0))

@@ -1,4 +1,5 @@
-"""Obstacles under the referee: a hit names the obstacle, in both plants; PyBullet's contacts are hits."""
+"""Obstacles under the referee: a hit names the obstacle, in both plants; PyBullet's contacts are
+hits."""
 
 from contextlib import closing
 from itertools import pairwise
@@ -17,7 +18,9 @@ from quadsim.vehicle import GRAVITY, Vehicle
 
 POLE, WALL = Cylinder((-1.0, 0.0, 9.0), 0.1, 2.0), Box((3.0, 0.0, 10.0), (0.5, 2.0, 1.0), 0.4)
 HERE, AWAY = (gate(),), (gate((0.0, 40.0, 10.0)),)
-PROBE = Vehicle("probe", "", 1.0, (1e-3,) * 3, R, (0.05,) * 3, (10.0,) * 3, 40.0, (0.0,) * 3, 0.0, None)
+PROBE = Vehicle(
+    "probe", "", 1.0, (1e-3,) * 3, R, (0.05,) * 3, (10.0,) * 3, 40.0, (0.0,) * 3, 0.0, None
+)
 
 
 def course(*obstacles, gates=HERE):
@@ -52,7 +55,9 @@ def test_in_the_timed_mode_a_hit_costs_its_seconds_once():
 
 def test_a_contact_that_the_plant_alone_sees_is_put_on_record():
     judge = referee(POLE)
-    (event,) = fly(judge, straight((2.0, 0.0, 12.0), (3.0, 0.0, 12.0), speed=9.0), contacts=("obstacle 1",))
+    (event,) = fly(
+        judge, straight((2.0, 0.0, 12.0), (3.0, 0.0, 12.0), speed=9.0), contacts=("obstacle 1",)
+    )
     assert (event.kind, event.place) == ("unseen_contact", "obstacle 1")
 
 
@@ -65,7 +70,9 @@ def test_our_rigid_body_reports_an_obstacle_and_stands_clear_of_it_at_the_start(
         assert plant.state.contacts == ()
 
 
-@pytest.mark.parametrize("obstacle", [POLE, WALL, Cylinder((-1.0, 0.0, 9.0), 0.015, 1.55)], ids=["drum", "box", "pole"])
+@pytest.mark.parametrize(
+    "obstacle", [POLE, WALL, Cylinder((-1.0, 0.0, 9.0), 0.015, 1.55)], ids=["drum", "box", "pole"]
+)
 def test_every_contact_that_pybullet_sees_is_a_hit_and_hits_are_near(obstacle):
     pytest.importorskip("pybullet", reason=NO_BULLET)
     from quadsim.physics.world import World
@@ -73,7 +80,9 @@ def test_every_contact_that_pybullet_sees_is_a_hit_and_hits_are_near(obstacle):
     rng, outcomes = np.random.default_rng(5), []
     with closing(World(course(obstacle, gates=AWAY), PROBE, DT)) as world:
         for _ in range(50):
-            aim = np.array(obstacle.centre) + rng.uniform(-0.5, 0.5, 3) * np.ptp(obstacle.corners(), axis=0)
+            aim = np.array(obstacle.centre) + rng.uniform(-0.5, 0.5, 3) * np.ptp(
+                obstacle.corners(), axis=0
+            )
             way = rng.normal(size=3) * (1.0, 1.0, 0.3)
             v = rng.uniform(1.0, 20.0) * way / np.linalg.norm(way)
             p0 = tuple((aim - 1.8 * v / np.linalg.norm(v) + rng.uniform(-0.2, 0.2, 3)).tolist())
@@ -84,7 +93,8 @@ def test_every_contact_that_pybullet_sees_is_a_hit_and_hits_are_near(obstacle):
 
 
 def passed_by(world, obstacle, p0, v):
-    """Whether the referee called a hit, whether PyBullet touched, and the least distance to the obstacle's surface."""
+    """Whether the referee called a hit, whether PyBullet touched, and the least distance to the
+    obstacle's surface."""
     judge, nearest = referee(obstacle, gates=AWAY), np.inf
     world.place(p0, (1.0, 0.0, 0.0, 0.0), tuple(v.tolist()))
     points = [p0]

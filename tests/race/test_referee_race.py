@@ -97,7 +97,9 @@ def test_laps_the_course_does_not_have_are_refused(laps, loop):
 
 
 def test_gate_too_small_for_the_vehicle_is_refused():
-    with pytest.raises(ValueError, match=r"gates\[1\]: expected an opening wider than .* 0\.22 m, got 0\.2 x 1 m"):
+    with pytest.raises(
+        ValueError, match=r"gates\[1\]: expected an opening wider than .* 0\.22 m, got 0\.2 x 1 m"
+    ):
         make_referee(gate(), replace(gate(), opening=(0.2, 1.0)))
 
 
@@ -152,5 +154,7 @@ def test_contact_the_referee_did_not_see_is_recorded_once():
 def test_contact_that_follows_a_hit_is_no_news():
     referee = make_referee(gate(), penalties=True)
     events = fly(referee, [(-1.0, HALF[0], 10.0), (-0.01, HALF[0], 10.0)])
-    events += referee.observe(DT, (-0.01, HALF[0], 10.0), 2 * DT, (-0.3, HALF[0], 10.0), ("gate 1",))
+    events += referee.observe(
+        DT, (-0.01, HALF[0], 10.0), 2 * DT, (-0.3, HALF[0], 10.0), ("gate 1",)
+    )
     assert kinds(events) == [("hit", 1)]

@@ -1,4 +1,5 @@
-"""What is flown: settings, presets and vehicles resolved to one record, which alone decides the flight."""
+"""What is flown: settings, presets and vehicles resolved to one record, which alone decides the
+flight."""
 
 import json
 from dataclasses import replace
@@ -7,11 +8,11 @@ import pytest
 
 import quadsim
 from controllers.presets import PRESETS
+from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.strict_yaml import FileError
-from quadsim.race.preset_file import parse_planner
-from quadsim.race.spec import Spec
-from quadsim.race.systems import SYSTEMS
-from quadsim.systems.quadrotor import ModelParams
+from quadsim.spec.preset_file import parse_planner
+from quadsim.spec.spec import Spec
+from quadsim.spec.systems import SYSTEMS
 
 SMALL = {"samples": 256, "horizon": 40, "iterations": 1}
 
@@ -47,7 +48,9 @@ def test_defaults_are_the_presets_own(system):
 
 
 def test_a_course_brings_its_system():
-    assert {Spec.of(entry.default_course).system: name for name, entry in SYSTEMS.items()} == {n: n for n in SYSTEMS}
+    assert {Spec.of(entry.default_course).system: name for name, entry in SYSTEMS.items()} == {
+        n: n for n in SYSTEMS
+    }
 
 
 def test_planner_has_the_vehicles_nominal_model_unless_told():
@@ -57,7 +60,13 @@ def test_planner_has_the_vehicles_nominal_model_unless_told():
 
 
 def test_a_text_is_read_as_in_a_file_and_gives_the_same_spec():
-    words = {"samples": "256", "sigma": ("1", "1", ".5", "4e0"), "smooth": "true", "seed": "3", "target-ess": "20"}
+    words = {
+        "samples": "256",
+        "sigma": ("1", "1", ".5", "4e0"),
+        "smooth": "true",
+        "seed": "3",
+        "target-ess": "20",
+    }
     given = {"samples": 256, "sigma": (1, 1, 0.5, 4), "smooth": True, "seed": 3, "target_ess": 20}
     assert Spec.of(**{k.replace("-", "_"): v for k, v in words.items()}) == Spec.of(**given)
 
@@ -81,7 +90,8 @@ def test_preset_file_changes_what_it_says_and_nothing_else(sampler):
     base = PRESETS["race"][sampler]
     planner = parse_planner(PRESET, "mine.yaml", sampler, PRESETS)
     assert planner.vehicle == "kingfisher"
-    own = {"gamma": (3.0, 3.0, 3.0, 2.0)} if sampler == "colored" else {}  # keys of other samplers are skipped
+    # keys of other samplers are skipped
+    own = {"gamma": (3.0, 3.0, 3.0, 2.0)} if sampler == "colored" else {}
     assert planner.sampling == replace(base.sampling, **own)
     assert planner.mppi == replace(base.mppi, samples=2048, target_ess=None)
     assert planner.cost == base.cost
@@ -94,11 +104,23 @@ def test_preset_file_changes_what_it_says_and_nothing_else(sampler):
         ("mppi: {samples: 9}\n", "base: missing"),
         ("base: race\nmpi: {samples: 9}\n", "p.yaml:2:1: mpi: unknown key, did you mean 'mppi'?"),
         ("base: race\nmppi: {dt: 1e-2, dt: 2}\n", "mppi.dt: duplicate key"),
-        ("base: race\nmppi: {samples: 20}\n", "p.yaml:2:7: mppi.target_ess: expected less than samples = 20, got 60"),
-        ("base: race\nsampling: {sigma: [1, 1, 1, 0]}\n", "expected a number [rad/s, rad/s, rad/s, m/s^2] > 0"),
-        ("base: race\nsampling: {sigma: [1, 1, 1]}\n", "expected 4 numbers [rad/s, rad/s, rad/s, m/s^2], got 3"),
+        (
+            "base: race\nmppi: {samples: 20}\n",
+            "p.yaml:2:7: mppi.target_ess: expected less than samples = 20, got 60",
+        ),
+        (
+            "base: race\nsampling: {sigma: [1, 1, 1, 0]}\n",
+            "expected a number [rad/s, rad/s, rad/s, m/s^2] > 0",
+        ),
+        (
+            "base: race\nsampling: {sigma: [1, 1, 1]}\n",
+            "expected 4 numbers [rad/s, rad/s, rad/s, m/s^2], got 3",
+        ),
         ("base: race\nsampling: {gama: [1, 1, 1, 1]}\n", "p.yaml:2:12: sampling.gama: unknown key"),
-        ("base: race\nsampling: {law: pink}\n", "expected 'exact' or 'library' or 'paper', got 'pink'"),
+        (
+            "base: race\nsampling: {law: pink}\n",
+            "expected 'exact' or 'library' or 'paper', got 'pink'",
+        ),
     ],
 )
 def test_preset_file_errors_name_the_place(text, problem):

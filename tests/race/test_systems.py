@@ -1,4 +1,5 @@
-"""Every system of the registry, and one of a user's own, is flown, kept, reported and drawn in the same way."""
+"""Every system of the registry, and one of a user's own, is flown, kept, reported and drawn in the
+same way."""
 
 import io
 import json
@@ -16,16 +17,16 @@ from run_cases import same, save
 import quadsim
 from controllers.costs import Cost, Term
 from controllers.samplers import SAMPLERS, Colored
-from quadsim.app.figures.run_figure import draw
-from quadsim.app.progress import Progress
-from quadsim.app.report import report, summary
-from quadsim.race.build import flight_frames
-from quadsim.race.own_parts import own_system
-from quadsim.race.spec import Spec
-from quadsim.race.systems import SYSTEMS
+from quadsim.cli.progress import Progress
+from quadsim.cli.report import report, summary
+from quadsim.dynamics import System
+from quadsim.figures.run_figure import draw
 from quadsim.record.archive import load_run
 from quadsim.record.run import Run, columns_of
-from quadsim.systems import System
+from quadsim.spec.build import flight_frames
+from quadsim.spec.own_parts import own_system
+from quadsim.spec.spec import Spec
+from quadsim.spec.systems import SYSTEMS
 
 SMALL = {"samples": 64, "horizon": 10, "iterations": 1, "timeout": 0.3}
 OUTCOMES = ("finished", "crashed", "stuck", "timeout", "interrupted")
@@ -80,7 +81,9 @@ def flown(system, seed=0):
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
-def test_the_default_course_loads_and_belongs_to_the_system_by_its_name_and_its_file(system, tmp_path):
+def test_the_default_course_loads_and_belongs_to_the_system_by_its_name_and_its_file(
+    system, tmp_path
+):
     entry = SYSTEMS[system]
     assert entry.default_course in entry.courses
     course = entry.load_course(entry.default_course)
@@ -111,7 +114,10 @@ def test_a_run_has_a_column_with_its_unit_for_time_every_state_and_every_control
     assert len(run.telemetry["t"]) > 10
     assert all(np.isfinite(column).all() for column in run.telemetry.values())
     first = next(iter(flight_frames(spec_of(system))))
-    assert [run.telemetry[name][0] for name in (*entry.states, *entry.controls)] == [*first.x, *first.u]
+    assert [run.telemetry[name][0] for name in (*entry.states, *entry.controls)] == [
+        *first.x,
+        *first.u,
+    ]
 
 
 @pytest.mark.parametrize("system", EVERY)
@@ -153,9 +159,13 @@ def test_the_report_fits_80_columns_and_has_a_variation_of_every_control(system)
 
 @pytest.mark.parametrize("outcome", OUTCOMES)
 @pytest.mark.parametrize("system", EVERY)
-def test_any_outcome_is_reported_kept_and_drawn_also_without_an_event_or_a_frame(system, outcome, tmp_path):
+def test_any_outcome_is_reported_kept_and_drawn_also_without_an_event_or_a_frame(
+    system, outcome, tmp_path
+):
     run = replace(flown(system), outcome=outcome, events=())
-    empty = replace(run, telemetry={name: column[:0] for name, column in run.telemetry.items()}, snapshots=None)
+    empty = replace(
+        run, telemetry={name: column[:0] for name, column in run.telemetry.items()}, snapshots=None
+    )
     for left in (run, empty):
         assert left.laps == left.penalties == []
         assert outcome in printed(left)
@@ -169,12 +179,16 @@ def test_the_figure_shows_every_control_and_can_be_written(system):
     figure, file = draw(flown(system)), io.BytesIO()
     figure.savefig(file, dpi=30)
     assert file.getvalue().startswith(b"\x89PNG")
-    lines = [x for axes in figure.findobj(lambda a: hasattr(a, "get_lines")) for x in axes.get_lines()]
+    lines = [
+        x for axes in figure.findobj(lambda a: hasattr(a, "get_lines")) for x in axes.get_lines()
+    ]
     shown = [x for x in lines if x.get_label() == "commanded"]
     assert len(shown) >= len(spec_of(system).entry.controls)
 
 
-@pytest.mark.parametrize(("system", "shown"), [("quadrotor", "gate 1/7"), ("offroad", "leg 1/5"), ("own", "ESS")])
+@pytest.mark.parametrize(
+    ("system", "shown"), [("quadrotor", "gate 1/7"), ("offroad", "leg 1/5"), ("own", "ESS")]
+)
 def test_the_live_line_names_what_is_passed(system, shown, monkeypatch, capsys):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setenv("COLUMNS", "120")

@@ -53,9 +53,25 @@ def test_run_json_says_what_flew_and_where(tmp_path):
     assert record["units"] == COLUMNS
     assert record["digest"] == run.digest()
     assert record["chatter"]["commanded"]["thrust_tv"] > 0.0
-    assert record["versions"].keys() == {"python", "quadsim", "numpy", "scipy", "pybullet", "numba", "rotorpy"}
+    assert record["versions"].keys() == {
+        "python",
+        "quadsim",
+        "numpy",
+        "scipy",
+        "pybullet",
+        "numba",
+        "rotorpy",
+    }
     assert record["argv"] == sys.argv
-    assert {"git", "cpu", "course_sha256", "plan_ms", "real_time_factor", "gates", "events"} <= record.keys()
+    assert {
+        "git",
+        "cpu",
+        "course_sha256",
+        "plan_ms",
+        "real_time_factor",
+        "gates",
+        "events",
+    } <= record.keys()
 
 
 def test_events_csv_has_a_row_an_event(tmp_path):
@@ -122,14 +138,18 @@ def test_what_another_process_or_a_user_has_there_is_not_removed(tmp_path):
 def test_root_that_cannot_be_written_is_one_line_before_the_flight(tmp_path, root):
     (tmp_path / "file").write_text("")
     (tmp_path / "dangling").symlink_to(tmp_path / "file" / "nowhere")
-    with pytest.raises(RunError, match=f"^{tmp_path / root}: cannot make a folder for runs here: [^\n]+$"):
+    with pytest.raises(
+        RunError, match=f"^{tmp_path / root}: cannot make a folder for runs here: [^\n]+$"
+    ):
         RunFolder.open(tmp_path / root, SPEC)
 
 
 def test_full_disk_is_one_line_and_nothing_looks_finished(tmp_path, monkeypatch):
     with RunFolder.open(tmp_path, SPEC) as folder, monkeypatch.context() as patch:
         patch.setattr("quadsim.files.atomic.os.fsync", full)
-        with pytest.raises(RunError, match=r"telemetry\.npz: cannot write: No space left on device$"):
+        with pytest.raises(
+            RunError, match=r"telemetry\.npz: cannot write: No space left on device$"
+        ):
             folder.save(two_laps())
     assert list(tmp_path.iterdir()) == []
 

@@ -27,8 +27,16 @@ def test_snapshots_in_the_early_layout_a_row_a_frame_load_as_well(tmp_path):
     path = save(tmp_path, run)
     dense = np.full((61, *run.snapshots.best.shape[1:]), np.nan, np.float32)
     dense[[3, 7]] = run.snapshots.best[:2]
-    terms = {f"{TERM}{name}": np.where(np.isin(np.arange(61), [3, 7]), 1, np.nan) for name in run.snapshots.terms}
-    edit_npz(path, pictured=None, best=dense, **{name: column.astype(np.float32) for name, column in terms.items()})
+    terms = {
+        f"{TERM}{name}": np.where(np.isin(np.arange(61), [3, 7]), 1, np.nan)
+        for name in run.snapshots.terms
+    }
+    edit_npz(
+        path,
+        pictured=None,
+        best=dense,
+        **{name: column.astype(np.float32) for name, column in terms.items()},
+    )
     old = load_run(path)
     assert old.snapshots.frames.tolist() == [3, 7]
     assert np.array_equal(old.snapshots.best, run.snapshots.best[:2])
@@ -37,7 +45,10 @@ def test_snapshots_in_the_early_layout_a_row_a_frame_load_as_well(tmp_path):
 
 SEEN, BEST = np.array([0, 10]), np.zeros((2, 8, 5, 3), np.float32)
 DAMAGE = {
-    "newer": (lambda p: edit(p, schema_version=2), "expected schema_version 1, got 2; it comes from a newer quadsim"),
+    "newer": (
+        lambda p: edit(p, schema_version=2),
+        "expected schema_version 1, got 2; it comes from a newer quadsim",
+    ),
     "no version": (lambda p: edit(p, schema_version=None), "damaged: Expected `int`"),
     "outcome": (lambda p: edit(p, outcome="won"), "damaged: Invalid enum value 'won'"),
     "edited lap": (lambda p: edit(p, events=[]), "do not give the stored digest"),
@@ -45,25 +56,46 @@ DAMAGE = {
         lambda p: edit(p, events=[{"t": "soon"}]),
         r"damaged: Expected `float`, got `str` - at `\$.events\[0\].t`",
     ),
-    "cut json": (lambda p: (p / "run.json").write_text('{"schema_version": 1, "spec"'), "damaged: "),
+    "cut json": (
+        lambda p: (p / "run.json").write_text('{"schema_version": 1, "spec"'),
+        "damaged: ",
+    ),
     "binary json": (lambda p: (p / "run.json").write_bytes(b"\xff\x00"), "damaged: "),
     "no json": (lambda p: (p / "run.json").unlink(), "cannot read: No such file"),
     "no npz": (lambda p: (p / "telemetry.npz").unlink(), "cannot read: No such file"),
     "empty npz": (lambda p: (p / "telemetry.npz").write_bytes(b""), "damaged: "),
     "column": (lambda p: edit_npz(p, vz=None), "missing or unknown: vz"),
-    "length": (lambda p: edit_npz(p, vz=np.zeros(3)), r"vz: expected float64 \(61,\), got float64 \(3,\)"),
+    "length": (
+        lambda p: edit_npz(p, vz=np.zeros(3)),
+        r"vz: expected float64 \(61,\), got float64 \(3,\)",
+    ),
     "pickle": (lambda p: edit_npz(p, vz=np.array([{}])), "damaged: Object arrays cannot be loaded"),
-    "best": (lambda p: edit_npz(p, pictured=SEEN, best=np.zeros((2, 8, 3))), "best: expected float32"),
-    "four states": (lambda p: edit_npz(p, pictured=SEEN, best=np.zeros((2, 8, 5, 4), np.float32)), "1 to 3"),
+    "best": (
+        lambda p: edit_npz(p, pictured=SEEN, best=np.zeros((2, 8, 3))),
+        "best: expected float32",
+    ),
+    "four states": (
+        lambda p: edit_npz(p, pictured=SEEN, best=np.zeros((2, 8, 5, 4), np.float32)),
+        "1 to 3",
+    ),
     "pictured alone": (lambda p: edit_npz(p, pictured=SEEN), "missing or unknown: pictured"),
     "no path": (lambda p: edit_npz(p, pictured=SEEN, best=BEST[:, :0]), "best: expected float32"),
-    "past the end": (lambda p: edit_npz(p, pictured=SEEN + 60, best=BEST), "pictured: expected rising frames below 61"),
-    "falling": (lambda p: edit_npz(p, pictured=SEEN[::-1], best=BEST), "pictured: expected rising frames below 61"),
+    "past the end": (
+        lambda p: edit_npz(p, pictured=SEEN + 60, best=BEST),
+        "pictured: expected rising frames below 61",
+    ),
+    "falling": (
+        lambda p: edit_npz(p, pictured=SEEN[::-1], best=BEST),
+        "pictured: expected rising frames below 61",
+    ),
     "term": (
         lambda p: edit_npz(p, pictured=SEEN, best=BEST, **{f"{TERM}crash": np.zeros(2)}),
         r"cost.crash: expected float32 \(2,\), got float64 \(2,\)",
     ),
-    "term alone": (lambda p: edit_npz(p, **{f"{TERM}crash": np.zeros(61)}), "missing or unknown: cost.crash"),
+    "term alone": (
+        lambda p: edit_npz(p, **{f"{TERM}crash": np.zeros(61)}),
+        "missing or unknown: cost.crash",
+    ),
     "bit": (lambda p: edit_npz(p, vz=np.full(61, 1e-300)), "do not give the stored digest"),
 }
 

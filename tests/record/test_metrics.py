@@ -37,7 +37,9 @@ def filtered(noise, tau):
 
 
 def test_total_variation_of_a_sine_is_four_amplitudes_a_period():
-    assert total_variation(T, 3.0 * np.sin(2 * pi * 0.5 * T)) == pytest.approx(4 * 3.0 * 0.5, rel=1e-3)
+    assert total_variation(T, 3.0 * np.sin(2 * pi * 0.5 * T)) == pytest.approx(
+        4 * 3.0 * 0.5, rel=1e-3
+    )
 
 
 def test_total_variation_of_a_ramp_is_its_slope_and_does_not_see_an_offset():
@@ -86,7 +88,8 @@ def test_psd_is_the_mean_periodogram_of_hann_windows_that_overlap_by_half(n):
     parts = np.array([u[k : k + size] for k in range(0, n - size + 1, size // 2)])
     power = np.abs(np.fft.rfft(window * (parts - parts.mean(axis=1, keepdims=True)))) ** 2
     expected = power.mean(axis=0) * DT / np.sum(window**2)
-    expected[1 : (size + 1) // 2] *= 2.0  # both signs of all but zero and an even length's Nyquist frequency
+    # both signs of all but zero and an even length's Nyquist frequency
+    expected[1 : (size + 1) // 2] *= 2.0
     assert f == pytest.approx(np.fft.rfftfreq(size, DT))
     assert psd == pytest.approx(expected)
 
@@ -134,4 +137,6 @@ def test_chatter_tells_commanded_from_delivered():
 @pytest.mark.parametrize("frames", [0, 1, 2, 3])
 def test_chatter_of_the_shortest_flights_is_a_number(frames):
     result = chatter(Run.from_frames(SPEC, [frame(k) for k in range(frames)]))
-    assert all(np.isfinite(list(result[side].values())).all() for side in ("commanded", "delivered"))
+    assert all(
+        np.isfinite(list(result[side].values())).all() for side in ("commanded", "delivered")
+    )

@@ -12,5 +12,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a checkout")
 def test_a_checkout_names_its_commit():
-    head = subprocess.run(["git", "-C", str(ROOT), "rev-parse", "HEAD"], capture_output=True, text=True, check=True)
+    head = subprocess.run(
+        ["git", "-C", str(ROOT), "rev-parse", "HEAD"], capture_output=True, text=True, check=True
+    )
     assert (git_commit() or "none").removesuffix("-dirty") == head.stdout.strip()

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from run_cases import SPEC, event, frame, snapshot, two_laps
 
+from quadsim.dynamics.quadrotor import CONTROL, STATE
 from quadsim.race.events import PENALTY, sector_times
 from quadsim.record.run import COLUMNS, Run
-from quadsim.systems.quadrotor import CONTROL, STATE
 
 
 def test_telemetry_has_a_unit_for_every_column_and_one_length():
@@ -24,7 +24,10 @@ def test_laps_begin_at_zero_end_at_the_last_gate_and_carry_their_own_penalties()
     run = two_laps()
     assert run.penalties == [0.0, PENALTY]
     assert run.laps == pytest.approx([0.3, 0.29 + PENALTY])
-    assert sector_times(run.events) == [pytest.approx([0.095, 0.105, 0.1]), pytest.approx([0.1, 0.1, 0.09])]
+    assert sector_times(run.events) == [
+        pytest.approx([0.095, 0.105, 0.1]),
+        pytest.approx([0.1, 0.1, 0.09]),
+    ]
     assert run.gates[0] == {"gate": 1, "lap": 1, "t": 0.095, "offset": (0.1, -0.2), "speed": 12.3}
     assert len(run.gates) == 6
 
@@ -36,7 +39,9 @@ def test_flight_that_nobody_ended_is_interrupted_and_keeps_its_full_laps():
 
 
 def test_crash_in_the_first_lap_has_no_laps():
-    run = Run.from_frames(SPEC, [frame(0), frame(1, events=(event(0.005, "hit"),), outcome="crashed")])
+    run = Run.from_frames(
+        SPEC, [frame(0), frame(1, events=(event(0.005, "hit"),), outcome="crashed")]
+    )
     assert (run.outcome, run.laps, run.penalties, run.gates) == ("crashed", [], [], [])
 
 
@@ -61,17 +66,24 @@ def test_a_lap_whose_end_no_pass_tells_has_no_time_and_the_laps_before_it_do():
 def test_a_flight_lasts_until_the_event_that_ended_it():
     assert two_laps().duration == 0.59, "between the last two frames"
     assert two_laps(outcome=None).duration == 0.6, "interrupted at a frame"
-    assert replace(two_laps(), events=two_laps().events[:-1]).duration == 0.6, "ended without an event"
+    assert replace(two_laps(), events=two_laps().events[:-1]).duration == 0.6, (
+        "ended without an event"
+    )
 
 
 def test_an_outcome_that_could_not_be_read_back_is_refused():
-    with pytest.raises(ValueError, match=r"referee: expected an outcome of finished, crashed, .* got 'landed'"):
+    with pytest.raises(
+        ValueError, match=r"referee: expected an outcome of finished, crashed, .* got 'landed'"
+    ):
         Run.from_frames(SPEC, [frame(0, outcome="landed")])
 
 
 def test_wall_clock_is_percentiles_and_simulated_over_real_seconds():
     frames = [frame(k, plan_ms=float(k)) for k in range(101)]
-    assert Run.from_frames(SPEC, frames).wall == {"plan_ms": {"p50": 50.0, "p95": 95.0}, "real_time_factor": 0.5}
+    assert Run.from_frames(SPEC, frames).wall == {
+        "plan_ms": {"p50": 50.0, "p95": 95.0},
+        "real_time_factor": 0.5,
+    }
 
 
 def test_snapshots_are_kept_where_a_frame_has_them():

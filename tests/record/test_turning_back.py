@@ -1,4 +1,5 @@
-"""Turning back to a gate is seen in positions alone, and what a course asks for is no turning back."""
+"""Turning back to a gate is seen in positions alone, and what a course asks for is no turning
+back."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -8,7 +9,7 @@ import pytest
 from run_cases import two_laps
 
 from quadsim.course import load_course, parse_course
-from quadsim.limit.solution import SOLUTIONS, load
+from quadsim.record.limits import SOLUTIONS, load
 from quadsim.record.run import COLUMNS, Run
 from quadsim.record.turning_back import turned_back, turns
 
@@ -22,12 +23,27 @@ gates:
 RUNS = {  # the way in x and y, and whether it turns back
     "straight through": ([(-10, 0), (0, 0), (10, 0)], []),
     "wide through": ([(-10, 5), (-3, 2), (0, 0), (10, 0)], []),
-    "past the gate and round it": ([(-10, 0), (-3, 2), (4, 2.5), (4, 4), (-4, 4), (-4, 0), (0, 0), (10, 0)], [1]),
+    "past the gate and round it": (
+        [(-10, 0), (-3, 2), (4, 2.5), (4, 4), (-4, 4), (-4, 0), (0, 0), (10, 0)],
+        [1],
+    ),
     "back before the gate": ([(-10, 0), (-1, 2), (-4, 2), (0, 0), (10, 0)], [1]),
     "back by less than an opening": ([(-10, 0), (-1, 2), (-2.2, 2), (0, 0), (10, 0)], []),
     "hovering before the gate": ([(-10, 0), (-1, 0), (-1, 0), (-1, 0), (0, 0), (10, 0)], []),
     "past both": (
-        [(-10, 0), (4, 2), (4, 5), (-4, 5), (-4, 0), (0, 0), (8, 2), (13, 2), (13, 5), (7, 5), (10, 0)],
+        [
+            (-10, 0),
+            (4, 2),
+            (4, 5),
+            (-4, 5),
+            (-4, 0),
+            (0, 0),
+            (8, 2),
+            (13, 2),
+            (13, 5),
+            (7, 5),
+            (10, 0),
+        ],
         [1, 2],
     ),
     "past the gate far away": ([(-10, 0), (-3, 9), (4, 9), (-4, 9), (-4, 0), (0, 0), (10, 0)], []),
@@ -63,7 +79,8 @@ def test_a_loop_to_the_gate_beside_the_one_just_passed_is_none():
 
 @pytest.mark.parametrize("path", sorted(SOLUTIONS.glob("*.npz")), ids=lambda path: path.stem)
 def test_no_time_optimal_race_turns_back(path):
-    """Split-S, hairpins and gates stacked above each other included: the negative control on real courses."""
+    """Split-S, hairpins and gates stacked above each other included: the negative control on real
+    courses."""
     limit = load(path)
     fine, s = limit.path(), limit.solution
     ends = [s.t[1:][s.target == k][-1] for k in range(int(s.target[-1]) + 1)]

@@ -27,7 +27,9 @@ LEVEL = (1.0, 0.0, 0.0, 0.0)
 
 def one_gate(x, width=2.0):
     gate = Gate((x, 0.0, 2.0), 0.0, 0.0, 0.0, (width, 2.0), 0.3)
-    return Course("one", "", (gate,), Start((0.0, 0.0, 2.0), 0.0), ((-50, 50),) * 3, False, 1, (), "")
+    return Course(
+        "one", "", (gate,), Start((0.0, 0.0, 2.0), 0.0), ((-50, 50),) * 3, False, 1, (), ""
+    )
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +42,8 @@ def swift():
 
 
 def agreement(scene, camera):
-    """Of points on the frames next to the corners that are seen: how many, and which share lies on pixels of theirs."""
+    """Of points on the frames next to the corners that are seen: how many, and which share lies on
+    pixels of theirs."""
     hits = []
     for pose in drawn_poses(SWIFT, CAMERA, 12, seed=5):
         seen = scene.shoot(pose.p, pose.q, plain_look()).segmentation
@@ -79,18 +82,22 @@ def test_a_frame_fills_the_pixels_whose_centres_it_covers_at_its_depth(distance)
     expected = np.flatnonzero(np.abs(np.arange(240) + 0.5 - 120.0) < half)
     assert (rows.min(), rows.max()) == (expected[0], expected[-1])
     assert seen.depth[rows.min(), 160] == pytest.approx(distance - 0.05, rel=1e-3)
-    assert seen.depth[239, 2] == pytest.approx(2.0 * 160.0 / 119.5, rel=1e-3)  # the ground, 2 m below
+    # the ground, 2 m below
+    assert seen.depth[239, 2] == pytest.approx(2.0 * 160.0 / 119.5, rel=1e-3)
     assert (seen.segmentation[239, 2], seen.segmentation[0, 2]) == (GROUND_ID, 0)
     assert np.isinf(seen.depth[0, 2])
 
 
 def test_a_corner_is_seen_hidden_or_outside():
     near, wide = one_gate(5.0).gates[0], one_gate(10.0, width=4.4).gates[0]
-    course = Course("two", "", (near, wide), Start((0.0, 0.0, 2.0), 0.0), ((-50, 50),) * 3, False, 1, (), "")
+    course = Course(
+        "two", "", (near, wide), Start((0.0, 0.0, 2.0), 0.0), ((-50, 50),) * 3, False, 1, (), ""
+    )
     camera, nothing = Camera(320, 180, 160.0, 160.0), np.zeros((180, 320), np.uint8)
     first, second = label(course, camera, Pose(0.0, (0.0, 0.0, 2.0), LEVEL), nothing)["gates"]
     assert (first["keypoints"][2::3], second["keypoints"][2::3]) == ([2.0] * 4, [1.0] * 4)
-    assert first["keypoints"][:2] == pytest.approx([160.0 + 160.0 / 5.0, 90.0 + 160.0 / 5.0])  # right bottom
+    # right bottom
+    assert first["keypoints"][:2] == pytest.approx([160.0 + 160.0 / 5.0, 90.0 + 160.0 / 5.0])
     assert label(course, camera, Pose(0.0, (20.0, 0.0, 2.0), LEVEL), nothing)["gates"] == []
 
 
@@ -99,13 +106,17 @@ def test_obstacles_are_drawn_and_hide_corners():
     from quadsim.render.scene import OBSTACLE, Scene
 
     camera = Camera(320, 180, 160.0, 160.0)
-    pole, box = Cylinder((4.0, 0.8, 0.0), 0.05, 2.5), Box((4.0, -0.8, 1.2), (0.1, 0.2, 0.3), yaw=0.3)
+    pole, box = (
+        Cylinder((4.0, 0.8, 0.0), 0.05, 2.5),
+        Box((4.0, -0.8, 1.2), (0.1, 0.2, 0.3), yaw=0.3),
+    )
     course, pose = replace(one_gate(5.0), obstacles=(pole, box)), Pose(None, (0.0, 0.0, 2.0), LEVEL)
     scene = Scene(course, camera)
     seen = scene.shoot(pose.p, pose.q, plain_look()).segmentation
     scene.close()
     (gate,) = label(course, camera, pose, seen)["gates"]
-    corners = np.reshape(gate["keypoints"], (4, 3))  # the lower two are hidden, the upper two rise above what hides
+    # the lower two are hidden, the upper two rise above what hides
+    corners = np.reshape(gate["keypoints"], (4, 3))
     assert corners[:, 2].tolist() == [1.0, 2.0, 1.0, 2.0]
     assert [seen[int(v), int(u)] == OBSTACLE for u, v, _ in corners] == [True, False, True, False]
 
@@ -125,8 +136,13 @@ def test_a_picture_that_is_whole_is_kept_and_a_damaged_one_is_made_again_to_the_
     assert [path.read_bytes() for path in files] == before
     annotate(tmp_path, pictures, 2)
     document = json.loads((tmp_path / "annotations.json").read_bytes())
-    assert [image["file_name"] for image in document["images"]] == ["rgb/000000.png", "rgb/000001.png"]
-    assert all(len(a["keypoints"]) == 12 and a["image_id"] in (0, 1) for a in document["annotations"])
+    assert [image["file_name"] for image in document["images"]] == [
+        "rgb/000000.png",
+        "rgb/000001.png",
+    ]
+    assert all(
+        len(a["keypoints"]) == 12 and a["image_id"] in (0, 1) for a in document["annotations"]
+    )
     assert document["annotations"]
 
 
@@ -134,9 +150,15 @@ def test_a_folder_of_other_pictures_or_files_is_refused(tmp_path):
     pictures = Pictures("split_s_swift", SWIFT.text, CAMERA, 3, (), "drawn")
     settle(tmp_path / "new", pictures)
     settle(tmp_path / "new", pictures)
-    with pytest.raises(FileError, match=r"has pictures of other settings \(seed, vary\): name another folder$"):
-        settle(tmp_path / "new", Pictures("split_s_swift", SWIFT.text, CAMERA, 4, ("light",), "drawn"))
-    with pytest.raises(FileError, match=r"expected a new folder or one of race render, found other files$"):
+    with pytest.raises(
+        FileError, match=r"has pictures of other settings \(seed, vary\): name another folder$"
+    ):
+        settle(
+            tmp_path / "new", Pictures("split_s_swift", SWIFT.text, CAMERA, 4, ("light",), "drawn")
+        )
+    with pytest.raises(
+        FileError, match=r"expected a new folder or one of race render, found other files$"
+    ):
         settle(tmp_path, pictures)
 
 
@@ -145,7 +167,10 @@ def test_drawn_poses_have_room_depend_on_seed_and_number_alone_and_mostly_see_th
     assert poses[:5] == drawn_poses(SWIFT, CAMERA, 5, 7)
     assert poses[0] != drawn_poses(SWIFT, CAMERA, 1, 8)[0]
     assert min(gate.frame_distance(pose.p) for pose in poses for gate in SWIFT.gates) > 0.3
-    seen = [CAMERA.in_picture(CAMERA.gate_corners(SWIFT.gates, p.p, p.q)[0].reshape(-1, 2)).any() for p in poses]
+    seen = [
+        CAMERA.in_picture(CAMERA.gate_corners(SWIFT.gates, p.p, p.q)[0].reshape(-1, 2)).any()
+        for p in poses
+    ]
     assert np.mean(seen) > 0.7
 
 
@@ -166,12 +191,18 @@ def test_a_look_varies_in_what_is_asked_for_alone():
     up = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
 
     def traits(look):
-        return {"textures": (look.ground, look.gates), "light": (look.light, look.ambient), "background": look.sky(up)}
+        return {
+            "textures": (look.ground, look.gates),
+            "light": (look.light, look.ambient),
+            "background": look.sky(up),
+        }
 
     plain = traits(plain_look())
     for varied in VARIED:
         found = traits(drawn_look(look_streams(1, 0), [varied]))
-        changed = [name for name in VARIED if not np.array_equal(str(found[name]), str(plain[name]))]
+        changed = [
+            name for name in VARIED if not np.array_equal(str(found[name]), str(plain[name]))
+        ]
         assert changed == [varied]
         again = traits(drawn_look(look_streams(1, 0), [varied]))
         assert str(found) == str(again)

@@ -42,13 +42,16 @@ def test_tilt_turns_the_optical_axis_up():
 
 def test_the_camera_moves_and_turns_with_the_body():
     camera = Camera(640, 360, 320.0, 320.0, position=(0.2, 0.0, 0.1))
-    pixel, depth = seen(camera, (1.0, 5.2, 2.1), p=(1.0, 0.0, 2.0), q=yawed(pi / 2))  # it looks along the world's y
+    # it looks along the world's y
+    pixel, depth = seen(camera, (1.0, 5.2, 2.1), p=(1.0, 0.0, 2.0), q=yawed(pi / 2))
     assert pixel == pytest.approx((320.0, 180.0))
     assert depth == pytest.approx(5.0)
 
 
 def test_what_is_behind_has_no_pixel_and_is_not_in_the_picture():
-    pixels, depth = CAMERA.project(np.array([(-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]), (0.0, 0.0, 0.0), LEVEL)
+    pixels, depth = CAMERA.project(
+        np.array([(-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]), (0.0, 0.0, 0.0), LEVEL
+    )
     assert np.isnan(pixels).all()
     assert (depth <= 0.0).all()
     assert not CAMERA.in_picture(pixels).any()
@@ -78,9 +81,18 @@ def test_every_camera_of_the_project_loads_and_says_where_it_is_from(name):
     ("text", "problem"),
     [
         ("width: 640\nheight: 360\nfx: 320\n", "1:1: fy: missing, expected a number [px]"),
-        ("width: 0\nheight: 360\nfx: 320\nfy: 1\n", "1:8: width: expected a whole number [px] >= 8 and <= 8192, got 0"),
-        ("width: 64\nheight: 36\nfx: -1\nfy: 1\n", "3:5: fx: expected a number [px] > 0 and <= 100000, got -1"),
-        ("width: 64\nheight: 36\nfx: 1\nfy: 1\ntilt: 3\n", "5:1: tilt: unknown key, did you mean 'tilt_deg'?"),
+        (
+            "width: 0\nheight: 360\nfx: 320\nfy: 1\n",
+            "1:8: width: expected a whole number [px] >= 8 and <= 8192, got 0",
+        ),
+        (
+            "width: 64\nheight: 36\nfx: -1\nfy: 1\n",
+            "3:5: fx: expected a number [px] > 0 and <= 100000, got -1",
+        ),
+        (
+            "width: 64\nheight: 36\nfx: 1\nfy: 1\ntilt: 3\n",
+            "5:1: tilt: unknown key, did you mean 'tilt_deg'?",
+        ),
     ],
 )
 def test_a_mistake_in_a_camera_file_is_one_line(text, problem):
@@ -90,5 +102,7 @@ def test_a_mistake_in_a_camera_file_is_one_line(text, problem):
 
 
 def test_an_unknown_camera_is_one_line_with_those_that_are_known():
-    with pytest.raises(FileError, match=r"^no camera 'agp': did you mean 'aigp'\?, or a FILE.yaml$"):
+    with pytest.raises(
+        FileError, match=r"^no camera 'agp': did you mean 'aigp'\?, or a FILE.yaml$"
+    ):
         load_camera("agp")

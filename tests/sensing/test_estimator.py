@@ -1,4 +1,5 @@
-"""The estimator: consistent, indifferent to the order of arrival, deaf to outliers, and finite without a sensor."""
+"""The estimator: consistent, indifferent to the order of arrival, deaf to outliers, and finite
+without a sensor."""
 
 from dataclasses import replace
 
@@ -47,7 +48,12 @@ def flown(sensing, seed, seconds=4.0, true_gates=GATES, displaced=0.0, late=()):
                     estimator.take(measurement)
             rows.append(
                 estimate_row(
-                    state, estimator.at(state.t), estimator.covariance(state.t), estimator.innovations, (0, 0), 0.0
+                    state,
+                    estimator.at(state.t),
+                    estimator.covariance(state.t),
+                    estimator.innovations,
+                    (0, 0),
+                    0.0,
                 )
             )
     return np.array(rows), estimator
@@ -57,20 +63,24 @@ def column(rows, name):
     return rows[:, NAMES.index(name)]
 
 
-SENSED = [s for s in map(load_sensing, sensing_names()) if not s.exact]  # a new file is tested by itself
+# a new file is tested by itself
+SENSED = [s for s in map(load_sensing, sensing_names()) if not s.exact]
 
 
 @pytest.mark.parametrize("sensing", SENSED, ids=lambda s: s.name)
 def test_an_estimate_is_as_good_as_it_says(sensing):
     """NEES over seeds within bounds of chi-square with 9 degrees of freedom; NIS near its own.
 
-    A sensor better than the filter takes any for leaves the covariance too large: then only the upper bounds hold.
+    A sensor better than the filter takes any for leaves the covariance too large: then only the
+    upper bounds hold.
     """
     exact = sensing.pose is not None and sensing.pose.position_noise < LEAST_POSITION
     late = [flown(sensing, seed, seconds=2.5)[0][100:] for seed in range(5)]
     nees = np.mean([column(rows, "nees").mean() for rows in late])
     assert (0.0 if exact else 4.0) < nees < 11.0
-    nis = sum(column(rows, "nis").sum() for rows in late) / sum(column(rows, "nis_dof").sum() for rows in late)
+    nis = sum(column(rows, "nis").sum() for rows in late) / sum(
+        column(rows, "nis_dof").sum() for rows in late
+    )
     assert (0.0 if exact else 0.85) < nis < 1.15
 
 
@@ -92,7 +102,9 @@ def test_corners_move_as_the_jacobian_predicts():
     camera = GateCameraConfig(640, 360, 320.0, 300.0, 20.0, position=(0.1, 0.0, 0.02))
     update = CornerUpdate(camera, GATES, free=True)
     x, which, corner = START.x, np.array([0, 0, 1]), np.array([0, 3, 1])
-    state = FilterState(Nominal(0.0, x[0:3], x[3:6], x[6:10]), np.zeros(0), np.zeros((2, 3)), np.eye(MOVING + 6))
+    state = FilterState(
+        Nominal(0.0, x[0:3], x[3:6], x[6:10]), np.zeros(0), np.zeros((2, 3)), np.eye(MOVING + 6)
+    )
 
     def pixels(b):
         points = update._map[which, corner] + b.gates[which]
@@ -102,13 +114,19 @@ def test_corners_move_as_the_jacobian_predicts():
     body = (update._map[which, corner] - x[0:3]) @ R
     H = update._jacobian(state, R, body, camera.local(body), which)
     steps = 1e-6 * np.eye(MOVING + 6)
-    columns = [(pixels(state.corrected(d, state.P)) - pixels(state.corrected(-d, state.P))) / 2e-6 for d in steps]
+    columns = [
+        (pixels(state.corrected(d, state.P)) - pixels(state.corrected(-d, state.P))) / 2e-6
+        for d in steps
+    ]
     np.testing.assert_allclose(H, np.column_stack(columns), atol=1e-4)
 
 
-@pytest.mark.parametrize(("corners", "known", "moves"), [([1], 0.087, False), ([0, 1], 0.087, True), ([1], 0.02, True)])
+@pytest.mark.parametrize(
+    ("corners", "known", "moves"), [([1], 0.087, False), ([0, 1], 0.087, True), ([1], 0.02, True)]
+)
 def test_a_gate_that_is_not_found_yet_is_moved_by_no_lone_corner(corners, known, moves):
-    """Gate 2 stands 10 cm farther along x: two of its corners show it, a single one might be another gate's.
+    """Gate 2 stands 10 cm farther along x: two of its corners show it, a single one might be
+    another gate's.
     known: standard deviation of where it stands [m]."""
     camera = GateCameraConfig(640, 360, 320.0, 320.0, 20.0)
     update, x = CornerUpdate(camera, GATES, free=True), START.x
@@ -146,12 +164,16 @@ def test_a_late_measurement_counts_at_its_own_time():
 def test_spikes_and_false_corners_do_not_move_the_estimate():
     spiky = PoseConfig(rate=100, position_noise=0.01, attitude_noise_deg=0.5, spikes=0.1, spike=2.0)
     rows, _ = flown(replace(VIO, pose=spiky, camera=None), 2)
-    errors = np.linalg.norm(rows[:, 0:3] - [circle(0.01 * (k + 1)).x.position for k in range(len(rows))], axis=1)
+    errors = np.linalg.norm(
+        rows[:, 0:3] - [circle(0.01 * (k + 1)).x.position for k in range(len(rows))], axis=1
+    )
     assert errors.max() < 0.1
     assert column(rows, "refused").sum() > 0
     many = replace(GATES_ONLY, camera=replace(GATES_ONLY.camera, outliers=0.2, swaps=0.1))
     rows, _ = flown(many, 2)
-    errors = np.linalg.norm(rows[:, 0:3] - [circle(0.01 * (k + 1)).x.position for k in range(len(rows))], axis=1)
+    errors = np.linalg.norm(
+        rows[:, 0:3] - [circle(0.01 * (k + 1)).x.position for k in range(len(rows))], axis=1
+    )
     assert errors.max() < 0.3
 
 

@@ -1,4 +1,5 @@
-"""What the planner is told: the state when its control acts, the gates passed by then, and nothing of the truth."""
+"""What the planner is told: the state when its control acts, the gates passed by then, and nothing
+of the truth."""
 
 import subprocess
 import sys
@@ -9,15 +10,14 @@ import numpy as np
 import pytest
 
 from controllers.costs.race_targets import GateTarget
-from quadsim.app.report import report
+from quadsim.cli.report import report
 from quadsim.course import EstimatedGate, load_course
+from quadsim.dynamics.estimate import Estimate
+from quadsim.dynamics.quadrotor import Control, ModelParams, State
 from quadsim.files.strict_yaml import FileError
+from quadsim.paper.referees import DurationReferee
 from quadsim.physics.domain_randomization import displaced
 from quadsim.physics.plant import RigidPlant
-from quadsim.race.build import build, distinct, flight_frames, navigation_of
-from quadsim.race.plane_referees import DurationReferee
-from quadsim.race.settings import SettingError
-from quadsim.race.spec import Spec
 from quadsim.record.estimate_metrics import estimate_errors, sensing_numbers
 from quadsim.record.run import Run
 from quadsim.record.run_format import read_npz, write_npz
@@ -26,8 +26,9 @@ from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.prediction import Commands, GateCounter, predict
 from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.navigation import CourseEstimate, TrueState
-from quadsim.systems.estimate import Estimate
-from quadsim.systems.quadrotor import Control, ModelParams, State
+from quadsim.spec.build import build, distinct, flight_frames, navigation_of
+from quadsim.spec.settings import SettingError
+from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
 
 SWIFT = load_vehicle("swift")
@@ -69,7 +70,8 @@ def test_the_predicted_state_is_where_the_vehicle_then_is():
 
 
 def test_the_model_is_learnt_from_the_time_that_has_passed():
-    """Plans of 12.5 ms with a period of 10: taken for 10 ms, every acceleration would be a quarter too large."""
+    """Plans of 12.5 ms with a period of 10: taken for 10 ms, every acceleration would be a quarter
+    too large."""
     model, plant = ModelParams.of(SWIFT), RigidPlant(load_course("split_s_swift"), SWIFT)
     learner, mistaken = (VehicleLearner.for_exact_states(model, 0.01) for _ in range(2))
     known, periods = TrueState(plant.state, 0.01, learner), 0
@@ -133,7 +135,9 @@ def test_the_planner_keeps_farther_from_a_gate_whose_place_is_uncertain(moved):
     first, free = target.margin, target.free_y
     assert first == pytest.approx(min(margin + 2.5 * state.gate_std(7)[0], 0.7 * free))
     assert first > 2 * margin
-    assert course.updated(state) is course.updated(state), "nothing has moved: the same course, the same cost"
+    assert course.updated(state) is course.updated(state), (
+        "nothing has moved: the same course, the same cost"
+    )
     certain = course.updated(replace(state, P=1e-8 * state.P))
     controller.use_estimates(Estimate(0.0, START, course=certain))
     assert GateTarget(*controller.cost.targets[0]).margin == pytest.approx(margin, abs=1e-3)
@@ -147,11 +151,14 @@ def test_the_planner_is_told_where_the_sensed_gates_stand():
         estimate = navigation.estimate(0.0)
     assert estimate.course is not None
     assert all(isinstance(gate, EstimatedGate) and gate.std > 0.0 for gate in estimate.course.gates)
-    assert estimate.model is not None, "and what has been learnt of the vehicle, which the preset race adapts to"
+    assert estimate.model is not None, (
+        "and what has been learnt of the vehicle, which the preset race adapts to"
+    )
 
 
 def test_exact_knowledge_is_the_true_state_and_the_referees_count():
-    """A flight without sensors and latency is flown, and recorded, as it was before there were any."""
+    """A flight without sensors and latency is flown, and recorded, as it was before there were
+    any."""
     spec = Spec.of("split_s_swift", **SMALL)
     plant, controller, _ = build(spec)
     plant.close()
@@ -177,13 +184,18 @@ def test_where_commands_act_late_the_state_is_predicted_and_gates_are_counted_on
         x = tuple(plant.state.x)
         assert navigation.estimate(0.0).target == 0
         for k in range(1, 11):  # at full thrust, each plan taking 5 ms where time passes
-            navigation.commanded(0.01 * (k - 1), 0.01 * (k - 1) + 0.005 * ("clock" in change), (0.0, 0.0, 0.0, 39.0))
+            navigation.commanded(
+                0.01 * (k - 1), 0.01 * (k - 1) + 0.005 * ("clock" in change), (0.0, 0.0, 0.0, 39.0)
+            )
             estimate = navigation.estimate(0.01 * k)
-    assert estimate.x[2] > x[2], "the state that it is given stands still: only the prediction moves"
+    assert estimate.x[2] > x[2], (
+        "the state that it is given stands still: only the prediction moves"
+    )
 
 
 def test_the_last_frame_is_estimated_at_its_own_time():
-    """A flight ends between two control periods; the estimate of the period's beginning would be centimetres behind."""
+    """A flight ends between two control periods; the estimate of the period's beginning would be
+    centimetres behind."""
     spec = Spec.of("split_s_swift", sensing="mocap", **SMALL | {"timeout": 1.0075})
     run = Run.from_frames(spec.record(), flight_frames(spec))
     t, off = run.telemetry["t"], np.linalg.norm(estimate_errors(run), axis=1)
@@ -196,7 +208,12 @@ def test_the_last_frame_is_estimated_at_its_own_time():
 @pytest.mark.parametrize("name", sensing_names())
 def test_the_same_seed_gives_the_same_bits(name):
     """Every sensor on, gates off the map, commands late; and what is kept can be read again."""
-    settings = SMALL | {"vehicle": "swift_40ms", "sensing": name, "displace_gates": 0.15, "timeout": 0.25}
+    settings = SMALL | {
+        "vehicle": "swift_40ms",
+        "sensing": name,
+        "displace_gates": 0.15,
+        "timeout": 0.25,
+    }
     one, same, other = (
         Run.from_frames(spec.record(), flight_frames(spec))
         for spec in (Spec.of("split_s_swift", seed=seed, **settings) for seed in (3, 3, 4))
@@ -218,7 +235,8 @@ def test_the_same_seed_gives_the_same_bits(name):
 
 
 def test_a_pose_sensor_that_dies_in_flight_ends_in_words(tmp_path):
-    """The flight goes on by the inertial unit alone until the referee ends it; every number stays finite."""
+    """The flight goes on by the inertial unit alone until the referee ends it; every number stays
+    finite."""
     mocap = "imu: {rate: 250}\npose: {rate: 100, dies_at: 0.3}\n"
     (tmp_path / "dying.yaml").write_text(mocap)
     spec = Spec.of("split_s_swift", sensing=str(tmp_path / "dying.yaml"), timeout=1.5, **SMALL)

@@ -7,6 +7,7 @@ import pytest
 
 from quadsim.course import Gate
 from quadsim.course.obstacles import Cylinder
+from quadsim.dynamics.quadrotor import State
 from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import between, matrix
 from quadsim.sensing.camera_model import GateCameraConfig
@@ -16,7 +17,6 @@ from quadsim.sensing.imu import Imu
 from quadsim.sensing.pose import PoseSensor
 from quadsim.sensing.rotor_speeds import RotorSpeeds
 from quadsim.sensing.timing import Ticks
-from quadsim.systems.quadrotor import State
 from quadsim.vehicle import GRAVITY, load_vehicle
 from tests.sensing.truth_cases import GATES, circle, states
 
@@ -41,7 +41,8 @@ def test_an_instant_is_sampled_once_at_the_step_at_or_after_it():
 
 
 def test_a_unit_without_noise_gives_back_the_flight():
-    """Its samples, integrated, lead from the first state to the last: by the estimator's own nominal state."""
+    """Its samples, integrated, lead from the first state to the last: by the estimator's own
+    nominal state."""
     from quadsim.sensing.estimation.nominal import Nominal
 
     first, last = LONG[0], LONG[-1]
@@ -54,14 +55,18 @@ def test_a_unit_without_noise_gives_back_the_flight():
 
 
 def test_a_units_noise_bias_and_saturation():
-    config = ImuConfig(rate=400, gyro_noise=0.02, accelerometer_noise=0.3, gyro_bias=0.1, accelerometer_bias=0.5)
+    config = ImuConfig(
+        rate=400, gyro_noise=0.02, accelerometer_noise=0.3, gyro_bias=0.1, accelerometer_bias=0.5
+    )
     level = at_rest(circle(0.0).x.position)
     rest = [PlantState(k / 400, level, ()) for k in range(4001)]
     unit = Imu(config, SEED)
     samples = np.array([(*m.gyro, *m.specific_force) for m in said(unit, rest)])
     assert len(samples) == 4000
     np.testing.assert_allclose(samples.std(axis=0), [0.02] * 3 + [0.3] * 3, rtol=0.06)
-    np.testing.assert_allclose(samples.mean(axis=0), unit.bias + np.array([0, 0, 0, 0, 0, GRAVITY]), atol=0.02)
+    np.testing.assert_allclose(
+        samples.mean(axis=0), unit.bias + np.array([0, 0, 0, 0, 0, GRAVITY]), atol=0.02
+    )
     assert abs(unit.bias).max() > 0.05  # the bias is there
     most = said(Imu(replace(config, accelerometer_max=5.0), SEED), rest)
     assert max(m.specific_force[2] for m in most) == 5.0
@@ -78,7 +83,10 @@ def test_a_biased_unit_walks():
 
 def test_a_poses_noise_drift_spikes_and_dropouts():
     noisy = said(
-        PoseSensor(PoseConfig(rate=400, position_noise=0.02, attitude_noise_deg=1.0, velocity_noise=0.1), SEED)
+        PoseSensor(
+            PoseConfig(rate=400, position_noise=0.02, attitude_noise_deg=1.0, velocity_noise=0.1),
+            SEED,
+        )
     )
     truth = {s.t: s.x for s in LONG}
     off = np.array([np.subtract((*m.position, *m.velocity), truth[m.t][:6]) for m in noisy])
@@ -113,9 +121,13 @@ def test_rotor_speeds_say_the_thrust():
     swift, true = load_vehicle("swift"), LONG[0].x.thrust
     exact = said(RotorSpeeds(RotorConfig(rate=100), SEED, swift))
     assert [m.thrust for m in exact] == pytest.approx([true] * len(exact))
-    off = [m.thrust - true for m in said(RotorSpeeds(RotorConfig(rate=400, noise=10.0), SEED, swift))]
+    off = [
+        m.thrust - true for m in said(RotorSpeeds(RotorConfig(rate=400, noise=10.0), SEED, swift))
+    ]
     speed = swift.rotors.speed(0.25 * swift.mass * true)
-    assert np.std(off) == pytest.approx(2 * 10.0 * 2 * swift.rotors.thrust_map[0] * speed / swift.mass, rel=0.06)
+    assert np.std(off) == pytest.approx(
+        2 * 10.0 * 2 * swift.rotors.thrust_map[0] * speed / swift.mass, rel=0.06
+    )
 
 
 CAMERA = GateCameraConfig(640, 360, 320.0, 320.0, 20.0, noise=0.0)
@@ -125,7 +137,8 @@ AXIS = CAMERA.axes[:, 2]
 def test_a_point_on_the_optical_axis_is_in_the_middle():
     far = 3.0 * np.array([AXIS, np.add(AXIS, (0.0, 0.2, 0.0))])
     pixels, seen = CAMERA.seen(far)
-    np.testing.assert_allclose(pixels, [(320, 180), (320 - 320 * 0.2, 180)])  # what is to the left is left
+    # what is to the left is left
+    np.testing.assert_allclose(pixels, [(320, 180), (320 - 320 * 0.2, 180)])
     assert seen.all()
     assert not CAMERA.seen(-far)[1].any()
 
@@ -160,8 +173,11 @@ def test_misses_outliers_and_false_associations_come_as_often_as_said():
     wrong = 0
     for picture in pictures:
         x = circle(picture.t).x
-        corners = np.array([GATES[g].corners()[c] for g, c in zip(picture.gates, picture.corners, strict=True)])
+        corners = np.array(
+            [GATES[g].corners()[c] for g, c in zip(picture.gates, picture.corners, strict=True)]
+        )
         pixels, _ = config.seen((corners - x[0:3]) @ matrix(x[6:10]))
         wrong += int((abs(pixels - picture.pixels).max(axis=1) > 1e-6).sum())
     assert found / seen == pytest.approx(0.9, abs=0.01)
-    assert wrong / found == pytest.approx(0.05 + 0.03 * 7 / 8, abs=0.01)  # one swap in eight is with itself
+    # one swap in eight is with itself
+    assert wrong / found == pytest.approx(0.05 + 0.03 * 7 / 8, abs=0.01)

@@ -1,4 +1,5 @@
-"""The numbers of the vehicle, learnt in flight: errors as large as their deviations, small after two seconds."""
+"""The numbers of the vehicle, learnt in flight: errors as large as their deviations, small after
+two seconds."""
 
 from contextlib import closing
 from dataclasses import replace
@@ -9,18 +10,18 @@ import numpy as np
 import pytest
 
 from quadsim.course import load_course
+from quadsim.dynamics.estimate import Estimate
+from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
 from quadsim.physics.domain_randomization import Randomization, gusts
 from quadsim.physics.plant import PLANTS, default_plant, start_state
 from quadsim.physics.rotorpy_plant import RotorpyPlant
-from quadsim.race.build import build, launch, navigation_of, planner_of
-from quadsim.race.spec import Spec
 from quadsim.rotation import to_body, turned
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.estimation.body_rates import BodyRates
 from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.estimation.vehicle_learner import FORCE_STD, VehicleLearner
-from quadsim.systems.estimate import Estimate
-from quadsim.systems.quadrotor import Control, ModelParams, State, quadrotor
+from quadsim.spec.build import build, launch, navigation_of, planner_of
+from quadsim.spec.spec import Spec
 from quadsim.vehicle import GRAVITY, load_vehicle
 from quadsim.vehicle.tolerances import VehicleTolerances
 
@@ -32,7 +33,8 @@ HOVER = Control(0.0, 0.0, 0.0, GRAVITY)
 
 
 def simulated(seed, gust=REAL.gust, steps=200):
-    """States of a vehicle that tumbles at changing thrust, by the law that the filter assumes, and its true k and d."""
+    """States of a vehicle that tumbles at changing thrust, by the law that the filter assumes, and
+    its true k and d."""
     rng = np.random.default_rng(seed)
     k, d = 1 + REAL.mass * rng.uniform(-1, 1), NOMINAL.drag * (1 + REAL.drag * rng.uniform(-1, 1))
     wind = gusts(np.random.SeedSequence(seed), gust, DT)
@@ -57,7 +59,8 @@ def _lift(x):
 
 
 def errors(gust, seeds=40):
-    """Of k and d after 2 s, in standard deviations as the filter has them, and of k as a share.  (seeds, 3)"""
+    """Of k and d after 2 s, in standard deviations as the filter has them, and of k as a share.
+    (seeds, 3)"""
     found = []
     for seed in range(seeds):
         states, k, d = simulated(seed, gust)
@@ -72,7 +75,8 @@ def errors(gust, seeds=40):
 
 def test_errors_are_as_large_as_the_filter_says():
     off = errors(REAL.gust)
-    mean_square = np.mean(off[:, :2] ** 2, axis=0)  # chi^2 with 40 degrees of freedom: .5 to 1.7 is 99.8 %
+    # chi^2 with 40 degrees of freedom: .5 to 1.7 is 99.8 %
+    mean_square = np.mean(off[:, :2] ** 2, axis=0)
     assert np.all((mean_square > 0.4) & (mean_square < 1.8)), mean_square
     assert np.abs(off[:, 2]).max() < 0.02 < REAL.mass
 
@@ -95,7 +99,9 @@ def _highest(share, u):
     """Estimated after half a second straight up [m/s^2]."""
     learner = VehicleLearner.for_exact_states(NOMINAL, DT)
     course = replace(load_course("figure8"), bounds=((-99, 99), (-99, 99), (-1, 99)))
-    with closing(PLANTS[default_plant()](course, Randomization(thrust=share).vehicle(SWIFT))) as plant:
+    with closing(
+        PLANTS[default_plant()](course, Randomization(thrust=share).vehicle(SWIFT))
+    ) as plant:
         for _ in range(50):
             before = State(*plant.state.x)
             for _ in range(4):
@@ -105,8 +111,12 @@ def _highest(share, u):
 
 
 def learnt_at_full_thrust(plant, vehicle, tilt=3.0):
-    """The model after 1.5 s at full thrust, rolling and pitching one way and the other at `tilt` [rad/s]."""
-    learner, full = VehicleLearner.for_exact_states(ModelParams.of(vehicle), DT), 0.99 * vehicle.thrust_max
+    """The model after 1.5 s at full thrust, rolling and pitching one way and the other at `tilt`
+    [rad/s]."""
+    learner, full = (
+        VehicleLearner.for_exact_states(ModelParams.of(vehicle), DT),
+        0.99 * vehicle.thrust_max,
+    )
     with closing(plant(load_course("figure8"), vehicle)) as plant:
         for i in range(150):
             rate = tilt * (-1) ** (i // 15)
@@ -124,12 +134,16 @@ def test_whether_the_flight_controller_gives_up_thrust_to_tilt_is_learnt(name):
     assert learnt_at_full_thrust(PLANTS[default_plant()], vehicle).tilt_first
     if find_spec("rotorpy"):
         assert not learnt_at_full_thrust(RotorpyPlant, vehicle).tilt_first
-        assert learnt_at_full_thrust(RotorpyPlant, vehicle, tilt=0.0).tilt_first, "nothing was seen of it"
+        assert learnt_at_full_thrust(RotorpyPlant, vehicle, tilt=0.0).tilt_first, (
+            "nothing was seen of it"
+        )
 
 
 def test_a_flight_with_a_vehicle_too_heavy_learns_it():
     small = {"samples": 128, "horizon": 50, "iterations": 1, "target_ess": 20}
-    spec = Spec.of("paper_flat", vehicle="swift", preset="race", **small, timeout=1.5, randomize=1.0, seed=4)
+    spec = Spec.of(
+        "paper_flat", vehicle="swift", preset="race", **small, timeout=1.5, randomize=1.0, seed=4
+    )
     plant, mppi, referee = build(spec)
     navigation = navigation_of(spec, plant, mppi, referee)
     with closing(plant):
@@ -149,7 +163,9 @@ def test_a_flight_with_a_vehicle_too_heavy_learns_it():
 
 
 def test_a_planner_that_does_not_adapt_is_given_no_model():
-    spec = Spec.of("paper_flat", vehicle="swift", preset="race", adapt=False, samples=128, horizon=50)
+    spec = Spec.of(
+        "paper_flat", vehicle="swift", preset="race", adapt=False, samples=128, horizon=50
+    )
     plant, mppi, referee = build(spec)
     navigation = navigation_of(spec, plant, mppi, referee)
     plant.close()
@@ -161,17 +177,21 @@ def test_a_planner_that_does_not_adapt_is_given_no_model():
 
 
 def sensed(seed, gust=REAL.gust, noise=0.1, taken_for=0.1, rotors=None, steps=300):
-    """Errors of thrust, thrust gain and drag in standard deviations, after a flight on noisy forces.
+    """Errors of thrust, thrust gain and drag in standard deviations, after a flight on noisy
+    forces.
 
-    The vehicle is `simulated` by the law that the filter assumes: its thrust lags behind its command.
-    noise: of the specific force [m/s^2], which the filter takes for `taken_for`. rotors: standard deviation of the
-    thrust by rotor speeds [m/s^2].
+    The vehicle is `simulated` by the law that the filter assumes: its thrust lags behind its
+    command.
+    noise: of the specific force [m/s^2], which the filter takes for `taken_for`. rotors: standard
+    deviation of the thrust by rotor speeds [m/s^2].
     """
     rng = np.random.default_rng(seed)
     k = 1 + REAL.mass * rng.uniform(-1, 1)
     d = NOMINAL.drag * (1 + REAL.drag * rng.uniform(-1, 1))
     wind = gusts(np.random.SeedSequence(seed), gust, DT)
-    learner = VehicleLearner.for_sensors(NOMINAL, DT, ImuConfig(250.0, accelerometer_noise=taken_for))
+    learner = VehicleLearner.for_sensors(
+        NOMINAL, DT, ImuConfig(250.0, accelerometer_noise=taken_for)
+    )
     lag = quadrotor(NOMINAL, DT).params[3]
     a, q, v = GRAVITY, (1.0, 0.0, 0.0, 0.0), np.zeros(3)
     phase = rng.uniform(0, 6, 2)
@@ -189,12 +209,17 @@ def sensed(seed, gust=REAL.gust, noise=0.1, taken_for=0.1, rotors=None, steps=30
         if rotors:
             learner.learn_from_rotors(a + rotors * rng.standard_normal(), rotors)
     now, std = learner.numbers, learner.std
-    return (now.thrust - a) / std.thrust, (now.thrust_gain - k) / std.thrust_gain, (now.drag - d) / std.drag
+    return (
+        (now.thrust - a) / std.thrust,
+        (now.thrust_gain - k) / std.thrust_gain,
+        (now.drag - d) / std.drag,
+    )
 
 
 @pytest.mark.parametrize("rotors", [None, 0.1])
 def test_errors_from_sensors_are_no_larger_than_the_filter_expects(rotors):
-    """The rotors' own lag is taken as uncertain though it is known here: then only the upper bound holds."""
+    """The rotors' own lag is taken as uncertain though it is known here: then only the upper bound
+    holds."""
     off = np.array([sensed(seed, rotors=rotors) for seed in range(40)])
     mean_square = np.mean(off**2, axis=0)  # chi^2 with 40 degrees of freedom: .5 to 1.7 is 99.8 %
     assert np.all(mean_square < 1.8), mean_square
@@ -207,12 +232,15 @@ def test_an_accelerometer_worse_than_it_is_taken_for_makes_errors_beyond_the_fil
 
 
 def test_rotor_speeds_make_the_thrust_better_known():
-    """By a force alone, weak rotors are told from a heavy vehicle by the model of the rotors only."""
+    """By a force alone, weak rotors are told from a heavy vehicle by the model of the rotors
+    only."""
     std = {}
     for rotors in (None, 0.1):
         learner = VehicleLearner.for_sensors(NOMINAL, DT, ImuConfig(250.0, accelerometer_noise=0.1))
         for k in range(200):
-            learner.learn_from_force(20.0, 0.0, (0.0, 0.0, 20.0), Nominal(k * DT, *((0.0,) * 3,) * 2, (1.0, 0, 0, 0)))
+            learner.learn_from_force(
+                20.0, 0.0, (0.0, 0.0, 20.0), Nominal(k * DT, *((0.0,) * 3,) * 2, (1.0, 0, 0, 0))
+            )
             if rotors:
                 learner.learn_from_rotors(20.0, rotors)
         std[rotors] = learner.std.thrust
@@ -220,7 +248,8 @@ def test_rotor_speeds_make_the_thrust_better_known():
 
 
 def test_body_rates_follow_the_gyroscope_and_the_model_without_one():
-    """A plant that turns as the model says is followed by the model alone; one that does not, by the gyroscope."""
+    """A plant that turns as the model says is followed by the model alone; one that does not, by
+    the gyroscope."""
     rates = BodyRates(NOMINAL, DT, ImuConfig(250.0, gyro_noise=0.01))
     system, x = quadrotor(NOMINAL, DT), tuple(start_state(load_course("figure8").start, 0.1))
     for k in range(100):

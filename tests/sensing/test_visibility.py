@@ -31,13 +31,18 @@ def test_a_bar_hides_what_lies_behind_it(point, expected):
 
 def test_a_turned_gate_hides_by_its_turned_bars():
     across = Gate((5.0, 0.0, 2.0), pi / 2, 0.0, 0.0, (2.0, 2.0), 0.3)  # seen along its plane
-    assert hidden(np.array([(10.0, 0.0, 2.0), (10.0, 0.2, 2.0)]), EYE, [across]).tolist() == [True, False]
+    assert hidden(np.array([(10.0, 0.0, 2.0), (10.0, 0.2, 2.0)]), EYE, [across]).tolist() == [
+        True,
+        False,
+    ]
 
 
 def test_corners_are_hidden_by_other_frames_only():
-    aside = np.array([0.0, -0.25, 2.0])  # the far gate's left corners at y = 1 are seen at y = .375, its right at -.625
+    # the far gate's left corners at y = 1 are seen at y = .375, its right at -.625
+    aside = np.array([0.0, -0.25, 2.0])
     assert not hidden_corners([NEAR, FAR], aside).any()
-    wide = Gate((10.0, 0.0, 2.0), 0.0, 0.0, 0.0, (4.4, 2.0), 0.3)  # its left corners lie behind the near gate's post
+    # its left corners lie behind the near gate's post
+    wide = Gate((10.0, 0.0, 2.0), 0.0, 0.0, 0.0, (4.4, 2.0), 0.3)
     assert hidden_corners([NEAR, wide], EYE).tolist() == [[False] * 4, [True] * 4]
     assert hidden_corners([wide], EYE).tolist() == [[False] * 4]
 

@@ -3,12 +3,15 @@
 import numpy as np
 
 from quadsim.course import Gate
+from quadsim.dynamics.quadrotor import State
 from quadsim.physics.plant_state import PlantState
-from quadsim.systems.quadrotor import State
 from quadsim.vehicle import GRAVITY
 
 RADIUS, HEIGHT, RATE = 5.0, 2.0, 0.8  # [m, m, rad/s]
-GATES = tuple(Gate((0.0, y, 1.5 + 0.3 * y), yaw, 0.0, 0.0, (1.5, 1.5), 0.275) for y, yaw in ((-1.2, 0.3), (1.4, -0.4)))
+GATES = tuple(
+    Gate((0.0, y, 1.5 + 0.3 * y), yaw, 0.0, 0.0, (1.5, 1.5), 0.275)
+    for y, yaw in ((-1.2, 0.3), (1.4, -0.4))
+)
 DT = 1 / 400
 
 
@@ -36,7 +39,18 @@ def circle(t):
     x /= np.linalg.norm(x)
     R = np.column_stack([x, np.cross(z, x), z])
     p[2] += HEIGHT
-    state = (*p.tolist(), *v.tolist(), *quaternion(R), 0.0, 0.0, 0.0, float(np.linalg.norm(up)), 0.0, 0.0, 0.0)
+    state = (
+        *p.tolist(),
+        *v.tolist(),
+        *quaternion(R),
+        0.0,
+        0.0,
+        0.0,
+        float(np.linalg.norm(up)),
+        0.0,
+        0.0,
+        0.0,
+    )
     return PlantState(t, State(*map(float, state)), ())
 
 

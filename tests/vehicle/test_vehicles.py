@@ -1,4 +1,5 @@
-"""Every vehicle that comes with the project can fly; a file that describes none says where and why."""
+"""Every vehicle that comes with the project can fly; a file that describes none says where and
+why."""
 
 import numpy as np
 import pytest
@@ -30,18 +31,38 @@ rotors:
 )
 BAD = [
     (SIMPLE, "mass: 1", "mass: 0", "1:7: mass: expected a number [kg] > 0 and <= 100, got 0"),
-    (SIMPLE, "0.02]", "-0.02]", "2:23: inertia[2]: expected a number [kg m^2] > 0 and <= 10, got -0.02"),
-    (SIMPLE, "rate_tau: [0.25", "rate_tau: [-1", "4:12: rate_tau[0]: expected a number [s] >= 0 and <= 2, got -1"),
+    (
+        SIMPLE,
+        "0.02]",
+        "-0.02]",
+        "2:23: inertia[2]: expected a number [kg m^2] > 0 and <= 10, got -0.02",
+    ),
+    (
+        SIMPLE,
+        "rate_tau: [0.25",
+        "rate_tau: [-1",
+        "4:12: rate_tau[0]: expected a number [s] >= 0 and <= 2, got -1",
+    ),
     (SIMPLE, "mass: 1", "weight: 1", "1:1: weight: unknown key, known are"),
     (SIMPLE, "radius: 0.15\n", "", "1:1: radius: missing, expected a number [m]"),
-    (SIMPLE, "mass: 1", "mass: 1\nlatency: 0.6", "2:10: latency: expected a number [s] >= 0 and <= 0.5, got 0.6"),
+    (
+        SIMPLE,
+        "mass: 1",
+        "mass: 1\nlatency: 0.6",
+        "2:10: latency: expected a number [s] >= 0 and <= 0.5, got 0.6",
+    ),
     (
         SIMPLE,
         "thrust_max: 36",
         "thrust_max: 9.8",
         "6:13: thrust_max: cannot hover: expected more than 9.81 [m/s^2], got 9.8",
     ),
-    (SIMPLE, "thrust_max: 36\n", "", "1:1: thrust_max: missing, expected a number [m/s^2], or rotors"),
+    (
+        SIMPLE,
+        "thrust_max: 36\n",
+        "",
+        "1:1: thrust_max: missing, expected a number [m/s^2], or rotors",
+    ),
     (
         SIMPLE,
         "0.02]",
@@ -90,14 +111,24 @@ BAD = [
         "[2e-6, -0.1, 0]",
         "11:15: rotors.thrust_map: expected thrust that rises, ever faster, with the speed, got [2e-06, -0.1, 0]",
     ),
-    (ROTORS, "[2e-6, 0, 0]", "[2e-6, 0]", "11:15: rotors.thrust_map: expected 3 numbers [N s^2, N s, N], got 2"),
+    (
+        ROTORS,
+        "[2e-6, 0, 0]",
+        "[2e-6, 0]",
+        "11:15: rotors.thrust_map: expected 3 numbers [N s^2, N s, N], got 2",
+    ),
     (
         ROTORS,
         "motor_tau: 0.03",
         "motor_tau: -1",
         "10:14: rotors.motor_tau: expected a number [s] >= 0 and <= 2, got -1",
     ),
-    (ROTORS, "kappa: 0.02", "kappa: 0", "12:10: rotors.kappa: expected a number [m] > 0 and <= 1, got 0"),
+    (
+        ROTORS,
+        "kappa: 0.02",
+        "kappa: 0",
+        "12:10: rotors.kappa: expected a number [m] > 0 and <= 1, got 0",
+    ),
 ]
 
 
@@ -116,13 +147,24 @@ def test_each_fault_of_a_vehicle_has_its_one_line(text, old, new, message):
 
 def test_a_vehicle_without_rotors_keeps_what_its_file_says():
     vehicle = parse_vehicle(SIMPLE, "folder/mine.yaml")
-    assert (vehicle.name, vehicle.mass, vehicle.inertia, vehicle.radius) == ("mine", 1.0, (0.01, 0.01, 0.02), 0.15)
-    assert (vehicle.rate_tau, vehicle.rate_max, vehicle.thrust_max) == ((0.25,) * 3, (6.0,) * 3, 36.0)
+    assert (vehicle.name, vehicle.mass, vehicle.inertia, vehicle.radius) == (
+        "mine",
+        1.0,
+        (0.01, 0.01, 0.02),
+        0.15,
+    )
+    assert (vehicle.rate_tau, vehicle.rate_max, vehicle.thrust_max) == (
+        (0.25,) * 3,
+        (6.0,) * 3,
+        36.0,
+    )
     assert (vehicle.drag, vehicle.latency, vehicle.rotors) == ((0.0,) * 3, 0.0, None)
 
 
 def test_thrust_max_of_rotors_is_four_times_the_map_at_full_speed_over_mass():
-    assert parse_vehicle(ROTORS.replace("mass: 1", "mass: 2"), "mine.yaml").thrust_max == pytest.approx(4 * 8.0 / 2)
+    assert parse_vehicle(
+        ROTORS.replace("mass: 1", "mass: 2"), "mine.yaml"
+    ).thrust_max == pytest.approx(4 * 8.0 / 2)
 
 
 def test_arm_l_is_the_diagonal_of_a_square():
@@ -138,7 +180,10 @@ def test_arm_l_is_the_diagonal_of_a_square():
 def test_a_misspelt_name_gets_the_nearest_vehicle():
     with pytest.raises(FileError) as error:
         load_vehicle("kingfischer")
-    assert str(error.value) == "no vehicle 'kingfischer': did you mean 'kingfisher'? (race vehicles lists them)"
+    assert (
+        str(error.value)
+        == "no vehicle 'kingfischer': did you mean 'kingfisher'? (race vehicles lists them)"
+    )
 
 
 def test_the_folder_holds_the_vehicles_that_are_named_elsewhere():
@@ -165,14 +210,20 @@ def test_rotors_balance_in_hover_and_turn_every_way(vehicle):
         assert vehicle.name == "paper"
         return
     x, y = np.transpose(vehicle.rotors.positions)
-    mixer = np.array([np.ones(4), y, -x, vehicle.rotors.kappa * np.array(vehicle.rotors.spin)])  # (4, 4)
+    # (4, 4)
+    mixer = np.array([np.ones(4), y, -x, vehicle.rotors.kappa * np.array(vehicle.rotors.spin)])
     np.testing.assert_allclose(mixer @ np.ones(4), [4, 0, 0, 0], atol=1e-12)
     assert np.linalg.matrix_rank(mixer) == 4
 
 
 @pytest.mark.parametrize(
     ("name", "newton_per_rotor", "ratio"),
-    [("flightmare", 11.22, 6.27), ("kingfisher", 8.5, 4.62), ("swift", 8.75, 4.1), ("cpc", 6.88, 3.3)],
+    [
+        ("flightmare", 11.22, 6.27),
+        ("kingfisher", 8.5, 4.62),
+        ("swift", 8.75, 4.1),
+        ("cpc", 6.88, 3.3),
+    ],
 )
 def test_full_thrust_is_the_published_one(name, newton_per_rotor, ratio):
     vehicle = load_vehicle(name)

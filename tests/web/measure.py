@@ -1,7 +1,8 @@
-"""What a page costs, measured on a quiet machine; no test, as it takes minutes and the machine to itself.
+"""What a page costs, measured on a quiet machine; no test, as it takes minutes and the machine to
+itself.
 
-python tests/web/measure.py slowdown   plan time with four clients watching against none: less than 10 % more
-python tests/web/measure.py air        from one click to the second frame: less than 5 s
+python tests/web/measure.py slowdown   plan time with four clients watching against none: less than
+10 % more python tests/web/measure.py air        from one click to the second frame: less than 5 s
 python tests/web/measure.py soak 30    memory and threads over 30 minutes of flights: flat
 """
 
@@ -49,7 +50,9 @@ class Place:
             self._watchers.wait()
             self._watchers = None
         if on:
-            self._watchers = subprocess.Popen([sys.executable, __file__, "watch", str(self.server.get_port())])
+            self._watchers = subprocess.Popen(
+                [sys.executable, __file__, "watch", str(self.server.get_port())]
+            )
         while len(self.server.get_clients()) != CLIENTS * on:
             time.sleep(0.05)
 
@@ -83,16 +86,22 @@ def slowdown(place: Place, pairs: int = 5) -> None:
             f"plan {times[0]:.2f} ms alone, {times[1]:.2f} ms with {CLIENTS} clients: {100 * ratios[-1] - 100:+.1f} %"
         )
     median = 100 * float(np.median(ratios)) - 100
-    print(f"median {median:+.1f} %, {'as claimed' if median < 10 else 'MORE than the 10 % claimed'}")
+    print(
+        f"median {median:+.1f} %, {'as claimed' if median < 10 else 'MORE than the 10 % claimed'}"
+    )
 
 
 def air(place: Place) -> None:
     began = time.perf_counter()
     place.session.tell(Race.start, [Choices()])
-    while not place.session.snapshot.competitors or len(place.session.snapshot.competitors[0].t) < 2:
+    while (
+        not place.session.snapshot.competitors or len(place.session.snapshot.competitors[0].t) < 2
+    ):
         time.sleep(0.001)
     seconds = time.perf_counter() - began
-    print(f"click to air {seconds:.2f} s, {'as claimed' if seconds < 5 else 'MORE than the 5 s claimed'}")
+    print(
+        f"click to air {seconds:.2f} s, {'as claimed' if seconds < 5 else 'MORE than the 5 s claimed'}"
+    )
 
 
 def soak(place: Place, minutes: float) -> None:
@@ -104,7 +113,9 @@ def soak(place: Place, minutes: float) -> None:
         now = (resident(), threading.active_count())
         first = first or now
         print(f"{now[0]:.0f} MB, {now[1]} threads")
-    print(f"grown by {now[0] - first[0]:+.0f} MB and {now[1] - first[1]:+d} threads in {minutes:g} minutes")
+    print(
+        f"grown by {now[0] - first[0]:+.0f} MB and {now[1] - first[1]:+d} threads in {minutes:g} minutes"
+    )
 
 
 def resident() -> float:
@@ -129,7 +140,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as root:
         place = Place(root)
         try:
-            {"slowdown": slowdown, "air": air, "soak": lambda p: soak(p, float(more[0] if more else 30))}[what](place)
+            {
+                "slowdown": slowdown,
+                "air": air,
+                "soak": lambda p: soak(p, float(more[0] if more else 30)),
+            }[what](place)
         finally:
             place.close()
 

@@ -1,4 +1,5 @@
-"""Claims about clients of the page, over its protocol: what they send, how many they are, how they leave."""
+"""Claims about clients of the page, over its protocol: what they send, how many they are, how they
+leave."""
 
 import asyncio
 import math
@@ -36,7 +37,10 @@ def test_what_another_thread_sends_wakes_pages_on_the_loop_alone(page):
         async with connect(server.get_port()):
             assert await settled(lambda: len(server.get_clients()) == 1)
             (client,) = server.get_clients().values()
-            buffers = (server._websock_server._broadcast_buffer, client._websock_connection.get_message_buffer())
+            buffers = (
+                server._websock_server._broadcast_buffer,
+                client._websock_connection.get_message_buffer(),
+            )
             assert [type(buffer.message_event) for buffer in buffers] == [LoopEvent, LoopEvent]
 
     asyncio.run(other_thread_does())
@@ -54,7 +58,9 @@ def test_one_click_starts_a_flight(page, session):
     asyncio.run(client_does())
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, 1e9, -5.0, "much", None, True, [1.0], {"a": 1}])
+@pytest.mark.parametrize(
+    "value", [math.nan, math.inf, 1e9, -5.0, "much", None, True, [1.0], {"a": 1}]
+)
 def test_a_value_out_of_range_or_of_another_type_changes_nothing(page, value):
     dashboard, server = page
     slider = dashboard.sampler.sliders["temperature"]
@@ -111,7 +117,11 @@ def test_moving_gamma_in_flight_is_an_event(page, session):
     async def client_does():
         async with connect(server.get_port()) as client:
             await client.click(dashboard.race.start)
-            assert await settled(lambda: session.snapshot.competitors and session.snapshot.competitors[0].t[-1:] > 0.02)
+            assert await settled(
+                lambda: (
+                    session.snapshot.competitors and session.snapshot.competitors[0].t[-1:] > 0.02
+                )
+            )
             await client.set(dashboard.sampler.sliders["gamma_rates"], 1.25)
             assert await settled(lambda: session.snapshot.competitors[0].changes)
 

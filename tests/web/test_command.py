@@ -13,14 +13,23 @@ import pytest
 from web_cases import COURSE, free_port
 from wire import button, connect, get
 
-from quadsim.app.cli import race
+from quadsim.cli.cli import race
 from quadsim.record.archive import list_runs, load_run
 
 
 @contextmanager
 def running(*flags):
     """The program and the one JSON object it has printed."""
-    command = [sys.executable, "-c", "from quadsim.app.cli import main; main()", "web", "--json", "--port", "0", *flags]
+    command = [
+        sys.executable,
+        "-c",
+        "from quadsim.cli.cli import main; main()",
+        "web",
+        "--json",
+        "--port",
+        "0",
+        *flags,
+    ]
     program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         said = ""
@@ -88,7 +97,10 @@ def test_a_busy_port_is_one_line(capsys):
 @pytest.mark.parametrize(
     ("flags", "said"),
     [
-        (["--port", "99999"], "race web: --port: expected a whole number >= 0 and <= 65535, got 99999"),
+        (
+            ["--port", "99999"],
+            "race web: --port: expected a whole number >= 0 and <= 65535, got 99999",
+        ),
         (
             ["--host", "203.0.113.7"],
             "race web: --host: cannot listen on 203.0.113.7:8080: cannot assign requested address",

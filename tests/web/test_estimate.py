@@ -1,4 +1,5 @@
-"""Claims about how an estimate is drawn: its ellipsoid, and the corners that a gate camera found."""
+"""Claims about how an estimate is drawn: its ellipsoid, and the corners that a gate camera
+found."""
 
 import numpy as np
 import pytest
@@ -22,9 +23,12 @@ def test_the_half_axes_are_three_standard_deviations_along_the_covariances_own_a
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
-    """A learned pilot that flies half a second on a gate camera without noise, misses or mistakes."""
+    """A learned pilot that flies half a second on a gate camera without noise, misses or
+    mistakes."""
     file = tmp_path_factory.mktemp("sensing") / "sharp.yaml"
-    file.write_text("imu: {rate: 250}\ncamera: {rate: 50, width: 640, height: 480, fx: 320, fy: 320, noise: 0}\n")
+    file.write_text(
+        "imu: {rate: 250}\ncamera: {rate: 50, width: 640, height: 480, fx: 320, fy: 320, noise: 0}\n"
+    )
     choices = Choices(sampler=f"{PILOT}split_s_swift", sensing=str(file), laps=1)
     entry = LiveCompetitor(FlightFactory().flight(choices), str(file.parent), "pilot")
     for _ in range(50):
@@ -51,7 +55,9 @@ def test_a_pilot_has_no_numbers_to_tune_and_no_plan_to_show(flown):
 
 def test_a_flight_that_has_ended_shows_no_picture_any_more(tmp_path):
     entry = LiveCompetitor(
-        FlightFactory().flight(Choices(sampler=f"{PILOT}split_s_swift", sensing="gates")), str(tmp_path), "pilot"
+        FlightFactory().flight(Choices(sampler=f"{PILOT}split_s_swift", sensing="gates")),
+        str(tmp_path),
+        "pilot",
     )
     for _ in range(20):
         entry.advance()

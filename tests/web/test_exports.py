@@ -11,7 +11,7 @@ import pytest
 from matplotlib.image import imread
 from web_cases import Glider, choices
 
-from quadsim.app.cli import race
+from quadsim.cli.cli import race
 from quadsim.palette import STYLES
 from quadsim.record.archive import RunFolder, load_run
 from quadsim.record.run import COLUMNS, Run
@@ -41,7 +41,19 @@ def test_two_runs_are_in_one_table_and_one_zip(folder, tmp_path):
     with RunFolder.open(tmp_path, flight.spec) as other:
         other = other.save(Run.from_frames(flight.spec, list(flight.frames)))
     for kind in ("csv", "zip"):
-        assert race(["export", str(folder), str(other), f"--{kind}", "--out", str(tmp_path / f"two.{kind}")]) == 0
+        assert (
+            race(
+                [
+                    "export",
+                    str(folder),
+                    str(other),
+                    f"--{kind}",
+                    "--out",
+                    str(tmp_path / f"two.{kind}"),
+                ]
+            )
+            == 0
+        )
     head, *rows = csv.reader(io.StringIO((tmp_path / "two.csv").read_text()))
     assert head == ["run", *(f"{name} [{unit}]" for name, unit in COLUMNS.items())]
     for path in (folder, other):
@@ -54,7 +66,8 @@ def test_two_runs_are_in_one_table_and_one_zip(folder, tmp_path):
 
 
 def test_a_picture_has_a_dark_ground_everywhere_and_names_both_runs(folder):
-    """The scene comes with a transparent ground: on white paper its pale lines could not be seen."""
+    """The scene comes with a transparent ground: on white paper its pale lines could not be
+    seen."""
     one = stored_competitor(folder)
     two = replace(one, spec={**one.spec, "sampler": "gaussian"})
     render = np.zeros((200, 300, 4), np.uint8)

@@ -48,7 +48,9 @@ def test_the_servers_own_page_may_connect(open_server):
     assert refused(port, origin=f"http://localhost:{port}", host="localhost") is None
 
 
-@pytest.mark.parametrize("origin", ["http://evil.example", "https://127.0.0.1", "null", "http://127.0.0.1:1"])
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "https://127.0.0.1", "null", "http://127.0.0.1:1"]
+)
 def test_a_foreign_page_is_refused(open_server, origin):
     assert refused(open_server.get_port(), origin=origin) == 403
 
@@ -86,7 +88,11 @@ def test_a_foreign_page_is_refused_even_with_the_token(token_server):
 
 @pytest.mark.parametrize(
     "lines",
-    ["Host: 127.0.0.1:{0}\r\nHost: evil.example", "Host: 127.0.0.1:{0}\r\nCookie: race{0}=\u00e9", "Host: \u00e9"],
+    [
+        "Host: 127.0.0.1:{0}\r\nHost: evil.example",
+        "Host: 127.0.0.1:{0}\r\nCookie: race{0}=\u00e9",
+        "Host: \u00e9",
+    ],
 )
 @pytest.mark.parametrize("server", ["open_server", "token_server"])
 def test_headers_that_no_browser_sends_are_a_bad_request(server, lines, request):
@@ -109,7 +115,10 @@ def test_every_answer_forbids_frames_and_foreign_scripts(token_server):
         assert got["X-Frame-Options"] == "DENY"
         assert "frame-ancestors 'none'" in got["Content-Security-Policy"]
         assert "connect-src 'self'" in got["Content-Security-Policy"]
-        assert "unsafe-inline" not in got["Content-Security-Policy"].partition("script-src")[2].partition(";")[0]
+        assert (
+            "unsafe-inline"
+            not in got["Content-Security-Policy"].partition("script-src")[2].partition(";")[0]
+        )
 
 
 def test_no_two_pages_have_the_same_nonce(open_server):
@@ -119,7 +128,14 @@ def test_no_two_pages_have_the_same_nonce(open_server):
 
 @pytest.mark.parametrize(
     "message",
-    ["a text", b"\xc1", b"\x80", b"\x81\xa4type\xa4none", b"\x81\xa4type\xb0GuiUpdateMessage", b"\x93\x01\x02\x03"],
+    [
+        "a text",
+        b"\xc1",
+        b"\x80",
+        b"\x81\xa4type\xa4none",
+        b"\x81\xa4type\xb0GuiUpdateMessage",
+        b"\x93\x01\x02\x03",
+    ],
 )
 def test_a_malformed_message_ends_in_one_line(open_server, message, caplog):
     async def client_does():
@@ -168,7 +184,9 @@ def test_a_busy_port_is_one_clear_error():
         busy.bind(("127.0.0.1", 0))
         busy.listen()
         port = busy.getsockname()[1]
-        with pytest.raises(ValueError, match=rf"cannot listen on 127.0.0.1:{port}: address already in use"):
+        with pytest.raises(
+            ValueError, match=rf"cannot listen on 127.0.0.1:{port}: address already in use"
+        ):
             serve("127.0.0.1", port, None, "race")
 
 

@@ -52,7 +52,8 @@ async def onlooker(server):
 
 
 def test_viser_has_what_lets_the_server_forget_removed_things():
-    """It is private, so any version may take it away: then read web.page.dashboard.forget_removed."""
+    """It is private, so any version may take it away: then read
+    web.page.dashboard.forget_removed."""
     assert callable(getattr(viser.ViserServer, "_run_garbage_collector", None))
 
 
@@ -69,18 +70,27 @@ def test_an_open_page_is_told_to_remove_the_ghost_and_the_charts_of_the_last_rac
             await arrived(lambda: len(told("GuiUplotMessage", "uuid")) == CHARTS)
             charts = told("GuiUplotMessage", "uuid")
             await race(page, session, GHOST[:1])
-            await arrived(lambda: {"/competitor/1", "/trail/1"} <= told("RemoveSceneNodeMessage", "name"))
-            await arrived(lambda: charts <= {m["uuid"] for m in seen if m.get("updates") == {"visible": False}})
+            await arrived(
+                lambda: {"/competitor/1", "/trail/1"} <= told("RemoveSceneNodeMessage", "name")
+            )
+            await arrived(
+                lambda: (
+                    charts <= {m["uuid"] for m in seen if m.get("updates") == {"visible": False}}
+                )
+            )
             await race(page, session, GHOST[:1])
             await arrived(lambda: charts <= told("GuiRemoveMessage", "uuid"))
             gates = [m["name"] for m in seen if m["type"] == "BatchedMeshesMessage"]
-            assert len(set(gates)) == len(gates) > 2  # a name again would be the old node with new arrays
+            # a name again would be the old node with new arrays
+            assert len(set(gates)) == len(gates) > 2
 
     asyncio.run(client_does())
 
 
 @pytest.mark.parametrize("frees", [True, False])
-def test_the_server_keeps_no_more_after_many_races_than_after_three(page, session, frees, monkeypatch):
+def test_the_server_keeps_no_more_after_many_races_than_after_three(
+    page, session, frees, monkeypatch
+):
     """And it would, without what frees it."""
     _, server = page
     if not frees:
@@ -99,7 +109,8 @@ def test_the_server_keeps_no_more_after_many_races_than_after_three(page, sessio
 
 
 async def falls_silent(seen):
-    """Whether a second and a half without a message comes; before that, a busy machine sends what was on its way."""
+    """Whether a second and a half without a message comes; before that, a busy machine sends what
+    was on its way."""
     for _ in range(20):
         before = len(seen)
         await asyncio.sleep(1.5)

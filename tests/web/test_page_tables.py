@@ -8,8 +8,8 @@ import pytest
 from web_cases import COURSE, Glider, choices
 
 from quadsim.course import load_course
-from quadsim.limit.solution import limit_of
 from quadsim.palette import BEST, FASTER, STYLES
+from quadsim.record.limits import limit_of
 from quadsim.record.run import Run
 from web.competitor import Competitor, Legs, named, run_competitor
 from web.lap_timing import gap, lap_timings, order, time_at
@@ -52,7 +52,11 @@ def test_progress_at_a_gate_is_the_end_of_its_leg():
 def test_the_gap_of_two_steady_flights_grows_with_the_way(competitors):
     """v t = s: behind by s (1/v2 - 1/v1)."""
     place = np.linspace(1.0, competitors[0].legs.length - 1.0, 50)
-    found = gap(place, (competitors[1].t, competitors[1].progress), (competitors[0].t, competitors[0].progress))
+    found = gap(
+        place,
+        (competitors[1].t, competitors[1].progress),
+        (competitors[0].t, competitors[0].progress),
+    )
     assert np.allclose(found, place * (1 / 36.0 - 1 / 40.0), atol=0.03)
     assert not np.allclose(found, 0.0, atol=0.03)
 
@@ -86,8 +90,14 @@ def test_by_place_everyone_is_shown_at_the_first_ones_place(competitors):
 
 
 def test_names_of_runs_differ():
-    assert [x.name for x in named([competitor(), competitor("gaussian")])] == ["colored", "gaussian"]
-    assert [x.name for x in named([competitor(), competitor(seed=1)])] == ["colored s0", "colored s1"]
+    assert [x.name for x in named([competitor(), competitor("gaussian")])] == [
+        "colored",
+        "gaussian",
+    ]
+    assert [x.name for x in named([competitor(), competitor(seed=1)])] == [
+        "colored s0",
+        "colored s1",
+    ]
     assert [x.name for x in named([competitor(), competitor()])] == ["colored #1", "colored #2"]
 
 
@@ -107,7 +117,10 @@ def ended(entry, outcome, *events):
 
 def test_how_a_flight_ended_is_said_in_words(competitors):
     one, last = competitors[0], competitors[0].events[-1]
-    hit, ground = replace(last, kind="hit", gate=4, lap=2), replace(last, kind="ground", gate=0, lap=3)
+    hit, ground = (
+        replace(last, kind="hit", gate=4, lap=2),
+        replace(last, kind="ground", gate=0, lap=3),
+    )
     said = {
         f"FINISHED {sum(one.laps):.3f} s": one,
         "CRASHED at gate 4, lap 2": ended(one, "crashed", hit),
@@ -123,7 +136,9 @@ def test_how_a_flight_ended_is_said_in_words(competitors):
 def test_a_flight_that_finished_says_how_far_above_the_best_known_limit(competitors):
     entry = competitor()
     seconds, limit = sum(entry.laps), limit_of(entry.spec)
-    words = f"{100 * (seconds / limit.time - 1):.1f} % above the best known limit of {limit.time:.3f} s"
+    words = (
+        f"{100 * (seconds / limit.time - 1):.1f} % above the best known limit of {limit.time:.3f} s"
+    )
     for shown in ([entry], [competitors[0], entry]):  # also as the second run
         s = Snapshot(t=99.0, end=99.0, competitors=tuple(shown))
         assert words in hud(s, at(shown, 99.0))
@@ -134,7 +149,9 @@ def test_a_flight_that_finished_says_how_far_above_the_best_known_limit(competit
 
 def test_the_tower_says_who_did_not_finish_and_counts_misses(competitors):
     last = competitors[1].events[-1]
-    missed = ended(competitors[1], "timeout", replace(last, kind="miss"), replace(last, kind="wrong_way"))
+    missed = ended(
+        competitors[1], "timeout", replace(last, kind="miss"), replace(last, kind="wrong_way")
+    )
     rows = tower(at([competitors[0], missed], 99.0))
     assert rows.count("DNF") == 1
     assert at([missed], 99.0)[0].misses == 2
@@ -142,7 +159,8 @@ def test_the_tower_says_who_did_not_finish_and_counts_misses(competitors):
 
 
 def test_the_last_lap_and_its_sectors_are_coloured_by_who_was_faster(competitors):
-    """The second one's first lap, from the start, is its slowest; none of its sectors is the best of all."""
+    """The second one's first lap, from the start, is its slowest; none of its sectors is the best
+    of all."""
     me, other = at(competitors, float(competitors[1].t[-1]))
     assert other.last == competitors[1].laps[-1]
     assert other.best == min(competitors[1].laps)
@@ -160,16 +178,28 @@ def test_the_time_line_ticks_every_event_and_marks_hits(competitors):
     assert ticks == [len(one.events) + 1, len(one.events) + 2]  # one more is now
     assert RED in timeline([hit], 1.0, 9.0)
     assert RED not in timeline([one], 1.0, 9.0)
-    assert [f"lap {n}<" in timeline([one], 1.0, 9.0) for n in (1, 2, 3, 4)] == [True, True, True, False]
+    assert [f"lap {n}<" in timeline([one], 1.0, 9.0) for n in (1, 2, 3, 4)] == [
+        True,
+        True,
+        True,
+        False,
+    ]
 
 
 def test_names_from_files_cannot_run_scripts(competitors):
     evil = "<script>alert(1)</script>"
     spec = {**competitors[0].spec, "sampler": evil}
     event = replace(competitors[0].events[0], kind=evil)
-    bad = [replace(competitors[0], name=evil, spec=spec, events=(event,), outcome=evil), competitors[1]]
+    bad = [
+        replace(competitors[0], name=evil, spec=spec, events=(event,), outcome=evil),
+        competitors[1],
+    ]
     timings = at(bad, 1.0)
-    pages = [hud(Snapshot(competitors=tuple(bad)), timings), tower(timings), events(tuple(bad), 9.0)]
+    pages = [
+        hud(Snapshot(competitors=tuple(bad)), timings),
+        tower(timings),
+        events(tuple(bad), 9.0),
+    ]
     pages += [laps(bad), planner(timings[0]), chatter(bad), Map(bad[0].course).draw(timings)]
     assert all("<script" not in page for page in pages)
     assert any("&lt;script" in page for page in pages)
@@ -187,7 +217,9 @@ def test_a_replay_shows_the_terms_of_the_last_snapshot_kept(competitors):
 
 @pytest.mark.parametrize("how", ["no snapshots", "snapshots without terms"])
 def test_a_run_that_kept_no_terms_says_so_with_a_dash(competitors, how):
-    snapshots = replace(competitors[0].snapshots, terms={}) if how == "snapshots without terms" else None
+    snapshots = (
+        replace(competitors[0].snapshots, terms={}) if how == "snapshots without terms" else None
+    )
     (me,) = at([replace(competitors[0], snapshots=snapshots)], 0.5)
     assert "J = 1.000; its terms: - (not kept with this run)" in planner(me)
 
@@ -219,10 +251,13 @@ def test_beside_other_laps_a_run_changed_in_flight_is_named_so(competitors):
 
 
 def test_the_bar_of_a_strip_is_students_interval(competitors):
-    """mean -+ t s / sqrt(n), scipy.stats.t.ppf(.975, 2) = 4.3027; the other run's laps give the strip its width."""
+    """mean -+ t s / sqrt(n), scipy.stats.t.ppf(.975, 2) = 4.3027; the other run's laps give the
+    strip its width."""
     times, others = (5.0, 5.1, 5.3), (4.0, 6.0)
     page = laps([replace(competitors[0], laps=times), replace(competitors[1], laps=others)])
-    bars = re.findall(r'<line x1="([\d.]+)" x2="([\d.]+)" y1="15.0" y2="15.0"[^>]*stroke-width="2"', page)
+    bars = re.findall(
+        r'<line x1="([\d.]+)" x2="([\d.]+)" y1="15.0" y2="15.0"[^>]*stroke-width="2"', page
+    )
     ((x1, x2),) = [(float(a), float(b)) for a, b in bars]
     low, high = (float(x) for x in re.findall(r'cx="([\d.]+)" cy="45.0"', page))
     scale = (others[1] - others[0]) / (high - low)  # [s/px]

@@ -32,7 +32,9 @@ from web.race import Snapshot
 
 @pytest.mark.parametrize("name", course_names())
 @pytest.mark.parametrize("view", [overview, top_view])
-@pytest.mark.parametrize("size", [(900, 900), (572, 720), (390, 844)], ids=["1600 px", "1280 px", "a phone"])
+@pytest.mark.parametrize(
+    "size", [(900, 900), (572, 720), (390, 844)], ids=["1600 px", "1280 px", "a phone"]
+)
 def test_the_camera_frames_any_course_in_what_panels_leave_free(name, view, size):
     """All of it, and no smaller than need be."""
     course = load_course(name)
@@ -41,7 +43,9 @@ def test_the_camera_frames_any_course_in_what_panels_leave_free(name, view, size
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     p = course.points() - eye  # the start, the corners of frames and obstacles
-    x, y = (p @ axis / (p @ forward) / np.tan(FOV / 2) for axis in (right, np.cross(right, forward)))
+    x, y = (
+        p @ axis / (p @ forward) / np.tan(FOV / 2) for axis in (right, np.cross(right, forward))
+    )
     x *= size[1] / size[0]
     left, right_edge, bottom, top = free_part(size)
     assert (p @ forward > 0).all()
@@ -51,12 +55,14 @@ def test_the_camera_frames_any_course_in_what_panels_leave_free(name, view, size
 
 
 def test_a_phones_sheet_leaves_the_upper_half():
-    assert free_part((390, 844))[2] == free_part((780, 1688))[2] == 0.0  # whatever the density of its pixels
+    # whatever the density of its pixels
+    assert free_part((390, 844))[2] == free_part((780, 1688))[2] == 0.0
     assert free_part((572, 720))[2] == -1.0
 
 
 def test_the_drones_camera_looks_ahead_and_up_from_its_centre():
-    """Level at yaw 90 degrees it looks north, 45 degrees up; its up direction is at right angles."""
+    """Level at yaw 90 degrees it looks north, 45 degrees up; its up direction is at right
+    angles."""
     flight = Glider(choices())
     one = run_competitor(Run.from_frames(flight.spec, list(flight.frames)), flight.course, None)
     x = one.x | {"qw": np.full(len(one.t), np.sqrt(0.5)), "qz": np.full(len(one.t), np.sqrt(0.5))}
@@ -133,17 +139,24 @@ def test_the_factor_is_race_seconds_a_second():
 
 
 def shown(sent, linear):
-    """The sRGB colour on the screen, as three.js maps it: exposure, Hill's fit of ACES, encoding."""
+    """The sRGB colour on the screen, as three.js maps it: exposure, Hill's fit of ACES,
+    encoding."""
     light = np.asarray(sent) / 255 if linear else decoded(np.asarray(sent) / 255)
     v = INTO @ (light / 0.6)
     return 255 * encoded(
-        np.clip(OUT @ ((v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.432951) + 0.238081)), 0, 1)
+        np.clip(
+            OUT
+            @ ((v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.432951) + 0.238081)),
+            0,
+            1,
+        )
     )
 
 
 @pytest.mark.parametrize("colour", [s.colour for s in STYLES.values()] + [NEXT, "#ced2d8"])
 def test_what_is_sent_looks_like_the_legend(colour):
-    """Off by less than two colours differ where it cannot be shown, as no blue at all beside a bright orange."""
+    """Off by less than two colours differ where it cannot be shown, as no blue at all beside a
+    bright orange."""
     rgb = Style(colour, ()).rgb
     assert abs(shown(array_colour(rgb), True) - rgb).max() < 42
     assert abs(shown(single_colour(rgb), False) - rgb).max() < 42

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from web_cases import PERIOD, Gliders, choices, until
 
-from quadsim.limit.solution import limit_of
 from quadsim.record.archive import list_runs, load_run
+from quadsim.record.limits import limit_of
 from web.competitor import stored_competitor
 from web.race import Race
 from web.session import Session
@@ -32,7 +32,9 @@ def test_a_flight_is_kept_and_the_page_shows_its_laps(session, tmp_path):
     assert len(stored["laps"]) == 3
     assert session.snapshot.competitors[0].folder == folder
     best = limit_of(stored["spec"]).time
-    assert session.snapshot.competitors[0].limit.time == stored_competitor(folder).limit.time == best
+    assert (
+        session.snapshot.competitors[0].limit.time == stored_competitor(folder).limit.time == best
+    )
 
 
 def test_two_samplers_fly_turn_by_turn(session):
@@ -42,7 +44,9 @@ def test_two_samplers_fly_turn_by_turn(session):
 
     def ended():
         competitors = session.snapshot.competitors
-        if len(competitors) == 2 and all(entry.outcome is None and len(entry.t) for entry in competitors):
+        if len(competitors) == 2 and all(
+            entry.outcome is None and len(entry.t) for entry in competitors
+        ):
             apart.append(abs(competitors[0].t[-1] - competitors[1].t[-1]))
         return competitors and not session.snapshot.flying
 
@@ -52,7 +56,9 @@ def test_two_samplers_fly_turn_by_turn(session):
 
 def test_a_change_in_flight_is_on_the_record_and_marks_the_run(session, flight_factory, tmp_path):
     session.tell(Race.start, [choices(laps=2)])
-    assert until(lambda: session.snapshot.competitors and len(session.snapshot.competitors[0].t) > 5)
+    assert until(
+        lambda: session.snapshot.competitors and len(session.snapshot.competitors[0].t) > 5
+    )
     session.tell(Race.tune, "gamma_rates", 1.0)
     fast(session)
     assert over(session)
@@ -65,7 +71,8 @@ def test_a_change_in_flight_is_on_the_record_and_marks_the_run(session, flight_f
 def test_an_untouched_flight_is_not_marked(session, flight_factory, tmp_path):
     fast(session)
     session.tell(Race.start, [choices()])
-    session.tell(Race.tune, "samples", flight_factory.numbers("race", "colored")["samples"])  # unchanged
+    # unchanged
+    session.tell(Race.tune, "samples", flight_factory.numbers("race", "colored")["samples"])
     assert over(session)
     assert "interactive" not in load_run(list_runs(tmp_path)[0]).spec
 
@@ -170,11 +177,14 @@ def test_a_closed_flight_that_has_passed_a_gate_is_kept_as_interrupted(tmp_path)
 def test_snapshots_only_ever_grow(session):
     """A view taken early is not changed by what is flown later."""
     session.tell(Race.start, [choices(laps=30)])
-    assert until(lambda: session.snapshot.competitors and len(session.snapshot.competitors[0].t) > 3)
+    assert until(
+        lambda: session.snapshot.competitors and len(session.snapshot.competitors[0].t) > 3
+    )
     early = session.snapshot.competitors[0]
     before = early.x["px"].copy()
     fast(session)
-    assert until(lambda: len(session.snapshot.competitors[0].t) > 1500)  # the table has grown by then
+    # the table has grown by then
+    assert until(lambda: len(session.snapshot.competitors[0].t) > 1500)
     assert np.array_equal(before, early.x["px"])
 
 

@@ -1,4 +1,5 @@
-"""Flights without physics for the page's tests: from gate to gate at constant speed, as fast as they are asked for."""
+"""Flights without physics for the page's tests: from gate to gate at constant speed, as fast as
+they are asked for."""
 
 import socket
 import time
@@ -9,7 +10,7 @@ import numpy as np
 from controllers.plan import PlannerSnapshot
 from quadsim.course import load_course
 from quadsim.race.events import Event, Frame
-from quadsim.race.spec import Spec
+from quadsim.spec.spec import Spec
 from web.flight_factory import Choices, FlightFactory, numbers_of
 
 PERIOD = 0.01  # [s]
@@ -43,8 +44,15 @@ class Glider:
         self.frames = self._fly()
 
     def tune(self, name, value):
-        before, self.numbers = self.numbers, {**self.numbers, name: PRESET[name] if value is None else value}
-        return [{"name": name, "from": before[name], "to": self.numbers[name]}] if self.numbers != before else []
+        before, self.numbers = (
+            self.numbers,
+            {**self.numbers, name: PRESET[name] if value is None else value},
+        )
+        return (
+            [{"name": name, "from": before[name], "to": self.numbers[name]}]
+            if self.numbers != before
+            else []
+        )
 
     def sampled_trajectories(self):
         return None
@@ -58,7 +66,10 @@ class Glider:
     def _fly(self):
         gates = self.course.gates * self.laps
         points = np.array([self.course.start.position, *(g.position for g in gates)])
-        ends = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))) / self._speed  # [s]
+        # [s]
+        ends = (
+            np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))) / self._speed
+        )
         passed, began = 0, time.perf_counter()
         for k in count():
             t, events = k * PERIOD, []
@@ -66,7 +77,17 @@ class Glider:
                 passed += 1
                 lap, gate = divmod(passed - 1, len(self.course.gates))
                 spot = tuple(points[passed].tolist())
-                events.append(Event(float(ends[passed]), "pass", gate + 1, lap + 1, (0.0, 0.0), self._speed, spot))
+                events.append(
+                    Event(
+                        float(ends[passed]),
+                        "pass",
+                        gate + 1,
+                        lap + 1,
+                        (0.0, 0.0),
+                        self._speed,
+                        spot,
+                    )
+                )
             over = self._outcome if passed == len(gates) else None
             p = [float(np.interp(t, ends, points[:, c])) for c in range(3)]
             x = (*p, self._speed, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.81, 0.0, 0.0, 0.0)
@@ -75,14 +96,18 @@ class Glider:
             gate = passed % len(self.course.gates) + 1
             now = time.perf_counter() - began
             seen = None if over or k % 10 else _snapshot(k)
-            yield Frame(t, x, u, passed, lap, gate, 10.0, 0.5, 1.0, 0.1, now, tuple(events), over, seen)
+            yield Frame(
+                t, x, u, passed, lap, gate, 10.0, 0.5, 1.0, 0.1, now, tuple(events), over, seen
+            )
             if over:
                 return
 
 
 def _snapshot(k: int) -> PlannerSnapshot:
     """Its numbers are those of the frame it was taken at."""
-    return PlannerSnapshot(np.full((8, 16, 3), float(k)), {"progress": float(k), "crash": 0.0, "waypoint": -0.5})
+    return PlannerSnapshot(
+        np.full((8, 16, 3), float(k)), {"progress": float(k), "crash": 0.0, "waypoint": -0.5}
+    )
 
 
 class Gliders(FlightFactory):

@@ -41,7 +41,9 @@ async def connect(port, host="127.0.0.1", **options):
     """A client that the server counts. Raises what websockets raises for one that is refused."""
     protocol = websockets.Subprotocol(f"viser-v{viser.__version__}")
     address = f"ws://{host}:{port}"
-    async with websockets.connect(address, subprotocols=[protocol], max_size=None, **options) as socket:
+    async with websockets.connect(
+        address, subprotocols=[protocol], max_size=None, **options
+    ) as socket:
         client = Client(socket)
         await client.send(**CAMERA)
         yield client
@@ -73,4 +75,6 @@ async def received(client):
     """The messages of the next frame from the server."""
     frame = await client._socket.recv()
     size = int.from_bytes(frame[8:16], "little")
-    return msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size]))["messages"]
+    return msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size]))[
+        "messages"
+    ]

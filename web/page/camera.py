@@ -1,4 +1,5 @@
-"""The camera of each visitor: free, behind the drone, from above, or the drone's own (first person view, FPV)."""
+"""The camera of each visitor: free, behind the drone, from above, or the drone's own (first person
+view, FPV)."""
 
 from __future__ import annotations
 
@@ -15,22 +16,29 @@ from web.lap_timing import LapTiming
 
 FREE, CHASE, TOP, FPV = MODES = ("free", "chase", "top", "FPV")
 FOV, NEAR = 0.9, 0.01  # vertical [rad]; nothing nearer is drawn [m]
-DRONE_FOV, DRONE_TILT = radians(100.0), radians(45.0)  # of the drone's camera: wide, tilted up, as pilots have it
-PHONE = 0.6  # width over height: on a narrower canvas the panels are taken to be a sheet at the bottom, as on a phone
+# of the drone's camera: wide, tilted up, as pilots have it
+DRONE_FOV, DRONE_TILT = radians(100.0), radians(45.0)
+# width over height: on a narrower canvas the panels are taken to be a sheet at the bottom, as on a
+# phone
+PHONE = 0.6
 HUD, SHEET = 0.2, 0.5  # shares of the canvas's height that the head-up display and the sheet take
 MARGIN = 0.04  # of the free part, on each side
-BEHIND, ABOVE, SMOOTHING = 3.6, 1.3, 0.12  # of the chasing camera: distance [m], height [m], share of the way a frame
+# of the chasing camera: distance [m], height [m], share of the way a frame
+BEHIND, ABOVE, SMOOTHING = 3.6, 1.3, 0.12
 UP = np.array([0.0, 0.0, 1.0])
 
 Pose = tuple[np.ndarray, np.ndarray]  # position and the point it looks at [m]
-Part = tuple[float, float, float, float]  # left, right, bottom, top of a part of the canvas, each -1..1
+# left, right, bottom, top of a part of the canvas, each -1..1
+Part = tuple[float, float, float, float]
 
 
 class Camera:
     def __init__(self, server: viser.ViserServer):
         self._server = server
-        self._modes: defaultdict[int, str] = defaultdict(lambda: FREE)  # of visitors, by their number
-        self._placed: dict[int, tuple[tuple[int, int], np.ndarray]] = {}  # canvas [px] and position when last placed
+        # of visitors, by their number
+        self._modes: defaultdict[int, str] = defaultdict(lambda: FREE)
+        # canvas [px] and position when last placed
+        self._placed: dict[int, tuple[tuple[int, int], np.ndarray]] = {}
         self._course: Course | None = None
         self._size = 1.0  # of the drone as it is drawn [m]
         self._chase = np.zeros(3), np.zeros(3)
@@ -55,7 +63,9 @@ class Camera:
 
     def follow(self, s: LapTiming) -> None:
         """Move the cameras that move with the first drone."""
-        visitors = [(client, self._modes[number]) for number, client in self._server.get_clients().items()]
+        visitors = [
+            (client, self._modes[number]) for number, client in self._server.get_clients().items()
+        ]
         self._chase = chase(s, self._chase)
         for client, mode in visitors:
             if mode == CHASE:
@@ -76,10 +86,13 @@ class Camera:
         self._placed.pop(client.client_id, None)
 
     def _reported(self, client: viser.ClientHandle) -> None:
-        """Frame the course anew where the canvas has another size and the visitor has not turned the view, or where the
-        page still shows what it began with.
+        """Frame the course anew where the canvas has another size and the visitor has not turned
+        the view, or where the page still shows what it began with.
         """
-        camera, (size, position) = client.camera, self._placed.get(client.client_id, ((0, 0), np.zeros(3)))
+        camera, (size, position) = (
+            client.camera,
+            self._placed.get(client.client_id, ((0, 0), np.zeros(3))),
+        )
         as_placed = np.allclose(camera.position, position, atol=0.05)
         as_begun = np.allclose(camera.position, self._server.initial_camera.position, atol=0.05)
         resized = size != (camera.image_width, camera.image_height)
@@ -131,26 +144,32 @@ def set_initial_camera(server: viser.ViserServer, course: Course) -> None:
 
 
 def free_part(size: tuple[int, int]) -> Part:
-    """Of a canvas of this width and height, what the head-up display and a phone's sheet leave free."""
+    """Of a canvas of this width and height, what the head-up display and a phone's sheet leave
+    free."""
     return -1.0, 1.0, 2 * SHEET - 1 if size[0] < PHONE * size[1] else -1.0, 1 - 2 * HUD
 
 
 def overview(course: Course, size: tuple[int, int] = (900, 900)) -> Pose:
-    """The whole course, seen from beside its longer side, in the free part of a canvas of this size [px]."""
+    """The whole course, seen from beside its longer side, in the free part of a canvas of this size
+    [px]."""
     width, depth, _ = np.ptp(course.points(frames=False), axis=0)
-    return _fit(course, np.array([0.12, -0.76, 0.64] if width >= depth else [0.76, 0.12, 0.64]), size)
+    return _fit(
+        course, np.array([0.12, -0.76, 0.64] if width >= depth else [0.76, 0.12, 0.64]), size
+    )
 
 
 def top_view(course: Course, size: tuple[int, int] = (900, 900)) -> Pose:
-    """The same from above; not quite vertical, as a camera cannot look along its own up direction."""
+    """The same from above; not quite vertical, as a camera cannot look along its own up
+    direction."""
     return _fit(course, np.array([0.0, -0.01, 1.0]), size)
 
 
 def _fit(course: Course, direction: np.ndarray, size: tuple[int, int]) -> Pose:
     """From this direction, as near as every gate and the start still fit into the free part.
 
-    With coordinates x right, y up and z back, a point is in view where left (cz - z) <= x - cx <= right (cz - z) for a
-    camera at c: so x + right z <= cx + right cz and x + left z >= cx + left cz, and the same of y.
+    With coordinates x right, y up and z back, a point is in view where left (cz - z) <= x - cx <=
+    right (cz - z) for a camera at c: so x + right z <= cx + right cz and x + left z >= cx + left
+    cz, and the same of y.
     """
     back = direction / np.linalg.norm(direction)
     right = np.cross(UP, back) / np.linalg.norm(np.cross(UP, back))
@@ -162,7 +181,9 @@ def _fit(course: Course, direction: np.ndarray, size: tuple[int, int]) -> Pose:
     for k, (low, high) in enumerate(((left, right_edge), (bottom, top))):
         margin = MARGIN * (high - low)
         low, high = half[k] * (low + margin), half[k] * (high - margin)
-        bounds.append((low, high, (p[:, k] + low * p[:, 2]).min(), (p[:, k] + high * p[:, 2]).max()))
+        bounds.append(
+            (low, high, (p[:, k] + low * p[:, 2]).min(), (p[:, k] + high * p[:, 2]).max())
+        )
     z = max((most - least) / (high - low) for low, high, least, most in bounds)
     x, y = ((most - high * z + least - low * z) / 2 for low, high, least, most in bounds)
     far = z - float(p[:, 2].mean())  # to the middle of the course

@@ -1,4 +1,5 @@
-"""Curves over time, place and frequency. Every array keeps its length from one update to the next."""
+"""Curves over time, place and frequency. Every array keeps its length from one update to the
+next."""
 
 from __future__ import annotations
 
@@ -14,14 +15,18 @@ from web.lap_timing import LapTiming, best_lap, gap, lap_of
 from web.page.html import DIM, TRACK
 
 TABS = ("Signals", "Spectrum", "Gap")
-WINDOW, AHEAD, POINTS = 6.0, 2.0, 240  # seconds of the signals, how many of them are to come, points
+# seconds of the signals, how many of them are to come, points
+WINDOW, AHEAD, POINTS = 6.0, 2.0, 240
 RECENT = 1000  # frames: more than the window holds
 PLACES = 300
 FREQUENCIES = np.geomspace(0.4, 50.0, 120)  # [Hz]
 FEWEST = 32  # frames that a spectrum needs
 SPEED = "speed"
 SIGNALS = {  # title -> (label, column of the telemetry or SPEED, line width)
-    "thrust [m/s²], thin: commanded, thick: delivered": (("commanded", "a_cmd", 0.7), ("delivered", "a", 1.8)),
+    "thrust [m/s²], thin: commanded, thick: delivered": (
+        ("commanded", "a_cmd", 0.7),
+        ("delivered", "a", 1.8),
+    ),
     "roll rate [rad/s]": (("commanded", "wx_cmd", 0.6), ("delivered", "wx", 1.6)),
     "pitch rate [rad/s]": (("commanded", "wy_cmd", 0.6), ("delivered", "wy", 1.6)),
     "yaw rate [rad/s]": (("commanded", "wz_cmd", 0.6), ("delivered", "wz", 1.6)),
@@ -31,8 +36,9 @@ Tabs = Mapping[str, viser.GuiTabHandle]  # one for each of TABS
 
 
 def put_away_charts(tabs: Tabs) -> None:
-    """Hide those of the last race, remove those of the one before, whose last curves have arrived by now: a slow page
-    gets many messages at once and looks for what it is to change only after it has removed what it is to remove.
+    """Hide those of the last race, remove those of the one before, whose last curves have arrived
+    by now: a slow page gets many messages at once and looks for what it is to change only after it
+    has removed what it is to remove.
     """
     for tab in tabs.values():
         for handle in [h for h in tab._children.values() if isinstance(h, viser.GuiUplotHandle)]:
@@ -51,20 +57,30 @@ class Charts:
         self._signals = []
         with tabs["Signals"]:
             for title, curves in SIGNALS.items():
-                drawn = [_line(e, f"{e.name} {label}".strip(), width) for e in entries for label, _, width in curves]
+                drawn = [
+                    _line(e, f"{e.name} {label}".strip(), width)
+                    for e in entries
+                    for label, _, width in curves
+                ]
                 height = 140 if title.startswith("thrust") else 100
-                self._signals.append(_chart(gui, title, "t [s]", window, [*drawn, _mark("now")], height))
+                self._signals.append(
+                    _chart(gui, title, "t [s]", window, [*drawn, _mark("now")], height)
+                )
         self._corner = motor_corner(motor_tau(entries[0].spec["vehicle"]))
         with tabs["Spectrum"]:
             title = f"thrust PSD [10⁻³ (m/s²)²/Hz]; dashed: motors' corner {self._corner:.1f} Hz"
-            self._spectrum = _chart(gui, title, "f [Hz]", FREQUENCIES, [*lines, _mark("corner")], 250, log=True)
+            self._spectrum = _chart(
+                gui, title, "f [Hz]", FREQUENCIES, [*lines, _mark("corner")], 250, log=True
+            )
         self._race = np.linspace(0.0, legs.length, PLACES)
         self._lap = np.linspace(0.0, float(np.diff(legs.lap_ends, prepend=0.0)[-1]), PLACES)
         with tabs["Gap"]:
             title = "this lap against the best lap of all [s]"
             self._lap_gap = _chart(gui, title, "place [m]", self._lap, [*lines, _mark("here")], 160)
             title = f"gap to {entries[0].name} [s]; above 0: behind"
-            self._race_gap = _chart(gui, title, "place [m]", self._race, [*lines, _mark("here")], 160)
+            self._race_gap = _chart(
+                gui, title, "place [m]", self._race, [*lines, _mark("here")], 160
+            )
 
     def update_signals(self, timings: Sequence[LapTiming]) -> None:
         """The last seconds of every competitor; of flights that have ended also the next ones."""
@@ -74,28 +90,46 @@ class Charts:
         t = np.linspace(end - WINDOW, end, POINTS)
         for chart, curves in zip(self._signals, SIGNALS.values(), strict=True):
             chart.data = marked(
-                t, now, lambda t, shown=curves: [_curve(t, s, column, ahead) for s in timings for _, column, _ in shown]
+                t,
+                now,
+                lambda t, shown=curves: [
+                    _curve(t, s, column, ahead) for s in timings for _, column, _ in shown
+                ],
             )
 
     def update_spectrum(self, timings: Sequence[LapTiming]) -> None:
-        """Welch's power spectral density of the commanded thrust so far, on log axes, with the motors' corner."""
-        data = marked(FREQUENCIES, self._corner, lambda f: [psd(s.entry.until(s.t), f) for s in timings])
+        """Welch's power spectral density of the commanded thrust so far, on log axes, with the
+        motors' corner."""
+        data = marked(
+            FREQUENCIES, self._corner, lambda f: [psd(s.entry.until(s.t), f) for s in timings]
+        )
         if np.isfinite(data[1:-1]).any():
             self._spectrum.data = data
 
     def update_gaps(self, timings: Sequence[LapTiming]) -> None:
-        """Seconds behind at the same place: this lap behind the best of all, the race behind the first competitor."""
-        flights, first = [(s.entry.t[: s.i + 1], s.entry.progress[: s.i + 1]) for s in timings], timings[0]
-        self._race_gap.data = marked(self._race, first.place, lambda at: [gap(at, f, flights[0]) for f in flights])
+        """Seconds behind at the same place: this lap behind the best of all, the race behind the
+        first competitor."""
+        flights, first = (
+            [(s.entry.t[: s.i + 1], s.entry.progress[: s.i + 1]) for s in timings],
+            timings[0],
+        )
+        self._race_gap.data = marked(
+            self._race, first.place, lambda at: [gap(at, f, flights[0]) for f in flights]
+        )
         best = best_lap([s.entry for s in timings])
         if best is not None:
             laps = [lap_of(s.entry, s.lap - 1, s.i) for s in timings]
             here = first.place - [0.0, *first.entry.legs.lap_ends][first.lap - 1]
-            self._lap_gap.data = marked(self._lap, here, lambda at: [gap(at, lap, best) for lap in laps])
+            self._lap_gap.data = marked(
+                self._lap, here, lambda at: [gap(at, lap, best) for lap in laps]
+            )
 
 
-def marked(x: np.ndarray, at: float, curves: Callable[[np.ndarray], list[np.ndarray]]) -> tuple[np.ndarray, ...]:
-    """x with `at` put in twice, the curves there, and 0, 1 at `at`: a vertical line on a scale of its own.  (n + 2,)"""
+def marked(
+    x: np.ndarray, at: float, curves: Callable[[np.ndarray], list[np.ndarray]]
+) -> tuple[np.ndarray, ...]:
+    """x with `at` put in twice, the curves there, and 0, 1 at `at`: a vertical line on a scale of
+    its own.  (n + 2,)"""
     x = np.sort(np.append(x, [at, at]))
     line, k = np.full(len(x), np.nan), int(np.searchsorted(x, at))
     line[k : k + 2] = 0.0, 1.0
@@ -110,7 +144,8 @@ def _curve(t: np.ndarray, s: LapTiming, column: str, ahead: float) -> np.ndarray
 
 
 def psd(entry: Competitor, f: np.ndarray) -> np.ndarray:
-    """[1e-3 (m/s^2)^2/Hz] at these frequencies [Hz], interpolated between the bins of the estimate; nan beyond them."""
+    """[1e-3 (m/s^2)^2/Hz] at these frequencies [Hz], interpolated between the bins of the estimate;
+    nan beyond them."""
     if len(entry.t) < FEWEST:
         return np.full(len(f), np.nan)
     bins, power = thrust_psd(entry.t, entry.x["a_cmd"])

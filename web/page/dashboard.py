@@ -28,12 +28,15 @@ from web.page.timing import events, hud, planner, tower
 from web.race import Snapshot
 from web.session import Session
 
-SCENE, TABLES, SIGNALS, SLOW = 1 / 25, 1 / 8, 1 / 5, 1.0  # periods of the scene, tables, signals, spectra and gaps [s]
-COLOURS: dict[str, Any] = {"error": "red", "crash": "orange", "lap": "green", "wait": "blue"}  # of notices
+# periods of the scene, tables, signals, spectra and gaps [s]
+SCENE, TABLES, SIGNALS, SLOW = 1 / 25, 1 / 8, 1 / 5, 1.0
+# of notices
+COLOURS: dict[str, Any] = {"error": "red", "crash": "orange", "lap": "green", "wait": "blue"}
 
 
 class Due:
-    """Whether to show something again: when it has changed, but not more often than once a period [s]."""
+    """Whether to show something again: when it has changed, but not more often than once a period
+    [s]."""
 
     def __init__(self, period: float):
         self._period, self._at, self._shown = period, -inf, None
@@ -59,18 +62,26 @@ class RaceView:
 
 class Dashboard:
     def __init__(
-        self, server: viser.ViserServer, session: Session, flight_factory: FlightFactory, menu: Menu, first: Choices
+        self,
+        server: viser.ViserServer,
+        session: Session,
+        flight_factory: FlightFactory,
+        menu: Menu,
+        first: Choices,
     ):
         self._server, self._session = server, session
         self._view: RaceView | None = None
         self._previewed: Course | None = None
-        self._race, self._passed_over = 0, None  # the race, and the course that was chosen when it was last flying
+        # the race, and the course that was chosen when it was last flying
+        self._race, self._passed_over = 0, None
         self._notice = 0  # number of the last that was shown
         self._scene_due, self._tables_due, self._slow_due = Due(0.0), Due(TABLES), Due(SLOW)
         self._controls_due, self._signals_due, self._runs_due = Due(TABLES), Due(SIGNALS), Due(SLOW)
         self._past_due = Due(TABLES)
         gui = server.gui
-        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(230, 159, 0))
+        gui.configure_theme(
+            dark_mode=True, show_logo=False, show_share_button=False, brand_color=(230, 159, 0)
+        )
         gui.add_html(STYLE)
         visitors = VISITORS[server]
         self.race = RacePanel(gui, session, menu, first, visitors)
@@ -99,7 +110,8 @@ class Dashboard:
         self._tables: dict[str, viser.GuiHtmlHandle] = {}
         for name, tab in tabs.items():
             with tab:
-                self._tables[name] = gui.add_html("", order=1e6)  # below the charts of a tab, which come and go
+                # below the charts of a tab, which come and go
+                self._tables[name] = gui.add_html("", order=1e6)
         top.dock_right()
         top.set_width(430)
         below.dock_below(top)
@@ -119,9 +131,21 @@ class Dashboard:
 
     def _update(self, s: Snapshot) -> None:
         """Only what has changed: a race that has ended, or stands still, sends nothing."""
-        now, options, timings = perf_counter(), self._options, lap_timings(s, self._options.by_place)
+        now, options, timings = (
+            perf_counter(),
+            self._options,
+            lap_timings(s, self._options.by_place),
+        )
         look = (options.by_place, options.by_speed(len(timings)), options.trajectories.value)
-        state = (s.race, s.t, s.end, s.playing, s.flying, look, tuple(e.state for e in s.competitors))
+        state = (
+            s.race,
+            s.t,
+            s.end,
+            s.playing,
+            s.flying,
+            look,
+            tuple(e.state for e in s.competitors),
+        )
         with self._server.atomic():
             view = self._view_of(s, timings)
             if view:
@@ -138,7 +162,9 @@ class Dashboard:
             view.charts.update_signals(timings)
         if self._past_due((view, [e.past(s.t) for e in s.competitors])):
             self._tables["Events"].content = events(s.competitors, s.t)
-            self._tables["Laps"].content = laps([e.until(s.t) for e in s.competitors]) if view else ""
+            self._tables["Laps"].content = (
+                laps([e.until(s.t) for e in s.competitors]) if view else ""
+            )
         if view and self._slow_due((view, state)):
             view.charts.update_spectrum(timings)
             view.charts.update_gaps(timings)
@@ -148,9 +174,11 @@ class Dashboard:
         self._notify(s)
 
     def _view_of(self, s: Snapshot, timings: list[LapTiming]) -> RaceView | None:
-        """None until every competitor of the race has a frame, and where another course was chosen since it was on."""
+        """None until every competitor of the race has a frame, and where another course was chosen
+        since it was on."""
         course = self.race.preview()
-        if s.flying or s.race != self._race:  # what is chosen for the next race does not hide this one
+        # what is chosen for the next race does not hide this one
+        if s.flying or s.race != self._race:
             self._race, self._passed_over = s.race, course
         elif course is not self._passed_over:
             self._passed_over = None
@@ -185,7 +213,9 @@ class Dashboard:
         for notice in (n for n in s.notices if n.number > self._notice):
             self._notice = notice.number
             for client in self._server.get_clients().values():
-                client.add_notification(notice.title, notice.text, auto_close_seconds=6.0, color=COLOURS[notice.kind])
+                client.add_notification(
+                    notice.title, notice.text, auto_close_seconds=6.0, color=COLOURS[notice.kind]
+                )
 
 
 def clear(server: viser.ViserServer, tabs: Tabs) -> None:
@@ -196,11 +226,13 @@ def clear(server: viser.ViserServer, tabs: Tabs) -> None:
 
 
 def forget_removed(server: viser.ViserServer) -> None:
-    """Let the server forget what was removed once every open page knows. By itself it does so only when another client
+    """Let the server forget what was removed once every open page knows. By itself it does so only
+    when another client
     connects: until then the messages that remove a race's charts pile up, race by race.
 
-    Private in viser 1.1.1, the version that is pinned. If another one has no such method: look at what it runs when a
-    client connects, or drop this call where tests/web/test_memory.py holds without it. Not forced: that would forget
-    removals that open pages have yet to be told, and those would show the last race's charts and drones for ever.
+    Private in viser 1.1.1, the version that is pinned. If another one has no such method: look at
+    what it runs when a client connects, or drop this call where tests/web/test_memory.py holds
+    without it. Not forced: that would forget removals that open pages have yet to be told, and
+    those would show the last race's charts and drones for ever.
     """
     server._run_garbage_collector()

@@ -1,4 +1,5 @@
-"""A race as files: a page that plays offline, a CSV table, a zip, a PNG; and the panel that offers them."""
+"""A race as files: a page that plays offline, a CSV table, a zip, a PNG; and the panel that offers
+them."""
 
 from __future__ import annotations
 
@@ -43,7 +44,9 @@ def add_export(gui: viser.GuiApi, session: Session) -> viser.GuiButtonGroupHandl
         try:
             name, data = _download(event.client, what.value, session.snapshot)
         except (RunError, ValueError, RuntimeError, TimeoutError, OSError) as error:
-            event.client.add_notification("Cannot export", str(error), auto_close_seconds=6.0, color="red")
+            event.client.add_notification(
+                "Cannot export", str(error), auto_close_seconds=6.0, color="red"
+            )
         else:
             event.client.send_file_download(name, data, save_immediately=True)
 
@@ -69,11 +72,14 @@ def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> tuple[str, 
 def _rendered(client: viser.ClientHandle) -> np.ndarray:
     """The scene as this visitor sees it, without a background.  (height, width, 4) uint8"""
     camera = client.camera
-    return client.get_render(camera.image_height, camera.image_width, transport_format="png", timeout=RENDER_TIMEOUT)
+    return client.get_render(
+        camera.image_height, camera.image_width, transport_format="png", timeout=RENDER_TIMEOUT
+    )
 
 
 def picture(render: np.ndarray, entries: Sequence[Competitor]) -> bytes:
-    """A PNG: the scene on the page's dark ground, which can be read on white paper too; above it a line a run."""
+    """A PNG: the scene on the page's dark ground, which can be read on white paper too; above it a
+    line a run."""
     height, width = render.shape[:2]
     band = LINE * len(entries) + 10  # pixels
     figure = Figure(figsize=(width / 100, (height + band) / 100), dpi=100, facecolor=GROUND)
@@ -84,7 +90,9 @@ def picture(render: np.ndarray, entries: Sequence[Competitor]) -> bytes:
         laps = "  ".join(f"{lap:.3f}" for lap in e.laps)
         words = f"{e.course.name}  {e.name}  laps {laps or '-'} s  {e.outcome or 'flying'} at {e.t[-1]:.2f} s"
         y = 1 - (8 + LINE * (k + 0.5)) / (height + band)
-        figure.text(12 / width, y, words, color=e.style.colour, fontsize=9, va="center", parse_math=False)
+        figure.text(
+            12 / width, y, words, color=e.style.colour, fontsize=9, va="center", parse_math=False
+        )
     data = io.BytesIO()
     figure.savefig(data, format="png")
     return data.getvalue()
@@ -100,23 +108,31 @@ def zipped(folders: Sequence[Path]) -> bytes:
 
 
 def telemetry_csv(folders: Sequence[Path]) -> bytes:
-    """One row a control step; the header has column and unit, `px [m]`. Of several runs the first column is the run.
+    """One row a control step; the header has column and unit, `px [m]`. Of several runs the first
+    column is the run.
 
     Raises RunError for a damaged run, and for runs with other columns than the first has.
     """
-    lines, several, runs = io.StringIO(newline=""), len(folders) > 1, [load_run(folder) for folder in folders]
+    lines, several, runs = (
+        io.StringIO(newline=""),
+        len(folders) > 1,
+        [load_run(folder) for folder in folders],
+    )
     columns, out = columns_of(runs[0].spec), csv.writer(lines)
     out.writerow(["run"] * several + [f"{name} [{unit}]" for name, unit in columns.items()])
     for folder, run in zip(folders, runs, strict=True):
         if columns_of(run.spec) != columns:
-            raise RunError(f"{folder}: a table of several runs needs runs of one system, got others than the first's")
+            raise RunError(
+                f"{folder}: a table of several runs needs runs of one system, got others than the first's"
+            )
         names = [[folder.name] * len(run.telemetry["t"])] * several
         out.writerows(zip(*names, *(run.telemetry[name].tolist() for name in columns), strict=True))
     return lines.getvalue().encode()
 
 
 def offline_page(entries: Sequence[Competitor]) -> str:
-    """HTML that plays the race without a network. Recorded from a server of its own, closed by a random token."""
+    """HTML that plays the race without a network. Recorded from a server of its own, closed by a
+    random token."""
     server = serve("127.0.0.1", 0, secrets.token_urlsafe(), "race")
     try:
         return _with_laps(_record(server, entries), entries)
@@ -133,7 +149,9 @@ def _record(server: viser.ViserServer, entries: Sequence[Competitor]) -> str:
     set_initial_camera(server, course)
     recording = server.get_scene_serializer()
     for t in np.arange(0.0, end + 1.0 / RATE, 1.0 / RATE):
-        timings = lap_timings(Snapshot(t=float(t), end=end, competitors=tuple(entries)), by_place=False)
+        timings = lap_timings(
+            Snapshot(t=float(t), end=end, competitors=tuple(entries)), by_place=False
+        )
         scene.update(timings, by_speed=len(entries) == 1)
         clock.text = f"{t:.1f} s  lap {timings[0].lap}"
         recording.insert_sleep(1.0 / RATE)
@@ -145,6 +163,10 @@ def _with_laps(page: str, entries: Sequence[Competitor]) -> str:
     title = f"{text(entries[0].course.name)}: {text(', '.join(e.name for e in entries))}"
     look = "position:fixed;left:12px;top:12px;z-index:9;max-width:420px;color:#e6e9ee;background:#1a1c20e6"
     body = f"<b style='padding:0 10px'>{title}</b>{laps(entries)}"
-    corner = f"<div style='{look};border-radius:6px;padding-top:8px;font-family:sans-serif'>{body}</div>"
+    corner = (
+        f"<div style='{look};border-radius:6px;padding-top:8px;font-family:sans-serif'>{body}</div>"
+    )
     head, _, tail = page.rpartition("</body>")
-    return f"{head}{corner}</body>{tail}".replace("<title>Viser</title>", f"<title>{title}</title>", 1)
+    return f"{head}{corner}</body>{tail}".replace(
+        "<title>Viser</title>", f"<title>{title}</title>", 1
+    )

@@ -1,9 +1,10 @@
-"""Access control: a viser server with a token, checks of Host and Origin, and a page that talks to this server alone.
+"""Access control: a viser server with a token, checks of Host and Origin, and a page that talks to
+this server alone.
 
-It listens on loopback by default. On any other address a token is required: given once in the URL, it is kept in a
-cookie. Host and Origin are checked, so that pages of other sites cannot reach the server through a browser. The page
-comes with a Content-Security-Policy: its own scripts, known by a nonce, its own server, no frame around it. What
-visitors may send is in web.page.messages.
+It listens on loopback by default. On any other address a token is required: given once in the URL,
+it is kept in a cookie. Host and Origin are checked, so that pages of other sites cannot reach the
+server through a browser. The page comes with a Content-Security-Policy: its own scripts, known by a
+nonce, its own server, no frame around it. What visitors may send is in web.page.messages.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ PAGE_CHANGES = {  # of viser's page
     'e.type="module";': 'e.type="module";e.nonce=pass;',
     "</head>": f'<script nonce="NONCE">{OURS.read_text(encoding="utf-8")}</script></head>',
 }
-Check = Callable[[ServerConnection, Request], Response | None]  # None: the request may pass; or what ends it
+# None: the request may pass; or what ends it
+Check = Callable[[ServerConnection, Request], Response | None]
 _patching = threading.Lock()
 
 
@@ -55,9 +57,12 @@ def new_token(host: str) -> str | None:
 
 
 def address(host: str, port: int) -> str:
-    """The page's, for a browser; where the server listens on all interfaces, the one that other machines reach."""
+    """The page's, for a browser; where the server listens on all interfaces, the one that other
+    machines reach."""
     if host in ALL_INTERFACES:
-        family, elsewhere = (socket.AF_INET6, "2001:db8::1") if ":" in host else (socket.AF_INET, "192.0.2.1")
+        family, elsewhere = (
+            (socket.AF_INET6, "2001:db8::1") if ":" in host else (socket.AF_INET, "192.0.2.1")
+        )
         try:
             with socket.socket(family, socket.SOCK_DGRAM) as way:  # connecting it sends nothing
                 way.connect((elsewhere, 9))
@@ -70,7 +75,8 @@ def address(host: str, port: int) -> str:
 def serve(host: str, port: int, token: str | None, label: str) -> viser.ViserServer:
     """A running server. Raises ValueError with one line for a host or port that cannot be used."""
     port = probe(host, port)
-    rich.reconfigure(stderr=True, quiet=True)  # viser prints banners through it; stdout is for results
+    # viser prints banners through it; stdout is for results
+    rich.reconfigure(stderr=True, quiet=True)
     with _patching, _checked_requests(request_check(host, port, token), f"{VISITOR}{port}"):
         server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
     if server.get_port() != port:
@@ -81,8 +87,8 @@ def serve(host: str, port: int, token: str | None, label: str) -> viser.ViserSer
 
 
 def probe(host: str, port: int) -> int:
-    """The port if it can be listened on, a free one for 0. viser itself would hang on a wrong host and silently use
-    the next port where one is busy.
+    """The port if it can be listened on, a free one for 0. viser itself would hang on a wrong host
+    and silently use the next port where one is busy.
     """
     if not 0 <= port <= 65535:
         raise ValueError(f"port: expected 0 to 65535, got {port}")
@@ -102,8 +108,9 @@ def probe(host: str, port: int) -> int:
 
 
 def request_check(host: str, port: int, token: str | None) -> Check:
-    """Passes requests whose Host is this server, whose Origin, which browsers send, is its own page, and whose cookie
-    holds the token. Any Host passes where the server listens on addresses it cannot know.
+    """Passes requests whose Host is this server, whose Origin, which browsers send, is its own
+    page, and whose cookie holds the token. Any Host passes where the server listens on addresses it
+    cannot know.
     """
     names = {host, "127.0.0.1", "localhost", "::1"}
     hosts = {f"[{n}]:{port}" if ":" in n else f"{n}:{port}" for n in names}
@@ -113,12 +120,16 @@ def request_check(host: str, port: int, token: str | None) -> Check:
         if not all(value.isascii() for _, value in request.headers.raw_items()) or any(
             len(request.headers.get_all(name)) > 1 for name in ("Host", "Origin", "Cookie")
         ):
-            return connection.respond(HTTPStatus.BAD_REQUEST, "expected ASCII headers, and each of them once\n")
+            return connection.respond(
+                HTTPStatus.BAD_REQUEST, "expected ASCII headers, and each of them once\n"
+            )
         asked, origin = request.headers.get("Host", ""), request.headers.get("Origin")
         if host not in ALL_INTERFACES and asked not in hosts:
             return connection.respond(HTTPStatus.FORBIDDEN, "this server does not have that name\n")
         if origin is not None and origin != f"http://{asked}":
-            return connection.respond(HTTPStatus.FORBIDDEN, "pages of another origin may not use this server\n")
+            return connection.respond(
+                HTTPStatus.FORBIDDEN, "pages of another origin may not use this server\n"
+            )
         asks = parse_qsl(urlsplit(request.path).query, keep_blank_values=True)
         if token is None or _equal(cookie_of(request, cookie), token):
             return _without_redirection(connection, asks)
@@ -133,8 +144,11 @@ def request_check(host: str, port: int, token: str | None) -> Check:
     return check
 
 
-def _without_redirection(connection: ServerConnection, asks: list[tuple[str, str]]) -> Response | None:
-    """None, or the way to the same address without what would make the page play or obey something else."""
+def _without_redirection(
+    connection: ServerConnection, asks: list[tuple[str, str]]
+) -> Response | None:
+    """None, or the way to the same address without what would make the page play or obey something
+    else."""
     kept = [(name, value) for name, value in asks if name not in REDIRECTIONS]
     if len(kept) == len(asks):
         return None
@@ -144,7 +158,8 @@ def _without_redirection(connection: ServerConnection, asks: list[tuple[str, str
 
 
 def protected(response: Response, nonce: str) -> Response:
-    """With the headers that keep a browser from other scripts, servers and frames than this page's own."""
+    """With the headers that keep a browser from other scripts, servers and frames than this page's
+    own."""
     response.headers["Content-Security-Policy"] = POLICY.format(nonce=nonce)
     response.headers["X-Frame-Options"] = "DENY"
     response.headers["X-Content-Type-Options"] = "nosniff"
@@ -154,9 +169,12 @@ def protected(response: Response, nonce: str) -> Response:
 
 
 def page_response(nonce: str) -> Response:
-    """viser's page under our title; its loader, and the script that this writes into the page, have the nonce."""
+    """viser's page under our title; its loader, and the script that this writes into the page, have
+    the nonce."""
     body = _viser_page().replace("NONCE", nonce).encode()
-    headers = Headers({"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(body))})
+    headers = Headers(
+        {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(body))}
+    )
     return Response(HTTPStatus.OK, "OK", headers, body)
 
 
@@ -166,7 +184,9 @@ def _viser_page() -> str:
     page = (Path(viser.__file__).parent / "client/build/index.html").read_text(encoding="utf-8")
     for old, new in PAGE_CHANGES.items():
         if page.count(old) != 1:
-            raise RuntimeError(f"viser {viser.__version__}: its page has no {old!r}; see PAGE_CHANGES in {__file__}")
+            raise RuntimeError(
+                f"viser {viser.__version__}: its page has no {old!r}; see PAGE_CHANGES in {__file__}"
+            )
         page = page.replace(old, new)
     return page
 
@@ -178,7 +198,8 @@ def _equal(a: str, b: str) -> bool:
 
 @contextmanager
 def _checked_requests(check: Check, visitor: str):
-    """A server that starts meanwhile runs the check before every request: viser has no argument for that.
+    """A server that starts meanwhile runs the check before every request: viser has no argument for
+    that.
 
     visitor: name of the cookie by which a browser is known again.
     """
@@ -194,7 +215,9 @@ def _checked_requests(check: Check, visitor: str):
             if response is None and is_page:
                 response = page_response(nonce)
                 if not cookie_of(request, visitor):
-                    response.headers["Set-Cookie"] = f"{visitor}={nonce}; HttpOnly; SameSite=Strict; Path=/"
+                    response.headers["Set-Cookie"] = (
+                        f"{visitor}={nonce}; HttpOnly; SameSite=Strict; Path=/"
+                    )
             response = response or process_request(connection, request)
             return protected(response, nonce) if response else None
 

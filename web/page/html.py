@@ -8,8 +8,10 @@ from html import escape
 from quadsim.palette import Style
 from web.competitor import Competitor
 
-DIM, MARKER_EDGE, TRACK = "#9aa3b2", "#111", "#2c3038"  # dim text, outlines of dots, background of bars and strips
-RED, GREY = "#ff6b6b", "#e2e6ec"  # hits and crashes, as light as text on a dark page has to be; what is neither
+# dim text, outlines of dots, background of bars and strips
+DIM, MARKER_EDGE, TRACK = "#9aa3b2", "#111", "#2c3038"
+# hits and crashes, as light as text on a dark page has to be; what is neither
+RED, GREY = "#ff6b6b", "#e2e6ec"
 MONO = "font-family:ui-monospace,Menlo,Consolas,monospace;font-variant-numeric:tabular-nums"
 
 PHONE = "@media (max-width: 36em)"  # where viser puts all panels into one sheet at the bottom
@@ -28,7 +30,9 @@ label, .mantine-Slider-markLabel, .mantine-Notification-description, .u-legend .
   .mantine-Paper-root:has(.hud) {{ max-height: 50% !important }}
   [aria-label$="panel HUD"] {{ display: none !important }}
 }}
-</style>"""  # notes stand below, where they hide neither the drone nor the numbers; a chart's last series is its mark
+# notes stand below, where they hide neither the drone nor the numbers; a chart's last series is its
+# mark
+</style>"""
 
 
 def head_up(*parts: str) -> str:
@@ -41,7 +45,8 @@ def text(value: object) -> str:
 
 
 def table(head: list[str], rows: Sequence[list[str] | str], left: int = 1) -> str:
-    """Cells are HTML. The first `left` columns are aligned left, the others right; a row that is one text spans all."""
+    """Cells are HTML. The first `left` columns are aligned left, the others right; a row that is
+    one text spans all."""
     top = _row(head, "th", f"color:{DIM};font-weight:400;border-bottom:1px solid #3a3f48", left)
     body = ""
     for row in rows:
@@ -60,7 +65,10 @@ def _row(cells: list[str], tag: str, look: str, left: int) -> str:
 
 def svg(tag: str, content: str = "", **attributes: object) -> str:
     """An SVG element. Underscores in names become hyphens, floats get one decimal."""
-    values = {k.replace("_", "-"): f"{v:.1f}" if isinstance(v, float) else v for k, v in attributes.items()}
+    values = {
+        k.replace("_", "-"): f"{v:.1f}" if isinstance(v, float) else v
+        for k, v in attributes.items()
+    }
     return f"<{tag} " + " ".join(f'{k}="{v}"' for k, v in values.items()) + f">{content}</{tag}>"
 
 
@@ -71,7 +79,9 @@ def small(words: str) -> str:
 def swatch(s: Style) -> str:
     """The colour and the line style as a short line."""
     dash = " ".join(map(str, s.dash))
-    line = svg("line", x1=0, y1=5, x2=22, y2=5, stroke=s.colour, stroke_width=3, stroke_dasharray=dash)
+    line = svg(
+        "line", x1=0, y1=5, x2=22, y2=5, stroke=s.colour, stroke_width=3, stroke_dasharray=dash
+    )
     return svg("svg", line, width=22, height=10, style="vertical-align:middle;margin-right:5px")
 
 
@@ -97,4 +107,6 @@ def heading(what: str) -> str:
 
 
 def box(*parts: str) -> str:
-    return f'<div style="padding:4px 10px 8px;font-size:12px;line-height:1.35">{"".join(parts)}</div>'
+    return (
+        f'<div style="padding:4px 10px 8px;font-size:12px;line-height:1.35">{"".join(parts)}</div>'
+    )

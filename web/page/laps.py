@@ -15,7 +15,21 @@ from quadsim.record.metrics import high_frequency_fraction, motor_corner, motor_
 from quadsim.record.run import not_comparable
 from quadsim.record.statistics import mean_interval
 from web.competitor import Competitor
-from web.page.html import DIM, MARKER_EDGE, RED, TRACK, box, coloured, heading, label, small, svg, swatch, table, text
+from web.page.html import (
+    DIM,
+    MARKER_EDGE,
+    RED,
+    TRACK,
+    box,
+    coloured,
+    heading,
+    label,
+    small,
+    svg,
+    swatch,
+    table,
+    text,
+)
 
 WIDTH, ROW = 330, 30  # of the strips [px]
 GATES = 8  # columns of the split table
@@ -24,7 +38,11 @@ GATES = 8  # columns of the split table
 def laps(entries: Sequence[Competitor]) -> str:
     if not any(e.events for e in entries):
         return box("no gate passed yet")
-    remarks = [f"<div>{label(e)} {coloured(not_comparable(e.spec), RED)}</div>" for e in entries if e.changes]
+    remarks = [
+        f"<div>{label(e)} {coloured(not_comparable(e.spec), RED)}</div>"
+        for e in entries
+        if e.changes
+    ]
     parts = [heading("laps [s]"), _table(entries), *remarks, _strips(entries)]
     return box(*parts, heading("splits by gate [s]"), splits(entries))
 
@@ -60,8 +78,20 @@ def _strips(entries: Sequence[Competitor]) -> str:
     height = ROW * len(entries) + 16
     marks = [_strip(e, ROW * (k + 0.5), x) for k, e in enumerate(entries)]
     for t in np.linspace(low, high, 3):
-        marks.append(svg("text", f"{t:.2f}", x=x(t), y=height - 3, fill=DIM, font_size=10, text_anchor="middle"))
-    return svg("svg", "".join(marks), viewBox=f"0 0 {WIDTH} {height}", style="width:100%;margin-top:6px")
+        marks.append(
+            svg(
+                "text",
+                f"{t:.2f}",
+                x=x(t),
+                y=height - 3,
+                fill=DIM,
+                font_size=10,
+                text_anchor="middle",
+            )
+        )
+    return svg(
+        "svg", "".join(marks), viewBox=f"0 0 {WIDTH} {height}", style="width:100%;margin-top:6px"
+    )
 
 
 def _strip(entry: Competitor, y: float, x: Callable[[float], float]) -> str:
@@ -75,7 +105,9 @@ def _strip(entry: Competitor, y: float, x: Callable[[float], float]) -> str:
         a, m, b = (min(max(x(v), 2.0), WIDTH - 2.0) for v in (mean.low, mean.mean, mean.high))
         out += svg("line", x1=a, x2=b, y1=y, y2=y, stroke=colour, stroke_width=2)
         out += svg("line", x1=m, x2=m, y1=y - 9, y2=y + 9, stroke=colour, stroke_width=2)
-    return out + "".join(svg("circle", cx=x(t), cy=y, r=4, fill=colour, stroke=MARKER_EDGE) for t in entry.laps)
+    return out + "".join(
+        svg("circle", cx=x(t), cy=y, r=4, fill=colour, stroke=MARKER_EDGE) for t in entry.laps
+    )
 
 
 def splits(entries: Sequence[Competitor]) -> str:
@@ -89,7 +121,10 @@ def splits(entries: Sequence[Competitor]) -> str:
         shown, rows = range(first, min(first + GATES, gates)), []
         for e, e_sectors, e_best in zip(entries, sectors, own, strict=True):
             for number, row in enumerate(e_sectors, 1):
-                cells = [coloured_time(row[g], best[g], e_best[g], 2) if g < len(row) else "" for g in shown]
+                cells = [
+                    coloured_time(row[g], best[g], e_best[g], 2) if g < len(row) else ""
+                    for g in shown
+                ]
                 rows.append([swatch(e.style) if number == 1 else "", str(number), *cells])
         parts.append(table(["", "lap", *(f"G{g + 1}" for g in shown)], rows))
     return "".join(parts)
@@ -105,9 +140,19 @@ def chatter(entries: Sequence[Competitor]) -> str:
     rows = []
     for e in entries:
         if len(e.t) > 16:
-            t, u, a, corner = e.t, e.x["a_cmd"], e.x["a"], motor_corner(motor_tau(e.spec["vehicle"]))
+            t, u, a, corner = (
+                e.t,
+                e.x["a_cmd"],
+                e.x["a"],
+                motor_corner(motor_tau(e.spec["vehicle"])),
+            )
             share = 100 * high_frequency_fraction(t, u, corner)
-            rows.append([label(e), *(f"{v:.1f}" for v in (total_variation(t, u), total_variation(t, a), share))])
+            rows.append(
+                [
+                    label(e),
+                    *(f"{v:.1f}" for v in (total_variation(t, u), total_variation(t, a), share)),
+                ]
+            )
     note = (
         "thrust chatter: total variation of the thrust, commanded and delivered [m/s²/s]; share of the commanded "
         "thrust's power above the motors' corner frequency [%]"

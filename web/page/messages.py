@@ -1,4 +1,5 @@
-"""What visitors may send: clicks, hotkeys, and values that the control itself could have sent; and who may."""
+"""What visitors may send: clicks, hotkeys, and values that the control itself could have sent; and
+who may."""
 
 from __future__ import annotations
 
@@ -40,7 +41,10 @@ def one_line(record: logging.LogRecord) -> bool:
     if record.exc_info and record.exc_info[1]:
         error = record.exc_info[1]
         words = " ".join(str(error).split())[:200]
-        record.msg, record.args = "race web: %s: %s: %s", (record.getMessage(), type(error).__name__, words)
+        record.msg, record.args = (
+            "race web: %s: %s: %s",
+            (record.getMessage(), type(error).__name__, words),
+        )
         record.exc_info = None
     return True
 
@@ -49,7 +53,8 @@ LOG.addFilter(one_line)
 
 
 class Visitors:
-    """Who looks at the page. A browser is one visitor, known by a cookie, also after it was reloaded."""
+    """Who looks at the page. A browser is one visitor, known by a cookie, also after it was
+    reloaded."""
 
     def __init__(self, server: viser.ViserServer):
         self._server, self._connections = server, server._websock_server._live_connections
@@ -59,11 +64,17 @@ class Visitors:
         self.only_first = False  # all but the first
         self.switch = ""  # uuid of the control of this
         self.free: set[str] = set()  # uuids of controls that every visitor may use
-        server._websock_server.on_client_connect(lambda c: self._seen.setdefault(self.name(c.client_id)))
+        server._websock_server.on_client_connect(
+            lambda c: self._seen.setdefault(self.name(c.client_id))
+        )
 
     def name(self, client_id: int) -> str:
         connection: Any = self._connections.get(client_id)  # pyright: ignore[reportArgumentType]
-        cookie = cookie_of(connection.request, f"{VISITOR}{self._server.get_port()}") if connection else ""
+        cookie = (
+            cookie_of(connection.request, f"{VISITOR}{self._server.get_port()}")
+            if connection
+            else ""
+        )
         return cookie or f"client {client_id}"
 
     def may_use(self, client_id: int, uuid: str) -> bool:
@@ -77,10 +88,16 @@ class Visitors:
         return False
 
     def _tell(self, client_id: int) -> None:
-        client, name, now = self._server.get_clients().get(client_id), self.name(client_id), monotonic()
+        client, name, now = (
+            self._server.get_clients().get(client_id),
+            self.name(client_id),
+            monotonic(),
+        )
         if client and now - self._told.get(name, -inf) > PATIENCE:
             self._told[name] = now
-            words = "Only the first visitor has the controls; your camera and the exports are yours."
+            words = (
+                "Only the first visitor has the controls; your camera and the exports are yours."
+            )
             client.add_notification("You are watching", words, auto_close_seconds=6.0, color="blue")
 
     def end_flight(self, event: Any, flying: bool, act: Callable[[], None]) -> None:
@@ -100,7 +117,10 @@ class Visitors:
 def ask(client: viser.ClientHandle, title: str, yes: str, no: str, act: Callable[[], None]) -> None:
     """A window on this visitor's page alone."""
     with client.gui.add_modal(title) as modal:
-        accept, refuse = client.gui.add_button(yes, color="red"), client.gui.add_button(no, color="gray")
+        accept, refuse = (
+            client.gui.add_button(yes, color="red"),
+            client.gui.add_button(no, color="gray"),
+        )
     refuse.on_click(lambda _: modal.close())
 
     @accept.on_click
@@ -110,9 +130,10 @@ def ask(client: viser.ClientHandle, title: str, yes: str, no: str, act: Callable
 
 
 class LoopEvent(asyncio.Event):
-    """Is set on its event loop alone. Whatever sends a message sets the event of its buffer twice, at once from its own
-    thread and again on the loop; an asyncio.Event cannot stand the first: "deque mutated during iteration", where the
-    loop adds a waiter meanwhile. Nobody reads it there, and the second follows.
+    """Is set on its event loop alone. Whatever sends a message sets the event of its buffer twice,
+    at once from its own thread and again on the loop; an asyncio.Event cannot stand the first:
+    "deque mutated during iteration", where the loop adds a waiter meanwhile. Nobody reads it there,
+    and the second follows.
     """
 
     def set(self) -> None:
@@ -151,7 +172,9 @@ def _log_failed_task(_: Any, context: dict[str, Any]) -> None:
     LOG.error("a message of a visitor was dropped", exc_info=error)
 
 
-def _restrict(interface: Any, server: viser.ViserServer, may_use: Callable[[int, str], bool]) -> None:
+def _restrict(
+    interface: Any, server: viser.ViserServer, may_use: Callable[[int, str], bool]
+) -> None:
     """The handlers of a server or of one connection to it."""
     handlers = interface._incoming_handlers
     for kind in UNUSED_MESSAGES:
@@ -166,14 +189,19 @@ def _restrict(interface: Any, server: viser.ViserServer, may_use: Callable[[int,
             return
         if validate_input(handle, message.updates) and may_use(client_id, message.uuid):
             await update(client_id, message)
-        elif client := server.get_clients().get(client_id):  # its page shows what it sent: tell it what holds
+        # its page shows what it sent: tell it what holds
+        elif client := server.get_clients().get(client_id):
             value = messages.GuiUpdateMessage(message.uuid, {"value": handle._impl.value})
             client._websock_connection.queue_message(value)
 
     command: Callable[..., Any] = handlers[messages.CommandTriggerMessage][0]
 
     async def checked_command(client_id: Any, message: Any) -> None:
-        if isinstance(message.uuid, str) and message.uuid in commands and may_use(client_id, message.uuid):
+        if (
+            isinstance(message.uuid, str)
+            and message.uuid in commands
+            and may_use(client_id, message.uuid)
+        ):
             await command(client_id, message)
 
     handlers[messages.GuiUpdateMessage] = [checked]
@@ -181,8 +209,8 @@ def _restrict(interface: Any, server: viser.ViserServer, may_use: Callable[[int,
 
 
 def validate_input(handle: Any, updates: Any) -> bool:
-    """Whether the control itself could have sent this: only its value, of its type and within its range. viser itself
-    would set any attribute.
+    """Whether the control itself could have sent this: only its value, of its type and within its
+    range. viser itself would set any attribute.
     """
     if not isinstance(updates, dict) or set(updates) != {"value"}:
         return False

@@ -31,7 +31,9 @@ class PlaybackPanel:
         with gui.add_folder("Playback"):
             self.time = gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0)
             self.buttons = gui.add_button_group("", ("<", "pause", ">"))
-            self.event = gui.add_button("Next event", icon=viser.Icon.PLAYER_SKIP_FORWARD, color="gray", disabled=True)
+            self.event = gui.add_button(
+                "Next event", icon=viser.Icon.PLAYER_SKIP_FORWARD, color="gray", disabled=True
+            )
             self.restart = gui.add_button("Restart", icon=viser.Icon.REPEAT, color="gray")
             self.speed = gui.add_dropdown("Speed [x real time]", SPEEDS, initial_value="1")
         commands: dict[str, tuple] = {"<": (Race.step, -1), ">": (Race.step, 1)}
@@ -43,17 +45,19 @@ class PlaybackPanel:
         self.time.on_update(self._scrubbed)
 
     def update(self, s: Snapshot) -> None:
-        """The time is not set while the slider is moved by hand. Then all clients are told it again: one sent before
-        that may have arrived last.
+        """The time is not set while the slider is moved by hand. Then all clients are told it
+        again: one sent before that may have arrived last.
         """
         self.time.max = round(max(s.end, 1.0), 2)
         self.time.disabled = s.flying and s.playing
         self.buttons.options = ("<", "pause" if s.playing else "play", ">")
         self.event.disabled, self.restart.disabled = s.next_event is None, not s.race
-        t, since = min(round(s.t, 2), self.time.max), perf_counter() - self._scrubbed_at  # -inf: not moved
+        # -inf: not moved
+        t, since = min(round(s.t, 2), self.time.max), perf_counter() - self._scrubbed_at
         if since >= HOLD:
             self._scrubbed_at = inf
-            self.time.value = self._shown = t + 0.01 if t < 0.01 else t - 0.01  # viser sends changes only
+            # viser sends changes only
+            self.time.value = self._shown = t + 0.01 if t < 0.01 else t - 0.01
         if not 0.0 <= since < HOLD:
             self.time.value = self._shown = t
 
@@ -70,12 +74,18 @@ class ViewPanel:
     def __init__(self, gui: viser.GuiApi, session: Session, camera: Camera, race: RacePanel):
         """`free` will hold the uuids of what is each visitor's own."""
         with gui.add_folder("View"):
-            self.camera = gui.add_button_group("Camera", MODES, hint="each visitor's own; FPV: from the drone")
-            self.ghosts = gui.add_dropdown("Ghosts", (TIME, PLACE), initial_value=TIME, hint="where others are shown")
+            self.camera = gui.add_button_group(
+                "Camera", MODES, hint="each visitor's own; FPV: from the drone"
+            )
+            self.ghosts = gui.add_dropdown(
+                "Ghosts", (TIME, PLACE), initial_value=TIME, hint="where others are shown"
+            )
             self.trails = gui.add_dropdown("Trails", (AUTO, SPEED, SAMPLER), initial_value=AUTO)
             hint = "the cheapest of the samples; white: the plan"
             self.trajectories = gui.add_checkbox("Sampled trajectories", True, hint=hint)
-            self.true_size = gui.add_checkbox("True size", False, hint="of the drones, from the next start")
+            self.true_size = gui.add_checkbox(
+                "True size", False, hint="of the drones, from the next start"
+            )
         self.camera.on_click(lambda event: camera.choose(event.client, self.camera.value))
         commands: dict[Any, tuple[str, Callable[[viser.CommandEvent], None]]] = {
             "space": ("pause, go on", lambda _: session.tell(Race.play)),
@@ -101,7 +111,8 @@ class ViewPanel:
         return self.ghosts.value == PLACE
 
     def by_speed(self, competitors: int) -> bool:
-        """Whether trails are coloured by speed: by default if there is no other competitor to tell apart."""
+        """Whether trails are coloured by speed: by default if there is no other competitor to tell
+        apart."""
         return self.trails.value == SPEED or (self.trails.value == AUTO and competitors == 1)
 
 

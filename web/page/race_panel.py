@@ -18,7 +18,12 @@ from web.page.messages import Visitors
 from web.race import Race, Snapshot
 from web.session import Session
 
-LIVE, GHOSTS, AGAINST, REPLAY = MODES = ("live", "live: two samplers", "live against a run", "replay")
+LIVE, GHOSTS, AGAINST, REPLAY = MODES = (
+    "live",
+    "live: two samplers",
+    "live against a run",
+    "replay",
+)
 NONE: str = "none"
 RUNS = 200  # latest that are offered
 LAPS = (1, 2, 3, 5, 10, 20, 50, 100)
@@ -36,7 +41,9 @@ class Menu:
 
 
 class RacePanel:
-    def __init__(self, gui: viser.GuiApi, session: Session, menu: Menu, first: Choices, visitors: Visitors):
+    def __init__(
+        self, gui: viser.GuiApi, session: Session, menu: Menu, first: Choices, visitors: Visitors
+    ):
         """`numbers` and `settings` are to be replaced by what asks the controls of the planner."""
         self._session, self._menu, self._visitors = session, menu, visitors
         self.numbers: Callable[[], dict[str, float]] = dict  # that are not the preset's
@@ -46,19 +53,29 @@ class RacePanel:
         with gui.add_folder("Race"):
             self.mode = gui.add_dropdown("Mode", MODES, initial_value=LIVE)
             self.course = gui.add_dropdown("Course", menu.courses, initial_value=first.course)
-            self.preset = gui.add_dropdown("Preset", tuple(menu.presets), initial_value=first.preset)
+            self.preset = gui.add_dropdown(
+                "Preset", tuple(menu.presets), initial_value=first.preset
+            )
             self.vehicle = gui.add_dropdown("Vehicle", menu.vehicles, initial_value=first.vehicle)
             self.sampler = gui.add_dropdown("Sampler", menu.samplers, initial_value=first.sampler)
-            self.second = gui.add_dropdown("Second sampler", menu.samplers, initial_value="gaussian")
+            self.second = gui.add_dropdown(
+                "Second sampler", menu.samplers, initial_value="gaussian"
+            )
             hint = "what the vehicle knows its state by; perfect: the true state"
-            self.sensing = gui.add_dropdown("Sensing", menu.sensings, initial_value=first.sensing, hint=hint)
+            self.sensing = gui.add_dropdown(
+                "Sensing", menu.sensings, initial_value=first.sensing, hint=hint
+            )
             self.seed = gui.add_number("Seed", first.seed, min=0, max=10**9, step=1)
             options = (self._own_laps(), *map(str, sorted({*LAPS, first.laps} - {0})))
-            self.laps = gui.add_dropdown("Laps", options, initial_value=str(first.laps) if first.laps else options[0])
+            self.laps = gui.add_dropdown(
+                "Laps", options, initial_value=str(first.laps) if first.laps else options[0]
+            )
             self.run = gui.add_dropdown("Run", (NONE,), initial_value=NONE)
             self.second_run = gui.add_dropdown("Second run", (NONE,), initial_value=NONE)
             self.start = gui.add_button("START", icon=viser.Icon.FLAG, color="orange")
-            self.stop = gui.add_button("STOP", icon=viser.Icon.PLAYER_STOP, color="red", disabled=True)
+            self.stop = gui.add_button(
+                "STOP", icon=viser.Icon.PLAYER_STOP, color="red", disabled=True
+            )
         self.start.on_click(self.start_flight)
         self.stop.on_click(self.stop_flight)
         self.mode.on_update(lambda _: self._show_controls())
@@ -87,7 +104,8 @@ class RacePanel:
 
     def update(self, s: Snapshot) -> None:
         self.stop.disabled = not s.flying
-        if self.laps.options[0] != (own := self._own_laps()):  # viser sends options also where they stay
+        # viser sends options also where they stay
+        if self.laps.options[0] != (own := self._own_laps()):
             self.laps.options = (own, *self.laps.options[1:])
 
     def preview(self) -> Course | None:
@@ -109,7 +127,15 @@ class RacePanel:
     def _show_controls(self) -> None:
         """Only those that the mode needs."""
         mode = self.mode.value
-        for control in (self.course, self.preset, self.vehicle, self.sampler, self.sensing, self.seed, self.laps):
+        for control in (
+            self.course,
+            self.preset,
+            self.vehicle,
+            self.sampler,
+            self.sensing,
+            self.seed,
+            self.laps,
+        ):
             control.visible = mode != REPLAY
         self.second.visible = mode == GHOSTS
         self.run.visible = mode in (AGAINST, REPLAY)
@@ -124,12 +150,18 @@ class RacePanel:
             self._visitors.end_flight(event, flying, lambda: self._session.tell(Race.end_flights))
 
     def restart_flight(self, event: viser.GuiEvent | viser.CommandEvent) -> None:
-        self._visitors.end_flight(event, self._session.snapshot.flying, lambda: self._session.tell(Race.restart))
+        self._visitors.end_flight(
+            event, self._session.snapshot.flying, lambda: self._session.tell(Race.restart)
+        )
 
     def _start(self) -> None:
         mode = self.mode.value
-        names = {AGAINST: [self.run.value], REPLAY: [self.run.value, self.second_run.value]}.get(mode, [])
-        samplers = {REPLAY: [], GHOSTS: [self.sampler.value, self.second.value]}.get(mode, [self.sampler.value])
+        names = {AGAINST: [self.run.value], REPLAY: [self.run.value, self.second_run.value]}.get(
+            mode, []
+        )
+        samplers = {REPLAY: [], GHOSTS: [self.sampler.value, self.second.value]}.get(
+            mode, [self.sampler.value]
+        )
         runs = [self._paths[name] for name in names if name in self._paths]
         self._session.tell(Race.start, [self._choices(sampler) for sampler in samplers], runs)
 

@@ -1,4 +1,5 @@
-"""RaceScene: the course, the drones and the sampled trajectories in three dimensions, on the page and in recordings."""
+"""RaceScene: the course, the drones and the sampled trajectories in three dimensions, on the page
+and in recordings."""
 
 from __future__ import annotations
 
@@ -15,11 +16,20 @@ from quadsim.course.opening import outer_half_sizes
 from quadsim.palette import NEXT, Style
 from web.competitor import CRASHES, Competitor
 from web.lap_timing import LapTiming, crashed_gates
-from web.page.drones import SPAN, Drone, SampledTrajectoriesView, add_lights, array_colour, single_colour
+from web.page.drones import (
+    SPAN,
+    Drone,
+    SampledTrajectoriesView,
+    add_lights,
+    array_colour,
+    single_colour,
+)
 from web.page.estimate import EstimateView
 from web.page.html import RED
 
-PLAIN, NEXT_GATE, HIT_GATE = (array_colour(rgb) for rgb in ((206, 210, 216), Style(NEXT, ()).rgb, Style(RED, ()).rgb))
+PLAIN, NEXT_GATE, HIT_GATE = (
+    array_colour(rgb) for rgb in ((206, 210, 216), Style(NEXT, ()).rgb, Style(RED, ()).rgb)
+)
 OBSTACLE = 176, 150, 110  # colour
 GATE = 1.5  # opening of a racing gate [m]
 IMPACTS = 12  # most that are marked, the last ones
@@ -30,7 +40,11 @@ class RaceScene:
     """Everything in the scene of one race."""
 
     def __init__(
-        self, scene: viser.SceneApi, entries: Sequence[Competitor], true_size: bool = False, samples: int = 63
+        self,
+        scene: viser.SceneApi,
+        entries: Sequence[Competitor],
+        true_size: bool = False,
+        samples: int = 63,
     ):
         """true_size: of the drones, else enlarged; samples: trajectories that are drawn."""
         course = entries[0].course
@@ -38,15 +52,23 @@ class RaceScene:
         self.drone_size = SPAN * scale  # [m]
         add_lights(scene)
         self._course, self._impacts = CourseView(scene, course), Impacts(scene, width)
-        self._drones = [Drone(scene, str(k), entry, k > 0, scale, width) for k, entry in enumerate(entries)]
+        self._drones = [
+            Drone(scene, str(k), entry, k > 0, scale, width) for k, entry in enumerate(entries)
+        ]
         self._estimates = {
-            k: EstimateView(scene, str(k), entry, scale) for k, entry in enumerate(entries) if entry.sensed
+            k: EstimateView(scene, str(k), entry, scale)
+            for k, entry in enumerate(entries)
+            if entry.sensed
         }
         self._trajectories = SampledTrajectoriesView(scene, samples, width)
-        self._drawn: tuple = (None, None)  # sampled trajectories of a flight, time of the stored ones [s]
+        # sampled trajectories of a flight, time of the stored ones [s]
+        self._drawn: tuple = (None, None)
 
-    def update(self, timings: Sequence[LapTiming], by_speed: bool, trajectories: bool = True) -> None:
-        """by_speed: colour trails by speed, else by sampler; trajectories: of the first competitor, if it has some."""
+    def update(
+        self, timings: Sequence[LapTiming], by_speed: bool, trajectories: bool = True
+    ) -> None:
+        """by_speed: colour trails by speed, else by sampler; trajectories: of the first competitor,
+        if it has some."""
         for drone, s in zip(self._drones, timings, strict=True):
             drone.show(s.entry, s.i, by_speed)
         for k, estimate in self._estimates.items():
@@ -79,7 +101,8 @@ def visible_scale(course: Course) -> float:
 
 
 def gate_scale(course: Course) -> float:
-    """Factor on arrows, lines and marks: the narrowest opening against that of a racing gate, at most 1."""
+    """Factor on arrows, lines and marks: the narrowest opening against that of a racing gate, at
+    most 1."""
     return min(1.0, min(min(gate.opening) for gate in course.gates) / GATE)
 
 
@@ -87,27 +110,39 @@ class Impacts:
     """A red cross in space wherever something was hit so far."""
 
     def __init__(self, scene: viser.SceneApi, scale: float):
-        arms = np.array(list(product((-1.0, 1.0), repeat=3))[:4], np.float32)  # half of the diagonals of a cube
+        # half of the diagonals of a cube
+        arms = np.array(list(product((-1.0, 1.0), repeat=3))[:4], np.float32)
         self._arms = 0.35 * scale * np.stack([-arms, arms], axis=1)  # (4, 2, 3)
         none = np.zeros((4 * IMPACTS, 2, 3), np.float32)
         colour = single_colour(Style(RED, ()).rgb)
-        self._lines = scene.add_line_segments("/impacts", none, colour, thickness=0.13 * scale, visible=False)
+        self._lines = scene.add_line_segments(
+            "/impacts", none, colour, thickness=0.13 * scale, visible=False
+        )
         self._shown = 0
 
     def show(self, timings: Sequence[LapTiming]) -> None:
-        spots = [e.position for s in timings for e in s.entry.events if e.kind in CRASHES and e.t <= s.t + 1e-9]
+        spots = [
+            e.position
+            for s in timings
+            for e in s.entry.events
+            if e.kind in CRASHES and e.t <= s.t + 1e-9
+        ]
         if len(spots) != self._shown:
             self._shown, self._lines.visible = len(spots), bool(spots)
-            rows = np.resize(np.array(spots[-IMPACTS:] or [(0.0, 0.0, 0.0)], np.float32), (IMPACTS, 3))
+            rows = np.resize(
+                np.array(spots[-IMPACTS:] or [(0.0, 0.0, 0.0)], np.float32), (IMPACTS, 3)
+            )
             crosses = (rows[:, None, None] + self._arms).reshape(-1, 2, 3)
             self._lines.points = crosses.astype(np.float32)
 
 
 class CourseView:
-    """Gates with their numbers, obstacles, the ground. All bars are one node: recolouring them sends one array.
+    """Gates with their numbers, obstacles, the ground. All bars are one node: recolouring them
+    sends one array.
 
-    Each scene's has a name of its own. A page that is told to replace a node by another one of the same name gives the
-    old one new arrays, and may draw it once more after its buffers are gone: GL_INVALID_OPERATION in the console.
+    Each scene's has a name of its own. A page that is told to replace a node by another one of the
+    same name gives the old one new arrays, and may draw it once more after its buffers are gone:
+    GL_INVALID_OPERATION in the console.
     """
 
     def __init__(self, scene: viser.SceneApi, course: Course):
@@ -131,7 +166,10 @@ class CourseView:
             top = np.array(gate.position) + above * gate.rotation[:, 2]
             scene.add_label(f"/course/number/{number}", str(number), position=top)
         scene.add_line_segments(
-            "/course/arrows", _arrows(course), single_colour((130, 142, 165)), thickness=0.05 * gate_scale(course)
+            "/course/arrows",
+            _arrows(course),
+            single_colour((130, 142, 165)),
+            thickness=0.05 * gate_scale(course),
         )
         for number, obstacle in enumerate(course.obstacles, 1):
             _add_obstacle(scene, f"/course/obstacle/{number}", obstacle)
@@ -146,7 +184,8 @@ class CourseView:
 
 
 def bars_of(gate: Gate) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centres (4, 3), sizes (4, 3) and quaternions wxyz (4, 4) of a gate's four bars in the world."""
+    """Centres (4, 3), sizes (4, 3) and quaternions wxyz (4, 4) of a gate's four bars in the
+    world."""
     centres, halves = np.moveaxis(np.array(gate.bars, np.float32), 1, 0)
     quaternion = SO3.from_matrix(gate.rotation).wxyz
     return centres @ gate.rotation.T + gate.position, 2 * halves, np.tile(quaternion, (4, 1))
@@ -158,7 +197,9 @@ def _add_obstacle(scene: viser.SceneApi, name: str, obstacle: Obstacle) -> None:
     else:
         body, yaw = trimesh.creation.box(obstacle.size), obstacle.yaw
     place = {"wxyz": SO3.from_z_radians(yaw).wxyz, "position": obstacle.centre}
-    scene.add_mesh_simple(name, body.vertices, body.faces, color=OBSTACLE, flat_shading=True, **place)
+    scene.add_mesh_simple(
+        name, body.vertices, body.faces, color=OBSTACLE, flat_shading=True, **place
+    )
 
 
 def _arrows(course: Course) -> np.ndarray:
@@ -167,7 +208,11 @@ def _arrows(course: Course) -> np.ndarray:
     for gate in course.gates:
         along, left, _ = scale * gate.rotation.T
         tail, head = gate.position - 0.5 * along, gate.position + 0.7 * along
-        arrows += [(tail, head), (head, head - 0.3 * along + 0.2 * left), (head, head - 0.3 * along - 0.2 * left)]
+        arrows += [
+            (tail, head),
+            (head, head - 0.3 * along + 0.2 * left),
+            (head, head - 0.3 * along - 0.2 * left),
+        ]
     return np.array(arrows, np.float32)
 
 

@@ -1,4 +1,5 @@
-"""The planner's numbers: of the flight that is shown, while it flies; before, of the flights that START will fly."""
+"""The planner's numbers: of the flight that is shown, while it flies; before, of the flights that
+START will fly."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from typing import Any
 import viser
 from msgspec import inspect
 
-from quadsim.race.settings import Setting, bare
+from quadsim.spec.settings import Setting, bare
 from web.competitor import Competitor
 from web.flight_factory import PILOT, RANGES, FlightFactory
 from web.page.html import box, small, text
@@ -30,9 +31,12 @@ def label_of(name: str) -> str:
 
 
 class SamplerPanel:
-    """A slider moved before START is flown by every sampler of the race, moved in flight by every one that flies."""
+    """A slider moved before START is flown by every sampler of the race, moved in flight by every
+    one that flies."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, flight_factory: FlightFactory, race: RacePanel):
+    def __init__(
+        self, gui: viser.GuiApi, session: Session, flight_factory: FlightFactory, race: RacePanel
+    ):
         self._session, self._flight_factory, self._race = session, flight_factory, race
         self._moved: dict[str, float] = {}  # for the next START
         self._moved_at: dict[str, float] = dict.fromkeys(RANGES, -inf)  # by hand [s]
@@ -41,10 +45,14 @@ class SamplerPanel:
             self._whose = gui.add_html("")
             for name, value in self._preset().items():
                 low, high, step = RANGES[name]
-                self.sliders[name] = gui.add_slider(label_of(name), low, high, step, type(low)(value))
+                self.sliders[name] = gui.add_slider(
+                    label_of(name), low, high, step, type(low)(value)
+                )
                 self.sliders[name].on_update(partial(self._moved_by, name))
             self.others = OtherNumbers(gui, flight_factory, race)
-            self.reset = gui.add_button("Reset to preset", icon=viser.Icon.ARROW_BACK_UP, color="gray")
+            self.reset = gui.add_button(
+                "Reset to preset", icon=viser.Icon.ARROW_BACK_UP, color="gray"
+            )
         self.reset.on_click(lambda _: self._reset())
         race.numbers, race.settings = lambda: dict(self._moved), self.others.changed
         for control in (race.preset, race.sampler):
@@ -70,10 +78,16 @@ class SamplerPanel:
             return "a learned pilot has none of these numbers"
         if shown is None:
             moved = ", ".join(label_of(name) for name in self._moved)
-            return f"of the next flight; every sampler flies: {moved}" if moved else "of the next flight: the preset's"
+            return (
+                f"of the next flight; every sampler flies: {moved}"
+                if moved
+                else "of the next flight: the preset's"
+            )
         if not flying:
             return f"of {text(shown.name)} at this time"
-        return f"of {text(shown.name)}; a slider acts on " + ("every sampler" if flying > 1 else "its next plan")
+        return f"of {text(shown.name)}; a slider acts on " + (
+            "every sampler" if flying > 1 else "its next plan"
+        )
 
     def _preset(self) -> dict[str, float]:
         return self._flight_factory.numbers(self._race.preset.value, self._race.sampler.value)
@@ -85,7 +99,8 @@ class SamplerPanel:
             self._session.tell(Race.tune, name, None)
 
     async def _moved_by(self, name: str, event: viser.GuiEvent) -> None:
-        """Not on another thread, as other callbacks: a START right after it must find the number."""
+        """Not on another thread, as other callbacks: a START right after it must find the
+        number."""
         if event.client_id is not None:  # by a visitor, not by update()
             self._moved_at[name] = perf_counter()
             self._moved[name] = self.sliders[name].value
@@ -93,13 +108,14 @@ class SamplerPanel:
 
 
 class OtherNumbers:
-    """Every number of the planner that has no slider, from its dataclasses. What is changed is flown by the next START,
-    by every sampler that has it.
+    """Every number of the planner that has no slider, from its dataclasses. What is changed is
+    flown by the next START, by every sampler that has it.
     """
 
     def __init__(self, gui: viser.GuiApi, flight_factory: FlightFactory, race: RacePanel):
         self._gui, self._flight_factory, self._race = gui, flight_factory, race
-        self._fields: dict[str, tuple[Any, Any, Setting]] = {}  # name -> control, its value of the preset
+        # name -> control, its value of the preset
+        self._fields: dict[str, tuple[Any, Any, Setting]] = {}
         self._folder = gui.add_folder("All numbers, from the next START", expand_by_default=False)
         self._groups: list[viser.GuiFolderHandle] = []
         self.show_preset()
@@ -122,18 +138,29 @@ class OtherNumbers:
     def changed(self, sampler: str) -> dict[str, Any]:
         """What differs from the preset and this sampler has, as settings of quadsim.fly."""
         known = self._settings(sampler)
-        return {n: _read(c.value, s) for n, (c, preset, s) in self._fields.items() if c.value != preset and n in known}
+        return {
+            n: _read(c.value, s)
+            for n, (c, preset, s) in self._fields.items()
+            if c.value != preset and n in known
+        }
 
     def _settings(self, sampler: str) -> dict[str, Setting]:
-        return self._flight_factory.settings(self._race.preset.value, self._race.vehicle.value, sampler)
+        return self._flight_factory.settings(
+            self._race.preset.value, self._race.vehicle.value, sampler
+        )
 
     def _add(self, name: str, setting: Setting) -> tuple[Any, Any, Setting]:
         unit = re.search(r" (\[[^]]+\])", setting.help)
-        label, kind = name.replace("_", " ").capitalize() + (f" {unit[1]}" if unit else ""), bare(setting.kind)
+        label, kind = (
+            name.replace("_", " ").capitalize() + (f" {unit[1]}" if unit else ""),
+            bare(setting.kind),
+        )
         if isinstance(setting.default, bool):
             control: Any = self._gui.add_checkbox(label, setting.default, hint=setting.help)
         elif isinstance(kind, inspect.LiteralType):
-            control = self._gui.add_dropdown(label, kind.values, initial_value=setting.default, hint=setting.help)
+            control = self._gui.add_dropdown(
+                label, kind.values, initial_value=setting.default, hint=setting.help
+            )
         else:
             values = setting.default if isinstance(setting.default, tuple) else (setting.default,)
             words = " ".join("none" if v is None else f"{v:.6g}" for v in values)

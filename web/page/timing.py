@@ -10,7 +10,21 @@ from quadsim.record.run import not_comparable
 from web.competitor import CRASHES, Competitor
 from web.lap_timing import LapTiming, order
 from web.page.course_map import timeline
-from web.page.html import DIM, MONO, RED, TRACK, bar, box, coloured, head_up, heading, label, small, table, text
+from web.page.html import (
+    DIM,
+    MONO,
+    RED,
+    TRACK,
+    bar,
+    box,
+    coloured,
+    head_up,
+    heading,
+    label,
+    small,
+    table,
+    text,
+)
 from web.page.laps import best_sectors, coloured_time
 from web.race import Snapshot
 
@@ -19,8 +33,8 @@ SLOWER = "#8b93a1"  # of a sector that is no best
 
 
 def hud(s: Snapshot, timings: list[LapTiming]) -> str:
-    """Of the first competitor: lap, its time, next gate, speed, gap; below, what the race is doing, the results and
-    the time line.
+    """Of the first competitor: lap, its time, next gate, speed, gap; below, what the race is doing,
+    the results and the time line.
     """
     if s.compiling or not timings:
         words = "Compiling the planner for this machine: once, it takes some 20 s"
@@ -37,7 +51,9 @@ def hud(s: Snapshot, timings: list[LapTiming]) -> str:
     look = f"display:flex;justify-content:space-between;flex-wrap:wrap;gap:0 14px;font-size:19px;font-weight:650;{MONO}"
     results = "".join(_result(one, len(timings) > 1) for one in timings if one.over)
     line = timeline(s.competitors, s.t, s.end)
-    return head_up(f'<div class="numbers" style="{look}">{spans}</div>', results, _state(s, first), line)
+    return head_up(
+        f'<div class="numbers" style="{look}">{spans}</div>', results, _state(s, first), line
+    )
 
 
 def _remark(words: str) -> str:
@@ -74,7 +90,11 @@ def result(s: LapTiming) -> tuple[str, str]:
 def _state(s: Snapshot, first: LapTiming) -> str:
     still = "ended" if first.over and not s.flying else "paused"
     doing = still if not s.playing else "flying" if s.flying else "replay"
-    words = [doing, f"t {s.t:.2f} s", f"{s.factor:.2f} x real time" if s.playing else f"of {s.end:.2f} s"]
+    words = [
+        doing,
+        f"t {s.t:.2f} s",
+        f"{s.factor:.2f} x real time" if s.playing else f"of {s.end:.2f} s",
+    ]
     if sensing := first.entry.spec.get("sensing"):
         words.append(f"sensing {text(sensing['name'])}")
     if remark := not_comparable(first.entry.spec):
@@ -83,7 +103,8 @@ def _state(s: Snapshot, first: LapTiming) -> str:
 
 
 def tower(timings: list[LapTiming]) -> str:
-    """One row a run, the leader first; below each the sectors of its lap and a bar with its share of the race."""
+    """One row a run, the leader first; below each the sectors of its lap and a bar with its share
+    of the race."""
     head = ["", "run", "lap", "gap", "last", "best", "hits", "miss", "chatter"]
     gates = max(s.entry.legs.gates for s in timings)
     best = best_sectors([row for s in timings for row in s.sectors], gates)
@@ -101,7 +122,15 @@ def tower(timings: list[LapTiming]) -> str:
 
 def _row(place: int, s: LapTiming, best: float) -> list[str]:
     lost = s.over and s.entry.outcome != "finished"
-    gap = coloured("DNF", RED) if lost else "leader" if place == 1 else f"{s.gap:+.2f}" if isfinite(s.gap) else "-"
+    gap = (
+        coloured("DNF", RED)
+        if lost
+        else "leader"
+        if place == 1
+        else f"{s.gap:+.2f}"
+        if isfinite(s.gap)
+        else "-"
+    )
     last, own = (coloured_time(t, best, s.best or 0.0) if t else "-" for t in (s.last, s.best))
     hits, misses = (coloured(str(n), RED) if n else "0" for n in (s.hits, s.misses))
     lap = f"{s.lap}/{s.entry.spec['laps']}"
@@ -147,14 +176,17 @@ def planner(s: LapTiming) -> str:
     if pilot := s.entry.spec.get("pilot"):
         words = f"no plan: the learned pilot {text(pilot['name'])} flies, {x['plan_ms'][s.i]:.2f} ms a command"
         return box(heading("learned pilot"), _line(words))
-    ess, target = float(x["ess"][s.i]), mppi.get("target_ess", mppi.get("ess"))  # older runs say "ess"
+    # older runs say "ess"
+    ess, target = float(x["ess"][s.i]), mppi.get("target_ess", mppi.get("ess"))
     target = f"target {target:g}" if target else "temperature fixed"
     meter = bar(ess / max(mppi["samples"] * 0.1, 1.0), NEXT if ess > 5 else RED, 8)
     words = (
         f"<b>{ess:.0f}</b> effective of {mppi['samples']} samples, {target}; "
         f"temperature <b>{x['temperature'][s.i]:.3g}</b>, planned in <b>{x['plan_ms'][s.i]:.1f}</b> ms"
     )
-    return box(heading("effective sample size"), meter, _line(words), heading("cost of the plan"), _cost(s))
+    return box(
+        heading("effective sample size"), meter, _line(words), heading("cost of the plan"), _cost(s)
+    )
 
 
 def _cost(s: LapTiming) -> str:
@@ -165,7 +197,13 @@ def _cost(s: LapTiming) -> str:
     most, rows = max(map(abs, terms.values())), []
     for name, v in terms.items():
         if v:
-            rows.append([text(name), f"{v:+.3f}", bar(abs(v) / most, "#6f86d6" if v > 0 else NEXT, width="180px")])
+            rows.append(
+                [
+                    text(name),
+                    f"{v:+.3f}",
+                    bar(abs(v) / most, "#6f86d6" if v > 0 else NEXT, width="180px"),
+                ]
+            )
     J = sum(terms.values())
     return table(["term", "mean", ""], rows) + _line(f"J = {J:.3f}, the sum{when}; lower is better")
 

@@ -1,1 +1,2 @@
-"""Estimation of the state and of the vehicle from measurements, commands and the map, without plant and sensors."""
+"""Estimation of the state and of the vehicle from measurements, commands and the map, without plant
+and sensors."""

@@ -1,25 +1,28 @@
-"""Body rates and angular accelerations: the model's own, corrected by the gyroscope once each control period."""
+"""Body rates and angular accelerations: the model's own, corrected by the gyroscope once each
+control period."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from quadsim.dynamics.first_order import response
+from quadsim.dynamics.quadrotor import Control, ModelParams, tilt_reserve
 from quadsim.rotation import Vec3
 from quadsim.sensing.config import ImuConfig
-from quadsim.systems.first_order import response
-from quadsim.systems.quadrotor import Control, ModelParams, tilt_reserve
 
-ACCELERATION_STD = 20.0  # [rad/s^2] by which angular accelerations differ from the model's in a period
+# [rad/s^2] by which angular accelerations differ from the model's in a period
+ACCELERATION_STD = 20.0
 LEAST_GYRO_NOISE = 1e-3  # [rad/s] a gyroscope is never taken for better
 
 
 class BodyRates:
     """Observes what the body's rates are, and what the rotors do to change them.
 
-    beta <- beta + (beta_cmd - beta) k_m,   beta_cmd = (omega_cmd - omega) k_omega,   omega <- omega + beta dt
+    beta <- beta + (beta_cmd - beta) k_m,   beta_cmd = (omega_cmd - omega) k_omega,   omega <- omega
+    + beta dt
 
-    k_m and k_omega are those of quadsim.systems.quadrotor. Then both are corrected by the gyroscope, with the settled
-    gain of a Kalman filter.
+    k_m and k_omega are those of quadsim.dynamics.quadrotor. Then both are corrected by the
+    gyroscope, with the settled gain of a Kalman filter.
     """
 
     def __init__(self, model: ModelParams, dt: float, imu: ImuConfig):
@@ -56,8 +59,11 @@ class BodyRates:
         return tilt_reserve(*self._tilt_cost, bx_cmd, by_cmd)
 
 
-def steady_gain(dt: float, rotor_response: float, acceleration_std: float, noise: float) -> tuple[float, float]:
-    """Return the Kalman gain of (omega, beta) on a gyroscope of this noise [rad/s], once it has settled.
+def steady_gain(
+    dt: float, rotor_response: float, acceleration_std: float, noise: float
+) -> tuple[float, float]:
+    """Return the Kalman gain of (omega, beta) on a gyroscope of this noise [rad/s], once it has
+    settled.
 
     omega <- omega + beta dt, beta <- (1 - rotor_response) beta + acceleration_std N(0, 1) [rad/s^2]
     """

@@ -1,13 +1,14 @@
 """The error-state Kalman filter of a vehicle with an inertial measurement unit.
 
-The nominal state moves by the unit alone (quadsim.sensing.estimation.nominal). The filter estimates its error
-dx = (dp, dv, dtheta, db_a, db_g), then the drift of an odometry (3,), then how far gates stand off the map (3 each):
+The nominal state moves by the unit alone (quadsim.sensing.estimation.nominal). The filter estimates
+its error dx = (dp, dv, dtheta, db_a, db_g), then the drift of an odometry (3,), then how far gates
+stand off the map (3 each):
 
     dp' = dv,   dv' = -R [f]_x dtheta - R db_a,   dtheta' = -[omega]_x dtheta - db_g
 
-with attitude errors in the body frame, q = q_nominal exp(dtheta). A measurement corrects the error, which is then moved
-into the nominal state. Formulation: J. Sola, "Quaternion kinematics for the error-state Kalman filter",
-arXiv:1711.02508, 2017, chapters 5 and 6.
+with attitude errors in the body frame, q = q_nominal exp(dtheta). A measurement corrects the error,
+which is then moved into the nominal state. Formulation: J. Sola, "Quaternion kinematics for the
+error-state Kalman filter", arXiv:1711.02508, 2017, chapters 5 and 6.
 """
 
 from __future__ import annotations
@@ -30,12 +31,14 @@ ACCELEROMETER = slice(9, 12)
 GYRO = slice(12, 15)
 MOVING = 15  # of the states, those that the unit moves
 DRIFT = slice(MOVING, MOVING + 3)
-MODEL_ACCELERATION = 0.3  # [m/s^2] standard deviation of a sample: what holding means over a sample leaves out
+# [m/s^2] standard deviation of a sample: what holding means over a sample leaves out
+MODEL_ACCELERATION = 0.3
 
 
 @dataclass(frozen=True)
 class FilterState:
-    """The nominal state, the other states of the filter, and the covariance of the error, at one instant."""
+    """The nominal state, the other states of the filter, and the covariance of the error, at one
+    instant."""
 
     nominal: Nominal
     drift: np.ndarray  # of an odometry's position [m]  (3,)
@@ -48,10 +51,12 @@ class FilterState:
         return MOVING + len(self.drift)
 
     def gate_std(self, gates: int) -> np.ndarray:
-        """Return the standard deviation of each gate's position relative to the vehicle, of the worst axis [m].
+        """Return the standard deviation of each gate's position relative to the vehicle, of the
+        worst axis [m].
 
         Args:
-            gates: how many there are; those that stand where the map has them are as uncertain as the vehicle.
+            gates: how many there are; those that stand where the map has them are as uncertain as
+                the vehicle.
 
         Returns:
             (gates,)
@@ -90,7 +95,8 @@ class Motion:
     def __init__(self, imu: ImuConfig, drift: float, states: int):
         """drift: of an odometry's position [m/sqrt(s)]; states: of the filter."""
         accelerometer = imu.accelerometer_noise**2 + MODEL_ACCELERATION**2
-        white = np.repeat([0.0, accelerometer, imu.gyro_noise**2, 0.0, 0.0], 3) / imu.rate  # per second
+        # per second
+        white = np.repeat([0.0, accelerometer, imu.gyro_noise**2, 0.0, 0.0], 3) / imu.rate
         walk = np.repeat([0.0, 0.0, 0.0, imu.accelerometer_walk**2, imu.gyro_walk**2], 3)
         self._rate = np.zeros(states)  # of growth of the variances [1/s]
         self._rate[:MOVING] = white + walk
@@ -99,7 +105,9 @@ class Motion:
 
     def __call__(self, state: FilterState, sample: Inertial, until: float) -> FilterState:
         """Return the state at `until` [s], the sample's means held."""
-        return replace(state, nominal=state.nominal.moved(sample, until), P=self.moved(state, sample, until))
+        return replace(
+            state, nominal=state.nominal.moved(sample, until), P=self.moved(state, sample, until)
+        )
 
     def moved(self, state: FilterState, sample: Inertial, until: float) -> np.ndarray:
         """Return the covariance at `until` [s], to first order in the time.  (n, n)"""

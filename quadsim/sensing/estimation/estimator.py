@@ -1,8 +1,10 @@
-"""The estimator: measurements in the order in which they arrive -> the vehicle's state at any instant after them.
+"""The estimator: measurements in the order in which they arrive -> the vehicle's state at any
+instant after them.
 
-A measurement is of an instant before it arrives, so the filter is kept at the instant of the last one; from there the
-nominal state is moved to the present by the samples of the inertial measurement unit. A measurement that is older than
-the filter is applied at its own time: the filter goes back to its state before it and applies what came later again.
+A measurement is of an instant before it arrives, so the filter is kept at the instant of the last
+one; from there the nominal state is moved to the present by the samples of the inertial measurement
+unit. A measurement that is older than the filter is applied at its own time: the filter goes back
+to its state before it and applies what came later again.
 """
 
 from __future__ import annotations
@@ -22,12 +24,14 @@ from quadsim.sensing.estimation.updates import CornerUpdate, Innovation, PoseUpd
 from quadsim.sensing.measurements import Corners, Inertial, Pose
 from quadsim.sensing.sensing_file import Sensing
 
-# Standard deviations of what is known where the vehicle is set down: position [m], level and heading [deg].
+# Standard deviations of what is known where the vehicle is set down: position [m], level and
+# heading [deg].
 SET_DOWN, LEVEL, HEADING = 0.15, 0.5, 6.0
 AT_REST = 0.01  # [m/s]
 BEHIND = 0.1  # [s] by which the filter may stay behind the latest that a measurement can come
 LEAST_BIAS = 1e-4  # [rad/s, m/s^2] standard deviation of biases that are given as zero
-AS_MAPPED = 1e-3  # [m] standard deviation of a drift that has not begun, and of the heights of gates
+# [m] standard deviation of a drift that has not begun, and of the heights of gates
+AS_MAPPED = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +44,17 @@ class Applied:
 
 
 class Estimator:
-    """Estimates position, velocity, attitude, biases, drift and where gates stand, for one flight."""
+    """Estimates position, velocity, attitude, biases, drift and where gates stand, for one
+    flight."""
 
-    def __init__(self, sensing: Sensing, gates: Sequence[Gate], start: Start, t: float, displaced: float = 0.0):
+    def __init__(
+        self,
+        sensing: Sensing,
+        gates: Sequence[Gate],
+        start: Start,
+        t: float,
+        displaced: float = 0.0,
+    ):
         """Start at rest.
 
         Args:
@@ -50,7 +62,8 @@ class Estimator:
             gates: of the map, each once.
             start: where the vehicle is set down, as it is known.
             t: when that is [s].
-            displaced: how far each gate may stand off the map, along x and y [m]; 0: the map is taken as true.
+            displaced: how far each gate may stand off the map, along x and y [m]; 0: the map is
+                taken as true.
         """
         assert sensing.imu
         drift = sensing.pose.drift if sensing.pose else 0.0
@@ -58,13 +71,16 @@ class Estimator:
         unmapped = len(gates) if displaced > 0.0 else 0
         self._motion = Motion(sensing.imu, drift, MOVING + drifts + 3 * unmapped)
         self._pose = PoseUpdate(sensing.pose) if sensing.pose else None
-        self._corners = CornerUpdate(sensing.camera, gates, unmapped > 0) if sensing.camera else None
+        self._corners = (
+            CornerUpdate(sensing.camera, gates, unmapped > 0) if sensing.camera else None
+        )
         self._latest = sensing.latest
         self._samples: deque[Inertial] = deque()
         self.state = _set_down(sensing, start, t, drifts, unmapped, displaced)
         self._oldest = self.state  # before every measurement of `_applied`
         self._applied: deque[Applied] = deque()
-        self.innovations: list[Innovation] = []  # of the measurements taken since the last `innovations.clear()`
+        # of the measurements taken since the last `innovations.clear()`
+        self.innovations: list[Innovation] = []
 
     def take(self, measurement: Inertial | Pose | Corners) -> None:
         """Use a measurement that has just arrived."""
@@ -95,8 +111,11 @@ class Estimator:
         return nominal
 
     def covariance(self, t: float) -> np.ndarray:
-        """Return that of the error at t [s], by one step from the filter's instant.  (states, states)"""
-        return self._motion.moved(self.state, self._samples[-1], t) if self._samples else self.state.P
+        """Return that of the error at t [s], by one step from the filter's instant.  (states,
+        states)"""
+        return (
+            self._motion.moved(self.state, self._samples[-1], t) if self._samples else self.state.P
+        )
 
     def _apply(self, measurement: Pose | Corners) -> Innovation:
         """Move the filter to the instant of a measurement and correct it there."""
@@ -126,11 +145,17 @@ class Estimator:
             self._oldest = self._applied.popleft().state
         if self.state.nominal.t < oldest:
             self.state = self._oldest = self._moved(oldest)
-        while self._samples and self._samples[0].t <= self._oldest.nominal.t and len(self._samples) > 1:
+        while (
+            self._samples
+            and self._samples[0].t <= self._oldest.nominal.t
+            and len(self._samples) > 1
+        ):
             self._samples.popleft()
 
 
-def _set_down(sensing: Sensing, start: Start, t: float, drifts: int, gates: int, displaced: float) -> FilterState:
+def _set_down(
+    sensing: Sensing, start: Start, t: float, drifts: int, gates: int, displaced: float
+) -> FilterState:
     """At rest at the start, as well as it is known there."""
     imu = sensing.imu
     assert imu

@@ -1,9 +1,10 @@
-"""The nominal state: position, velocity and attitude, moved by an inertial measurement unit, in plain floats.
+"""The nominal state: position, velocity and attitude, moved by an inertial measurement unit, in
+plain floats.
 
     p' = v,   v' = R(q) (f - b_a) - g e_z,   q' = q x (0, omega - b_g) / 2
 
-f and omega are means over a sample: the attitude turns by omega dt about one axis, f acts along the attitude in
-mid-sample.
+f and omega are means over a sample: the attitude turns by omega dt about one axis, f acts along the
+attitude in mid-sample.
 """
 
 from __future__ import annotations

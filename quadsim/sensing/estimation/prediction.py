@@ -1,7 +1,7 @@
 """From the state that is known to the state in which a control that is planned now will act.
 
-Between the two lie the planner's time and the vehicle's command latency. The commands of that time are known, as they
-have been given already; the planner's own model moves the state under them.
+Between the two lie the planner's time and the vehicle's command latency. The commands of that time
+are known, as they have been given already; the planner's own model moves the state under them.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 
 from quadsim.course import Course
 from quadsim.course.opening import crossing, on_passage
+from quadsim.dynamics.quadrotor import ModelParams, State, quadrotor
 from quadsim.rotation import Vec3
-from quadsim.systems.quadrotor import ModelParams, State, quadrotor
 
 Command = tuple[float, ...]  # (n_u,)
 
@@ -49,8 +49,11 @@ class Commands:
             t0 = end
 
 
-def predict(x: State, commands: Commands, t0: float, t1: float, model: ModelParams, longest: float) -> State:
-    """Return the state at t1 [s] of a vehicle in the state x at t0 [s], in steps of at most `longest` [s]."""
+def predict(
+    x: State, commands: Commands, t0: float, t1: float, model: ModelParams, longest: float
+) -> State:
+    """Return the state at t1 [s] of a vehicle in the state x at t0 [s], in steps of at most
+    `longest` [s]."""
     for duration, u in commands.pieces(t0, t1):
         number = max(1, -int(-(duration - SAME) // longest))
         system = quadrotor(model, duration / number)
@@ -60,7 +63,8 @@ def predict(x: State, commands: Commands, t0: float, t1: float, model: ModelPara
 
 
 class GateCounter:
-    """Counts the gates passed by the estimated path: it passes one where it crosses its plane within the frame."""
+    """Counts the gates passed by the estimated path: it passes one where it crosses its plane
+    within the frame."""
 
     def __init__(self, course: Course, laps: int):
         """course: the map."""
@@ -69,7 +73,8 @@ class GateCounter:
         self.passed = 0
 
     def at(self, x: Sequence[float], course: Course | None = None) -> int:
-        """Return the gates passed when the vehicle is in the state x, on a straight line from where it was.
+        """Return the gates passed when the vehicle is in the state x, on a straight line from where
+        it was.
 
         Args:
             x: state, which begins with the position [m]  (n_x,).
@@ -82,6 +87,10 @@ class GateCounter:
             return self.passed
         gate = gates[self.passed % len(gates)]
         crossed = crossing(gate.to_local(before), gate.to_local(position))
-        if crossed and crossed.forward and on_passage(crossed.offset, gate.opening, gate.frame_width):
+        if (
+            crossed
+            and crossed.forward
+            and on_passage(crossed.offset, gate.opening, gate.frame_width)
+        ):
             self.passed += 1
         return self.passed

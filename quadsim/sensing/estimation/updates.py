@@ -1,8 +1,10 @@
-"""Updates of the filter: what each kind of measurement shows of the error, with gating of what cannot be true.
+"""Updates of the filter: what each kind of measurement shows of the error, with gating of what
+cannot be true.
 
-A measurement z with the expected value h and the Jacobian H corrects the error by K (z - h), K = P H^T S^-1,
-S = H P H^T + R. Its normalised innovation squared (NIS), (z - h)^T S^-1 (z - h), follows a chi-square law if the filter
-is consistent; a measurement beyond a high quantile of it is taken for an outlier and left out.
+A measurement z with the expected value h and the Jacobian H corrects the error by K (z - h), K = P
+H^T S^-1, S = H P H^T + R. Its normalised innovation squared (NIS), (z - h)^T S^-1 (z - h), follows
+a chi-square law if the filter is consistent; a measurement beyond a high quantile of it is taken
+for an outlier and left out.
 """
 
 from __future__ import annotations
@@ -23,7 +25,9 @@ from quadsim.sensing.measurements import Corners, Pose
 
 GATE = {2: 13.8, 3: 16.3}  # .999 quantiles of chi-square with 2 and 3 degrees of freedom
 JOINT = 4.0  # standard deviations of chi-square, sqrt(2 m), above its mean m
-FOUND = 0.03  # [m] standard deviation from which on a gate counts as found; until then a lone corner is no evidence
+# [m] standard deviation from which on a gate counts as found; until then a lone corner is no
+# evidence
+FOUND = 0.03
 LEAST_POSITION = 1e-3  # [m] standard deviations that a sensor is never taken to be better than
 LEAST_VELOCITY = 1e-2  # [m/s]
 LEAST_ATTITUDE = 1e-3  # [rad]
@@ -75,7 +79,10 @@ class PoseUpdate:
         drift = state.drift if self._drifts else np.zeros(3)
         position = np.subtract(pose.position, nominal.position) - drift
         attitude = np.array(between(nominal.attitude, pose.attitude))
-        parts = [Part(POSITION, position, self._position_std), Part(TURN, attitude, self._attitude_std)]
+        parts = [
+            Part(POSITION, position, self._position_std),
+            Part(TURN, attitude, self._attitude_std),
+        ]
         if pose.velocity:
             velocity = np.subtract(pose.velocity, nominal.velocity)
             parts.append(Part(VELOCITY, velocity, self._velocity_std))
@@ -85,12 +92,15 @@ class PoseUpdate:
 class CornerUpdate:
     """Uses corners of gates that were found in a picture, each gated by itself.
 
-    The variance of a pixel is that of its noise, and what the projection's curvature makes of the state's own
-    uncertainty: about focal (tr P_theta + tr P_p / z^2), to second order. It matters until the heading is known.
+    The variance of a pixel is that of its noise, and what the projection's curvature makes of the
+    state's own
+    uncertainty: about focal (tr P_theta + tr P_p / z^2), to second order. It matters until the
+    heading is known.
     """
 
     def __init__(self, config: GateCameraConfig, gates: Sequence[Gate], free: bool):
-        """gates: of the map, each once. free: whether they may stand elsewhere, as states of the filter."""
+        """gates: of the map, each once. free: whether they may stand elsewhere, as states of the
+        filter."""
         self._config, self._free = config, free
         self._to_camera = config.axes.T  # from the body frame
         self._map = np.array([gate.corners() for gate in gates])  # (gates, 4, 3)
@@ -114,16 +124,20 @@ class CornerUpdate:
         H = self._jacobian(state, R, body, local, found.gates[ahead])
         innovation = (found.pixels[ahead] - pixels).ravel()
         depth = local[:, 2]
-        curved = camera.fx * (np.trace(state.P[TURN, TURN]) + np.trace(state.P[POSITION, POSITION]) / depth**2)  # (n,)
+        # (n,)
+        curved = camera.fx * (
+            np.trace(state.P[TURN, TURN]) + np.trace(state.P[POSITION, POSITION]) / depth**2
+        )
         variance = np.repeat(camera.noise**2 + curved**2, 2)
         after, taken = corrected(state, H, innovation, variance, 2)
         return after, Innovation(taken.nis, taken.used, taken.refused + left_out)
 
     def _confirmed(self, state: FilterState, gates: np.ndarray) -> np.ndarray:
-        """Which corners count: those of gates that are found, or that the picture has another corner of.  (n,)
+        """Which corners count: those of gates that are found, or that the picture has another
+        corner of.  (n,)
 
-        A gate that may stand anywhere within 15 cm lets a corner pass that was taken for its by mistake; it would be
-        moved there, and refuse its own corners ever after.
+        A gate that may stand anywhere within 15 cm lets a corner pass that was taken for its by
+        mistake; it would be moved there, and refuse its own corners ever after.
         """
         if not self._free:
             return np.ones(len(gates), bool)
@@ -131,7 +145,12 @@ class CornerUpdate:
         return (variance[gates] < FOUND**2) | (np.bincount(gates)[gates] > 1)
 
     def _jacobian(
-        self, state: FilterState, R: np.ndarray, body: np.ndarray, local: np.ndarray, gates: np.ndarray
+        self,
+        state: FilterState,
+        R: np.ndarray,
+        body: np.ndarray,
+        local: np.ndarray,
+        gates: np.ndarray,
     ) -> np.ndarray:
         """Return the derivatives of the pixels by the error state.
 
@@ -161,7 +180,9 @@ class CornerUpdate:
         # A row a of by_body: a @ [b]_x = a x b.
         a_x, a_y, a_z = by_body.transpose(2, 0, 1)
         b_x, b_y, b_z = body.T[:, :, None]
-        H[:, :, TURN] = np.stack([a_y * b_z - a_z * b_y, a_z * b_x - a_x * b_z, a_x * b_y - a_y * b_x], axis=-1)
+        H[:, :, TURN] = np.stack(
+            [a_y * b_z - a_z * b_y, a_z * b_x - a_x * b_z, a_x * b_y - a_y * b_x], axis=-1
+        )
         if self._free:
             first = state.first_gate + 3 * gates
             for k in range(3):
@@ -174,9 +195,9 @@ def corrected(
 ) -> tuple[FilterState, Innovation]:
     """Return the state after a measurement, and how it was used.
 
-    Each group of rows is gated by itself, then all that is left together: while its NIS is beyond JOINT standard
-    deviations, the group that fits worst after the correction is left out. An uncertain state lets every single group
-    pass.
+    Each group of rows is gated by itself, then all that is left together: while its NIS is beyond
+    JOINT standard deviations, the group that fits worst after the correction is left out. An
+    uncertain state lets every single group pass.
 
     Args:
         H: Jacobian by the error  (m, n).
@@ -200,7 +221,8 @@ def corrected(
     while good.any():
         rows = np.flatnonzero(np.repeat(good, group))
         part = PHt[:, rows]
-        solved = np.linalg.solve(S[np.ix_(rows, rows)], np.column_stack([part.T, z[rows]]))  # S^-1 [H P, z]
+        # S^-1 [H P, z]
+        solved = np.linalg.solve(S[np.ix_(rows, rows)], np.column_stack([part.T, z[rows]]))
         dx, total, m = part @ solved[:, -1], float(z[rows] @ solved[:, -1]), len(rows)
         if total < m + JOINT * sqrt(2.0 * m) or m == group:
             P = state.P - part @ solved[:, :-1]

@@ -1,30 +1,32 @@
 """The vehicle's own numbers, learnt in flight: thrust, highest thrust, thrust gain, drag and gust.
 
-A Kalman filter estimates theta = (a, a_max, k, d, w): delivered and highest thrust [m/s^2], thrust gain [], drag [1/s]
-and gust in the world (3,) [m/s^2]. k and d are constant, w is an Ornstein-Uhlenbeck process with correlation time tau:
+A Kalman filter estimates theta = (a, a_max, k, d, w): delivered and highest thrust [m/s^2], thrust
+gain [], drag [1/s] and gust in the world (3,) [m/s^2]. k and d are constant, w is an
+Ornstein-Uhlenbeck process with correlation time tau:
 
     v' + g e_z = k R(q) e_z a - d v + w,     w' = -w / tau + noise
 
 The filter learns in one of two ways.
 
-**From exact states.** a is known then, and the left side is measured from two consecutive states; the factors of k and
-d are taken as the means over the period. The highest thrust is what the rotors deliver when they have settled below
-their command. It is also learnt whether the flight controller gives up thrust to roll and pitch at that limit, by the
-share of the angular acceleration asked for that is delivered there: 0.9 in our plant, 0.46 in RotorPy, which clips
-rotors one by one.
+**From exact states.** a is known then, and the left side is measured from two consecutive states;
+the factors of k and d are taken as the means over the period. The highest thrust is what the rotors
+deliver when they have settled below their command. It is also learnt whether the flight controller
+gives up thrust to roll and pitch at that limit, by the share of the angular acceleration asked for
+that is delivered there: 0.9 in our plant, 0.46 in RotorPy, which clips rotors one by one.
 
 **From an accelerometer, and rotor speeds where there are any.** Over a control period
 
     a <- a + (clip(a_cmd, r, a_max - r) - a) k_m + noise,     w <- exp(-dt / tau) w + noise
     specific force = k a e_z - d R^T v + R^T w + noise
 
-with the model's rotor lag k_m and its reserve r for roll and pitch (quadsim.systems.quadrotor). An accelerometer
-measures the specific force itself, where differences of an estimated velocity would carry its noise over dt; k and d
-follow only as far as their own variances allow, so that little is learnt from a noisy sensor. Rotor speeds measure a.
+with the model's rotor lag k_m and its reserve r for roll and pitch (quadsim.dynamics.quadrotor). An
+accelerometer measures the specific force itself, where differences of an estimated velocity would
+carry its noise over dt; k and d follow only as far as their own variances allow, so that little is
+learnt from a noisy sensor. Rotor speeds measure a.
 
-To estimate a disturbance and to plan with it is offset-free predictive control (Pannocchia and Rawlings, AIChE
-Journal 49(2), 2003). Here the disturbance is a gain of the thrust and not a constant acceleration, because the effect
-of a wrong mass turns with the vehicle.
+To estimate a disturbance and to plan with it is offset-free predictive control (Pannocchia and
+Rawlings, AIChE Journal 49(2), 2003). Here the disturbance is a gain of the thrust and not a
+constant acceleration, because the effect of a wrong mass turns with the vehicle.
 """
 
 from __future__ import annotations
@@ -36,23 +38,29 @@ from typing import NamedTuple
 
 import numpy as np
 
+from quadsim.dynamics.first_order import remaining, response
+from quadsim.dynamics.quadrotor import Control, ModelParams, State, thrust_axis, tilt_reserve
 from quadsim.rotation import Vec3, matrix
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.estimation.nominal import Nominal
-from quadsim.systems.first_order import remaining, response
-from quadsim.systems.quadrotor import Control, ModelParams, State, thrust_axis, tilt_reserve
 from quadsim.vehicle import GRAVITY
 from quadsim.vehicle.tolerances import VehicleTolerances
 
 # From exact states
-ACCELERATION_STD = 0.05  # [m/s^2] of v' from two states: the error of the trapezoidal rule over one period
+# [m/s^2] of v' from two states: the error of the trapezoidal rule over one period
+ACCELERATION_STD = 0.05
 SETTLED = 0.15  # [m/s^2] a thrust that changes by less in a period has settled
-SHORTFALL = 0.5  # [m/s^2] a settled thrust that is this far below its command is at the rotors' limit
-MAX_RESERVE = 0.05  # share of the highest thrust: at a larger reserve for roll and pitch, no estimate is made
-STEP = 0.1  # share of the error by which each such period corrects the highest thrust, or the share delivered
+# [m/s^2] a settled thrust that is this far below its command is at the rotors' limit
+SHORTFALL = 0.5
+# share of the highest thrust: at a larger reserve for roll and pitch, no estimate is made
+MAX_RESERVE = 0.05
+# share of the error by which each such period corrects the highest thrust, or the share delivered
+STEP = 0.1
 ON_TIME = 0.1  # of a period: the share delivered is judged over one period alone
-LEAST_RESERVE = 0.03  # share of the highest thrust: at a smaller one the share delivered shows little
-LEAST_DELIVERED = 0.7  # of the angular acceleration asked for, at the highest thrust; less: the planner gives up thrust
+# share of the highest thrust: at a smaller one the share delivered shows little
+LEAST_RESERVE = 0.03
+# of the angular acceleration asked for, at the highest thrust; less: the planner gives up thrust
+LEAST_DELIVERED = 0.7
 
 # From sensors
 START_STD = 0.5  # [m/s^2] of the delivered thrust before the first measurement
@@ -77,7 +85,8 @@ class Row(IntEnum):
 
 
 GUST = slice(Row.GUST_X, Row.GUST_Z + 1)
-OF_ACCELERATION = slice(Row.THRUST_GAIN, Row.GUST_Z + 1)  # what an acceleration shows where the thrust is known
+# what an acceleration shows where the thrust is known
+OF_ACCELERATION = slice(Row.THRUST_GAIN, Row.GUST_Z + 1)
 
 
 class VehicleNumbers(NamedTuple):
@@ -99,7 +108,8 @@ class VehicleNumbers(NamedTuple):
 class VehicleLearner:
     """Learns the numbers of a quadrotor in flight, once each control period.
 
-    Make it by `for_exact_states` or by `for_sensors`, and call the `learn` methods that belong to it.
+    Make it by `for_exact_states` or by `for_sensors`, and call the `learn` methods that belong to
+    it.
     """
 
     def __init__(
@@ -119,16 +129,19 @@ class VehicleLearner:
             tolerances: how far the vehicle may be from its model.
             covariance: of the numbers at the start  (7, 7).
             force_variance: of a specific force per axis [m^2/s^4].
-            delivered: share of the angular acceleration asked for that is delivered at the highest thrust; None: it is
-                not learnt.
+            delivered: share of the angular acceleration asked for that is delivered at the highest
+                thrust; None: it is not learnt.
         """
         self._nominal, self._dt, self._tolerances = model, dt, tolerances
-        self._theta = np.array([GRAVITY, model.thrust_max, model.thrust_gain, model.drag, 0.0, 0.0, 0.0])
+        self._theta = np.array(
+            [GRAVITY, model.thrust_max, model.thrust_gain, model.drag, 0.0, 0.0, 0.0]
+        )
         self._P = covariance
         self._R = force_variance * np.eye(3)
         self._delivered = delivered
         self._rotor_response = response(model.motor_tau, dt)
-        self._rate_gains = np.array([response(tau, dt) / dt for tau in model.rate_tau[:2]])  # about x and y [1/s]
+        # about x and y [1/s]
+        self._rate_gains = np.array([response(tau, dt) / dt for tau in model.rate_tau[:2]])
 
     @classmethod
     def for_exact_states(
@@ -137,7 +150,8 @@ class VehicleLearner:
         dt: float,
         tolerances: VehicleTolerances = VehicleTolerances(),  # noqa: B008 (frozen)
     ) -> VehicleLearner:
-        """Return a learner for `learn_from_states`. A drag that is nominally zero is taken as known."""
+        """Return a learner for `learn_from_states`. A drag that is nominally zero is taken as
+        known."""
         t = tolerances
         std = np.zeros(len(Row))
         std[Row.THRUST_MAX] = uniform_std(t.thrust * model.thrust_max)
@@ -156,7 +170,8 @@ class VehicleLearner:
     ) -> VehicleLearner:
         """Return a learner for `learn_from_force` and `learn_from_rotors`."""
         t = tolerances
-        variance = np.zeros(len(Row))  # not squares of `uniform_std`: flights are repeated to the last bit
+        # not squares of `uniform_std`: flights are repeated to the last bit
+        variance = np.zeros(len(Row))
         variance[Row.THRUST] = START_STD**2
         variance[Row.THRUST_MAX] = uniform_variance(t.thrust * model.thrust_max)
         variance[Row.THRUST_GAIN] = uniform_variance(t.mass)
@@ -169,7 +184,11 @@ class VehicleLearner:
     def model(self) -> ModelParams:
         """The nominal parameters with the present estimates in their place."""
         now = self.numbers
-        tilt_first = self._nominal.tilt_first if self._delivered is None else self._delivered > LEAST_DELIVERED
+        tilt_first = (
+            self._nominal.tilt_first
+            if self._delivered is None
+            else self._delivered > LEAST_DELIVERED
+        )
         return replace(
             self._nominal,
             thrust_gain=now.thrust_gain,
@@ -185,7 +204,8 @@ class VehicleLearner:
 
     @property
     def std(self) -> VehicleNumbers:
-        """Standard deviations of the estimates; from exact states, that of the highest thrust stays the prior's."""
+        """Standard deviations of the estimates; from exact states, that of the highest thrust stays
+        the prior's."""
         return VehicleNumbers.of(np.sqrt(np.diag(self._P)))
 
     def learn_from_states(self, before: State, after: State, u: Control, duration: float) -> None:
@@ -202,13 +222,16 @@ class VehicleLearner:
         if abs(duration - self._dt) < ON_TIME * self._dt:
             self._update_delivered(before, after, u)
 
-    def learn_from_force(self, a_cmd: float, reserve: float, force: Vec3 | None, nominal: Nominal) -> None:
+    def learn_from_force(
+        self, a_cmd: float, reserve: float, force: Vec3 | None, nominal: Nominal
+    ) -> None:
         """Learn from one control period of an accelerometer.
 
         Args:
             a_cmd: commanded thrust [m/s^2].
             reserve: thrust that roll and pitch have taken in the period [m/s^2].
-            force: mean specific force measured in the period, body frame [m/s^2]  (3,); None: there was no sample.
+            force: mean specific force measured in the period, body frame [m/s^2]  (3,); None: there
+                was no sample.
             nominal: estimate of attitude and velocity at the period's end.
         """
         self._predict(a_cmd, reserve)
@@ -227,12 +250,14 @@ class VehicleLearner:
         self._P = self._P - np.outer(gain, self._P[Row.THRUST])
 
     def _gust_process(self, duration: float) -> tuple[float, float]:
-        """The share of the gust that is left after `duration` [s], and the variance that is added [m^2/s^4]."""
+        """The share of the gust that is left after `duration` [s], and the variance that is added
+        [m^2/s^4]."""
         keep = remaining(self._tolerances.gust_tau, duration)
         return keep, self._tolerances.gust**2 * (1.0 - keep**2)
 
     def _correct_by_acceleration(self, before: State, after: State, duration: float) -> None:
-        """Predict over the period [s], then correct by its mean acceleration y = H theta + noise."""
+        """Predict over the period [s], then correct by its mean acceleration y = H theta +
+        noise."""
         keep, fresh = self._gust_process(duration)
         F = np.array([1.0, 1.0, keep, keep, keep])
         Q = np.array([0.0, 0.0, fresh, fresh, fresh])
@@ -249,7 +274,8 @@ class VehicleLearner:
         self._P[OF_ACCELERATION, OF_ACCELERATION] = P - K @ H @ P
 
     def _update_thrust_max(self, before: State, after: State, u: Control) -> None:
-        """Where the thrust has settled below its command, it and the reserve for roll and pitch are all there is."""
+        """Where the thrust has settled below its command, it and the reserve for roll and pitch are
+        all there is."""
         change = after.thrust - before.thrust
         settled = before.thrust + change / self._rotor_response
         if abs(change) >= SETTLED or u.thrust <= settled + SHORTFALL:
@@ -260,7 +286,8 @@ class VehicleLearner:
             self._theta[Row.THRUST_MAX] += STEP * (settled + reserve - thrust_max)
 
     def _update_delivered(self, before: State, after: State, u: Control) -> None:
-        """Where thrust and reserve ask for more than there is, compare the angular acceleration with its command."""
+        """Where thrust and reserve ask for more than there is, compare the angular acceleration
+        with its command."""
         assert self._delivered is not None
         reserve = self._mean_reserve(before, after, u)
         thrust_max = self._theta[Row.THRUST_MAX]
@@ -275,11 +302,14 @@ class VehicleLearner:
     def _mean_reserve(self, before: State, after: State, u: Control) -> float:
         """For roll and pitch, the mean of both ends of the period [m/s^2]."""
         commanded = np.array(u.body_rates[:2])
-        errors = (abs(commanded - before.body_rates[:2]) + abs(commanded - after.body_rates[:2])) / 2
+        errors = (
+            abs(commanded - before.body_rates[:2]) + abs(commanded - after.body_rates[:2])
+        ) / 2
         return tilt_reserve(*self._nominal.tilt_cost, *(self._rate_gains * errors))
 
     def _predict(self, a_cmd: float, reserve: float) -> None:
-        """Move the delivered thrust towards its command over one control period, and the gust towards zero."""
+        """Move the delivered thrust towards its command over one control period, and the gust
+        towards zero."""
         lag, theta = self._rotor_response, self._theta
         most = theta[Row.THRUST_MAX] - reserve
         limited = a_cmd > most
@@ -293,7 +323,8 @@ class VehicleLearner:
         moved = F @ theta
         moved[Row.THRUST] = theta[Row.THRUST] + lag * step
 
-        unsure = self._tolerances.lag * lag * step / sqrt(3) + RESERVE_STD * reserve * lag  # of lag and reserve
+        # of lag and reserve
+        unsure = self._tolerances.lag * lag * step / sqrt(3) + RESERVE_STD * reserve * lag
         Q = np.zeros(len(Row))
         Q[Row.THRUST] = unsure**2 + THRUST_STD**2
         Q[Row.THRUST_MAX] = THRUST_MAX_WALK**2 * self._dt

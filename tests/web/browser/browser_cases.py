@@ -19,7 +19,9 @@ def dashboard(root, flight_factory, **first):
     server = serve("127.0.0.1", 0, None, "race")
     session = Session(flight_factory, str(root))
     samplers = ("colored", "gaussian", f"{PILOT}split_s_swift")
-    menu = Menu(("split_s_swift", "figure8"), ("swift",), {"race": "swift"}, samplers, ("perfect", "gates"))
+    menu = Menu(
+        ("split_s_swift", "figure8"), ("swift",), {"race": "swift"}, samplers, ("perfect", "gates")
+    )
     page = Dashboard(server, session, flight_factory, menu, Choices(**first))
     session.server, session.address = server, f"http://127.0.0.1:{server.get_port()}/?fixedDpr=0.4"
     yield session
@@ -31,7 +33,9 @@ def dashboard(root, flight_factory, **first):
 def field(page, label):
     """The inputs of a control."""
     label = page.locator("label").filter(has_text=re.compile(f"^{re.escape(label)}$"))
-    return label.locator("xpath=ancestor::div[contains(@class,'Flex-root')][1]").locator("input:not([type=hidden])")
+    return label.locator("xpath=ancestor::div[contains(@class,'Flex-root')][1]").locator(
+        "input:not([type=hidden])"
+    )
 
 
 def choose(page, label, option):
@@ -63,11 +67,13 @@ def waited(page, claim, seconds=90):
 
 
 def listen(page):
-    """Collect what the page complains of, in page.complaints: errors and warnings of its console, errors of scripts."""
+    """Collect what the page complains of, in page.complaints: errors and warnings of its console,
+    errors of scripts."""
     page.complaints = complaints = []
 
     def heard(message):
-        slow = "GPU stall due to ReadPixels" in message.text  # of a picture taken of what is drawn in software
+        # of a picture taken of what is drawn in software
+        slow = "GPU stall due to ReadPixels" in message.text
         if message.type in ("error", "warning") and not slow:
             complaints.append(message.text)
 

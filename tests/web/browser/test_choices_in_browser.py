@@ -1,4 +1,5 @@
-"""Claims about what there is to choose before START, and how it is called, over flights without physics."""
+"""Claims about what there is to choose before START, and how it is called, over flights without
+physics."""
 
 import re
 from threading import Event
@@ -9,8 +10,8 @@ from web_cases import COURSE, Gliders
 
 from controllers.presets import PRESETS
 from quadsim.course import load_course
-from quadsim.race.settings import settings_of
-from quadsim.race.systems import SYSTEMS
+from quadsim.spec.settings import settings_of
+from quadsim.spec.systems import SYSTEMS
 from web.race import Race
 
 
@@ -56,21 +57,35 @@ def test_runs_are_called_by_time_course_sampler_and_result_the_latest_first(page
     page.keyboard.press("Escape")
     choose(page, "Mode", "live")
     assert none == "none"
-    seconds = [re.fullmatch(rf"\d\d:\d\d(:\d\d)? {COURSE} colored (\d+\.\d{{3}}) s", title)[2] for title in titles]
+    seconds = [
+        re.fullmatch(rf"\d\d:\d\d(:\d\d)? {COURSE} colored (\d+\.\d{{3}}) s", title)[2]
+        for title in titles
+    ]
     assert float(seconds[0]) > float(seconds[1]) > 0  # two laps, flown last, take longer
 
 
 def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, flights):
     """And is flown by each sampler that has it."""
     page.get_by_text("All numbers, from the next START").click()
-    numbers = {"Sampling": "Law", "MPPI": "Horizon [steps]", "Cost": "Progress", "Model of the vehicle": "Drag [1/s]"}
+    numbers = {
+        "Sampling": "Law",
+        "MPPI": "Horizon [steps]",
+        "Cost": "Progress",
+        "Model of the vehicle": "Drag [1/s]",
+    }
     for group, number in numbers.items():
         page.get_by_text(group, exact=True).click()
-        field(page, number).first.wait_for()  # what opens moves the groups below it, and a click would miss them
+        # what opens moves the groups below it, and a click would miss them
+        field(page, number).first.wait_for()
     named = settings_of(SYSTEMS["quadrotor"], PRESETS["race"]["colored"])
     for name, setting in named.items():
         if setting.group != "flight":
-            label = name.removeprefix("model.").replace("_", " ").capitalize().replace("Target ess", "Target ESS")
+            label = (
+                name.removeprefix("model.")
+                .replace("_", " ")
+                .capitalize()
+                .replace("Target ess", "Target ESS")
+            )
             wanted = re.compile(rf"^({label}|{label} (rates|thrust|scale))( \[.*\])?$")
             assert page.locator("label").filter(has_text=wanted).count() >= 1, name
     field(page, "Horizon [steps]").first.fill("100")
@@ -87,13 +102,19 @@ def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, fli
     press(page, "Reset to preset")
     assert waited(
         page,
-        lambda: field(page, "Horizon [steps]").count() and field(page, "Horizon [steps]").first.input_value() == "150",
+        lambda: (
+            field(page, "Horizon [steps]").count()
+            and field(page, "Horizon [steps]").first.input_value() == "150"
+        ),
     )
     choose(page, "Mode", "live")
 
 
 def test_a_planner_that_is_being_compiled_says_so_in_the_head_up_display(page, session, flights):
-    slow, flight = page.get_by_text("Compiling the planner for this machine: once").first, flights.flight
+    slow, flight = (
+        page.get_by_text("Compiling the planner for this machine: once").first,
+        flights.flight,
+    )
     seen = Event()
     flights.flight = lambda choices: cold(flight(choices), seen)
     press(page, "START")

@@ -1,4 +1,5 @@
-"""Claims that the page can be used by its names and keys, and says when it is cut off, over flights without physics."""
+"""Claims that the page can be used by its names and keys, and says when it is cut off, over flights
+without physics."""
 
 import pytest
 from browser_cases import dashboard, press, waited
@@ -20,7 +21,9 @@ def session(root):
 
 
 def focused(page):
-    return page.evaluate("document.activeElement.innerText || document.activeElement.getAttribute('aria-label') || ''")
+    return page.evaluate(
+        "document.activeElement.innerText || document.activeElement.getAttribute('aria-label') || ''"
+    )
 
 
 def tab_to(page, name):

@@ -28,11 +28,18 @@ def stored(root, laps, sampler):
 
 def cells(page, row):
     """Of the tower; each run has a row and below it a bar."""
-    return page.locator("table:visible").first.locator("tr").nth(1 + 2 * row).locator("td").all_inner_texts()
+    return (
+        page.locator("table:visible")
+        .first.locator("tr")
+        .nth(1 + 2 * row)
+        .locator("td")
+        .all_inner_texts()
+    )
 
 
 def test_who_is_farther_on_the_course_leads_also_with_more_laps_to_go(page, session, root):
-    """Of its one lap the live flight has flown a larger share than the faster stored one of its three."""
+    """Of its one lap the live flight has flown a larger share than the faster stored one of its
+    three."""
     stored(root, 3, "colored")
     session.tell(Race.set_speed, 0.2)
     session.tell(Race.start, [choices("gaussian", laps=1)], list_runs(root)[-1:])
@@ -43,7 +50,8 @@ def test_who_is_farther_on_the_course_leads_also_with_more_laps_to_go(page, sess
     assert "colored" in cells(page, 0)[1]
     assert "gaussian" in cells(page, 1)[1]
     assert float(cells(page, 1)[3]) > 0.0  # behind
-    assert re.search(r"\+\d+\.\d\d s", page.locator(".hud").inner_text())  # the live flight, shown first, is it
+    # the live flight, shown first, is it
+    assert re.search(r"\+\d+\.\d\d s", page.locator(".hud").inner_text())
     session.tell(Race.end_flights)
 
 

@@ -1,4 +1,5 @@
-"""Claims that a link or a foreign page cannot make the page talk to another server or run a foreign script."""
+"""Claims that a link or a foreign page cannot make the page talk to another server or run a foreign
+script."""
 
 import socket
 import threading
@@ -34,7 +35,9 @@ def stranger():
         yield server.getsockname()[1], calls
 
 
-def test_a_link_cannot_send_the_page_to_another_server_or_make_it_play_a_foreign_recording(browser, session):
+def test_a_link_cannot_send_the_page_to_another_server_or_make_it_play_a_foreign_recording(
+    browser, session
+):
     """All in one link: whichever was left in the address would call the stranger."""
     foreign = (
         "websocket=ws://127.0.0.1:{}",
@@ -64,12 +67,16 @@ def test_the_page_reaches_no_server_but_its_own(page, reach):
         script = """act => new Promise(done => {
             document.addEventListener('securitypolicyviolation', e => done(e.blockedURI), {once: true});
             setTimeout(() => done('allowed'), 3000); act() })"""
-        blocked = page.evaluate(f"() => ({script})(() => {{ try {{ {reach.format(port)} }} catch {{}} }})")
+        blocked = page.evaluate(
+            f"() => ({script})(() => {{ try {{ {reach.format(port)} }} catch {{}} }})"
+        )
         assert str(port) in blocked
         assert calls == []
 
 
-@pytest.mark.parametrize("planted", ["<img src=x onerror=\"document.title='foreign'\">", "<script>/**/</script>"])
+@pytest.mark.parametrize(
+    "planted", ["<img src=x onerror=\"document.title='foreign'\">", "<script>/**/</script>"]
+)
 def test_a_planted_script_does_not_run(page, planted):
     script = """planted => { const e = document.createElement('div'); document.body.append(e); e.innerHTML = planted;
         const s = document.createElement('script'); s.textContent = "document.title='foreign'"; e.append(s) }"""
@@ -83,7 +90,10 @@ def test_no_frame_holds_the_page(browser, session):
     page = browser.new_page()
     page.goto("data:text/html,<title>around</title>")
     page.evaluate(
-        "a => { const f = document.createElement('iframe'); f.src = a; document.body.append(f) }", session.address
+        "a => { const f = document.createElement('iframe'); f.src = a; document.body.append(f) }",
+        session.address,
     )
-    assert waited(page, lambda: len(page.frames) == 2 and page.frames[1].url.startswith("chrome-error"), 20)
+    assert waited(
+        page, lambda: len(page.frames) == 2 and page.frames[1].url.startswith("chrome-error"), 20
+    )
     page.close()

@@ -48,7 +48,9 @@ def test_what_is_chosen_is_flown_and_said(page, flown):
 
 def drawn(course, x, i):
     """Where the ghost is: as far off the drone as the estimate is, enlarged as the drone is."""
-    truth, estimate = (np.array([x[f"{kind}p{axis}"][i] for axis in "xyz"]) for kind in ("", "est_"))
+    truth, estimate = (
+        np.array([x[f"{kind}p{axis}"][i] for axis in "xyz"]) for kind in ("", "est_")
+    )
     return truth + visible_scale(course) * (estimate - truth)
 
 
@@ -56,12 +58,18 @@ def test_the_ghost_stands_where_the_estimate_is_with_its_ellipsoid(page, flown):
     estimate = drawn(flown.course, flown.x, -1)
     assert not np.allclose(estimate, flown.rows(("px", "py", "pz"), -1), atol=1e-3)
     for part in ("ghost", "ellipsoid"):
-        assert waited(page, lambda p=part: np.allclose(node(page, p)["at"], estimate, atol=1e-3), 10)
+        assert waited(
+            page, lambda p=part: np.allclose(node(page, p)["at"], estimate, atol=1e-3), 10
+        )
 
 
 def test_the_corners_of_the_last_picture_are_drawn(page, flown):
     assert flown.corners is not None
-    assert waited(page, lambda: node(page, "corners")["visible"] == (flown.t[-1] - flown.corners.t <= 0.25), 10)
+    assert waited(
+        page,
+        lambda: node(page, "corners")["visible"] == (flown.t[-1] - flown.corners.t <= 0.25),
+        10,
+    )
 
 
 def test_a_replay_has_the_estimate_too(page, session, root, flown):
@@ -73,7 +81,11 @@ def test_a_replay_has_the_estimate_too(page, session, root, flown):
     session.tell(Race.scrub, 1.0)
     i = int(np.argmin(abs(run.telemetry["t"] - 1.0)))
     there = drawn(flown.course, run.telemetry, i)
-    assert waited(page, lambda: node(page, "ghost") and np.allclose(node(page, "ghost")["at"], there, atol=1e-3), 20)
+    assert waited(
+        page,
+        lambda: node(page, "ghost") and np.allclose(node(page, "ghost")["at"], there, atol=1e-3),
+        20,
+    )
 
 
 def test_the_console_holds_no_error_and_no_warning(page, flown):

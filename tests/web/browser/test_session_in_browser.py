@@ -58,15 +58,21 @@ def test_a_scrubbed_replay_shows_the_drone_where_the_telemetry_says(page, sessio
     titles = {path: title for title, path in session.titled_runs(9).items()}
     choose(page, "Run", titles[folder])
     page.get_by_role("button", name="REPLAY", exact=True).click()
-    assert waited(page, lambda: session.snapshot.competitors and not session.snapshot.competitors[0].live)
+    assert waited(
+        page, lambda: session.snapshot.competitors and not session.snapshot.competitors[0].live
+    )
     session.tell(Race.play, False)  # a slider that moves by itself cannot be typed into
     assert waited(page, lambda: session.snapshot.race and not session.snapshot.playing)
     for t in (2.0, 3.5):
         i = int(np.argmin(abs(x["t"] - t)))
         there = np.array([x[k][i] for k in ("px", "py", "pz")])
         assert waited(page, lambda at=t: scrubbed(page, at))
-        assert waited(page, lambda p=there: drone(page) is not None and np.allclose(drone(page), p, atol=1e-3))
-    assert waited(page, lambda: page.locator("[role=slider][aria-disabled=true]").count() >= len(RANGES))
+        assert waited(
+            page, lambda p=there: drone(page) is not None and np.allclose(drone(page), p, atol=1e-3)
+        )
+    assert waited(
+        page, lambda: page.locator("[role=slider][aria-disabled=true]").count() >= len(RANGES)
+    )
 
 
 def test_the_exported_page_plays_without_a_network(browser, page, session, flown, tmp_path):

@@ -1,4 +1,5 @@
-"""Claims about what is seen, in a real browser, of two stored flights: one finishes, one hits a gate."""
+"""Claims about what is seen, in a real browser, of two stored flights: one finishes, one hits a
+gate."""
 
 import io
 from dataclasses import replace
@@ -9,10 +10,10 @@ from browser_cases import SLOW, dashboard, press, seen, waited
 from matplotlib.image import imread
 from web_cases import Glider, Gliders, choices
 
-from quadsim.limit.solution import limit_of
 from quadsim.palette import STYLES
 from quadsim.race.events import Event
 from quadsim.record.archive import RunFolder
+from quadsim.record.limits import limit_of
 from quadsim.record.run import Run
 from web.competitor import stored_competitor
 from web.race import Race
@@ -43,7 +44,9 @@ CONTRAST = """least => {
     if ((pair[0] + 0.05) / (pair[1] + 0.05) < least) poor.push(words);
   }
   return [count, poor];
-}"""  # how many texts, and those with less contrast to their ground (WCAG 2.1, 1.4.3: inactive controls are exempt)
+# how many texts, and those with less contrast to their ground (WCAG 2.1, 1.4.3: inactive controls
+# are exempt)
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +97,9 @@ def phone(browser, race):
 
 def scene(page, name):
     """Whether a node of the scene is drawn; None: there is none."""
-    return page.evaluate("name => window.__viserMutable?.nodeRefFromName[name]?.visible ?? null", name)
+    return page.evaluate(
+        "name => window.__viserMutable?.nodeRefFromName[name]?.visible ?? null", name
+    )
 
 
 def pixels(page):
@@ -115,7 +120,9 @@ def test_how_each_flight_ended_stays_on_the_page(page, race):
     seen(page, "CRASHED at gate 4, lap 1")
     limit = limit_of(finished.spec)
     above = 100 * (sum(finished.laps) / limit.time - 1)
-    assert page.get_by_text(f"{above:.1f} % above the best known limit of {limit.time:.3f} s").is_visible()
+    assert page.get_by_text(
+        f"{above:.1f} % above the best known limit of {limit.time:.3f} s"
+    ).is_visible()
     seen(page, "DNF")
     assert scene(page, "/impacts") is True
     race.tell(Race.scrub, 0.2)
@@ -169,7 +176,9 @@ def head(phone):
     return (box["x"], box["y"], box["width"]), phone.locator(".hud-copy").inner_text()
 
 
-def test_on_a_phone_the_head_up_display_stays_above_whether_the_sheet_is_open_or_folded(race, phone):
+def test_on_a_phone_the_head_up_display_stays_above_whether_the_sheet_is_open_or_folded(
+    race, phone
+):
     sheet, bar = phone.get_by_text("Playback").first, phone.get_by_text("race", exact=True).first
     assert sheet.bounding_box()["y"] > phone.locator(".hud-copy").bounding_box()["height"]
     for folded, t in ((False, 0.2), (True, 0.3), (False, 0.4)):

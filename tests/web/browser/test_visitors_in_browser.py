@@ -1,4 +1,5 @@
-"""Claims about a page that several visitors share, and about its playback, over flights without physics."""
+"""Claims about a page that several visitors share, and about its playback, over flights without
+physics."""
 
 import pytest
 from browser_cases import SLOW, choose, dashboard, fill, press, waited
@@ -36,7 +37,8 @@ def button(page, name):
 
 
 def start(page, session, still=False):
-    """still: paused at once. The flight is on, but two pages need not draw it in software while they are clicked."""
+    """still: paused at once. The flight is on, but two pages need not draw it in software while
+    they are clicked."""
     races = session.snapshot.race
     press(page, "START")
     assert waited(page, lambda: session.snapshot.race > races and session.snapshot.t > 0.1, 20)
@@ -48,7 +50,9 @@ def start(page, session, still=False):
 def test_stop_ends_a_flight_and_keeps_it(page, session, root):
     assert button(page, "STOP").is_disabled()
     start(page, session)
-    assert waited(page, lambda: any(e.kind == "pass" for e in session.snapshot.competitors[0].events))
+    assert waited(
+        page, lambda: any(e.kind == "pass" for e in session.snapshot.competitors[0].events)
+    )
     press(page, "STOP")
     assert waited(page, lambda: not session.snapshot.flying)
     assert len(list_runs(root)) == 1
@@ -58,7 +62,9 @@ def test_stop_ends_a_flight_and_keeps_it(page, session, root):
 def test_pause_reads_play_and_a_paused_flight_can_be_looked_back_at(page, session):
     start(page, session)
     assert waited(page, lambda: button(page, "Next event").is_disabled())  # none has been flown yet
-    assert waited(page, lambda: any(e.kind == "pass" for e in session.snapshot.competitors[0].events))
+    assert waited(
+        page, lambda: any(e.kind == "pass" for e in session.snapshot.competitors[0].events)
+    )
     press(page, "pause")
     button(page, "play").wait_for()
     flown = session.snapshot.t

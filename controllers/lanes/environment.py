@@ -1,0 +1,384 @@
+"""Generate the loops that step many learning environments: step, gate tests, observation, reward,
+restart.
+
+The functions are those that a rollout inlines, and like a rollout the loops run over lanes:
+environment i is lane i % LANES of block i // LANES. All environments of a block fly one course.
+What happens rarely (a gate is passed, an episode ends) sets a flag, and a loop apart handles it. An
+episode starts from a row of `starts`: the state, the number of its target row, the parameters of
+the system, the last action. Which row is drawn depends on the seed, the environment and the number
+of the episode alone, never on threads.
+
+LLVM vectorises a lane loop only where it sees that what is written overlaps with nothing that is
+read. So the lane loops write to arrays made in the same function, whose rows lie where the compiler
+knows, and `move` brings rows to and from the arguments. Those arrays serve many blocks: making them
+took longer than a step.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controllers.costs import Cost
+from controllers.lanes.compiled import load_module
+from controllers.lanes.parts import fill, header, line_test, next_targets, read, store
+from controllers.lanes.planner_loops import trace_model
+from controllers.lanes.text import Writer
+from controllers.lanes.trace import Graph, trace, trace_number
+from quadsim.dynamics import System
+from quadsim.dynamics.records import flat, flat_names
+
+SAME_STEP, NEXT_STEP, DISABLED = 0, 1, 2  # when an episode that has ended starts anew
+
+SLACK = 1e-3  # [m] of a vehicle's room to the obstacles is left to rounding
+
+
+class Learning(NamedTuple):
+    """An environment adds these plain functions to a model and its cost; the lanes inline them."""
+
+    observation: Callable  # (x, gates, last) -> record of what is observed
+    gates: type  # NamedTuple: the next gates, from the row of the course
+    reward: Callable  # (progress, clearance, crashed, reached, action, last, p) -> number
+    weights: type  # NamedTuple: the weights p
+    progress: Callable  # a term of the cost: the way that is left
+    clearance: Callable  # a term of the cost
+
+
+RESTART = """
+@njit(inline="always")
+def drawn(seed, environment, episode, of):
+    # a number below `of`: splitmix64's finaliser (Steele, Lea and Flood 2014) of all that it depends on
+    h = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(environment) * np.uint64(0xD1B54A32D192ED03)
+    h += np.uint64(episode) * np.uint64(0x8CB92BA72F3D8DD7)
+    h = (h ^ (h >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    h = (h ^ (h >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return np.int64((h ^ (h >> np.uint64(31))) % np.uint64(of))
+
+@njit(fastmath=FAST, error_model="numpy")
+def restart(l, environment, seed, starts, targets, state, target, model, last, room, row, steps, passes, episode, obs):
+    start = starts[drawn(seed, environment, episode[l], starts.shape[0])]
+    for k in range(<n_x>):
+        state[k, l] = start[k]
+    row[l] = np.int32(start[<n_x>])
+    for k in range(<n_p>):
+        model[k, l] = start[<n_x> + 1 + k]
+    for k in range(<n_u>):
+        last[k, l] = start[<n_x> + 1 + <n_p> + k]
+    for k in range(<n_row>):
+        target[k, l] = targets[row[l], k]
+    room[l] = F(0)
+    steps[l] = 0
+    passes[l] = 0
+    episode[l] += 1
+    <observe>
+
+@kept
+@njit(fastmath=FAST, error_model="numpy", parallel=True)
+def begin(states, rows, models, actions, way, room, row, steps, passes, episode, over, obs, starts, targets, course,
+          seed, chosen):
+    for b in prange(states.shape[0]):
+        for l in range(L):
+            if chosen[b, l]:
+                restart(l, b * L + l, seed, starts[course[b]], targets[course[b]], states[b], rows[b], models[b],
+                        actions[b], room[b], row[b], steps[b], passes[b], episode[b], obs[b])
+                over[b, l] = False
+"""
+
+PARTS = """
+from controllers.lanes.normals import normal_rows
+
+@njit
+def move(source, to):
+    for k in range(to.shape[0]):
+        for l in range(L):
+            to[k, l] = source[k, l]
+
+@njit(fastmath=FAST, error_model="numpy")
+def meet_obstacles(state, after, moved, room, crashed, obstacles):
+    # room: no box around an obstacle is nearer [m]; only a vehicle that has flown so far is tested again
+    near = np.int32(0)
+    for l in range(L):
+        room[l] -= moved[l]
+        near |= np.int32(1) if room[l] < F(0) else np.int32(0)
+    if near == 0:
+        return
+    for l in range(L):
+        if room[l] < F(0):
+            reach = moved[l] + F(<slack>)
+            least = F(1e12)
+            for o in range(obstacles.shape[0]):
+                <read_obstacle>
+                x = higher(higher(obstacle_x_low - after[0, l], after[0, l] - obstacle_x_high), F(0))
+                y = higher(higher(obstacle_y_low - after[1, l], after[1, l] - obstacle_y_high), F(0))
+                z = higher(higher(obstacle_z_low - after[2, l], after[2, l] - obstacle_z_high), F(0))
+                apart = x * x + y * y + z * z
+                least = lower(least, apart)
+                if apart <= reach * reach:
+                    <lines>
+                    if <touches>:
+                        crashed[l] = F(1)
+            room[l] = math.sqrt(least) - F(<slack>)
+
+@njit(fastmath=FAST, error_model="numpy")
+def next_targets(target, row, passes, reached, targets, last_row):
+    <next_targets>
+
+@njit(fastmath=FAST, error_model="numpy")
+def judge(steps, row, crashed, reached, over, ended, cut, passed, crashed_now, last_row, limit):
+    rare = False
+    for l in range(L):
+        steps[l] += np.int32(1)
+        ended[l] = (crashed[l] > F(0)) | (row[l] >= last_row)
+        cut[l] = (steps[l] >= limit) & (not ended[l])
+        passed[l] = reached[l] > 0
+        crashed_now[l] = crashed[l] > F(0)
+        rare |= ended[l] | cut[l] | over[l]
+    return rare
+
+@njit(fastmath=FAST, error_model="numpy")
+def add_noise(obs, noise, lane, key, call):
+    drawn_noise = np.empty((<n_obs>, L), F)
+    normal_rows(drawn_noise, noise, lane, 0, key, call)
+    for k in range(<n_obs>):
+        for l in range(L):
+            obs[k, l] += drawn_noise[k, l]
+"""
+
+ADVANCE = """
+@kept
+@njit(fastmath=FAST, error_model="numpy", parallel=True)
+def advance(states, rows, models, actions_before, way, room, row, steps, passes, episode, over, obs, starts, targets,
+            course, seed, p_cost, dt, actions, final, reward_of, ended, cut, passed, crashed_now, last_row, obstacles,
+            n_obstacles, low, half, limit, mode, p_reward, noise, key, call, parts):
+    blocks = states.shape[0]
+    <read_command>
+    <read_reward>
+    for part in prange(parts):
+        # what is read: state, action, target row, the vehicle's parameters, last action, next gates
+        state = np.empty((<n_x>, L), F)
+        action = np.empty((<n_u>, L), F)
+        target = np.empty((<n_target>, L), F)
+        model = np.empty((<n_p>, L), F)
+        before = np.empty((<n_u>, L), F)
+        gates = np.empty((<n_gates>, L), F)
+        # what is written: next state, clipped action, observation
+        after = np.empty((<n_x>, L), F)
+        clipped = np.empty((<n_u>, L), F)
+        seen = np.empty((<n_obs>, L), F)
+        way_now = np.empty(L, F)
+        way_before = np.empty(L, F)
+        clearance = np.empty(L, F)
+        crashed = np.empty(L, F)
+        moved = np.empty(L, F)
+        paid = np.empty(L, F)
+        reached = np.empty(L, np.int32)
+        for b in range(part * blocks // parts, (part + 1) * blocks // parts):
+            c = course[b]
+            move(states[b], state)
+            move(actions[b], action)
+            move(rows[b][:<n_target>], target)
+            move(models[b], model)
+            <read_cost>
+            for l in range(L):
+                <step>
+                dx = after[0, l] - state[0, l]
+                dy = after[1, l] - state[1, l]
+                dz = after[2, l] - state[2, l]
+                moved[l] = math.sqrt(dx * dx + dy * dy + dz * dz)
+            for l in range(L):
+                way_before[l] = way[b, l] if steps[b, l] > 0 else way_now[l]
+            meet_obstacles(states[b], after, moved, room[b], crashed, obstacles[c, : n_obstacles[c]])
+            next_targets(rows[b], row[b], passes[b], reached, targets[c], last_row[c])
+            move(actions_before[b], before)
+            move(rows[b][<n_target>:], gates)
+            for l in range(L):
+                <pay>
+            move(after, states[b])
+            move(clipped, actions_before[b])
+            move(seen, obs[b])
+            for l in range(L):
+                way[b, l] = way_now[l]
+                reward_of[b, l] = paid[l]
+            if judge(steps[b], row[b], crashed, reached, over[b], ended[b], cut[b], passed[b], crashed_now[b],
+                     last_row[c], limit):
+                for l in range(L):
+                    if over[b, l] and mode == <NEXT_STEP>:
+                        ended[b, l] = False
+                        cut[b, l] = False
+                        passed[b, l] = False
+                        crashed_now[b, l] = False
+                        reward_of[b, l] = F(0)
+                    done = ended[b, l] or cut[b, l]
+                    again = done if mode == <SAME_STEP> else over[b, l] and mode == <NEXT_STEP>
+                    over[b, l] = done and mode != <SAME_STEP>
+                    if done and mode == <SAME_STEP>:
+                        for k in range(<n_obs>):
+                            final[b, k, l] = obs[b, k, l]
+                    if again:
+                        restart(l, b * L + l, seed, starts[c], targets[c], states[b], rows[b], models[b],
+                                actions_before[b], room[b], row[b], steps[b], passes[b], episode[b], obs[b])
+            if noise[0] >= F(0):
+                add_noise(obs[b], noise, b * L, key, call)
+
+@kept
+@njit(parallel=True)
+def to_rows(lanes, rows):
+    for b in prange(lanes.shape[0]):
+        for l in range(min(L, rows.shape[0] - b * L)):
+            for k in range(rows.shape[1]):
+                rows[b * L + l, k] = lanes[b, k, l]
+
+@kept
+@njit(parallel=True)
+def to_lanes(rows, lanes):
+    for b in prange(lanes.shape[0]):
+        for l in range(min(L, rows.shape[0] - b * L)):
+            for k in range(rows.shape[1]):
+                lanes[b, k, l] = rows[b * L + l, k]
+"""
+
+
+@cache
+def _load(source: str) -> ModuleType:
+    digest = hashlib.sha256(source.encode()).hexdigest()[:16]
+    return load_module(f"environment_{digest}", source)
+
+
+def environment_module(system: System, cost: Cost, learning: Learning) -> ModuleType:
+    """Return the compiled loops `begin`, `advance`, `to_rows`, `to_lanes`.
+
+    They come from the disk's cache where they were built before.
+    """
+    return _load(environment_source(system, cost, learning))
+
+
+def environment_source(system: System, cost: Cost, learning: Learning) -> str:
+    """Return the text of the module. Of model and cost only names and functions matter, not their
+    numbers.
+
+    Raises:
+        TraceError: one of the functions uses what cannot be compiled.
+    """
+    assert cost.obstacles
+    sizes = {
+        "n_x": len(system.states),
+        "n_u": len(system.controls),
+        "n_p": len(system.params),
+        "n_target": len(cost.row._fields),  # pyright: ignore[reportAttributeAccessIssue]
+        "n_gates": len(tuple(flat_names(learning.gates))),
+    }
+    sizes["n_row"] = sizes["n_target"] + sizes["n_gates"]
+    observe, sizes["n_obs"] = _observe(system, learning, sizes["n_target"])
+    test = line_test(
+        cost.obstacles.touches, cost.obstacles.row, "state[{k}, l]", "after[{k}, l]", PARTS
+    )
+    step = _step(system, cost, learning)
+    pay = _pay(system, learning)
+    modes = {"SAME_STEP": SAME_STEP, "NEXT_STEP": NEXT_STEP}
+    moved_on = next_targets("target.shape[0]", count="passes[l] += 1")
+    parts = (
+        fill(RESTART, **sizes, observe=observe),
+        fill(PARTS, **sizes, **test._asdict(), slack=repr(SLACK), next_targets=moved_on),
+        fill(ADVANCE, **sizes, **modes, **step, **pay),
+    )
+    return "\n".join((header(np.float32), *parts))
+
+
+def _step(system: System, cost: Cost, learning: Learning) -> dict[str, str]:
+    """The lane loop of one step: the action as a command, the model, the terms that the reward is
+    made of."""
+    graph = Graph()
+    x = graph.record(system.state, "x", "state[{k}, l]")
+    target = graph.record(cost.row, "target", "target[{k}, l]")
+    model = graph.record(type(system.params), "model", "model[{k}, l]")
+    shared = graph.record(type(cost.params), "p")
+    graph.section = "the action within -1..1, as a command"
+    asked = system.control(
+        *(
+            graph.input(f"action_{name}", f"lower(higher(action[{k}, l], F(-1)), F(1))")
+            for k, name in enumerate(system.controls)
+        )
+    )
+    u = system.control(
+        *(
+            graph.variable(f"low_{name}") + (1.0 + each) * graph.variable(f"half_{name}")
+            for name, each in zip(system.controls, asked, strict=True)
+        )
+    )
+    for name, symbol in zip(system.controls, u, strict=True):
+        symbol.name = f"u_{name}"
+    x_next = trace_model(graph, system, x, u, model)
+    graph.section = "whether the vehicle crashes"
+    crashes = trace_number(cost.crash, x, x_next, u, target, shared)  # pyright: ignore[reportArgumentType]
+    crashed = graph.apply("where", crashes, 1.0, 0.0)
+    graph.section = "whether it reaches its target"
+    reached = trace_number(cost.reached, x, x_next, u, target, shared)  # pyright: ignore[reportArgumentType]
+    graph.section = "what the reward is made of"
+    way = trace_number(learning.progress, x, x_next, u, target, shared)
+    clearance = trace_number(learning.clearance, x, x_next, u, target, shared)
+
+    writer = Writer(ADVANCE)
+    lines = writer.lines([*flat(x_next), *asked, crashed, reached, way, clearance])
+    stores = (
+        store(x_next, "after[{k}, l]", writer),
+        store(asked, "clipped[{k}, l]", writer),
+        f"way_now[l] = {writer(way)}",
+        f"clearance[l] = {writer(clearance)}",
+        f"crashed[l] = {writer(crashed)}",
+        f"reached[l] = np.int32(1) if {writer(reached)} else np.int32(0)",
+    )
+    return {
+        "step": "\n".join((lines, *stores)),
+        "read_cost": read(type(cost.params), "p", "p_cost[c, {k}]", writer),
+        "read_command": "\n".join(
+            f"{side}_{name} = {side}[{k}]"
+            for side in ("low", "half")
+            for k, name in enumerate(system.controls)
+        ),
+    }
+
+
+def _pay(system: System, learning: Learning) -> dict[str, str]:
+    """The lane loop of reward and observation, once it is known which gates are next."""
+    graph = Graph()
+    x = graph.record(system.state, "x", "after[{k}, l]")
+    action = graph.record(system.control, "action", "clipped[{k}, l]")
+    last = graph.record(system.control, "last", "before[{k}, l]")
+    gates = graph.record(learning.gates, "gates", "gates[{k}, l]")
+    progress = graph.input("progress", "way_before[l] - way_now[l]")
+    clearance = graph.input("short_of_margin", "clearance[l]")
+    crashed = graph.input("has_crashed", "crashed[l]")
+    reached = graph.input("has_passed", "F(reached[l])")
+    graph.section = "the reward"
+    weights = graph.record(learning.weights, "weight")
+    paid = trace_number(
+        learning.reward, progress, clearance, crashed, reached, action, last, weights
+    )
+    graph.section = "the observation"
+    seen = trace(learning.observation, x, gates, action)
+    writer = Writer(ADVANCE)
+    lines = writer.lines([paid, *flat(seen)])
+    return {
+        "pay": "\n".join((lines, f"paid[l] = {writer(paid)}", store(seen, "seen[{k}, l]", writer))),
+        "read_reward": read(learning.weights, "weight", "p_reward[{k}]", writer),
+    }
+
+
+def _observe(system: System, learning: Learning, first_gate: int) -> tuple[str, int]:
+    """The observation at the start of an episode, and of how many numbers it is.
+
+    first_gate: where the numbers of the next gates begin in a course's row.
+    """
+    graph = Graph()
+    x = graph.record(system.state, "x", "state[{k}, l]")
+    gates = graph.record(learning.gates, "gates", f"target[{first_gate} + {{k}}, l]")
+    last = graph.record(system.control, "last", "last[{k}, l]")
+    seen: Any = trace(learning.observation, x, gates, last)
+    writer = Writer(RESTART)
+    lines = writer.lines(flat(seen))
+    return "\n".join((lines, store(seen, "obs[{k}, l]", writer))), len(tuple(flat(seen)))

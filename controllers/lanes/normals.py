@@ -1,0 +1,136 @@
+"""Standard normals by counter: Philox-4x32-10 (Salmon et al. 2011) and the Box-Muller transform, in
+lanes.
+
+Each number is a function of (key, call, place in the array) alone. So results do not depend on the
+number of threads, and any sample can be made again without the ones before it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import extending, njit, prange, types
+
+from controllers.lanes import FAST
+from controllers.lanes.compiled import kept
+
+F = np.float32
+U4 = np.uint32
+U8 = np.uint64
+inline = njit(fastmath=FAST, error_model="numpy", inline="always")
+
+
+@extending.intrinsic
+def _bits(typing_context, x):
+    """The 32 bits of a float32 as an int32."""
+    return types.int32(types.float32), lambda context, builder, signature, a: builder.bitcast(
+        a[0], ir.IntType(32)
+    )
+
+
+@extending.intrinsic
+def _float(typing_context, x):
+    """The float32 of 32 bits."""
+    return types.float32(types.int32), lambda context, builder, signature, a: builder.bitcast(
+        a[0], ir.FloatType()
+    )
+
+
+@njit(inline="always")
+def philox(c0, c1, c2, c3, k0, k1):
+    """Ten rounds on the counter c0..c3 (uint32) under the key k0, k1: four uint32."""
+    for _ in range(10):
+        p0 = U8(0xD2511F53) * U8(c0)
+        p1 = U8(0xCD9E8D57) * U8(c2)
+        c0, c1, c2, c3 = (
+            U4(U4(p1 >> U8(32)) ^ c1 ^ k0),
+            U4(p1),
+            U4(U4(p0 >> U8(32)) ^ c3 ^ k1),
+            U4(p0),
+        )
+        k0 = U4(k0 + U4(0x9E3779B9))
+        k1 = U4(k1 + U4(0xBB67AE85))
+    return c0, c1, c2, c3
+
+
+@inline
+def log_unit(x) -> Any:
+    """ln x for float32 0 < x <= 1: exponent and mantissa in [1/sqrt 2, sqrt 2), then atanh's
+    series."""
+    bits = _bits(x) - np.int32(0x3F3504F3)  # pyright: ignore[reportCallIssue]
+    exponent = F(bits >> np.int32(23))
+    m = _float((bits & np.int32(0x007FFFFF)) + np.int32(0x3F3504F3))  # pyright: ignore[reportCallIssue]
+    s = (m - F(1)) / (m + F(1))  # ln m = 2 (s + s^3/3 + s^5/5 + ...), |s| < .172
+    s2 = s * s
+    series = F(2) + s2 * (F(2 / 3) + s2 * (F(2 / 5) + s2 * (F(2 / 7) + s2 * F(2 / 9))))
+    return s * series + exponent * F(math.log(2))
+
+
+@inline
+def sin_cos_turn(u):
+    """sin and cos of 2 pi u / 2^32: Taylor series at half the angle, then the double-angle
+    formulas."""
+    x = F(np.int32(u)) * F(math.pi / 2**32)  # half the angle, in [-pi/2, pi/2)
+    x2 = x * x
+    s = x * (F(1) + x2 * (F(-1 / 6) + x2 * (F(1 / 120) + x2 * (F(-1 / 5040) + x2 * F(1 / 362880)))))
+    c = F(1) + x2 * (
+        F(-1 / 2)
+        + x2 * (F(1 / 24) + x2 * (F(-1 / 720) + x2 * (F(1 / 40320) - x2 * F(1 / 3628800))))
+    )
+    return F(2) * s * c, c * c - s * s
+
+
+@inline
+def box_muller(a, b) -> tuple[Any, Any]:
+    """Two independent standard normals from two uint32. The radius reaches 5.9."""
+    r = math.sqrt(F(-2) * log_unit(F(a >> U4(8)) * F(2.0**-24) + F(2.0**-25)))
+    s, c = sin_cos_turn(b)
+    return r * s, r * c
+
+
+@inline
+def normal_rows(out, scale, lane, group, key, call):
+    """out[r, i] = scale[r] N(0, 1).  out (rows, lanes), key (2,) uint32; lane, group: those of its
+    first number.
+
+    One Philox counter (lane, group of four rows, call) gives four normals.
+    """
+    rows, lanes = out.shape
+    for g in range((rows + 3) // 4):
+        r0, r1, r2, r3 = (
+            4 * g,
+            min(4 * g + 1, rows - 1),
+            min(4 * g + 2, rows - 1),
+            min(4 * g + 3, rows - 1),
+        )
+        o0, o1, o2, o3 = out[r0], out[r1], out[r2], out[r3]
+        s0, s1, s2, s3 = scale[r0], scale[r1], scale[r2], scale[r3]
+        for i in range(lanes):
+            a0, a1, a2, a3 = philox(U4(lane + i), U4(group + g), U4(call), U4(0), key[0], key[1])
+            n0, n1 = box_muller(a0, a1)
+            n2, n3 = box_muller(a2, a3)
+            # where the last group is short, its rows coincide: the first written wins last
+            o3[i] = n3 * s3
+            o2[i] = n2 * s2
+            o1[i] = n1 * s1
+            o0[i] = n0 * s0
+
+
+@kept
+@njit(fastmath=FAST, error_model="numpy", parallel=True)
+def fill_normals(out, scale, key, call, first=0):
+    """out[b, r, l] = scale[r] N(0, 1), independent over everything.  out (blocks, rows, LANES), key
+    (2,) uint32."""
+    for b in prange(out.shape[0]):
+        normal_rows(out[b], scale, (first + b) * out.shape[2], 0, key, call)
+
+
+@kept
+@njit
+def philox_words(counter, key):
+    """One block of the generator for the published test vectors.  counter (4,), key (2,) uint32 ->
+    four uint32."""
+    return philox(counter[0], counter[1], counter[2], counter[3], key[0], key[1])

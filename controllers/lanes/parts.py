@@ -1,0 +1,152 @@
+"""Parts of the generated loops that the planner's rollouts and the learning environments share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from textwrap import indent
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controllers.lanes import FAST
+from controllers.lanes.layout import LANES
+from controllers.lanes.text import Writer
+from controllers.lanes.trace import Graph, trace
+from quadsim.dynamics.records import flat, flat_names
+
+HEADER = """
+import math
+import numpy as np
+from numba import njit, prange
+from controllers.lanes.compiled import kept
+
+F = np.{dtype}
+FAST = set({fast})
+L = {lanes}  # samples, or vehicles, that stand side by side in a block
+inline = njit(fastmath=FAST, error_model="numpy", forceinline=True)
+
+@inline
+def select(condition, a, b):
+    return a if condition else b
+
+@inline
+def lower(a, b):
+    return a if a < b else b
+
+@inline
+def higher(a, b):
+    return a if a > b else b
+"""
+
+
+class Point(NamedTuple):
+    """A position in the world [m]."""
+
+    x: float
+    y: float
+    z: float
+
+
+def header(dtype: type) -> str:
+    """Return the beginning of a generated module whose numbers have this NumPy type."""
+    return HEADER.format(dtype=np.dtype(dtype).name, lanes=LANES, fast=sorted(FAST))
+
+
+def fill(template: str, **parts: str | int) -> str:
+    """Return the template with its places filled.
+
+    Args:
+        template: text with places `<name>`. A place alone on its line takes a part of several
+            lines, each indented like the place; an empty part leaves no line.
+        parts: what to put there, by name.
+    """
+    lines = []
+    for line in template.strip("\n").split("\n"):
+        name = line.strip()
+        if name.startswith("<") and name.endswith(">") and name[1:-1] in parts:
+            part = str(parts[name[1:-1]]).strip("\n")
+            if part:
+                lines.append(indent(part, line[: -len(line.lstrip())]))
+            continue
+        for each, part in parts.items():
+            line = line.replace(f"<{each}>", str(part))
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def read(kind: type, name: str, where: str, writer: Writer) -> str:
+    """Return a line for each number of a record that the lines of the writer use.
+
+    Args:
+        kind: the NamedTuple.
+        name: prefix of the variables, as in `Graph.record`.
+        where: what they are read from, with {k} for the number of the field.
+        writer: has written the lines that need them.
+    """
+    names = [f"{name}_{field}" for field in flat_names(kind)]
+    return "\n".join(
+        f"{each} = {where.format(k=k)}" for k, each in enumerate(names) if each in writer.read
+    )
+
+
+def store(values: Any, where: str, writer: Writer) -> str:
+    """Return a line for each number of a record, which is stored in `where`, with {k} for its
+    place."""
+    return "\n".join(
+        f"{where.format(k=k)} = {writer(value)}" for k, value in enumerate(flat(values))
+    )
+
+
+# Rare: a sample that has reached its target goes on to the next row. `reached` is a lane array.
+NEXT_TARGETS = """
+any_reached = np.int32(0)
+for l in range(L):
+    any_reached |= reached[l]
+if any_reached > 0:
+    for l in range(L):
+        if reached[l] > 0 and row[l] < last_row:
+            row[l] += 1
+            <count>
+            for k in range(<numbers>):
+                target[k, l] = targets[row[l], k]
+"""
+
+
+def next_targets(numbers: int | str, count: str = "") -> str:
+    """Return the loop that moves samples to their next target row.
+
+    Args:
+        numbers: how many a target row has.
+        count: a line that counts the targets reached, if they are counted.
+    """
+    return fill(NEXT_TARGETS, numbers=numbers, count=count)
+
+
+class LineTest(NamedTuple):
+    """The test of a straight line from p0 to p1 against the obstacle o, as text."""
+
+    read_obstacle: str  # reads the obstacle's numbers; they are the same for all lanes
+    lines: str
+    touches: str  # a condition
+
+
+def line_test(touches: Callable, row: type, p0: str, p1: str, around: str) -> LineTest:
+    """Return the text of an obstacle test.
+
+    Args:
+        touches: (p0, p1, row) -> whether the line touches the obstacle of this row.
+        row: the NamedTuple of an obstacle's numbers, its box first: x_low, y_low, z_low, x_high,
+            y_high, z_high.
+        p0, p1: what the coordinates of the line's ends are read from, with {k} for the axis.
+        around: the text that the test will stand in.
+    """
+    graph = Graph()
+    start = graph.record(Point, "p0", p0)
+    end = graph.record(Point, "p1", p1)
+    obstacle = graph.record(row, "obstacle")
+    hit = trace(touches, start, end, obstacle)
+    writer = Writer(around)
+    lines = writer.lines([hit])
+    # the box, for the test that comes before
+    writer.read |= {f"obstacle_{side}" for side in row._fields[:6]}
+    return LineTest(read(row, "obstacle", "obstacles[o, {k}]", writer), lines, writer(hit))

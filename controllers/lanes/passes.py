@@ -1,0 +1,141 @@
+"""Stockham's passes of a complex transform, as text: radix r of a length that has been split by s
+already.
+
+    y[q + s (r p + k)] = e^{2 pi i p k / (r m)} sum_{j<r} x[q + s (p + m j)] e^{2 pi i j k / r},  p
+    < m, q < s
+
+(Van Loan 1992, section 1.7). No bit reversal is needed, and as rows q and the lanes of each lie
+side by side, the inner loop runs over s W numbers. Real parts fill the first half of an array,
+imaginary parts the second.
+"""
+
+from __future__ import annotations
+
+from cmath import exp
+from math import cos, pi, sin
+
+# the largest radix whose sums are written out; a larger prime takes r^2 steps in a loop
+WRITTEN_OUT = 13
+
+PASS = """
+for p in range({m}):
+    {turns}
+    for e in range({inner}):
+        i, o = p * {inner} + e, p * {r} * {inner} + e
+        {lines}
+"""
+
+LARGE_PASS = """
+for p in range({m}):
+    for k in range({r}):
+        o = (p * {r} + k) * {inner}
+        {y}[o : o + {inner}] = 0
+        {y}[{size} + o : {size} + o + {inner}] = 0
+        for j in range({r}):
+            turn = {first} + k * (p + {m} * j) % ({r} * {m})
+            cos, sin = turns[turn, 0], turns[turn, 1]
+            for e in range({inner}):
+                re, im = {x}[(p + {m} * j) * {inner} + e], {x}[{size} + (p + {m} * j) * {inner} + e]
+                {y}[o + e] += re * cos - im * sin
+                {y}[{size} + o + e] += re * sin + im * cos
+"""
+
+
+def passes(n: int, lanes: int) -> tuple[str, str, list[complex]]:
+    """The passes from the array x to y and back, the name of the one with the result, and the turns
+    they use."""
+    text, turns, s, m, x, y = "", [], 1, n, "x", "y"
+    for r in radices(n):
+        m //= r
+        words = {
+            "r": r,
+            "m": m,
+            "inner": s * lanes,
+            "size": n * lanes,
+            "first": len(turns),
+            "x": x,
+            "y": y,
+        }
+        if r <= WRITTEN_OUT:
+            text += PASS.format(
+                **words, turns=_turns(**words), lines=("\n" + 8 * " ").join(_lines(**words))
+            )
+            turns += [exp(2j * pi * p * k / (r * m)) for p in range(m) for k in range(1, r)]
+        else:
+            text += LARGE_PASS.format(**words)
+            turns += [exp(2j * pi * k / (r * m)) for k in range(r * m)]
+        s, x, y = s * r, y, x
+    return text, x, turns
+
+
+def fast_length(n: int) -> int:
+    """The first length from n on whose passes are all written out."""
+    return n if max(radices(n), default=1) <= WRITTEN_OUT else fast_length(n + 1)
+
+
+def radices(n: int) -> list[int]:
+    """Their product is n: its primes, twos in pairs, the largest first."""
+    primes, d = [], 2
+    while n > 1:
+        if n % d:
+            d += 1
+        else:
+            primes.append(d)
+            n //= d
+    twos = primes.count(2)
+    return sorted([4] * (twos // 2) + [2] * (twos % 2) + [p for p in primes if p > 2], reverse=True)
+
+
+def _turns(r: int, m: int, first: int, **_: object) -> str:
+    at = f"{first} + {r - 1} * p"
+    loads = [
+        f"c{k}, s{k} = turns[{at} + {k - 1}, 0], turns[{at} + {k - 1}, 1]" for k in range(1, r)
+    ]
+    return "; ".join(loads) if m > 1 else "pass"  # the last pass turns nothing
+
+
+def _lines(r: int, m: int, inner: int, size: int, x: str, y: str, **_: object) -> list[str]:
+    """Load r_j and i_j, sum them to R_k and I_k, turn and store these."""
+    loads = [
+        f"r{j} = {x}[i + {j * m * inner}]; i{j} = {x}[i + {j * m * inner + size}]" for j in range(r)
+    ]
+    stores = [f"{y}[o] = R0; {y}[o + {size}] = I0"]
+    for k in range(1, r):
+        re, im = (
+            (f"R{k} * c{k} - I{k} * s{k}", f"R{k} * s{k} + I{k} * c{k}")
+            if m > 1
+            else (f"R{k}", f"I{k}")
+        )
+        stores.append(f"{y}[o + {k * inner}] = {re}; {y}[o + {k * inner + size}] = {im}")
+    return [*loads, *(SUMS[r] if r in SUMS else _odd_sums(r)), *stores]
+
+
+# R_k + i I_k = sum_{j<r} (r_j + i i_j) e^{2 pi i j k / r}
+SUMS = {
+    2: ["R0 = r0 + r1; I0 = i0 + i1; R1 = r0 - r1; I1 = i0 - i1"],
+    4: [
+        "ar = r0 + r2; ai = i0 + i2; br = r0 - r2; bi = i0 - i2",
+        "cr = r1 + r3; ci = i1 + i3; dr = r1 - r3; di = i1 - i3",
+        "R0 = ar + cr; I0 = ai + ci; R2 = ar - cr; I2 = ai - ci",
+        "R1 = br - di; I1 = bi + dr; R3 = br + di; I3 = bi - dr",
+    ],
+}
+
+
+def _odd_sums(r: int) -> list[str]:
+    """The terms j and r - j share their products: sums a_j take the cosine, differences b_j the
+    sine."""
+    half = range(1, (r + 1) // 2)
+    lines = [
+        f"a{c}{j} = {c}{j} + {c}{r - j}; b{c}{j} = {c}{j} - {c}{r - j}" for c in "ri" for j in half
+    ]
+    lines += [f"{c.upper()}0 = {c}0 + " + " + ".join(f"a{c}{j}" for j in half) for c in "ri"]
+    for k in half:
+        angle = {j: 2 * pi * j * k / r for j in half}
+        for c in "ri":
+            lines.append(
+                f"e{c} = {c}0 + " + " + ".join(f"F({cos(angle[j])!r}) * a{c}{j}" for j in half)
+            )
+            lines.append(f"d{c} = " + " + ".join(f"F({sin(angle[j])!r}) * b{c}{j}" for j in half))
+        lines.append(f"R{k} = er - di; I{k} = ei + dr; R{r - k} = er + di; I{r - k} = ei - dr")
+    return lines

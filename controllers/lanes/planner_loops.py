@@ -1,0 +1,401 @@
+"""Generate the planner's loops: a model's step and the terms of a cost, inlined into two loops over
+lanes of samples.
+
+`rollout` computes the costs of every block of samples; `paths` computes the positions of one block,
+and each term. `module_source` is the text that is compiled; print it with `race bench --show-code`.
+
+No gather and no data-dependent branch stands in the lane loop: when some sample reaches its target,
+a flag is set and a rare second loop moves those lanes to their next target row. Everything in the
+lane loop is as wide as a float: one 64-bit integer among the lanes would halve the width of all
+vectors.
+
+Obstacles are tested by straight lines between positions some steps apart. Positions are kept every
+`stride` steps. When there are MARKS of them, boxes around them, each of some lanes of the block,
+pick the obstacles: most blocks are near none. A sample that touched one pays for the crash from the
+end of that line on, as if it had crashed there.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controllers.costs import Cost, crash
+from controllers.lanes.layout import LANES
+from controllers.lanes.parts import NEXT_TARGETS, fill, header, line_test, next_targets, read, store
+from controllers.lanes.text import Writer
+from controllers.lanes.trace import Graph, Symbol, check_number, trace, trace_number, wrong_result
+from quadsim.dynamics import System
+from quadsim.dynamics.records import flat
+
+MARKS = 4  # positions between which lines are tested at once
+STRIDE = 0.04  # [s] from one to the next
+# boxes around the positions of a block, each of every sixteenth lane: as many as a vector has
+# numbers
+BOXES = 16
+
+BEGIN = """
+# the state and the target row of each sample
+state = np.empty((<states>, L), F)
+target = np.empty((<target_numbers>, L), F)
+crashed = np.zeros(L, F)
+reached = np.zeros(L, np.int32)
+row = np.zeros(L, np.int32)
+for k in range(<states>):
+    state[k, :] = x0[k]
+for k in range(<target_numbers>):
+    target[k, :] = targets[0, k]
+<begin_marks>
+"""
+
+# One step of one sample: u = clip(U + n z), the model, the terms at the next state.
+STEP = """
+<lines>
+<store_state>
+crashed[l] = <crashed>
+reached[l] = np.int32(1) if <is_reached> else np.int32(0)
+"""
+
+ROLLOUT = """
+@kept
+@njit(fastmath=FAST, error_model="numpy", parallel=True)
+def rollout(x0, U, z, J, noise_factor, cost_factor, low, high, dt, targets, system_numbers,
+            cost_numbers<obstacle_arguments>):
+    T = U.shape[0]
+    halves = z.shape[2] // T
+    last_row = np.int32(targets.shape[0] - 1)
+    varies = cost_numbers.shape[0] > 1  # whether the parameters of the cost depend on the step
+    <read_model>
+    <read_limits>
+    for b in prange(J.shape[0]):
+        <begin>
+        cost = np.zeros(L, F)
+        block = z[b // halves]
+        t0 = (b % halves) * T
+        for t in range(T):
+            <read_plan>
+            n_t = noise_factor[b % 2, t]
+            s_t = cost_factor[t]
+            k_t = t if varies else 0
+            <read_cost>
+            for l in range(L):
+                <step>
+                cost[l] += s_t * (<sum>)
+            <next_targets>
+            <keep_marks>
+        for l in range(L):
+            J[b, l] = cost[l] / F(T)
+"""
+
+PATHS = """
+@kept
+@njit(fastmath=FAST, error_model="numpy")
+def paths(x0, U, block, path, means, noise_factor, cost_factor, low, high, dt, targets, system_numbers,
+          cost_numbers<obstacle_arguments>):
+    T = U.shape[0]
+    t0 = 0
+    b = 0
+    last_row = np.int32(targets.shape[0] - 1)
+    varies = cost_numbers.shape[0] > 1
+    <read_model>
+    <read_limits>
+    <begin>
+    means[:, :] = F(0)
+    for t in range(T):
+        <read_plan>
+        n_t = noise_factor[b % 2, t]
+        s_t = cost_factor[t]
+        k_t = t if varies else 0
+        <read_cost>
+        for l in range(L):
+            <step>
+            <keep_path>
+            <add_terms>
+        <next_targets>
+        <keep_marks>
+    for k in range(means.shape[0]):
+        for l in range(L):
+            means[k, l] /= F(T)
+"""
+
+BEGIN_MARKS = """
+# positions between which lines are tested, the first one at the start
+marked = np.empty((<marks>, 3, L), F)
+lowest = np.empty((3, <boxes>), F)
+highest = np.empty((3, <boxes>), F)
+before_finish = np.full(L, F(1) if last_row > 0 else F(0))
+marks = 1
+until_mark = stride
+for k in range(3):
+    marked[0, k, :] = x0[k]
+"""
+
+KEEP_MARKS = """
+until_mark -= 1
+if until_mark == 0 or t == T - 1:
+    until_mark = stride
+    filled = <marks> if t == T - 1 else marks + 1  # at the end the last position fills what is left
+    for m in range(marks, filled):
+        for k in range(3):
+            for l in range(L):
+                marked[m, k, l] = state[k, l]
+    marks = filled
+    if marks == <marks>:
+        meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, before_finish, crashed, <cost>)
+        marks = 1
+        for l in range(L):
+            before_finish[l] = F(1) if row[l] < last_row else F(0)
+"""
+
+MEET_OBSTACLES = """
+@njit(fastmath=FAST, error_model="numpy")
+def meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, before_finish, crashed, cost):
+    # boxes around the marked positions of some lanes each
+    for k in range(3):
+        for l in range(<boxes>):
+            lowest[k, l] = <lowest>
+            highest[k, l] = <highest>
+    for o in range(obstacles.shape[0]):
+        <read_obstacle>
+        near = np.int32(0)
+        for l in range(<boxes>):
+            near_x = (lowest[0, l] <= obstacle_x_high) & (highest[0, l] >= obstacle_x_low)
+            near_y = (lowest[1, l] <= obstacle_y_high) & (highest[1, l] >= obstacle_y_low)
+            near_z = (lowest[2, l] <= obstacle_z_high) & (highest[2, l] >= obstacle_z_low)
+            near |= np.int32(1) if near_x & near_y & near_z else np.int32(0)
+        if near == 0:
+            continue
+        for m in range(1, <marks>):
+            # a crash is paid for the steps from the end of this line to the last mark
+            due = crash_weight * F((<marks> - 1 - m) * stride + 1)
+            for l in range(L):
+                <lines>
+                new = select(<touches>, F(1) - crashed[l], F(0)) * before_finish[l]
+                crashed[l] += new
+                cost[l] += due * new
+    # the last position is the first of the next lines
+    for k in range(3):
+        for l in range(L):
+            marked[0, k, l] = marked[<marks> - 1, k, l]
+"""
+
+
+def steps_between(dt: float) -> int:
+    """Return the number of steps from one mark to the next."""
+    return max(round(STRIDE / dt), 1)
+
+
+def module_source(system: System, cost: Cost, dtype: type) -> str:
+    """Return the text of the module with `rollout` and `paths` for this model and this cost.
+
+    Args:
+        system: the model; of its numbers only their names matter.
+        cost: likewise; terms of weight zero are left out.
+        dtype: NumPy type of all numbers.
+
+    Raises:
+        TraceError: the step or a term uses what cannot be compiled.
+    """
+    step = _step(system, cost)
+    parts = step.parts | {
+        "begin": fill(
+            BEGIN,
+            states=len(system.states),
+            target_numbers=len(cost.row._fields),  # pyright: ignore[reportAttributeAccessIssue]
+            begin_marks=_marks(cost, BEGIN_MARKS),
+        ),
+        "next_targets": next_targets(len(cost.row._fields)),  # pyright: ignore[reportAttributeAccessIssue]
+    }
+    rollout = fill(
+        ROLLOUT,
+        **parts,
+        sum=" + ".join(step.weighted.values()) or "F(0)",
+        keep_marks=_marks(cost, KEEP_MARKS, "cost"),
+    )
+    add_terms = (
+        f"means[{k}, l] += s_t * ({step.weighted[name]})"
+        for k, name in enumerate(cost.term_names)
+        if name in step.weighted
+    )
+    axes = min(3, len(system.states))
+    paths = fill(
+        PATHS,
+        **parts,
+        keep_path="\n".join(f"path[t, {k}, l] = state[{k}, l]" for k in range(axes)),
+        add_terms="\n".join(add_terms),
+        keep_marks=_marks(cost, KEEP_MARKS, "means[crash_term]"),
+    )
+    return "\n".join([header(dtype), _meet_obstacles(cost), rollout, paths])
+
+
+def operations(system: System, cost: Cost) -> int:
+    """Return the number of arithmetic operations of one step of one sample, its control and its
+    cost included."""
+    return _step(system, cost).operations
+
+
+class _Step(NamedTuple):
+    """The text of one step of one sample."""
+
+    parts: dict[str, str]
+    weighted: dict[str, str]  # weight times value of each term that is weighted
+    operations: int
+
+
+def _step(system: System, cost: Cost) -> _Step:
+    graph = Graph()
+    x = graph.record(system.state, "x", "state[{k}, l]")
+    crashed_before = graph.input("crashed_before", "crashed[l]")
+    target = graph.record(cost.row, "target", "target[{k}, l]")
+    graph.section = "the control, within its limits"
+    u = system.control(*(_clipped(graph, name, k) for k, name in enumerate(system.controls)))
+    x_next = trace_model(graph, system, x, u)
+    found = trace_cost(graph, cost, x, x_next, u, target, crashed_before)
+
+    parts = {
+        "read_plan": "\n".join(
+            f"plan_{name} = U[t, {k}]" for k, name in enumerate(system.controls)
+        ),
+        "read_limits": "\n".join(
+            f"{side}_{name} = {side}[{k}]"
+            for side in ("low", "high")
+            for k, name in enumerate(system.controls)
+        ),
+        "obstacle_arguments": ", obstacles, stride, crash_term, crash_weight"
+        if cost.obstacles
+        else "",
+    }
+    around = (BEGIN, STEP, ROLLOUT, PATHS, BEGIN_MARKS, KEEP_MARKS, NEXT_TARGETS, *parts.values())
+    writer = Writer("\n".join(around))
+    lines = writer.lines([*flat(x_next), found.crashed, found.reached, *found.weighted.values()])
+    step = fill(
+        STEP,
+        lines=lines,
+        store_state=store(x_next, "state[{k}, l]", writer),
+        crashed=writer(found.crashed),
+        is_reached=writer(found.reached),
+    )
+    parts |= {
+        "step": step,
+        "read_model": read(type(system.params), "model", "system_numbers[{k}]", writer)
+        if system.params
+        else "",
+        "read_cost": "\n".join(
+            f"{name} = cost_numbers[k_t, {k}]"
+            for k, name in enumerate(cost.number_names)
+            if name in writer.read
+        ),
+    }
+    # clip(U + n z) is four operations for each control; each term is added to the sum
+    operations = writer.operations + 4 * len(system.controls) + len(found.weighted)
+    return _Step(parts, {name: writer(value) for name, value in found.weighted.items()}, operations)
+
+
+def _clipped(graph: Graph, name: str, k: int) -> Symbol:
+    """The control v = clip(U + n z) of a sample."""
+    noisy = f"plan_{name} + n_t * block[{k}, t0 + t, l]"
+    return graph.input(f"u_{name}", f"lower(higher({noisy}, low_{name}), high_{name})")
+
+
+def trace_model(graph: Graph, system: System, x: Any, u: Any, params: Any = None) -> Any:
+    """Return the next state, a record of symbols, by the model's step with its parameters read from
+    variables."""
+    graph.section = f"{system.name}: {system.step.__name__}"
+    if params is None:
+        params = graph.record(type(system.params), "model") if system.params else ()
+    x_next = trace(system.step, x, u, params, graph.variable("dt"))
+    if not isinstance(x_next, system.state):
+        raise wrong_result(system.step, f"a {system.state.__name__}", x_next)
+    for value in flat(x_next):
+        check_number(system.step, value)
+    return x_next
+
+
+class TracedCost(NamedTuple):
+    """A cost at one step of one sample, as symbols."""
+
+    crashed: Any  # 1.0 from the crash on, else 0.0
+    reached: Any
+    weighted: dict[str, Any]  # weight times value of each term that is weighted
+
+
+def trace_cost(
+    graph: Graph, cost: Cost, x: Any, x_next: Any, u: Any, target: Any, crashed_before: Any
+) -> TracedCost:
+    """Return the cost's terms, with its parameters read from variables (see Cost.number_names)."""
+    shared = graph.record(type(cost.params), "p") if cost.params else ()
+    crashed = crashed_before
+    if cost.crash:
+        graph.section = "whether the sample crashes"
+        crashes = trace_number(cost.crash, x, x_next, u, target, shared)
+        crashed = graph.apply("where", crashes, 1.0, crashed_before)
+        crashed.name = crashed.name or "has_crashed"
+    graph.section = "whether it reaches its target"
+    reached = trace_number(cost.reached, x, x_next, u, target, shared) if cost.reached else False
+    weighted = {}
+    for term in cost.terms:
+        if not np.any(term.weight):
+            continue
+        graph.section = f"term: {term.name}"
+        value = crashed
+        if term.function is not crash:
+            own = (
+                graph.record(type(term.parameters), f"p_{term.name}") if term.parameters else shared
+            )
+            value = trace_number(term.function, x, x_next, u, target, own)
+        weighted[term.name] = _weigh(graph, graph.variable(f"weight_{term.name}"), value)
+        weighted[term.name].hint = f"cost_of_{term.name}"
+    return TracedCost(crashed, reached, weighted)
+
+
+def _weigh(graph: Graph, weight: Symbol, value: Any) -> Any:
+    """The weight times the value, multiplied from the left as the formula is read: w a b = (w a) b.
+
+    A factor that a variable holds or another function returned stays whole, as in the source.
+    """
+    if isinstance(value, Symbol) and value.kind in ("mul", "div") and not value.name:
+        left, right = value.args
+        is_whole = isinstance(left, Symbol) and left.hint
+        weighted = graph.apply("mul", weight, left) if is_whole else _weigh(graph, weight, left)
+        return graph.apply(value.kind, weighted, right)
+    return graph.apply("mul", weight, value)
+
+
+def _boxes() -> int:
+    return min(LANES, BOXES)
+
+
+def _marks(cost: Cost, template: str, paid_by: str = "") -> str:
+    """The text that keeps positions for the obstacles' lines; nothing without obstacles."""
+    if cost.obstacles is None:
+        return ""
+    return fill(template, marks=MARKS, boxes=_boxes(), cost=paid_by)
+
+
+def _meet_obstacles(cost: Cost) -> str:
+    if cost.obstacles is None:
+        return ""
+    touches, row = cost.obstacles.touches, cost.obstacles.row
+    test = line_test(touches, row, "marked[m - 1, {k}, l]", "marked[m, {k}, l]", MEET_OBSTACLES)
+    positions = [
+        f"marked[{m}, k, l + {first}]" for m in range(MARKS) for first in range(0, LANES, _boxes())
+    ]
+    return fill(
+        MEET_OBSTACLES,
+        marks=MARKS,
+        boxes=_boxes(),
+        lowest=_folded("lower", positions),
+        highest=_folded("higher", positions),
+        read_obstacle=test.read_obstacle,
+        lines=test.lines,
+        touches=test.touches,
+    )
+
+
+def _folded(function: str, of: list[str]) -> str:
+    """One expression of a function of two arguments over many."""
+    if len(of) == 1:
+        return of[0]
+    middle = len(of) // 2
+    return f"{function}({_folded(function, of[:middle])}, {_folded(function, of[middle:])})"

@@ -1,0 +1,171 @@
+"""Write a traced graph as lines of Python that Numba compiles: assignments named as in the source.
+
+    gate_along = gate_nx * dx + gate_ny * dy + gate_nz * dz
+    span = abs(after_along - before_along)
+
+Every number is written in the lanes' precision, F(0.5): a bare literal would be float64 and cost a
+third of the speed. Choices become calls of `select`, `lower` and `higher` (see HELPERS), whose
+operands have been computed before, so that no branch stands in a lane loop and LLVM vectorises it.
+"""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from controllers.lanes.trace import Symbol
+
+# What a lane calls by these names; see the header of the generated modules.
+HELPERS = frozenset({"select", "lower", "higher", "abs", "math", "F", "L"})
+
+BINARY = {
+    "add": "+",
+    "sub": "-",
+    "mul": "*",
+    "div": "/",
+    "lt": "<",
+    "le": "<=",
+    "gt": ">",
+    "ge": ">=",
+    "eq": "==",
+    "ne": "!=",
+    "and": "&",
+    "or": "|",
+}
+CALLS = {
+    "abs": "abs",
+    "min": "lower",
+    "max": "higher",
+    "where": "select",
+    "sqrt": "math.sqrt",
+    "exp": "math.exp",
+    "log": "math.log",
+    "sin": "math.sin",
+    "cos": "math.cos",
+    "tan": "math.tan",
+    "tanh": "math.tanh",
+    "atan2": "math.atan2",
+}
+
+
+UNARY = {"neg": "-", "not": "not "}
+# How tightly Python's operators bind: comparisons less than | and &.
+COMPARISON = 1
+BINDING = {
+    "not": 0,
+    **dict.fromkeys(("lt", "le", "gt", "ge", "eq", "ne"), COMPARISON),
+    "or": 3,
+    "and": 4,
+    **dict.fromkeys(("add", "sub"), 5),
+    **dict.fromkeys(("mul", "div"), 6),
+    "neg": 7,
+}
+LEAVES = ("input", "variable")
+
+
+class Writer:
+    """Assignments for the nodes that some results need, each written once, in the order of
+    recording."""
+
+    def __init__(self, around: str = ""):
+        """around: the text that the lines will stand in; its names are not used for other
+        variables."""
+        self._taken = {*re.findall(r"\w+", around), *HELPERS, *keyword.kwlist}
+        self._names: dict[int, str] = {}  # number of a node -> its variable
+        self._uses: dict[int, int] = {}  # number of a node -> how many operands it is
+        self.read: set[str] = set()  # variables of the text around that the lines use
+        self.operations = 0  # that the lines take
+
+    def lines(self, results: Iterable[Any]) -> str:
+        """Return the assignments that compute these symbols and have not been written before."""
+        results = [result for result in results if isinstance(result, Symbol)]
+        needed = self._needed(results)
+        self.operations += sum(node.kind not in LEAVES for node in needed)
+        self._count_uses(needed, results)
+        self._taken |= {node.name for node in needed if node.kind == "variable"}
+        lines: list[str] = []
+        section = ""
+        for node in needed:
+            if node.kind == "variable":
+                self._names[node.number] = node.name
+                self.read.add(node.name)
+                continue
+            if node.kind != "input" and not self._is_variable(node):
+                continue
+            if node.section != section:
+                section = node.section
+                lines.append(f"# {section}")
+            expression = node.args[0] if node.kind == "input" else self._operation(node)
+            self._names[node.number] = self._free_name(node.name or node.hint or "value")
+            lines.append(f"{self._names[node.number]} = {expression}")
+        return "\n".join(lines)
+
+    def __call__(self, value: Any) -> str:
+        """Return the expression of a symbol whose lines are written, or of a number."""
+        if isinstance(value, bool):
+            return str(value)
+        if not isinstance(value, Symbol):
+            return f"F({float(value)!r})"
+        if value.number in self._names:
+            return self._names[value.number]
+        return self._operation(value)
+
+    def _needed(self, results: Sequence[Symbol]) -> list[Symbol]:
+        """Nodes that these results depend on and that are no variables yet, in topological
+        order."""
+        found: dict[int, Symbol] = {}
+        todo = list(results)
+        while todo:
+            node = todo.pop()
+            if node.number in found or node.number in self._names:
+                continue
+            found[node.number] = node
+            if node.kind not in LEAVES:
+                todo += [arg for arg in node.args if isinstance(arg, Symbol)]
+        return [found[number] for number in sorted(found)]
+
+    def _count_uses(self, needed: Sequence[Symbol], results: Sequence[Symbol]) -> None:
+        for node in needed:
+            for arg in node.args if node.kind not in LEAVES else ():
+                if isinstance(arg, Symbol):
+                    self._uses[arg.number] = self._uses.get(arg.number, 0) + 1
+        for result in results:  # what is read outside is a variable, not part of an expression
+            self._uses[result.number] = self._uses.get(result.number, 0) + 2
+
+    def _is_variable(self, node: Symbol) -> bool:
+        """A node with a name, or with several uses, is assigned; another one stands within an
+        expression."""
+        return bool(node.name) or self._uses.get(node.number, 0) > 1
+
+    def _operation(self, node: Symbol) -> str:
+        if node.kind in BINARY:
+            left, right = node.args
+            binding = BINDING[node.kind]
+            before = binding + (binding == COMPARISON)  # a < b < c is another thing in Python
+            return f"{self._within(left, before)} {BINARY[node.kind]} {self._within(right, binding + 1)}"
+        if node.kind in UNARY:
+            return f"{UNARY[node.kind]}{self._within(node.args[0], BINDING[node.kind])}"
+        return f"{CALLS[node.kind]}({', '.join(map(self, node.args))})"
+
+    def _within(self, value: Any, binding: int) -> str:
+        """An operand, in parentheses where it binds less than this, so that the order of operations
+        stays."""
+        text = self(value)
+        if (
+            isinstance(value, Symbol)
+            and value.number not in self._names
+            and BINDING.get(value.kind, 99) < binding
+        ):
+            return f"({text})"
+        return text
+
+    def _free_name(self, wished: str) -> str:
+        name = wished
+        number = 1
+        while name in self._taken:
+            number += 1
+            name = f"{wished}_{number}"
+        self._taken.add(name)
+        return name

@@ -1,0 +1,388 @@
+"""Record the arithmetic of a plain function by calling it once with symbols in place of numbers.
+
+Steps, cost terms, rewards and observations are plain Python functions over named scalars (see
+`quadsim.dynamics`). Called with a `Symbol` for each scalar, such a function builds an expression
+graph: every operator and every NumPy function that it applies adds a node. `controllers.lanes.text`
+writes the graph as the body of a compiled loop.
+
+    graph = Graph()
+    x = graph.record(State, "x")             # State(px=x_px, py=x_py, ...)
+    x_next = trace(step, x, u, p, dt)        # a State of symbols
+
+Because the function itself is called, records (NamedTuples), properties, helper functions, loops of
+fixed length and numbers held by closures need no translation. What cannot be recorded is a branch
+on a symbol, as it has no value yet: that raises a `TraceError` with the function, the line and the
+way out.
+
+Equal operations on equal operands are one node, so that terms may compute the same quantity, a
+gate's frame for example, without computing it twice.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from math import isfinite
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+from quadsim.dynamics.records import flat_names, is_record, unflat
+
+# NumPy's functions that may be used, by the operation they record.
+UFUNCS = {
+    np.add: "add",
+    np.subtract: "sub",
+    np.multiply: "mul",
+    np.true_divide: "div",
+    np.negative: "neg",
+    np.absolute: "abs",
+    np.fabs: "abs",
+    np.minimum: "min",
+    np.maximum: "max",
+    np.sqrt: "sqrt",
+    np.exp: "exp",
+    np.log: "log",
+    np.sin: "sin",
+    np.cos: "cos",
+    np.tan: "tan",
+    np.tanh: "tanh",
+    np.arctan2: "atan2",
+    np.less: "lt",
+    np.less_equal: "le",
+    np.greater: "gt",
+    np.greater_equal: "ge",
+    np.equal: "eq",
+    np.not_equal: "ne",
+    np.logical_and: "and",
+    np.bitwise_and: "and",
+    np.logical_or: "or",
+    np.bitwise_or: "or",
+    np.logical_not: "not",
+    np.invert: "not",
+}
+KNOWN = (
+    "arithmetic, comparisons joined by & and |, abs, and NumPy's where, minimum, maximum, sqrt, exp, log, "
+    "sin, cos, tan, tanh, arctan2"
+)
+LARGEST_POWER = 4  # x**n with a whole n up to this is written as products
+
+
+class TraceError(TypeError):
+    """A function cannot be compiled for the rollouts: which one, in which line, and what to write
+    instead."""
+
+
+class Symbol:
+    """A scalar that has no value yet: an input of a graph, or an operation on other operands."""
+
+    __slots__ = ("args", "graph", "hint", "kind", "name", "number", "section")
+
+    def __init__(self, graph: Graph, kind: str, args: tuple[Any, ...], number: int):
+        self.graph = graph
+        self.kind = kind  # an operation, "input" or "variable"
+        self.args = args  # operands, Symbols and numbers; of an input its expression in the loop
+        self.number = number  # of nodes before it: a topological order
+        self.name = ""  # of the variable in the source that first held it
+        self.hint = ""  # for its name if no variable held it: the function that returned it
+        self.section = graph.section
+
+    def __repr__(self) -> str:
+        return f"Symbol({self.name or self.kind})"
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        if method != "__call__" or options or ufunc not in UFUNCS:
+            raise trace_error(f"numpy.{ufunc.__name__} is not known; known are {KNOWN}")
+        return self.graph.apply(UFUNCS[ufunc], *inputs)
+
+    def __array_function__(self, function: Callable, types: Any, args: Any, options: Any) -> Any:
+        if function is not np.where or len(args) != 3 or options:
+            raise trace_error(f"numpy.{function.__name__} is not known; known are {KNOWN}")
+        return self.graph.apply("where", *args)
+
+    def __add__(self, other: Any) -> Symbol:
+        return self.graph.apply("add", self, other)
+
+    def __radd__(self, other: Any) -> Symbol:
+        return self.graph.apply("add", other, self)
+
+    def __sub__(self, other: Any) -> Symbol:
+        return self.graph.apply("sub", self, other)
+
+    def __rsub__(self, other: Any) -> Symbol:
+        return self.graph.apply("sub", other, self)
+
+    def __mul__(self, other: Any) -> Symbol:
+        return self.graph.apply("mul", self, other)
+
+    def __rmul__(self, other: Any) -> Symbol:
+        return self.graph.apply("mul", other, self)
+
+    def __truediv__(self, other: Any) -> Symbol:
+        return self.graph.apply("div", self, other)
+
+    def __rtruediv__(self, other: Any) -> Symbol:
+        return self.graph.apply("div", other, self)
+
+    def __pow__(self, exponent: Any) -> Symbol:
+        if not isinstance(exponent, int) or not 1 <= exponent <= LARGEST_POWER:
+            raise trace_error(
+                f"x**{exponent!r} is not known: write products, sqrt or exp(y * log(x))"
+            )
+        product = self
+        for _ in range(exponent - 1):
+            product = product * self
+        return product
+
+    def __neg__(self) -> Symbol:
+        return self.graph.apply("neg", self)
+
+    def __pos__(self) -> Symbol:
+        return self
+
+    def __abs__(self) -> Symbol:
+        return self.graph.apply("abs", self)
+
+    def __invert__(self) -> Symbol:
+        return self.graph.apply("not", self)
+
+    def __and__(self, other: Any) -> Symbol:
+        return self.graph.apply("and", self, other)
+
+    def __rand__(self, other: Any) -> Symbol:
+        return self.graph.apply("and", other, self)
+
+    def __or__(self, other: Any) -> Symbol:
+        return self.graph.apply("or", self, other)
+
+    def __ror__(self, other: Any) -> Symbol:
+        return self.graph.apply("or", other, self)
+
+    def __lt__(self, other: Any) -> Symbol:
+        return self.graph.apply("lt", self, other)
+
+    def __le__(self, other: Any) -> Symbol:
+        return self.graph.apply("le", self, other)
+
+    def __gt__(self, other: Any) -> Symbol:
+        return self.graph.apply("gt", self, other)
+
+    def __ge__(self, other: Any) -> Symbol:
+        return self.graph.apply("ge", self, other)
+
+    def __eq__(self, other: object) -> Any:
+        return self.graph.apply("eq", self, other)
+
+    def __ne__(self, other: object) -> Any:
+        return self.graph.apply("ne", self, other)
+
+    __hash__ = object.__hash__
+
+    def __bool__(self) -> bool:
+        raise trace_error(
+            "a condition is not known before the rollout, so if, and, or, not, min and max cannot be used: "
+            "write numpy.where(condition, a, b), & or |, numpy.minimum or numpy.maximum"
+        )
+
+    def __float__(self) -> float:
+        raise trace_error(f"a function of another module was applied; known are {KNOWN}")
+
+    __int__ = __index__ = __complex__ = __float__
+
+    def __iter__(self) -> Iterator[Any]:
+        raise trace_error("a scalar was taken for a sequence")
+
+
+class Graph:
+    """The operations of the functions that were traced with its inputs, in the order in which they
+    were recorded."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Symbol] = []
+        self.section = ""  # the part of the text that new nodes belong to
+        self._known: dict[tuple, Symbol] = {}
+
+    def variable(self, name: str) -> Symbol:
+        """Return a symbol for a variable that the text around the traced lines assigns."""
+        return self._new("variable", (), name)
+
+    def input(self, name: str, expression: str) -> Symbol:
+        """Return a symbol that is read from `expression` where it is first needed."""
+        return self._new("input", (expression,), name)
+
+    def record(self, kind: type, name: str, expression: str = "") -> Any:
+        """Return a record of symbols, one for each field of the NamedTuple `kind`.
+
+        Args:
+            kind: the NamedTuple, whose fields may be records too.
+            name: prefix of the variables: field `px` of the record `x` is the variable `x_px`.
+            expression: what each is read from, with `{k}` for the number of the field, counted
+                through nested records; without it they are variables that the text around assigns.
+        """
+        names = [f"{name}_{field}" for field in flat_names(kind)]
+        if expression:
+            symbols = [self.input(each, expression.format(k=k)) for k, each in enumerate(names)]
+        else:
+            symbols = [self.variable(each) for each in names]
+        return unflat(kind, iter(symbols))
+
+    def apply(self, kind: str, *args: Any) -> Any:
+        """Return the node of this operation on these operands, a new one unless it is known."""
+        operands = tuple(operand(arg) for arg in args)
+        key = (
+            kind,
+            *(
+                ("s", arg.number) if isinstance(arg, Symbol) else (type(arg), repr(arg))
+                for arg in operands
+            ),
+        )
+        if key not in self._known:
+            self._known[key] = self._new(kind, operands)
+        return self._known[key]
+
+    def _new(self, kind: str, args: tuple[Any, ...], name: str = "") -> Symbol:
+        symbol = Symbol(self, kind, args, len(self.nodes))
+        symbol.name = name
+        self.nodes.append(symbol)
+        return symbol
+
+
+def operand(value: Any) -> Any:
+    """Return a Symbol, a bool or a finite float. Raises TraceError for anything else."""
+    if isinstance(value, Symbol):
+        return value
+    if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
+        value = value.item()
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, int | float) and isfinite(value):
+        return float(value)
+    if isinstance(value, float):
+        raise trace_error(
+            f"{value} is not finite, and compiled code takes every number to be finite: write 1e30"
+        )
+    raise trace_error(
+        f"expected a number or a scalar of the rollout, got {type(value).__name__} {value!r:.60}"
+    )
+
+
+def trace(function: Callable, *args: Any) -> Any:
+    """Return what the function makes of symbols; intermediate results are named as in its source.
+
+    Raises:
+        TraceError: the function does what cannot be recorded, or fails.
+    """
+    try:
+        with naming():
+            return function(*args)
+    except TraceError as error:
+        raise TraceError(f"{label(function)}: {error}") from None
+    except Exception as error:
+        raise TraceError(f"{label(function)}: {_place()}{type(error).__name__}: {error}") from error
+
+
+def trace_number(function: Callable, *args: Any) -> Any:
+    """Return the number or the condition that the function makes of symbols. Raises TraceError, as
+    `trace` does."""
+    return check_number(function, trace(function, *args))
+
+
+def check_number(function: Callable, value: Any) -> Any:
+    """Return what a traced function returned. Raises TraceError unless it is a number or a
+    condition."""
+    if isinstance(value, tuple | list):
+        raise wrong_result(function, "one number", value)
+    try:
+        return operand(value)
+    except TraceError:
+        raise wrong_result(function, "a number", value) from None
+
+
+def wrong_result(function: Callable, expected: str, value: Any) -> TraceError:
+    """Return the error of a function that returned something else than expected."""
+    code = getattr(function, "__code__", None)
+    place = f"{code.co_filename}:{code.co_firstlineno}: " if code else ""
+    found = (
+        "None: is a return missing?" if value is None else f"{type(value).__name__} {value!r:.60}"
+    )
+    return TraceError(f"{label(function)}: {place}expected it to return {expected}, got {found}")
+
+
+@contextmanager
+def naming() -> Iterator[None]:
+    """Name symbols after the local variables of the functions that are called meanwhile."""
+    before = sys.getprofile()
+
+    def name_locals(frame: FrameType, event: str, value: Any) -> None:
+        # Before a call, what the caller has computed gets the caller's names, not those of the
+        # arguments.
+        named = frame.f_back if event == "call" else frame
+        if event not in ("call", "return") or named is None or not _is_traced(named):
+            return
+        for name, local in named.f_locals.items():
+            _name(name, local)
+        function_name = frame.f_code.co_name
+        # "<lambda>" is no name of a variable
+        if event == "return" and function_name.isidentifier():
+            _name(function_name, value, weakly=True)
+
+    sys.setprofile(name_locals)
+    try:
+        yield
+    finally:
+        sys.setprofile(before)
+
+
+def _is_traced(frame: FrameType) -> bool:
+    """Whether this is a function of somebody's model or cost, not one of this module or of NumPy's
+    dispatch."""
+    module = frame.f_globals.get("__name__", "")
+    return frame.f_code.co_filename != __file__ and not module.startswith(
+        ("numpy", "contextlib", "collections")
+    )
+
+
+def _name(name: str, value: Any, weakly: bool = False) -> None:
+    """Name a symbol, or the symbols of a record, unless a variable has held them before.
+
+    weakly: another name may take the place of this one.
+    """
+    if isinstance(value, Symbol):
+        if weakly:
+            value.hint = value.hint or name
+        else:
+            value.name = value.name or name
+    elif is_record(type(value)):
+        for field, inner in zip(value._fields, value, strict=True):
+            _name(f"{name}_{field}", inner, weakly)
+    elif isinstance(value, tuple):
+        for axis, inner in zip("xyz" if len(value) == 3 else range(len(value)), value, strict=True):
+            _name(f"{name}_{axis}", inner, weakly=True)
+
+
+def label(function: Callable) -> str:
+    """Return the module and name of a function, for errors."""
+    name = getattr(function, "__qualname__", None) or type(function).__name__
+    return f"{getattr(function, '__module__', '')}.{name}"
+
+
+def trace_error(problem: str) -> TraceError:
+    """Return the error, with the file and line of the source that caused it."""
+    frame = sys._getframe()
+    while frame.f_back is not None and frame.f_code.co_filename == __file__:
+        frame = frame.f_back
+    return TraceError(f"{frame.f_code.co_filename}:{frame.f_lineno}: {problem}")
+
+
+def _place() -> str:
+    """File and line of the exception that is handled now, where the traced function raised it."""
+    traceback = sys.exc_info()[2]
+    place = ""
+    while traceback is not None:
+        code = traceback.tb_frame.f_code
+        if code.co_filename != __file__:
+            place = f"{code.co_filename}:{traceback.tb_lineno}: "
+        traceback = traceback.tb_next
+    return place

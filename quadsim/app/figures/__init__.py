@@ -1,1 +1,0 @@
-"""Figures of stored flights, the only place besides quadsim.app.paper that draws with matplotlib."""

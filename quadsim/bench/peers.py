@@ -1,0 +1,281 @@
+"""The same model and cost, without gates, through pytorch-mppi and through JAX, timed in the same
+run as ours.
+
+Nothing is timed before a library has found the same costs as ours for the same noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from importlib.util import find_spec
+from types import FunctionType, ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import sqrt
+
+from controllers.costs import Cost, Term
+from controllers.lanes.lanes import Rollout
+from controllers.lanes.layout import LANES
+from controllers.lanes.threads import threads
+from controllers.mppi import MPPI
+from controllers.presets import preset
+from quadsim.bench.cases import controller, median_ms, paper_case
+from quadsim.console import UsageError
+from quadsim.files.extras import needs_extra
+
+AGREEMENT = 1e-3  # relative, of float32 costs over 150 steps
+# of the noise that the other libraries draw [rad/s, rad/s, rad/s, m/s^2]
+SIGMA = (0.3, 0.3, 0.3, 3.5)
+POINT = (50.0, 0.0, 2.0)  # [m]
+
+
+def require_peers() -> None:
+    """Raises UsageError where the extra is not installed, before minutes of timing."""
+    if missing := [name for name in ("torch", "pytorch_mppi", "jax") if find_spec(name) is None]:
+        raise UsageError(f"--peers: {needs_extra(' and '.join(missing), 'peers')}")
+
+
+def compare(seconds: float) -> list[dict]:
+    """One row for each library: {name, ms_p50, ours_ms, ratio, largest_difference}."""
+    mppi, x = controller(paper_case("quadrotor", "gaussian"))
+    config = replace(mppi.config, rest_fraction=0.0)
+    ours = MPPI(mppi.system, point_cost(), preset("paper", "gaussian").sampling, config)
+    rows = []
+    for name, load in PEERS.items():
+        peer = load(ours)
+        difference = largest_difference(ours, peer.costs, x)
+        ours_ms, peer_ms = (
+            median_ms(partial(planner.control, x), seconds) for planner in (ours, peer)
+        )
+        row = {"name": name, "ms_p50": peer_ms, "ours_ms": ours_ms, "ratio": peer_ms / ours_ms}
+        rows.append(row | {"largest_difference": difference})
+    return rows
+
+
+def largest_difference(ours: MPPI, costs: Callable, x: np.ndarray) -> float:
+    """Between their costs(x, v) and ours for the same noise, relative. Raises ValueError beyond
+    AGREEMENT."""
+    z = ours.sampler.sample(7).copy()  # (blocks, n_u, T, LANES)
+    mine = np.empty((len(z), LANES), np.float32)
+    Rollout(ours.system, ours.cost)(x, ours.plan, z, 0, mine)
+    # (M, T, n_u)
+    v = z.transpose(0, 3, 2, 1).reshape(-1, z.shape[2], z.shape[1]) + ours.plan.astype(np.float32)
+    theirs = costs(x, np.clip(v, np.float32(ours.low), np.float32(ours.high)))
+    difference = float(np.max(np.abs(theirs - mine.ravel()) / np.abs(mine.ravel())))
+    if difference > AGREEMENT:
+        raise ValueError(
+            f"bench: expected equal costs for equal noise, got a relative difference of {difference:g}"
+        )
+    return difference
+
+
+class Point(NamedTuple):
+    """A point to fly to [m]."""
+
+    x: float
+    y: float
+    z: float
+
+
+class Desired(NamedTuple):
+    """The parameters of the terms."""
+
+    speed: float  # [m/s]
+
+
+def point_cost() -> Cost:
+    """Return eq. (8) without gates: fly to a point at a height and a speed; it is never reached,
+    nothing crashes."""
+    terms = (
+        Term(progress, 8.0),
+        Term(heading, 40.0),
+        Term(height, 4.0),
+        Term(speed, 0.5),
+        Term(stabilize, 10.0),
+    )
+    return Cost("point", terms, Point, np.array([POINT]), Desired(speed=9.0))
+
+
+def progress(x, x_next, u, point, p):
+    """Return the distance to the point [m]."""
+    dx = x_next.px - point.x
+    dy = x_next.py - point.y
+    dz = x_next.pz - point.z
+    return sqrt(dx * dx + dy * dy + dz * dz + 1e-6)
+
+
+def heading(x, x_next, u, point, p):
+    """Return 1 + cos of the angle between the horizontal velocity and the way from the point."""
+    dx = x_next.px - point.x
+    dy = x_next.py - point.y
+    d_xy = sqrt(dx * dx + dy * dy + 1e-6)
+    v_xy = sqrt(x_next.vx * x_next.vx + x_next.vy * x_next.vy + 1e-6)
+    return 1.0 + (x_next.vx * dx + x_next.vy * dy) / (v_xy * d_xy)
+
+
+def height(x, x_next, u, point, p):
+    """Return the square of the distance off the point's height [m^2]."""
+    dz = x_next.pz - point.z
+    return dz * dz
+
+
+def speed(x, x_next, u, point, p):
+    """Return the square of the horizontal speed off the desired one [(m/s)^2]."""
+    off = sqrt(x_next.vx * x_next.vx + x_next.vy * x_next.vy + 1e-6) - p.speed
+    return off * off
+
+
+def stabilize(x, x_next, u, point, p):
+    """Return 1 - cos of the tilt."""
+    return 2.0 * (x_next.qx * x_next.qx + x_next.qy * x_next.qy)
+
+
+def array_backend(library: ModuleType) -> dict[str, Callable]:
+    """Name -> the library's own function, for every function of NumPy that a step or a term here
+    calls."""
+    functions = {name: getattr(library, name) for name in ("minimum", "maximum", "sqrt", "where")}
+    if library.__name__ == "torch":  # whose minimum and maximum take no plain numbers
+        functions |= {
+            name: _of_tensors(library, functions[name]) for name in ("minimum", "maximum")
+        }
+    return functions
+
+
+def _of_tensors(torch: ModuleType, choose: Callable) -> Callable:
+    return lambda a, b: choose(torch.as_tensor(a), torch.as_tensor(b))
+
+
+def rebind(function: Callable, backend: dict[str, Callable]) -> FunctionType:
+    """The same function with the backend's functions in place of those of the same name."""
+    assert isinstance(function, FunctionType)
+    return FunctionType(function.__code__, {**function.__globals__, **backend})
+
+
+def model(ours: MPPI, library: ModuleType) -> tuple[Callable, Callable]:
+    """(x, u) -> the next state; (x, u) -> the cost of x. Both take and return sequences with one
+    array a component."""
+    system, cost, backend = ours.system, ours.cost, array_backend(library)
+    step = rebind(system.step, backend)
+    terms = [(term.weight, rebind(term.function, backend)) for term in cost.terms]
+    point = Point(*POINT)
+
+    def next_state(x: Sequence, u: Sequence) -> Any:
+        return step(system.state(*x), system.control(*u), system.params, system.dt)
+
+    def state_cost(x: Sequence, u: Sequence) -> Any:
+        state = system.state(*x)
+        return sum(weight * term(None, state, u, point, cost.params) for weight, term in terms)
+
+    return next_state, state_cost
+
+
+class TorchPeer:
+    """pytorch_mppi.MPPI as its users call it: float32, batched dynamics, as many threads as
+    ours."""
+
+    def __init__(self, ours: MPPI):
+        import pytorch_mppi
+        import torch
+
+        torch.set_num_threads(threads())
+        system, config = ours.system, ours.config
+        step, state_cost = model(ours, torch)
+        self._torch, self._config = torch, config
+        self._dynamics = lambda x, u: torch.stack(step(x.unbind(1), u.unbind(1)), dim=1)
+        self._cost = lambda x, u: state_cost(x.unbind(1), u.unbind(1))
+        self._mppi = pytorch_mppi.MPPI(
+            self._dynamics,
+            self._cost,
+            len(system.states),
+            torch.diag(torch.tensor(SIGMA) ** 2),
+            num_samples=config.samples,
+            horizon=config.horizon,
+            lambda_=config.temperature * config.horizon,  # on the summed cost
+            u_min=torch.tensor(system.low, dtype=torch.float32),
+            u_max=torch.tensor(system.high, dtype=torch.float32),
+            u_init=torch.tensor(system.rest, dtype=torch.float32),
+        )
+
+    def control(self, x: np.ndarray) -> object:
+        state = self._torch.tensor(x, dtype=self._torch.float32)
+        for i in range(self._config.iterations):
+            u = self._mppi.command(state, shift_nominal_trajectory=i == 0)
+        return u
+
+    def costs(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """x (n_x,), v (M, T, n_u) -> J (M,), the mean over the states that the steps lead to, as
+        ours counts it."""
+        torch = self._torch
+        state = torch.tensor(x, dtype=torch.float32).expand(len(v), -1)
+        total = torch.zeros(len(v))
+        for t in range(self._config.horizon):
+            u = torch.from_numpy(np.ascontiguousarray(v[:, t]))
+            state = self._dynamics(state, u)
+            total = total + self._cost(state, u)
+        return (total / self._config.horizon).numpy()
+
+
+class JaxPeer:
+    """The same algorithm in JAX: one compiled function, a scan over the horizon, rows of
+    samples."""
+
+    def __init__(self, ours: MPPI):
+        import jax
+
+        self._jax = jax
+        self._key = jax.random.PRNGKey(0)
+        self._plan = np.tile(np.array(ours.system.rest, np.float32), (ours.config.horizon, 1))
+        rollout = jax_rollout(jax, ours)
+        self._costs = jax.jit(rollout)
+        self._step = jax.jit(jax_control(jax, rollout, ours))
+
+    def control(self, x: np.ndarray) -> object:
+        self._plan, self._key = self._step(np.float32(x), self._plan, self._key)
+        return self._jax.block_until_ready(self._plan)
+
+    def costs(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """x (n_x,), v (M, T, n_u) -> J (M,)"""
+        return np.asarray(self._costs(np.float32(x), v.transpose(1, 2, 0)))
+
+
+def jax_rollout(jax: ModuleType, ours: MPPI) -> Callable:
+    """x (n_x,), v (T, n_u, M) -> J (M,)"""
+    step, state_cost = model(ours, jax.numpy)
+
+    def advance(x, u):
+        x_next = step(x, tuple(u))
+        return x_next, state_cost(x_next, tuple(u))
+
+    def rollout(x, v):
+        start = ours.system.state(*(jax.numpy.full(v.shape[2], xi) for xi in x))
+        return jax.lax.scan(advance, start, v)[1].mean(axis=0)
+
+    return rollout
+
+
+def jax_control(jax: ModuleType, rollout: Callable, ours: MPPI) -> Callable:
+    """(x, plan, key) -> (plan, key): shift, then the iterations of Algorithm 1."""
+    jnp, system, config = jax.numpy, ours.system, ours.config
+    low, high, rest = (jnp.float32(jnp.array(a)) for a in (system.low, system.high, system.rest))
+    sigma = jnp.array(SIGMA)
+
+    def control(x, plan, key):
+        plan = jnp.vstack([plan[1:], rest])
+        for _ in range(config.iterations):
+            key, now = jax.random.split(key)
+            z = sigma[:, None] * jax.random.normal(
+                now, (config.horizon, len(system.low), config.samples)
+            )
+            v = jnp.clip(plan[:, :, None] + z, low[:, None], high[:, None])
+            J = rollout(x, v)
+            w = jax.nn.softmax(-J / config.temperature)
+            plan = plan + config.step_size * jnp.einsum("m,tum->tu", w, v - plan[:, :, None])
+        return plan, key
+
+    return control
+
+
+PEERS = {"pytorch-mppi": TorchPeer, "JAX": JaxPeer}

@@ -1,0 +1,96 @@
+"""`race web`: the dashboard in a browser, live or in replay."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from time import sleep
+from typing import Annotated, Any
+
+from msgspec import Meta
+
+from controllers.learned.pilot import pilot_names
+from controllers.presets import PRESETS
+from controllers.samplers import SAMPLERS
+from quadsim.cli.flags import Help, Json, RunsDir, Stored
+from quadsim.cli.fly import EXIT
+from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted
+from quadsim.course import course_names, load_course
+from quadsim.record.archive import find_run
+from quadsim.sensing import sensing_names
+from quadsim.vehicle import vehicle_names
+
+WAKE = 0.5  # [s] after which a signal that another thread received ends the wait
+
+
+def web(
+    *runs: Stored,
+    course: Annotated[str, Help("chosen at first; a FILE.yaml joins the list")] = "split_s_swift",
+    host: Annotated[
+        str, Help("address to listen on; any but this machine's own asks for a token")
+    ] = "127.0.0.1",
+    port: Annotated[int, Meta(ge=0, le=65535), Help("0: a free one")] = 8080,
+    runs_dir: RunsDir = "runs",
+    json: Json = False,
+) -> int:
+    """Watch, tune, race ghosts, replay: a page on this machine, until Ctrl-C.
+
+    race web
+
+    race web last 20261120T133511Z --port 8081
+
+    race web --course mine.yaml --host 192.168.1.7
+    """
+    load_course(course)  # what is wrong with it is said now
+    paths = [find_run(run, runs_dir) for run in runs]
+    from web.page.guard import address
+    from web.race import Race
+
+    server, page, session, token = _open_page(course, host, port, runs_dir)
+    if paths:
+        page.race.show_replay(paths)
+        session.tell(Race.start, [], paths)
+    url = address(host, server.get_port()) + (f"?token={token}" if token else "")
+    if json:
+        emit_json({"url": url, "pid": os.getpid()})
+    else:
+        emit(url)
+        complain("race web: open the address in a browser; Ctrl-C ends it")
+    with suppress(KeyboardInterrupt):  # the way a server ends
+        while True:
+            sleep(WAKE)
+    with suppress(KeyboardInterrupt), uninterrupted():
+        page.close()
+        session.close()
+        server.stop()
+    return EXIT["interrupted"]
+
+
+def _open_page(
+    course: str, host: str, port: int, runs_dir: str
+) -> tuple[Any, Any, Any, str | None]:
+    """The server, its page, the session behind it, and the token where one is asked for. Raises
+    UsageError."""
+    # here, so that --help loads neither numba nor viser
+    from web.flight_factory import PILOT, Choices, FlightFactory
+    from web.page.dashboard import Dashboard
+    from web.page.guard import new_token, serve
+    from web.page.race_panel import Menu
+    from web.session import Session
+
+    token = new_token(host)
+    try:
+        server = serve(host, port, token, "race")
+    except ValueError as error:  # "port: ..."
+        raise UsageError(f"--{error}") from None
+    courses = tuple(dict.fromkeys((*course_names(), course)))
+    presets = {name: planners["colored"].vehicle for name, planners in PRESETS.items()}
+    samplers = (*SAMPLERS, *(PILOT + name for name in pilot_names()))
+    menu = Menu(courses, vehicle_names(), presets, samplers, sensing_names())
+    session = Session(FlightFactory(), runs_dir)
+    return (
+        server,
+        Dashboard(server, session, FlightFactory(), menu, Choices(course=course)),
+        session,
+        token,
+    )

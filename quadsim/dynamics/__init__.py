@@ -1,0 +1,87 @@
+"""Models x_{t+1} = x_t + F(x_t, u_t) dt, each one file of plain functions over named scalars.
+
+A model is three records and a function: State, Control and Params are NamedTuples of numbers, and
+`step(x, u, p, dt)` returns the next State. The same function is flown on floats (ModelPlant),
+checked on float64 arrays (the oracle of the tests), given to CasADi by the optimiser, and inlined
+into the compiled lanes that MPPI runs. So a step uses only what all of them know: arithmetic,
+comparisons joined by `&` and `|`, `abs`, and NumPy's where, minimum, maximum, sqrt, exp, log, sin,
+cos, tan, tanh, arctan2; it may call functions of the same kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class System:
+    """A model with its numbers: x_{t+1} = step(x_t, u_t, params, dt)."""
+
+    name: str
+    state: type  # NamedTuple of n_x scalars
+    control: type  # NamedTuple of n_u scalars
+    # (state, control, params, dt) -> state, see this module's docstring
+    step: Callable[[Any, Any, Any, Any], Any]
+    params: tuple[float, ...]  # a NamedTuple; () for a step without numbers
+    dt: float  # [s]
+    low: tuple[float, ...]  # (n_u,) control limits
+    high: tuple[float, ...]
+    rest: tuple[float, ...]  # (n_u,) the control that holds still, e.g. hover
+    # (state, control, params) -> the control that is commanded in its place, where the vehicle
+    # cannot follow it
+    attainable: Callable[[Any, Any, Any], Any] | None = None
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the state's numbers."""
+        return self.state._fields  # pyright: ignore[reportAttributeAccessIssue]
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """Names of the control's numbers."""
+        return self.control._fields  # pyright: ignore[reportAttributeAccessIssue]
+
+    def next(self, x: Sequence[float] | np.ndarray, u: Sequence[float] | np.ndarray) -> Any:
+        """Return the state after one step.
+
+        Args:
+            x: state (n_x,), or rows of numbers (n_x, n).
+            u: control (n_u,), or rows of numbers (n_u, n).
+
+        Returns:
+            The record `state`.
+        """
+        return self.step(self.state(*x), self.control(*u), self.params, self.dt)
+
+    def tightened(self, share: float) -> System:
+        """Return the system with this share of the way from rest to each limit unused.
+
+        What is left unused is for corrections, as in tube MPC.
+        """
+
+        def tighter(limits: tuple[float, ...]) -> tuple[float, ...]:
+            return tuple(
+                limit + share * (rest - limit)
+                for limit, rest in zip(limits, self.rest, strict=True)
+            )
+
+        return replace(self, low=tighter(self.low), high=tighter(self.high))
+
+    def check(self, x: Sequence[float] | np.ndarray) -> None:
+        """Raise ValueError unless x holds one finite number for each state."""
+        expected = len(self.states)
+        bad = [
+            f"{name} = {value:g}"
+            for name, value in zip(self.states, x, strict=False)
+            if not isfinite(value)
+        ]
+        if bad or len(x) != expected:
+            found = ", ".join(bad) or f"{len(x)} numbers"
+            raise ValueError(
+                f"{self.name}: state: expected {expected} finite numbers, got {found}; has the plant diverged?"
+            )

@@ -1,0 +1,378 @@
+"""The quadrotor that MPPI plans with: first-order body rates behind rotors that lag, linear drag.
+
+    p' = v
+    v' = k R(q) e_z a - g e_z - d v
+    q' = q x (0, omega) / 2
+    omega' = beta
+    beta' = (beta_cmd - beta) / tau_m,                  beta_cmd = (omega_cmd - omega) / tau_omega
+    a' = (a_lim - a) / tau_m,                           a_lim = clip(a_cmd, r, a_max - r)
+    r = c_x |beta_cmd,x| + c_y |beta_cmd,y|,            |beta_cmd,z| <= (min(a_lim, a_max - a_lim) -
+    r) / c_z
+
+The 13 states of Vlahov et al. 2024, section IV-B, and four more, what the rotors deliver now:
+thrust a and angular acceleration beta. To roll or pitch, two rotors give up the thrust r that the
+others, at their limit, cannot add. Yaw has what is left then: two rotors speed up, two slow down,
+and at full thrust none can. The plant's allocation has the same order (quadsim.physics.allocation).
+With tau_m = c = 0, the paper's model, thrust and rates' accelerations follow their commands at
+once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+from msgspec import Meta
+from numpy import maximum, minimum
+
+from quadsim.dynamics import System
+from quadsim.dynamics.first_order import response
+from quadsim.dynamics.records import units_of
+from quadsim.files.strict_yaml import setting, unit
+from quadsim.rotation import Quaternion, Vec3, quaternion_rate
+from quadsim.vehicle import GRAVITY, Vehicle
+
+
+class State(NamedTuple):
+    """The state of the quadrotor. Position and velocity in the world (ENU), rates and accelerations
+    in the body.
+
+    Every table of the project takes the order of these names: telemetry, the compiled lanes, the
+    optimiser.
+    """
+
+    px: Annotated[float, "m"]
+    py: Annotated[float, "m"]
+    pz: Annotated[float, "m"]
+    vx: Annotated[float, "m/s"]
+    vy: Annotated[float, "m/s"]
+    vz: Annotated[float, "m/s"]
+    qw: Annotated[float, "1"]
+    qx: Annotated[float, "1"]
+    qy: Annotated[float, "1"]
+    qz: Annotated[float, "1"]
+    wx: Annotated[float, "rad/s"]
+    wy: Annotated[float, "rad/s"]
+    wz: Annotated[float, "rad/s"]
+    thrust: Annotated[float, "m/s^2"]  # mass-normalised, what the rotors deliver now
+    bx: Annotated[float, "rad/s^2"]  # angular acceleration that the rotors deliver now
+    by: Annotated[float, "rad/s^2"]
+    bz: Annotated[float, "rad/s^2"]
+
+    @property
+    def position(self) -> Vec3:
+        """In the world [m]."""
+        return self.px, self.py, self.pz
+
+    @property
+    def velocity(self) -> Vec3:
+        """In the world [m/s]."""
+        return self.vx, self.vy, self.vz
+
+    @property
+    def attitude(self) -> Quaternion:
+        """Unit quaternion wxyz, world from body."""
+        return self.qw, self.qx, self.qy, self.qz
+
+    @property
+    def body_rates(self) -> Vec3:
+        """About the body's axes [rad/s]."""
+        return self.wx, self.wy, self.wz
+
+    @property
+    def angular_acceleration(self) -> Vec3:
+        """About the body's axes [rad/s^2]."""
+        return self.bx, self.by, self.bz
+
+    @classmethod
+    def of(
+        cls,
+        position: Sequence[float],
+        velocity: Sequence[float],
+        attitude: Sequence[float],
+        body_rates: Sequence[float],
+        thrust: float,
+        angular_acceleration: Sequence[float],
+    ) -> State:
+        """Put a state together from its vectors, named as the properties above.
+
+        A number added to the state takes its default: plants and estimators do not have to know of
+        it.
+        """
+        numbers = (*position, *velocity, *attitude, *body_rates, thrust, *angular_acceleration)
+        return cls(*numbers)  # pyright: ignore[reportCallIssue]
+
+
+class Control(NamedTuple):
+    """A command to the flight controller."""
+
+    wx: Annotated[float, "rad/s"]
+    wy: Annotated[float, "rad/s"]
+    wz: Annotated[float, "rad/s"]
+    thrust: Annotated[float, "m/s^2"]  # mass-normalised
+
+    @property
+    def body_rates(self) -> Vec3:
+        """About the body's axes [rad/s]."""
+        return self.wx, self.wy, self.wz
+
+
+class Params(NamedTuple):
+    """The numbers of `step`, made of ModelParams for one step length by `quadrotor`."""
+
+    rate_gain_x: float  # angular acceleration asked for per error of the body rate [1/s]
+    rate_gain_y: float
+    rate_gain_z: float
+    rotor_response: float  # share of the way to its command that a rotor makes in one step
+    thrust_gain: float  # k, acceleration per thrust delivered
+    drag: float  # d [1/s]
+    tilt_cost_x: float  # c_x, thrust given up per angular acceleration about x [m]
+    tilt_cost_y: float
+    # 1 / c_z, angular acceleration about z per room to the thrust's limits [1/m]
+    yaw_per_room: float
+    thrust_max: float  # mass-normalised [m/s^2]
+
+
+# Columns of telemetry: the names above, but for two that are written as symbols there.
+STATE_UNITS = {("a" if name == "thrust" else name): unit for name, unit in units_of(State).items()}
+CONTROL_UNITS = {
+    ("a_cmd" if name == "thrust" else f"{name}_cmd"): unit
+    for name, unit in units_of(Control).items()
+}
+STATE, CONTROL = tuple(STATE_UNITS), tuple(CONTROL_UNITS)
+
+
+def columns(first: str, last: str) -> slice:
+    """Return where the numbers from one field of State to another stand in rows of states, e.g.
+    x[:, POSITION]."""
+    return slice(State._fields.index(first), State._fields.index(last) + 1)
+
+
+# For tables of states and for the optimiser's vectors; a single State has properties of these
+# names.
+POSITION = columns("px", "pz")
+VELOCITY = columns("vx", "vz")
+ATTITUDE = columns("qw", "qz")
+BODY_RATES = columns("wx", "wz")
+POSE = columns("px", "qz")  # position, velocity and attitude: what is shown of a vehicle
+RIGID_BODY = columns("px", "wz")  # all but what the rotors deliver
+
+# [m/s^2] of thrust is always left for yaw, so that UNLIMITED_YAW is without limit at full thrust
+# too
+LEAST_ROOM = 1e-3
+UNLIMITED_YAW = 1e9  # [1/m] 1 / c_z of a vehicle without rotors
+
+
+def thrust_axis(qw, qx, qy, qz):
+    """R(q) e_z: the body's z axis, along which the thrust acts, in the world.  (3,)"""
+    return 2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)
+
+
+def tilt_reserve(c_x, c_y, bx, by):
+    """r = c_x |beta_x| + c_y |beta_y|: the thrust kept free for these angular accelerations
+    [m/s^2]."""
+    return c_x * abs(bx) + c_y * abs(by)
+
+
+def step(x, u, p, dt):
+    """Return the state after dt [s] under a constant command.
+
+    A plain function of named scalars: it is flown on floats, checked on arrays, inlined into the
+    compiled rollouts and differentiated by the optimiser.
+
+    Args:
+        x: State.
+        u: Control.
+        p: Params.
+        dt: [s]
+
+    Returns:
+        State.
+    """
+    # What the rotors deliver moves towards the command, as far as their limits allow: roll and
+    # pitch first, yaw last.
+    bx_cmd = (u.wx - x.wx) * p.rate_gain_x
+    by_cmd = (u.wy - x.wy) * p.rate_gain_y
+    bz_cmd = (u.wz - x.wz) * p.rate_gain_z
+    reserve = tilt_reserve(p.tilt_cost_x, p.tilt_cost_y, bx_cmd, by_cmd)
+    most = p.thrust_max - reserve
+    thrust_lim = minimum(maximum(u.thrust, reserve), most)
+    bz_max = (
+        maximum(minimum(thrust_lim - reserve, most - thrust_lim), 0.0) + LEAST_ROOM
+    ) * p.yaw_per_room
+    bz_cmd = minimum(maximum(bz_cmd, -bz_max), bz_max)
+
+    # The rotors follow with a first-order lag.
+    thrust = x.thrust + (thrust_lim - x.thrust) * p.rotor_response
+    bx = x.bx + (bx_cmd - x.bx) * p.rotor_response
+    by = x.by + (by_cmd - x.by) * p.rotor_response
+    bz = x.bz + (bz_cmd - x.bz) * p.rotor_response
+    wx = x.wx + bx * dt
+    wy = x.wy + by * dt
+    wz = x.wz + bz * dt
+
+    # Half a step of q' = q x (0, omega) / 2 under the mean rates.
+    eighth = 0.125 * dt
+    turn = eighth * (x.wx + wx), eighth * (x.wy + wy), eighth * (x.wz + wz)
+    dw, dx, dy, dz = quaternion_rate(x.attitude, turn)
+    half_qw = x.qw + dw
+    half_qx = x.qx + dx
+    half_qy = x.qy + dy
+    half_qz = x.qz + dz
+
+    # The thrust of the new step acts along the body's z axis in mid-step.
+    zx, zy, zz = thrust_axis(half_qw, half_qx, half_qy, half_qz)
+    lift = p.thrust_gain * thrust
+    ax = zx * lift - p.drag * x.vx
+    ay = zy * lift - p.drag * x.vy
+    az = zz * lift - p.drag * x.vz - GRAVITY
+    vx = x.vx + ax * dt
+    vy = x.vy + ay * dt
+    vz = x.vz + az * dt
+
+    # The other half of the turn; one Newton step on 1 / |q| renormalises.
+    qw = half_qw + dw
+    qx = half_qx + dx
+    qy = half_qy + dy
+    qz = half_qz + dz
+    scale = 1.5 - 0.5 * (qw * qw + qx * qx + qy * qy + qz * qz)
+
+    half = 0.5 * dt
+    return State(
+        px=x.px + (x.vx + vx) * half,
+        py=x.py + (x.vy + vy) * half,
+        pz=x.pz + (x.vz + vz) * half,
+        vx=vx,
+        vy=vy,
+        vz=vz,
+        qw=qw * scale,
+        qx=qx * scale,
+        qy=qy * scale,
+        qz=qz * scale,
+        wx=wx,
+        wy=wy,
+        wz=wz,
+        thrust=thrust,
+        bx=bx,
+        by=by,
+        bz=bz,
+    )
+
+
+def attainable(x, u, p):
+    """Return the command u with no more thrust than what its roll and pitch leave to the rotors.
+
+    It is for a vehicle whose flight controller does not see to that: where it clips the rotors'
+    commands one by one, roll and pitch get half of what they ask for at full thrust. At most half
+    of the thrust is given up.
+
+    Args:
+        x: State.
+        u: Control.
+        p: Params.
+
+    Returns:
+        Control.
+    """
+    bx_cmd = (u.wx - x.wx) * p.rate_gain_x
+    by_cmd = (u.wy - x.wy) * p.rate_gain_y
+    reserve = tilt_reserve(p.tilt_cost_x, p.tilt_cost_y, bx_cmd, by_cmd)
+    thrust = minimum(u.thrust, maximum(p.thrust_max - reserve, 0.5 * p.thrust_max))
+    return Control(u.wx, u.wy, u.wz, thrust)
+
+
+Lag = Annotated[float, unit("s", ge=0, le=10)]
+Rate = Annotated[float, unit("rad/s", gt=0, le=100)]
+Factor = Annotated[float, Meta(gt=0, le=10)]
+TiltCost = Annotated[float, unit("m", ge=0, le=10)]
+
+
+@dataclass(frozen=True)
+class ModelParams:
+    """The numbers MPPI plans with. Plant and model may differ; a run stores both."""
+
+    rate_tau: Annotated[tuple[Lag, Lag, Lag], setting("lag of the body rates about x, y, z [s]")]
+    motor_tau: Annotated[
+        Lag, setting("lag of the rotors, for thrust and torque [s]; 0: they follow at once")
+    ]
+    drag: Annotated[float, setting("linear, isotropic [1/s]", unit="1/s", ge=0, le=20)]
+    rate_max: Annotated[tuple[Rate, Rate, Rate], setting("limit of the body-rate commands [rad/s]")]
+    thrust_max: Annotated[
+        float, setting("mass-normalised limit [m/s^2]", unit="m/s^2", gt=GRAVITY, le=1000)
+    ]
+    thrust_min: Annotated[
+        float, setting("mass-normalised limit [m/s^2]", unit="m/s^2", ge=0, lt=GRAVITY)
+    ] = 0.0
+    tilt_cost: Annotated[
+        tuple[TiltCost, TiltCost],
+        setting("thrust given up per angular acceleration about x, y [m]"),
+    ] = (0.0, 0.0)
+    yaw_cost: Annotated[
+        TiltCost,
+        setting(
+            "room to the thrust's limits per angular acceleration about z [m]; 0: none is needed"
+        ),
+    ] = 0.0
+    thrust_gain: Annotated[
+        Factor,
+        setting("acceleration per thrust delivered: less than 1 where the vehicle is too heavy"),
+    ] = 1.0
+    tilt_first: Annotated[
+        bool,
+        setting(
+            "its flight controller gives up thrust to roll and pitch; False: the planner has to"
+        ),
+    ] = True
+
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> ModelParams:
+        """The nominal model of a vehicle: its own numbers, with the mean of its drag."""
+        rotors = vehicle.rotors
+        return cls(
+            rate_tau=vehicle.rate_tau,
+            motor_tau=rotors.tau if rotors else 0.0,
+            drag=sum(vehicle.drag) / 3,
+            rate_max=vehicle.rate_max,
+            thrust_max=vehicle.thrust_max,
+            tilt_cost=tilt_cost(vehicle) if rotors else (0.0, 0.0),
+            yaw_cost=vehicle.inertia[2] / (vehicle.mass * rotors.kappa) if rotors else 0.0,
+        )
+
+
+def tilt_cost(vehicle: Vehicle) -> tuple[float, float]:
+    """Inertia over mass and lever arm: on every side of an axis two rotors carry half of the torque
+    about it [m]."""
+    assert vehicle.rotors
+    x, y = (abs(arm) for arm in vehicle.rotors.positions[0])
+    return vehicle.inertia[0] / (vehicle.mass * y), vehicle.inertia[1] / (vehicle.mass * x)
+
+
+def quadrotor(model: ModelParams, dt: float) -> System:
+    """Return the system that MPPI plans with, at control period dt [s]."""
+    gain_x, gain_y, gain_z = (response(tau, dt) / dt for tau in model.rate_tau)
+    tilt_cost_x, tilt_cost_y = model.tilt_cost
+    params = Params(
+        rate_gain_x=gain_x,
+        rate_gain_y=gain_y,
+        rate_gain_z=gain_z,
+        rotor_response=response(model.motor_tau, dt),
+        thrust_gain=model.thrust_gain,
+        drag=model.drag,
+        tilt_cost_x=tilt_cost_x,
+        tilt_cost_y=tilt_cost_y,
+        yaw_per_room=1.0 / model.yaw_cost if model.yaw_cost else UNLIMITED_YAW,
+        thrust_max=model.thrust_max,
+    )
+    return System(
+        name="quadrotor",
+        state=State,
+        control=Control,
+        step=step,
+        params=params,
+        dt=dt,
+        low=Control._make((*(-rate for rate in model.rate_max), model.thrust_min)),
+        high=Control(*model.rate_max, thrust=model.thrust_max),
+        rest=Control(0.0, 0.0, 0.0, GRAVITY),
+        attainable=None if model.tilt_first else attainable,
+    )

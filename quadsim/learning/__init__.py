@@ -1,1 +1,0 @@
-"""Learning to fly: Proximal Policy Optimization on the compiled environments, evaluation, checkpoints."""

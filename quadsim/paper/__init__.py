@@ -1,0 +1,2 @@
+"""The paper, rerun: a function for each table or figure, `name(runs, folder) -> Result`. See
+docs/paper.md."""

@@ -1,0 +1,167 @@
+"""An off-road vehicle on flat ground: a simulated stand-in for the paper's hardware, not a model of
+it.
+
+    steer' = clip((steer_cmd - steer) / tau_s, +-rate)      the steering wheel: lag, and about 2 s
+    lock to lock drive' = (drive_cmd - drive) / tau_d                    throttle (> 0) and brake (<
+    0) in one v' = a_x,  a_x = (accel or brake) drive - drag v        never backwards
+    a_y = clip(v^2 kappa steer, +-sqrt(grip^2 - a_x^2))     what the tyres give
+    r' = (a_y / v - r) / tau_r                              yaw rate
+    p' = v (heading turned by -slip v r)                    tyres run beside their heading
+
+A bicycle whose tyres saturate. The heading is a unit vector, so that no step needs a sine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+from numpy import maximum, minimum, sqrt, where
+
+from quadsim.dynamics import System
+from quadsim.dynamics.first_order import response
+from quadsim.dynamics.records import units_of
+
+
+class State(NamedTuple):
+    """Position, heading as a unit vector, speed and yaw rate, and where steering wheel and pedals
+    are."""
+
+    px: Annotated[float, "m"]
+    py: Annotated[float, "m"]
+    hx: Annotated[float, "1"]
+    hy: Annotated[float, "1"]
+    v: Annotated[float, "m/s"]
+    r: Annotated[float, "rad/s"]
+    steer: Annotated[float, "1"]
+    drive: Annotated[float, "1"]
+
+
+class Control(NamedTuple):
+    """Throttle (> 0) or brake (< 0), and steering, both in -1..1."""
+
+    drive_cmd: Annotated[float, "1"]
+    steer_cmd: Annotated[float, "1"]
+
+
+class Params(NamedTuple):
+    """The numbers of `step`: those of OffroadVehicle, lags as the share that is made up in one
+    step."""
+
+    steer_response: float
+    steer_rate: float  # [1/s]
+    drive_response: float
+    accel: float  # [m/s^2]
+    brake: float  # [m/s^2]
+    drag: float  # [1/s]
+    curvature: float  # [1/m]
+    grip: float  # [m/s^2]
+    yaw_response: float
+    slip: float  # [rad s^2/m]
+
+
+STATE_UNITS, CONTROL_UNITS = units_of(State), units_of(Control)
+# standard deviation after 1 s of it [1, m/s, rad/s]
+DISTURBANCE = {"hx": 0.01, "hy": 0.01, "v": 0.2, "r": 0.04}
+
+
+def step(x, u, p, dt):
+    """Return the State after dt [s] from the State x under the Control u, with Params p."""
+    # Steering wheel and pedals lag behind their commands.
+    turned = p.steer_rate * dt
+    steer = x.steer + minimum(maximum((u.steer_cmd - x.steer) * p.steer_response, -turned), turned)
+    drive = x.drive + (u.drive_cmd - x.drive) * p.drive_response
+
+    # Forwards: throttle, brake and drag; the vehicle never rolls back.
+    ax = where(drive > 0.0, p.accel, p.brake) * drive - p.drag * x.v
+    v = maximum(x.v + ax * dt, 0.0)
+
+    # Sideways: what is left of the tyres' grip.
+    room = sqrt(maximum(p.grip * p.grip - ax * ax, 1.0))
+    ay = minimum(maximum(v * v * p.curvature * steer, -room), room)
+    r = x.r + (ay / maximum(v, 0.1) - x.r) * p.yaw_response
+
+    # The heading turns; one Newton step on 1 / |h| renormalises.
+    turn = 0.5 * (x.r + r) * dt
+    hx = x.hx - x.hy * turn
+    hy = x.hy + x.hx * turn
+    scale = 1.5 - 0.5 * (hx * hx + hy * hy)
+    hx = hx * scale
+    hy = hy * scale
+
+    # The position moves beside the heading by the sideslip.
+    beta = p.slip * v * r
+    way = 0.5 * (x.v + v) * dt
+    return State(
+        px=x.px + (hx + beta * hy) * way,
+        py=x.py + (hy - beta * hx) * way,
+        hx=hx,
+        hy=hy,
+        v=v,
+        r=r,
+        steer=steer,
+        drive=drive,
+    )
+
+
+@dataclass(frozen=True)
+class OffroadVehicle:
+    """A side-by-side vehicle of about 3 m; plausible numbers, not measured."""
+
+    name: str = "side_by_side"
+    half_width: float = 0.8  # [m]
+    steer_tau: float = 0.15  # lag of the steering wheel [s]
+    steer_rate: float = 1.0  # of the steering wheel [1/s]
+    drive_tau: float = 0.4  # lag of throttle and brake [s]
+    accel: float = 3.5  # at full throttle [m/s^2]
+    brake: float = 6.0  # at full brake [m/s^2]
+    drag: float = 0.15  # [1/s]
+    curvature: float = 0.18  # at full lock, without slip [1/m]
+    grip: float = 6.0  # of the tyres, in any direction [m/s^2]
+    yaw_tau: float = 0.15  # lag of the yaw rate [s]
+    slip: float = 0.0  # sideslip per lateral acceleration [rad s^2/m]
+
+    def params(self, dt: float) -> Params:
+        """Return the numbers of `step` for steps of dt [s]."""
+        return Params(
+            steer_response=response(self.steer_tau, dt),
+            steer_rate=self.steer_rate,
+            drive_response=response(self.drive_tau, dt),
+            accel=self.accel,
+            brake=self.brake,
+            drag=self.drag,
+            curvature=self.curvature,
+            grip=self.grip,
+            yaw_response=response(self.yaw_tau, dt),
+            slip=self.slip,
+        )
+
+
+# The vehicle that is driven responds more slowly, slides, and grips less than the planner's nominal
+# model.
+NOMINAL = OffroadVehicle()
+DRIVEN = OffroadVehicle(
+    steer_tau=0.2,
+    steer_rate=0.95,
+    drive_tau=0.5,
+    accel=3.2,
+    curvature=0.17,
+    grip=5.5,
+    yaw_tau=0.2,
+    slip=0.01,
+)
+
+
+def offroad(vehicle: OffroadVehicle, dt: float) -> System:
+    """Return the system at control period dt [s]."""
+    return System(
+        name="offroad",
+        state=State,
+        control=Control,
+        step=step,
+        params=vehicle.params(dt),
+        dt=dt,
+        low=Control(-1.0, -1.0),
+        high=Control(1.0, 1.0),
+        rest=Control(0.0, 0.0),
+    )

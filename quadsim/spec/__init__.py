@@ -1,0 +1,1 @@
+"""The configuration of a flight: settings, presets, Spec, and how a Spec is built."""

@@ -1,0 +1,80 @@
+"""An attempt whose worker is lost is flown again, once; no finished attempt is flown twice, none is
+left out."""
+
+import multiprocessing as mp
+import os
+import signal
+from concurrent.futures import BrokenExecutor, Future
+from threading import Lock, Timer
+
+import pytest
+
+from quadsim.campaign.pool import Processes, fly_all
+from tests.campaign_cases import specs
+
+
+class Scripted:
+    """A pool that loses the worker of some seeds, so many times; what runs at the same time is lost
+    with it."""
+
+    lost = (BrokenExecutor,)
+    window = 3
+
+    def __init__(self, losses: dict[int, int]):
+        self.losses, self.flown, self.lock = losses, [], Lock()
+        self.running: list[tuple[Future, int]] = []
+
+    def submit(self, fly, spec) -> Future:
+        future: Future = Future()
+        with self.lock:
+            self.running.append((future, spec.seed))
+            self.flown.append(spec.seed)
+        Timer(0.02, self.finish).start()
+        return future
+
+    def finish(self):
+        with self.lock:
+            ended, self.running = self.running, []
+        dead = [seed for _, seed in ended if self.losses.get(seed)]
+        for seed in dead:
+            self.losses[seed] -= 1
+        for future, seed in ended:
+            self.end(future, seed, dead)
+
+    def end(self, future, seed, dead):
+        if dead:
+            future.set_exception(BrokenExecutor())
+        else:
+            future.set_result(seed)
+
+
+def test_a_lost_attempt_is_flown_again_alone_and_those_beside_it_too():
+    pool = Scripted({1: 1})
+    finished = {spec.seed: flown for spec, flown in fly_all(pool, specs(6))}
+    assert finished == {s: s for s in range(6)}
+    assert max(map(pool.flown.count, range(6))) == 2
+
+
+def test_an_attempt_that_always_loses_its_worker_is_given_up_and_costs_no_other_attempt():
+    pool = Scripted({1: 99})
+    finished = {spec.seed: flown for spec, flown in fly_all(pool, specs(6))}
+    assert finished == {s: None if s == 1 else s for s in range(6)}
+    assert pool.flown.count(1) == 2
+
+
+def test_what_an_attempt_raises_is_raised():
+    pool = Scripted({})
+    pool.end = lambda future, *_: future.set_exception(ValueError("expected more"))
+    with pytest.raises(ValueError, match="expected more"):
+        list(fly_all(pool, specs(3)))
+
+
+def test_killing_a_worker_in_mid_campaign_loses_nothing():
+    finished = []
+    with Processes(2) as pool:
+        for spec, flown in fly_all(pool, specs(12)):
+            finished.append((spec.seed, flown.run.outcome))
+            if len(finished) == 2:
+                os.kill(mp.active_children()[0].pid, signal.SIGKILL)
+    assert sorted(finished) == [(s, "timeout") for s in range(12)]
+    assert not mp.active_children(), "no worker stays behind"

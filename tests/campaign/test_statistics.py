@@ -1,0 +1,101 @@
+"""Intervals cover, tests keep their level, power is as stated: published values and seeded
+simulations."""
+
+import numpy as np
+import pytest
+
+from quadsim.record.statistics import (
+    detectable,
+    false_alarm,
+    fisher,
+    mcnemar,
+    mean_interval,
+    proportion_difference,
+    upper_bound,
+    wilson,
+)
+
+
+def test_t_interval_of_student_s_sleep_data():
+    extra = (
+        [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0],
+        [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4],
+    )
+    result = mean_interval([b - a for a, b in zip(*extra, strict=True)])
+    assert (result.mean, result.low, result.high) == pytest.approx((1.58, 0.7001, 2.4599), abs=1e-4)
+
+
+def test_t_interval_covers_95_percent_where_the_normal_one_does_not():
+    x = np.random.default_rng(0).standard_normal((4000, 5))
+    intervals = [mean_interval(row) for row in x]
+    covered = np.mean([i.low < 0 < i.high for i in intervals])
+    normal = np.mean([abs(i.mean) < 1.96 * i.sd / 5**0.5 for i in intervals])
+    assert covered == pytest.approx(0.95, abs=0.011), "3 standard errors of 4000 trials"
+    assert normal < 0.92, "the negative control undercovers"
+
+
+@pytest.mark.parametrize(("values", "n"), [([], 0), ([3.0], 1)])
+def test_too_few_values_give_no_interval(values, n):
+    result = mean_interval(values)
+    assert result.n == n
+    assert np.isnan(result.low)
+    assert np.isnan(upper_bound(values))
+
+
+@pytest.mark.parametrize("n", [2, 3, 10, 100])
+def test_detectable_effect_is_seen_in_as_many_simulated_experiments_as_the_power_says(n):
+    x = np.random.default_rng(1).normal(detectable(0.3, n), 0.3, (4000, n))
+    seen = np.mean([not (i.low < 0 < i.high) for i in map(mean_interval, x)])
+    assert seen == pytest.approx(0.8, abs=0.02), "3 standard errors of 4000 trials"
+
+
+def test_upper_bound_has_the_miss_and_false_alarm_rates_that_are_stated():
+    n, sd, effect = 12, 0.02, 0.03
+    rng = np.random.default_rng(2)
+    passes = np.mean([upper_bound(x) < effect for x in rng.normal(effect, sd, (4000, n))])
+    assert passes == pytest.approx(0.05, abs=0.011)
+    alarms = np.mean([upper_bound(x) >= effect for x in rng.normal(0.0, sd, (4000, n))])
+    assert alarms == pytest.approx(false_alarm(sd, n, effect, 0.95), abs=0.01)
+
+
+def test_fisher_s_tea_and_the_paper_s_success_rates():
+    assert fisher(3, 4, 1, 4) == pytest.approx(0.4857, abs=1e-4)
+    assert fisher(9, 37, 9, 21) == pytest.approx(0.24, abs=0.005), (
+        "24 % and 43 % are not told apart"
+    )
+    assert fisher(24, 100, 43, 100) < 0.01, "with a hundred each they would be"
+
+
+def test_mcnemar_counts_only_pairs_that_differ():
+    assert mcnemar(0, 0) == 1.0
+    assert mcnemar(0, 6) == pytest.approx(2 / 64)
+    assert mcnemar(5, 5) == 1.0
+    assert mcnemar(3, 9) == mcnemar(9, 3)
+
+
+@pytest.mark.parametrize(
+    ("counts", "low", "high"),
+    [((48, 80, 56, 70), 0.0524, 0.3339), ((0, 10, 0, 10), -0.2775, 0.2775)],
+)
+def test_difference_of_proportions_has_newcombe_s_published_interval(counts, low, high):
+    assert proportion_difference(*counts) == pytest.approx((low, high), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("k", "n", "low", "high"),
+    [
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+    ],
+)
+def test_wilson_gives_newcombe_s_published_intervals(k, n, low, high):
+    """Newcombe 1998, Statistics in Medicine 17, table I, method 3."""
+    assert wilson(k, n) == pytest.approx((low, high), abs=5e-5)
+
+
+def test_no_crash_in_ten_flights_says_under_28_percent_and_in_100_under_3_7():
+    assert wilson(0, 10) == (0.0, pytest.approx(0.2775, abs=1e-4))
+    assert wilson(0, 100)[1] == pytest.approx(0.037, abs=1e-4)
+    assert wilson(10, 10)[1] == 1.0

@@ -1,0 +1,142 @@
+"""A race's time beside the best known limit of the same race: report, JSON, picture, comparison."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from campaign_cases import row
+from run_cases import save
+
+from quadsim.campaign.summary_stats import best_known_time, variant_stats
+from quadsim.campaign.tables import comparison_tables, notes
+from quadsim.cli.cli import race
+from quadsim.course import parse_course
+from quadsim.dynamics.quadrotor import STATE
+from quadsim.figures.run_figure import draw
+from quadsim.race.events import Event, Frame
+from quadsim.record import limits as solution
+from quadsim.record.limits import LIMITS, Limit, Race, Solution, dump, limit_of
+from quadsim.record.run import Run
+from quadsim.spec.spec import Spec
+from quadsim.vehicle import load_vehicle
+
+COURSE = """opening: [1.5, 1.5]
+start: {position: [0, 0, 2], yaw_deg: 0}
+gates:
+  - {position: [4, 0, 2], yaw_deg: 0}
+"""
+BEST = 0.8  # [s]
+
+
+def spec(**settings):
+    return Spec.of(parse_course(COURSE, "mine.yaml"), **settings).record()
+
+
+def flown(time=1.0, outcome="finished", **settings):
+    passes = Event(time, "pass", 1, 1, (0.0, 0.0), 8.0, (4.0, 0.0, 2.0))
+    state = tuple((dict.fromkeys(STATE, 0.0) | {"qw": 1.0, "pz": 2.0, "a": 9.81}).values())
+    frames = [
+        Frame(0.1 * k, state, (0.0, 0.0, 0.0, 9.81), 0, 1, 1, 50.0, 1.0, 2.0, 5.0, 0.2 * k)
+        for k in range(10)
+    ]
+    last = replace(
+        frames[-1], t=time, events=(passes,) if outcome == "finished" else (), outcome=outcome
+    )
+    return Run.from_frames(spec(**settings), [*frames[:-1], last])
+
+
+def limit():
+    x = np.zeros((3, 17))
+    x[:, 0], x[:, 3] = (0.0, 2.0, 4.0), 5.0
+    nodes = Solution(
+        "rotors",
+        np.array([0.0, 0.4, 0.8]),
+        x,
+        np.zeros((2, 4)),
+        np.zeros((2, 17)),
+        np.zeros(2, int),
+    )
+    return Limit("mine", "swift", 1, False, [BEST], {"broken": []}, nodes)
+
+
+@pytest.fixture
+def runs(tmp_path, monkeypatch):
+    """A folder of runs where the limit of the race is known."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "runs" / LIMITS
+    folder.mkdir(parents=True)
+    known = Race.of(parse_course(COURSE, "mine.yaml"), load_vehicle("swift"), 1)
+    (folder / known.file_name).write_bytes(dump(limit()))
+    return tmp_path / "runs"
+
+
+def shown(folder, capsys, *more):
+    assert race(["show", str(folder), *more]) == 0
+    return capsys.readouterr().out
+
+
+def test_the_report_says_how_far_above_the_limit_a_race_was(runs, capsys):
+    folder = save(runs, flown())
+    assert "25.0 % above the best known limit of 0.800 s" in shown(folder, capsys)
+    assert json.loads(shown(folder, capsys, "--json"))["limit"] == {
+        "time": BEST,
+        "above": pytest.approx(0.25),
+    }
+
+
+def test_a_race_that_did_not_finish_is_not_above_it(runs, capsys):
+    folder = save(runs, flown(outcome="crashed"))
+    assert "above the best known limit" not in shown(folder, capsys)
+    assert json.loads(shown(folder, capsys, "--json"))["limit"] == {"time": BEST, "above": None}
+
+
+@pytest.mark.parametrize(
+    "settings", [{"vehicle": "kingfisher"}, {"penalties": True}, {"thrust_to_weight": 3.0}]
+)
+def test_another_race_has_another_limit(runs, settings):
+    assert limit_of(spec(), runs / LIMITS).time == BEST
+    assert limit_of(spec(**settings), runs / LIMITS) is None
+
+
+def test_a_damaged_limit_does_not_keep_a_run_from_being_shown(runs, capsys):
+    (file,) = (runs / LIMITS).iterdir()
+    file.write_bytes(b"no zip")
+    assert "best known limit" not in shown(save(runs, flown()), capsys)
+
+
+def test_the_limits_path_is_drawn_with_the_run(runs):
+    labels = [
+        text.get_text()
+        for axes in draw(flown(), limit()).axes
+        for text in (axes.get_legend() or _none()).texts
+    ]
+    assert "best known limit, 0.800 s" in labels
+    path = limit().path()
+    assert np.allclose(path[:, 1], 5.0 * path[:, 0])
+    assert np.allclose(path[:, 0], np.linspace(0.0, 0.8, 81))
+
+
+class _none:  # noqa: N801 (axes without a legend)
+    texts = ()
+
+
+def test_a_comparison_says_how_far_above_the_limit_the_median_race_was(runs):
+    rows = [row(seed, laps=(time,)) for seed, time in enumerate((0.9, 1.0, 1.2))]
+    stats = variant_stats("colored", rows, 20.0, best_known_time(spec()))
+    assert stats.above_limit == pytest.approx(0.25)
+    table = next(comparison_tables([stats], []))
+    assert table.rows[0][table.head.index("above the\nlimit [%]")] == "25.0"
+    assert any("best known limit" in note for note in notes([stats], [], 20.0))
+
+
+def test_without_a_known_limit_nothing_is_said(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    stats = variant_stats("colored", [row(laps=(1.0,))], 20.0, best_known_time(spec()))
+    assert "above the\nlimit [%]" not in next(comparison_tables([stats], [])).head
+    assert not any("limit (race limit)" in note for note in notes([stats], [], 20.0))
+
+
+def test_the_solutions_of_the_project_are_looked_up_first(runs, monkeypatch):
+    monkeypatch.setattr(solution, "SOLUTIONS", runs / LIMITS)
+    assert limit_of(spec()).time == BEST

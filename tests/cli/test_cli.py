@@ -1,0 +1,257 @@
+"""The `race` command: what a user can do wrong is one line and exit code 2; what flies leaves a run
+behind."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from quadsim.cli.cli import race
+
+TINY = (
+    "--samples",
+    "128",
+    "--horizon",
+    "20",
+    "--iterations",
+    "1",
+    "--laps",
+    "1",
+    "--timeout",
+    "0.2",
+)
+COURSE = """opening: [1.5, 1.5]
+start: {position: [0, 0, 2], yaw_deg: 0}
+gates:
+  - {position: [4, 0, 2], yaw_deg: 0}
+"""
+
+
+@pytest.fixture
+def cwd(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text(COURSE)
+    return tmp_path
+
+
+def outcome(argv, capsys):
+    """Exit code, stdout, stderr."""
+    code = race(argv.split())
+    said = capsys.readouterr()
+    return code, said.out, said.err
+
+
+SIGMAS = "4 numbers [rad/s, rad/s, rad/s, m/s^2]"
+WRONG = {  # command line -> what the one line must say
+    "cours": "no command 'cours': did you mean 'courses'?",
+    "fly split_s_swfit": "no course 'split_s_swfit': did you mean 'split_s_swift'?",
+    "fly xyzzy": "no course 'xyzzy' (race courses lists them)",
+    "fly --plant-dt 1e-9": "--plant-dt: expected a number [s] >= 0.0001 and <= 0.02, got 1e-9",
+    "compare paper_flat --arms colred": "--variants: no sampler or preset 'colred': did you mean 'colored'?",
+    "compare paper_flat --variants a\x07=colored": "expected a name of printable characters, got 'a\\x07'",
+    "compare paper_flat --campaign .": "'.': expected the name of a file, got a folder",
+    "compare paper_flat --campaign=": "'.': expected the name of a file, got a folder",
+    "results --campaigns .": "'.': expected the name of a file, got a folder",
+    "results --campaigns /dev/null": "'/dev/null': expected the name of a file, got a pipe or a device",
+    "check no\x1b[2J.yaml": "no\\x1b[2J.yaml: no such file",
+    "fly zigzg": "no course 'zigzg': did you mean 'zigzag'?",
+    "fly --vehicle swft": "no vehicle 'swft': did you mean 'swift'?",
+    "fly --sampler colred": "--sampler: no sampler 'colred': did you mean 'colored'?",
+    "fly --preset rac": "no preset 'rac': did you mean 'race'?",
+    "fly --preset none.yaml": "none.yaml: no such file",
+    "fly none.yaml": "none.yaml: no such file",
+    "fly /dev/zero": "/dev/zero: expected at most 1000000 bytes, got more",
+    "fly --sampels 3": "no flag --sampels: did you mean '--samples'?",
+    "fly --rate-tau 1": "no flag --rate-tau: did you mean '--model.rate-tau'?",
+    "fly --sigma -0.3 1 1 1": f"--sigma: expected {SIGMAS} > 0 and <= 1000, got -0.3 1 1 1",
+    "fly --sigma 1 1": f"--sigma: expected {SIGMAS}, got too few",
+    "fly --sigma 1 1 x 1": f"--sigma: expected {SIGMAS}, got 1 1 x 1",
+    "fly --horizon 1": "--horizon: expected a whole number [steps] >= 2",
+    "fly --samples 1": "--samples: expected a whole number >= 2",
+    "fly --samples 1e3": "--samples: expected a whole number, got '1e3'",
+    "fly --samples 1000000 --horizon 10000": "--samples: expected samples x horizon <= 1e+08",
+    "fly --temperature 0": "--temperature: expected a number > 0",
+    "fly --target-ess nan": "--target-ess: expected a number, got 'nan'",
+    "fly --target-ess 5000": "--target-ess: expected less than samples = 4096",
+    "fly --dt 0.0033": "--dt: expected a whole multiple of the plant's step 0.0025 [s], got 0.0033",
+    "fly --dt": "--dt: expected a number [s], got too few values",
+    "fly --law exat": "--law: expected 'exact' or 'library' or 'paper', got 'exat'",
+    "fly --laps 0": "--laps: expected a whole number >= 1",
+    "fly --laps None": "--laps: expected a whole number, got 'None'",
+    "fly mine.yaml --laps 2": "mine: expected 1 lap, as the course is open, got 2",
+    "fly --timeout inf": "--timeout: expected a number [s], got 'inf'",
+    "fly --seed -1": "--seed: expected a whole number >= 0",
+    "fly --threads 1000": "--threads: expected 1 to ",
+    "fly --threads x": "--threads: expected a whole number, got 'x'",
+    "fly --model.thrust-max 5": "--model.thrust-max: expected a number [m/s^2] > 9.81",
+    "fly --model.rate-tau 1 1": "--model.rate-tau: expected 3 numbers [s], got too few",
+    "fly --runs-dir mine.yaml": "mine.yaml: cannot make a folder for runs here",
+    "show": "no runs in 'runs'",
+    "show nowhere/x": "nowhere/x: expected a run folder, found nothing",
+    "plot last": "no runs in 'runs'",
+    "check": "expected one FILE or more, got none",
+    "check swif": "swif: no such file, course, vehicle or sensing: did you mean 'swift'?",
+    "fly --seed 1 --seed 2": "--seed: expected once, got it twice",
+    "fly --smooth --no-smooth": "--no-smooth: expected once, got it twice",
+    "fly --smooth=maybe": "--smooth: expected true or false, got 'maybe'",
+    "fly --sigma=1 1": f"--sigma: expected {SIGMAS}, got too few",
+    "fly --samples=-5": "--samples: expected a whole number >= 2 and <= 1e+06, got -5",
+    "fly --samples=": "--samples: expected a whole number, got ''",
+    "fly --sampler": "--sampler: expected text, got too few",
+    "fly --sampler nowhere:S": "--sampler: expected package.module:Class without arguments, got 'nowhere:S': No module",
+    "fly --gamma 1 1 1 1 --sampler gaussian": "no flag --gamma",
+    "fly --system quadroter": "--system: no system 'quadroter': did you mean 'quadrotor'?",
+    "fly mine.yaml split_s_swift": "unexpected 'split_s_swift'",
+    "compare mine.yaml --threads 2": "--threads: attempts fly on one thread each; --jobs says how many at once",
+    "--completion basic": "expected one of bash, zsh, fish",
+}
+
+
+@pytest.mark.parametrize("argv", WRONG)
+def test_every_mistake_is_one_line_and_exit_code_2(argv, cwd, capsys):
+    code, out, err = outcome(argv, capsys)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert WRONG[argv] in err
+    assert not (cwd / "runs").exists()
+
+
+def test_a_file_in_the_place_of_runs_is_seen_before_the_flight(cwd, capsys):
+    (cwd / "runs").write_text("")
+    code, out, err = outcome(" ".join(("fly", "mine.yaml", *TINY)), capsys)
+    assert (code, out) == (2, "")
+    assert err.startswith("race fly: runs: cannot make a folder for runs here")
+
+
+def test_check_says_ok_or_where_it_is_wrong(cwd, capsys):
+    (cwd / "bad.yaml").write_text(COURSE.replace("yaw_deg: 0}\n", "yaw_deg: north}\n"))
+    code, out, err = outcome("check mine.yaml bad.yaml swift", capsys)
+    assert code == 2
+    assert "mine.yaml: ok, course: 1 gates" in out
+    assert "swift.yaml: ok, vehicle" in out
+    assert err.startswith("bad.yaml:2:39: start.yaw_deg: expected a number [deg], got 'north'\n")
+
+
+def test_a_preset_file_is_as_strict_as_a_flag(cwd, capsys):
+    (cwd / "p.yaml").write_text("base: race\nmppi: {samples: 1}\n")
+    code, _, err = outcome("fly --preset p.yaml", capsys)
+    assert (code, err) == (
+        2,
+        "race fly: p.yaml:2:17: mppi.samples: expected a whole number >= 2 and <= 1e+06, got 1\n",
+    )
+
+
+def test_an_unknown_course_flies_from_its_yaml_and_the_run_shows_the_same(cwd, capsys):
+    code, out, err = outcome(
+        "fly mine.yaml --json --seed 4 --samples 256 --horizon 50 --timeout 3", capsys
+    )
+    flown = json.loads(out)
+    assert (flown["course"], flown["seed"], flown["preset"]) == ("mine", 4, "race")
+    assert code == {"finished": 0, "crashed": 1, "timeout": 1}[flown["outcome"]]
+    assert {
+        "laps",
+        "gates",
+        "events",
+        "chatter",
+        "plan_ms",
+        "real_time_factor",
+        "run_dir",
+    } <= flown.keys()
+    assert "real time" not in err, "no live line where stderr is no terminal"
+    assert json.loads(outcome("show last --json", capsys)[1]) == flown
+    assert outcome("show s4", capsys)[0] == 0
+
+
+def test_a_full_disk_costs_the_run_but_not_its_report(cwd, capsys, monkeypatch):
+    def full(fd):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("quadsim.record.archive.os.fsync", full)
+    code, out, err = outcome(" ".join(("fly", "mine.yaml", *TINY)), capsys)
+    assert code == 2
+    assert "not stored" in out
+    assert err.splitlines()[-1].endswith("No space left on device")
+    monkeypatch.undo()
+    assert outcome(f"show --runs-dir {cwd}/runs", capsys)[0] == 2, "nothing that looks finished"
+
+
+def test_plot_writes_a_png_and_an_svg(cwd, capsys):
+    race(["fly", "mine.yaml", *TINY])
+    capsys.readouterr()
+    code, out, _ = outcome("plot last --out pictures", capsys)
+    png, svg = (Path(name).read_bytes() for name in out.split())
+    assert code == 0
+    assert png.startswith(b"\x89PNG")
+    assert svg.rstrip().endswith(b"</svg>")
+    code, out, _ = outcome("plot last --out one.pdf", capsys)
+    assert (code, out) == (0, "one.pdf\n")
+    assert Path("one.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_flags_take_values_after_a_space_or_an_equals_sign(cwd, capsys):
+    flown = []
+    for words in (
+        "--model.drag 0.2 --no-adapt --sigma 1 1 .5 4e0",
+        "--model.drag=0.2 --adapt=false --sigma=1 1 .5 4",
+    ):
+        assert race(["fly", "mine.yaml", *TINY, *words.split(), "--json"]) == 1
+        flown.append(json.loads(capsys.readouterr().out)["digest"])
+    assert flown[0] == flown[1]
+
+
+def test_a_reader_who_leaves_early_sees_no_traceback():
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-c", "from quadsim.cli.cli import main; main()", "courses"]
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+def test_a_full_disk_behind_stdout_is_one_line():
+    command = [
+        sys.executable,
+        "-c",
+        "from quadsim.cli.cli import main; main()",
+        "courses",
+        "--json",
+    ]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, "race courses: stdout: No space left on device\n")
+
+
+@pytest.mark.parametrize("command", ["check", "fly", "regress"])
+def test_a_pipe_that_nobody_writes_to_does_not_hang(tmp_path, capsys, command):
+    os.mkfifo(tmp_path / "pipe.yaml")
+    assert outcome(f"{command} {tmp_path}/pipe.yaml", capsys)[::2] == (
+        2,
+        f"{'' if command == 'check' else f'race {command}: '}{tmp_path}/pipe.yaml: expected a YAML file, got a pipe\n",
+    )
+
+
+def test_no_control_character_of_a_file_reaches_the_terminal(cwd, capsys):
+    name = "a\x1b[2J\rb.yaml"
+    (cwd / name).write_text(COURSE)
+    assert race(["check", name]) == 0
+    assert capsys.readouterr().out.startswith("a\\x1b[2Jb.yaml: ok, course")
+
+
+def test_check_refuses_a_preset_whose_vehicle_does_not_exist(tmp_path, capsys):
+    (tmp_path / "p.yaml").write_text("base: race\nvehicle: swft\n")
+    code, _, err = outcome(f"check {tmp_path}/p.yaml", capsys)
+    assert (code, err.splitlines()[0]) == (
+        2,
+        f"{tmp_path}/p.yaml:2:10: vehicle: no vehicle 'swft': did you mean 'swift'? (race vehicles lists them)",
+    )
+
+
+def test_a_key_of_an_older_version_is_told_its_new_name(tmp_path, capsys):
+    (tmp_path / "p.yaml").write_text("base: race\nmppi: {ess: 3}\n")
+    assert (
+        "p.yaml:2:8: mppi.ess: unknown key, renamed to target_ess"
+        in outcome(f"check {tmp_path}/p.yaml", capsys)[2]
+    )

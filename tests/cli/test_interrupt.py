@@ -1,0 +1,87 @@
+"""`race fly` stopped in mid-flight: Ctrl-C and SIGTERM keep the flight so far, SIGKILL leaves
+nothing that misleads."""
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+
+import pytest
+
+from quadsim.cli.cli import race
+from quadsim.console import uninterrupted
+from quadsim.record.archive import list_runs, load_run
+
+HOVER = (
+    "fly paper_flat --preset paper --samples 256 --horizon 50 --iterations 1 --timeout 10000 "
+    "--progress 0 --heading 0 --desired-speed 0 --speed 100"
+)
+
+
+@pytest.fixture
+def flying(tmp_path):
+    """A flight that goes on for ever, in a terminal of its own, once its live line has been
+    seen."""
+    terminal, stderr = pty.openpty()
+    command = [sys.executable, "-c", "from quadsim.cli.cli import main; main()", *HOVER.split()]
+    flight = subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=stderr, text=True
+    )
+    os.close(stderr)
+    seen = b""
+    while seen.count(b"real time") < 3:
+        seen += os.read(terminal, 4096)
+    yield flight, terminal
+    flight.kill()
+    os.close(terminal)
+
+
+def rest_of(terminal):
+    """What is still written to the terminal until its last writer has left."""
+    text = b""
+    with suppress(OSError):  # how Linux says that nobody is left
+        while more := os.read(terminal, 4096):
+            text += more
+    return text.decode()
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_flight_is_reported_and_kept(flying, tmp_path, sent):
+    flight, terminal = flying
+    flight.send_signal(sent)
+    said = rest_of(terminal)
+    out = flight.stdout.read()
+    assert flight.wait() == 130
+    assert "interrupted" in out
+    assert "Traceback" not in said
+    assert "race fly: interrupted at " in said.rstrip().splitlines()[-1]
+    (folder,) = list_runs(tmp_path / "runs")
+    run = load_run(folder)
+    assert run.outcome == "interrupted"
+    assert run.telemetry["t"][-1] > 0.0
+
+
+def test_a_killed_flight_leaves_nothing_that_looks_finished(flying, tmp_path, capsys):
+    flight, _ = flying
+    flight.kill()
+    flight.wait()
+    assert list_runs(tmp_path / "runs") == []
+    assert race(["show", "--runs-dir", f"{tmp_path}/runs"]) == 2
+    assert "no runs in" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_something_is_kept_comes_when_that_is_done(sent):
+    before, done = [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)], []
+
+    def keep():
+        with uninterrupted():
+            os.kill(os.getpid(), sent)
+            done.append("kept")
+
+    with pytest.raises(KeyboardInterrupt):
+        keep()
+    assert done == ["kept"]
+    assert [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)] == before

@@ -1,0 +1,104 @@
+"""`race render`: pictures by one command that may be broken off; every mistake is one line."""
+
+import json
+from importlib.util import find_spec
+
+import pytest
+from plant_cases import needs_bullet
+
+from quadsim.campaign.pool import Pool
+from quadsim.cli import render
+from quadsim.cli.cli import race
+
+SMALL = "width: 64\nheight: 36\nfx: 32\nfy: 32\ntilt_deg: 20\n"
+MISTAKES = {
+    "render split_s_swfit": "no run or course 'split_s_swfit': did you mean 'split_s_swift'?",
+    "render nothing": "no runs in 'runs': fly one, or say --runs-dir",
+    "render zigzag": "expected a course for a quadrotor, got 'zigzag' for the system offroad",
+    "render split_s_swift --vary light,texture": "--vary: no 'texture': did you mean 'textures'?",
+    "render split_s_swift --camera agp": "no camera 'agp': did you mean 'aigp'?, or a FILE.yaml",
+    "render split_s_swift --frames 0": "--frames: expected a whole number >= 1 and <= 100000, got 0",
+    "render split_s_swift --out small.yaml": "small.yaml: expected a folder, got a file",
+}
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """An empty folder with a small camera; pictures are made in this process."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small.yaml").write_text(SMALL)
+    monkeypatch.setattr(render, "open_pool", lambda jobs: Pool())
+    return tmp_path
+
+
+@needs_bullet
+@pytest.mark.parametrize("words", MISTAKES)
+def test_a_mistake_is_one_line(words, here, capsys):
+    assert race(words.split()) == 2
+    said = capsys.readouterr()
+    assert said.err.startswith(f"race render: {MISTAKES[words]}")
+    assert (said.out, said.err.count("\n")) == ("", 1)
+    assert [path.name for path in here.iterdir()] == ["small.yaml"]
+
+
+@needs_bullet
+def test_pictures_are_made_once_and_more_of_them_later(here, capsys):
+    words = ["render", "figure8", "--camera", "small.yaml", "--vary", "all", "--json"]
+    assert race([*words, "--frames", "5"]) == 0
+    assert json.loads(capsys.readouterr().out) | {"per_second": 0} == {
+        "out": "pictures", "pictures": 5, "made": 5, "per_second": 0,
+    }  # fmt: skip
+    times = {path: path.stat().st_mtime_ns for path in here.glob("pictures/*/*")}
+    assert len(times) == 4 * 5
+    assert race([*words, "--frames", "7"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == 2
+    assert {path: path.stat().st_mtime_ns for path in times} == times
+    assert len(json.loads((here / "pictures" / "annotations.json").read_bytes())["images"]) == 7
+    assert race([*words, "--seed", "1"]) == 2
+    assert "pictures: has pictures of other settings (seed)" in capsys.readouterr().err
+
+
+@needs_bullet
+def test_ctrl_c_leaves_whole_pictures_and_says_how_many(here, capsys, monkeypatch):
+    class Broken(Pool):
+        calls = 0
+
+        def submit(self, fly, job):
+            self.calls += 1
+            if self.calls == 2:
+                raise KeyboardInterrupt
+            return super().submit(fly, job)
+
+    monkeypatch.setattr(render, "open_pool", lambda jobs: Broken())
+    words = ["render", "figure8", "--camera", "small.yaml", "--frames", "9"]
+    assert race(words) == 130
+    said = "race render: interrupted, 4 of 9 pictures are whole: the same command goes on\n"
+    assert capsys.readouterr().err == said
+    monkeypatch.setattr(render, "open_pool", lambda jobs: Pool())
+    assert race(words) == 0
+    assert "9 pictures in pictures: 5 made" in capsys.readouterr().out
+
+
+@needs_bullet
+@pytest.mark.skipif(
+    not find_spec("imageio_ffmpeg"), reason="imageio-ffmpeg is not installed: extra render"
+)
+def test_a_film_has_as_many_pictures(here):
+    import imageio_ffmpeg
+
+    assert race(["render", "figure8", "--camera", "small.yaml", "--frames", "3", "--mp4"]) == 0
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(here / "pictures" / "video.mp4"))
+    assert (frames, seconds) == (3, pytest.approx(0.1))
+
+
+@needs_bullet
+def test_without_the_extra_for_films_one_line_says_what_installs_it(here, capsys, monkeypatch):
+    monkeypatch.setattr(render, "find_spec", lambda name: None)
+    assert race(["render", "figure8", "--mp4"]) == 2
+    assert "--mp4: imageio-ffmpeg is not installed: " in capsys.readouterr().err
+
+
+def test_without_pybullet_one_line_says_what_installs_it(capsys, monkeypatch):
+    monkeypatch.setattr(render, "has_bullet", lambda: False)
+    assert race(["render", "figure8"]) == 2
+    assert capsys.readouterr().err.startswith("race render: pybullet is not installed: ")
