@@ -97,7 +97,7 @@ def race(argv: list[str]) -> int:
 
 def _run(name: str, argv: list[str]) -> int:
     from quadsim.cli.flags import run_command
-from quadsim.console import UsageError
+    from quadsim.console import UsageError
     from quadsim.files.strict_yaml import FileError
     from quadsim.record.run import RunError
 
