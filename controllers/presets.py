@@ -25,6 +25,7 @@ class Planner:
     sampling: Sampling
     mppi: MPPIConfig
     cost: Any  # of a quadrotor RaceWeights or ReferenceWeights
+    preset: str = "own"  # where its numbers started from
     view_weight: float = 1.0  # of a camera looking where it flies, among gates that are off the map
 
 
@@ -164,6 +165,13 @@ PRESETS["race_informed"] = {
         cost=ReferenceWeights(),
     )
     for sampler, planner in PRESETS["race"].items()
+}
+
+
+# A planner says which preset its numbers started from.
+PRESETS = {
+    name: {sampler: replace(planner, preset=name) for sampler, planner in samplers.items()}
+    for name, samplers in PRESETS.items()
 }
 
 

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from quadsim.record.run import Run, RunError
     from quadsim.spec.settings import SettingError
     from quadsim.spec.spec import Spec
-    from quadsim.spec.systems import SYSTEMS
     from quadsim.vehicle import Vehicle, load_vehicle
 
 _HOMES = {
@@ -41,7 +40,6 @@ _HOMES = {
     "quadsim.files.strict_yaml": ("FileError",),
     "quadsim.spec.settings": ("SettingError",),
     "quadsim.spec.spec": ("Spec",),
-    "quadsim.spec.systems": ("SYSTEMS",),
     "quadsim.record.run": ("Run", "RunError"),
     "quadsim.dynamics": ("System",),
     "quadsim.dynamics.estimate": ("Estimate",),

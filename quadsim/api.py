@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from quadsim.race.events import Frame
 from quadsim.record.archive import RunFolder, find_run
@@ -18,18 +18,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from quadsim.campaign.compare import Comparison
+    from quadsim.spec.keywords import CourseLike, Keywords
 
 
-def fly(course: Any = None, **settings: Any) -> Run:
+def fly(course: CourseLike | Spec | None = None, **settings: Unpack[Keywords]) -> Run:
     """Simulate one flight and return the Run: laps, events, telemetry.
 
     Args:
-        course: a course by name ("split_s_swift"), a FILE.yaml, a Course, or a complete Spec.
+        course: a course by name ("split_s_swift"), a FILE.yaml, a Course, or a complete Spec, which
+            `settings` change as `Spec.but` does.
         settings: every flight, planner, cost and model option of `race fly`, with `_` for `-`:
             sampler="gaussian", seed=3, horizon=120, sigma=(1, 1, 1, 4) [rad/s, rad/s, rad/s,
-            m/s^2], vehicle="swift", laps=1. Options with a dot: **{"model.drag": 0.0}. sampler,
-            cost, system, plant, controller and referee may be objects of your own, see
-            docs/library.md.
+            m/s^2], vehicle="swift", laps=1, model_drag=0.0. sampler, terms, cost, plant, controller
+            and referee may be objects of your own, see docs/library.md.
 
     Returns:
         The Run. The same arguments on the same machine give the same run to the last bit, for any
@@ -39,23 +40,28 @@ def fly(course: Any = None, **settings: Any) -> Run:
         SettingError: an invalid setting (a ValueError): name, what was expected, what was found.
         FileError: a course, vehicle or preset that cannot be read (a ValueError).
     """
-    spec = _spec(course, settings)
+    spec = spec_of(course, settings)
     return Run.from_frames(spec.record(), flight_frames(spec))
 
 
-def frames(course: Any = None, **settings: Any) -> Iterator[Frame]:
-    """Simulate step by step: an iterator of Frames, one for each control period, the last one with
-    the outcome.
+def frames(
+    course: CourseLike | Spec | None = None, **settings: Unpack[Keywords]
+) -> Iterator[Frame]:
+    """Simulate step by step and yield one Frame for each control period, the last with the outcome.
 
-    The same arguments and errors as `fly`. The simulation advances only when the next frame is
-    asked for; closing the iterator ends the flight.
+    Takes the arguments and raises the errors of `fly`. The simulation advances only when the next
+    frame is asked for; closing the iterator ends the flight.
     """
-    return flight_frames(_spec(course, settings))
+    return flight_frames(spec_of(course, settings))
 
 
-def _spec(course: Any, settings: Mapping[str, Any]) -> Spec:
-    spec = course if isinstance(course, Spec) else Spec.of(course, **settings)
-    return with_threads(spec) if spec.host.get("threads") else spec
+def spec_of(course: CourseLike | Spec | None, settings: Keywords) -> Spec:
+    """Return the Spec that `fly` flies, with its threads in use."""
+    if isinstance(course, Spec):
+        spec = course.but(**settings) if settings else course
+    else:
+        spec = Spec.of(course, **settings)
+    return with_threads(spec) if spec.threads else spec
 
 
 def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:

@@ -11,14 +11,20 @@ def threads() -> int:
     return numba.get_num_threads()
 
 
+def most_threads() -> int:
+    """Return the number of cores that this process may run on."""
+    most: int = numba.config.NUMBA_NUM_THREADS  # pyright: ignore[reportPrivateImportUsage, reportAttributeAccessIssue]
+    if hasattr(os, "sched_getaffinity"):  # Linux
+        most = min(len(os.sched_getaffinity(0)), most)
+    return most
+
+
 def use_threads(n: int | None) -> int:
     """Use n threads, or every core this process may run on for None. Returns the number in use.
 
     Raises ValueError when n is not in 1..cores.
     """
-    most: int = numba.config.NUMBA_NUM_THREADS  # pyright: ignore[reportPrivateImportUsage, reportAttributeAccessIssue]
-    if hasattr(os, "sched_getaffinity"):  # Linux
-        most = min(len(os.sched_getaffinity(0)), most)
+    most = most_threads()
     n = most if n is None else n
     if not 1 <= n <= most:
         raise ValueError(f"threads: expected 1 to {most} on this machine, got {n}")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -131,7 +131,8 @@ class BulletPlant(RigidPlant):
         return world.World(course, body, dt)
 
 
-PLANTS: dict[str, type[RigidPlant] | type[RotorpyPlant]] = {
+PlantName = Literal["bullet", "rigid", "rotorpy"]
+PLANTS: dict[PlantName, type[RigidPlant] | type[RotorpyPlant]] = {
     "bullet": BulletPlant,
     "rigid": RigidPlant,
     "rotorpy": RotorpyPlant,
@@ -143,7 +144,7 @@ def has_bullet() -> bool:
     return find_spec("pybullet") is not None
 
 
-def default_plant() -> str:
+def default_plant() -> PlantName:
     """The plant that is flown unless another is asked for: "bullet" where PyBullet is installed,
     else "rigid"."""
     return "bullet" if has_bullet() else "rigid"

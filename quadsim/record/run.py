@@ -10,7 +10,7 @@ user's own parts. There may be more.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
@@ -20,13 +20,12 @@ from typing import Literal, TypedDict, get_args
 import numpy as np
 
 from controllers.plan import PlannerSnapshot
+from quadsim.dynamics.quadrotor import CONTROL_UNITS, STATE_UNITS
 from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.sensing.estimate_record import ESTIMATE_UNITS
-from quadsim.spec.systems import SYSTEMS, telemetry_columns
 
 INTERACTIVE = "interactive"  # key of a spec: the planner's numbers that were changed while it flew
-COLUMNS = SYSTEMS["quadrotor"].columns  # telemetry column -> unit
 COUNTS = ("passed", "lap")  # integer columns
 Outcome = Literal["finished", "crashed", "stuck", "timeout", "interrupted"]
 # columns that differ from flight to flight and are no part of the digest
@@ -41,24 +40,24 @@ class PlanTime(TypedDict):
 
 
 def system_of(spec: dict) -> str | None:
-    """The name in SYSTEMS of a spec's system, None for a user's own; a spec that names none is a
-    quadrotor's."""
-    return None if spec.get("own", {}).get("system") else spec.get("system", "quadrotor")
+    return "quadrotor"
 
 
-def units_of(spec: dict) -> tuple[Mapping[str, str], Mapping[str, str]]:
-    """The states and the controls of a spec's system: name -> unit, which is not known of a user's
-    own."""
-    name = system_of(spec)
-    if name is None:
-        own = spec["own"]["system"]
-        return dict.fromkeys(own["states"], "1"), dict.fromkeys(own["controls"], "1")
-    return SYSTEMS[name].states, SYSTEMS[name].controls
+def telemetry_columns() -> dict[str, str]:
+    counted = dict.fromkeys(("passed", "lap", "ess", "temperature", "cost"), "1")
+    return {"t": "s", **STATE_UNITS, **CONTROL_UNITS, **counted, "plan_ms": "ms"}
+
+
+def units_of(spec: dict):
+    return STATE_UNITS, CONTROL_UNITS
+
+
+COLUMNS = telemetry_columns()
 
 
 def columns_of(spec: dict) -> dict[str, str]:
     """Telemetry column -> unit, in order."""
-    return telemetry_columns(*units_of(spec)) | (ESTIMATE_UNITS if spec.get("sensing") else {})
+    return telemetry_columns() | (ESTIMATE_UNITS if spec.get("sensing") else {})
 
 
 class RunError(Exception):

@@ -6,22 +6,26 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.random import SeedSequence
 
+from controllers.costs import Cost
+from controllers.costs.race import race_cost
+from controllers.costs.race_view import with_view
+from controllers.costs.reference import ReferenceWeights, reference_cost
 from controllers.learned.pilot import PilotController
-from quadsim.course import Gate
-from quadsim.physics.plant import NamedPlant, Plant
+from quadsim.course import Course, Gate
+from quadsim.dynamics import System
+from quadsim.dynamics.quadrotor import State, quadrotor
+from quadsim.physics.domain_randomization import draw, gusts
+from quadsim.physics.plant import PLANTS, NamedPlant, Plant, start_state
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
-from quadsim.race.flight import (
-    Controller,
-    PlainController,
-    RefereeProtocol,
-    exact_navigation,
-    simulate,
-)
+from quadsim.race.flight import Controller, PlainController, RefereeProtocol, simulate
+from quadsim.race.referee import Referee
+from quadsim.sensing import Sensing
 from quadsim.sensing.config import RotorConfig
 from quadsim.sensing.estimation.body_rates import BodyRates
 from quadsim.sensing.estimation.estimator import Estimator
@@ -35,146 +39,238 @@ from quadsim.sensing.navigation import (
     TrueState,
 )
 from quadsim.sensing.sensors import WARM_UP, Sensors
-from quadsim.spec.own_parts import made
+from quadsim.spec.parts import made
+from quadsim.spec.reference import reference_of, stored_reference
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec
-from quadsim.streams import Streams
 from quadsim.vehicle import Vehicle
 
 if TYPE_CHECKING:
-    from controllers.costs import Cost
     from controllers.mppi import MPPI
 
 LEAST_ROTOR_STD = 0.05  # [m/s^2] of the thrust by rotor speeds
 
 
+class FlightParts(NamedTuple):
+    """What flies one flight. Whoever built it closes the plant."""
+
+    plant: Plant
+    controller: Controller
+    referee: RefereeProtocol
+
+
 def with_threads(spec: Spec) -> Spec:
-    """Use the spec's number of CPU threads from now on (None: all) and note it in the spec. Raises
-    SettingError."""
-    from controllers.lanes.threads import use_threads  # which loads the compiler
+    """Use the spec's number of CPU threads from now on and return the spec with that number.
 
-    try:
-        spec.host["threads"] = use_threads(spec.host["threads"])
-    except ValueError as error:  # "threads: expected ..."
-        raise SettingError(*str(error).split(": ", 1)) from None
-    return spec
-
-
-def build(spec: Spec) -> tuple[Plant, Controller, RefereeProtocol]:
-    """The plant, the controller and the referee of one flight. The caller closes the plant.
-
-    Raises ValueError where course, laps and vehicle do not fit together.
+    Raises:
+        SettingError: this machine has fewer.
     """
-    own, streams = spec.own, spec.streams
-    referee = made(own.referee, spec) or spec.entry.referee(spec)
-    controller = made(own.controller, spec) or pilot_of(spec) or planner_of(spec, streams.planner)
+    from controllers.lanes.threads import most_threads, use_threads  # which loads the compiler
+
+    most = most_threads()
+    threads = most if spec.threads is None else spec.threads
+    if not 1 <= threads <= most:
+        raise SettingError("threads", f"expected 1 to {most} on this machine, got {threads}")
+    return spec.but(threads=use_threads(threads))
+
+
+def build(spec: Spec) -> FlightParts:
+    """Return the plant, the controller and the referee of one flight. The caller closes the plant.
+
+    Raises:
+        ValueError: course, laps and vehicle do not fit together.
+    """
+    referee = referee_of(spec)
+    controller = made(spec.controller, spec) or pilot_of(spec) or planner_of(spec)
     if not isinstance(controller, Controller):
-        controller = PlainController(
-            controller, spec.entry.system(spec.model, spec.planner.mppi.dt).rest
-        )
-    return plant_of(spec, streams), controller, referee
+        controller = PlainController(controller, system_of(spec).rest)
+    return FlightParts(plant_of(spec), controller, referee)
 
 
-def plant_of(spec: Spec, streams: Streams) -> Plant:
-    """Return the plant of one flight: the user's own, or that of the system. The caller closes
-    it."""
-    own = made(spec.own.plant, spec)
-    if own is None:
-        return spec.entry.plant(spec, streams)
-    if spec.system == "quadrotor" and not spec.own.system:
-        return NamedPlant(own)
-    return own
+def system_of(spec: Spec) -> System:
+    """Return the planner's model of the vehicle, stepped once in a control period."""
+    return quadrotor(spec.model, spec.planner.mppi.dt)
+
+
+def start_of(spec: Spec) -> State:
+    """Return the nominal state at the start."""
+    return start_state(spec.course.start, spec.vehicle.radius)
+
+
+def referee_of(spec: Spec) -> RefereeProtocol:
+    """Return the referee of one flight: the user's own, or that of races.
+
+    Raises:
+        ValueError: course, laps and vehicle do not fit together.
+    """
+    own = made(spec.referee, spec)
+    if own is not None:
+        return own
+    radius = spec.vehicle.radius
+    return Referee(spec.flown_course, radius, spec.laps, spec.timeout, spec.penalties)
+
+
+def plant_of(spec: Spec) -> Plant:
+    """Return the plant of one flight: the user's own, or a named one. The caller closes it.
+
+    The seed randomizes the vehicle, the start and the gusts of a named plant.
+    """
+    if not isinstance(spec.plant, str):
+        return NamedPlant(made(spec.plant, spec))
+    plant = PLANTS[spec.plant]
+    course = spec.flown_course
+    if spec.randomize == 0:
+        return plant(course, spec.vehicle, spec.plant_dt)
+    streams = spec.streams
+    varied = draw(streams.vehicle, spec.randomize)
+    return plant(
+        course,
+        varied.vehicle(spec.vehicle),
+        spec.plant_dt,
+        start=varied.start(spec.course.start),
+        body=varied.body(spec.vehicle),
+        gusts=gusts(streams.gusts, varied.gust, spec.plant_dt),
+    )
 
 
 def pilot_of(spec: Spec) -> PilotController | None:
-    """The learned pilot, where one flies in the planner's place."""
+    """Return the learned pilot, where one flies in the planner's place."""
     if spec.pilot is None:
         return None
-    rest = spec.entry.system(spec.model, spec.planner.mppi.dt).rest
-    return PilotController(spec.pilot, spec.course, spec.laps, rest)
+    return PilotController(spec.pilot, spec.course, spec.laps, system_of(spec).rest)
 
 
-def planner_of(spec: Spec, stream: np.random.SeedSequence) -> MPPI:
-    """The planner alone; `stream` seeds its perturbations."""
+def planner_of(spec: Spec, stream: SeedSequence | None = None) -> MPPI:
+    """Return the planner alone.
+
+    Args:
+        spec: of the flight.
+        stream: seeds the planner's perturbations; default: the flight's own.
+
+    Raises:
+        SettingError: a term or cost of the user's own cannot be compiled.
+    """
     from controllers.mppi import MPPI  # here: it loads the compiler
 
-    mppi = spec.planner.mppi
-    if spec.own.terms or spec.own.cost:
-        check_cost(spec, cost_on(spec, spec.course))
-    system = spec.entry.system(spec.model, mppi.dt)
-    cost_of = partial(cost_on, spec)
-    return MPPI(system, cost_of(spec.course), spec.planner.sampling, mppi, stream, cost_of)
+    if stream is None:
+        stream = spec.streams.planner
+    cost = cost_on(spec, spec.course)
+    if spec.terms or spec.cost:
+        check_cost(spec, cost)
+    sampling = spec.planner.sampling
+    return MPPI(system_of(spec), cost, sampling, spec.planner.mppi, stream, partial(cost_on, spec))
 
 
 def check_cost(spec: Spec, cost: Cost) -> None:
-    """Raise SettingError, of one line, where a term of the user's own cannot be compiled."""
+    """Check that a cost with parts of the user's own can be compiled. Raises SettingError."""
     from controllers.lanes.planner_loops import module_source
     from controllers.lanes.trace import TraceError
 
     try:
-        module_source(spec.entry.system(spec.model, spec.planner.mppi.dt), cost, np.float32)
+        module_source(system_of(spec), cost, np.float32)
     except TraceError as error:
-        raise SettingError("terms" if spec.own.terms else "cost", str(error)) from None
+        raise SettingError("terms" if spec.terms else "cost", str(error)) from None
 
 
-def cost_on(spec: Spec, course: Any) -> Cost:
-    """Return the planner's cost on this course, with the terms of the user's own."""
-    own: Any = spec.own.cost
-    if own is not None and not callable(own):
-        return spec.own.with_terms(own)
-    cost = spec.entry.cost(replace(spec, course=course))
-    return spec.own.with_terms(cost if own is None else own(cost))
+def cost_on(spec: Spec, course: Course) -> Cost:
+    """Return the planner's cost on this course, with the terms of the user's own after its own.
+
+    Raises:
+        ValueError: two terms have one name.
+    """
+    if isinstance(spec.cost, Cost):
+        cost = spec.cost
+    elif spec.cost is None:
+        cost = race_cost_on(spec, course)
+    else:
+        cost = spec.cost(race_cost_on(spec, course))
+    return replace(cost, terms=(*cost.terms, *spec.terms)) if spec.terms else cost
 
 
-def launch(
-    spec: Spec,
-    plant: Plant,
-    controller: Any,
-    referee: RefereeProtocol,
-    navigation: Navigation | None = None,
-) -> Iterator[Frame]:
-    """Return the frames of a flight, of the parts that `build` returned. navigation: default: the
-    spec's."""
+def race_cost_on(spec: Spec, course: Course) -> Cost:
+    """Return the cost of the planner's weights on this course.
+
+    With a camera that has to find gates, the nose points where the vehicle flies.
+    """
+    weights = spec.planner.cost
+    radius = spec.vehicle.radius
+    if isinstance(weights, ReferenceWeights):
+        known = stored_reference(course, spec.vehicle, spec.laps, weights, spec.runs_dir)
+        followed = reference_of(known, spec.vehicle, spec.planner.mppi.dt)
+        return reference_cost(course, radius, weights, followed)
+    cost = race_cost(course, radius, weights, spec.laps)
+    if spec.sensing and spec.sensing.camera and spec.view_weight:
+        return with_view(cost, spec.view_weight)
+    return cost
+
+
+def launch(spec: Spec, parts: FlightParts, navigation: Navigation | None = None) -> Iterator[Frame]:
+    """Return the frames of a flight, of the parts that `build` returned.
+
+    Args:
+        spec: of the flight.
+        parts: used for this one flight.
+        navigation: makes the estimates that the controller is given; default: the spec's.
+    """
     from controllers.deadline import Deadline
     from controllers.mppi import MPPI
     from controllers.sampled_trajectories import take_snapshot
 
-    timed = Deadline(controller, spec.deadline_ms) if spec.deadline_ms else controller
+    plant, controller, referee = parts
+    navigation = navigation or navigation_of(spec, parts)
     snapshot = partial(take_snapshot, controller) if isinstance(controller, MPPI) else None
-    navigation = navigation or navigation_of(spec, plant, controller, referee)
+    if spec.deadline_ms and isinstance(controller, MPPI):
+        controller = Deadline(controller, spec.deadline_ms)
     return simulate(
-        plant, timed, referee, spec.planner.mppi.dt, CLOCKS[spec.clock](), snapshot, navigation
+        plant,
+        controller,
+        referee,
+        period=spec.planner.mppi.dt,
+        clock=CLOCKS[spec.clock](),
+        snapshot=snapshot,
+        navigation=navigation,
     )
 
 
-def navigation_of(
-    spec: Spec, plant: Plant, controller: Controller, referee: RefereeProtocol
-) -> Navigation:
+def navigation_of(spec: Spec, parts: FlightParts) -> Navigation:
     """Return what makes the estimates that the controller is given, at the start of a flight."""
-    dt, rest = spec.planner.mppi.dt, tuple(controller.rest.tolist())
-    if spec.system != "quadrotor" or spec.own.system:
-        return exact_navigation(plant.state, referee, rest, dt)
-    # a pilot has no model that could be adapted
+    dt = spec.planner.mppi.dt
+    rest = tuple(parts.controller.rest.tolist())
+    # A pilot has no model that could be adapted.
     adapts = spec.planner.mppi.adapt and spec.pilot is None
     if spec.sensing:
-        source = _sensed(spec, plant, adapts)
+        source = _sensed_state(spec, spec.sensing, parts.plant, adapts)
     else:
         learner = VehicleLearner.for_exact_states(spec.model, dt) if adapts else None
-        source = TrueState(plant.state, dt, learner)
-    late = spec.vehicle.latency or spec.clock == "wall"
-    gates = GateCounter(spec.course, spec.laps) if spec.sensing or late else RefereeCount(referee)
+        source = TrueState(parts.plant.state, dt, learner)
+
+    # A prediction ahead of the referee needs a count of its own.
+    is_late = spec.vehicle.latency or spec.clock == "wall"
+    if spec.sensing or is_late:
+        gates = GateCounter(spec.course, spec.laps)
+    else:
+        gates = RefereeCount(parts.referee)
     return Navigation(source, gates, Commands(rest, spec.vehicle.latency), dt, spec.model)
 
 
-def _sensed(spec: Spec, plant: Plant, adapt: bool) -> SensedState:
-    """The estimates from a flight's sensors. adapt: whether the planner uses what is learnt of the
-    vehicle."""
-    sensing, dt, flown = spec.sensing, spec.planner.mppi.dt, spec.flown_course
-    assert sensing
-    assert sensing.imu
+def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> SensedState:
+    """Return the state by a flight's sensors.
+
+    adapts: whether the planner uses what is learnt of the vehicle.
+    """
+    imu = sensing.imu
+    if imu is None:
+        raise SettingError("sensing", f"expected an imu, got none in {sensing.name}")
+    dt = spec.planner.mppi.dt
+    flown = spec.flown_course
     lag = getattr(plant, "velocity_lag", 0.0)
     sensors = Sensors(
-        sensing, spec.streams.sensors, spec.vehicle, distinct(flown.gates), lag, flown.obstacles
+        sensing,
+        spec.streams.sensors,
+        spec.vehicle,
+        distinct(flown.gates),
+        lag,
+        flown.obstacles,
     )
     sensors.warm_up(plant.state, plant.dt)
     sensors.observe(plant.state)
@@ -182,11 +278,11 @@ def _sensed(spec: Spec, plant: Plant, adapt: bool) -> SensedState:
     return SensedState(
         sensors,
         Estimator(sensing, gates, spec.course.start, -WARM_UP, spec.displace_gates),
-        BodyRates(spec.model, dt, sensing.imu),
-        VehicleLearner.for_sensors(spec.model, dt, sensing.imu),
+        BodyRates(spec.model, dt, imu),
+        VehicleLearner.for_sensors(spec.model, dt, imu),
         None if spec.pilot else CourseEstimate(spec.course),  # a pilot flies by the map
         dt,
-        adapt,
+        adapts,
         rotor_std(sensing.rotors, spec.vehicle),
     )
 
@@ -197,8 +293,10 @@ def distinct(gates: Sequence[Gate]) -> tuple[Gate, ...]:
 
 
 def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:
-    """Return the standard deviation of the thrust by the speeds of four independent rotors at full
-    speed [m/s^2]."""
+    """Return the standard deviation of the thrust that is measured by the rotors' speeds [m/s^2].
+
+    It is that at full speed, for independent noises of the four rotors.
+    """
     if config is None or vehicle.rotors is None:
         return LEAST_ROTOR_STD
     c2, c1, _ = vehicle.rotors.thrust_map
@@ -207,7 +305,7 @@ def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:
 
 
 def flight_frames(spec: Spec) -> Iterator[Frame]:
-    """Build and simulate: one Frame for each control step, the last one with the outcome."""
-    plant, controller, referee = build(spec)
-    with closing(plant):
-        yield from launch(spec, plant, controller, referee)
+    """Build and simulate: yield one Frame for each control step, the last one with the outcome."""
+    parts = build(spec)
+    with closing(parts.plant):
+        yield from launch(spec, parts)

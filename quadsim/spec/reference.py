@@ -15,14 +15,14 @@ from quadsim.vehicle import Vehicle
 
 
 def stored_reference(
-    course: Course, vehicle: Vehicle, laps: int, weights: ReferenceWeights
+    course: Course, vehicle: Vehicle, laps: int, weights: ReferenceWeights, runs_dir: str
 ) -> Limit:
     """The solution that comes with the project or lies in runs/limits. Raises FileError where there
     is none."""
     race = replace(
         Race(course, vehicle, laps, "rates"), margin=weights.margin, reserve=weights.reserve
     )
-    found = race.best_known(Path("runs") / LIMITS)
+    found = race.best_known(Path(runs_dir) / LIMITS)
     if found:
         return found
     name, _, ratio = vehicle.name.partition("-twr")

@@ -1,31 +1,132 @@
-"""Settings: every number and choice of a flight by name, for the command line, for Python and for
-preset files.
+"""The settings of a flight: one table, read off annotated dataclasses.
 
-A setting is a field of one of the dataclasses below; its annotation holds unit, range and help.
-quadsim.spec.resolve makes the fields of a Spec of what was given.
+A setting is a field of one of the dataclasses below. Its annotation holds its help, its unit and
+its range. Everything else follows from it: the key of a preset file, the flag of `race fly`, the
+keyword of `quadsim.fly`, the slider of the page, and the error for a value that does not fit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import Annotated, Literal
 
-import numpy as np
-import yaml
 from msgspec import Meta, inspect
 
-from controllers.costs.race import Weight
-from controllers.presets import Planner
+from controllers.config import MPPIConfig
+from controllers.costs.race import RaceWeights, Weight
+from controllers.costs.reference import ReferenceWeights
 from controllers.samplers import SAMPLERS
-from quadsim.files.strict_yaml import setting
-from quadsim.files.yaml_values import Misfit, value
-from quadsim.files.yaml_words import NULL, TEXT, expected, unless_null
+from quadsim.dynamics.quadrotor import Control, ModelParams
+from quadsim.dynamics.records import units_of
+from quadsim.files.strict_yaml import setting, unit
+from quadsim.files.yaml_words import unless_null
+from quadsim.physics.plant import PlantName
 from quadsim.sensing import PERFECT
-from quadsim.spec.systems import SystemEntry
 
-Count = Annotated[int, Meta(ge=1)]
+Kind = inspect.Type  # what a value has to be: type, range and unit, as msgspec reads an annotation
+Clock = Literal["simulated", "wall"]
+LapCount = Annotated[int, Meta(ge=1, le=1000)]
+ThreadCount = Annotated[int, Meta(ge=1)]
+ThrustToWeight = Annotated[float, Meta(gt=1, le=20)]
+TimeLimit = Annotated[float, unit("s", gt=0, le=1e5)]
+Milliseconds = Annotated[float, unit("ms", gt=0, le=1e4)]
+CONTROL_UNITS = ", ".join(units_of(Control).values())
+
+
+@dataclass(frozen=True)
+class FlightSettings:
+    """The settings of a flight around its planner. None is the default that the help names."""
+
+    sampler: Annotated[
+        str, setting("sampling distribution, or package.module:Class of your own")
+    ] = "colored"
+    pilot: Annotated[
+        str | None, setting("learned pilot in the planner's place: FILE.npz or split_s_swift")
+    ] = None
+    preset: Annotated[str, setting("source of the planner's numbers: a name or a FILE.yaml")] = (
+        "race"
+    )
+    vehicle: Annotated[
+        str | None, setting("vehicle: a name or a FILE.yaml (default: the preset's)")
+    ] = None
+    thrust_to_weight: Annotated[
+        ThrustToWeight | None, setting("thrust-to-weight ratio in place of the vehicle's")
+    ] = None
+    laps: Annotated[
+        LapCount | None, setting("laps from a standing start (default: the course's)")
+    ] = None
+    seed: Annotated[int, setting("random seed", ge=0, le=10**9)] = 0
+    randomize: Annotated[
+        float, setting("scale of domain randomization: start, vehicle and gusts", ge=0, le=3)
+    ] = 0.0
+    sensing: Annotated[
+        str, setting("sensors: a name or a FILE.yaml; perfect gives the planner the true state")
+    ] = PERFECT
+    displace_gates: Annotated[
+        float, setting("gates stand up to this far off the map along x and y", "m", ge=0, le=1)
+    ] = 0.0
+    view_weight: Annotated[
+        Weight | None,
+        setting(
+            "weight of a camera that looks along the flight (default: the preset's with"
+            " displaced gates, else 0)"
+        ),
+    ] = None
+    term: Annotated[
+        tuple[str, ...],
+        setting("cost term of your own, package.module:function=WEIGHT; may be repeated"),
+    ] = ()
+    timeout: Annotated[
+        TimeLimit | None, setting("time limit (default: by the course's length)")
+    ] = None
+    threads: Annotated[
+        ThreadCount | None, setting("CPU threads, which do not change results (default: all)")
+    ] = None
+    penalties: Annotated[bool, setting("a hit adds 3 s and does not end the flight")] = False
+    plant: Annotated[
+        PlantName | None, setting("simulator (default: bullet where PyBullet is installed)")
+    ] = None
+    plant_dt: Annotated[float, setting("physics step", "s", ge=1e-4, le=0.02)] = 1 / 400
+    clock: Annotated[
+        Clock, setting("simulated: planning takes no time; wall: the flight goes on meanwhile")
+    ] = "simulated"
+    deadline_ms: Annotated[
+        Milliseconds | None, setting("fewer samples, so that a plan takes no longer")
+    ] = None
+    runs_dir: Annotated[str, setting("folder of runs and of the solutions of race limit")] = "runs"
+
+
+Group = Literal["flight", "sampling", "mppi", "cost", "model"]
+OWNERS: dict[Group, tuple[type, ...]] = {
+    "flight": (FlightSettings,),
+    "sampling": tuple(SAMPLERS.values()),
+    "mppi": (MPPIConfig,),
+    "cost": (RaceWeights, ReferenceWeights),
+    "model": (ModelParams,),
+}
+PREFIX = "model_"  # of the settings of the planner's model, some of which a vehicle has too
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One setting, which several classes of a group may have, such as sigma of every sampler."""
+
+    name: str  # keyword, "model_drag"
+    group: Group
+    field: str  # in its dataclass, "drag"
+    kinds: Mapping[type, Kind]  # dataclass that has it -> what it takes there
+    help: str
+
+    @property
+    def flag(self) -> str:
+        """The flag of the command line, "--model-drag"."""
+        return "--" + self.name.replace("_", "-")
+
+    @property
+    def kind(self) -> Kind:
+        """What the setting takes in the first of its dataclasses."""
+        return next(iter(self.kinds.values()))
 
 
 class SettingError(ValueError):
@@ -33,157 +134,15 @@ class SettingError(ValueError):
 
     def __init__(self, name: str, problem: str):
         super().__init__(f"{name}: {problem}")
-        self.name, self.problem = name, problem
+        self.name = name
+        self.problem = problem
+
+    def __reduce__(self) -> tuple[type[SettingError], tuple[str, str]]:
+        return SettingError, (self.name, self.problem)
 
 
-@dataclass(frozen=True)
-class FlightSettings:
-    """Options of a flight; None: the value of the course, the vehicle or the preset."""
-
-    system: (
-        Annotated[
-            Literal["quadrotor", "offroad", "double_integrator"],
-            setting("default: the one the course is for"),
-        ]
-        | None
-    ) = None
-    sampler: Annotated[str, setting("sampling distribution of the perturbations")] = "colored"
-    pilot: (
-        Annotated[
-            str, setting("a learned pilot in the planner's place: FILE.npz, or split_s_swift")
-        ]
-        | None
-    ) = None
-    preset: (
-        Annotated[
-            str,
-            setting(
-                "source of defaults: a name or a FILE.yaml (default: race; paper for other systems)"
-            ),
-        ]
-        | None
-    ) = None
-    vehicle: (
-        Annotated[
-            str, setting("a name (see `race vehicles`) or a FILE.yaml (default: the preset's)")
-        ]
-        | None
-    ) = None
-    thrust_to_weight: (
-        Annotated[float, setting("override the thrust-to-weight ratio", gt=1, le=20)] | None
-    ) = None
-    laps: (
-        Annotated[int, setting("laps from standing start (default: the course's)", ge=1, le=1000)]
-        | None
-    ) = None
-    seed: Annotated[int, setting("random seed", ge=0, le=10**9)] = 0
-    randomize: Annotated[
-        float, setting("scale of domain randomization: start, vehicle, gusts", ge=0, le=3)
-    ] = 0.0
-    sensing: Annotated[
-        str,
-        setting("sensors: a name (see quadsim/sensing) or a FILE.yaml; perfect: the true state"),
-    ] = PERFECT
-    displace_gates: Annotated[
-        float, setting("move gates off the map by up to this along x, y [m]", unit="m", ge=0, le=1)
-    ] = 0.0
-    view_weight: (
-        Annotated[
-            Weight,
-            setting(
-                "of a camera looking where it flies (default with displaced gates: the preset's)"
-            ),
-        ]
-        | None
-    ) = None
-    term: Annotated[
-        tuple[str, ...],
-        setting(
-            "a cost term of your own, as package.module:function=WEIGHT; may be given several times"
-        ),
-    ] = ()
-    timeout: (
-        Annotated[
-            float, setting("time limit [s] (default: set by the course)", unit="s", gt=0, le=1e5)
-        ]
-        | None
-    ) = None
-    threads: (
-        Annotated[Count, setting("CPU threads (default: all); results do not depend on it")] | None
-    ) = None
-    penalties: Annotated[bool, setting("a hit adds 3 s instead of ending the flight")] = False
-    plant: (
-        Annotated[
-            Literal["bullet", "rigid", "rotorpy"],
-            setting("simulator (default: bullet if PyBullet is installed)"),
-        ]
-        | None
-    ) = None
-    plant_dt: (
-        Annotated[
-            float, setting("physics step [s] (default: the system's)", unit="s", ge=1e-4, le=0.02)
-        ]
-        | None
-    ) = None
-    clock: Annotated[
-        Literal["simulated", "wall"],
-        setting("wall: simulated time runs on while the controller plans"),
-    ] = "simulated"
-    deadline_ms: (
-        Annotated[
-            float, setting("reduce the samples to plan within this [ms]", unit="ms", gt=0, le=1e4)
-        ]
-        | None
-    ) = None
-
-
-@dataclass(frozen=True)
-class Setting:
-    """One setting as a command line or a document shows it."""
-
-    name: str  # "horizon", "model.drag"
-    group: str  # flight, sampling, mppi, cost, model
-    kind: Any  # of msgspec.inspect
-    default: Any
-    help: str
-
-
-GROUPS = ("sampling", "mppi", "cost")  # of the planner
-
-
-def settings_of(entry: SystemEntry, planner: Planner, model: Any = None) -> dict[str, Setting]:
-    """Every setting by name. Defaults are those of the planner's preset and of the model, or its
-    vehicle's model."""
-    if model is None:
-        model = entry.model_of(entry.load_vehicle(planner.vehicle))
-    parts = {
-        "flight": FlightSettings(),
-        **{name: getattr(planner, name) for name in GROUPS},
-        "model": model,
-    }
-    return {s.name: s for group, values in parts.items() for s in _settings(group, values, entry)}
-
-
-def _settings(group: str, values: Any, entry: SystemEntry) -> Iterator[Setting]:
-    """Of an instance whose values are the defaults."""
-    if not is_dataclass(values) or (group == "sampling" and type(values) not in SAMPLERS.values()):
-        return  # a user's own object
-    prefix = "model." if group == "model" else ""
-    kinds = {f.name: f.type for f in inspect.type_info(type(values)).fields}  # pyright: ignore
-    for field in _fields(values):
-        kind, default = kinds[field.name], getattr(values, field.name)
-        text = description(kind)
-        if (
-            isinstance(kind, inspect.VarTupleType) and group != "flight"
-        ):  # one number for each control
-            kind = inspect.TupleType((kind.item_type,) * len(entry.controls))
-        if field.name == "sigma":
-            kind = inspect.Metadata(kind, extra={"unit": entry.control_units})
-        yield Setting(prefix + field.name, group, kind, default, text)
-
-
-def description(kind: Any) -> str:
-    """Return the help in an annotation, "" where it has none. kind: of msgspec.inspect."""
+def description(kind: Kind) -> str:
+    """Return the help in an annotation, "" where it has none."""
     match kind:
         case inspect.Metadata():
             schema = kind.extra_json_schema or {}
@@ -193,47 +152,52 @@ def description(kind: Any) -> str:
     return ""
 
 
-def checked(kind: Any, name: str, given: Any) -> Any:
-    """The value held against a kind of msgspec.inspect by the rules of files; a text is read as in
-    a file.
-
-    Raises SettingError.
-    """
-    if isinstance(bare(kind), inspect.StrType) and not isinstance(given, str | Path | None):
-        raise SettingError(name, f"expected {expected(kind)}, got {given!r}")
-    try:
-        found = value(_node(given), kind, name)
-    except Misfit as misfit:
-        raise SettingError(name, _of_all(misfit, given)) from None
-    return tuple(found) if isinstance(found, list) else found
+def is_optional(kind: Kind) -> bool:
+    """Return whether a setting of this kind may be None."""
+    if isinstance(kind, inspect.Metadata):
+        return is_optional(kind.type)
+    return isinstance(kind, inspect.UnionType)
 
 
-def _node(given: Any) -> yaml.Node:
-    """As a file would hold it in this place."""
-    if isinstance(given, np.ndarray | np.generic):
-        given = given.tolist()
-    if isinstance(given, list | tuple):
-        return yaml.SequenceNode("", [_node(x) for x in given])
-    if given is None:
-        return yaml.ScalarNode(NULL, "null")
-    return yaml.ScalarNode(TEXT, str(given) if isinstance(given, str | Path) else repr(given))
-
-
-def _fields(values: Any) -> tuple:
-    """Of the settings in it that may be changed; none for what is no dataclass."""
-    return tuple(f for f in fields(values) if f.name != "name") if is_dataclass(values) else ()
-
-
-def _of_all(misfit: Misfit, given: Any) -> str:
-    """The problem of one of several numbers, as one of all of them; without what a YAML file would
-    need."""
-    if "[" not in misfit.path:
-        return misfit.problem.partition(" (YAML reads")[0]
-    asked = misfit.problem.rpartition(", got ")[0].replace("a number", f"{len(given)} numbers")
-    return f"{asked}, got " + " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in given)
-
-
-def bare(kind: Any) -> Any:
+def bare(kind: Kind) -> Kind:
+    """Return the kind without its metadata and without its `| None`."""
     while isinstance(kind, inspect.Metadata | inspect.UnionType):
         kind = kind.type if isinstance(kind, inspect.Metadata) else unless_null(kind)
     return kind
+
+
+def _kind_of_each_control(name: str, kind: Kind) -> Kind:
+    """Return the kind of one number for each control in place of a tuple of any length."""
+    if isinstance(kind, inspect.Metadata):
+        inner = _kind_of_each_control(name, kind.type)
+        return inspect.Metadata(inner, kind.extra_json_schema, kind.extra)
+    if not isinstance(kind, inspect.VarTupleType):
+        return kind
+    numbers = inspect.TupleType((kind.item_type,) * len(Control._fields))
+    return inspect.Metadata(numbers, extra={"unit": CONTROL_UNITS}) if name == "sigma" else numbers
+
+
+def _kinds(group: Group, owner: type) -> Iterator[tuple[str, Kind]]:
+    """Yield (field, kind) of each setting of a dataclass."""
+    known = {f.name for f in fields(owner)} - {"name"}
+    for field in inspect.type_info(owner).fields:  # pyright: ignore[reportAttributeAccessIssue]
+        if field.name in known:
+            per_control = group == "sampling"
+            kind = _kind_of_each_control(field.name, field.type) if per_control else field.type
+            yield field.name, kind
+
+
+def _table() -> dict[str, Setting]:
+    """Return every setting by name, in the order of the groups."""
+    table: dict[str, Setting] = {}
+    for group, owners in OWNERS.items():
+        for owner in owners:
+            for field, kind in _kinds(group, owner):
+                name = PREFIX + field if group == "model" else field
+                kinds = {**table[name].kinds, owner: kind} if name in table else {owner: kind}
+                text = table[name].help if name in table else description(kind)
+                table[name] = Setting(name, group, field, kinds, text)
+    return table
+
+
+SETTINGS = _table()

@@ -2,102 +2,464 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, fields
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, Unpack, get_args
 
-from controllers.learned.pilot import Pilot
-from controllers.presets import Planner
+from controllers.costs import Cost, Term
+from controllers.costs.reference import ReferenceWeights
+from controllers.learned.pilot import Pilot, load_pilot
+from controllers.presets import Planner, faults
 from controllers.samplers import SAMPLERS
+from quadsim.course import Course, load_course
+from quadsim.dynamics.quadrotor import Control, ModelParams
+from quadsim.files.yaml_words import did_you_mean
 from quadsim.physics.domain_randomization import displaced, draw
-from quadsim.sensing import Sensing
-from quadsim.spec.own_parts import OwnParts, describe, plain
-from quadsim.spec.resolve import resolve
-from quadsim.spec.systems import SYSTEMS, SystemEntry
-from quadsim.streams import Streams
+from quadsim.physics.plant import Plant, default_plant
+from quadsim.race.flight import ControlLaw, Controller, RefereeProtocol, whole_multiple
+from quadsim.sensing import PERFECT, Sensing, load_sensing
+from quadsim.spec.parts import (
+    check_part,
+    describe,
+    describe_term,
+    is_registered,
+    own_sampler,
+    plain,
+    sampler_name,
+    term_of_text,
+    terms_of,
+)
+from quadsim.spec.presets import PresetSource
+from quadsim.spec.reference import stored_reference
+from quadsim.spec.settings import (
+    CONTROL_UNITS,
+    SETTINGS,
+    Clock,
+    FlightSettings,
+    Group,
+    PlantName,
+    Setting,
+    SettingError,
+    is_optional,
+)
+from quadsim.spec.values import checked
+from quadsim.streams import Streams, quadrotor_streams
+from quadsim.vehicle import Vehicle, load_vehicle, with_thrust_to_weight
+
+if TYPE_CHECKING:
+    from quadsim.spec.keywords import CourseLike, Keywords
+
+DEFAULT_COURSE = "split_s_swift"
+# Keywords whose values are objects, beside the settings that have a name or a number.
+OBJECTS = ("course", "planner", "model", "controller", "referee", "cost", "terms")
+PLANTS = get_args(PlantName)
+
+T = TypeVar("T")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Spec:
-    """One flight, whole. Same spec, same machine: the same Run to the last bit.
+    """One flight, whole: the same spec gives the same Run to the last bit on the same machine.
 
-    Made by `Spec.of("split_s_swift", sampler="gaussian", horizon=120)`; every setting of `race fly`
-    is a keyword.
+    `Spec.of("split_s_swift", sampler="gaussian", horizon=120)` makes one of settings, every setting
+    of `race fly` being a keyword; `spec.but(seed=7)` changes some. Course and preset are labels of
+    what the spec holds, and cannot disagree with it.
+
+    plant, controller and referee may be objects of the user's own: an object for one flight, or a
+    class or function that is called with the Spec and makes one. The sampler of the user's own is
+    `planner.sampling`.
+
+    Raises:
+        SettingError: parts that do not fit together (a ValueError).
     """
 
-    system: str  # of SYSTEMS
-    course: Any  # Course, Corridor or PointGoal
-    vehicle: Any
-    sampler: str  # name, or the class name of the user's own
-    preset: str
+    course: Course  # the planner's map
+    vehicle: Vehicle
     planner: Planner
-    model: Any  # the planner's model of the vehicle
-    seed: int
+    model: ModelParams  # what the planner assumes of the vehicle
     laps: int
     timeout: float  # [s]
-    penalties: bool
-    plant_dt: float  # [s]
-    plant: str = "model"  # of physics.plant.PLANTS; model: the system is its own world
-    # size of domain randomization and disturbance, see quadsim.physics.domain_randomization
-    randomize: float = 0.0
     sensing: Sensing | None = None  # None: the planner is given the true state
-    displace_gates: float = 0.0  # how far gates may stand off the map, along x and y [m]
-    view_weight: float = 0.0  # of the nose pointing where the vehicle flies, for a gate camera
-    clock: str = "simulated"  # of CLOCKS
-    deadline_ms: float | None = None  # shrink the samples so that a plan takes no longer
     pilot: Pilot | None = None  # a learned one in the planner's place
-    host: dict = field(default_factory=dict)  # what must not change a flight: threads, folders
-    own: OwnParts = field(default_factory=OwnParts)
+    seed: int = 0
+    randomize: float = 0.0  # scale of quadsim.physics.domain_randomization
+    displace_gates: float = 0.0  # how far gates may stand off the map, along x and y [m]
+    view_weight: float = 0.0  # of a camera that looks along the flight
+    penalties: bool = False
+    plant: PlantName | Plant | Callable[[Spec], Plant] = field(default_factory=default_plant)
+    plant_dt: float = FlightSettings.plant_dt  # [s]
+    clock: Clock = "simulated"
+    deadline_ms: float | None = (
+        None  # the planner uses fewer samples so that a plan takes no longer
+    )
+    terms: tuple[Term, ...] = ()  # of the user's own, beside those of the cost
+    cost: Cost | Callable[[Cost], Cost] | None = None  # in place of the cost, or made of it
+    controller: Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw] | None = None
+    referee: RefereeProtocol | Callable[[Spec], RefereeProtocol] | None = None
+    threads: int | None = None  # None: as many as are in use; they do not change the flight
+    runs_dir: str = FlightSettings.runs_dir  # where solutions of `race limit` are looked for
+    # The settings that this spec was made of. Files that they name have been read: `but` does not
+    # read them again.
+    given: Mapping[str, Any] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check the parts against each other; a spec made of its parts has all of them as given."""
+        validate(self)
+        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        object.__setattr__(self, "given", parts)
 
     @classmethod
-    def of(cls, course: Any = None, **settings: Any) -> Spec:
-        """Names resolved, numbers checked; arguments as of `quadsim.fly`.
+    def of(cls, course: CourseLike | None = None, **settings: Unpack[Keywords]) -> Spec:
+        """Return the flight with these settings; the others come from preset, course and vehicle.
+
+        Args:
+            course: a name, a FILE.yaml or a Course.
+            settings: as of `quadsim.fly`.
 
         Raises:
             SettingError: a ValueError of one line that names the setting.
             FileError: a course, vehicle or preset that cannot be read (a ValueError).
         """
-        return cls(**resolve(course, **settings))
+        given: dict[str, Any] = dict(settings)
+        if course is not None:
+            given["course"] = course
+        return _resolved(given)
+
+    def but(self, course: CourseLike | None = None, **changes: Unpack[Keywords]) -> Spec:
+        """Return the spec of the same settings with some changed, everything else resolved anew.
+
+        A new sampler, preset or vehicle brings its own defaults; settings that were given stay.
+
+        Args:
+            course: another course; default: the same.
+            changes: as of `quadsim.fly`; None: the default again.
+
+        Raises:
+            SettingError, FileError: as `of`.
+        """
+        given = {**self.given, **changes}
+        if course is not None:
+            given["course"] = course
+        return _resolved(given)
 
     @property
-    def entry(self) -> SystemEntry:
-        return self.own.system or SYSTEMS[self.system]
+    def sampler(self) -> str:
+        """The sampler's name, the class name of the user's own, or "pilot"."""
+        return "pilot" if self.pilot else sampler_name(self.planner.sampling)
+
+    @property
+    def preset(self) -> str:
+        """The preset that the planner's numbers started from: a name or a file."""
+        return self.planner.preset
 
     @property
     def streams(self) -> Streams:
         """The random streams of this flight, made anew at each access."""
-        return self.entry.streams(self.seed)
+        return quadrotor_streams(self.seed)
 
     @property
-    def flown_course(self) -> Any:
+    def flown_course(self) -> Course:
         """The course as it stands, which may differ from the planner's map `course`."""
-        return (
-            displaced(self.course, self.streams.gates, self.displace_gates)
-            if self.displace_gates
-            else self.course
-        )
+        if not self.displace_gates:
+            return self.course
+        return displaced(self.course, self.streams.gates, self.displace_gates)
 
-    def record(self) -> dict:
-        """The JSON that a run keeps. What no flight had before there were sensors is left out where
-        it is not used."""
-        unused = {
-            name for name in ("sensing", "displace_gates", "view_weight") if not getattr(self, name)
+    def record(self) -> dict[str, Any]:
+        """Return the JSON that a run keeps of its spec."""
+        own = self._own_parts()
+        named_plant = self.plant if isinstance(self.plant, str) else default_plant()
+        record = {
+            "system": "quadrotor",
+            "course": self.course.name,
+            "course_text": self.course.text,
+            "vehicle": plain(self.vehicle),
+            "sampler": self.sampler,
+            "preset": self.preset,
+            "planner": {
+                "vehicle": self.planner.vehicle,
+                "sampling": plain(self.planner.sampling),
+                "mppi": plain(self.planner.mppi),
+                "cost": plain(self.planner.cost),
+            },
+            "model": plain(self.model),
+            "seed": self.seed,
+            "laps": self.laps,
+            "timeout": self.timeout,
+            "penalties": self.penalties,
+            "plant": named_plant,
+            "plant_dt": self.plant_dt,
+            "randomize": self.randomize,
+            "clock": self.clock,
+            "deadline_ms": self.deadline_ms,
+            "variation": asdict(draw(self.streams.vehicle, self.randomize)),
+            "host": {"threads": self.threads},
         }
-        left_out = unused | {"course", "own", "pilot"}
-        kept = {
-            f.name: plain(getattr(self, f.name)) for f in fields(self) if f.name not in left_out
+        # These are left out where they are not used.
+        used = {
+            "sensing": plain(self.sensing),
+            "displace_gates": self.displace_gates,
+            "view_weight": self.view_weight,
+            "pilot": self.pilot.record() if self.pilot else None,
+            "own": own,
         }
-        kept["planner"].pop("view_weight")  # the preset's; the flight's own is kept above
-        kept |= {"course": self.course.name, "course_text": self.course.text}
-        kept["variation"] = asdict(
-            draw(self.streams.vehicle, self.randomize if self.system == "quadrotor" else 0.0)
-        )
-        own = self.own.described()
-        if type(self.planner.sampling) not in SAMPLERS.values():
-            own["sampler"] = describe(self.planner.sampling)
-        if self.own.system:
-            own["system"] = {
-                "states": list(self.entry.states),
-                "controls": list(self.entry.controls),
-            }
-        learned = {"pilot": self.pilot.record()} if self.pilot else {}
-        return kept | learned | ({"own": own} if own else {})
+        return record | {name: value for name, value in used.items() if value}
+
+    def _own_parts(self) -> dict[str, Any]:
+        """Return {role: description} of the objects of the user's own."""
+        parts = {"cost": self.cost, "controller": self.controller, "referee": self.referee}
+        if not isinstance(self.plant, str):
+            parts["plant"] = self.plant
+        if not is_registered(self.planner.sampling):
+            parts["sampler"] = self.planner.sampling
+        own: dict[str, Any] = {
+            role: describe(part) for role, part in parts.items() if part is not None
+        }
+        if self.terms:
+            own["terms"] = [describe_term(term) for term in self.terms]
+        return own
+
+
+def validate(spec: Spec) -> None:
+    """Check the parts of a spec against each other.
+
+    Raises:
+        SettingError: some do not fit together.
+        FileError: the pilot is for another vehicle or control period.
+    """
+    _check_types(spec)
+    dt = spec.planner.mppi.dt
+    try:
+        whole_multiple(dt, spec.plant_dt)
+    except ValueError:
+        wanted = f"expected a whole multiple of the plant's step {spec.plant_dt:g} [s]"
+        raise SettingError("dt", f"{wanted}, got {dt:g}") from None
+    _check_channels(spec.planner)
+    for path, problem in faults(spec.planner):
+        raise SettingError(path.partition(".")[2], problem)
+    if spec.view_weight and not (spec.sensing and spec.sensing.camera):
+        name = spec.sensing.name if spec.sensing else PERFECT
+        raise SettingError("view_weight", f"expected a sensing with a camera, got {name}")
+    if isinstance(spec.planner.cost, ReferenceWeights):
+        for name in ("view_weight", "displace_gates"):
+            if getattr(spec, name):
+                why = "for a preset that follows a reference, which knows no other gates or views"
+                raise SettingError(name, f"expected 0 {why}, got {getattr(spec, name):g}")
+    if spec.pilot:
+        spec.pilot.check(spec.vehicle.name, dt)
+
+
+def _check_types(spec: Spec) -> None:
+    """Check that the parts are objects of the right type. Raises SettingError."""
+    wanted = {"course": Course, "vehicle": Vehicle, "planner": Planner, "model": ModelParams}
+    for name, kind in wanted.items():
+        part = getattr(spec, name)
+        if not isinstance(part, kind):
+            raise SettingError(name, f"expected a {kind.__name__}, got {part!r}")
+    if isinstance(spec.plant, str):
+        if spec.plant not in PLANTS:
+            known = " or ".join(map(repr, PLANTS))
+            raise SettingError("plant", f"expected {known}, got {spec.plant!r}")
+    else:
+        check_part("plant", spec.plant)
+    if spec.controller is not None:
+        check_part("controller", spec.controller)
+    if spec.referee is not None:
+        check_part("referee", spec.referee)
+
+
+def _check_channels(planner: Planner) -> None:
+    """Check that a registered sampler has one number for each control. Raises SettingError."""
+    if not is_registered(planner.sampling):
+        return
+    wanted = len(Control._fields)
+    for name in ("sigma", "gamma"):
+        numbers = getattr(planner.sampling, name, None)
+        if numbers is not None and len(numbers) != wanted:
+            units = f" [{CONTROL_UNITS}]" if name == "sigma" else ""
+            shown = " ".join(map(str, numbers))
+            raise SettingError(name, f"expected {wanted} numbers{units}, got {shown}")
+
+
+def _resolved(given: Mapping[str, Any]) -> Spec:
+    """Return the spec of these settings; what is not given comes from preset, course and vehicle."""
+    _check_names(given)
+    flight = _flight_settings(given)
+
+    # What files hold is read once; `but` uses the objects.
+    read: dict[str, Any] = {}
+    course = _loaded(given, "course", Course, load_course, DEFAULT_COURSE, read)
+    pilot = _loaded(given, "pilot", Pilot, load_pilot, None, read)
+    sensing = _loaded(given, "sensing", Sensing, load_sensing, PERFECT, read) or load_sensing(
+        PERFECT
+    )
+    base = _base_planner(given, flight, read)
+    named = pilot.about.vehicle if pilot else base.vehicle
+    vehicle = _loaded(given, "vehicle", Vehicle, load_vehicle, named, read)
+    if flight.thrust_to_weight:
+        vehicle = with_thrust_to_weight(vehicle, flight.thrust_to_weight)
+
+    planner = _with_numbers(replace(base, vehicle=vehicle.name), given)
+    model = _model(given, vehicle)
+    laps = flight.laps or course.laps
+    if isinstance(planner.cost, ReferenceWeights):
+        stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir)
+    spec = Spec(
+        course=course,
+        vehicle=vehicle,
+        planner=planner,
+        model=model,
+        laps=laps,
+        timeout=flight.timeout or default_timeout(course, laps),
+        sensing=None if sensing.exact else sensing,
+        pilot=pilot,
+        seed=flight.seed,
+        randomize=flight.randomize,
+        displace_gates=flight.displace_gates,
+        view_weight=_view_weight(flight, base, sensing),
+        penalties=flight.penalties,
+        plant=given.get("plant") or default_plant(),
+        plant_dt=flight.plant_dt,
+        clock=flight.clock,
+        deadline_ms=flight.deadline_ms,
+        terms=(*terms_of(given.get("terms", ())), *map(term_of_text, flight.term)),
+        cost=given.get("cost"),
+        controller=given.get("controller"),
+        referee=given.get("referee"),
+        threads=flight.threads,
+        runs_dir=flight.runs_dir,
+    )
+    object.__setattr__(spec, "given", {**given, **read})
+    return spec
+
+
+def _check_names(given: Mapping[str, Any]) -> None:
+    """Check that each name is a setting's. Raises SettingError."""
+    known = (*SETTINGS, *OBJECTS)
+    for name in given:
+        if name not in known:
+            raise SettingError(name, f"no such setting, {did_you_mean(name, known)}")
+
+
+def _flight_settings(given: Mapping[str, Any]) -> FlightSettings:
+    """Return the flight's settings, but for those given as objects. Raises SettingError."""
+    values: dict[str, Any] = {}
+    for f in fields(FlightSettings):
+        value = given.get(f.name)
+        # Of settings that have a name, an object may be given in its place.
+        is_object = f.name in ("sampler", "pilot", "vehicle", "sensing", "plant", "preset")
+        if value is None or (is_object and not isinstance(value, str | Path)):
+            continue
+        if f.name == "term" and isinstance(value, str):
+            value = (value,)
+        values[f.name] = checked(f.name, value, SETTINGS[f.name].kind)
+    return FlightSettings(**values)
+
+
+def _loaded(
+    given: Mapping[str, Any],
+    name: str,
+    kind: type[T],
+    load: Callable[[str], T],
+    default: str | None,
+    read: dict[str, Any],
+) -> Any:
+    """Return a part that was given by name, as a FILE.yaml or as an object.
+
+    Args:
+        given: the settings.
+        name: of the setting.
+        kind: of the object.
+        load: reads the part that a name or path stands for; raises FileError.
+        default: the name that is loaded where none is given; None: there is no such part.
+        read: is given what was loaded by a name that was given.
+    """
+    part = given.get(name)
+    if isinstance(part, kind):
+        return part
+    if part is None:
+        return load(default) if default is not None else None
+    if not isinstance(part, str | Path):
+        wanted = f"expected a name, a FILE.yaml or a {kind.__name__}"
+        raise SettingError(name, f"{wanted}, got {part!r}")
+    read[name] = load(str(part))
+    return read[name]
+
+
+def _base_planner(
+    given: Mapping[str, Any], flight: FlightSettings, read: dict[str, Any]
+) -> Planner:
+    """Return the planner before single numbers are changed: the preset's, for the sampler.
+
+    read: is given the text of a preset file, and a sampler of the user's own.
+    """
+    sampling = own_sampler(given["sampler"]) if given.get("sampler") is not None else None
+    planner = given.get("planner")
+    if planner is not None:
+        for name in ("sampler", "preset"):
+            if given.get(name) is not None:
+                raise SettingError(name, "expected none beside a whole planner=")
+        return planner
+    preset = given.get("preset")
+    if not isinstance(preset, PresetSource):
+        preset = PresetSource.read(flight.preset)
+        read |= {"preset": preset} if "preset" in given else {}
+    if sampling is None:
+        return preset.planner(flight.sampler)
+    read["sampler"] = sampling
+    # The numbers around an own sampler are those of the default one.
+    name = sampler_name(sampling) if is_registered(sampling) else FlightSettings.sampler
+    return replace(preset.planner(name), sampling=sampling)
+
+
+def _with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:
+    """Return the planner with the numbers of its sampler, MPPI and cost that were given."""
+    groups: tuple[Group, ...] = ("sampling", "mppi", "cost")
+    changed = {group: _changed(group, getattr(planner, group), given) for group in groups}
+    return replace(planner, **changed)
+
+
+def _model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:
+    """Return the planner's model: the vehicle's nominal one, with the numbers that were given."""
+    model = given.get("model") or ModelParams.of(vehicle)
+    return _changed("model", model, given)
+
+
+def _changed(group: Group, values: Any, given: Mapping[str, Any]) -> Any:
+    """Return a group's dataclass with the settings of it that were given. Raises SettingError."""
+    changes = {}
+    for name, value in given.items():
+        setting = SETTINGS.get(name)
+        if setting is None or setting.group != group:
+            continue
+        kind = setting.kinds.get(type(values))
+        if value is None and (kind is None or not is_optional(kind)):
+            continue  # the default
+        if kind is None:
+            raise SettingError(name, _owners(setting))
+        changes[setting.field] = checked(name, value, kind)
+    return replace(values, **changes) if changes else values
+
+
+def _owners(setting: Setting) -> str:
+    """Return whose setting this is, for the error where another sampler or cost is flown."""
+    names = [name for name, cls in SAMPLERS.items() if cls in setting.kinds]
+    if names:
+        return f"expected none, it is a setting of {' and '.join(names)} sampling only"
+    owners = " and ".join(owner.__name__ for owner in setting.kinds)
+    return f"expected none, it is a setting of {owners} only"
+
+
+def _view_weight(flight: FlightSettings, base: Planner, sensing: Sensing) -> float:
+    """Return the weight of looking along the flight.
+
+    A camera has to find gates that stand off the map; else the vehicle is faster without yaw.
+    """
+    if flight.view_weight is not None:
+        return flight.view_weight
+    return base.view_weight if sensing.camera and flight.displace_gates else 0.0
+
+
+def default_timeout(course: Course, laps: int) -> float:
+    """Return a time limit [s]: 10 s to get going, and 2 m/s along the lines between the gates."""
+    return 10.0 + laps * course.lap_length / 2.0

@@ -108,7 +108,7 @@ def _race_cost(spec: Any) -> Cost:
     vehicle flies."""
     weights = spec.planner.cost
     if isinstance(weights, ReferenceWeights):
-        known = stored_reference(spec.course, spec.vehicle, spec.laps, weights)
+        known = stored_reference(spec.course, spec.vehicle, spec.laps, weights, "runs")
         followed = reference_of(known, spec.vehicle, spec.planner.mppi.dt)
         return reference_cost(spec.course, spec.vehicle.radius, weights, followed)
     cost = race_cost(spec.course, spec.vehicle.radius, weights, spec.laps)

@@ -10,10 +10,9 @@ from typing import get_type_hints
 import pytest
 from cyclopts import Parameter
 
-from controllers.samplers import SAMPLERS
-from quadsim.cli.cli import COMMANDS, race
-from quadsim.cli.flags import flag, flight_settings
-from quadsim.spec.systems import SYSTEMS
+from quadsim.cli.cli import race
+from quadsim.cli.commands import COMMANDS
+from quadsim.spec.settings import SETTINGS
 
 
 def outcome(argv, capsys):
@@ -43,7 +42,7 @@ def test_help_of_every_command_fits_a_terminal_and_says_what_each_flag_does(name
     assert max(map(len, out.splitlines())) <= 80
     assert "[default: False]" not in out
     assert "[default: None]" not in out
-    module, _, function = COMMANDS[name][0].partition(":")
+    module, _, function = COMMANDS[name].function.partition(":")
     hints = get_type_hints(getattr(import_module(module), function), include_extras=True)
     flags = {
         k: getattr(hint, "__metadata__", ())
@@ -57,17 +56,11 @@ def test_help_of_every_command_fits_a_terminal_and_says_what_each_flag_does(name
     ] == []
 
 
-FLIGHTS = [("quadrotor", sampler) for sampler in SAMPLERS]
-FLIGHTS += [(system, "colored") for system in SYSTEMS if system != "quadrotor"]
-
-
-@pytest.mark.parametrize(("system", "sampler"), FLIGHTS)
-def test_every_setting_of_a_flight_has_a_text(system, sampler, capsys):
-    settings = flight_settings(["--system", system, "--sampler", sampler])
-    assert [name for name, s in settings.items() if not s.help] == []
-    code, out, _ = outcome(f"fly --system {system} --sampler {sampler} --help", capsys)
-    assert code == 0
-    assert [name for name in settings if flag(name) not in out] == []
+def test_every_setting_of_a_flight_is_a_flag_whatever_else_is_given(capsys):
+    for argv in ("fly --help", "fly --sampler gaussian --preset paper --help"):
+        code, out, _ = outcome(argv, capsys)
+        assert code == 0
+        assert [setting.flag for setting in SETTINGS.values() if setting.flag not in out] == []
 
 
 QUICK = [

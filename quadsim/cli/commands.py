@@ -1,0 +1,65 @@
+"""The commands of `race`: a function in a module that is loaded when it is asked for."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Command(NamedTuple):
+    """One command."""
+
+    function: str  # "module:function"
+    summary: str
+    compiles: bool = False  # it runs the compiled planner
+
+
+COMMANDS = {
+    "fly": Command(
+        "quadsim.cli.fly:fly", "simulate a flight: lap and split times, crashes, chatter", True
+    ),
+    "show": Command("quadsim.cli.stored:show", "the report of a stored run"),
+    "plot": Command(
+        "quadsim.cli.stored:plot", "a stored run as a picture: path, height, controls, spectrum"
+    ),
+    "web": Command("quadsim.cli.web:web", "watch, tune, race and replay in a browser", True),
+    "render": Command(
+        "quadsim.cli.render:render",
+        "pictures with labels for perception: colour, depth, segmentation",
+    ),
+    "export": Command(
+        "quadsim.cli.stored:export", "a stored run as a page that plays offline, as CSV, as a zip"
+    ),
+    "courses": Command("quadsim.cli.listing:courses", "the courses that come with the project"),
+    "vehicles": Command("quadsim.cli.listing:vehicles", "the vehicles that come with the project"),
+    "sensings": Command(
+        "quadsim.cli.listing:sensings", "the sets of sensors that come with the project"
+    ),
+    "check": Command(
+        "quadsim.cli.listing:check", "check course, vehicle, preset and sensing files"
+    ),
+    "limit": Command(
+        "quadsim.cli.limit:limit",
+        "the least time in which a vehicle can fly a course, by optimisation",
+    ),
+    "compare": Command(
+        "quadsim.cli.compare:compare", "compare variants over many flights, paired by seed", True
+    ),
+    "results": Command("quadsim.cli.results:results", "stored comparisons: list, filter, compare"),
+    "tune": Command(
+        "quadsim.cli.tune:tune", "search planner parameters for the fastest safe lap", True
+    ),
+    "train": Command(
+        "quadsim.cli.train:train", "learn a pilot for a course, flown by race fly --pilot", True
+    ),
+    "regress": Command(
+        "quadsim.cli.regress:regress",
+        "regression test for lap times, success and chatter",
+        True,
+    ),
+    "bench": Command(
+        "quadsim.cli.bench:bench",
+        "planning time on this machine; compare with pytorch-mppi and JAX",
+        True,
+    ),
+    "paper": Command("quadsim.cli.paper:paper", "reproduce the paper's tables and figures", True),
+}

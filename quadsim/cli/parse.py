@@ -1,0 +1,104 @@
+"""The command line: which command runs with which arguments, and one line for what cannot be used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from difflib import get_close_matches
+from functools import cache
+from typing import Any, get_type_hints
+
+from cyclopts import App, CycloptsError, exceptions
+from msgspec import inspect
+
+from quadsim.cli.commands import COMMANDS
+from quadsim.cli.flags import settings_as_flags
+from quadsim.console import UsageError
+from quadsim.files.yaml_words import expected
+from quadsim.spec.settings import SETTINGS
+from quadsim.spec.values import checked
+
+
+@cache
+def application() -> App:
+    """Return the commands as cyclopts knows them; the module of one is loaded when it is used."""
+    app = App(name="race", version_flags=(), help_flags=("--help", "-h"), help_format="plaintext")
+    for name, command in COMMANDS.items():
+        app.command(command.function, name=name)
+    return app
+
+
+def run(argv: Sequence[str]) -> int:
+    """Run the command that argv names and return its exit code; 0 for `--help`.
+
+    Raises:
+        UsageError: flags or values that cannot be used.
+    """
+    app = application()
+    try:
+        function, bound, _ = app.parse_args(argv, print_error=False, exit_on_error=False)
+    except CycloptsError as error:
+        raise UsageError(_line(error, app[argv[0]])) from None
+    if hasattr(function, "__self__"):  # a method of the App itself: --help, completion
+        function(*bound.args, **bound.kwargs)
+        return 0
+    _check(function, bound.arguments)
+    return function(*bound.args, **bound.kwargs)
+
+
+def parse_flight(argv: Sequence[str]) -> tuple[str | None, dict[str, Any]]:
+    """Return the course and the settings of a command line of `race fly`.
+
+    Raises:
+        UsageError: it is none.
+    """
+    from quadsim.cli.flags import CourseName, Given
+
+    found: list[tuple[str | None, dict[str, Any]]] = []
+
+    def flight(course: CourseName = None, /, *, settings: Given = None) -> None:
+        found.append((course, dict(settings or {})))
+
+    flight.__annotations__ = {"course": CourseName, "settings": Given}
+    app = App(name="race fly", version_flags=(), help_flags=())
+    app.default(flight)
+    try:
+        function, bound, _ = app.parse_args(argv, print_error=False, exit_on_error=False)
+    except CycloptsError as error:
+        raise UsageError(_line(error, app)) from None
+    function(*bound.args, **bound.kwargs)
+    return found[0]
+
+
+def _check(function: Callable[..., Any], arguments: Mapping[str, Any]) -> None:
+    """Check the numbers of a command's own flags by their annotations. Raises UsageError."""
+    hints = get_type_hints(function, include_extras=True)
+    for name, value in arguments.items():
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            with settings_as_flags():
+                checked(name, value, inspect.type_info(hints[name]))
+
+
+def _line(error: CycloptsError, app: App) -> str:
+    """Return cyclopts' error as one line: the flag, what was expected, what was given."""
+    name = error.argument.name if error.argument else ""
+    command = " ".join(app.name)
+    match error:
+        case exceptions.UnknownOptionError():
+            given = (error.token.keyword or error.token.value).partition("=")[0]
+            arguments = app.assemble_argument_collection()
+            known = [n for argument in arguments for n in argument.names if n.startswith("--")]
+            near = get_close_matches(given, known, n=1)
+            advice = f": did you mean {near[0]!r}?" if near else ""
+            return f"no flag {given}{advice} (see race {command} --help)"
+        case exceptions.UnusedCliTokensError():
+            unused = " ".join(map(repr, error.unused_tokens or ()))
+            return f"unexpected {unused} (see race {command} --help)"
+        case exceptions.RepeatArgumentError():
+            return f"{error.token.keyword}: expected once, got it twice"
+        case exceptions.CoercionError() | exceptions.MissingArgumentError() if error.argument:
+            token = error.token if isinstance(error, exceptions.CoercionError) else None
+            setting = SETTINGS.get(name.removeprefix("--").replace("-", "_"))
+            kind = setting.kind if setting else inspect.type_info(error.argument.hint)
+            given = repr(token.value) if token else "too few values"
+            return f"{name}: expected {expected(kind)}, got {given}"
+    return str(error).splitlines()[-1]

@@ -1,0 +1,100 @@
+"""Write keywords.py, which tells editors and type checkers the keywords of `quadsim.fly`.
+
+    python -m quadsim.spec.write_keywords
+
+The names and types are those of quadsim.spec.settings; a type checker cannot read them off
+dataclasses, so they are written out. `make fix` does it, and a test finds a file that is out of date.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from msgspec import inspect
+
+from quadsim.spec.settings import SETTINGS, Kind, Setting, bare
+
+FILE = Path(__file__).with_name("keywords.py")
+HEAD = '''"""The keywords of `quadsim.fly`, for editors and type checkers.
+
+Written by `python -m quadsim.spec.write_keywords`; see quadsim.spec.settings for what they mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from controllers.costs import Cost, Term
+    from controllers.learned.pilot import Pilot
+    from controllers.presets import Planner
+    from controllers.samplers import PlainSampler, Sampling
+    from quadsim.course import Course
+    from quadsim.dynamics.quadrotor import ModelParams
+    from quadsim.physics.plant import Plant
+    from quadsim.race.flight import Controller, ControlLaw, RefereeProtocol
+    from quadsim.sensing import Sensing
+    from quadsim.spec.spec import Spec
+    from quadsim.vehicle import Vehicle
+
+    CourseLike = str | Path | Course
+    Numbers = Sequence[float] | NDArray[Any]
+
+
+class Keywords(TypedDict, total=False):
+    """Settings by name, None for the default. `Spec.of` takes the same."""
+
+'''
+# What a setting with a name takes beside the name, and the keywords that are objects alone.
+OBJECTS = {
+    "sampler": "str | Sampling | PlainSampler",
+    "pilot": "str | Path | Pilot",
+    "preset": "str | Path",
+    "vehicle": "str | Path | Vehicle",
+    "sensing": "str | Path | Sensing",
+    "plant": 'Literal["bullet", "rigid", "rotorpy"] | Plant | Callable[[Spec], Plant]',
+    "runs_dir": "str | Path",
+    "planner": "Planner",
+    "model": "ModelParams",
+    "terms": "Sequence[Term | tuple[Callable[..., Any], float | NDArray[Any]]]",
+    "cost": "Cost | Callable[[Cost], Cost]",
+    "controller": "Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw]",
+    "referee": "RefereeProtocol | Callable[[Spec], RefereeProtocol]",
+}
+
+
+def keywords_module() -> str:
+    """Return the text of keywords.py."""
+    types = {name: _type(setting) for name, setting in SETTINGS.items()} | OBJECTS
+    return HEAD + "".join(f"    {name}: {kind} | None\n" for name, kind in types.items())
+
+
+def _type(setting: Setting) -> str:
+    """Return the type of a setting as a type checker reads it."""
+    kinds = dict.fromkeys(_text(kind) for kind in setting.kinds.values())
+    return " | ".join(kinds)
+
+
+def _text(kind: Kind) -> str:
+    match bare(kind):
+        case inspect.BoolType():
+            return "bool"
+        case inspect.IntType():
+            return "int"
+        case inspect.FloatType():
+            return "float"
+        case inspect.LiteralType(values):
+            return f"Literal[{', '.join(map(repr, values))}]".replace("'", '"')
+        case inspect.TupleType():
+            return "Numbers"
+        case inspect.VarTupleType():
+            return "str | Sequence[str]"
+    return "str"
+
+
+if __name__ == "__main__":
+    FILE.write_text(keywords_module(), encoding="utf-8")
