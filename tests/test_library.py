@@ -81,8 +81,8 @@ WRONG = {  # setting -> value, what the message must say
     "clock": (3, "clock: expected 'simulated' or 'wall', got '3'"),
     "vehicle": (3, "vehicle: expected text, got 3"),
     "threads": (10**6, "threads: expected 1 to "),
-    "model.drag": (-1, "model.drag: expected a number [1/s] >= 0"),
-    "model.dragg": (1, "model.dragg: no such setting, did you mean 'model.drag'?"),
+    "model_drag": (-1, "model_drag: expected a number [1/s] >= 0"),
+    "model_dragg": (1, "model_dragg: no such setting, did you mean 'model_drag'?"),
     "sampels": (3, "sampels: no such setting, did you mean 'samples'?"),
     "sampler": ("colred", "sampler: no sampler 'colred': did you mean 'colored'?"),
     "system": (

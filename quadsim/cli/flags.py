@@ -1,7 +1,7 @@
 """Annotations of the commands' flags, and the flags of a flight, one for each setting.
 
-The annotation of a parameter holds its help, its unit and its range. cyclopts reads the command line
-and completes it; values are checked by the rules of quadsim.spec.values.
+The annotation of a parameter holds its help, its unit and its range. cyclopts reads the command
+line and completes it; values are checked by the rules of quadsim.spec.values.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ DEFAULT_PLANNER = PRESETS[FlightSettings.preset][FlightSettings.sampler]
 
 @contextmanager
 def settings_as_flags() -> Iterator[None]:
-    """Turn errors in settings, and in how course, laps and vehicle fit together, into UsageErrors."""
+    """Turn errors in settings, and in how the parts of a flight fit together, into UsageErrors."""
     try:
         yield
     except SettingError as error:

@@ -1,4 +1,4 @@
-"""The command line: which command runs with which arguments, and one line for what cannot be used."""
+"""The command line: the command that it names, its arguments, and one line for a mistake."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """Objects of the user's own in a flight.
 
-They are a sampler, terms, a cost, a plant, a controller and a referee. A run keeps what they are called and the numbers that they hold, not what they do.
+They are a sampler, terms, a cost, a plant, a controller and a referee. A run keeps what they are
+called and the numbers that they hold, not what they do.
 """
 
 from __future__ import annotations

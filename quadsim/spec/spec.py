@@ -90,9 +90,7 @@ class Spec:
     plant: PlantName | Plant | Callable[[Spec], Plant] = field(default_factory=default_plant)
     plant_dt: float = FlightSettings.plant_dt  # [s]
     clock: Clock = "simulated"
-    deadline_ms: float | None = (
-        None  # the planner uses fewer samples so that a plan takes no longer
-    )
+    deadline_ms: float | None = None  # fewer samples, so that a plan takes no longer
     terms: tuple[Term, ...] = ()  # of the user's own, beside those of the cost
     cost: Cost | Callable[[Cost], Cost] | None = None  # in place of the cost, or made of it
     controller: Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw] | None = None
@@ -282,7 +280,7 @@ def _check_channels(planner: Planner) -> None:
 
 
 def _resolved(given: Mapping[str, Any]) -> Spec:
-    """Return the spec of these settings; what is not given comes from preset, course and vehicle."""
+    """Return the spec of these settings; the others come from preset, course and vehicle."""
     _check_names(given)
     flight = _flight_settings(given)
 
@@ -290,9 +288,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     read: dict[str, Any] = {}
     course = _loaded(given, "course", Course, load_course, DEFAULT_COURSE, read)
     pilot = _loaded(given, "pilot", Pilot, load_pilot, None, read)
-    sensing = _loaded(given, "sensing", Sensing, load_sensing, PERFECT, read) or load_sensing(
-        PERFECT
-    )
+    sensing = _loaded(given, "sensing", Sensing, load_sensing, PERFECT, read)
     base = _base_planner(given, flight, read)
     named = pilot.about.vehicle if pilot else base.vehicle
     vehicle = _loaded(given, "vehicle", Vehicle, load_vehicle, named, read)

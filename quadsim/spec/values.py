@@ -23,7 +23,7 @@ class _Unfit(Exception):  # noqa: N818 (it never leaves this module)
 def checked(name: str, given: object, kind: Kind) -> object:
     """Return the value as a setting holds it.
 
-    Text is read as a number where a number is asked for; a list, a tuple or an array becomes a tuple.
+    Text is read as a number where one is asked for. A list, a tuple or an array becomes a tuple.
 
     Args:
         name: of the setting, for the error.

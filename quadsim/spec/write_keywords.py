@@ -2,8 +2,8 @@
 
     python -m quadsim.spec.write_keywords
 
-The names and types are those of quadsim.spec.settings; a type checker cannot read them off
-dataclasses, so they are written out. `make fix` does it, and a test finds a file that is out of date.
+The names and types are those of quadsim.spec.settings. A type checker cannot read them off
+dataclasses, so they are written out; a test finds a file that is out of date.
 """
 
 from __future__ import annotations

@@ -124,7 +124,7 @@ def test_none_is_the_default_again():
 
 
 def test_a_number_of_the_first_sampler_is_refused_by_the_next():
-    with pytest.raises(SettingError, match="gamma: .* colored sampling only"):
+    with pytest.raises(SettingError, match=r"gamma: .* colored sampling only"):
         small(gamma=(1, 1, 1, 1)).but(sampler="gaussian")
 
 
@@ -190,7 +190,7 @@ def test_terms_are_part_of_the_record():
         return u.wx * u.wx
 
     spec = small(terms=[(calm, 2.0)])
-    assert spec.terms == (Term(calm, 2.0),)
+    assert [(type(term), term.function) for term in spec.terms] == [(Term, calm)]
     (term,) = spec.record()["own"]["terms"]
     assert (term["name"], term["weight"]) == ("calm", 2.0)
 
