@@ -22,8 +22,8 @@ A command's flags: race COMMAND --help. JSON: --json. Examples:
   race fly paper_flat --preset paper --sampler gaussian --seed 3
   race plot last               the last run as PNG and SVG
 
-Version: race --version. Completion: source the output of
-race --completion bash (or zsh, fish).
+Version: race --version. Completion: race --completion bash > FILE, which
+your shell sources at its start (or zsh, fish).
 Exit code: 0 finished, 1 not finished, 2 usage or bad file, 130 interrupted.
 """
 SHELLS = ("bash", "zsh", "fish")
@@ -32,7 +32,7 @@ PIPE_CLOSED = 128 + signal.SIGPIPE  # what a shell reports for a program that th
 
 
 def main() -> None:
-    """The console script."""
+    """Run the console script and exit with the command's code."""
     from quadsim.console import prepare_process
 
     prepare_process()
@@ -41,7 +41,10 @@ def main() -> None:
 
 
 def race(argv: list[str]) -> int:
-    """The exit code. Whatever a user can cause is one line on stderr."""
+    """Run a command line and return its exit code.
+
+    Whatever a user can cause is one line on stderr.
+    """
     argv = argv or ["--help"]
     name = argv[0]
     try:
@@ -113,11 +116,12 @@ def _print_completion(words: list[str]) -> int:
 
 
 def _drop_stdout() -> None:
-    """What is still buffered goes nowhere, or Python would try again at its end."""
+    """Send what is still buffered nowhere; Python would try to write it again at its end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _complain(line: str, code: int) -> int:
+    """Print a line on stderr and return the exit code."""
     from quadsim.console import complain
 
     complain(line)

@@ -9,19 +9,23 @@ from quadsim.console import UsageError
 
 
 def check_compiler() -> None:
-    """Raises UsageError where a NUMBA_ variable keeps numba from compiling, here or in a worker."""
-    given = ", ".join(
-        f"{name}={value!r}"
-        for name, value in sorted(os.environ.items())
-        if name.startswith("NUMBA_")
-    )
-    if given and (problem := _compiler_problem()):
+    """Check that no NUMBA_ variable keeps the planner from being compiled, here or in a worker.
+
+    Raises:
+        UsageError: one does.
+    """
+    variables = {k: v for k, v in sorted(os.environ.items()) if k.startswith("NUMBA_")}
+    if not variables:
+        return
+    problem = _compiler_problem()
+    if problem:
+        given = ", ".join(f"{name}={value!r}" for name, value in variables.items())
         raise UsageError(f"{given}: {problem}: unset it, or give it a value that numba knows")
 
 
 def _compiler_problem() -> str:
-    """What numba says of its variables: the first line, or ""."""
-    with warnings.catch_warnings(record=True) as said:
+    """Return the first line of what numba says against its variables, or ""."""
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
             import numba
@@ -32,8 +36,12 @@ def _compiler_problem() -> str:
 
             use_threads(None)
         except (ValueError, ImportError, RuntimeError) as error:
-            return str(error).splitlines()[0].rstrip(".")
-    unread = [
-        str(warning.message) for warning in said if "Environment variable" in str(warning.message)
-    ]
-    return unread[0].splitlines()[0].rstrip(".") if unread else ""
+            return _first_line(str(error))
+    for warning in caught:
+        if "Environment variable" in str(warning.message):
+            return _first_line(str(warning.message))
+    return ""
+
+
+def _first_line(text: str) -> str:
+    return text.splitlines()[0].rstrip(".")

@@ -260,6 +260,9 @@ def _check_types(spec: Spec) -> None:
             raise SettingError("plant", f"expected {known}, got {spec.plant!r}")
     else:
         check_part("plant", spec.plant)
+    if not (spec.cost is None or isinstance(spec.cost, Cost) or callable(spec.cost)):
+        wanted = "expected a Cost, or a function of the default Cost that returns one"
+        raise SettingError("cost", f"{wanted}, got {spec.cost!r}")
     if spec.controller is not None:
         check_part("controller", spec.controller)
     if spec.referee is not None:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from quadsim.course import Course
     from quadsim.dynamics.quadrotor import ModelParams
     from quadsim.physics.plant import Plant
-    from quadsim.race.flight import Controller, ControlLaw, RefereeProtocol
+    from quadsim.race.flight import ControlLaw, Controller, RefereeProtocol
     from quadsim.sensing import Sensing
     from quadsim.spec.spec import Spec
     from quadsim.vehicle import Vehicle
