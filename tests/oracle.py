@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from controllers.costs import Cost, evaluate
-from controllers.costs.frames import FrameRow, ObstacleRow, touches, touches_round
+from controllers.costs.frames import touches_round
 from controllers.lanes.lanes import LANES
 from controllers.lanes.planner_loops import MARKS, steps_between
 from controllers.schedule import Schedule

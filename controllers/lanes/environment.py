@@ -52,15 +52,17 @@ class Learning(NamedTuple):
 RESTART = """
 @njit(inline="always")
 def drawn(seed, environment, episode, of):
-    # a number below `of`: splitmix64's finaliser (Steele, Lea and Flood 2014) of all that it depends on
-    h = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(environment) * np.uint64(0xD1B54A32D192ED03)
+    # a number below `of`: splitmix64's finaliser (Steele, Lea and Flood 2014) of its arguments
+    h = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15)
+    h += np.uint64(environment) * np.uint64(0xD1B54A32D192ED03)
     h += np.uint64(episode) * np.uint64(0x8CB92BA72F3D8DD7)
     h = (h ^ (h >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     h = (h ^ (h >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return np.int64((h ^ (h >> np.uint64(31))) % np.uint64(of))
 
 @njit(fastmath=FAST, error_model="numpy")
-def restart(l, environment, seed, starts, targets, state, target, model, last, room, row, steps, passes, episode, obs):
+def restart(l, environment, seed, starts, targets, state, target, model, last, room, row, steps,
+            passes, episode, obs):
     start = starts[drawn(seed, environment, episode[l], starts.shape[0])]
     for k in range(<n_x>):
         state[k, l] = start[k]
@@ -79,13 +81,14 @@ def restart(l, environment, seed, starts, targets, state, target, model, last, r
 
 @kept
 @njit(fastmath=FAST, error_model="numpy", parallel=True)
-def begin(states, rows, models, actions, way, room, row, steps, passes, episode, over, obs, starts, targets, course,
-          seed, chosen):
+def begin(states, rows, models, actions, way, room, row, steps, passes, episode, over, obs, starts,
+          targets, course, seed, chosen):
     for b in prange(states.shape[0]):
         for l in range(L):
             if chosen[b, l]:
-                restart(l, b * L + l, seed, starts[course[b]], targets[course[b]], states[b], rows[b], models[b],
-                        actions[b], room[b], row[b], steps[b], passes[b], episode[b], obs[b])
+                restart(l, b * L + l, seed, starts[course[b]], targets[course[b]], states[b],
+                        rows[b], models[b], actions[b], room[b], row[b], steps[b], passes[b],
+                        episode[b], obs[b])
                 over[b, l] = False
 """
 
@@ -100,7 +103,8 @@ def move(source, to):
 
 @njit(fastmath=FAST, error_model="numpy")
 def meet_obstacles(state, after, moved, room, crashed, obstacles):
-    # room: no box around an obstacle is nearer [m]; only a vehicle that has flown so far is tested again
+    # room: no box around an obstacle is nearer [m]. A vehicle is tested again after it has flown
+    # this far.
     near = np.int32(0)
     for l in range(L):
         room[l] -= moved[l]
@@ -113,9 +117,12 @@ def meet_obstacles(state, after, moved, room, crashed, obstacles):
             least = F(1e12)
             for o in range(obstacles.shape[0]):
                 <read_obstacle>
-                x = higher(higher(obstacle_x_low - after[0, l], after[0, l] - obstacle_x_high), F(0))
-                y = higher(higher(obstacle_y_low - after[1, l], after[1, l] - obstacle_y_high), F(0))
-                z = higher(higher(obstacle_z_low - after[2, l], after[2, l] - obstacle_z_high), F(0))
+                x = higher(obstacle_x_low - after[0, l], after[0, l] - obstacle_x_high)
+                y = higher(obstacle_y_low - after[1, l], after[1, l] - obstacle_y_high)
+                z = higher(obstacle_z_low - after[2, l], after[2, l] - obstacle_z_high)
+                x = higher(x, F(0))
+                y = higher(y, F(0))
+                z = higher(z, F(0))
                 apart = x * x + y * y + z * z
                 least = lower(least, apart)
                 if apart <= reach * reach:
@@ -152,21 +159,23 @@ def add_noise(obs, noise, lane, key, call):
 ADVANCE = """
 @kept
 @njit(fastmath=FAST, error_model="numpy", parallel=True)
-def advance(states, rows, models, actions_before, way, room, row, steps, passes, episode, over, obs, starts, targets,
-            course, seed, p_cost, dt, actions, final, reward_of, ended, cut, passed, crashed_now, last_row, obstacles,
-            n_obstacles, low, half, limit, mode, p_reward, noise, key, call, parts):
+def advance(states, rows, models, actions_before, way, room, row, steps, passes, episode, over, obs,
+            starts, targets, course, seed, p_cost, dt, actions, final, reward_of, ended, cut,
+            passed, crashed_now, last_row, obstacles, n_obstacles, low, half, limit, mode, p_reward,
+            noise, key, call, parts):
     blocks = states.shape[0]
     <read_command>
     <read_reward>
     for part in prange(parts):
-        # what is read: state, action, target row, the vehicle's parameters, last action, next gates
+        # arrays that are read: state, action, target row, the vehicle's parameters, last action,
+        # next gates
         state = np.empty((<n_x>, L), F)
         action = np.empty((<n_u>, L), F)
         target = np.empty((<n_target>, L), F)
         model = np.empty((<n_p>, L), F)
         before = np.empty((<n_u>, L), F)
         gates = np.empty((<n_gates>, L), F)
-        # what is written: next state, clipped action, observation
+        # arrays that are written: next state, clipped action, observation
         after = np.empty((<n_x>, L), F)
         clipped = np.empty((<n_u>, L), F)
         seen = np.empty((<n_obs>, L), F)
@@ -192,7 +201,8 @@ def advance(states, rows, models, actions_before, way, room, row, steps, passes,
                 moved[l] = math.sqrt(dx * dx + dy * dy + dz * dz)
             for l in range(L):
                 way_before[l] = way[b, l] if steps[b, l] > 0 else way_now[l]
-            meet_obstacles(states[b], after, moved, room[b], crashed, obstacles[c, : n_obstacles[c]])
+            meet_obstacles(states[b], after, moved, room[b], crashed,
+                           obstacles[c, : n_obstacles[c]])
             next_targets(rows[b], row[b], passes[b], reached, targets[c], last_row[c])
             move(actions_before[b], before)
             move(rows[b][<n_target>:], gates)
@@ -204,8 +214,8 @@ def advance(states, rows, models, actions_before, way, room, row, steps, passes,
             for l in range(L):
                 way[b, l] = way_now[l]
                 reward_of[b, l] = paid[l]
-            if judge(steps[b], row[b], crashed, reached, over[b], ended[b], cut[b], passed[b], crashed_now[b],
-                     last_row[c], limit):
+            if judge(steps[b], row[b], crashed, reached, over[b], ended[b], cut[b], passed[b],
+                     crashed_now[b], last_row[c], limit):
                 for l in range(L):
                     if over[b, l] and mode == <NEXT_STEP>:
                         ended[b, l] = False
@@ -220,8 +230,9 @@ def advance(states, rows, models, actions_before, way, room, row, steps, passes,
                         for k in range(<n_obs>):
                             final[b, k, l] = obs[b, k, l]
                     if again:
-                        restart(l, b * L + l, seed, starts[c], targets[c], states[b], rows[b], models[b],
-                                actions_before[b], room[b], row[b], steps[b], passes[b], episode[b], obs[b])
+                        restart(l, b * L + l, seed, starts[c], targets[c], states[b], rows[b],
+                                models[b], actions_before[b], room[b], row[b], steps[b],
+                                passes[b], episode[b], obs[b])
             if noise[0] >= F(0):
                 add_noise(obs[b], noise, b * L, key, call)
 

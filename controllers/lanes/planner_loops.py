@@ -91,8 +91,8 @@ def rollout(x0, U, z, J, noise_factor, cost_factor, low, high, dt, targets, syst
 PATHS = """
 @kept
 @njit(fastmath=FAST, error_model="numpy")
-def paths(x0, U, block, path, means, noise_factor, cost_factor, low, high, dt, targets, system_numbers,
-          cost_numbers<obstacle_arguments>):
+def paths(x0, U, block, path, means, noise_factor, cost_factor, low, high, dt, targets,
+          system_numbers, cost_numbers<obstacle_arguments>):
     T = U.shape[0]
     t0 = 0
     b = 0
@@ -142,7 +142,8 @@ if until_mark == 0 or t == T - 1:
                 marked[m, k, l] = state[k, l]
     marks = filled
     if marks == <marks>:
-        meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, before_finish, crashed, <cost>)
+        meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, before_finish,
+                       crashed, <cost>)
         marks = 1
         for l in range(L):
             before_finish[l] = F(1) if row[l] < last_row else F(0)
@@ -150,7 +151,8 @@ if until_mark == 0 or t == T - 1:
 
 MEET_OBSTACLES = """
 @njit(fastmath=FAST, error_model="numpy")
-def meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, before_finish, crashed, cost):
+def meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, before_finish, crashed,
+                   cost):
     # boxes around the marked positions of some lanes each
     for k in range(3):
         for l in range(<boxes>):

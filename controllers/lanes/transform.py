@@ -49,7 +49,8 @@ def transformed(out, scale, offset, turns, key, call, first):
         x, y = np.empty({size}, F), np.empty({size}, F)
         for c in range(channels):
             for g in range(0, lanes, {W}):
-                normal_rows(x.reshape((2 * {n}, {W})), scale[c], (first + b) * lanes + g, c * {groups}, key, call)
+                normal_rows(x.reshape((2 * {n}, {W})), scale[c], (first + b) * lanes + g,
+                            c * {groups}, key, call)
 {passes}
                 for k in range(2 * b, min(2 * b + 2, series)):
                     z = {result}[k % 2 * {half}:]

@@ -135,15 +135,13 @@ def launch(
 ) -> Iterator[Frame]:
     """Return the frames of a flight, of the parts that `build` returned. navigation: default: the
     spec's."""
-    from controllers.deadline import Deadline
     from controllers.mppi import MPPI
     from controllers.sampled_trajectories import take_snapshot
 
-    timed = Deadline(controller, spec.deadline_ms) if spec.deadline_ms else controller
     snapshot = partial(take_snapshot, controller) if isinstance(controller, MPPI) else None
     navigation = navigation or navigation_of(spec, plant, controller, referee)
     return simulate(
-        plant, timed, referee, spec.planner.mppi.dt, CLOCKS[spec.clock](), snapshot, navigation
+        plant, controller, referee, spec.planner.mppi.dt, CLOCKS[spec.clock](), snapshot, navigation
     )
 
 
