@@ -126,11 +126,3 @@ def fill_normals(out, scale, key, call, first=0):
     (2,) uint32."""
     for b in prange(out.shape[0]):
         normal_rows(out[b], scale, (first + b) * out.shape[2], 0, key, call)
-
-
-@kept
-@njit
-def philox_words(counter, key):
-    """One block of the generator for the published test vectors.  counter (4,), key (2,) uint32 ->
-    four uint32."""
-    return philox(counter[0], counter[1], counter[2], counter[3], key[0], key[1])
