@@ -1,14 +1,28 @@
-"""Generate the loops that step many learning environments: step, gate tests, observation, reward,
-restart.
+"""Generate the loops that step many learning environments.
 
-The functions are those that a rollout inlines, and like a rollout the loops run over lanes:
-environment i is lane i % LANES of block i // LANES. All environments of a block fly one course.
-What happens rarely (a gate is passed, an episode ends) sets a flag, and a loop apart handles it. An
-episode starts from a row of `starts`: the state, the number of its target row, the parameters of
-the system, the last action. Which row is drawn depends on the seed, the environment and the number
-of the episode alone, never on threads.
+One step is the model, the gate tests, the observation, the reward and, at the end of an episode, a
+restart. The functions are those that a rollout inlines, and like a rollout the loops run over
+lanes: environment i is lane i % LANES of block i // LANES. All environments of a block fly one
+course.
 
-LLVM vectorises a lane loop only where it sees that what is written overlaps with nothing that is
+The text is that of the templates RESTART, PARTS and ADVANCE, with the traced lines in the places
+`<name>` (see `parts.fill`). The core of `advance` then reads
+
+    for l in range(L):
+        # the action within -1..1, as a command
+        action_thrust = lower(higher(action[3, l], F(-1)), F(1))
+        u_thrust = low_thrust + (F(1.0) + action_thrust) * half_thrust
+        # quadrotor: step
+        ...
+        after[0, l] = px
+        clipped[3, l] = action_thrust
+
+Rare events, a gate that is passed or an episode that ends, set a flag, and a loop apart handles
+them. An episode starts from a row of `starts`: the state, the number of its target row, the
+parameters of the system, the last action. The choice of the row depends on the seed, the
+environment and the number of the episode alone, never on threads.
+
+LLVM vectorises a lane loop only where it sees that the written arrays overlap with none that are
 read. So the lane loops write to arrays made in the same function, whose rows lie where the compiler
 knows, and `move` brings rows to and from the arguments. Those arrays serve many blocks: making them
 took longer than a step.
@@ -24,29 +38,37 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.costs import Cost
+from controllers.costs import Cost, StepFunction
 from controllers.lanes.compiled import load_module
 from controllers.lanes.parts import fill, header, line_test, next_targets, read, store
 from controllers.lanes.planner_loops import trace_model
 from controllers.lanes.text import Writer
-from controllers.lanes.trace import Graph, trace, trace_number
+from controllers.lanes.trace import Graph, Symbol, Value, trace, trace_number
 from quadsim.dynamics import System
 from quadsim.dynamics.records import flat, flat_names
 
-SAME_STEP, NEXT_STEP, DISABLED = 0, 1, 2  # when an episode that has ended starts anew
+# The step in which an episode that has ended starts anew
+SAME_STEP = 0
+NEXT_STEP = 1
+DISABLED = 2
 
-SLACK = 1e-3  # [m] of a vehicle's room to the obstacles is left to rounding
+SLACK = 1e-3  # part of a vehicle's room to the obstacles that is left to rounding [m]
 
 
 class Learning(NamedTuple):
-    """An environment adds these plain functions to a model and its cost; the lanes inline them."""
+    """The plain functions that an environment adds to a model and its cost; the lanes inline them."""
 
-    observation: Callable  # (x, gates, last) -> record of what is observed
-    gates: type  # NamedTuple: the next gates, from the row of the course
-    reward: Callable  # (progress, clearance, crashed, reached, action, last, p) -> number
-    weights: type  # NamedTuple: the weights p
-    progress: Callable  # a term of the cost: the way that is left
-    clearance: Callable  # a term of the cost
+    # (x, gates, last action) -> record of the observed numbers
+    observation: Callable[..., Any]
+    # NamedTuple: the next gates, from the row of the course
+    gates: type
+    # (progress, clearance, crashed, reached, action, last action, p) -> number
+    reward: Callable[..., Any]
+    # NamedTuple: the weights p of the reward
+    weights: type
+    # Terms of the cost: the way that is left, and the distance that lacks to the margin
+    progress: StepFunction
+    clearance: StepFunction
 
 
 RESTART = """
@@ -256,6 +278,7 @@ def to_lanes(rows, lanes):
 
 @cache
 def _load(source: str) -> ModuleType:
+    """Return the module with this text, compiled at its first use."""
     digest = hashlib.sha256(source.encode()).hexdigest()[:16]
     return load_module(f"environment_{digest}", source)
 
@@ -269,8 +292,9 @@ def environment_module(system: System, cost: Cost, learning: Learning) -> Module
 
 
 def environment_source(system: System, cost: Cost, learning: Learning) -> str:
-    """Return the text of the module. Of model and cost only names and functions matter, not their
-    numbers.
+    """Return the text of the module.
+
+    Of model and cost only names and functions matter, not their numbers.
 
     Raises:
         TraceError: one of the functions uses what cannot be compiled.
@@ -280,82 +304,108 @@ def environment_source(system: System, cost: Cost, learning: Learning) -> str:
         "n_x": len(system.states),
         "n_u": len(system.controls),
         "n_p": len(system.params),
-        "n_target": len(cost.row._fields),  # pyright: ignore[reportAttributeAccessIssue]
+        "n_target": len(cost.row._fields),
         "n_gates": len(tuple(flat_names(learning.gates))),
     }
     sizes["n_row"] = sizes["n_target"] + sizes["n_gates"]
-    observe, sizes["n_obs"] = _observe(system, learning, sizes["n_target"])
+    observed = _observe(system, learning, first_gate=sizes["n_target"])
+    sizes["n_obs"] = observed.size
     test = line_test(
-        cost.obstacles.touches, cost.obstacles.row, "state[{k}, l]", "after[{k}, l]", PARTS
+        cost.obstacles.touches,
+        cost.obstacles.row,
+        p0="state[{k}, l]",
+        p1="after[{k}, l]",
+        around=PARTS,
     )
+    next_rows = next_targets("target.shape[0]", count="passes[l] += 1")
     step = _step(system, cost, learning)
     pay = _pay(system, learning)
     modes = {"SAME_STEP": SAME_STEP, "NEXT_STEP": NEXT_STEP}
-    moved_on = next_targets("target.shape[0]", count="passes[l] += 1")
-    parts = (
-        fill(RESTART, **sizes, observe=observe),
-        fill(PARTS, **sizes, **test._asdict(), slack=repr(SLACK), next_targets=moved_on),
+    texts = (
+        header(np.float32),
+        fill(RESTART, **sizes, observe=observed.text),
+        fill(PARTS, **sizes, **test._asdict(), slack=repr(SLACK), next_targets=next_rows),
         fill(ADVANCE, **sizes, **modes, **step, **pay),
     )
-    return "\n".join((header(np.float32), *parts))
+    return "\n".join(texts)
 
 
 def _step(system: System, cost: Cost, learning: Learning) -> dict[str, str]:
-    """The lane loop of one step: the action as a command, the model, the terms that the reward is
-    made of."""
+    """Write the lane loop of one step, and the lines that read its numbers.
+
+    It makes a command of the action, steps the model and computes the terms of the reward.
+
+    Returns:
+        Parts of ADVANCE, by place.
+    """
+    # Trace
     graph = Graph()
     x = graph.record(system.state, "x", "state[{k}, l]")
     target = graph.record(cost.row, "target", "target[{k}, l]")
     model = graph.record(type(system.params), "model", "model[{k}, l]")
     shared = graph.record(type(cost.params), "p")
     graph.section = "the action within -1..1, as a command"
-    asked = system.control(
-        *(
-            graph.input(f"action_{name}", f"lower(higher(action[{k}, l], F(-1)), F(1))")
-            for k, name in enumerate(system.controls)
-        )
-    )
-    u = system.control(
-        *(
-            graph.variable(f"low_{name}") + (1.0 + each) * graph.variable(f"half_{name}")
-            for name, each in zip(system.controls, asked, strict=True)
-        )
-    )
-    for name, symbol in zip(system.controls, u, strict=True):
-        symbol.name = f"u_{name}"
+    action = system.control(*(_action(graph, name, k) for k, name in enumerate(system.controls)))
+    u = system.control(*map(_command, system.controls, action))
     x_next = trace_model(graph, system, x, u, model)
     graph.section = "whether the vehicle crashes"
-    crashes = trace_number(cost.crash, x, x_next, u, target, shared)  # pyright: ignore[reportArgumentType]
+    crashes = _condition(cost.crash, x, x_next, u, target, shared)
     crashed = graph.apply("where", crashes, 1.0, 0.0)
     graph.section = "whether it reaches its target"
-    reached = trace_number(cost.reached, x, x_next, u, target, shared)  # pyright: ignore[reportArgumentType]
+    reached = _condition(cost.reached, x, x_next, u, target, shared)
     graph.section = "what the reward is made of"
     way = trace_number(learning.progress, x, x_next, u, target, shared)
     clearance = trace_number(learning.clearance, x, x_next, u, target, shared)
 
+    # Write
     writer = Writer(ADVANCE)
-    lines = writer.lines([*flat(x_next), *asked, crashed, reached, way, clearance])
+    lines = writer.lines([*flat(x_next), *action, crashed, reached, way, clearance])
     stores = (
         store(x_next, "after[{k}, l]", writer),
-        store(asked, "clipped[{k}, l]", writer),
+        store(action, "clipped[{k}, l]", writer),
         f"way_now[l] = {writer(way)}",
         f"clearance[l] = {writer(clearance)}",
         f"crashed[l] = {writer(crashed)}",
         f"reached[l] = np.int32(1) if {writer(reached)} else np.int32(0)",
     )
+    read_command = [
+        f"{side}_{name} = {side}[{k}]"
+        for side in ("low", "half")
+        for k, name in enumerate(system.controls)
+    ]
     return {
         "step": "\n".join((lines, *stores)),
         "read_cost": read(type(cost.params), "p", "p_cost[c, {k}]", writer),
-        "read_command": "\n".join(
-            f"{side}_{name} = {side}[{k}]"
-            for side in ("low", "half")
-            for k, name in enumerate(system.controls)
-        ),
+        "read_command": "\n".join(read_command),
     }
 
 
+def _action(graph: Graph, name: str, k: int) -> Symbol:
+    """Return number k of the action, clipped to -1..1, as an input of the graph."""
+    return graph.input(f"action_{name}", f"lower(higher(action[{k}, l], F(-1)), F(1))")
+
+
+def _command(name: str, action: Symbol) -> Symbol:
+    """Return the control of this name that an action in -1..1 asks for."""
+    low = action.graph.variable(f"low_{name}")
+    command = low + (1.0 + action) * action.graph.variable(f"half_{name}")
+    command.name = f"u_{name}"
+    return command
+
+
+def _condition(function: StepFunction | None, *args: Any) -> Value:
+    """Trace a function of a cost that learning needs."""
+    assert function
+    return trace_number(function, *args)
+
+
 def _pay(system: System, learning: Learning) -> dict[str, str]:
-    """The lane loop of reward and observation, once it is known which gates are next."""
+    """Write the lane loop of reward and observation, which runs once the next gates are known.
+
+    Returns:
+        Parts of ADVANCE, by place.
+    """
+    # Trace
     graph = Graph()
     x = graph.record(system.state, "x", "after[{k}, l]")
     action = graph.record(system.control, "action", "clipped[{k}, l]")
@@ -372,24 +422,37 @@ def _pay(system: System, learning: Learning) -> dict[str, str]:
     )
     graph.section = "the observation"
     seen = trace(learning.observation, x, gates, action)
+
+    # Write
     writer = Writer(ADVANCE)
     lines = writer.lines([paid, *flat(seen)])
+    pay = (lines, f"paid[l] = {writer(paid)}", store(seen, "seen[{k}, l]", writer))
     return {
-        "pay": "\n".join((lines, f"paid[l] = {writer(paid)}", store(seen, "seen[{k}, l]", writer))),
+        "pay": "\n".join(pay),
         "read_reward": read(learning.weights, "weight", "p_reward[{k}]", writer),
     }
 
 
-def _observe(system: System, learning: Learning, first_gate: int) -> tuple[str, int]:
-    """The observation at the start of an episode, and of how many numbers it is.
+class _Observed(NamedTuple):
+    """The observation at the start of an episode."""
 
-    first_gate: where the numbers of the next gates begin in a course's row.
+    text: str  # the lines that compute and store it
+    size: int  # number of observed numbers
+
+
+def _observe(system: System, learning: Learning, first_gate: int) -> _Observed:
+    """Write the observation at the start of an episode.
+
+    Args:
+        system: the model.
+        learning: the functions of the environment.
+        first_gate: place at which the numbers of the next gates begin in a course's row.
     """
     graph = Graph()
     x = graph.record(system.state, "x", "state[{k}, l]")
     gates = graph.record(learning.gates, "gates", f"target[{first_gate} + {{k}}, l]")
     last = graph.record(system.control, "last", "last[{k}, l]")
-    seen: Any = trace(learning.observation, x, gates, last)
+    seen = tuple(flat(trace(learning.observation, x, gates, last)))
     writer = Writer(RESTART)
-    lines = writer.lines(flat(seen))
-    return "\n".join((lines, store(seen, "obs[{k}, l]", writer))), len(tuple(flat(seen)))
+    lines = writer.lines(seen)
+    return _Observed(text="\n".join((lines, store(seen, "obs[{k}, l]", writer))), size=len(seen))
