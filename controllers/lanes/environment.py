@@ -56,7 +56,7 @@ SLACK = 1e-3  # part of a vehicle's room to the obstacles that is left to roundi
 
 
 class Learning(NamedTuple):
-    """The plain functions that an environment adds to a model and its cost; the lanes inline them."""
+    """The plain functions that an environment adds to a model and its cost."""
 
     # (x, gates, last action) -> record of the observed numbers
     observation: Callable[..., Any]

@@ -45,9 +45,17 @@ def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
     """Return the standard deviation s_k of the real and imaginary part of Z_k, for unit variance.
 
     z_t = sum_k Z_k e^{2 pi i k t / n} has two independent real parts of variance sum_k s_k^2. As a
-    real transform has them, the power of frequency k/n is k^-gamma per real number: two for k and n
-    - k together, real and imaginary part, but one for DC (k^-gamma taken as 1) and Nyquist, which
-      are real.
+    real transform has them, the power of frequency k/n is k^-gamma per real number. There are two
+    such numbers for k and n - k together, real and imaginary part, but one for DC (k^-gamma taken
+    as 1) and Nyquist, which are real.
+
+    Args:
+        n: length of the transform.
+        gamma: exponent of the power spectral density.
+        law: the method.
+
+    Returns:
+        (n,)
     """
     k = np.minimum(np.arange(n), n - np.arange(n))
     real = 2 * k % n == 0
