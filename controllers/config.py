@@ -10,55 +10,72 @@ from quadsim.files.strict_yaml import setting
 
 @dataclass(frozen=True)
 class MPPIConfig:
-    """Parameters of Algorithm 1 of Vlahov et al. 2024, with the paper's symbols M, T, I, dt,
-    lambda, alpha.
+    """Parameters of Algorithm 1 of Vlahov et al. 2024, with its symbols M, T, I, dt and lambda.
 
     These are the library's defaults; `race fly` takes its values from a preset, see
     controllers/presets.py.
     """
 
     samples: Annotated[
-        int, setting("M, control sequences sampled per iteration", ge=2, le=10**6)
+        int, setting("M, number of control sequences sampled per iteration", ge=2, le=10**6)
     ] = 4096
-    horizon: Annotated[int, setting("T [steps]", unit="steps", ge=2, le=10_000)] = 150
-    iterations: Annotated[int, setting("I, iterations per control step", ge=1, le=100)] = 2
+    horizon: Annotated[
+        int, setting("T, number of control periods planned ahead", unit="steps", ge=2, le=10_000)
+    ] = 150
+    iterations: Annotated[
+        int, setting("I, number of iterations per control step", ge=1, le=100)
+    ] = 2
     first_iterations: (
-        Annotated[int, setting("of the first plan, made before the start", ge=1, le=10_000)] | None
+        Annotated[
+            int,
+            setting("iterations of the first plan, made before the start", ge=1, le=10_000),
+        ]
+        | None
     ) = None
     dt: Annotated[float, setting("control period [s]", unit="s", gt=0, le=0.5)] = 0.01
     temperature: Annotated[
         float, setting("lambda, in units of the mean stage cost", gt=0, le=1e6)
     ] = 0.3
     step_size: Annotated[
-        float, setting("alpha, fraction of the update that is applied", gt=0, le=1)
+        float, setting("fraction alpha of the update that is applied", gt=0, le=1)
     ] = 1.0
     # With a smooth sampler these samples perturb the plan without its momentum instead, see
     # MPPI.nominals in mppi.py.
     rest_fraction: Annotated[
-        float, setting("of samples that perturb rest, or the cost's guide", ge=0, le=1)
+        float,
+        setting(
+            "fraction of the samples that perturb the control at rest, or the cost's guide",
+            ge=0,
+            le=1,
+        ),
     ] = 0.01
     tighten: Annotated[
-        float, setting("fraction of the range from rest to each limit not used", ge=0, lt=1)
+        float,
+        setting("unused fraction of the range from the control at rest to each limit", ge=0, lt=1),
     ] = 0.0
-    # The mean of clipped samples stays within the limits; a time-optimal control lies at them most
-    # of the time.
+    # The mean of clipped samples stays within the limits, but a time-optimal control lies at them
+    # most of the time.
     overshoot: Annotated[
-        float, setting("standard deviations by which a plan may exceed the limits", ge=0, le=20)
+        float,
+        setting("number of standard deviations by which a plan may exceed the limits", ge=0, le=20),
     ] = 0.0
     first_noise: Annotated[
         float, setting("factor on the first perturbation of half of the samples", ge=0.01, le=1)
     ] = 1.0
     cost_rise: Annotated[
-        float, setting("the stage cost is weighted by ((t + 1) / T)^cost_rise", ge=0, le=10)
+        float,
+        setting("exponent of the weight ((t + 1) / T)^cost_rise of the stage cost", ge=0, le=10),
     ] = 0.0
-    adapt: Annotated[bool, setting("estimate thrust gain, drag and maximum thrust in flight")] = (
-        False
-    )
-    freeze_first: Annotated[bool, setting("do not perturb the first control of the plan")] = False
-    smooth: Annotated[bool, setting("Savitzky-Golay filter over the plan after each update")] = (
-        False
-    )
+    adapt: Annotated[
+        bool, setting("whether thrust gain, drag and maximum thrust are estimated in flight")
+    ] = False
+    freeze_first: Annotated[
+        bool, setting("whether the first control of the plan is left unperturbed")
+    ] = False
+    smooth: Annotated[
+        bool, setting("whether a Savitzky-Golay filter smooths the plan after each update")
+    ] = False
     target_ess: (
-        Annotated[float, setting("adapt the temperature to this effective sample size", ge=1)]
+        Annotated[float, setting("effective sample size that the temperature is adapted to", ge=1)]
         | None
     ) = None

@@ -1,27 +1,31 @@
-"""Model Predictive Path Integral control (MPPI): Algorithm 1 of Vlahov et al. 2024, with a few
-extensions.
+"""Model Predictive Path Integral control (MPPI), Algorithm 1 of Vlahov et al. 2024.
 
     for i in 1..I:
-        z^m   <- the sampler                          m = 1..M
-        v^m   <- clip(U + n z^m)                      sampled controls
-        J^m   <- (1/T) sum_t s_t q(x_{t+1})           rollout through the model
-        w^m   <- exp(-(J^m - min J) / lambda) / eta
-        U     <- U + alpha sum_m w^m (v^m - U)
+        z^m   <- the sampler                          (1)  m = 1..M
+        v^m   <- clip(U + n z^m)                      (2)  sampled controls
+        J^m   <- (1/T) sum_t s_t q(x_{t+1})           (3)  rollout through the model
+        w^m   <- exp(-(J^m - min J) / lambda) / eta   (4)  weights, whose sum is 1
+        U     <- U + sum_m w^m (v^m - U)              (5)  update of the plan
 
 J is the mean over the horizon of the stage cost q, as in the authors' public library, so lambda
-here is the textbook's lambda / T; the weights n_t and s_t are 1 unless configured. There is no
+here is the textbook's lambda / T. The weights n_t and s_t are 1 unless configured. There is no
 terminal cost, and no control-cost term lambda u^T Sigma^-1 z: that term stems from importance
 sampling with a Gaussian, and samplers of other distributions are to be compared under the same
 cost.
 
-Extensions, most of them optional in MPPIConfig: the last samples perturb another sequence
-(rest_fraction), the control limits are tightened, the plan may exceed them while what is applied
-does not (overshoot), perturbations and cost are weighted along the horizon (controllers.schedule),
-the first plan has more iterations (first_iterations), the temperature is adapted to an effective
-sample size (ESS), the plan is filtered, and a sampler may have momentum
-(controllers.samplers.smooth). What is estimated in flight, the model and the course, comes with the
-state, as an Estimate (quadsim.dynamics.estimate). How samples lie in memory, and why they are drawn
-in chunks, is said in controllers.lanes.layout.
+There are extensions, most of them optional in MPPIConfig:
+
+* The last samples perturb another sequence than the plan (rest_fraction).
+* The control limits are tightened (tighten), and the plan may exceed them while the command does
+  not (overshoot).
+* Perturbations and cost are weighted along the horizon (controllers.schedule).
+* The first plan has more iterations (first_iterations).
+* The temperature is adapted to an effective sample size (target_ess).
+* The plan is filtered (smooth), and a sampler may have momentum (controllers.samplers.smooth).
+
+The model and the course that are estimated in flight come with the state, as an Estimate
+(quadsim.dynamics.estimate). The memory layout of the samples, and the reason why they are drawn in
+chunks, are described in controllers.lanes.layout.
 
 Source: B. Vlahov, J. Gibson, D. D. Fan, P. Spieler, A. Agha-mohammadi and E. A. Theodorou, "Low
 Frequency Sampling in Model Predictive Path Integral Control", IEEE Robotics and Automation Letters
@@ -54,28 +58,32 @@ from quadsim.dynamics.estimate import Estimate
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Iteration:
-    """Inputs of the last iteration, enough to draw its samples again; see
-    controllers.sampled_trajectories."""
+    """The inputs and costs of one iteration, enough to draw its samples again.
 
-    x: np.ndarray  # state from which the rollouts started  (n_x,)
+    See controllers.sampled_trajectories.
+    """
+
+    x: np.ndarray  # state from which the rollouts start  (n_x,)
     target: int  # row of the cost's targets
     call: int  # index of the sampler call
-    nominal: np.ndarray  # control sequence that the samples perturb  (T, n_u)
-    # from it to what the last rest_fraction * M samples perturb, over the ramp  (2, T, n_u)
+    nominal: np.ndarray  # control sequence U that the samples perturb  (T, n_u)
+    # (alternative - nominal) / ramp, which the last samples are perturbed by too  (2, T, n_u)
     rest_offset: np.ndarray
     J: np.ndarray  # cost of each sample  (M,)
 
 
 class MPPI:
-    """Receding-horizon controller. Keeps the plan, the control sequence U (T, n_u), between calls.
+    """A receding-horizon controller that keeps its plan U (T, n_u) between calls.
 
     >>> import numpy as np
     >>> from quadsim import MPPI, Gaussian, MPPIConfig
     >>> from quadsim.paper.double_integrator import double_integrator
     >>> from controllers.costs.quadratic import quadratic_cost
-    >>> system, cost = double_integrator(dt=0.05), quadratic_cost(goal=(0.0, 0.0))
-    >>> mppi = MPPI(system, cost, Gaussian(sigma=(1.0, 1.0)), MPPIConfig(samples=512, horizon=40,
-    dt=0.05)) >>> x = np.array([2.0, -1.0, 0.0, 0.0])
+    >>> system = double_integrator(dt=0.05)
+    >>> cost = quadratic_cost(goal=(0.0, 0.0))
+    >>> config = MPPIConfig(samples=512, horizon=40, dt=0.05)
+    >>> mppi = MPPI(system, cost, Gaussian(sigma=(1.0, 1.0)), config)
+    >>> x = np.array([2.0, -1.0, 0.0, 0.0])
     >>> for _ in range(100):
     ...     u, stats = mppi.control(x)
     ...     x = np.array(system.next(x, u))
@@ -83,14 +91,14 @@ class MPPI:
     True
 
     Args:
-        system: the model that is planned with.
-        cost: stage cost; the rollout loop is compiled at the first call.
+        system: the model to plan with.
+        cost: the stage cost; the rollout loop is compiled at the first call.
         sampler: one of controllers.samplers, or any object with `sample`, see PlainSampler.
-        config: sampling budget and update; its dt must be the system's.
-        seed: of the random perturbations. They depend on it and the index of the call alone, never
-            on threads.
-        cost_of: makes the cost of a course, as it is estimated in flight; None: the cost stays as
-            it is.
+        config: the sampling budget and the update; its dt must be the system's.
+        seed: seed of the random perturbations. They depend on it and on the index of the call
+            alone, never on threads.
+        cost_of: function that makes the cost of a course, for courses that are estimated in
+            flight; None: the cost stays as it is.
 
     Raises:
         ValueError: sampler, system and configuration differ in the number of controls or in dt.
@@ -111,24 +119,31 @@ class MPPI:
         self.config = config
         self.cost = cost
         self.cost_of = cost_of
-        # as it was estimated last; None: the map that `cost` was made for
+        # The course as it was estimated last; None: the one that `cost` was made for
         self.course: Course | None = None
         self.periods = ControlPeriods(config.dt)
         self.schedule = Schedule(config.first_noise, config.cost_rise)
-        self.ramp = self.schedule.noise(config.horizon)  # factors on the perturbations  (2, T)
-        chunk_size = min(config.samples, layout.CHUNK)
+        self.ramp = self.schedule.noise(config.horizon)  # n, factors on the perturbations  (2, T)
         self.sampler = build_lanes(
-            sampler, n_u, chunk_size, config.horizon, stream_key(seed), config.dt
+            sampler,
+            controls=n_u,
+            samples=min(config.samples, layout.CHUNK),
+            horizon=config.horizon,
+            key=stream_key(seed),
+            dt=config.dt,
         )
-        self.beyond = np.zeros(n_u)  # by which the plan may exceed the limits  (n_u,)
-        if config.overshoot:  # in standard deviations of what is drawn before the first call
-            self.beyond = config.overshoot * self.sampler.sample(0).std(axis=(0, 2, 3), dtype=float)
+        # The plan may exceed the limits by so much  (n_u,)
+        self.beyond = np.zeros(n_u)
+        if config.overshoot:
+            # In standard deviations of the perturbations drawn before the first call
+            drawn = self.sampler.sample(0)
+            self.beyond = config.overshoot * drawn.std(axis=(0, 2, 3), dtype=float)
         self.set_model(system)
-        # the control at rest; of a quadrotor hover: no rates, thrust g  (n_u,)
+        # The control at rest; that of a quadrotor is hover: no rates, thrust g  (n_u,)
         self.rest = np.array(system.rest)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
-        self.guide = self.plan
-        # the last two controls, left padding of the smoothing filter
+        self.guide = self.plan  # controls that the last samples perturb  (T, n_u)
+        # The last two controls, left padding of the smoothing filter  (2, n_u)
         self.executed = np.tile(self.rest, (2, 1))
         self.temperature = config.temperature
         self.samples = config.samples  # M, which a deadline may change
@@ -141,7 +156,7 @@ class MPPI:
         The plan is shifted by as many steps as control periods have passed since the last call.
 
         Args:
-            known: what is known of the vehicle, or its state x (n_x,) alone. A state alone is taken
+            known: an estimate of the vehicle, or its state x (n_x,) alone. A state alone is taken
                 to be one control period after the last one, with the first row of the cost's
                 targets as the target.
 
@@ -160,49 +175,75 @@ class MPPI:
             stats = self.iterate(estimate.x, estimate.target)
         return self.command(estimate.x), stats
 
+    # One iteration of Algorithm 1
+
     def iterate(self, x: np.ndarray, target: int) -> PlanStats:
         """Improve the plan U by one iteration of Algorithm 1.
 
         Args:
-            x: state that the rollouts start from (n_x,).
+            x: state that the rollouts start from  (n_x,).
             target: row of the cost's targets.
-        """
-        # Perturb the plan, and for the last samples an alternative to it.
-        self._calls += 1
-        U, alternative = self.nominals()  # (T, n_u) each
-        rest_offset = (alternative - U) / self.ramp[:, :, None]  # (2, T, n_u)
-        J = np.empty(self.samples)  # (M,)
-        self.last = it = Iteration(x, target, self._calls, U, rest_offset, J)
 
-        # Sample the controls v = clip(U + n z) and roll them out. Samples come in chunks that fit
-        # the processor's caches: the perturbations of a chunk are overwritten by the next one's, so
-        # each chunk is averaged at once.
-        means = []  # of each chunk, with weights normalised within it  (T, n_u)
+        Returns:
+            Statistics of this iteration's samples.
+        """
+        it = self.begin_iteration(x, target)
+        self.last = it
+        U = it.nominal  # (T, n_u)
+        J = it.J  # (M,)
+
+        # Samples come in chunks that fit the processor's caches. The perturbations of a chunk are
+        # overwritten by those of the next one, so each chunk is averaged at once.
+        means = []  # weighted mean of v - U of each chunk  (T, n_u)
         for chunk in layout.chunks(self.samples):
+            # Draw the perturbations z of the plan, eq. (1).
             z = self.perturbations(it, chunk)  # (series, n_u, halves * T, LANES)
+
+            # Roll out v = clip(U + n z), eq. (2) and (3).
             J[chunk] = self.costs(it, z, chunk)
+
+            # Average the chunk, with weights normalised within it.
             share = softmax_weights(J[chunk], self.temperature)
             means.append(weighted_mean(z, self.ramp, U, self.plan_low, self.plan_high, share))
 
-        # Weigh the samples by their costs.
+        # Weigh all samples by their costs, eq. (4).
         w = weights(J, self.temperature)  # (M,)
 
-        # Update the plan by the weighted mean of v - U, each chunk by its part of the total weight.
+        # Move the plan by a step along the weighted mean of v - U, eq. (5).
         self.update(U + self.config.step_size * layout.mean_of_chunks(means, w))
 
-        stats = PlanStats(
-            cost=float(J[0]), ess=float(1 / np.sum(w * w)), temperature=self.temperature
-        )
-        self.temperature = adapt_temperature(self.temperature, stats.ess, self.config.target_ess)
+        # Adapt the temperature to the wanted effective sample size.
+        ess = float(1 / np.sum(w * w))
+        stats = PlanStats(cost=float(J[0]), ess=ess, temperature=self.temperature)
+        self.temperature = adapt_temperature(self.temperature, ess, self.config.target_ess)
         return stats
+
+    def begin_iteration(self, x: np.ndarray, target: int) -> Iteration:
+        """Return the inputs of the next iteration, its costs not yet computed.
+
+        Args:
+            x: state that the rollouts start from  (n_x,).
+            target: row of the cost's targets.
+        """
+        self._calls += 1
+        nominal, alternative = self.nominals()  # (T, n_u) each
+        rest_offset = (alternative - nominal) / self.ramp[:, :, None]  # (2, T, n_u)
+        return Iteration(
+            x=x,
+            target=target,
+            call=self._calls,
+            nominal=nominal,
+            rest_offset=rest_offset,
+            J=np.empty(self.samples),
+        )
 
     def nominals(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the control sequences to perturb.
 
         Returns:
-            The main one, and the alternative for the last rest_fraction of the samples. Without
-            momentum: the plan and the guide. With momentum: plan + momentum, and the plan. (T, n_u)
-                each.
+            The nominal sequence, and the alternative that the last rest_fraction of the samples
+            perturb: the plan and the guide, or plan + momentum and the plan where the sampler has
+            momentum.  (T, n_u) each
         """
         momentum = self.sampler.momentum
         if momentum:
@@ -210,7 +251,13 @@ class MPPI:
         return self.plan, self.guide
 
     def perturbations(self, it: Iteration, chunk: slice) -> np.ndarray:
-        """Return z of the chunk's samples, relative to it.nominal; z of sample 0 is zero.
+        """Return the perturbations z of a chunk's samples, relative to the nominal sequence.
+
+        Those of sample 0 are zero, so that the nominal sequence itself is rolled out.
+
+        Args:
+            it: the iteration.
+            chunk: numbers of the samples.
 
         Returns:
             (series, n_u, halves * T, LANES), a layout described in controllers.lanes.layout.
@@ -219,8 +266,11 @@ class MPPI:
         T = self.config.horizon
         M = len(it.J)
         z = self.sampler.sample(it.call, chunk.start, count)
+
+        # The last samples perturb the alternative.
         first_alternative = M - int(self.config.rest_fraction * M)
         layout.add_from(z, max(first_alternative - chunk.start, 0), count, it.rest_offset)
+
         if self.config.freeze_first:
             layout.first_steps(z, T)[:] = 0
         if chunk.start == 0:
@@ -228,28 +278,39 @@ class MPPI:
         return z
 
     def costs(self, it: Iteration, z: np.ndarray, chunk: slice) -> np.ndarray:
-        """Return J of the chunk's samples, with the perturbations z, rolled out from it.x.
-        (samples,)"""
+        """Return the costs J of a chunk's samples, rolled out from the iteration's state.
+
+        Args:
+            it: the iteration.
+            z: perturbations of these samples  (series, n_u, halves * T, LANES).
+            chunk: numbers of the samples.
+
+        Returns:
+            (samples,)
+        """
         count = chunk.stop - chunk.start
         J = np.empty((layout.blocks(count), layout.LANES), z.dtype)
         self.rollout(it.x, it.nominal, z, it.target, J)
         return J.ravel()[:count]
 
     def update(self, plan: np.ndarray) -> None:
-        """Set the plan, clipped to its limits and filtered if configured, and the momentum, if the
-        sampler has one."""
+        """Set the plan, clipped to its limits and filtered if configured, and the momentum.
+
+        Args:
+            plan: weighted mean of the samples  (T, n_u).
+        """
         plan = np.clip(plan, self.plan_low, self.plan_high)
         if self.sampler.momentum:
             self.sampler.momentum.change = plan - self.plan
-        self.plan = plan
         if self.config.smooth:
-            self.plan = np.clip(
-                savitzky_golay(self.plan, self.executed), self.plan_low, self.plan_high
-            )
+            plan = savitzky_golay(plan, self.executed)
+            plan = np.clip(plan, self.plan_low, self.plan_high)
+        self.plan = plan
+
+    # From one control step to the next
 
     def use_estimates(self, estimate: Estimate) -> None:
-        """Plan with the estimated course and model from now on, where they are given and have
-        changed."""
+        """Plan with the estimated course and model from now on, where they have changed."""
         course, model = estimate.course, estimate.model
         if self.cost_of and course is not None and course is not self.course:
             self.course = course
@@ -271,34 +332,43 @@ class MPPI:
         return self.config.iterations
 
     def shift(self, steps: int) -> None:
-        """Drop the controls of the plan that lie in the past, append the guide's."""
+        """Drop the controls of the plan that lie in the past, and append the guide's."""
         self.executed = np.vstack([self.executed, self.clipped(self.plan[:steps])])[-2:]
         self.plan = np.vstack([self.plan[steps:], self.guide[-steps:]])
         if self.sampler.momentum:
             self.sampler.momentum.shift(steps)
 
     def guided(self, target: int, x: np.ndarray) -> np.ndarray:
-        """Return the controls that the last samples perturb: the cost's guide, else rest.  (T,
-        n_u)"""
+        """Return the controls that the last samples perturb: the cost's guide, else rest.  (T, n_u)
+
+        Args:
+            target: row of the cost's targets.
+            x: state  (n_x,).
+        """
         T = self.config.horizon
         if self.cost.guide:
             return self.cost.guide(target, x, T)
         return np.tile(self.rest, (T, 1))
 
     def command(self, x: np.ndarray) -> np.ndarray:
-        """Return the plan's first control, as far as the vehicle can follow it.  (n_u,)"""
+        """Return the plan's first control, as far as the vehicle can follow it.  (n_u,)
+
+        Args:
+            x: state  (n_x,).
+        """
         u = self.clipped(self.plan[0])
         attainable = self.system.attainable
         if attainable is None:
             return u
-        return np.array(
-            attainable(self.system.state(*x), self.system.control(*u), self.system.params)
-        )
+        state = self.system.state(*x)
+        control = self.system.control(*u)
+        return np.array(attainable(state, control, self.system.params))
 
     def clipped(self, u: np.ndarray) -> np.ndarray:
-        """Return controls within the limits, which the plan may exceed.  (..., n_u) -> (...,
-        n_u)"""
+        """Return controls (..., n_u) within the limits, which the plan may exceed."""
         return np.clip(u, self.low, self.high)
+
+    # Model, cost and state of the planner
 
     def set_model(self, system: System) -> None:
         """Plan with this system from now on: the same states and controls, other parameters."""
@@ -311,14 +381,19 @@ class MPPI:
         self.plan_high = self.high + self.beyond
 
     def set_cost(self, cost: Cost) -> None:
-        """Plan with this cost from now on: the same terms compile nothing anew, whatever their
-        numbers."""
+        """Plan with this cost from now on.
+
+        Terms that were planned with before are not compiled again, whatever their numbers.
+        """
         self.cost = cost
         self.rollout = Rollout(self.system, cost, schedule=self.schedule)
 
     def continue_from(self, planner: MPPI) -> None:
-        """Start from another planner's plan, momentum and time. It must have the same system and
-        horizon."""
+        """Start from another planner's plan, momentum and time.
+
+        Args:
+            planner: with the same system and horizon.
+        """
         self.plan = planner.plan
         self.executed = planner.executed
         self.periods = planner.periods
@@ -328,8 +403,10 @@ class MPPI:
 
     @property
     def is_cached(self) -> bool:
-        """Whether the loops were compiled on this machine before; otherwise the first plan takes
-        some 20 s."""
-        return self.rollout.is_cached and (
-            self.sampler.loop is None or is_cached(self.sampler.loop)
-        )
+        """Whether the loops were compiled on this machine before.
+
+        Otherwise the first plan takes some 20 s.
+        """
+        if not self.rollout.is_cached:
+            return False
+        return self.sampler.loop is None or is_cached(self.sampler.loop)

@@ -1,5 +1,4 @@
-"""Statistics that a controller returns at every control step, and a snapshot of its samples for
-display."""
+"""Records that a controller hands out: the statistics of a plan, and a snapshot for display."""
 
 from __future__ import annotations
 
@@ -22,5 +21,5 @@ class PlannerSnapshot:
     """The planner at one control step, kept for display."""
 
     best: np.ndarray  # paths of the samples with the least cost, best first [m]  (8, points, 3)
-    # cost of the updated plan by term, horizon means that sum to its J; empty: not stored
+    # Cost of the updated plan by term, horizon means that sum to its J; empty: not stored
     terms: dict[str, float]

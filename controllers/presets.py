@@ -1,5 +1,8 @@
-"""Presets: a planner's numbers by name and sampler. `paper` cites its sentences; `race` is tuned
-here."""
+"""Presets: a planner's numbers by name and sampler.
+
+The numbers of `paper` are those of the cited paper, those of `race` were tuned on this project's
+courses.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +24,13 @@ STEPS_MAX = 10**8  # samples x horizon of one iteration: more than half a second
 class Planner:
     """Everything that MPPI is given besides the course and the model."""
 
-    vehicle: str  # flown unless another is asked for
+    vehicle: str  # the vehicle to fly unless another is asked for
     sampling: Sampling
     mppi: MPPIConfig
-    cost: Any  # of a quadrotor RaceWeights or ReferenceWeights
-    preset: str = "own"  # where its numbers started from
-    view_weight: float = 1.0  # of a camera looking where it flies, among gates that are off the map
+    cost: Any  # weights of a cost; those of a race are RaceWeights or ReferenceWeights
+    preset: str = "own"  # the preset that its numbers started from
+    # Weight of the view term, for flights by camera among gates that are off the map
+    view_weight: float = 1.0
 
 
 Presets = Mapping[str, Mapping[str, Planner]]
@@ -52,11 +56,13 @@ _PAPER = Planner(
         desired_speed=9.0,
     ),
 )
+
 # Sampling as `race tune split_s_swift --laps 1` found it, 48 trials for each of the two samplers.
-# It would have a horizon of 1.2 s, too short to brake from 38 m/s on alphapilot. The weights along
-# the horizon, the overshoot, the ESS and the margin were chosen by hand on split_s_swift and
-# alphapilot, for each sampler its own, see docs/results.md. So was colored sampling's yaw: nothing
-# in a race asks for it, and with 0.5 rad/s body rates vary by a third more.
+# The tuned horizon of 1.2 s is too short to brake from 38 m/s on alphapilot, so it is 1.5 s here.
+# The weights along the horizon, the overshoot, the ESS and the margin were chosen by hand on
+# split_s_swift and alphapilot, for each sampler its own, see docs/results.md. So was the yaw noise
+# of colored sampling: nothing in a race asks for yaw, and with 0.5 rad/s body rates vary by a third
+# more.
 _RACE = Planner(
     vehicle="swift",
     sampling=Colored(sigma=(0.86, 0.86, 0.1, 4.4), gamma=(0.8, 0.8, 0.8, 2.0)),
@@ -79,18 +85,21 @@ _RACE = Planner(
     ),
 )
 
-# Samplers that the paper does not fly, by hand. Log-normal: sigma exp(sigma^2), its standard
-# deviation, is the Gaussian's, and racing asks for more samples that agree. Smooth: a fifth of the
-# Gaussian's, as a plan with momentum adds up what iterations find, in races half of its rates,
-# behind the Savitzky-Golay filter, as nothing damps the momentum; for `smooth`, whose sigma is the
-# derivatives' [rad/s^2, m/s^3], divided by dt: both fly alike until one changes dt.
+# The samplers that the paper does not fly were tuned by hand.
+# Log-normal: its standard deviation sigma exp(sigma^2) is the Gaussian's.
+# Smooth: its sigma is a fifth of the Gaussian's, as a plan with momentum adds up the changes of all
+# iterations; in races the sigma of the body rates is half of the Gaussian's. The plan is filtered,
+# as nothing damps the momentum. The sigma of `smooth` is that of the derivatives [rad/s^2, m/s^3],
+# so it is divided by dt: `smooth` and `smooth_star` fly alike until one changes dt.
 
 
 def _smooth(base: Planner, sampling: Smooth | SmoothStar) -> Planner:
+    """Return the planner with a sampler that has momentum, and with a filtered plan."""
     return replace(base, sampling=sampling, mppi=replace(base.mppi, smooth=True))
 
 
 def _race(sampling: Sampling, **mppi: float) -> Planner:
+    """Return the preset `race` with another sampler and other parameters of MPPI."""
     return replace(_RACE, sampling=sampling, mppi=replace(_RACE.mppi, **mppi))
 
 
@@ -114,57 +123,72 @@ PRESETS: dict[str, dict[str, Planner]] = {
 }
 
 
-# For gates of less than a metre and vehicles of some ten centimetres, such as `lsy_level2` and
-# `crazyflie`: a margin that the openings leave, weighed more, and two thirds of the horizon, as a
-# course of 7 m is soon flown: with all of it 6 of 15 flights of lsy_level2 got nowhere or crashed.
-# With the yaw noise of `race` 94 of 100 finished, with this all 100; 97 since the model limits yaw.
-# Its gates face all ways, a metre apart: turning the nose to each costs more than it shows of them.
-_SMALL_COLORED = replace(_RACE.sampling, sigma=(0.86, 0.86, 0.5, 4.4))
-PRESETS["race_small"] = {
-    sampler: replace(
+# `race_small` is for gates of less than a metre and vehicles of some ten centimetres, such as
+# `lsy_level2` and `crazyflie`. The margin is one that the openings leave, and weighs more. The
+# horizon is two thirds of that of `race`, as a course of 7 m is soon flown: with all of it 6 of 15
+# flights of lsy_level2 got nowhere or crashed. With the yaw noise of `race` 94 of 100 finished,
+# with this one all 100, and 97 since the model limits yaw. There is no view term: the gates face
+# all ways, a metre apart, so turning the nose to each costs more than it shows of them.
+_SMALL_SIGMA = (0.86, 0.86, 0.5, 4.4)  # of colored sampling
+
+
+def _small(planner: Planner) -> Planner:
+    """Return a planner of the preset `race` for small gates and vehicles."""
+    sampling = planner.sampling
+    if isinstance(sampling, Colored):
+        sampling = replace(sampling, sigma=_SMALL_SIGMA)
+    assert isinstance(planner.cost, RaceWeights)
+    return replace(
         planner,
         vehicle="crazyflie",
-        sampling=_SMALL_COLORED if sampler == "colored" else planner.sampling,
+        sampling=sampling,
         mppi=replace(planner.mppi, horizon=100),
         cost=replace(planner.cost, margin=0.08, margin_share=0.5, clearance=25000.0),
         view_weight=0.0,
     )
-    for sampler, planner in PRESETS["race"].items()
-}
 
 
-# Along the solution of an optimiser, which looks further ahead than any plan does: so two fifths of
-# the horizon with as many iterations more, and less noise; chosen by hand on `alphapilot` and
-# `split_s_swift`, see docs/results.md.
-INFORMED = {
-    "horizon": 60,
-    "iterations": 5,
-    "first_noise": 1.0,
-    "cost_rise": 0.0,
-    "overshoot": 1.0,
-    "tighten": 0.0,
-}
-CALMER = 0.7  # sigma over that of `race`
-CALM = {  # of the Gaussian's and of the smooth one's standard deviations, as above
+PRESETS["race_small"] = {name: _small(planner) for name, planner in PRESETS["race"].items()}
+
+
+# `race_informed` follows the solution of an optimiser, which looks further ahead than any plan
+# does. So its horizon is two fifths of that of `race`, with more iterations and less noise. The
+# numbers were chosen by hand on `alphapilot` and `split_s_swift`, see docs/results.md.
+_CALMER = 0.7  # standard deviations over those of `race`
+
+# Numbers of samplers whose sigma is not simply scaled: log-normal keeps the Gaussian's standard
+# deviation, and `smooth_star` keeps that of `smooth`, as above.
+_CALM: dict[str, Sampling] = {
     "log_normal": LogNormal((0.566, 0.566, 0.769, 1.07)),
     "smooth_star": SmoothStar((0.42, 0.42, 0.084, 0.84)),
 }
 
 
-def _calmer(name: str, sampling: Sampling) -> Sampling:
-    return CALM.get(name) or replace(
-        sampling, sigma=tuple(round(CALMER * s, 2) for s in sampling.sigma)
+def _calmer(sampler: str, sampling: Any) -> Sampling:
+    """Return the sampler of this name with less noise."""
+    if sampler in _CALM:
+        return _CALM[sampler]
+    sigma = tuple(round(_CALMER * s, 2) for s in sampling.sigma)
+    return replace(sampling, sigma=sigma)
+
+
+def _informed(sampler: str, planner: Planner) -> Planner:
+    """Return a planner of the preset `race` that follows a reference."""
+    mppi = replace(
+        planner.mppi,
+        horizon=60,
+        iterations=5,
+        first_noise=1.0,
+        cost_rise=0.0,
+        overshoot=1.0,
+        tighten=0.0,
     )
+    sampling = _calmer(sampler, planner.sampling)
+    return replace(planner, sampling=sampling, mppi=mppi, cost=ReferenceWeights())
 
 
 PRESETS["race_informed"] = {
-    sampler: replace(
-        planner,
-        sampling=_calmer(sampler, planner.sampling),
-        mppi=replace(planner.mppi, **INFORMED),
-        cost=ReferenceWeights(),
-    )
-    for sampler, planner in PRESETS["race"].items()
+    name: _informed(name, planner) for name, planner in PRESETS["race"].items()
 }
 
 
@@ -176,7 +200,16 @@ PRESETS = {
 
 
 def preset(name: str, sampler: str, presets: Presets = PRESETS) -> Planner:
-    """The preset's numbers for this sampler. Raises FileError where there are none."""
+    """Return the preset's numbers for a sampler.
+
+    Args:
+        name: name of the preset.
+        sampler: name of the sampler.
+        presets: the presets to choose from.
+
+    Raises:
+        FileError: there is no such preset, or it has no numbers for this sampler.
+    """
     if name not in presets:
         raise FileError(f"no preset {name!r}: {did_you_mean(name, presets)} (or a FILE.yaml)")
     if sampler not in presets[name]:
@@ -187,12 +220,16 @@ def preset(name: str, sampler: str, presets: Presets = PRESETS) -> Planner:
 
 
 def per_channel(rates: float, thrust: float) -> tuple[float, float, float, float]:
-    """One number for the three body rates, another for the thrust, in the order of the controls."""
+    """Return one number for each of the three body rates and another one for the thrust."""
     return rates, rates, rates, thrust
 
 
 def faults(planner: Planner) -> Iterator[tuple[str, str]]:
-    """What is wrong between several numbers, as (key, problem)."""
+    """Yield the contradictions between several numbers of a planner.
+
+    Yields:
+        The key of a number, and the problem.
+    """
     mppi = planner.mppi
     if mppi.target_ess is not None and mppi.target_ess >= mppi.samples:
         yield (

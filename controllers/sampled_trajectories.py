@@ -1,5 +1,4 @@
-"""The planner's last iteration for display: its best samples, the updated plan and the terms of the
-plan's cost."""
+"""Trajectories for display: the best samples of the last iteration, and the updated plan."""
 
 from __future__ import annotations
 
@@ -27,41 +26,76 @@ class SampledTrajectories:
 def sampled_trajectories(
     mppi: MPPI, samples: int = MOST, points: int = 25
 ) -> SampledTrajectories | None:
-    """The samples are drawn and rolled out again, which does not change the planner. None before
-    the first plan."""
-    if mppi.last is None:
-        return None
+    """Draw the best samples of the last iteration and roll them out again.
+
+    The planner does not change.
+
+    Args:
+        mppi: the planner.
+        samples: number of samples, at most MOST.
+        points: number of points of each path.
+
+    Returns:
+        The trajectories; None before the first plan.
+    """
     last = mppi.last
+    if last is None:
+        return None
+
+    # The best samples, and behind them the updated plan
     best = np.argsort(last.J)[: min(samples, MOST)]
-    v = np.concatenate([controls(mppi, last, best), mppi.plan.T[None]])  # (samples + 1, n_u, T)
-    # (samples + 1, T, 3), (samples + 1, n_terms)
+    plan = mppi.plan.T[None]  # (1, n_u, T)
+    v = np.concatenate([controls(mppi, last, best), plan])  # (samples + 1, n_u, T)
+
+    # Positions (samples + 1, T, 3) and terms (samples + 1, n_terms)
     paths, terms = mppi.rollout.paths(last.x, v, last.target)
     shown = np.linspace(0, len(mppi.plan) - 1, points).round().astype(int)
     names = mppi.rollout.cost.term_names
     return SampledTrajectories(
-        paths[:-1, shown],
-        last.J[best],
-        paths[-1, shown],
-        dict(zip(names, terms[-1].tolist(), strict=True)),
+        paths=paths[:-1, shown],
+        costs=last.J[best],
+        plan=paths[-1, shown],
+        terms=dict(zip(names, terms[-1].tolist(), strict=True)),
     )
 
 
 def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:
-    """The controls v of the samples with these indices.  (samples,) -> (samples, n_u, T)"""
-    U, v = last.nominal.T, np.empty((len(which), *last.nominal.T.shape))
+    """Return the controls v of some samples.
+
+    Args:
+        mppi: the planner.
+        last: the iteration that the samples belong to.
+        which: indices of the samples  (samples,).
+
+    Returns:
+        (samples, n_u, T)
+    """
+    U = last.nominal.T  # (n_u, T)
+    T = len(last.nominal)
+    v = np.empty((len(which), *U.shape))
     for chunk in chunks(len(last.J)):
         inside = np.flatnonzero((which >= chunk.start) & (which < chunk.stop))
-        if len(inside):
-            z = mppi.perturbations(last, chunk)
+        if not len(inside):
+            continue
+        z = mppi.perturbations(last, chunk)
         for k in inside:
-            v[k] = U + mppi.ramp[which[k] // LANES % 2] * sample(
-                z, which[k] - chunk.start, len(last.nominal)
-            )
+            m = which[k]
+            ramp = mppi.ramp[m // LANES % 2]  # of even and odd blocks  (T,)
+            v[k] = U + ramp * sample(z, m - chunk.start, T)
     return np.clip(v, mppi.low[:, None], mppi.high[:, None])
 
 
 def take_snapshot(mppi: MPPI, samples: int = 8, points: int = 16) -> PlannerSnapshot | None:
-    """The snapshot that is stored with a run; paths rounded to a centimetre, which compresses
-    well."""
+    """Return the snapshot that is stored with a run, None before the first plan.
+
+    Paths are rounded to a centimetre, which compresses well.
+
+    Args:
+        mppi: the planner.
+        samples: number of samples.
+        points: number of points of each path.
+    """
     seen = sampled_trajectories(mppi, samples, points)
-    return None if seen is None else PlannerSnapshot(np.round(seen.paths, 2), seen.terms)
+    if seen is None:
+        return None
+    return PlannerSnapshot(best=np.round(seen.paths, 2), terms=seen.terms)

@@ -1,5 +1,4 @@
-"""The weights of the samples, the temperature of that softmax, and a filter over the updated
-plan."""
+"""The update of a plan: weights of the samples, their temperature, and a filter over the plan."""
 
 from __future__ import annotations
 
@@ -13,10 +12,17 @@ SAVITZKY_GOLAY = np.array([-3, 12, 17, 12, -3]) / 35  # 5 points, order 2
 
 
 def weights(J: np.ndarray, temperature: float) -> np.ndarray:
-    """w^m = exp(-(J^m - rho) / lambda) / eta, rho = min J; zero where J is not finite.  (M,) ->
-    (M,)
+    """Return w^m = exp(-(J^m - rho) / lambda) / eta with rho = min J, zero where J is not finite.
 
-    Raises FloatingPointError where no rollout has a finite cost.
+    Args:
+        J: cost of each sample  (M,).
+        temperature: lambda.
+
+    Returns:
+        (M,), of sum 1.
+
+    Raises:
+        FloatingPointError: no rollout has a finite cost.
     """
     w = softmax_weights(J, temperature)
     if not w.any():
@@ -27,10 +33,16 @@ def weights(J: np.ndarray, temperature: float) -> np.ndarray:
 
 
 def softmax_weights(J: np.ndarray, temperature: float) -> np.ndarray:
-    """Weights of a chunk of samples, normalised within it; zeros where none of them has a finite
-    cost.  (n,) -> (n,)
+    """Return the weights of a chunk of samples, normalised within it.
 
-    layout.mean_of_chunks recombines the chunks.
+    `layout.mean_of_chunks` recombines the chunks.
+
+    Args:
+        J: cost of each sample of the chunk  (n,).
+        temperature: lambda.
+
+    Returns:
+        (n,), of sum 1; zeros where no sample has a finite cost.
     """
     if not isfinite(J.min()):
         J = np.where(np.isnan(J), np.inf, J)
@@ -42,17 +54,30 @@ def softmax_weights(J: np.ndarray, temperature: float) -> np.ndarray:
 
 
 def adapt_temperature(temperature: float, ess: float, target: float | None) -> float:
-    """The next temperature: higher by a fixed factor if the ESS is below the target, else lower;
-    None: unchanged."""
+    """Return the next temperature: higher by a fixed factor if the ESS is below the target.
+
+    Args:
+        temperature: lambda of the last iteration.
+        ess: effective sample size of that iteration.
+        target: effective sample size to reach; None: the temperature stays.
+    """
     if target is None:
         return temperature
+    exponent = 1 if ess < target else -1
     low, high = TEMPERATURE_RANGE
-    return min(max(temperature * TEMPERATURE_STEP ** (1 if ess < target else -1), low), high)
+    return min(max(temperature * TEMPERATURE_STEP**exponent, low), high)
 
 
 def savitzky_golay(plan: np.ndarray, executed: np.ndarray) -> np.ndarray:
-    """The plan filtered over time; the executed controls pad its left, its last row its right.  (T,
-    n_u)"""
+    """Return the plan filtered over time.
+
+    Args:
+        plan: U  (T, n_u); its last row pads its right.
+        executed: the last two controls, which pad its left  (2, n_u).
+
+    Returns:
+        (T, n_u)
+    """
     padded = np.vstack([executed, plan, plan[-1:], plan[-1:]])
     shifted = np.stack([padded[i : i + len(plan)] for i in range(len(SAVITZKY_GOLAY))])
     return np.tensordot(SAVITZKY_GOLAY, shifted, axes=1)

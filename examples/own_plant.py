@@ -1,5 +1,4 @@
-"""A plant of one's own: the quadrotor's equations as the world, in a side wind that the planner
-does not know."""
+"""Fly in a plant of your own: the quadrotor's equations, in a side wind unknown to the planner."""
 
 from dataclasses import replace
 
@@ -12,7 +11,7 @@ WIND = 1.5  # acceleration to the left [m/s^2]
 
 
 class Windy:
-    """Four members make a plant: dt, state, step and close. Called with the Spec of each flight."""
+    """A plant has four members: dt, state, step and close. It is made from the Spec of a flight."""
 
     def __init__(self, spec: Spec):
         self.dt = spec.plant_dt
@@ -20,6 +19,7 @@ class Windy:
         self.state = PlantState(0.0, spec.entry.start(spec), contacts=())
 
     def step(self, u: tuple[float, ...]) -> PlantState:
+        """Advance the world by dt under the control u, and return its state."""
         x = self.system.next(self.state.x, u)
         blown = x._replace(vy=x.vy + WIND * self.dt)
         self.state = PlantState(self.state.t + self.dt, blown, contacts=())

@@ -1,4 +1,4 @@
-"""A sampler of one's own: piecewise constant noise, in plain numpy."""
+"""Plan with a sampler of your own: piecewise constant noise, in plain NumPy."""
 
 from dataclasses import dataclass
 
@@ -17,8 +17,9 @@ class PiecewiseConstant:
     def sample(
         self, rng: np.random.Generator, samples: int, horizon: int, controls: int
     ) -> np.ndarray:
+        """Return the perturbations  (samples, horizon, controls)."""
         pieces = rng.standard_normal((samples, -(-horizon // self.hold), controls))
-        return np.array(self.sigma) * pieces.repeat(self.hold, axis=1)[:, :horizon]  # (M, T, n_u)
+        return np.array(self.sigma) * pieces.repeat(self.hold, axis=1)[:, :horizon]
 
 
 if __name__ == "__main__":

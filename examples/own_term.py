@@ -1,5 +1,7 @@
-"""A cost term of one's own: fast yaw costs. On the command line: race fly --term
-own_term:calm_yaw=1."""
+"""Add a cost term of your own: fast yaw costs.
+
+On the command line: race fly --term own_term:calm_yaw=1
+"""
 
 import quadsim
 
@@ -12,10 +14,5 @@ def calm_yaw(x, x_next, u, gate, p):
 if __name__ == "__main__":
     for terms in ([], [(calm_yaw, 1.0)]):
         run = quadsim.fly("figure8", sampler="gaussian", terms=terms, laps=1, samples=1024)
-        print(
-            run.outcome,
-            run.laps,
-            "yaw rate, root mean square:",
-            run.telemetry["wz"].std().round(2),
-            "rad/s",
-        )
+        yaw_rate = run.telemetry["wz"].std()
+        print(run.outcome, run.laps, f"yaw rate, root mean square: {yaw_rate:.2f} rad/s")

@@ -1,11 +1,12 @@
-"""Store a run, read it again, plot its speed."""
+"""Store a run, read it again and plot its speed."""
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 import quadsim
 
-folder = quadsim.save_run(quadsim.fly("figure8", laps=1, samples=1024), "runs")
+flown = quadsim.fly("figure8", laps=1, samples=1024)
+folder = quadsim.save_run(flown, "runs")
 run = quadsim.load_run(folder)
 print(folder.name, run.outcome, "digest", run.digest()[:12])
 speed = np.sqrt(sum(run.telemetry[name] ** 2 for name in ("vx", "vy", "vz")))

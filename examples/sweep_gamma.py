@@ -1,11 +1,13 @@
-"""Sweep the exponent of colored sampling: thrust chatter against lap time."""
+"""Sweep the exponent of colored sampling, and plot thrust chatter against lap time."""
 
 import matplotlib.pyplot as plt
 
 import quadsim
 from quadsim.record.metrics import chatter
 
-gammas, laps, variation = (0.0, 0.5, 1.0, 2.0, 4.0), [], []
+gammas = (0.0, 0.5, 1.0, 2.0, 4.0)
+laps = []  # [s]
+variation = []  # [m/s^2/s]
 for gamma in gammas:
     run = quadsim.fly("figure8", laps=1, gamma=(gamma,) * 4, samples=512)
     laps.append(run.laps[0] if run.laps else float("nan"))

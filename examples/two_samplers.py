@@ -1,4 +1,4 @@
-"""Compare Gaussian and colored sampling on the same randomized seeds, with intervals."""
+"""Compare Gaussian and colored sampling on the same randomized seeds."""
 
 import quadsim
 

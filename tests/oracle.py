@@ -1,5 +1,4 @@
-"""The float64 oracle of the compiled lanes: the same step and terms, flown on numpy rows of all
-samples."""
+"""The float64 oracle of the compiled lanes: the same functions on NumPy rows of all samples."""
 
 from __future__ import annotations
 
@@ -9,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 
 from controllers.costs import Cost, evaluate
-from controllers.costs.frames import FrameRow, ObstacleRow, touches, touches_round
 from controllers.lanes.lanes import LANES
 from controllers.lanes.planner_loops import MARKS, steps_between
 from controllers.schedule import Schedule
@@ -21,7 +19,7 @@ GRAZE = 1e-4  # [m] by which float32 may judge otherwise whether a line touches 
 
 @dataclass(frozen=True)
 class Flown:
-    """What the oracle saw of M samples."""
+    """The flights of M samples."""
 
     J: np.ndarray  # (M,) horizon mean of the cost
     reached: np.ndarray  # (M,) targets reached
@@ -34,17 +32,28 @@ class Flown:
 def fly_rows(
     system: System, cost: Cost, x0, U, z, target: int = 0, clearance=None, schedule=SAME
 ) -> Flown:
-    """Fly v_t = clip(U_t + n_t z_t) from x0, with n_t and s_t of the schedule.  U (T, n_u), z (M,
-    n_u, T)
+    """Fly v_t = clip(U_t + n_t z_t) from x0.
 
-    clearance(x, x_next, target, params) -> (M,): how far this step's decisions are from turning out
-    otherwise.
+    Args:
+        system: the model.
+        cost: the cost.
+        x0: state  (n_x,).
+        U: plan  (T, n_u).
+        z: perturbations  (M, n_u, T).
+        target: number of targets reached.
+        clearance: (x, x_next, target, params) -> (M,), how far a step's decisions are from turning
+            out otherwise.
+        schedule: the weights n_t and s_t along the horizon.
     """
     M, T = len(z), len(U)
-    noise, stage, odd = schedule.noise(T), schedule.cost(T), np.arange(M) // LANES % 2
+    noise = schedule.noise(T)
+    stage = schedule.cost(T)
+    odd = np.arange(M) // LANES % 2
     targets = cost.targets_from(target, np.asarray(x0), np.float64)
     x = system.state(*(np.full(M, value, float) for value in x0))
-    row, crashed, clear = np.zeros(M, int), np.zeros(M), np.full(M, np.inf)
+    row = np.zeros(M, int)
+    crashed = np.zeros(M)
+    clear = np.full(M, np.inf)
     total = np.zeros((len(cost.term_names), M))
     lines = Lines(cost, x0, T, system.dt, row < len(targets) - 1)
     for t in range(T):
@@ -70,61 +79,62 @@ def fly_rows(
 
 
 class Lines:
-    """The lines that the lanes test against obstacles: between positions `stride` steps apart,
-    MARKS at a time."""
+    """The lines that the lanes test against obstacles.
+
+    They lie between positions `stride` steps apart, MARKS at a time.
+    """
 
     def __init__(self, cost: Cost, x0, T: int, dt: float, unfinished):
-        self.T, self.stride, self.unfinished, self.obstacles = (
-            T,
-            steps_between(dt),
-            unfinished,
-            cost.obstacles,
-        )
+        self.T = T
+        self.stride = steps_between(dt)
+        self.unfinished = unfinished
+        self.obstacles = cost.obstacles
         self.marked = [np.repeat(np.array(x0[:3])[:, None], len(unfinished), axis=1)]  # (3, M) each
-        self.rows = cost.obstacles.near(np.asarray(x0), T * dt) if cost.obstacles else ()
-        self.term = cost.crash_term if cost.obstacles else None
-        self.weight = cost.terms[self.term].weight if cost.obstacles else 0.0
+        if cost.obstacles:
+            self.rows = cost.obstacles.near(np.asarray(x0), T * dt)
+            self.term = cost.crash_term
+            self.weight = cost.terms[self.term].weight
 
     def meet(self, t, p, crashed, total, unfinished):
-        """Latch crashes and add their cost; how far the decisions were from turning out otherwise
-        [m].  (M,)"""
-        least, end = np.full(len(crashed), np.inf), t == self.T - 1
+        """Latch crashes and add their cost.
+
+        Returns:
+            Distance of each sample's decisions from turning out otherwise [m]  (M,)
+        """
+        least = np.full(len(crashed), np.inf)
+        end = t == self.T - 1
         if (t + 1) % self.stride == 0 or end:
+            # At the end the last position fills what is left.
             self.marked += [p] * (MARKS - len(self.marked) if end else 1)
         if len(self.marked) < MARKS:
             return least
-        for row in self.rows:
+        for numbers in self.rows:
+            row = self.obstacles.row(*numbers)
             for m, (a, b) in enumerate(pairwise(self.marked), 1):
-                new = (
-                    self.obstacles.touches(a, b, self.obstacles.row(*row))
-                    & (crashed == 0)
-                    & self.unfinished
-                )
+                touched = self.obstacles.touches(a, b, row)
+                new = touched & (crashed == 0) & self.unfinished
                 due = (MARKS - 1 - m) * self.stride + 1
                 total[self.term] += self.weight * due * new
                 crashed[new] = 1.0
-                least = np.minimum(least, line_distance(a, b, row))
-        self.marked, self.unfinished = [p], unfinished
+                least = np.minimum(least, line_distance(a, b, row, self.obstacles.touches))
+        self.marked = [p]
+        self.unfinished = unfinished
         return least
 
 
-def line_distance(a, b, row) -> np.ndarray:
-    """How far a line is from touching a grown frame if it does not, or from not touching it if it
-    does, about [m]."""
-    is_round = len(row) == len(ObstacleRow._fields)
-    exact = (ObstacleRow if is_round else FrameRow)(*row)
+def line_distance(a, b, row, touches) -> np.ndarray:
+    """Return about how far a line is from touching a grown slab, or from missing it [m].  (M,)"""
     found = []
     for e in (-GRAZE, 0.0, GRAZE):
-        grown = exact._replace(
-            half=exact.half + e,
-            free_y=exact.free_y - e,
-            free_z=exact.free_z - e,
-            out_y=exact.out_y + e,
-            out_z=exact.out_z + e,
+        grown = row._replace(
+            half=row.half + e,
+            free_y=row.free_y - e,
+            free_z=row.free_z - e,
+            out_y=row.out_y + e,
+            out_z=row.out_z + e,
+            radius2=(e + row.radius2**0.5) ** 2,
         )
-        if is_round:  # as wide as the upright box around it
-            grown = grown._replace(radius2=(e + exact.radius2**0.5) ** 2)
-        found.append((touches_round if is_round else touches)(a, b, grown))
+        found.append(touches(a, b, grown))
     low, here, high = found
     return np.where((low == here) & (here == high), np.inf, 0.0)
 
@@ -168,8 +178,11 @@ def to_edges(p, n, left, target) -> np.ndarray:
 
 
 def to_lanes(z: np.ndarray, halves: int = 1, dtype: type = np.float32) -> np.ndarray:
-    """Samples in the samplers' layout; missing lanes are zero.  (M, n_u, T) -> (series, n_u, halves
-    * T, LANES)"""
+    """Return samples (M, n_u, T) in the samplers' layout; missing lanes are zero.
+
+    Returns:
+        (series, n_u, halves * T, LANES)
+    """
     M, n_u, T = z.shape
     series = -(-M // (LANES * halves))
     full = np.zeros((series * halves * LANES, n_u, T), dtype)
@@ -179,11 +192,3 @@ def to_lanes(z: np.ndarray, halves: int = 1, dtype: type = np.float32) -> np.nda
         .transpose(0, 3, 1, 4, 2)
         .reshape(series, n_u, halves * T, LANES)
     )
-
-
-def from_lanes(z: np.ndarray, samples: int, horizon: int) -> np.ndarray:
-    """The inverse of `to_lanes`: sample m of the samplers' layout.  -> (M, n_u, T)"""
-    series, n_u, steps, lanes = z.shape
-    halves = steps // horizon
-    rows = z.reshape(series, n_u, halves, horizon, lanes).transpose(0, 2, 4, 1, 3)
-    return rows.reshape(-1, n_u, horizon)[:samples]

@@ -1,16 +1,16 @@
 """A point that is pushed about a plane, and Algorithm 1 written naively for it, for the tests of
 MPPI."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import NamedTuple
 
 import numpy as np
-from oracle import from_lanes
 
 from controllers.config import MPPIConfig
 from controllers.costs import Cost, Term, evaluate
-from controllers.mppi import MPPI, Iteration
-from controllers.samplers import make_sampler
+from controllers.lanes.layout import from_lanes
+from controllers.mppi import MPPI
+from controllers.samplers import SAMPLERS
 from quadsim.dynamics import System
 
 T = 20
@@ -90,6 +90,12 @@ GOAL = Cost(
 )
 
 
+def make_sampler(name, **numbers):
+    """The registered sampler of this name with those of the numbers that it has."""
+    kind = SAMPLERS[name]
+    return kind(**{f.name: numbers[f.name] for f in fields(kind) if f.name in numbers})
+
+
 def make(seed=12, sampler="gaussian", system=POINT, sigma=SAMPLING["sigma"], **changes):
     """sampler: a name, or an object of one's own."""
     config = replace(PLAIN, **changes)
@@ -115,7 +121,7 @@ def naive_cost(v):
     return total / len(v)
 
 
-def naive(U, z, temperature, step_size):
+def naive(U, z, temperature, step_size=1.0):
     """Algorithm 1.  U (T, n_u), z (M, n_u, T)"""
     V = np.clip(U + z.swapaxes(1, 2), POINT.low, POINT.high)
     J = np.array([naive_cost(v) for v in V])
@@ -130,16 +136,7 @@ def drawn(mppi, call=1):
 
 
 def perturbed(mppi):
-    """What the first iteration perturbs the present plan by.  (M, n_u, T)"""
-    nominal, alternative = mppi.nominals()
-    first = Iteration(
-        START,
-        0,
-        1,
-        nominal,
-        (alternative - nominal) / mppi.ramp[:, :, None],
-        np.empty(mppi.samples),
-    )
-    return from_lanes(
-        mppi.perturbations(first, slice(0, mppi.samples)), mppi.samples, mppi.config.horizon
-    )
+    """The perturbations of the present plan in the first iteration.  (M, n_u, T)"""
+    first = mppi.begin_iteration(START, target=0)
+    z = mppi.perturbations(first, slice(0, mppi.samples))
+    return from_lanes(z, mppi.samples, mppi.config.horizon)

@@ -7,7 +7,8 @@ from math import radians
 import numpy as np
 
 from controllers.costs import evaluate
-from controllers.costs.race import SAFETY_MARGIN, TERMS, RaceWeights
+from controllers.costs.frames import SAFETY_MARGIN
+from controllers.costs.race import TERMS, RaceWeights
 from quadsim.course import FRAME_DEPTH, Course, Gate, Start
 from quadsim.dynamics.quadrotor import State
 

@@ -1,30 +1,56 @@
-"""Costs q(x): tuples of terms, each a plain function over named scalars, like the systems (see
-quadsim.dynamics).
+"""Costs q(x): tuples of terms, each a plain function over named scalars, like the systems.
 
     q = sum_k w_k term_k(x, x_next, u, target, p),     J = (1/T) sum_t q_t
 
 A term returns one number for one step of one sample, which leads from x to x_next under the control
-u. `target` is the sample's target row, the numbers that describe what it flies to, and `p` the
-parameters of the cost. Two more functions of the same kind decide what happens to the sample:
-`reached` moves it to its next target row, `crash` marks it as crashed for the rest of its rollout.
+u. `target` is the sample's target row, the numbers that describe the place it flies to, and `p` the
+parameters of the cost. Two more functions of the same kind decide the fate of the sample: `reached`
+moves it to its next target row, `crash` marks it as crashed for the rest of its rollout.
 
     def clearance(x, x_next, u, gate, p):
         step = at_gate(x, x_next, gate)
         missing = maximum(step.outside + gate.margin * step.span, 0.0)
         return where(step.within, missing, 0.0)
+
+See quadsim.dynamics for the arithmetic that these functions may use.
 """
 
 from __future__ import annotations
 
 from collections import namedtuple
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 Weight = float | np.ndarray  # one number, or one for each step of the horizon (T,)
+
+# (x, x_next, u, target, p) -> a number or a condition, over named scalars
+StepFunction = Callable[[Any, Any, Any, Any, Any], Any]
+
+
+class Record(Protocol):
+    """A NamedTuple of numbers, by the members that all NamedTuples have."""
+
+    _fields: tuple[str, ...]
+
+    def __iter__(self) -> Iterator[Any]: ...
+
+    def __getitem__(self, index: Any, /) -> Any: ...
+
+    def _asdict(self) -> dict[str, Any]: ...
+
+    @classmethod
+    def _make(cls, iterable: Iterable[Any]) -> Any: ...
+
+
+class NoParams(NamedTuple):
+    """The parameters of a cost that has none."""
+
+
+NO_PARAMS = NoParams()
 
 
 def crash(x, x_next, u, target, p):
@@ -37,7 +63,7 @@ def crash(x, x_next, u, target, p):
 
 
 class Term:
-    """One term of a cost: a function and the weight of what it returns.
+    """One term of a cost: a function and the weight of the number that it returns.
 
     >>> def band(x, x_next, u, target, p):
     ...     return maximum(p.low - x_next.pz, 0.0) + maximum(x_next.pz - p.high, 0.0)
@@ -47,76 +73,73 @@ class Term:
 
     Args:
         function: (x, x_next, u, target, p) -> number, a plain function over named scalars.
-        weight: of its number in the cost; a term of weight zero is left out of the rollouts.
-        name: shown in telemetry and reports, a name as of a variable; default: the function's.
-        parameters: of its own, which `p` then holds in place of the cost's. A number, or an array
-            (T,) with one number for each step of the horizon. They can be changed without compiling
-            again.
+        weight: factor on its number; a term of weight zero is left out of the rollouts.
+        name: the name in telemetry and reports, an identifier; default: the function's.
+        parameters: numbers of its own, which `p` then holds in place of the cost's. Each is a
+            number, or an array (T,) with one number for each step of the horizon. They can be
+            changed without compiling again.
 
     Raises:
-        ValueError: the name is no name of a variable.
+        ValueError: the name is no identifier.
     """
 
     def __init__(
-        self, function: Callable, weight: Weight = 1.0, name: str = "", **parameters: Weight
+        self, function: StepFunction, weight: Weight = 1.0, name: str = "", **parameters: Weight
     ):
         self.function = function
         self.weight = weight
         self.name = name or getattr(function, "__name__", "").strip("<>")
         if not self.name.isidentifier():
             raise ValueError(
-                f"term: expected a name as of a variable, such as Term(..., name='band'), got {self.name!r}"
+                "term: expected a name as of a variable, such as Term(..., name='band'), "
+                f"got {self.name!r}"
             )
-        self.parameters: tuple | None = None
+        self.parameters: Record | None = None
         if parameters:
-            self.parameters = namedtuple(f"{self.name}_parameters", tuple(parameters))(**parameters)
+            record: Any = namedtuple(f"{self.name}_parameters", tuple(parameters))
+            self.parameters = record(**parameters)
 
     def but(self, weight: Weight | None = None, **parameters: Weight) -> Term:
         """Return the term with another weight or other parameters."""
-        own = self.parameters._asdict() if self.parameters else {}  # pyright: ignore
-        return Term(
-            self.function,
-            self.weight if weight is None else weight,
-            self.name,
-            **{**own, **parameters},
-        )
+        own = self.parameters._asdict() if self.parameters else {}
+        weight = self.weight if weight is None else weight
+        return Term(self.function, weight, self.name, **{**own, **parameters})
 
     def __reduce__(self) -> tuple:
-        record: Any = self.parameters
-        parameters = record._asdict() if record else {}
+        parameters = self.parameters._asdict() if self.parameters else {}
         return _term, (self.function, self.weight, self.name, parameters)
 
     @cached_property
     def shape(self) -> tuple:
-        """The key of the compiled loop: the function and the names of its parameters, without their
-        values."""
-        own = self.parameters._fields if self.parameters else None  # pyright: ignore
-        return self.name, self.function, own, bool(np.any(self.weight))
+        """The key of the compiled loop: function and names of the parameters, not their values."""
+        own = self.parameters._fields if self.parameters else None
+        has_weight = bool(np.any(self.weight))
+        return self.name, self.function, own, has_weight
 
     def __repr__(self) -> str:
         return f"Term({self.name}, weight={self.weight})"
 
 
-def _term(function: Callable, weight: Weight, name: str, parameters: dict[str, Weight]) -> Term:
-    """Make a Term again in another process, where pickle would not find the type of its record of
-    parameters."""
+def _term(function: StepFunction, weight: Weight, name: str, parameters: dict[str, Weight]) -> Term:
+    """Make a Term again in another process, where pickle does not find the type of its record."""
     return Term(function, weight, name, **parameters)
 
 
 @dataclass(frozen=True)
 class Obstacles:
-    """Obstacles stand in the way of samples, whatever target these fly to: a sample that touches
-    one has crashed.
+    """Obstacles in the way of samples, whatever target these fly to.
 
-    A sample that has reached its last target but one is past the finish and touches nothing.
+    A sample that touches an obstacle has crashed. A sample on the way to its last target is past
+    the finish and touches nothing.
     """
 
     # (p0, p1, row) -> whether the straight line between two positions touches the obstacle
-    touches: Callable
+    touches: Callable[[Any, Any, Any], Any]
     # NamedTuple: the names of a row's numbers, first the corners of a box around the obstacle [m]
-    row: type
+    row: type[Record]
     rows: np.ndarray  # (obstacles, n_obstacle)
-    near: Callable  # (x, seconds) -> those rows that may be reached from x in this time
+    # (x, seconds) -> those rows that may be reached from x in this time
+    near: Callable[[np.ndarray, float], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,30 +153,31 @@ class Cost:
     name: str
     terms: tuple[Term, ...]
     # NamedTuple: the names of a target row's numbers; `to_go`, if any, is the distance still to fly
-    row: type
-    targets: np.ndarray  # (targets, n_target) the target rows, from the first target on
+    row: type[Record]
+    targets: np.ndarray  # the target rows, from the first target on  (targets, n_target)
     # NamedTuple of numbers, or of arrays (T,) where they depend on the step of the horizon
-    params: tuple = ()
-    reached: Callable | None = None  # the sample has reached its target
-    crash: Callable | None = None  # the sample crashes in this step
+    params: Record = NO_PARAMS
+    reached: StepFunction | None = None  # whether the sample has reached its target
+    crash: StepFunction | None = None  # whether the sample crashes in this step
     obstacles: Obstacles | None = None
     # (x, row) -> whether x has not left the gate of the target just reached
-    still_in_gate: Callable | None = None
-    # (target, x) -> its row, where there are more rows than targets
-    row_ahead: Callable | None = None
+    still_in_gate: Callable[[np.ndarray, np.ndarray], bool] | None = None
+    # (target, x) -> index of the row to fly to, where there are more rows than targets
+    row_ahead: Callable[[int, np.ndarray], int] | None = None
     # (target, x, T) -> controls (T, n_u) to perturb beside the plan, in place of rest
-    guide: Callable | None = None
+    guide: Callable[[int, np.ndarray, int], np.ndarray] | None = None
 
     def __post_init__(self) -> None:
-        for what, names in (
-            ("terms", self.term_names),
-            ("weights and parameters", self.number_names),
-        ):
-            if len(set(names)) < len(names):
-                twice = next(name for name in names if names.count(name) > 1)
-                raise ValueError(
-                    f"cost {self.name}: expected {what} of different names, got two named {twice!r}"
-                )
+        self._check_names("terms", self.term_names)
+        self._check_names("weights and parameters", self.number_names)
+
+    def _check_names(self, what: str, names: Sequence[str]) -> None:
+        """Raise ValueError where two of the names are equal."""
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise ValueError(
+                f"cost {self.name}: expected {what} of different names, got two named {twice[0]!r}"
+            )
 
     @property
     def term_names(self) -> tuple[str, ...]:
@@ -162,8 +186,11 @@ class Cost:
 
     @property
     def crash_term(self) -> int:
-        """The place of the term that counts the steps after a crash. Raises ValueError where there
-        is none."""
+        """The index of the term that counts the steps after a crash.
+
+        Raises:
+            ValueError: there is no such term.
+        """
         for k, term in enumerate(self.terms):
             if term.function is crash:
                 return k
@@ -174,14 +201,12 @@ class Cost:
     @cached_property
     def number_names(self) -> tuple[str, ...]:
         """Names of the numbers that the compiled loops are given, in order: weights, parameters."""
-        weights = (f"weight_{term.name}" for term in self.terms)
-        shared = (f"p_{name}" for name in getattr(self.params, "_fields", ()))
-        own = (
-            f"p_{term.name}_{name}"
-            for term in self.terms
-            for name in getattr(term.parameters, "_fields", ())
-        )
-        return (*weights, *shared, *own)
+        names = [f"weight_{term.name}" for term in self.terms]
+        names += [f"p_{name}" for name in self.params._fields]
+        for term in self.terms:
+            if term.parameters:
+                names += [f"p_{term.name}_{name}" for name in term.parameters._fields]
+        return tuple(names)
 
     def numbers(self, horizon: int) -> np.ndarray:
         """Return weights and parameters as the compiled loops take them.
@@ -202,8 +227,8 @@ class Cost:
         for k, (name, value) in enumerate(zip(self.number_names, values, strict=True)):
             if np.shape(value) not in ((), (horizon,)):
                 raise ValueError(
-                    f"cost {self.name}: {name}: expected one number or one for each of {horizon} steps, "
-                    f"got shape {np.shape(value)}"
+                    f"cost {self.name}: {name}: expected one number or one for each of "
+                    f"{horizon} steps, got shape {np.shape(value)}"
                 )
             rows[:, k] = value
         return rows
@@ -211,26 +236,31 @@ class Cost:
     def targets_from(self, target: int, x: np.ndarray, dtype: type = np.float32) -> np.ndarray:
         """Return the target rows from the current one on.
 
+        The distance to go counts from the current target, which keeps its numbers small.
+
         Args:
             target: number of targets reached so far.
-            x: state (n_x,).
-            dtype: of the rows. The distance to go counts from the current target, which keeps its
-                numbers small.
+            x: state  (n_x,).
+            dtype: type of the rows.
+
+        Returns:
+            (rows, n_target)
         """
         nearest = self.row_ahead or self._row
         first = nearest(target, x)
         rows = np.array(self.targets[first:], dtype=dtype)
-        if "to_go" in self.row._fields:  # pyright: ignore
-            to_go = self.row._fields.index("to_go")  # pyright: ignore
+        if "to_go" in self.row._fields:
+            to_go = self.row._fields.index("to_go")
             rows[:, to_go] -= rows[0, to_go]
         return rows
 
     def _row(self, target: int, x: np.ndarray) -> int:
+        """Return the index of the current row where there is one for each target."""
         target = min(target, len(self.targets) - 1)
-        still = (
-            self.still_in_gate and target > 0 and self.still_in_gate(x, self.targets[target - 1])
-        )
-        return target - 1 if still else target
+        if target == 0 or self.still_in_gate is None:
+            return target
+        before = target - 1
+        return before if self.still_in_gate(x, self.targets[before]) else target
 
 
 class Evaluated(NamedTuple):
@@ -253,14 +283,14 @@ def evaluate(
     """Return the weighted terms of one step, by the same functions that the rollouts inline.
 
     Args:
-        cost: whose terms of any weight are returned.
+        cost: the cost, whose terms of any weight are returned.
         x, x_next: records of the system's state, of numbers or of arrays.
         u: record of the control.
         target: a target row's numbers.
         crashed: whether the sample had crashed before, 0.0 or 1.0.
         t: step of the horizon, where parameters depend on it.
     """
-    gate = cost.row(*target)
+    gate = cost.row._make(target)
     shared = at_step(cost.params, t)
     if cost.crash:
         crashed = np.where(cost.crash(x, x_next, u, gate, shared), 1.0, crashed)
@@ -269,21 +299,21 @@ def evaluate(
         if term.function is crash:
             value = crashed
         else:
-            own = shared if term.parameters is None else at_step(term.parameters, t)
+            own = at_step(term.parameters, t) if term.parameters else shared
             value = term.function(x, x_next, u, gate, own)
         terms[term.name] = number_at_step(term.weight, t) * value
     reached = cost.reached(x, x_next, u, gate, shared) if cost.reached else False
     return Evaluated(terms, reached, crashed)
 
 
-def at_step(parameters: tuple, t: int) -> Any:
+def at_step(parameters: Record, t: int) -> Any:
     """Return a record of parameters at step t of the horizon."""
-    if not parameters:
-        return ()
-    return parameters._make(number_at_step(value, t) for value in parameters)  # pyright: ignore
+    return parameters._make(number_at_step(value, t) for value in parameters)
 
 
 def number_at_step(value: Weight, t: int) -> Any:
-    """Return a weight or parameter at step t of the horizon: the number itself, or its entry of an
-    array (T,)."""
+    """Return a weight or parameter at step t of the horizon.
+
+    It is the number itself, or its entry of an array (T,).
+    """
     return value if np.ndim(value) == 0 else np.asarray(value)[t]

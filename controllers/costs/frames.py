@@ -1,10 +1,9 @@
-"""The frames of all gates, and a course's obstacles, in a rollout: rows of numbers, and the test of
-a straight line.
+"""Frames of gates and obstacles in a rollout: rows of numbers, and the test of a straight line.
 
 The vehicle is a sphere whose centre moves on the line. The four bars of a frame, as boxes grown by
 the sphere's radius and a margin, fill a slab around the gate's plane from a free shaft to the outer
-edge, as for the referee (quadsim.course.swept). A box is a slab without a shaft; so is a cylinder,
-lying across its axis, with a round outline.
+edge, as for the referee (quadsim.course.swept). A box is a slab without a shaft. A cylinder is one
+too, with a round outline, and the slab's axis is the cylinder's.
 """
 
 from __future__ import annotations
@@ -28,59 +27,20 @@ from quadsim.course.opening import (
 from quadsim.dynamics.records import as_rows, columns
 from quadsim.rotation import Vec3
 
-# [m] kept between vehicle and frame; where a gate is narrow, at most half of the room there is
+# Distance kept between vehicle and frame [m]; where a gate is narrow, at most half of the room
 SAFETY_MARGIN = 0.02
 ACCELERATION = 40.0  # [m/s^2] with which frames may be reached
-# axes of a cylinder as of a frame: its own comes first
+# Axes of the slab of a cylinder, as those of a frame: its own axis comes first
 UPRIGHT = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-NO_SHAFT = -1.0  # half width of the opening of what has none [m]
+NO_SHAFT = HalfSizes(-1.0, -1.0)  # half sizes of the shaft of a slab without one [m]
 NOT_ROUND = 1e12  # square of the radius of an outline with corners [m^2]
 
 
-class FrameRow(NamedTuple):
-    """The numbers of a gate's frame that `touches` reads; its sizes are grown by the vehicle's
-    radius and a margin [m].
-
-    See quadsim.course.opening for the frame's terms.
-    """
-
-    # Corners of the upright box around it
-    x_low: float
-    y_low: float
-    z_low: float
-    x_high: float
-    y_high: float
-    z_high: float
-
-    # Centre
-    x: float
-    y: float
-    z: float
-
-    # Unit vectors along the passage, left and up
-    nx: float
-    ny: float
-    nz: float
-    lx: float
-    ly: float
-    lz: float
-    ux: float
-    uy: float
-    uz: float
-
-    half: float  # half the depth of the slab that the frame fills
-    free_y: float  # half width and half height of the free shaft through it
-    free_z: float
-    out_y: float  # half width and half height of the slab
-    out_z: float
-
-
 class ObstacleRow(NamedTuple):
-    """The numbers of a frame or an obstacle that `touches_round` reads: those of `FrameRow`, and a
-    round outline.
+    """The numbers of a gate's frame, or of an obstacle, that a line is tested against.
 
-    A box and a cylinder are slabs without a shaft, along the box's own x axis and along the
-    cylinder's axis.
+    Both are slabs; see quadsim.course.opening for the terms of a frame. All sizes are grown by the
+    vehicle's radius and a margin [m].
     """
 
     # Corners of the upright box around it
@@ -96,7 +56,8 @@ class ObstacleRow(NamedTuple):
     y: float
     z: float
 
-    # Unit vectors along the slab's axis, left and up
+    # Unit vectors along the slab's axis, left and up: along the passage of a gate, the x axis of a
+    # box, the axis of a cylinder
     nx: float
     ny: float
     nz: float
@@ -107,13 +68,15 @@ class ObstacleRow(NamedTuple):
     uy: float
     uz: float
 
-    half: float  # half the depth of the slab
-    # half width and half height of the free shaft through it, NO_SHAFT where there is none
+    # Half the depth of the slab
+    half: float
+    # Half width and half height of the free shaft through it, NO_SHAFT where there is none
     free_y: float
     free_z: float
-    out_y: float  # half width and half height of the slab
+    # Half width and half height of the slab
+    out_y: float
     out_z: float
-    # square of the radius of the slab's outline [m^2], NOT_ROUND where it has corners
+    # Square of the radius of the slab's outline [m^2], NOT_ROUND where it has corners
     radius2: float
 
 
@@ -125,44 +88,45 @@ def in_slab(p, row):
 
 
 def touches(p0, p1, row):
-    """Return whether the line from p0 to p1 touches the frame.
+    """Return whether the line from p0 to p1 touches a slab with corners.
 
-    It does if within the slab it is not all in the shaft, nor all on one side of the outer edge.
+    It does unless its part within the slab lies in the shaft, or on one side of the outer edge.
     """
     s0, y0, z0 = in_slab(p0, row)
     s1, y1, z1 = in_slab(p1, row)
 
-    # the part of the line within the slab, as fractions of the line
+    # The part of the line within the slab, as fractions of the line
     span = where(abs(s1 - s0) < 1e-6, 1e-6, s1 - s0)
     a = (-row.half - s0) / span
     b = (row.half - s0) / span
     enters = maximum(minimum(a, b), 0.0)
     leaves = minimum(maximum(a, b), 1.0)
 
-    # where it is at either end of that part
+    # The ends of that part, across the slab's axis
     ya = y0 + enters * (y1 - y0)
     yb = y0 + leaves * (y1 - y0)
     za = z0 + enters * (z1 - z0)
     zb = z0 + leaves * (z1 - z0)
-    off_shaft = (
-        maximum(maximum(abs(ya), abs(yb)) - row.free_y, maximum(abs(za), abs(zb)) - row.free_z)
-        > 0.0
-    )
+
+    # One end lies outside the shaft, and not both lie beyond the same outer edge
+    outside_y = maximum(abs(ya), abs(yb)) - row.free_y
+    outside_z = maximum(abs(za), abs(zb)) - row.free_z
+    off_shaft = maximum(outside_y, outside_z) > 0.0
     across = (minimum(ya, yb) < row.out_y) & (maximum(ya, yb) > -row.out_y)
     upright = (minimum(za, zb) < row.out_z) & (maximum(za, zb) > -row.out_z)
     return (enters < leaves) & off_shaft & across & upright
 
 
 def touches_round(p0, p1, row):
-    """Return whether the line touches what the row describes, with corners or round.
+    """Return whether the line from p0 to p1 touches a slab, with corners or round.
 
-    Beyond `touches`, the line also has to meet the slab's outline, not only the ranges of its two
-    sides. Only a course with obstacles pays for it.
+    Beyond the test of `touches`, the line has to meet the slab's outline, not only the ranges of
+    its two sides. Only a course with obstacles pays for it.
     """
     s0, y0, z0 = in_slab(p0, row)
     s1, y1, z1 = in_slab(p1, row)
 
-    # the part of the line within the box around the slab (Liang and Barsky 1984)
+    # The part of the line within the box around the slab (Liang and Barsky 1984)
     ds = away_from_zero(s1 - s0)
     dy = away_from_zero(y1 - y0)
     dz = away_from_zero(z1 - z0)
@@ -175,7 +139,7 @@ def touches_round(p0, p1, row):
     enters = maximum(maximum(minimum(sa, sb), minimum(ya, yb)), maximum(minimum(za, zb), 0.0))
     leaves = minimum(minimum(maximum(sa, sb), maximum(ya, yb)), minimum(maximum(za, zb), 1.0))
 
-    # the point of that part that is nearest to the axis
+    # The point of that part that is nearest to the axis
     nearest = -(y0 * dy + z0 * dz) / (dy * dy + dz * dz)
     nearest = minimum(maximum(nearest, enters), leaves)
     y = y0 + nearest * dy
@@ -184,7 +148,7 @@ def touches_round(p0, p1, row):
 
 
 def away_from_zero(d):
-    """A difference that can be divided by [m]."""
+    """Return a difference that can be divided by [m]."""
     return where(abs(d) < 1e-6, 1e-6, d)
 
 
@@ -194,50 +158,46 @@ def inner_margin(gate: Gate, radius: float) -> float:
 
 
 def course_obstacles(course: Course, radius: float) -> Obstacles:
-    """Return every frame of the course once, and what else stands there, as obstacles of samples.
+    """Return every frame of the course once, and its obstacles, as obstacles of samples.
 
     Lines run beside the curve that is flown, by .008 m at 40 m/s^2 over .04 s: half of the safety
     margin is left to that, so that a gate flown through as the racing cost allows is no crash here.
 
     Args:
         course: its gates and obstacles.
-        radius: of the vehicle [m].
+        radius: radius of the vehicle [m].
     """
-    rows = _table(course, radius, inner_share=0.5, outer=SAFETY_MARGIN / 2)
+    with_margins = _table(course, radius, inner_share=0.5, outer=SAFETY_MARGIN / 2)
     bare = _table(course, radius, inner_share=0.0, outer=0.0)
-    test, record = (touches_round, ObstacleRow) if course.obstacles else (touches, FrameRow)
-    return Obstacles(test, record, rows, partial(in_reach, test, record, rows, bare))
+    test = touches_round if course.obstacles else touches
+    near = partial(in_reach, test, with_margins, bare)
+    return Obstacles(touches=test, row=ObstacleRow, rows=with_margins, near=near)
 
 
 def _table(course: Course, radius: float, inner_share: float, outer: float) -> np.ndarray:
     """Return the rows of all frames and obstacles of a course.
 
     Args:
-        course: its gates, of which each stands there once, and its obstacles.
-        radius: of the vehicle [m].
+        course: its gates, each of which has one row, and its obstacles.
+        radius: radius of the vehicle [m].
         inner_share: share of the safety margin that is kept inside openings.
         outer: margin around frames and obstacles [m].
     """
-    gates = dict.fromkeys(course.gates)
-    frames = [
-        frame_row(gate, radius, inner_share * inner_margin(gate, radius), outer) for gate in gates
-    ]
-    if not course.obstacles:
-        return as_rows(frames, FrameRow)
+    frames = []
+    for gate in dict.fromkeys(course.gates):
+        inner = inner_share * inner_margin(gate, radius)
+        frames.append(frame_row(gate, radius, inner, outer))
     others = [obstacle_row(obstacle, radius + outer) for obstacle in course.obstacles]
-    return as_rows([*(ObstacleRow(*frame, NOT_ROUND) for frame in frames), *others], ObstacleRow)
+    return as_rows([*frames, *others], ObstacleRow)
 
 
 def obstacle_rows(obstacles: Sequence[Obstacle], grown: float) -> np.ndarray:
-    """Return the rows of obstacles, grown by this much on all sides [m], as `ObstacleRow`.
-    (obstacles, 24)"""
+    """Return the rows of obstacles, grown by this much on all sides [m].  (obstacles, 24)"""
     return as_rows([obstacle_row(obstacle, grown) for obstacle in obstacles], ObstacleRow)
 
 
 def obstacle_row(obstacle: Obstacle, grown: float) -> ObstacleRow:
     """Return the row of one obstacle, grown by this much on all sides [m]."""
-    corners = obstacle.corners()
-    low, high = corners.min(axis=0) - grown, corners.max(axis=0) + grown
     if isinstance(obstacle, Cylinder):
         axes = UPRIGHT
         half, out_y, out_z = obstacle.height / 2, obstacle.radius, obstacle.radius
@@ -246,29 +206,44 @@ def obstacle_row(obstacle: Obstacle, grown: float) -> ObstacleRow:
         axes = obstacle.axes
         half, out_y, out_z = obstacle.half
         radius2 = NOT_ROUND
-    no_shaft = HalfSizes(NO_SHAFT, NO_SHAFT)
-    out = HalfSizes(out_y + grown, out_z + grown)
-    slab = _slab_row(low, high, obstacle.centre, axes, half + grown, no_shaft, out)
-    return ObstacleRow(*slab, radius2)
+    corners = obstacle.corners()
+    return _slab_row(
+        low=corners.min(axis=0) - grown,
+        high=corners.max(axis=0) + grown,
+        centre=obstacle.centre,
+        axes=axes,
+        half=half + grown,
+        free=NO_SHAFT,
+        out=HalfSizes(out_y + grown, out_z + grown),
+        radius2=radius2,
+    )
 
 
-def frame_row(gate: Gate, radius: float, inner: float, outer: float) -> FrameRow:
+def frame_row(gate: Gate, radius: float, inner: float, outer: float) -> ObstacleRow:
     """Return the row of a gate's frame, grown by the radius of the vehicle and by margins.
 
     Args:
-        gate: whose frame it is.
-        radius: of the vehicle [m].
+        gate: the gate.
+        radius: radius of the vehicle [m].
         inner: margin inside the opening [m].
         outer: margin around the frame, and before and behind it [m].
     """
-    free = free_half_sizes(gate.opening, radius, inner)
     out = outer_half_sizes(gate.opening, gate.frame_width, radius, outer)
     half = half_depth(radius, outer)
 
     # The upright box around the grown frame
     centre = np.array(gate.position)
     reach = abs(gate.rotation) @ np.array([half, out.left, out.up])
-    return _slab_row(centre - reach, centre + reach, gate.position, gate.axes, half, free, out)
+    return _slab_row(
+        low=centre - reach,
+        high=centre + reach,
+        centre=gate.position,
+        axes=gate.axes,
+        half=half,
+        free=free_half_sizes(gate.opening, radius, inner),
+        out=out,
+        radius2=NOT_ROUND,
+    )
 
 
 def _slab_row(
@@ -279,23 +254,25 @@ def _slab_row(
     half: float,
     free: HalfSizes,
     out: HalfSizes,
-) -> FrameRow:
+    radius2: float,
+) -> ObstacleRow:
     """Return the row of a slab with a shaft.
 
     Args:
-        low: lower corner of the upright box around it [m].  (3,)
-        high: upper corner of that box [m].  (3,)
-        centre: of the slab [m].
-        axes: unit vectors along its shaft, left and up.
+        low: lower corner of the upright box around it [m]  (3,).
+        high: upper corner of that box [m]  (3,).
+        centre: centre of the slab [m].
+        axes: unit vectors along its axis, left and up.
         half: half of its depth [m].
         free: half sizes of the shaft [m].
         out: half sizes of the slab [m].
+        radius2: square of the radius of its outline [m^2].
     """
     x_low, y_low, z_low = low.tolist()
     x_high, y_high, z_high = high.tolist()
+    box = (x_low, y_low, z_low, x_high, y_high, z_high)
     along, left, up = axes
-    box = x_low, y_low, z_low, x_high, y_high, z_high
-    return FrameRow(
+    return ObstacleRow(
         *box,
         *centre,
         *along,
@@ -306,43 +283,46 @@ def _slab_row(
         free_z=free.up,
         out_y=out.left,
         out_z=out.up,
+        radius2=radius2,
     )
 
 
 def in_reach(
     test: Callable,
-    record: type[FrameRow] | type[ObstacleRow],
     rows: np.ndarray,
     bare: np.ndarray,
     x: np.ndarray,
     seconds: float,
 ) -> np.ndarray:
-    """Return the rows that can be reached from x in this time; without their margin, where x is
-    within it.
+    """Return the rows that can be reached from x in this time.
+
+    A row whose margin x is within is returned without its margin.
 
     Args:
         test: `touches` or `touches_round`.
-        record: whose fields are the columns of the rows.
-        rows: of frames and obstacles, with their margins.
+        rows: frames and obstacles, with their margins.
         bare: the same without margins.
         x: state, position and velocity first [m, m/s].
         seconds: time [s].
+
+    Returns:
+        (near rows, 24)
     """
     p = x[:3]
-    way, turn = x[3:6] * seconds, 0.5 * ACCELERATION * seconds**2
+    way = x[3:6] * seconds
+    turn = 0.5 * ACCELERATION * seconds**2
 
-    # Boxes that the vehicle's straight way, widened by what it can turn aside, meets
-    box_low, box_high = (
-        columns(rows, record, "x_low", "z_low"),
-        columns(rows, record, "x_high", "z_high"),
-    )
-    low, high = box_low - np.maximum(way, 0.0) - turn, box_high - np.minimum(way, 0.0) + turn
+    # Boxes that meet the vehicle's straight way, widened by the distance it can turn aside
+    box_low = columns(rows, ObstacleRow, "x_low", "z_low")
+    box_high = columns(rows, ObstacleRow, "x_high", "z_high")
+    low = box_low - np.maximum(way, 0.0) - turn
+    high = box_high - np.minimum(way, 0.0) + turn
     near = np.flatnonzero(((low <= p) & (p <= high)).all(axis=1))
     found = rows[near]
 
     # A vehicle that touches a row is within its margin already
     inside = ((box_low[near] <= p) & (p <= box_high[near])).all(axis=1)
     for k in near[inside]:
-        if test(p, p, record(*rows[k])):
+        if test(p, p, ObstacleRow(*rows[k])):
             found[near == k] = bare[k]
     return found

@@ -1,7 +1,7 @@
 """The racing cost: eq. (8) of Vlahov et al. 2024, and the distance still to fly.
 
-    q = a_0 Progress + a_1 Heading + a_2 Height + a_3 Speed + a_4 Stabilize + a_5 Crash - a_6
-      Waypoint + a_7 Path + a_8 Clearance
+    q = a_0 Progress + a_1 Heading + a_2 Height + a_3 Speed + a_4 Stabilize
+        + a_5 Crash - a_6 Waypoint + a_7 Path + a_8 Clearance
 
 a_1 to a_7 are the paper's terms, a_0 and a_8 are ours: the distance still to fly, and the margin
 within a gate.
@@ -10,13 +10,14 @@ A gate from above; the vehicle's centre flies from left to right, along the pass
 
     entry plane          exit plane: the target's position, x = 0 of the gate's frame here
         |    ####  frame     |
-        |    ####            |   bar: the frame's width, grown by the vehicle's radius and the
-        margins |                    |
+        |    ####            |   bar: the frame's width, grown by radius and margins
+        |                    |
     ----|--------------------|-> free: half the opening, less radius and margin, to either side
         |                    |
         |    ####            |
         |    ####            |
         <------- depth ------>
+
 Unlike the paper's implementation, the target advances inside the rollout: once a sample has flown
 through a gate, its progress is measured to the next one. A gate counts as passed when the segment x
 -> x_next crosses its exit plane inside the free opening, which is the opening less the vehicle's
@@ -35,22 +36,23 @@ from msgspec import Meta
 from numpy import maximum, minimum, sqrt, where
 
 from controllers.costs import Cost, Term, crash
-from controllers.costs.frames import SAFETY_MARGIN, course_obstacles, obstacle_rows
+from controllers.costs.frames import course_obstacles, obstacle_rows
 from controllers.costs.race_targets import (
     RUN_OUT,
     GateTarget,
+    Margin,
     clear_of_frame,
     cross,
     is_inside,
     row_ahead,
     targets,
 )
+from controllers.costs.room import leaves_room, room_to_fly
 from quadsim.course import Course, in_frame
 from quadsim.course.opening import InGate
 from quadsim.files.strict_yaml import setting
 
-FLOOR_MARGIN = 0.1  # [m]
-AT_TARGET = 0.5  # [m] nearer than this the bearing to the target says nothing
+AT_TARGET = 0.5  # distance to the target below which the bearing to it is not used [m]
 
 Weight = Annotated[float, Meta(ge=0, le=1e6)]
 
@@ -59,48 +61,56 @@ Weight = Annotated[float, Meta(ge=0, le=1e6)]
 class RaceWeights:
     """Weights a_0..a_8 of the terms, and the numbers they refer to."""
 
-    progress: Annotated[Weight, setting("per metre still to fly")] = 1.0
+    progress: Annotated[Weight, setting("weight of each metre still to fly")] = 1.0
     heading: Annotated[
         Weight,
-        setting("of 1 - cos of the angle between horizontal velocity and bearing to the gate"),
+        setting("weight of 1 - cos of the angle from horizontal velocity to the gate's bearing"),
     ] = 0.0
-    height: Annotated[Weight, setting("per m^2 off the height of the leg")] = 0.0
-    speed: Annotated[Weight, setting("per (m/s)^2 off desired_speed, horizontal")] = 0.0
-    stabilize: Annotated[Weight, setting("of 1 - cos of the tilt")] = 0.0
-    crash: Annotated[Weight, setting("per step after a crash")] = 1000.0
+    height: Annotated[Weight, setting("weight of each m^2 off the height of the leg")] = 0.0
+    speed: Annotated[
+        Weight, setting("weight of each (m/s)^2 of horizontal speed off desired_speed")
+    ] = 0.0
+    stabilize: Annotated[Weight, setting("weight of 1 - cos of the tilt")] = 0.0
+    crash: Annotated[Weight, setting("weight of each step after a crash")] = 1000.0
     waypoint: Annotated[
-        Weight, setting("reward per step within waypoint_radius of the gate's exit")
+        Weight, setting("reward for each step within waypoint_radius of the gate's exit")
     ] = 0.0
-    path: Annotated[Weight, setting("per m^2 off the straight leg")] = 0.0
+    path: Annotated[Weight, setting("weight of each m^2 off the straight leg")] = 0.0
     clearance: Annotated[
         Weight,
-        setting("per metre by which the margin is not kept, per metre flown within a gate's depth"),
+        setting("weight of each metre that the margin lacks, per metre flown within a gate"),
     ] = 2000.0
     desired_speed: Annotated[
-        float, setting("horizontal, of the speed term [m/s]", unit="m/s", ge=0, le=100)
+        float,
+        setting("horizontal speed that the speed term asks for [m/s]", unit="m/s", ge=0, le=100),
     ] = 9.0
     waypoint_radius: Annotated[
-        float, setting("around a gate's exit [m]", unit="m", gt=0, le=100)
+        float,
+        setting("distance to a gate's exit that is rewarded [m]", unit="m", gt=0, le=100),
     ] = 0.5
     margin: Annotated[
-        float, setting("wanted between vehicle and frame, within a gate [m]", unit="m", ge=0, le=10)
+        float,
+        setting("wanted distance to the frame within a gate [m]", unit="m", ge=0, le=10),
     ] = 0.25
     margin_share: Annotated[
-        float, setting("of half the free opening, which it takes at most", ge=0, le=1)
+        float,
+        setting("largest share of half the free opening that the margin takes", ge=0, le=1),
     ] = 0.5
     opening: Annotated[
         float,
-        setting("progress aims at the nearest point of this share of the opening", ge=0, le=1),
+        setting("share of the opening whose nearest point progress aims at", ge=0, le=1),
     ] = 0.0
 
 
 class RaceParams(NamedTuple):
-    """The numbers that the terms refer to, and where samples may fly."""
+    """The numbers that the terms refer to, and the room in which samples may fly [m]."""
 
     desired_speed: float  # [m/s]
     waypoint_radius: float  # [m]
-    opening: float  # progress aims at the nearest point of this share of the opening
-    floor: float  # [m]
+    opening: float  # share of the opening whose nearest point progress aims at
+
+    # The fields of controllers.costs.room.Room
+    floor: float
     x_low: float
     x_high: float
     y_low: float
@@ -111,11 +121,16 @@ class RaceParams(NamedTuple):
 class StepAtGate(NamedTuple):
     """One step of a sample at its gate."""
 
-    reached: Any  # it leads through the exit plane within the free opening
-    clipped: Any  # it touches the frame
-    within: Any  # it ends between entry and exit, or crosses the exit, not outside the frame
-    outside: Any  # how far outside the free opening it does so, negative inside, times span [m^2]
-    span: Any  # way along the passage [m]
+    # Whether it leads through the exit plane within the free opening
+    reached: Any
+    # Whether it touches the frame
+    clipped: Any
+    # Whether it ends between entry and exit, or crosses the exit, not outside the frame
+    within: Any
+    # Distance outside the free opening at which it does so, negative inside, times span [m^2]
+    outside: Any
+    # Way along the passage [m]
+    span: Any
 
 
 def in_gate(p, gate):
@@ -132,12 +147,13 @@ def off_exit(p, gate):
 
 
 def at_gate(x, x_next, gate):
-    """Return what the step from x to x_next does at its gate, a StepAtGate.
+    """Return the outcome of the step from x to x_next at its gate, a StepAtGate.
 
     The step is checked where it crosses the entry and the exit plane and at its end, which is
     enough as the free opening is convex: at 50 m/s a step is longer than a gate is deep. `at_exit`
-    and `at_entry` are how far outside the free opening it crosses, times span: these products need
-    no division, and summed over the steps within a gate they do not depend on the speed.
+    and `at_entry` are the distances outside the free opening at these crossings, times span: such
+    products need no division, and summed over the steps within a gate they do not depend on the
+    speed.
     """
     before = in_gate(x.position, gate)
     after = in_gate(x_next.position, gate)
@@ -147,22 +163,26 @@ def at_gate(x, x_next, gate):
     through_entry = (before.along <= -depth) != (after.along <= -depth)
     span = abs(after.along - before.along)
 
-    # where the step crosses the exit plane, the entry plane, and where it ends
+    # Where the step crosses the exit plane
     at_exit = maximum(
         abs(before.left * after.along - after.left * before.along) - free_y * span,
         abs(before.up * after.along - after.up * before.along) - free_z * span,
     )
+
+    # Where it crosses the entry plane
     entry_before = before.along + depth
     entry_after = after.along + depth
     at_entry = maximum(
         abs(before.left * entry_after - after.left * entry_before) - free_y * span,
         abs(before.up * entry_after - after.up * entry_before) - free_z * span,
     )
+
+    # Where it ends
     at_end = maximum(abs(after.left) - free_y, abs(after.up) - free_z)
     ends_in = (after.along > -depth) & (after.along < 0.0) & (at_end < bar)
 
-    # the frame is touched at the exit, from either side, at the entry, or by a step that ends
-    # within it
+    # The frame is touched at the exit, from either side, at the entry, or by a step that ends
+    # within the frame.
     clipped = (forward & (at_exit >= 0.0) & (at_exit < bar * span)) | (
         backward & (at_exit < bar * span)
     )
@@ -202,14 +222,10 @@ def reached(x, x_next, u, gate, p):
 
 
 def crashes(x, x_next, u, gate, p):
-    """Return whether the step touches the gate's frame, the ground or the bounds; the last two
-    until the finish."""
-    pz = x_next.pz
-    below_floor = (pz < p.floor) & (pz < x.pz)  # a start on the ground is no crash, coming down is
-    out_x = (x_next.px < p.x_low) | (x_next.px > p.x_high)
-    out_of_bounds = out_x | (x_next.py < p.y_low) | (x_next.py > p.y_high) | (pz > p.z_high)
+    """Return whether the step touches the gate's frame, or leaves the room before the finish."""
+    out_of_room = leaves_room(x, x_next, p)
     before_finish = gate.free_y < RUN_OUT
-    return at_gate(x, x_next, gate).clipped | ((below_floor | out_of_bounds) & before_finish)
+    return at_gate(x, x_next, gate).clipped | (out_of_room & before_finish)
 
 
 def progress(x, x_next, u, gate, p):
@@ -221,14 +237,13 @@ def progress(x, x_next, u, gate, p):
     place = in_gate(x_next.position, gate)
     past_exit = place.along > 0.0
     along = where(past_exit, place.along + gate.approach, place.along)
-    left = where(
-        past_exit,
-        place.left,
-        maximum(abs(place.left) - p.opening * (gate.free_y - gate.margin), 0.0),
-    )
-    up = where(
-        past_exit, place.up, maximum(abs(place.up) - p.opening * (gate.free_z - gate.margin), 0.0)
-    )
+
+    # In front of the exit, the part of the opening that progress aims at is no way.
+    off_left = maximum(abs(place.left) - p.opening * (gate.free_y - gate.margin), 0.0)
+    off_up = maximum(abs(place.up) - p.opening * (gate.free_z - gate.margin), 0.0)
+    left = where(past_exit, place.left, off_left)
+    up = where(past_exit, place.up, off_up)
+
     way = sqrt(along * along + left * left + up * up + 1e-6) + where(past_exit, gate.approach, 0.0)
     return where(at_gate(x, x_next, gate).reached, 0.0, way) + gate.to_go
 
@@ -271,53 +286,50 @@ def path(x, x_next, u, gate, p):
 
 
 def clearance(x, x_next, u, gate, p):
-    """Return the metres by which the margin is not kept, per metre flown within the gate [m^2]."""
+    """Return the metres that the margin lacks, times the metres flown within the gate [m^2]."""
     step = at_gate(x, x_next, gate)
     missing = maximum(step.outside + gate.margin * step.span, 0.0)
     return where(step.within, missing, 0.0)
 
 
-# a_0 to a_8; each has the name of its weight in RaceWeights
+# The terms of a_0 to a_8; each has the name of its weight in RaceWeights.
 RACE_TERMS = (progress, heading, height, speed, stabilize, crash, waypoint, path, clearance)
 TERMS = tuple(term.__name__ for term in RACE_TERMS)
 
 
 def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) -> Cost:
-    """Return the cost of a course for a vehicle of this radius [m]."""
-    w = weights
-    box = room_to_fly(course, radius, w.margin)
-    rows, first = targets(course, radius, (w.margin, w.margin_share), box, laps)
+    """Return the racing cost.
+
+    Args:
+        course: the course.
+        radius: radius of the vehicle [m].
+        weights: weights of the terms, and the numbers they refer to.
+        laps: number of laps.
+    """
+    room = room_to_fly(course, radius, weights.margin)
+    margin = Margin(wanted=weights.margin, share=weights.margin_share)
+    rows, first = targets(course, radius, margin, room, laps)
     still_in_gate = partial(is_inside, clear_of_frame(radius))
     cost = Cost(
         name="race",
-        terms=tuple(Term(function, getattr(w, function.__name__)) for function in RACE_TERMS),
+        terms=tuple(Term(term, getattr(weights, term.__name__)) for term in RACE_TERMS),
         row=GateTarget,
         targets=rows,
-        params=RaceParams(w.desired_speed, w.waypoint_radius, w.opening, *box),
+        params=RaceParams(
+            desired_speed=weights.desired_speed,
+            waypoint_radius=weights.waypoint_radius,
+            opening=weights.opening,
+            **room._asdict(),
+        ),
         reached=reached,
         crash=crashes,
         obstacles=course_obstacles(course, radius),
         still_in_gate=still_in_gate,
     )
+
+    # Only where obstacles put rows between gates does a sample choose among several.
     rows_between_gates = len(rows) > len(first) - 1
     if not rows_between_gates:
         return cost
-    return replace(
-        cost,
-        row_ahead=partial(
-            row_ahead, still_in_gate, first, rows, obstacle_rows(course.obstacles, radius)
-        ),
-    )
-
-
-def room_to_fly(course: Course, radius: float, margin: float) -> tuple[float, ...]:
-    """Where samples may fly: floor, x_low, x_high, y_low, y_high, z_high [m].
-
-    At most FLOOR_MARGIN of the margin is kept from the ground, and half of what the lowest gate
-    leaves.
-    """
-    (x_low, x_high), (y_low, y_high), (z_low, z_high) = course.bounds
-    gap = radius + SAFETY_MARGIN
-    lowest = min(g.position[2] for g in course.gates)
-    floor = gap + max(min(margin, FLOOR_MARGIN, (lowest - gap) / 2), 0.0)
-    return max(floor, z_low), x_low + gap, x_high - gap, y_low + gap, y_high - gap, z_high - gap
+    obstacles = obstacle_rows(course.obstacles, radius)
+    return replace(cost, row_ahead=partial(row_ahead, still_in_gate, first, rows, obstacles))

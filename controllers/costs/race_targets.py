@@ -1,5 +1,4 @@
-"""The rows of numbers that samples of the racing cost fly to: a gate's exit, its free opening, the
-way that is left."""
+"""Target rows of the racing cost: the places that samples fly to, one row of numbers each."""
 
 from __future__ import annotations
 
@@ -9,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.costs.frames import SAFETY_MARGIN, inner_margin
+from controllers.costs.room import Room
 from controllers.costs.ways_round import Stop, sees, stops_between
 from quadsim.course import Course, EstimatedGate, Gate, in_frame
 from quadsim.course.opening import (
@@ -23,8 +23,15 @@ from quadsim.dynamics.records import as_rows, columns
 
 GATE_STDS = 2.5  # standard deviations of a gate's estimated position that are added to the margin
 MARGIN_LIMIT = 0.7  # share of half the free opening that margin and uncertainty take at most
-# [m] from the last gate to a last target behind it, so that plans do not end at the finish
+# Distance from the last gate to a last target behind it, so that plans do not end there [m]
 RUN_OUT = 100.0
+
+
+class Margin(NamedTuple):
+    """The wanted distance between vehicle and frame within a gate."""
+
+    wanted: float  # [m]
+    share: float  # share of half the free opening that it takes at most
 
 
 class GateTarget(NamedTuple):
@@ -69,59 +76,61 @@ class GateTarget(NamedTuple):
 
 
 def cross(a, b):
-    """The cross product of two vectors of three numbers.  (3,)"""
+    """Return the cross product of two vectors of three numbers.  (3,)"""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def targets(
-    course: Course, radius: float, margin: tuple[float, float], room: Sequence[float], laps: int
+    course: Course, radius: float, margin: Margin, room: Room, laps: int
 ) -> tuple[np.ndarray, list[int]]:
-    """Return the target rows of a race, and where the rows of each gate, and of the finish, begin.
+    """Return the target rows of a race.
 
     There is one row for each gate of every lap, before it one for each point of the way round
     obstacles to it, and one behind the finish.
 
     Args:
         course: its start, gates and obstacles.
-        radius: of the vehicle [m].
-        margin: wanted between vehicle and frame [m], and the share of half the free opening that it
-            takes at most.
-        room: where the vehicle may fly, of `room_to_fly` [m].
-        laps: to fly.
+        radius: radius of the vehicle [m].
+        margin: wanted between vehicle and frame.
+        room: the room in which the vehicle may fly.
+        laps: number of laps.
 
     Returns:
-        Rows of `GateTarget`, (rows, 20), and indices of rows, (gates of all laps + 2,), the last of
-        them their number.
+        Rows of `GateTarget` (rows, 20), and the index at which the rows of each gate begin
+        (gates of all laps + 2,), followed by those of the finish and of the end.
     """
-    at_gates = [
-        gate_stop(gate, radius, margin, exit_distance(gate, radius, room))
-        for gate in course.gates * laps
-    ]
-    stops_at = [*at_gates, finish_stop(course.gates[-1], radius, margin)]
-    between = stops_between(course, stops_at, radius + 2 * SAFETY_MARGIN, room)
-    # to each gate, and to the finish
-    on_the_way = [[*between.get(k, ()), stop] for k, stop in enumerate(stops_at)]
-    first = np.cumsum([0, *map(len, on_the_way)]).tolist()
-    return target_rows(course, [stop for stops in on_the_way for stop in stops]), first
+    stops = []
+    for gate in course.gates * laps:
+        behind = exit_distance(gate, radius, room)
+        stops.append(gate_stop(gate, radius, margin, behind))
+    stops.append(finish_stop(course.gates[-1], radius, margin))
+
+    # The stops on the way to each gate, and to the finish
+    between = stops_between(course, stops, radius + 2 * SAFETY_MARGIN, room)
+    on_the_way: list[Stop] = []
+    first = [0]
+    for k, stop in enumerate(stops):
+        on_the_way += [*between.get(k, ()), stop]
+        first.append(len(on_the_way))
+    return target_rows(course, on_the_way), first
 
 
-def gate_stop(gate: Gate, radius: float, margin: tuple[float, float], behind: float) -> Stop:
+def gate_stop(gate: Gate, radius: float, margin: Margin, behind: float) -> Stop:
     """Return the stop at a gate's exit.
 
     Args:
-        gate: to fly through.
-        radius: of the vehicle [m].
-        margin: wanted between vehicle and frame [m], and the share of half the free opening that it
-            takes at most.
-        behind: from the gate's plane to the exit [m].
+        gate: the gate to fly through.
+        radius: radius of the vehicle [m].
+        margin: wanted between vehicle and frame.
+        behind: distance from the gate's plane to the exit [m].
     """
     passage, left = gate.rotation[:, 0], gate.rotation[:, 1]
     inner = inner_margin(gate, radius)
     free = free_half_sizes(gate.opening, radius, inner)
 
-    # A narrow gate leaves less than the margin; where a gate stands is not known exactly, and asks
-    # for more
-    wanted = min(margin[0], margin[1] * min(free))
+    # A narrow gate leaves less than the margin. A gate whose place is not known exactly asks for
+    # more.
+    wanted = min(margin.wanted, margin.share * min(free))
     uncertain = GATE_STDS * (gate.std if isinstance(gate, EstimatedGate) else 0.0)
     wanted = max(wanted, min(wanted + uncertain, MARGIN_LIMIT * min(free)))
     return Stop(
@@ -136,15 +145,28 @@ def gate_stop(gate: Gate, radius: float, margin: tuple[float, float], behind: fl
     )
 
 
-def finish_stop(last: Gate, radius: float, margin: tuple[float, float]) -> Stop:
-    """Return the stop far behind the last gate, where no frame stands.  Arguments: see
-    `gate_stop`"""
-    return gate_stop(last, radius, margin, RUN_OUT)._replace(free=HalfSizes(RUN_OUT, RUN_OUT))
+def finish_stop(last: Gate, radius: float, margin: Margin) -> Stop:
+    """Return the stop far behind the last gate, where no frame stands.
+
+    Args:
+        last: the last gate.
+        radius: radius of the vehicle [m].
+        margin: wanted between vehicle and frame.
+    """
+    stop = gate_stop(last, radius, margin, RUN_OUT)
+    return stop._replace(free=HalfSizes(RUN_OUT, RUN_OUT))
 
 
 def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
-    """Return the target rows of stops, with the legs that lead to them from the start on.  (stops,
-    20)"""
+    """Return the target rows of stops, with the legs that lead to them from the start on.
+
+    Args:
+        course: its start.
+        stops: in the order in which they are flown to.
+
+    Returns:
+        Rows of `GateTarget`  (stops, 20)
+    """
     exits = np.array([stop.exit for stop in stops])
     passages = np.array([stop.passage for stop in stops])
     approaches = np.array([stop.approach for stop in stops])
@@ -152,8 +174,8 @@ def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
     lengths = np.maximum(np.linalg.norm(legs, axis=1), 1e-6)
     directions = legs / lengths[:, None]
 
-    # The way from gate to gate as terms() measures it, round a gate that faces away: no jump of the
-    # cost at a gate
+    # The ways from gate to gate as the term `progress` measures them, round a gate that faces away,
+    # so that the cost does not jump at a gate
     faces_away = (legs * passages).sum(axis=1) < 1e-6
     ways_round = np.linalg.norm(approaches[:, None] * passages - legs, axis=1) + approaches
     ways = np.where(faces_away, ways_round, lengths)
@@ -182,26 +204,30 @@ def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
 
 
 def clear_of_frame(radius: float) -> float:
-    """Return the distance from a gate's plane to its entry, and to its exit, where the vehicle is
-    clear of it [m]."""
+    """Return the distance from a gate's plane at which the vehicle is clear of its frame [m]."""
     return half_depth(radius, SAFETY_MARGIN)
 
 
-def exit_distance(gate: Gate, radius: float, room: Sequence[float]) -> float:
-    """Return the distance from a gate's plane to its exit: where the room ends sooner, half of the
-    way there [m].
+def exit_distance(gate: Gate, radius: float, room: Room) -> float:
+    """Return the distance from a gate's plane to its exit [m].
+
+    Where the room ends sooner, it is half of the way to that end.
 
     Args:
-        gate: to fly through.
-        radius: of the vehicle [m].
-        room: where the vehicle may fly, of `room_to_fly` [m].
+        gate: the gate to fly through.
+        radius: radius of the vehicle [m].
+        room: the room in which the vehicle may fly.
     """
-    floor, x_low, x_high, y_low, y_high, z_high = room
+    sides = (
+        (room.x_low, room.x_high),
+        (room.y_low, room.y_high),
+        (room.floor, room.z_high),
+    )
     distances = [clear_of_frame(radius)]
-    sides = ((x_low, x_high), (y_low, y_high), (floor, z_high))
     for centre, way, (low, high) in zip(gate.position, gate.axes[0], sides, strict=True):
         if abs(way) > 1e-9:
-            distances.append(((high if way > 0.0 else low) - centre) / way / 2)
+            end = high if way > 0.0 else low
+            distances.append((end - centre) / way / 2)
     return max(min(distances), 1e-3)
 
 
@@ -209,12 +235,13 @@ def is_inside(clear: float, x: np.ndarray, row: np.ndarray) -> bool:
     """Return whether x is past a gate's plane, within its outline, but not yet at its exit.
 
     Args:
-        clear: from the gate's plane to its entry plane, of `clear_of_frame` [m].
+        clear: distance from the gate's plane to its entry plane, see `clear_of_frame` [m].
         x: state, position first [m].
-        row: of `GateTarget`.
+        row: the gate's row of `GateTarget`.
     """
     target = GateTarget(*row)
-    passage, left = (target.nx, target.ny, target.nz), (target.lx, target.ly, target.lz)
+    passage = (target.nx, target.ny, target.nz)
+    left = (target.lx, target.ly, target.lz)
     from_exit = x[0] - target.x, x[1] - target.y, x[2] - target.z
     along, y, z = in_frame(from_exit, passage, left, cross(passage, left))
     past_the_plane = clear - target.depth <= along < 0.0
@@ -236,25 +263,28 @@ def row_ahead(
 
     Args:
         still_in_gate: (x, row) -> whether x has not left the gate of that row.
-        first: where each target's rows begin, see `targets`.
-        rows: of `GateTarget`.
-        obstacles: rows for `sees`.
+        first: index at which each target's rows begin, see `targets`.
+        rows: rows of `GateTarget`.
+        obstacles: rows of obstacles for `sees`.
         target: the target's index.
         x: state, position first [m].
     """
     target = min(target, len(first) - 2)
-    begin, at_gate = first[target], first[target + 1] - 1
+    begin = first[target]
+    at_gate = first[target + 1] - 1
     if target > 0 and still_in_gate(x, rows[begin - 1]):
         return begin - 1
 
     # The rows on the way whose planes x has not crossed
     p = x[:3]
-    exits, passages = columns(rows, GateTarget, "x", "z"), columns(rows, GateTarget, "nx", "nz")
+    exits = columns(rows, GateTarget, "x", "z")
+    passages = columns(rows, GateTarget, "nx", "nz")
     ahead = [row for row in range(begin, at_gate) if (p - exits[row]) @ passages[row] < 0.0]
 
-    # From the gate back to the first of them, the first that is in sight
-    later = np.arange(at_gate, ahead[0] if ahead else at_gate, -1)
-    in_sight = later[sees(np.repeat(p[None], len(later), axis=0), exits[later], obstacles)]
-    if len(in_sight):
-        return int(in_sight[0])
-    return ahead[0] if ahead else at_gate
+    nearest = ahead[0] if ahead else at_gate
+
+    # The first in sight, from the gate back to the nearest of them
+    later = np.arange(at_gate, nearest, -1)
+    here = np.repeat(p[None], len(later), axis=0)
+    in_sight = later[sees(here, exits[later], obstacles)]
+    return int(in_sight[0]) if len(in_sight) else nearest

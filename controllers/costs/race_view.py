@@ -1,13 +1,14 @@
-"""A term for a vehicle that has to find gates by a camera: the nose points where the vehicle flies.
+"""A cost term for flights by camera: the nose points where the vehicle flies.
 
     a_v (|b_xy| - b_x) / sqrt(|v|^2 + 1),   b = R(q)^T v
 
-That is a_v (1 - cos of the angle about the body's z axis between its x axis and the velocity) where
-the velocity lies in the body's x-y plane; what yaw cannot change costs nothing, and neither does
-hovering. Perception-aware planning as in PAMPC (Falanga, Foehn, Lu and Scaramuzza, IROS 2018) and
-in Swift's reward (Kaufmann et al., Nature 2023) keeps a point of interest, the next gate, in the
-middle of the picture. Here it is the direction of flight: the gate after the next one may stand
-behind the vehicle, and a cost of the bearing to the next gate would jump up when a gate is passed.
+Where the velocity lies in the body's x-y plane, that is a_v (1 - cos of the angle about the body's
+z axis between its x axis and the velocity). A direction that yaw cannot change costs nothing, and
+neither does hovering. Perception-aware planning as in PAMPC (Falanga, Foehn, Lu and Scaramuzza,
+IROS 2018) and in Swift's reward (Kaufmann et al., Nature 2023) keeps a point of interest, the next
+gate, in the middle of the picture. Here it is the direction of flight: the gate after the next one
+may stand behind the vehicle, and a cost of the bearing to the next gate would jump up when a gate
+is passed.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from quadsim.rotation import to_body
 
 
 def view(x, x_next, u, target, p):
-    """Return how far the nose points away from the direction of flight, 0 to about 2."""
+    """Return the misalignment of the nose with the direction of flight, 0 to about 2."""
     vx, vy, vz = x_next.velocity
     bx, by, _ = to_body(x_next.attitude, x_next.velocity)
     speed = sqrt(vx * vx + vy * vy + vz * vz + 1.0)

@@ -1,17 +1,16 @@
-"""The cost of following a reference: a race that was optimised before, of the same vehicle on the
-same course.
+"""The cost of following a reference: an optimised race of the same vehicle on the same course.
 
     q = a_1 (1 + a_g g) |e_c|^2 + a_2 |v - v_r|^2 - a_3 tau + a_4 Crash,    p - p_r = e_c + tau v_r
 
 The reference is one state for each control period, p_r and v_r; e_c is the distance across its
-path, tau by how much time a sample is ahead on it [s], g is 1 at a gate and falls off before and
+path, tau the time by which a sample is ahead on it [s], g is 1 at a gate and falls off before and
 behind it. That is contouring control (Lam, Manzie and Good, CDC 2010) with the reference's own
 timing, and, as in MPCC for quadrotors (Romero, Sun, Foehn and Scaramuzza, T-RO 2022), with a weight
 that rises at gates. Every plan begins at the state of the reference nearest to the vehicle, so that
 a vehicle that is late follows the same path later.
 
-Frames, obstacles and the ground are what they are in the racing cost; that gates are passed is left
-to the reference.
+Frames, obstacles and the ground are those of the racing cost. The reference alone leads through the
+gates.
 """
 
 from __future__ import annotations
@@ -24,80 +23,116 @@ import numpy as np
 
 from controllers.costs import Cost, Term, crash
 from controllers.costs.frames import course_obstacles
-from controllers.costs.race import Weight, room_to_fly
+from controllers.costs.race import Weight
+from controllers.costs.room import leaves_room, room_to_fly
 from quadsim.course import Course
 from quadsim.files.strict_yaml import setting
 
-GATE_TIME = 0.06  # [s] before and behind a gate in which g falls to exp(-1/2)
-AT_REST = 1.0  # [m^2/s^2] added to |v_r|^2, which tau divides by
-# [s] what a difference in velocity counts as a distance when the nearest state is searched
+GATE_TIME = 0.06  # time before and behind a gate in which g falls to exp(-1/2) [s]
+AT_REST = 1.0  # added to |v_r|^2, by which tau divides [m^2/s^2]
+# Distance that a difference in velocity counts for when the nearest state is searched [s]
 VELOCITY_WEIGHT = 0.1
-BEYOND = 15  # [rows] around the leg to the next gate within which it is searched
-AFTER = 10.0  # [s] of the reference behind the finish, so that no plan ends there
-ACCELERATING = 1.0  # [s] of these with the last acceleration
+BEYOND = 15  # rows around the leg to the next gate within which it is searched
+AFTER = 10.0  # time of the reference behind the finish, so that no plan ends there [s]
+ACCELERATING = 1.0  # time of these with the last acceleration [s]
+LAST_ROWS = 5  # rows over which the last acceleration is taken
 
 
 @dataclass(frozen=True)
 class ReferenceWeights:
-    """Weights a_1, a_g, a_2..a_4 of the terms, and which solution of `race limit --model rates` is
-    followed."""
+    """Weights a_1, a_g, a_2..a_4 of the terms, and the solution to follow."""
 
-    off_path: Annotated[Weight, setting("per m^2 across the path")] = 10.0
-    at_gates: Annotated[Weight, setting("by how many times more at a gate's plane")] = 60.0
-    velocity: Annotated[Weight, setting("per (m/s)^2 off the reference's velocity")] = 3.0
-    ahead: Annotated[Weight, setting("reward per second ahead")] = 20.0
-    crash: Annotated[Weight, setting("per step after a crash")] = 1000.0
+    off_path: Annotated[Weight, setting("weight of each m^2 across the path")] = 10.0
+    at_gates: Annotated[
+        Weight, setting("factor by which off_path weighs more at a gate's plane")
+    ] = 60.0
+    velocity: Annotated[Weight, setting("weight of each (m/s)^2 off the reference's velocity")] = (
+        3.0
+    )
+    ahead: Annotated[Weight, setting("reward for each second ahead of the reference")] = 20.0
+    crash: Annotated[Weight, setting("weight of each step after a crash")] = 1000.0
     margin: Annotated[
-        float, setting("of the solution to the frames, its --margin [m]", unit="m", ge=0, le=1)
+        float,
+        setting(
+            "margin of the solution to follow, the --margin of `race limit` [m]",
+            unit="m",
+            ge=0,
+            le=1,
+        ),
     ] = 0.03
-    reserve: Annotated[float, setting("of its thrust, its --reserve", ge=0, le=0.2)] = 0.002
+    reserve: Annotated[
+        float,
+        setting("reserve of the solution to follow, the --reserve of `race limit`", ge=0, le=0.2),
+    ] = 0.002
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A race by its state at every control period dt [s]."""
+    """A race by its state at every control period dt."""
 
-    x: np.ndarray  # (rows, 6) position and velocity [m, m/s]
-    u: np.ndarray  # (rows, 4) controls
+    x: np.ndarray  # position and velocity [m, m/s]  (rows, 6)
+    u: np.ndarray  # controls  (rows, 4)
     passes: tuple[int, ...]  # row at each gate
-    dt: float
+    dt: float  # control period [s]
 
     @classmethod
     def of(cls, x: np.ndarray, u: np.ndarray, passes: Sequence[int], dt: float) -> Reference:
-        """With a way on behind the finish, under the last acceleration for a second and then
-        straight. x (rows, 6), u (rows, 4), dt: control period [s]."""
+        """Return a reference that goes on behind the finish.
+
+        It keeps the last acceleration for a second and then flies straight.
+
+        Args:
+            x: position and velocity [m, m/s]  (rows, 6).
+            u: controls  (rows, 4).
+            passes: row at each gate.
+            dt: control period [s].
+        """
         p, v = x[-1, :3], x[-1, 3:]
+        a = (v - x[-1 - LAST_ROWS, 3:]) / (LAST_ROWS * dt)
         t = dt * np.arange(1, round(AFTER / dt))[:, None]
-        a, on = (v - x[-6, 3:]) / (5 * dt), np.minimum(t, ACCELERATING)
-        beyond = np.hstack([p + t * v + a * on * (t - on / 2), v + on * a])
+        accelerating = np.minimum(t, ACCELERATING)
+        positions = p + t * v + a * accelerating * (t - accelerating / 2)
+        velocities = v + accelerating * a
+        beyond = np.hstack([positions, velocities])
         return cls(
-            np.vstack([x, beyond]),
-            np.vstack([u, np.repeat(u[-1:], len(t), axis=0)]),
-            tuple(passes),
-            dt,
+            x=np.vstack([x, beyond]),
+            u=np.vstack([u, np.repeat(u[-1:], len(t), axis=0)]),
+            passes=tuple(passes),
+            dt=dt,
         )
 
     def at_gates(self) -> np.ndarray:
-        """g of every row.  (rows,)"""
+        """Return g of every row.  (rows,)"""
         seconds = self.dt * (np.arange(len(self.x))[:, None] - np.array(self.passes))
         return np.exp(-0.5 * (seconds / GATE_TIME) ** 2).max(axis=1)
 
     def nearest(self, target: int, x: np.ndarray) -> int:
-        """Row of the state nearest to x (n_x,), on the way to this target."""
+        """Return the row of the state nearest to x on the way to a target.
+
+        Args:
+            target: number of gates passed.
+            x: state, position and velocity first  (n_x,).
+        """
         legs = (0, *self.passes, len(self.x))
-        first = max(legs[min(target, len(legs) - 2)] - BEYOND, 0)
-        last = legs[min(target + 1, len(legs) - 1)] + BEYOND
+        begin = legs[min(target, len(legs) - 2)]
+        end = legs[min(target + 1, len(legs) - 1)]
+        first = max(begin - BEYOND, 0)
+        last = end + BEYOND
         apart = self.x[first:last] - x[:6]
-        return first + int((apart * apart @ ([1.0] * 3 + [VELOCITY_WEIGHT**2] * 3)).argmin())
+        weights = [1.0] * 3 + [VELOCITY_WEIGHT**2] * 3
+        return first + int((apart * apart @ weights).argmin())
 
     def row_ahead(self, target: int, x: np.ndarray) -> int:
-        """Row of the first state that a plan from x is compared with."""
+        """Return the row of the first state that a plan from x is compared with."""
         return self.nearest(target, x) + 1
 
     def controls(self, target: int, x: np.ndarray, horizon: int) -> np.ndarray:
-        """The reference's own from x on.  (T, n_u)"""
+        """Return the reference's controls from the state nearest to x on.  (T, n_u)
+
+        A plan that is longer than the reference goes on with its last control.
+        """
         rows = self.nearest(target, x) + np.arange(horizon)
-        return self.u[np.minimum(rows, len(self.u) - 1)]  # a long plan goes on with the last one
+        return self.u[np.minimum(rows, len(self.u) - 1)]
 
 
 class ReferenceTarget(NamedTuple):
@@ -113,10 +148,12 @@ class ReferenceTarget(NamedTuple):
 
 
 class ReferenceParams(NamedTuple):
-    """The numbers that the terms refer to, and where samples may fly."""
+    """The numbers that the terms refer to, and the room in which samples may fly [m]."""
 
     at_gates: float  # a_g
-    floor: float  # [m]
+
+    # The fields of controllers.costs.room.Room
+    floor: float
     x_low: float
     x_high: float
     y_low: float
@@ -125,7 +162,7 @@ class ReferenceParams(NamedTuple):
 
 
 def time_ahead(x_next, target):
-    """Return tau, by how much time the sample is ahead of the reference [s]."""
+    """Return tau, the time by which the sample is ahead of the reference [s]."""
     dx = x_next.px - target.x
     dy = x_next.py - target.y
     dz = x_next.pz - target.z
@@ -134,16 +171,13 @@ def time_ahead(x_next, target):
 
 
 def reached(x, x_next, u, target, p):
-    """Return that every step reaches its target: the next is the next step's."""
+    """Return that the target is reached: each row is the target of one step."""
     return True
 
 
 def crashes(x, x_next, u, target, p):
-    """Return whether the step touches the ground or the bounds."""
-    pz = x_next.pz
-    below_floor = (pz < p.floor) & (pz < x.pz)  # a start on the ground is no crash
-    out_x = (x_next.px < p.x_low) | (x_next.px > p.x_high)
-    return below_floor | (out_x | (x_next.py < p.y_low) | (x_next.py > p.y_high) | (pz > p.z_high))
+    """Return whether the step touches the ground or leaves the bounds."""
+    return leaves_room(x, x_next, p)
 
 
 def off_path(x, x_next, u, target, p):
@@ -175,15 +209,21 @@ TERMS = tuple(term.__name__ for term in REFERENCE_TERMS)
 def reference_cost(
     course: Course, radius: float, weights: ReferenceWeights, reference: Reference
 ) -> Cost:
-    """Return the cost of following the reference on this course for a vehicle of this radius
-    [m]."""
-    w = weights
+    """Return the cost of following a reference.
+
+    Args:
+        course: its frames, obstacles and bounds.
+        radius: radius of the vehicle [m].
+        weights: weights of the terms.
+        reference: the race to follow.
+    """
+    room = room_to_fly(course, radius, margin=0.0)
     return Cost(
         name="reference",
-        terms=tuple(Term(function, getattr(w, function.__name__)) for function in REFERENCE_TERMS),
+        terms=tuple(Term(term, getattr(weights, term.__name__)) for term in REFERENCE_TERMS),
         row=ReferenceTarget,
         targets=np.column_stack([reference.x, reference.at_gates()]),
-        params=ReferenceParams(w.at_gates, *room_to_fly(course, radius, 0.0)),
+        params=ReferenceParams(at_gates=weights.at_gates, **room._asdict()),
         reached=reached,
         crash=crashes,
         obstacles=course_obstacles(course, radius),

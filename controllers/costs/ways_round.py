@@ -1,10 +1,9 @@
-"""Ways round obstacles that stand between two gates: points to fly by, where the straight line is
-blocked.
+"""Ways round obstacles between two gates: points to fly by where the straight line is blocked.
 
-The shortest path in the graph of lines that see each other (a visibility graph), between corners
-around the obstacles at the heights of the two ends and above their tops. It is a guide: samples
-keep clear of obstacles by themselves, and go round a pole without help, but see no end of a wall
-that is longer than what they reach.
+A way is the shortest path in the graph of lines that see each other (a visibility graph), between
+corners around the obstacles, at the heights of the two ends and above the obstacles' tops. It is a
+guide: samples keep clear of obstacles by themselves, and find their way round a pole without help,
+but they do not see the end of a wall that is longer than the distance they reach.
 """
 
 from __future__ import annotations
@@ -16,27 +15,30 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.costs.frames import ObstacleRow, obstacle_rows, touches_round
+from controllers.costs.room import Room
 from quadsim.course import Box, Course, Cylinder, Obstacle
 from quadsim.course.opening import HalfSizes
 from quadsim.course.swept import clip, lerp
 from quadsim.rotation import Vec3
 
-# [m] by which a way round is longer than the straight line; samples find a shorter one by
+# Length by which a way round exceeds the straight line at least [m]; samples find a shorter one by
 # themselves
 WORTH = 0.1
-OUTSIDE = 0.02  # [m] of the points beyond what the lines keep clear of
+OUTSIDE = 0.02  # distance of the points beyond the clearance of the lines [m]
 ANYWHERE = 50.0  # half the opening of a point on the way, which has no frame [m]
 EIGHTHS = 1.0 / np.cos(np.pi / 8.0)  # an octagon's corners over the circle inside it
 
 
 class Stop(NamedTuple):
-    """A plane that the vehicle has to cross within an opening: that of a gate's exit, or one on the
-    way round."""
+    """A plane that the vehicle has to cross within an opening.
+
+    It is the exit plane of a gate, or a plane through a point on the way round obstacles.
+    """
 
     exit: np.ndarray  # middle of the opening, at the exit plane [m]  (3,)
     passage: np.ndarray  # unit vector along the passage  (3,)
     left: np.ndarray  # unit vector to the left  (3,)
-    free: HalfSizes  # of the free opening [m]
+    free: HalfSizes  # half sizes of the free opening [m]
     bar: float  # thickness of the bars around it [m]
     approach: float  # from the plane to the point in front of it where the approach begins [m]
     margin: float  # wanted between vehicle and frame [m]
@@ -44,19 +46,22 @@ class Stop(NamedTuple):
 
 
 def way_round(
-    start: Vec3, end: Vec3, obstacles: Sequence[Obstacle], clear: float, room: Sequence[float]
+    start: Vec3, end: Vec3, obstacles: Sequence[Obstacle], clear: float, room: Room
 ) -> np.ndarray:
-    """Return the points between the ends of the shortest way round obstacles, in order.  (n, 3)
+    """Return the points between the ends of the shortest way round obstacles, in order.
 
     There are none where the straight line is free, where the way round is little longer, or where
     no way is found.
 
     Args:
-        start: where the way begins [m].
-        end: where it ends [m].
-        obstacles: to fly round.
-        clear: from the vehicle's centre to an obstacle [m].
-        room: where the vehicle may fly, of `room_to_fly` [m].
+        start: the point where the way begins [m].
+        end: the point where it ends [m].
+        obstacles: the obstacles to fly round.
+        clear: distance kept from the vehicle's centre to an obstacle [m].
+        room: the room in which the vehicle may fly.
+
+    Returns:
+        (points, 3)
     """
     none = np.empty((0, 3))
     if not obstacles:
@@ -66,29 +71,34 @@ def way_round(
     if sees(np.array([start]), np.array([end]), rows)[0]:
         return none
 
-    # Corners around the obstacles, those where the vehicle may fly
-    corners = np.vstack([_corners(o, clear + OUTSIDE, start, end) for o in obstacles])
-    floor, x_low, x_high, y_low, y_high, z_high = room
-    low, high = np.array([x_low, y_low, floor]), np.array([x_high, y_high, z_high])
-    points = np.vstack([start, end, corners[((low <= corners) & (corners <= high)).all(axis=1)]])
+    # The ends, and the corners around the obstacles where the vehicle may fly
+    corners = np.vstack([_corners(each, clear + OUTSIDE, start, end) for each in obstacles])
+    low = np.array([room.x_low, room.y_low, room.floor])
+    high = np.array([room.x_high, room.y_high, room.z_high])
+    in_room = ((low <= corners) & (corners <= high)).all(axis=1)
+    points = np.vstack([start, end, corners[in_room]])
 
-    # Lengths of the lines between any two points that see each other
+    # The lengths of the lines between any two points that see each other
     a, b = np.triu_indices(len(points), 1)
+    apart = np.linalg.norm(points[a] - points[b], axis=1)
     lengths = np.full((len(points), len(points)), np.inf)
-    lengths[a, b] = np.where(
-        sees(points[a], points[b], rows), np.linalg.norm(points[a] - points[b], axis=1), np.inf
-    )
+    lengths[a, b] = np.where(sees(points[a], points[b], rows), apart, np.inf)
     path, length = shortest(np.minimum(lengths, lengths.T))
-    return points[path[1:-1]] if straight + WORTH < length < np.inf else none
+    if not straight + WORTH < length < np.inf:
+        return none
+    return points[path[1:-1]]
 
 
 def sees(a: np.ndarray, b: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return whether lines are clear of obstacles.  (n,)
+    """Return whether lines are clear of obstacles.
 
     Args:
-        a: where the lines begin [m].  (n, 3)
-        b: where they end [m].  (n, 3)
-        rows: of `ObstacleRow`.
+        a: beginnings of the lines [m]  (n, 3).
+        b: ends of the lines [m]  (n, 3).
+        rows: obstacles, rows of `ObstacleRow`.
+
+    Returns:
+        (n,)
     """
     clear = np.ones(len(a), bool)
     for row in rows:
@@ -97,16 +107,30 @@ def sees(a: np.ndarray, b: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def shortest(lengths: np.ndarray) -> tuple[list[int], float]:
-    """From node 0 to node 1, by the lengths between each two: the nodes, and their length (Dijkstra
-    1959)."""
+    """Return the shortest path from node 0 to node 1 (Dijkstra 1959).
+
+    Args:
+        lengths: lengths of the lines between any two nodes, inf where there is none  (n, n).
+
+    Returns:
+        The nodes of the path and its length, inf where there is no path.
+    """
     n = len(lengths)
-    far, before, done = np.full(n, np.inf), np.zeros(n, int), np.zeros(n, bool)
+    far = np.full(n, np.inf)  # length of the shortest path to each node
+    before = np.zeros(n, int)  # the node before it on that path
+    done = np.zeros(n, bool)
     far[0] = 0.0
     for _ in range(n):
+        # The nearest node that is not done
         k = int(np.argmin(np.where(done, np.inf, far)))
         done[k] = True
-        shorter = far[k] + lengths[k] < far
-        far[shorter], before[shorter] = far[k] + lengths[k][shorter], k
+
+        # Paths by way of this node
+        by_k = far[k] + lengths[k]
+        shorter = by_k < far
+        far[shorter] = by_k[shorter]
+        before[shorter] = k
+
     path = [1]
     while path[-1] and far[1] < np.inf:
         path.append(int(before[path[-1]]))
@@ -114,39 +138,58 @@ def shortest(lengths: np.ndarray) -> tuple[list[int], float]:
 
 
 def _corners(obstacle: Obstacle, clear: float, start: Vec3, end: Vec3) -> np.ndarray:
-    """Around it, this far from its sides, at the heights of both ends, and as far above its top
-    where the straight line comes and goes.  (n, 3)"""
+    """Return points around an obstacle to fly by.
+
+    They lie at the heights of both ends, and above the obstacle's top where the straight line
+    enters and leaves its outline.
+
+    Args:
+        obstacle: the obstacle.
+        clear: distance of the points from its sides and its top [m].
+        start: the point where the way begins [m].
+        end: the point where it ends [m].
+
+    Returns:
+        (points, 3)
+    """
     if isinstance(obstacle, Cylinder):
         r = obstacle.radius
         around = obstacle.outline(EIGHTHS * (r + clear) - r)[::3]
         box = Box(obstacle.centre, (2 * r, 2 * r, obstacle.height))
     else:
-        around, box = obstacle.outline(clear), obstacle
+        around = obstacle.outline(clear)
+        box = obstacle
     points = [(*xy, z) for xy, z in product(around.tolist(), {start[2], end[2]})]
+
+    # The part of the straight line within the outline, as fractions of the line
     x, y, z = box.half[0] + clear, box.half[1] + clear, np.inf
     crossed = clip(box.to_local(start), box.to_local(end), (-x, -y, -z), (x, y, z))
-    points += [(*lerp(start, end, s)[:2], obstacle.top + clear) for s in crossed or ()]
+    for fraction in crossed or ():
+        above_x, above_y, _ = lerp(start, end, fraction)
+        points.append((above_x, above_y, obstacle.top + clear))
     return np.array(points)
 
 
 def stops_between(
-    course: Course, stops: Sequence[Stop], clear: float, room: Sequence[float]
+    course: Course, stops: Sequence[Stop], clear: float, room: Room
 ) -> dict[int, list[Stop]]:
-    """Return the stops at the points of ways round, for each gate that has one, by the gate's index
-    in `stops`.
+    """Return the stops on the ways round obstacles, for each gate that has some.
 
     A gate that faces away is reached by the point in front of it.
 
     Args:
-        course: its obstacles, and where flights start.
-        stops: those at the gates of every lap, and the one behind the finish.
-        clear: from the vehicle's centre to an obstacle [m].
-        room: where the vehicle may fly, of `room_to_fly` [m].
+        course: its obstacles, and the place where flights start.
+        stops: stops at the gates of every lap, and the one behind the finish.
+        clear: distance kept from the vehicle's centre to an obstacle [m].
+        room: the room in which the vehicle may fly.
+
+    Returns:
+        The stops by the gate's index in `stops`.
     """
     if not course.obstacles:
         return {}
     found: dict[int, list[Stop]] = {}
-    # ways round by their ends: those of every lap are alike
+    # Ways round by their ends, as those of every lap are alike
     known: dict[tuple[Vec3, Vec3], np.ndarray] = {}
     at_gates = stops[:-1]
     before = [course.start.position, *(_as_tuple(stop.exit) for stop in at_gates[:-1])]
@@ -155,7 +198,7 @@ def stops_between(
         end = stop.exit - stop.approach * stop.passage if faces_away else stop.exit
         ends = start, _as_tuple(end)
         if ends not in known:
-            known[ends] = way_round(*ends, course.obstacles, clear, room)
+            known[ends] = way_round(*ends, course.obstacles, clear=clear, room=room)
         if len(known[ends]):
             path = np.vstack([start, known[ends], end])
             found[k] = [_by_the_way(*path[i : i + 3]) for i in range(len(path) - 2)]
@@ -163,19 +206,23 @@ def stops_between(
 
 
 def _as_tuple(point: np.ndarray) -> Vec3:
+    """Return a point as a tuple, which may be a key."""
     x, y, z = point.tolist()
     return x, y, z
 
 
 def _by_the_way(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> Stop:
-    """Return a stop that is reached where its plane is crossed, wherever that is.
+    """Return the stop at a point on the way, reached wherever its plane is crossed.
 
-    The plane halves the angle of the path from the point before (3,), past this one (3,), to the
-    one after (3,).
+    The plane halves the angle of the path at this point.
+
+    Args:
+        before: the point before on the path [m]  (3,).
+        here: the point [m]  (3,).
+        after: the point after it [m]  (3,).
     """
-    arriving, leaving = (
-        d / max(float(np.linalg.norm(d)), 1e-9) for d in (here - before, after - here)
-    )
+    arriving = _direction(before, here)
+    leaving = _direction(here, after)
     both = arriving + leaving
     passage = both if np.linalg.norm(both) > 1e-6 else leaving
     passage = passage / np.linalg.norm(passage)
@@ -191,3 +238,8 @@ def _by_the_way(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> Stop
         margin=0.0,
         depth=1e-3,
     )
+
+
+def _direction(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the unit vector from a to b.  (3,)"""
+    return (b - a) / max(float(np.linalg.norm(b - a)), 1e-9)

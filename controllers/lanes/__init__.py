@@ -1,15 +1,26 @@
-"""The compiled lanes: the only place that imports numba. See lanes.py for how a rollout is
-built."""
+"""The compiled lanes: the only folder that imports numba.
+
+A rollout takes the plain functions of a model and a cost through these files:
+
+    trace.py          call them with symbols, record the operations as a graph
+    text.py           write the graph as assignments
+    planner_loops.py  put them into the loops over time and lanes
+    compiled.py       compile that module, or load its code from the disk (code_cache.py)
+    lanes.py          call the compiled loops: Rollout
+
+environment.py does the same for learning environments, transform.py and passes.py for the Fourier
+transforms of colored noise.
+"""
 
 import os
 
 # Waiting threads spin for about a tenth of a millisecond, then sleep: longer than the gap between
 # two loops of a control step, and short enough for shared cores. Where they spin without end
-# (OpenMP's default) and other programs run, each parallel loop waits for a time slice: measured 17
-# ms a loop in place of 0.1.
+# (OpenMP's default) and other programs run, each parallel loop waits for a time slice: 17 ms a loop
+# were measured in place of 0.1.
 os.environ.setdefault("GOMP_SPINCOUNT", "30000")
 
-# How far compiled arithmetic may differ from what is written: fused multiply-add, reciprocals,
-# either zero. Not reassociation: the order of a sum would then be the compiler's, and code just
-# compiled and the same code from the cache have been seen to choose differently.
+# Differences allowed between compiled arithmetic and the source: fused multiply-add, reciprocals,
+# either zero. Reassociation is not allowed: the order of a sum would then be the compiler's, and
+# code just compiled and the same code from the cache have been seen to choose differently.
 FAST = {"contract", "arcp", "nsz"}

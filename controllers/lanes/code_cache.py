@@ -1,8 +1,8 @@
-"""Compiled code on the disk, one file for each function and signature: the sha256 of the code, then
-the code.
+"""Compiled code on the disk, one file for each function and signature.
 
-It stands in for numba's cache, which loads what it finds: there a file that was cut short or
-changed ends every later flight in a traceback or in an illegal instruction.
+A file holds the sha256 of the code, then the code. It stands in for numba's cache, which loads a
+file unchecked: a file that was cut short or changed would end every later flight in a traceback or
+in an illegal instruction.
 """
 
 from __future__ import annotations
@@ -24,49 +24,56 @@ from numba.core.serialize import dumps
 from quadsim.files.atomic import replace_file
 
 SUM = sha256().digest_size
-LARGEST = 50_000_000  # [bytes] that are read, of a device too; the code of a planner has 300 000
-log = logging.getLogger("quadsim")  # of a program that has not set up logging: one line on stderr
+LARGEST = 50_000_000  # bytes that are read, of a device too; the code of a planner has 300 000
+# In a program that has not set up logging, a warning is one line on stderr.
+log = logging.getLogger("quadsim")
 
 
 def cache_folder() -> Path | None:
-    """$XDG_CACHE_HOME/quadsim or ~/.cache/quadsim, which may not exist yet; None where the user has
-    no home."""
+    """Return $XDG_CACHE_HOME/quadsim or ~/.cache/quadsim, which may not exist yet.
+
+    Returns:
+        The folder; None where the user has no home.
+    """
     home = os.environ.get("XDG_CACHE_HOME", "")
-    # a relative one is to be ignored, by the specification of these folders
+    # A relative one is to be ignored, by the specification of these folders.
     if not os.path.isabs(home):
         home = os.path.expanduser("~/.cache")
     return Path(home) / "quadsim" if os.path.isabs(home) else None
 
 
 class CodeCache(NullCache):
-    """The code of one function, by the members of numba's caches."""
+    """The compiled code of one function, with the interface of numba's caches."""
 
-    complained = False  # that code cannot be kept: once for a process
+    # Whether this process has warned that code cannot be kept
+    complained = False
 
     def __init__(self, function: Any):
         self._stem = self.stem(function.py_func)
         text = "".join(linecache.getlines(function.py_func.__code__.co_filename))
-        options = {
-            k: sorted(v) if isinstance(v, set) else v
-            for k, v in sorted(function.targetoptions.items())
-        }
+        options = {}
+        for name, value in sorted(function.targetoptions.items()):
+            options[name] = sorted(value) if isinstance(value, set) else value
         self._made_of = f"{numba.__version__} {sys.version_info[:2]} {options} {text}"
 
     @staticmethod
     def stem(function: Any) -> str:
+        """Return the beginning of the names of a function's files."""
         return f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The code for this signature and this processor, None where there is none that is
-        whole."""
+        """Return the code for this signature and this processor, None where none is whole."""
         target_context.refresh()
         path = self._path(sig, target_context.codegen())
         code = _read(path) if path else None
-        return None if code is None else CompileResult._rebuild(target_context, *pickle.loads(code))
+        if code is None:
+            return None
+        return CompileResult._rebuild(target_context, *pickle.loads(code))
 
     def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the code for this signature; warn once where that is not possible."""
         path = self._path(sig, data.codegen)
-        # numba cannot keep these
+        # Numba cannot keep lifted loops and dynamic globals.
         if data.lifted or data.library.has_dynamic_globals or CodeCache.complained:
             return
         try:
@@ -77,19 +84,22 @@ class CodeCache(NullCache):
             CodeCache.complained = True
             where = path.parent if path else "compiled code"
             log.warning(
-                f"{where}: cannot keep compiled code: {error.strerror}; each start compiles anew, some 20 s"
+                f"{where}: cannot keep compiled code: {error.strerror}; "
+                "each start compiles anew, some 20 s"
             )
 
     def _path(self, sig: Any, codegen: Any) -> Path | None:
-        """Named after all that decides what the code is."""
+        """Return the file of a signature, named after everything that the code depends on."""
         folder = cache_folder()
-        decides = sha256(f"{self._made_of} {sig} {codegen.magic_tuple()}".encode()).hexdigest()[:16]
-        return folder / f"{self._stem}-{decides}.code" if folder else None
+        if folder is None:
+            return None
+        inputs = f"{self._made_of} {sig} {codegen.magic_tuple()}"
+        digest = sha256(inputs.encode()).hexdigest()[:16]
+        return folder / f"{self._stem}-{digest}.code"
 
 
 def _read(path: Path) -> bytes | None:
-    """Code as it was written; None where there is none, and with one line where it cannot be
-    used."""
+    """Return the code of a file; None where there is none, with a warning where it is damaged."""
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST)
@@ -106,7 +116,11 @@ def _read(path: Path) -> bytes | None:
 
 
 def _keep(path: Path, code: bytes) -> None:
-    """Raises OSError, and then leaves no new folder."""
+    """Write the code of a file.
+
+    Raises:
+        OSError: the code cannot be written; no new folder is left.
+    """
     made = [folder for folder in (path.parent, *path.parent.parents) if not folder.exists()]
     try:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)

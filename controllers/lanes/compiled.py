@@ -16,27 +16,30 @@ from controllers.lanes.code_cache import CodeCache, cache_folder
 
 
 def kept(function: Any) -> Any:
-    """A decorator above numba's njit: compiled code stays on the disk for the next process. Ctrl-C
-    ends compiling."""
+    """Keep the compiled code on the disk for the next process, and let Ctrl-C end compiling.
+
+    This is a decorator above numba's njit.
+    """
     compile_ = function.compile
 
     def compiled(signature: Any) -> Any:
         with interruptible():
             return compile_(signature)
 
-    function._cache, function.compile = CodeCache(function), compiled
+    function._cache = CodeCache(function)
+    function.compile = compiled
     return function
 
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """KeyboardInterrupt at the end of what is inside, where that has swallowed one or failed for
-    it.
+    """Raise KeyboardInterrupt at the end if the code inside has swallowed one, or failed for it.
 
     An exception that a signal raises inside a callback of LLVM is printed and forgotten, as in any
     callback from C.
     """
-    before, came = signal.getsignal(signal.SIGINT), []
+    before = signal.getsignal(signal.SIGINT)
+    came: list[int] = []
     if not callable(before) or threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -48,7 +51,8 @@ def interruptible() -> Iterator[None]:
     signal.signal(signal.SIGINT, interrupted)
     try:
         yield
-    except Exception:  # of the compiler, which misses what the callback was to do
+    except Exception:
+        # The compiler fails where an interrupted callback left its work undone.
         if not came:
             raise
     finally:
@@ -58,8 +62,10 @@ def interruptible() -> Iterator[None]:
 
 
 def load_module(name: str, source: str) -> ModuleType:
-    """The module with this text. No file is written; tracebacks and compilers find its lines by
-    `linecache`."""
+    """Return the module with this text.
+
+    No file is written; tracebacks and compilers find its lines by `linecache`.
+    """
     module = ModuleType(name)
     module.__file__ = f"<{name}>"
     linecache.cache[module.__file__] = (
@@ -74,6 +80,9 @@ def load_module(name: str, source: str) -> ModuleType:
 
 
 def is_cached(function: Callable) -> bool:
-    """Whether compiled code of this function is on the disk, so that its first call is quick."""
+    """Return whether code of this function is on the disk, so that its first call is quick."""
     folder = cache_folder()
-    return folder is not None and any(folder.glob(f"{CodeCache.stem(inspect.unwrap(function))}-*"))
+    if folder is None:
+        return False
+    stem = CodeCache.stem(inspect.unwrap(function))
+    return any(folder.glob(f"{stem}-*"))

@@ -1,14 +1,28 @@
-"""Generate the loops that step many learning environments: step, gate tests, observation, reward,
-restart.
+"""Generate the loops that step many learning environments.
 
-The functions are those that a rollout inlines, and like a rollout the loops run over lanes:
-environment i is lane i % LANES of block i // LANES. All environments of a block fly one course.
-What happens rarely (a gate is passed, an episode ends) sets a flag, and a loop apart handles it. An
-episode starts from a row of `starts`: the state, the number of its target row, the parameters of
-the system, the last action. Which row is drawn depends on the seed, the environment and the number
-of the episode alone, never on threads.
+One step is the model, the gate tests, the observation, the reward and, at the end of an episode, a
+restart. The functions are those that a rollout inlines, and like a rollout the loops run over
+lanes: environment i is lane i % LANES of block i // LANES. All environments of a block fly one
+course.
 
-LLVM vectorises a lane loop only where it sees that what is written overlaps with nothing that is
+The text is that of the templates RESTART, PARTS and ADVANCE, with the traced lines in the places
+`<name>` (see `parts.fill`). The core of `advance` then reads
+
+    for l in range(L):
+        # the action within -1..1, as a command
+        action_thrust = lower(higher(action[3, l], F(-1)), F(1))
+        u_thrust = low_thrust + (F(1.0) + action_thrust) * half_thrust
+        # quadrotor: step
+        ...
+        after[0, l] = px
+        clipped[3, l] = action_thrust
+
+Rare events, a gate that is passed or an episode that ends, set a flag, and a loop apart handles
+them. An episode starts from a row of `starts`: the state, the number of its target row, the
+parameters of the system, the last action. The choice of the row depends on the seed, the
+environment and the number of the episode alone, never on threads.
+
+LLVM vectorises a lane loop only where it sees that the written arrays overlap with none that are
 read. So the lane loops write to arrays made in the same function, whose rows lie where the compiler
 knows, and `move` brings rows to and from the arguments. Those arrays serve many blocks: making them
 took longer than a step.
@@ -24,43 +38,53 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.costs import Cost
+from controllers.costs import Cost, StepFunction
 from controllers.lanes.compiled import load_module
 from controllers.lanes.parts import fill, header, line_test, next_targets, read, store
 from controllers.lanes.planner_loops import trace_model
 from controllers.lanes.text import Writer
-from controllers.lanes.trace import Graph, trace, trace_number
+from controllers.lanes.trace import Graph, Symbol, Value, trace, trace_number
 from quadsim.dynamics import System
 from quadsim.dynamics.records import flat, flat_names
 
-SAME_STEP, NEXT_STEP, DISABLED = 0, 1, 2  # when an episode that has ended starts anew
+# The step in which an episode that has ended starts anew
+SAME_STEP = 0
+NEXT_STEP = 1
+DISABLED = 2
 
-SLACK = 1e-3  # [m] of a vehicle's room to the obstacles is left to rounding
+SLACK = 1e-3  # part of a vehicle's room to the obstacles that is left to rounding [m]
 
 
 class Learning(NamedTuple):
-    """An environment adds these plain functions to a model and its cost; the lanes inline them."""
+    """The plain functions that an environment adds to a model and its cost."""
 
-    observation: Callable  # (x, gates, last) -> record of what is observed
-    gates: type  # NamedTuple: the next gates, from the row of the course
-    reward: Callable  # (progress, clearance, crashed, reached, action, last, p) -> number
-    weights: type  # NamedTuple: the weights p
-    progress: Callable  # a term of the cost: the way that is left
-    clearance: Callable  # a term of the cost
+    # (x, gates, last action) -> record of the observed numbers
+    observation: Callable[..., Any]
+    # NamedTuple: the next gates, from the row of the course
+    gates: type
+    # (progress, clearance, crashed, reached, action, last action, p) -> number
+    reward: Callable[..., Any]
+    # NamedTuple: the weights p of the reward
+    weights: type
+    # Terms of the cost: the way that is left, and the distance that lacks to the margin
+    progress: StepFunction
+    clearance: StepFunction
 
 
 RESTART = """
 @njit(inline="always")
 def drawn(seed, environment, episode, of):
-    # a number below `of`: splitmix64's finaliser (Steele, Lea and Flood 2014) of all that it depends on
-    h = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(environment) * np.uint64(0xD1B54A32D192ED03)
+    # a number below `of`: splitmix64's finaliser (Steele, Lea and Flood 2014) of its arguments
+    h = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15)
+    h += np.uint64(environment) * np.uint64(0xD1B54A32D192ED03)
     h += np.uint64(episode) * np.uint64(0x8CB92BA72F3D8DD7)
     h = (h ^ (h >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     h = (h ^ (h >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return np.int64((h ^ (h >> np.uint64(31))) % np.uint64(of))
 
 @njit(fastmath=FAST, error_model="numpy")
-def restart(l, environment, seed, starts, targets, state, target, model, last, room, row, steps, passes, episode, obs):
+def restart(l, environment, seed, starts, targets, state, target, model, last, room, row, steps,
+            passes, episode, obs):
     start = starts[drawn(seed, environment, episode[l], starts.shape[0])]
     for k in range(<n_x>):
         state[k, l] = start[k]
@@ -79,13 +103,14 @@ def restart(l, environment, seed, starts, targets, state, target, model, last, r
 
 @kept
 @njit(fastmath=FAST, error_model="numpy", parallel=True)
-def begin(states, rows, models, actions, way, room, row, steps, passes, episode, over, obs, starts, targets, course,
-          seed, chosen):
+def begin(states, rows, models, actions, way, room, row, steps, passes, episode, over, obs, starts,
+          targets, course, seed, chosen):
     for b in prange(states.shape[0]):
         for l in range(L):
             if chosen[b, l]:
-                restart(l, b * L + l, seed, starts[course[b]], targets[course[b]], states[b], rows[b], models[b],
-                        actions[b], room[b], row[b], steps[b], passes[b], episode[b], obs[b])
+                restart(l, b * L + l, seed, starts[course[b]], targets[course[b]], states[b],
+                        rows[b], models[b], actions[b], room[b], row[b], steps[b], passes[b],
+                        episode[b], obs[b])
                 over[b, l] = False
 """
 
@@ -100,7 +125,8 @@ def move(source, to):
 
 @njit(fastmath=FAST, error_model="numpy")
 def meet_obstacles(state, after, moved, room, crashed, obstacles):
-    # room: no box around an obstacle is nearer [m]; only a vehicle that has flown so far is tested again
+    # room: no box around an obstacle is nearer [m]. A vehicle is tested again after it has flown
+    # this far.
     near = np.int32(0)
     for l in range(L):
         room[l] -= moved[l]
@@ -113,9 +139,12 @@ def meet_obstacles(state, after, moved, room, crashed, obstacles):
             least = F(1e12)
             for o in range(obstacles.shape[0]):
                 <read_obstacle>
-                x = higher(higher(obstacle_x_low - after[0, l], after[0, l] - obstacle_x_high), F(0))
-                y = higher(higher(obstacle_y_low - after[1, l], after[1, l] - obstacle_y_high), F(0))
-                z = higher(higher(obstacle_z_low - after[2, l], after[2, l] - obstacle_z_high), F(0))
+                x = higher(obstacle_x_low - after[0, l], after[0, l] - obstacle_x_high)
+                y = higher(obstacle_y_low - after[1, l], after[1, l] - obstacle_y_high)
+                z = higher(obstacle_z_low - after[2, l], after[2, l] - obstacle_z_high)
+                x = higher(x, F(0))
+                y = higher(y, F(0))
+                z = higher(z, F(0))
                 apart = x * x + y * y + z * z
                 least = lower(least, apart)
                 if apart <= reach * reach:
@@ -152,21 +181,23 @@ def add_noise(obs, noise, lane, key, call):
 ADVANCE = """
 @kept
 @njit(fastmath=FAST, error_model="numpy", parallel=True)
-def advance(states, rows, models, actions_before, way, room, row, steps, passes, episode, over, obs, starts, targets,
-            course, seed, p_cost, dt, actions, final, reward_of, ended, cut, passed, crashed_now, last_row, obstacles,
-            n_obstacles, low, half, limit, mode, p_reward, noise, key, call, parts):
+def advance(states, rows, models, actions_before, way, room, row, steps, passes, episode, over, obs,
+            starts, targets, course, seed, p_cost, dt, actions, final, reward_of, ended, cut,
+            passed, crashed_now, last_row, obstacles, n_obstacles, low, half, limit, mode, p_reward,
+            noise, key, call, parts):
     blocks = states.shape[0]
     <read_command>
     <read_reward>
     for part in prange(parts):
-        # what is read: state, action, target row, the vehicle's parameters, last action, next gates
+        # arrays that are read: state, action, target row, the vehicle's parameters, last action,
+        # next gates
         state = np.empty((<n_x>, L), F)
         action = np.empty((<n_u>, L), F)
         target = np.empty((<n_target>, L), F)
         model = np.empty((<n_p>, L), F)
         before = np.empty((<n_u>, L), F)
         gates = np.empty((<n_gates>, L), F)
-        # what is written: next state, clipped action, observation
+        # arrays that are written: next state, clipped action, observation
         after = np.empty((<n_x>, L), F)
         clipped = np.empty((<n_u>, L), F)
         seen = np.empty((<n_obs>, L), F)
@@ -192,7 +223,8 @@ def advance(states, rows, models, actions_before, way, room, row, steps, passes,
                 moved[l] = math.sqrt(dx * dx + dy * dy + dz * dz)
             for l in range(L):
                 way_before[l] = way[b, l] if steps[b, l] > 0 else way_now[l]
-            meet_obstacles(states[b], after, moved, room[b], crashed, obstacles[c, : n_obstacles[c]])
+            meet_obstacles(states[b], after, moved, room[b], crashed,
+                           obstacles[c, : n_obstacles[c]])
             next_targets(rows[b], row[b], passes[b], reached, targets[c], last_row[c])
             move(actions_before[b], before)
             move(rows[b][<n_target>:], gates)
@@ -204,8 +236,8 @@ def advance(states, rows, models, actions_before, way, room, row, steps, passes,
             for l in range(L):
                 way[b, l] = way_now[l]
                 reward_of[b, l] = paid[l]
-            if judge(steps[b], row[b], crashed, reached, over[b], ended[b], cut[b], passed[b], crashed_now[b],
-                     last_row[c], limit):
+            if judge(steps[b], row[b], crashed, reached, over[b], ended[b], cut[b], passed[b],
+                     crashed_now[b], last_row[c], limit):
                 for l in range(L):
                     if over[b, l] and mode == <NEXT_STEP>:
                         ended[b, l] = False
@@ -220,8 +252,9 @@ def advance(states, rows, models, actions_before, way, room, row, steps, passes,
                         for k in range(<n_obs>):
                             final[b, k, l] = obs[b, k, l]
                     if again:
-                        restart(l, b * L + l, seed, starts[c], targets[c], states[b], rows[b], models[b],
-                                actions_before[b], room[b], row[b], steps[b], passes[b], episode[b], obs[b])
+                        restart(l, b * L + l, seed, starts[c], targets[c], states[b], rows[b],
+                                models[b], actions_before[b], room[b], row[b], steps[b],
+                                passes[b], episode[b], obs[b])
             if noise[0] >= F(0):
                 add_noise(obs[b], noise, b * L, key, call)
 
@@ -245,6 +278,7 @@ def to_lanes(rows, lanes):
 
 @cache
 def _load(source: str) -> ModuleType:
+    """Return the module with this text, compiled at its first use."""
     digest = hashlib.sha256(source.encode()).hexdigest()[:16]
     return load_module(f"environment_{digest}", source)
 
@@ -258,8 +292,9 @@ def environment_module(system: System, cost: Cost, learning: Learning) -> Module
 
 
 def environment_source(system: System, cost: Cost, learning: Learning) -> str:
-    """Return the text of the module. Of model and cost only names and functions matter, not their
-    numbers.
+    """Return the text of the module.
+
+    Of model and cost only names and functions matter, not their numbers.
 
     Raises:
         TraceError: one of the functions uses what cannot be compiled.
@@ -269,82 +304,108 @@ def environment_source(system: System, cost: Cost, learning: Learning) -> str:
         "n_x": len(system.states),
         "n_u": len(system.controls),
         "n_p": len(system.params),
-        "n_target": len(cost.row._fields),  # pyright: ignore[reportAttributeAccessIssue]
+        "n_target": len(cost.row._fields),
         "n_gates": len(tuple(flat_names(learning.gates))),
     }
     sizes["n_row"] = sizes["n_target"] + sizes["n_gates"]
-    observe, sizes["n_obs"] = _observe(system, learning, sizes["n_target"])
+    observed = _observe(system, learning, first_gate=sizes["n_target"])
+    sizes["n_obs"] = observed.size
     test = line_test(
-        cost.obstacles.touches, cost.obstacles.row, "state[{k}, l]", "after[{k}, l]", PARTS
+        cost.obstacles.touches,
+        cost.obstacles.row,
+        p0="state[{k}, l]",
+        p1="after[{k}, l]",
+        around=PARTS,
     )
+    next_rows = next_targets("target.shape[0]", count="passes[l] += 1")
     step = _step(system, cost, learning)
     pay = _pay(system, learning)
     modes = {"SAME_STEP": SAME_STEP, "NEXT_STEP": NEXT_STEP}
-    moved_on = next_targets("target.shape[0]", count="passes[l] += 1")
-    parts = (
-        fill(RESTART, **sizes, observe=observe),
-        fill(PARTS, **sizes, **test._asdict(), slack=repr(SLACK), next_targets=moved_on),
+    texts = (
+        header(np.float32),
+        fill(RESTART, **sizes, observe=observed.text),
+        fill(PARTS, **sizes, **test._asdict(), slack=repr(SLACK), next_targets=next_rows),
         fill(ADVANCE, **sizes, **modes, **step, **pay),
     )
-    return "\n".join((header(np.float32), *parts))
+    return "\n".join(texts)
 
 
 def _step(system: System, cost: Cost, learning: Learning) -> dict[str, str]:
-    """The lane loop of one step: the action as a command, the model, the terms that the reward is
-    made of."""
+    """Write the lane loop of one step, and the lines that read its numbers.
+
+    It makes a command of the action, steps the model and computes the terms of the reward.
+
+    Returns:
+        Parts of ADVANCE, by place.
+    """
+    # Trace
     graph = Graph()
     x = graph.record(system.state, "x", "state[{k}, l]")
     target = graph.record(cost.row, "target", "target[{k}, l]")
     model = graph.record(type(system.params), "model", "model[{k}, l]")
     shared = graph.record(type(cost.params), "p")
     graph.section = "the action within -1..1, as a command"
-    asked = system.control(
-        *(
-            graph.input(f"action_{name}", f"lower(higher(action[{k}, l], F(-1)), F(1))")
-            for k, name in enumerate(system.controls)
-        )
-    )
-    u = system.control(
-        *(
-            graph.variable(f"low_{name}") + (1.0 + each) * graph.variable(f"half_{name}")
-            for name, each in zip(system.controls, asked, strict=True)
-        )
-    )
-    for name, symbol in zip(system.controls, u, strict=True):
-        symbol.name = f"u_{name}"
+    action = system.control(*(_action(graph, name, k) for k, name in enumerate(system.controls)))
+    u = system.control(*map(_command, system.controls, action))
     x_next = trace_model(graph, system, x, u, model)
     graph.section = "whether the vehicle crashes"
-    crashes = trace_number(cost.crash, x, x_next, u, target, shared)  # pyright: ignore[reportArgumentType]
+    crashes = _condition(cost.crash, x, x_next, u, target, shared)
     crashed = graph.apply("where", crashes, 1.0, 0.0)
     graph.section = "whether it reaches its target"
-    reached = trace_number(cost.reached, x, x_next, u, target, shared)  # pyright: ignore[reportArgumentType]
+    reached = _condition(cost.reached, x, x_next, u, target, shared)
     graph.section = "what the reward is made of"
     way = trace_number(learning.progress, x, x_next, u, target, shared)
     clearance = trace_number(learning.clearance, x, x_next, u, target, shared)
 
+    # Write
     writer = Writer(ADVANCE)
-    lines = writer.lines([*flat(x_next), *asked, crashed, reached, way, clearance])
+    lines = writer.lines([*flat(x_next), *action, crashed, reached, way, clearance])
     stores = (
         store(x_next, "after[{k}, l]", writer),
-        store(asked, "clipped[{k}, l]", writer),
+        store(action, "clipped[{k}, l]", writer),
         f"way_now[l] = {writer(way)}",
         f"clearance[l] = {writer(clearance)}",
         f"crashed[l] = {writer(crashed)}",
         f"reached[l] = np.int32(1) if {writer(reached)} else np.int32(0)",
     )
+    read_command = [
+        f"{side}_{name} = {side}[{k}]"
+        for side in ("low", "half")
+        for k, name in enumerate(system.controls)
+    ]
     return {
         "step": "\n".join((lines, *stores)),
         "read_cost": read(type(cost.params), "p", "p_cost[c, {k}]", writer),
-        "read_command": "\n".join(
-            f"{side}_{name} = {side}[{k}]"
-            for side in ("low", "half")
-            for k, name in enumerate(system.controls)
-        ),
+        "read_command": "\n".join(read_command),
     }
 
 
+def _action(graph: Graph, name: str, k: int) -> Symbol:
+    """Return number k of the action, clipped to -1..1, as an input of the graph."""
+    return graph.input(f"action_{name}", f"lower(higher(action[{k}, l], F(-1)), F(1))")
+
+
+def _command(name: str, action: Symbol) -> Symbol:
+    """Return the control of this name that an action in -1..1 asks for."""
+    low = action.graph.variable(f"low_{name}")
+    command = low + (1.0 + action) * action.graph.variable(f"half_{name}")
+    command.name = f"u_{name}"
+    return command
+
+
+def _condition(function: StepFunction | None, *args: Any) -> Value:
+    """Trace a function of a cost that learning needs."""
+    assert function
+    return trace_number(function, *args)
+
+
 def _pay(system: System, learning: Learning) -> dict[str, str]:
-    """The lane loop of reward and observation, once it is known which gates are next."""
+    """Write the lane loop of reward and observation, which runs once the next gates are known.
+
+    Returns:
+        Parts of ADVANCE, by place.
+    """
+    # Trace
     graph = Graph()
     x = graph.record(system.state, "x", "after[{k}, l]")
     action = graph.record(system.control, "action", "clipped[{k}, l]")
@@ -361,24 +422,37 @@ def _pay(system: System, learning: Learning) -> dict[str, str]:
     )
     graph.section = "the observation"
     seen = trace(learning.observation, x, gates, action)
+
+    # Write
     writer = Writer(ADVANCE)
     lines = writer.lines([paid, *flat(seen)])
+    pay = (lines, f"paid[l] = {writer(paid)}", store(seen, "seen[{k}, l]", writer))
     return {
-        "pay": "\n".join((lines, f"paid[l] = {writer(paid)}", store(seen, "seen[{k}, l]", writer))),
+        "pay": "\n".join(pay),
         "read_reward": read(learning.weights, "weight", "p_reward[{k}]", writer),
     }
 
 
-def _observe(system: System, learning: Learning, first_gate: int) -> tuple[str, int]:
-    """The observation at the start of an episode, and of how many numbers it is.
+class _Observed(NamedTuple):
+    """The observation at the start of an episode."""
 
-    first_gate: where the numbers of the next gates begin in a course's row.
+    text: str  # the lines that compute and store it
+    size: int  # number of observed numbers
+
+
+def _observe(system: System, learning: Learning, first_gate: int) -> _Observed:
+    """Write the observation at the start of an episode.
+
+    Args:
+        system: the model.
+        learning: the functions of the environment.
+        first_gate: place at which the numbers of the next gates begin in a course's row.
     """
     graph = Graph()
     x = graph.record(system.state, "x", "state[{k}, l]")
     gates = graph.record(learning.gates, "gates", f"target[{first_gate} + {{k}}, l]")
     last = graph.record(system.control, "last", "last[{k}, l]")
-    seen: Any = trace(learning.observation, x, gates, last)
+    seen = tuple(flat(trace(learning.observation, x, gates, last)))
     writer = Writer(RESTART)
-    lines = writer.lines(flat(seen))
-    return "\n".join((lines, store(seen, "obs[{k}, l]", writer))), len(tuple(flat(seen)))
+    lines = writer.lines(seen)
+    return _Observed(text="\n".join((lines, store(seen, "obs[{k}, l]", writer))), size=len(seen))

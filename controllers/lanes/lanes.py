@@ -1,8 +1,8 @@
 """The rollout of Algorithm 1 as a generated, vectorised loop over lanes of samples.
 
-A block of LANES samples (see controllers.lanes.layout) advances together, every state and every
-number of its targets in an array of its own, so that LLVM vectorises the step and the cost, inlined
-from their plain functions.
+A block of LANES samples (see controllers.lanes.layout) advances together. Every number of the state
+and of the targets is an array of its own, so that LLVM vectorises the step and the cost, which are
+inlined from their plain functions.
 """
 
 from __future__ import annotations
@@ -31,38 +31,49 @@ class Rollout:
     cost: Cost
     dtype: type = np.float32
     schedule: Schedule = field(default_factory=Schedule)
-    # the numbers for the last state
+    # The numbers for the last state, see `_numbers`
     _found: dict = field(default_factory=dict, repr=False, compare=False)
 
     def __call__(
         self, x0: np.ndarray, U: np.ndarray, noise: np.ndarray, target: int, J: np.ndarray
     ) -> None:
-        """Fill J (blocks, LANES) with the horizon mean of the cost of v = clip(U + n_t noise), see
-        schedule.
+        """Fill J with the horizon mean of the cost of v = clip(U + n_t noise), see schedule.
 
-        x0 (n_x,), U (T, n_u), noise (series, n_u, halves * T, LANES).
+        Args:
+            x0: state  (n_x,).
+            U: plan  (T, n_u).
+            noise: perturbations  (series, n_u, halves * T, LANES).
+            target: number of targets reached.
+            J: to fill  (blocks, LANES).
         """
         d = self.dtype
-        self._module.rollout(
-            np.asarray(x0, d), U.astype(d), noise, J, *self._numbers(x0, target, len(U))
-        )
+        numbers = self._numbers(x0, target, len(U))
+        self._module.rollout(np.asarray(x0, d), U.astype(d), noise, J, *numbers)
 
     def paths(self, x0: np.ndarray, v: np.ndarray, target: int) -> tuple[np.ndarray, np.ndarray]:
-        """The positions under at most LANES sampled controls, and the horizon mean of each term of
-        their cost.
+        """Return the paths under some controls, rolled out as one block on one thread.
 
-        x0 (n_x,), v (samples, n_u, T) -> the first three states (samples, T, 3), terms (samples,
-        n_terms). One block on one thread.
+        Args:
+            x0: state  (n_x,).
+            v: controls of at most LANES samples  (samples, n_u, T).
+            target: number of targets reached.
+
+        Returns:
+            The first three numbers of the state, which are the position of a vehicle
+            (samples, T, 3), and the horizon mean of each term of the cost (samples, n_terms).
         """
-        d, (samples, n_u, T) = self.dtype, v.shape
-        E = np.zeros((n_u, T, LANES), d)
-        E[:, :, :samples] = v.transpose(1, 2, 0)
+        d = self.dtype
+        samples, n_u, T = v.shape
+        block = np.zeros((n_u, T, LANES), d)
+        block[:, :, :samples] = v.transpose(1, 2, 0)
         path = np.empty((T, min(3, len(self.system.states)), LANES), d)
         means = np.empty((len(self.cost.term_names), LANES), d)
-        n, *numbers = self._numbers(x0, target, T)
-        self._module.paths(
-            np.asarray(x0, d), np.zeros((T, n_u), d), E, path, means, np.ones_like(n), *numbers
-        )
+
+        # The controls are perturbations of a plan of zeros, in full.
+        noise_factor, *numbers = self._numbers(x0, target, T)
+        plan = np.zeros((T, n_u), d)
+        full = np.ones_like(noise_factor)
+        self._module.paths(np.asarray(x0, d), plan, block, path, means, full, *numbers)
         return path[:, :, :samples].transpose(2, 0, 1), means[:, :samples].T
 
     @property
@@ -70,40 +81,49 @@ class Rollout:
         """Whether the loop was compiled on this machine before."""
         return is_cached(self._module.rollout)
 
-    def _numbers(self, x0: np.ndarray, target: int, horizon: int) -> tuple[object, ...]:
-        """What the loops are given besides, of the lanes' precision; found once for a state."""
+    def _numbers(self, x0: np.ndarray, target: int, horizon: int) -> tuple:
+        """Return the further arguments of the loops, found once for a state.
+
+        All iterations and chunks of a control step start from the same state.
+        """
         key = x0.tobytes(), target, horizon
         if key not in self._found:
             self._found.clear()
             self._found[key] = self._find_numbers(x0, target, horizon)
         return self._found[key]
 
-    def _find_numbers(self, x0: np.ndarray, target: int, horizon: int) -> tuple[object, ...]:
-        s, d, obstacles = self.system, self.dtype, self.cost.obstacles
+    def _find_numbers(self, x0: np.ndarray, target: int, horizon: int) -> tuple:
+        """Return the further arguments of the loops, in the lanes' precision.
+
+        Raises:
+            ValueError: the weight of crashes depends on the step, and there are obstacles.
+        """
+        system, cost, d = self.system, self.cost, self.dtype
         numbers = (
             self.schedule.noise(horizon).astype(d),
             self.schedule.cost(horizon).astype(d),
-            np.asarray(s.low, d),
-            np.asarray(s.high, d),
-            d(s.dt),
-            self.cost.targets_from(target, x0, d),
-            np.asarray(s.params, d),
-            self.cost.numbers(horizon).astype(d),
+            np.asarray(system.low, d),
+            np.asarray(system.high, d),
+            d(system.dt),
+            cost.targets_from(target, x0, d),
+            np.asarray(system.params, d),
+            cost.numbers(horizon).astype(d),
         )
-        if obstacles is None:
+        if cost.obstacles is None:
             return numbers
-        near = obstacles.near(np.asarray(x0, float), horizon * s.dt).astype(d)
-        term = self.cost.crash_term
-        weight = self.cost.terms[term].weight
-        if np.ndim(weight):
+        near = cost.obstacles.near(np.asarray(x0, float), horizon * system.dt).astype(d)
+        crash_term = cost.crash_term
+        term = cost.terms[crash_term]
+        if np.ndim(term.weight):
             raise ValueError(
-                f"cost {self.cost.name}: weight_{self.cost.terms[term].name}: expected one number, as there are "
-                f"obstacles, got shape {np.shape(weight)}"
+                f"cost {cost.name}: weight_{term.name}: expected one number, as there are "
+                f"obstacles, got shape {np.shape(term.weight)}"
             )
-        return *numbers, near, steps_between(s.dt), term, d(weight)
+        return *numbers, near, steps_between(system.dt), crash_term, d(term.weight)
 
     @cached_property
-    def _module(self) -> ModuleType:  # a control step runs it several times
+    def _module(self) -> ModuleType:
+        """The compiled loops. A control step runs them several times."""
         return compiled_module(self.system, self.cost, self.dtype)
 
 
@@ -111,11 +131,15 @@ _modules: dict[tuple, ModuleType] = {}
 
 
 def compiled_module(system: System, cost: Cost, dtype: type) -> ModuleType:
-    """Return the compiled loops for this model and this cost, from the disk's cache where they were
-    built before.
+    """Return the compiled loops for a model and a cost.
 
-    Only what the text of the loops depends on counts, not the numbers: parameters and weights may
-    change.
+    They come from the disk's cache where they were built before. Only the inputs of their text
+    matter, not the numbers: parameters and weights may change.
+
+    Args:
+        system: the model.
+        cost: the cost.
+        dtype: NumPy type of all numbers.
     """
     obstacles = cost.obstacles
     shape = (

@@ -1,9 +1,9 @@
-"""How samples lie in memory: perturbations z of shape (series, n_u, halves * T, LANES).
+"""The memory layout of samples: perturbations z of shape (series, n_u, halves * T, LANES).
 
 LANES samples stand side by side, one in each lane of the vector code, and make a block. A series
 holds one block of T steps, or two blocks (halves) one after the other in time, as one Fourier
 transform of length 2 T yields two samples. Sample m is lane m % LANES of block m // LANES. One
-number a sample, such as a cost or weight, lies in (blocks, LANES).
+number per sample, such as a cost or weight, lies in (blocks, LANES).
 
 At most CHUNK samples are held at a time, whole blocks of whole series, so that they stay in the
 processor's caches.
@@ -20,58 +20,83 @@ CHUNK = 2048  # samples: 5 MB of perturbations at the paper's horizon
 
 
 def blocks(samples: int) -> int:
-    """How many blocks hold so many samples."""
+    """Return the number of blocks that hold so many samples."""
     return -(-samples // LANES)
 
 
 def chunks(samples: int) -> Iterator[slice]:
-    """The samples in parts of at most CHUNK."""
-    return (slice(first, min(first + CHUNK, samples)) for first in range(0, samples, CHUNK))
+    """Yield the numbers of the samples in parts of at most CHUNK."""
+    for first in range(0, samples, CHUNK):
+        yield slice(first, min(first + CHUNK, samples))
 
 
 def mean_of_chunks(means: Sequence[np.ndarray], weights: np.ndarray) -> np.ndarray:
-    """The weighted mean over all samples (M,) from that of each chunk: each counts with its share
-    of the weight."""
-    firsts = [part.start for part in chunks(len(weights))]
-    return np.tensordot(np.add.reduceat(weights, firsts), means, axes=1)
+    """Return the weighted mean over all samples from that of each chunk.
+
+    Each chunk counts with its share of the weight.
+
+    Args:
+        means: weighted mean of each chunk  (T, n_u) each.
+        weights: weight of each sample, of sum 1  (M,).
+
+    Returns:
+        (T, n_u)
+    """
+    firsts = [chunk.start for chunk in chunks(len(weights))]
+    shares = np.add.reduceat(weights, firsts)
+    return np.tensordot(shares, means, axes=1)
 
 
 def in_blocks(numbers: np.ndarray) -> np.ndarray:
-    """One number a sample, zeros where the last block has no sample.  (M,) -> (blocks, LANES)"""
+    """Return one number per sample (M,) in blocks, zeros where the last block has no sample.
+
+    Returns:
+        (blocks, LANES)
+    """
     padded = np.zeros(blocks(len(numbers)) * LANES)
     padded[: len(numbers)] = numbers
     return padded.reshape(-1, LANES)
 
 
 def block(z: np.ndarray, b: int, horizon: int) -> np.ndarray:
-    """Block b, a view.  (n_u, T, LANES)"""
+    """Return block b of perturbations, a view.  (n_u, T, LANES)"""
     halves = z.shape[2] // horizon
     t0 = (b % halves) * horizon
     return z[b // halves, :, t0 : t0 + horizon]
 
 
 def sample(z: np.ndarray, m: int, horizon: int) -> np.ndarray:
-    """Sample m, a view.  (n_u, T)"""
+    """Return sample m of perturbations, a view.  (n_u, T)"""
     return block(z, m // LANES, horizon)[:, :, m % LANES]
 
 
 def first_steps(z: np.ndarray, horizon: int) -> np.ndarray:
-    """The first step of every sample, a view.  (series, n_u, halves, LANES)"""
+    """Return the first step of every sample, a view.  (series, n_u, halves, LANES)"""
     return z[:, :, ::horizon]
 
 
 def add_from(z: np.ndarray, first: int, samples: int, offset: np.ndarray) -> None:
-    """Add to each sample from number `first` on the offset of its block, even or odd.  offset (2,
-    T, n_u)"""
+    """Add an offset to each sample from number `first` on.
+
+    Args:
+        z: perturbations  (series, n_u, halves * T, LANES).
+        first: number of the first sample that is changed.
+        samples: number of samples.
+        offset: that of even and of odd blocks  (2, T, n_u).
+    """
+    T = offset.shape[1]
     for b in range(first // LANES, blocks(samples)):
-        block(z, b, offset.shape[1])[:, :, max(first - b * LANES, 0) :] += offset[b % 2].T[
-            :, :, None
-        ]
+        first_lane = max(first - b * LANES, 0)
+        block(z, b, T)[:, :, first_lane:] += offset[b % 2].T[:, :, None]
 
 
 def in_lanes(rows: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Fill z (blocks, n_u, T, LANES) with one row a sample, and zeros where there is none.  rows
-    (samples, T, n_u)"""
+    """Fill z with samples and return it; missing lanes are zero.
+
+    Args:
+        rows: perturbations  (samples, T, n_u).
+        z: to fill  (blocks, n_u, T, LANES).
+    """
     z[-1] = 0
     for b, lanes in enumerate(np.split(rows, range(LANES, len(rows), LANES))):
         z[b, :, :, : len(lanes)] = lanes.transpose(2, 1, 0)
@@ -79,7 +104,8 @@ def in_lanes(rows: np.ndarray, z: np.ndarray) -> np.ndarray:
 
 
 def from_lanes(z: np.ndarray, samples: int, horizon: int) -> np.ndarray:
-    """One row a sample.  -> (samples, n_u, T)"""
+    """Return perturbations sample by sample.  (samples, n_u, T)"""
     series, n_u, steps, _ = z.shape
-    rows = z.reshape(series, n_u, steps // horizon, horizon, LANES).transpose(0, 2, 4, 1, 3)
+    halves = steps // horizon
+    rows = z.reshape(series, n_u, halves, horizon, LANES).transpose(0, 2, 4, 1, 3)
     return rows.reshape(-1, n_u, horizon)[:samples]

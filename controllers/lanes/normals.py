@@ -1,5 +1,4 @@
-"""Standard normals by counter: Philox-4x32-10 (Salmon et al. 2011) and the Box-Muller transform, in
-lanes.
+"""Standard normals by counter: Philox-4x32-10 (Salmon et al. 2011) and Box-Muller, in lanes.
 
 Each number is a function of (key, call, place in the array) alone. So results do not depend on the
 number of threads, and any sample can be made again without the ones before it.
@@ -25,7 +24,7 @@ inline = njit(fastmath=FAST, error_model="numpy", inline="always")
 
 @extending.intrinsic
 def _bits(typing_context, x):
-    """The 32 bits of a float32 as an int32."""
+    """Return the 32 bits of a float32 as an int32."""
     return types.int32(types.float32), lambda context, builder, signature, a: builder.bitcast(
         a[0], ir.IntType(32)
     )
@@ -33,7 +32,7 @@ def _bits(typing_context, x):
 
 @extending.intrinsic
 def _float(typing_context, x):
-    """The float32 of 32 bits."""
+    """Return the float32 of 32 bits."""
     return types.float32(types.int32), lambda context, builder, signature, a: builder.bitcast(
         a[0], ir.FloatType()
     )
@@ -41,7 +40,7 @@ def _float(typing_context, x):
 
 @njit(inline="always")
 def philox(c0, c1, c2, c3, k0, k1):
-    """Ten rounds on the counter c0..c3 (uint32) under the key k0, k1: four uint32."""
+    """Return the four uint32 of ten rounds on the counter c0..c3 (uint32) under the key k0, k1."""
     for _ in range(10):
         p0 = U8(0xD2511F53) * U8(c0)
         p1 = U8(0xCD9E8D57) * U8(c2)
@@ -58,8 +57,10 @@ def philox(c0, c1, c2, c3, k0, k1):
 
 @inline
 def log_unit(x) -> Any:
-    """ln x for float32 0 < x <= 1: exponent and mantissa in [1/sqrt 2, sqrt 2), then atanh's
-    series."""
+    """Return ln x for float32 0 < x <= 1.
+
+    The exponent is split off, and atanh's series taken of the mantissa in [1/sqrt 2, sqrt 2).
+    """
     bits = _bits(x) - np.int32(0x3F3504F3)  # pyright: ignore[reportCallIssue]
     exponent = F(bits >> np.int32(23))
     m = _float((bits & np.int32(0x007FFFFF)) + np.int32(0x3F3504F3))  # pyright: ignore[reportCallIssue]
@@ -71,8 +72,10 @@ def log_unit(x) -> Any:
 
 @inline
 def sin_cos_turn(u):
-    """sin and cos of 2 pi u / 2^32: Taylor series at half the angle, then the double-angle
-    formulas."""
+    """Return sin and cos of 2 pi u / 2^32.
+
+    Taylor series at half the angle, then the double-angle formulas.
+    """
     x = F(np.int32(u)) * F(math.pi / 2**32)  # half the angle, in [-pi/2, pi/2)
     x2 = x * x
     s = x * (F(1) + x2 * (F(-1 / 6) + x2 * (F(1 / 120) + x2 * (F(-1 / 5040) + x2 * F(1 / 362880)))))
@@ -85,7 +88,7 @@ def sin_cos_turn(u):
 
 @inline
 def box_muller(a, b) -> tuple[Any, Any]:
-    """Two independent standard normals from two uint32. The radius reaches 5.9."""
+    """Return two independent standard normals from two uint32. The radius reaches 5.9."""
     r = math.sqrt(F(-2) * log_unit(F(a >> U4(8)) * F(2.0**-24) + F(2.0**-25)))
     s, c = sin_cos_turn(b)
     return r * s, r * c
@@ -93,10 +96,16 @@ def box_muller(a, b) -> tuple[Any, Any]:
 
 @inline
 def normal_rows(out, scale, lane, group, key, call):
-    """out[r, i] = scale[r] N(0, 1).  out (rows, lanes), key (2,) uint32; lane, group: those of its
-    first number.
+    """Fill out with out[r, i] = scale[r] N(0, 1).
 
     One Philox counter (lane, group of four rows, call) gives four normals.
+
+    Args:
+        out: to fill  (rows, lanes).
+        scale: standard deviations  (rows,).
+        lane, group: lane and group of four rows of its first number.
+        key: of the generator  (2,) uint32.
+        call: index of the call.
     """
     rows, lanes = out.shape
     for g in range((rows + 3) // 4):
@@ -112,7 +121,7 @@ def normal_rows(out, scale, lane, group, key, call):
             a0, a1, a2, a3 = philox(U4(lane + i), U4(group + g), U4(call), U4(0), key[0], key[1])
             n0, n1 = box_muller(a0, a1)
             n2, n3 = box_muller(a2, a3)
-            # where the last group is short, its rows coincide: the first written wins last
+            # Where the last group is short, its rows coincide, and the first row is written last.
             o3[i] = n3 * s3
             o2[i] = n2 * s2
             o1[i] = n1 * s1
@@ -122,15 +131,14 @@ def normal_rows(out, scale, lane, group, key, call):
 @kept
 @njit(fastmath=FAST, error_model="numpy", parallel=True)
 def fill_normals(out, scale, key, call, first=0):
-    """out[b, r, l] = scale[r] N(0, 1), independent over everything.  out (blocks, rows, LANES), key
-    (2,) uint32."""
+    """Fill out with out[b, r, l] = scale[r] N(0, 1), independent over everything.
+
+    Args:
+        out: to fill  (blocks, rows, LANES).
+        scale: standard deviations  (rows,).
+        key: of the generator  (2,) uint32.
+        call: index of the call.
+        first: number of the first block.
+    """
     for b in prange(out.shape[0]):
         normal_rows(out[b], scale, (first + b) * out.shape[2], 0, key, call)
-
-
-@kept
-@njit
-def philox_words(counter, key):
-    """One block of the generator for the published test vectors.  counter (4,), key (2,) uint32 ->
-    four uint32."""
-    return philox(counter[0], counter[1], counter[2], counter[3], key[0], key[1])

@@ -1,4 +1,4 @@
-"""Parts of the generated loops that the planner's rollouts and the learning environments share."""
+"""Parts of the generated text that the planner's rollouts and the learning environments share."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from controllers.costs import Record
 from controllers.lanes import FAST
 from controllers.lanes.layout import LANES
 from controllers.lanes.text import Writer
@@ -63,10 +64,12 @@ def fill(template: str, **parts: str | int) -> str:
     lines = []
     for line in template.strip("\n").split("\n"):
         name = line.strip()
-        if name.startswith("<") and name.endswith(">") and name[1:-1] in parts:
+        is_place = name.startswith("<") and name.endswith(">") and name[1:-1] in parts
+        if is_place:
             part = str(parts[name[1:-1]]).strip("\n")
             if part:
-                lines.append(indent(part, line[: -len(line.lstrip())]))
+                indentation = line[: -len(line.lstrip())]
+                lines.append(indent(part, indentation))
             continue
         for each, part in parts.items():
             line = line.replace(f"<{each}>", str(part))
@@ -75,26 +78,29 @@ def fill(template: str, **parts: str | int) -> str:
 
 
 def read(kind: type, name: str, where: str, writer: Writer) -> str:
-    """Return a line for each number of a record that the lines of the writer use.
+    """Return a line for each number of a record that is used, which reads it: `p_x = numbers[2]`.
 
     Args:
         kind: the NamedTuple.
         name: prefix of the variables, as in `Graph.record`.
-        where: what they are read from, with {k} for the number of the field.
-        writer: has written the lines that need them.
+        where: the text that they are read from, with {k} for the number of the field.
+        writer: the writer of the lines that need them.
     """
     names = [f"{name}_{field}" for field in flat_names(kind)]
-    return "\n".join(
-        f"{each} = {where.format(k=k)}" for k, each in enumerate(names) if each in writer.read
-    )
+    lines = [f"{each} = {where.format(k=k)}" for k, each in enumerate(names) if each in writer.read]
+    return "\n".join(lines)
 
 
 def store(values: Any, where: str, writer: Writer) -> str:
-    """Return a line for each number of a record, which is stored in `where`, with {k} for its
-    place."""
-    return "\n".join(
-        f"{where.format(k=k)} = {writer(value)}" for k, value in enumerate(flat(values))
-    )
+    """Return a line for each number of a record, which stores the number: `state[0, l] = px`.
+
+    Args:
+        values: the record, of symbols.
+        where: the text that they are stored in, with {k} for the number of the field.
+        writer: the writer of the lines that compute them.
+    """
+    lines = [f"{where.format(k=k)} = {writer(value)}" for k, value in enumerate(flat(values))]
+    return "\n".join(lines)
 
 
 # Rare: a sample that has reached its target goes on to the next row. `reached` is a lane array.
@@ -116,7 +122,7 @@ def next_targets(numbers: int | str, count: str = "") -> str:
     """Return the loop that moves samples to their next target row.
 
     Args:
-        numbers: how many a target row has.
+        numbers: length of a target row.
         count: a line that counts the targets reached, if they are counted.
     """
     return fill(NEXT_TARGETS, numbers=numbers, count=count)
@@ -125,19 +131,20 @@ def next_targets(numbers: int | str, count: str = "") -> str:
 class LineTest(NamedTuple):
     """The test of a straight line from p0 to p1 against the obstacle o, as text."""
 
-    read_obstacle: str  # reads the obstacle's numbers; they are the same for all lanes
-    lines: str
-    touches: str  # a condition
+    read_obstacle: str  # lines that read the obstacle's numbers, the same for all lanes
+    lines: str  # lines of the test
+    touches: str  # the condition that they compute
 
 
-def line_test(touches: Callable, row: type, p0: str, p1: str, around: str) -> LineTest:
+def line_test(touches: Callable, row: type[Record], p0: str, p1: str, around: str) -> LineTest:
     """Return the text of an obstacle test.
 
     Args:
         touches: (p0, p1, row) -> whether the line touches the obstacle of this row.
         row: the NamedTuple of an obstacle's numbers, its box first: x_low, y_low, z_low, x_high,
             y_high, z_high.
-        p0, p1: what the coordinates of the line's ends are read from, with {k} for the axis.
+        p0, p1: the text that the coordinates of the line's ends are read from, with {k} for the
+            axis.
         around: the text that the test will stand in.
     """
     graph = Graph()
@@ -147,6 +154,10 @@ def line_test(touches: Callable, row: type, p0: str, p1: str, around: str) -> Li
     hit = trace(touches, start, end, obstacle)
     writer = Writer(around)
     lines = writer.lines([hit])
-    # the box, for the test that comes before
+    # The test that comes before reads the box.
     writer.read |= {f"obstacle_{side}" for side in row._fields[:6]}
-    return LineTest(read(row, "obstacle", "obstacles[o, {k}]", writer), lines, writer(hit))
+    return LineTest(
+        read_obstacle=read(row, "obstacle", "obstacles[o, {k}]", writer),
+        lines=lines,
+        touches=writer(hit),
+    )

@@ -1,8 +1,9 @@
-"""Stockham's passes of a complex transform, as text: radix r of a length that has been split by s
-already.
+"""Stockham's passes of a complex transform, as text.
 
-    y[q + s (r p + k)] = e^{2 pi i p k / (r m)} sum_{j<r} x[q + s (p + m j)] e^{2 pi i j k / r},  p
-    < m, q < s
+A pass of radix r takes a length that has been split by s already from x to y:
+
+    y[q + s (r p + k)] = e^{2 pi i p k / (r m)} sum_{j<r} x[q + s (p + m j)] e^{2 pi i j k / r}
+                         p < m, q < s
 
 (Van Loan 1992, section 1.7). No bit reversal is needed, and as rows q and the lanes of each lie
 side by side, the inner loop runs over s W numbers. Real parts fill the first half of an array,
@@ -13,8 +14,9 @@ from __future__ import annotations
 
 from cmath import exp
 from math import cos, pi, sin
+from typing import NamedTuple
 
-# the largest radix whose sums are written out; a larger prime takes r^2 steps in a loop
+# The largest radix whose sums are written out; a larger prime takes r^2 steps in a loop
 WRITTEN_OUT = 13
 
 PASS = """
@@ -41,41 +43,58 @@ for p in range({m}):
 """
 
 
+class Pass(NamedTuple):
+    """The numbers of one pass."""
+
+    r: int  # radix
+    m: int  # length that is left after it
+    inner: int  # numbers that lie side by side
+    size: int  # place of the imaginary parts
+    first: int  # place of its first turn
+    x: str  # name of the array it reads
+    y: str  # name of the array it writes
+
+
 def passes(n: int, lanes: int) -> tuple[str, str, list[complex]]:
-    """The passes from the array x to y and back, the name of the one with the result, and the turns
-    they use."""
-    text, turns, s, m, x, y = "", [], 1, n, "x", "y"
+    """Return the passes from an array x to an array y and back.
+
+    Args:
+        n: length of the transform.
+        lanes: number of transforms side by side.
+
+    Returns:
+        The text, the name of the array with the result, and the turns that the passes use.
+    """
+    text = ""
+    turns: list[complex] = []
+    x, y = "x", "y"
+    s, m = 1, n
     for r in radices(n):
         m //= r
-        words = {
-            "r": r,
-            "m": m,
-            "inner": s * lanes,
-            "size": n * lanes,
-            "first": len(turns),
-            "x": x,
-            "y": y,
-        }
+        one = Pass(r=r, m=m, inner=s * lanes, size=n * lanes, first=len(turns), x=x, y=y)
         if r <= WRITTEN_OUT:
-            text += PASS.format(
-                **words, turns=_turns(**words), lines=("\n" + 8 * " ").join(_lines(**words))
-            )
+            lines = ("\n" + 8 * " ").join(_lines(one))
+            text += PASS.format(**one._asdict(), turns=_turns(one), lines=lines)
             turns += [exp(2j * pi * p * k / (r * m)) for p in range(m) for k in range(1, r)]
         else:
-            text += LARGE_PASS.format(**words)
+            text += LARGE_PASS.format(**one._asdict())
             turns += [exp(2j * pi * k / (r * m)) for k in range(r * m)]
-        s, x, y = s * r, y, x
+        s *= r
+        x, y = y, x
     return text, x, turns
 
 
 def fast_length(n: int) -> int:
-    """The first length from n on whose passes are all written out."""
-    return n if max(radices(n), default=1) <= WRITTEN_OUT else fast_length(n + 1)
+    """Return the first length from n on whose passes are all written out."""
+    while max(radices(n), default=1) > WRITTEN_OUT:
+        n += 1
+    return n
 
 
 def radices(n: int) -> list[int]:
-    """Their product is n: its primes, twos in pairs, the largest first."""
-    primes, d = [], 2
+    """Return the primes of n, twos in pairs, the largest first. Their product is n."""
+    primes = []
+    d = 2
     while n > 1:
         if n % d:
             d += 1
@@ -83,31 +102,37 @@ def radices(n: int) -> list[int]:
             primes.append(d)
             n //= d
     twos = primes.count(2)
-    return sorted([4] * (twos // 2) + [2] * (twos % 2) + [p for p in primes if p > 2], reverse=True)
+    odd = [p for p in primes if p > 2]
+    return sorted([4] * (twos // 2) + [2] * (twos % 2) + odd, reverse=True)
 
 
-def _turns(r: int, m: int, first: int, **_: object) -> str:
-    at = f"{first} + {r - 1} * p"
-    loads = [
-        f"c{k}, s{k} = turns[{at} + {k - 1}, 0], turns[{at} + {k - 1}, 1]" for k in range(1, r)
-    ]
-    return "; ".join(loads) if m > 1 else "pass"  # the last pass turns nothing
+def _turns(one: Pass) -> str:
+    """Write the line that loads the turns of p: `c1, s1 = turns[0 + 3 * p + 0, 0], ...`."""
+    if one.m == 1:
+        return "pass"  # the last pass turns nothing
+    loads = []
+    for k in range(1, one.r):
+        at = f"{one.first} + {one.r - 1} * p + {k - 1}"
+        loads.append(f"c{k}, s{k} = turns[{at}, 0], turns[{at}, 1]")
+    return "; ".join(loads)
 
 
-def _lines(r: int, m: int, inner: int, size: int, x: str, y: str, **_: object) -> list[str]:
-    """Load r_j and i_j, sum them to R_k and I_k, turn and store these."""
-    loads = [
-        f"r{j} = {x}[i + {j * m * inner}]; i{j} = {x}[i + {j * m * inner + size}]" for j in range(r)
-    ]
-    stores = [f"{y}[o] = R0; {y}[o + {size}] = I0"]
+def _lines(one: Pass) -> list[str]:
+    """Write the lines that load r_j and i_j, sum them to R_k and I_k, turn and store these."""
+    r, m, inner, size = one.r, one.m, one.inner, one.size
+    loads = []
+    for j in range(r):
+        real = f"r{j} = {one.x}[i + {j * m * inner}]"
+        imaginary = f"i{j} = {one.x}[i + {j * m * inner + size}]"
+        loads.append(f"{real}; {imaginary}")
+    sums = SUMS[r] if r in SUMS else _odd_sums(r)
+    stores = [f"{one.y}[o] = R0; {one.y}[o + {size}] = I0"]
     for k in range(1, r):
-        re, im = (
-            (f"R{k} * c{k} - I{k} * s{k}", f"R{k} * s{k} + I{k} * c{k}")
-            if m > 1
-            else (f"R{k}", f"I{k}")
-        )
-        stores.append(f"{y}[o + {k * inner}] = {re}; {y}[o + {k * inner + size}] = {im}")
-    return [*loads, *(SUMS[r] if r in SUMS else _odd_sums(r)), *stores]
+        re, im = f"R{k}", f"I{k}"
+        if m > 1:
+            re, im = f"R{k} * c{k} - I{k} * s{k}", f"R{k} * s{k} + I{k} * c{k}"
+        stores.append(f"{one.y}[o + {k * inner}] = {re}; {one.y}[o + {k * inner + size}] = {im}")
+    return [*loads, *sums, *stores]
 
 
 # R_k + i I_k = sum_{j<r} (r_j + i i_j) e^{2 pi i j k / r}
@@ -123,8 +148,10 @@ SUMS = {
 
 
 def _odd_sums(r: int) -> list[str]:
-    """The terms j and r - j share their products: sums a_j take the cosine, differences b_j the
-    sine."""
+    """Write the sums of an odd radix.
+
+    The terms j and r - j share their products: sums a_j take the cosine, differences b_j the sine.
+    """
     half = range(1, (r + 1) // 2)
     lines = [
         f"a{c}{j} = {c}{j} + {c}{r - j}; b{c}{j} = {c}{j} - {c}{r - j}" for c in "ri" for j in half

@@ -1,11 +1,29 @@
-"""Generate the planner's loops: a model's step and the terms of a cost, inlined into two loops over
-lanes of samples.
+"""Generate the planner's loops: a model's step and a cost's terms, inlined into loops over lanes.
 
 `rollout` computes the costs of every block of samples; `paths` computes the positions of one block,
-and each term. `module_source` is the text that is compiled; print it with `race bench --show-code`.
+and each term. `module_source` returns the text that is compiled; print it with
+`race bench --show-code`. For a point mass with a cost of one term its core reads
 
-No gather and no data-dependent branch stands in the lane loop: when some sample reaches its target,
-a flag is set and a rare second loop moves those lanes to their next target row. Everything in the
+    for t in range(T):
+        plan_ax = U[t, 0]
+        weight_distance = cost_numbers[k_t, 0]
+        for l in range(L):
+            # the control, within its limits
+            u_ax = lower(higher(plan_ax + n_t * block[0, t0 + t, l], low_ax), high_ax)
+            # point: step
+            px = x_px + x_vx * dt
+            vx = x_vx + u_ax * dt
+            # term: distance
+            cost_of_distance = weight_distance * px * px
+            state[0, l] = px
+            state[1, l] = vx
+            cost[l] += s_t * (cost_of_distance)
+
+The upper-case constants of this file are templates with places `<name>`, see `parts.fill`; the
+lines that are traced from the model and the cost are put there.
+
+The lane loop has no gather and no data-dependent branch: when some sample reaches its target, a
+flag is set, and a rare second loop moves those lanes to their next target row. Everything in the
 lane loop is as wide as a float: one 64-bit integer among the lanes would halve the width of all
 vectors.
 
@@ -25,15 +43,23 @@ from controllers.costs import Cost, crash
 from controllers.lanes.layout import LANES
 from controllers.lanes.parts import NEXT_TARGETS, fill, header, line_test, next_targets, read, store
 from controllers.lanes.text import Writer
-from controllers.lanes.trace import Graph, Symbol, check_number, trace, trace_number, wrong_result
+from controllers.lanes.trace import (
+    Graph,
+    Symbol,
+    Value,
+    check_number,
+    trace,
+    trace_number,
+    wrong_result,
+)
 from quadsim.dynamics import System
 from quadsim.dynamics.records import flat
 
 MARKS = 4  # positions between which lines are tested at once
-STRIDE = 0.04  # [s] from one to the next
-# boxes around the positions of a block, each of every sixteenth lane: as many as a vector has
+STRIDE = 0.04  # time from one to the next [s]
+# Boxes around the positions of a block, each of every sixteenth lane: as many as a vector has
 # numbers
-BOXES = 16
+BOXES = min(LANES, 16)
 
 BEGIN = """
 # the state and the target row of each sample
@@ -91,8 +117,8 @@ def rollout(x0, U, z, J, noise_factor, cost_factor, low, high, dt, targets, syst
 PATHS = """
 @kept
 @njit(fastmath=FAST, error_model="numpy")
-def paths(x0, U, block, path, means, noise_factor, cost_factor, low, high, dt, targets, system_numbers,
-          cost_numbers<obstacle_arguments>):
+def paths(x0, U, block, path, means, noise_factor, cost_factor, low, high, dt, targets,
+          system_numbers, cost_numbers<obstacle_arguments>):
     T = U.shape[0]
     t0 = 0
     b = 0
@@ -142,7 +168,8 @@ if until_mark == 0 or t == T - 1:
                 marked[m, k, l] = state[k, l]
     marks = filled
     if marks == <marks>:
-        meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, before_finish, crashed, <cost>)
+        meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, before_finish,
+                       crashed, <cost>)
         marks = 1
         for l in range(L):
             before_finish[l] = F(1) if row[l] < last_row else F(0)
@@ -150,7 +177,8 @@ if until_mark == 0 or t == T - 1:
 
 MEET_OBSTACLES = """
 @njit(fastmath=FAST, error_model="numpy")
-def meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, before_finish, crashed, cost):
+def meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, before_finish, crashed,
+                   cost):
     # boxes around the marked positions of some lanes each
     for k in range(3):
         for l in range(<boxes>):
@@ -182,7 +210,7 @@ def meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, bef
 
 
 def steps_between(dt: float) -> int:
-    """Return the number of steps from one mark to the next."""
+    """Return the number of steps from one mark to the next, for a control period dt [s]."""
     return max(round(STRIDE / dt), 1)
 
 
@@ -190,60 +218,70 @@ def module_source(system: System, cost: Cost, dtype: type) -> str:
     """Return the text of the module with `rollout` and `paths` for this model and this cost.
 
     Args:
-        system: the model; of its numbers only their names matter.
-        cost: likewise; terms of weight zero are left out.
+        system: the model; of its numbers only the names matter.
+        cost: the cost, of which the same is true; terms of weight zero are left out.
         dtype: NumPy type of all numbers.
 
     Raises:
         TraceError: the step or a term uses what cannot be compiled.
     """
     step = _step(system, cost)
+    numbers = len(cost.row._fields)
     parts = step.parts | {
         "begin": fill(
             BEGIN,
             states=len(system.states),
-            target_numbers=len(cost.row._fields),  # pyright: ignore[reportAttributeAccessIssue]
+            target_numbers=numbers,
             begin_marks=_marks(cost, BEGIN_MARKS),
         ),
-        "next_targets": next_targets(len(cost.row._fields)),  # pyright: ignore[reportAttributeAccessIssue]
+        "next_targets": next_targets(numbers),
     }
+
+    # The rollouts add up all terms,
     rollout = fill(
         ROLLOUT,
         **parts,
         sum=" + ".join(step.weighted.values()) or "F(0)",
-        keep_marks=_marks(cost, KEEP_MARKS, "cost"),
+        keep_marks=_marks(cost, KEEP_MARKS, paid_by="cost"),
     )
-    add_terms = (
+
+    # the paths each term by itself.
+    add_terms = [
         f"means[{k}, l] += s_t * ({step.weighted[name]})"
         for k, name in enumerate(cost.term_names)
         if name in step.weighted
-    )
+    ]
     axes = min(3, len(system.states))
+    keep_path = [f"path[t, {k}, l] = state[{k}, l]" for k in range(axes)]
     paths = fill(
         PATHS,
         **parts,
-        keep_path="\n".join(f"path[t, {k}, l] = state[{k}, l]" for k in range(axes)),
+        keep_path="\n".join(keep_path),
         add_terms="\n".join(add_terms),
-        keep_marks=_marks(cost, KEEP_MARKS, "means[crash_term]"),
+        keep_marks=_marks(cost, KEEP_MARKS, paid_by="means[crash_term]"),
     )
     return "\n".join([header(dtype), _meet_obstacles(cost), rollout, paths])
 
 
 def operations(system: System, cost: Cost) -> int:
-    """Return the number of arithmetic operations of one step of one sample, its control and its
-    cost included."""
+    """Return the number of arithmetic operations of one step of one sample.
+
+    Its control and its cost are included.
+    """
     return _step(system, cost).operations
 
 
 class _Step(NamedTuple):
     """The text of one step of one sample."""
 
-    parts: dict[str, str]
+    parts: dict[str, str]  # the parts of ROLLOUT and PATHS, by place
     weighted: dict[str, str]  # weight times value of each term that is weighted
     operations: int
 
 
 def _step(system: System, cost: Cost) -> _Step:
+    """Trace control, model and cost, and write the parts of the loops that depend on them."""
+    # Trace
     graph = Graph()
     x = graph.record(system.state, "x", "state[{k}, l]")
     crashed_before = graph.input("crashed_before", "crashed[l]")
@@ -253,54 +291,86 @@ def _step(system: System, cost: Cost) -> _Step:
     x_next = trace_model(graph, system, x, u)
     found = trace_cost(graph, cost, x, x_next, u, target, crashed_before)
 
+    # Write the lines of a step, whose names differ from those of the text around
     parts = {
-        "read_plan": "\n".join(
-            f"plan_{name} = U[t, {k}]" for k, name in enumerate(system.controls)
-        ),
-        "read_limits": "\n".join(
-            f"{side}_{name} = {side}[{k}]"
-            for side in ("low", "high")
-            for k, name in enumerate(system.controls)
-        ),
-        "obstacle_arguments": ", obstacles, stride, crash_term, crash_weight"
-        if cost.obstacles
-        else "",
+        "read_plan": _read_plan(system),
+        "read_limits": _read_limits(system),
+        "obstacle_arguments": "",
     }
+    if cost.obstacles:
+        parts["obstacle_arguments"] = ", obstacles, stride, crash_term, crash_weight"
     around = (BEGIN, STEP, ROLLOUT, PATHS, BEGIN_MARKS, KEEP_MARKS, NEXT_TARGETS, *parts.values())
     writer = Writer("\n".join(around))
     lines = writer.lines([*flat(x_next), found.crashed, found.reached, *found.weighted.values()])
-    step = fill(
+    parts["step"] = fill(
         STEP,
         lines=lines,
         store_state=store(x_next, "state[{k}, l]", writer),
         crashed=writer(found.crashed),
         is_reached=writer(found.reached),
     )
-    parts |= {
-        "step": step,
-        "read_model": read(type(system.params), "model", "system_numbers[{k}]", writer)
-        if system.params
-        else "",
-        "read_cost": "\n".join(
-            f"{name} = cost_numbers[k_t, {k}]"
-            for k, name in enumerate(cost.number_names)
-            if name in writer.read
-        ),
-    }
+
+    # Read the numbers that these lines use
+    parts["read_model"] = ""
+    if system.params:
+        parts["read_model"] = read(type(system.params), "model", "system_numbers[{k}]", writer)
+    parts["read_cost"] = _read_cost(cost, writer)
+
+    weighted = {name: writer(value) for name, value in found.weighted.items()}
     # clip(U + n z) is four operations for each control; each term is added to the sum
-    operations = writer.operations + 4 * len(system.controls) + len(found.weighted)
-    return _Step(parts, {name: writer(value) for name, value in found.weighted.items()}, operations)
+    operations = writer.operations + 4 * len(system.controls) + len(weighted)
+    return _Step(parts, weighted, operations)
+
+
+def _read_plan(system: System) -> str:
+    """Write the lines that read the plan at step t: `plan_thrust = U[t, 3]`."""
+    lines = [f"plan_{name} = U[t, {k}]" for k, name in enumerate(system.controls)]
+    return "\n".join(lines)
+
+
+def _read_limits(system: System) -> str:
+    """Write the lines that read the control limits: `low_thrust = low[3]`."""
+    lines = [
+        f"{side}_{name} = {side}[{k}]"
+        for side in ("low", "high")
+        for k, name in enumerate(system.controls)
+    ]
+    return "\n".join(lines)
+
+
+def _read_cost(cost: Cost, writer: Writer) -> str:
+    """Write the lines that read weights and parameters: `p_floor = cost_numbers[k_t, 12]`."""
+    lines = [
+        f"{name} = cost_numbers[k_t, {k}]"
+        for k, name in enumerate(cost.number_names)
+        if name in writer.read
+    ]
+    return "\n".join(lines)
 
 
 def _clipped(graph: Graph, name: str, k: int) -> Symbol:
-    """The control v = clip(U + n z) of a sample."""
+    """Return control k of a sample, v = clip(U + n z), as an input of the graph."""
     noisy = f"plan_{name} + n_t * block[{k}, t0 + t, l]"
     return graph.input(f"u_{name}", f"lower(higher({noisy}, low_{name}), high_{name})")
 
 
 def trace_model(graph: Graph, system: System, x: Any, u: Any, params: Any = None) -> Any:
-    """Return the next state, a record of symbols, by the model's step with its parameters read from
-    variables."""
+    """Trace the model's step.
+
+    Args:
+        graph: records the operations.
+        system: the model.
+        x: record of the state, as symbols.
+        u: record of the control, as symbols.
+        params: record of the parameters, as symbols; None: variables `model_...` of the text
+            around.
+
+    Returns:
+        The record of the next state, as symbols.
+
+    Raises:
+        TraceError: the step cannot be traced, or does not return a state.
+    """
     graph.section = f"{system.name}: {system.step.__name__}"
     if params is None:
         params = graph.record(type(system.params), "model") if system.params else ()
@@ -315,15 +385,27 @@ def trace_model(graph: Graph, system: System, x: Any, u: Any, params: Any = None
 class TracedCost(NamedTuple):
     """A cost at one step of one sample, as symbols."""
 
-    crashed: Any  # 1.0 from the crash on, else 0.0
-    reached: Any
-    weighted: dict[str, Any]  # weight times value of each term that is weighted
+    crashed: Value  # 1.0 from the crash on, else 0.0
+    reached: Value
+    weighted: dict[str, Symbol]  # weight times value of each term that is weighted
 
 
 def trace_cost(
-    graph: Graph, cost: Cost, x: Any, x_next: Any, u: Any, target: Any, crashed_before: Any
+    graph: Graph, cost: Cost, x: Any, x_next: Any, u: Any, target: Any, crashed_before: Symbol
 ) -> TracedCost:
-    """Return the cost's terms, with its parameters read from variables (see Cost.number_names)."""
+    """Trace the terms of a cost, and the functions that decide on reached targets and crashes.
+
+    Parameters and weights are variables of the text around, named as in Cost.number_names.
+
+    Args:
+        graph: records the operations.
+        cost: the cost.
+        x, x_next, u, target: records of state, next state, control and target row, as symbols.
+        crashed_before: 1.0 for a sample that had crashed before the step, else 0.0.
+
+    Raises:
+        TraceError: one of the functions cannot be traced.
+    """
     shared = graph.record(type(cost.params), "p") if cost.params else ()
     crashed = crashed_before
     if cost.crash:
@@ -338,19 +420,21 @@ def trace_cost(
         if not np.any(term.weight):
             continue
         graph.section = f"term: {term.name}"
-        value = crashed
-        if term.function is not crash:
-            own = (
-                graph.record(type(term.parameters), f"p_{term.name}") if term.parameters else shared
-            )
+        if term.function is crash:
+            value = crashed
+        else:
+            own = shared
+            if term.parameters:
+                own = graph.record(type(term.parameters), f"p_{term.name}")
             value = trace_number(term.function, x, x_next, u, target, own)
-        weighted[term.name] = _weigh(graph, graph.variable(f"weight_{term.name}"), value)
+        weight = graph.variable(f"weight_{term.name}")
+        weighted[term.name] = _weigh(graph, weight, value)
         weighted[term.name].hint = f"cost_of_{term.name}"
     return TracedCost(crashed, reached, weighted)
 
 
-def _weigh(graph: Graph, weight: Symbol, value: Any) -> Any:
-    """The weight times the value, multiplied from the left as the formula is read: w a b = (w a) b.
+def _weigh(graph: Graph, weight: Symbol, value: Value) -> Symbol:
+    """Return weight times value, multiplied from the left as the formula is read: w a b = (w a) b.
 
     A factor that a variable holds or another function returned stays whole, as in the source.
     """
@@ -362,29 +446,37 @@ def _weigh(graph: Graph, weight: Symbol, value: Any) -> Any:
     return graph.apply("mul", weight, value)
 
 
-def _boxes() -> int:
-    return min(LANES, BOXES)
-
-
 def _marks(cost: Cost, template: str, paid_by: str = "") -> str:
-    """The text that keeps positions for the obstacles' lines; nothing without obstacles."""
+    """Write BEGIN_MARKS or KEEP_MARKS; nothing where the cost has no obstacles.
+
+    Args:
+        cost: the cost.
+        template: one of the two.
+        paid_by: the lane array that crashes are added to.
+    """
     if cost.obstacles is None:
         return ""
-    return fill(template, marks=MARKS, boxes=_boxes(), cost=paid_by)
+    return fill(template, marks=MARKS, boxes=BOXES, cost=paid_by)
 
 
 def _meet_obstacles(cost: Cost) -> str:
+    """Write the function that tests lines against obstacles; nothing where the cost has none."""
     if cost.obstacles is None:
         return ""
-    touches, row = cost.obstacles.touches, cost.obstacles.row
-    test = line_test(touches, row, "marked[m - 1, {k}, l]", "marked[m, {k}, l]", MEET_OBSTACLES)
+    test = line_test(
+        cost.obstacles.touches,
+        cost.obstacles.row,
+        p0="marked[m - 1, {k}, l]",
+        p1="marked[m, {k}, l]",
+        around=MEET_OBSTACLES,
+    )
     positions = [
-        f"marked[{m}, k, l + {first}]" for m in range(MARKS) for first in range(0, LANES, _boxes())
+        f"marked[{m}, k, l + {first}]" for m in range(MARKS) for first in range(0, LANES, BOXES)
     ]
     return fill(
         MEET_OBSTACLES,
         marks=MARKS,
-        boxes=_boxes(),
+        boxes=BOXES,
         lowest=_folded("lower", positions),
         highest=_folded("higher", positions),
         read_obstacle=test.read_obstacle,
@@ -393,9 +485,11 @@ def _meet_obstacles(cost: Cost) -> str:
     )
 
 
-def _folded(function: str, of: list[str]) -> str:
-    """One expression of a function of two arguments over many."""
-    if len(of) == 1:
-        return of[0]
-    middle = len(of) // 2
-    return f"{function}({_folded(function, of[:middle])}, {_folded(function, of[middle:])})"
+def _folded(function: str, expressions: list[str]) -> str:
+    """Write one expression of a function of two arguments over many: `lower(lower(a, b), c)`."""
+    if len(expressions) == 1:
+        return expressions[0]
+    middle = len(expressions) // 2
+    left = _folded(function, expressions[:middle])
+    right = _folded(function, expressions[middle:])
+    return f"{function}({left}, {right})"

@@ -9,31 +9,37 @@ from controllers.lanes import FAST
 from controllers.lanes.compiled import kept
 from controllers.lanes.layout import in_blocks
 
-CHUNK = 25  # steps a thread sums at a time: 6 kB of partial sums
+CHUNK = 25  # steps that a thread sums at a time: 6 kB of partial sums
 
 
 @kept
 @njit(fastmath=FAST, error_model="numpy", parallel=True)
 def _lane_sums(noise, ramp, U, low, high, weights, sums):
-    """sums[c, t, l] = sum_b w[b, l] (clip(U + ramp noise) - U): block after block, so every thread
-    count adds alike."""
+    """Fill sums with sums[c, t, l] = sum_b w[b, l] (clip(U + ramp noise) - U).
+
+    Block is added after block, so that any number of threads adds alike.
+    """
     T, n_u = U.shape
     halves = noise.shape[2] // T
     chunks = (T + CHUNK - 1) // CHUNK
     for k in prange(n_u * chunks):
-        c, first = k // chunks, k % chunks * CHUNK
+        c = k // chunks
+        first = k % chunks * CHUNK
         last = min(first + CHUNK, T)
-        lo, hi = low[c], high[c]
+        lo = low[c]
+        hi = high[c]
         sums[c, first:last] = 0
         for b in range(weights.shape[0]):
             w = weights[b]
-            if w.max() == 0:  # nothing of this block counts
+            if w.max() == 0:
                 continue
             E = noise[b // halves, c]
             t0 = (b % halves) * T
             for t in range(first, last):
-                u, n = U[t, c], ramp[b % 2, t]
-                row, s = E[t0 + t], sums[c, t]
+                u = U[t, c]
+                n = ramp[b % 2, t]
+                row = E[t0 + t]
+                s = sums[c, t]
                 for i in range(row.shape[0]):
                     s[i] += w[i] * (min(max(u + n * row[i], lo), hi) - u)
 
@@ -46,11 +52,21 @@ def weighted_mean(
     high: np.ndarray,
     w: np.ndarray,
 ) -> np.ndarray:
-    """sum_m w_m (v^m - U), v_t = clip(U_t + ramp_t z_t), ramp (2, T) of even and odd blocks.
+    """Return sum_m w_m (v^m - U) with v_t = clip(U_t + ramp_t z_t).
 
-    z (series, n_u, halves * T, LANES), w (M,) -> (T, n_u)
+    Args:
+        noise: perturbations z  (series, n_u, halves * T, LANES).
+        ramp: factors on the perturbations of even and of odd blocks  (2, T).
+        U: plan  (T, n_u).
+        low, high: limits of the controls  (n_u,).
+        w: weight of each sample  (M,).
+
+    Returns:
+        (T, n_u)
     """
-    d, w = noise.dtype, in_blocks(w)
-    sums = np.empty((U.shape[1], U.shape[0], w.shape[1]), d)
-    _lane_sums(noise, ramp.astype(d), U.astype(d), low.astype(d), high.astype(d), w.astype(d), sums)
+    d = noise.dtype
+    w_blocks = in_blocks(w).astype(d)
+    T, n_u = U.shape
+    sums = np.empty((n_u, T, w_blocks.shape[1]), d)
+    _lane_sums(noise, ramp.astype(d), U.astype(d), low.astype(d), high.astype(d), w_blocks, sums)
     return sums.sum(axis=2, dtype=np.float64).T

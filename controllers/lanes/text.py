@@ -15,9 +15,9 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from controllers.lanes.trace import Symbol
+from controllers.lanes.trace import Symbol, Value
 
-# What a lane calls by these names; see the header of the generated modules.
+# Names that the lines use; the header of a generated module defines them.
 HELPERS = frozenset({"select", "lower", "higher", "abs", "math", "F", "L"})
 
 BINARY = {
@@ -48,8 +48,6 @@ CALLS = {
     "tanh": "math.tanh",
     "atan2": "math.atan2",
 }
-
-
 UNARY = {"neg": "-", "not": "not "}
 # How tightly Python's operators bind: comparisons less than | and &.
 COMPARISON = 1
@@ -62,28 +60,40 @@ BINDING = {
     **dict.fromkeys(("mul", "div"), 6),
     "neg": 7,
 }
+TIGHTEST = 99  # of a call, a name or a number
 LEAVES = ("input", "variable")
 
 
 class Writer:
-    """Assignments for the nodes that some results need, each written once, in the order of
-    recording."""
+    """Writes assignments for the nodes that some results need.
+
+    Each node is written once, in the order of recording.
+
+    Args:
+        around: the text that the lines will stand in; its names are not used for other variables.
+    """
 
     def __init__(self, around: str = ""):
-        """around: the text that the lines will stand in; its names are not used for other
-        variables."""
         self._taken = {*re.findall(r"\w+", around), *HELPERS, *keyword.kwlist}
-        self._names: dict[int, str] = {}  # number of a node -> its variable
-        self._uses: dict[int, int] = {}  # number of a node -> how many operands it is
-        self.read: set[str] = set()  # variables of the text around that the lines use
-        self.operations = 0  # that the lines take
+        # Number of a node -> its variable
+        self._names: dict[int, str] = {}
+        # Number of a node -> number of operations that it is an operand of
+        self._uses: dict[int, int] = {}
+        # Variables of the text around that the lines use
+        self.read: set[str] = set()
+        # Number of arithmetic operations of the lines
+        self.operations = 0
 
     def lines(self, results: Iterable[Any]) -> str:
-        """Return the assignments that compute these symbols and have not been written before."""
-        results = [result for result in results if isinstance(result, Symbol)]
-        needed = self._needed(results)
+        """Return the assignments that compute these results and have not been written before.
+
+        Args:
+            results: symbols; numbers among them need no line.
+        """
+        symbols = [result for result in results if isinstance(result, Symbol)]
+        needed = self._needed(symbols)
         self.operations += sum(node.kind not in LEAVES for node in needed)
-        self._count_uses(needed, results)
+        self._count_uses(needed, symbols)
         self._taken |= {node.name for node in needed if node.kind == "variable"}
         lines: list[str] = []
         section = ""
@@ -102,7 +112,7 @@ class Writer:
             lines.append(f"{self._names[node.number]} = {expression}")
         return "\n".join(lines)
 
-    def __call__(self, value: Any) -> str:
+    def __call__(self, value: Value) -> str:
         """Return the expression of a symbol whose lines are written, or of a number."""
         if isinstance(value, bool):
             return str(value)
@@ -113,8 +123,7 @@ class Writer:
         return self._operation(value)
 
     def _needed(self, results: Sequence[Symbol]) -> list[Symbol]:
-        """Nodes that these results depend on and that are no variables yet, in topological
-        order."""
+        """Return the nodes that these results depend on and that are no variables yet, in order."""
         found: dict[int, Symbol] = {}
         todo = list(results)
         while todo:
@@ -127,41 +136,51 @@ class Writer:
         return [found[number] for number in sorted(found)]
 
     def _count_uses(self, needed: Sequence[Symbol], results: Sequence[Symbol]) -> None:
+        """Count the operations that each node is an operand of."""
         for node in needed:
-            for arg in node.args if node.kind not in LEAVES else ():
+            if node.kind in LEAVES:
+                continue
+            for arg in node.args:
                 if isinstance(arg, Symbol):
                     self._uses[arg.number] = self._uses.get(arg.number, 0) + 1
-        for result in results:  # what is read outside is a variable, not part of an expression
+
+        # A result is read outside, so it is a variable rather than part of an expression.
+        for result in results:
             self._uses[result.number] = self._uses.get(result.number, 0) + 2
 
     def _is_variable(self, node: Symbol) -> bool:
-        """A node with a name, or with several uses, is assigned; another one stands within an
-        expression."""
+        """Return whether a node is assigned; another one stands within an expression.
+
+        It is where it has a name in the source, or several uses.
+        """
         return bool(node.name) or self._uses.get(node.number, 0) > 1
 
     def _operation(self, node: Symbol) -> str:
+        """Return the expression of an operation."""
         if node.kind in BINARY:
-            left, right = node.args
             binding = BINDING[node.kind]
-            before = binding + (binding == COMPARISON)  # a < b < c is another thing in Python
-            return f"{self._within(left, before)} {BINARY[node.kind]} {self._within(right, binding + 1)}"
+            # Python reads a < b < c as a chain.
+            is_comparison = binding == COMPARISON
+            left = self._within(node.args[0], binding + 1 if is_comparison else binding)
+            right = self._within(node.args[1], binding + 1)
+            return f"{left} {BINARY[node.kind]} {right}"
         if node.kind in UNARY:
             return f"{UNARY[node.kind]}{self._within(node.args[0], BINDING[node.kind])}"
         return f"{CALLS[node.kind]}({', '.join(map(self, node.args))})"
 
-    def _within(self, value: Any, binding: int) -> str:
-        """An operand, in parentheses where it binds less than this, so that the order of operations
-        stays."""
+    def _within(self, value: Value, binding: int) -> str:
+        """Return an operand, in parentheses where it binds less than this.
+
+        So the order of operations is that of the source.
+        """
         text = self(value)
-        if (
-            isinstance(value, Symbol)
-            and value.number not in self._names
-            and BINDING.get(value.kind, 99) < binding
-        ):
-            return f"({text})"
-        return text
+        if not isinstance(value, Symbol) or value.number in self._names:
+            return text
+        binds_less = BINDING.get(value.kind, TIGHTEST) < binding
+        return f"({text})" if binds_less else text
 
     def _free_name(self, wished: str) -> str:
+        """Return the wished name, with a number behind it if it is taken."""
         name = wished
         number = 1
         while name in self._taken:

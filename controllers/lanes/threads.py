@@ -1,4 +1,4 @@
-"""How many threads the compiled loops and the transforms use. Results do not depend on it."""
+"""The number of threads of the compiled loops. Results do not depend on it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numba
 
 
 def threads() -> int:
+    """Return the number of threads in use."""
     return numba.get_num_threads()
 
 
@@ -20,9 +21,16 @@ def most_threads() -> int:
 
 
 def use_threads(n: int | None) -> int:
-    """Use n threads, or every core this process may run on for None. Returns the number in use.
+    """Set the number of threads.
 
-    Raises ValueError when n is not in 1..cores.
+    Args:
+        n: the number; None: every core that this process may run on.
+
+    Returns:
+        The number in use.
+
+    Raises:
+        ValueError: n is not in 1..cores.
     """
     most = most_threads()
     n = most if n is None else n

@@ -31,7 +31,7 @@ import numpy as np
 
 from quadsim.dynamics.records import flat_names, is_record, unflat
 
-# NumPy's functions that may be used, by the operation they record.
+# The operations that NumPy's functions record.
 UFUNCS = {
     np.add: "add",
     np.subtract: "sub",
@@ -64,40 +64,54 @@ UFUNCS = {
     np.invert: "not",
 }
 KNOWN = (
-    "arithmetic, comparisons joined by & and |, abs, and NumPy's where, minimum, maximum, sqrt, exp, log, "
-    "sin, cos, tan, tanh, arctan2"
+    "arithmetic, comparisons joined by & and |, abs, and NumPy's where, minimum, maximum, sqrt, "
+    "exp, log, sin, cos, tan, tanh, arctan2"
 )
 LARGEST_POWER = 4  # x**n with a whole n up to this is written as products
 
 
 class TraceError(TypeError):
-    """A function cannot be compiled for the rollouts: which one, in which line, and what to write
-    instead."""
+    """The error of a function that cannot be compiled for the rollouts.
+
+    It names the function and the line, and says what to write instead.
+    """
 
 
 class Symbol:
-    """A scalar that has no value yet: an input of a graph, or an operation on other operands."""
+    """A scalar that has no value yet: an input of a graph, or an operation on other operands.
+
+    Args:
+        graph: the graph that it is a node of.
+        kind: an operation, "input" or "variable".
+        args: operands, Symbols and numbers; of an input the expression that it is read from.
+        number: number of nodes before it, a topological order.
+    """
 
     __slots__ = ("args", "graph", "hint", "kind", "name", "number", "section")
 
     def __init__(self, graph: Graph, kind: str, args: tuple[Any, ...], number: int):
         self.graph = graph
-        self.kind = kind  # an operation, "input" or "variable"
-        self.args = args  # operands, Symbols and numbers; of an input its expression in the loop
-        self.number = number  # of nodes before it: a topological order
-        self.name = ""  # of the variable in the source that first held it
-        self.hint = ""  # for its name if no variable held it: the function that returned it
+        self.kind = kind
+        self.args = args
+        self.number = number
+        # Name of the variable in the source that first held it
+        self.name = ""
+        # Name if no variable held it: that of the function that returned it
+        self.hint = ""
+        # Part of the text that it belongs to
         self.section = graph.section
 
     def __repr__(self) -> str:
         return f"Symbol({self.name or self.kind})"
 
-    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Symbol:
         if method != "__call__" or options or ufunc not in UFUNCS:
             raise trace_error(f"numpy.{ufunc.__name__} is not known; known are {KNOWN}")
         return self.graph.apply(UFUNCS[ufunc], *inputs)
 
-    def __array_function__(self, function: Callable, types: Any, args: Any, options: Any) -> Any:
+    def __array_function__(
+        self, function: Callable, types: Any, args: tuple[Any, ...], options: dict[str, Any]
+    ) -> Symbol:
         if function is not np.where or len(args) != 3 or options:
             raise trace_error(f"numpy.{function.__name__} is not known; known are {KNOWN}")
         return self.graph.apply("where", *args)
@@ -182,8 +196,8 @@ class Symbol:
 
     def __bool__(self) -> bool:
         raise trace_error(
-            "a condition is not known before the rollout, so if, and, or, not, min and max cannot be used: "
-            "write numpy.where(condition, a, b), & or |, numpy.minimum or numpy.maximum"
+            "a condition is not known before the rollout, so if, and, or, not, min and max cannot "
+            "be used: write numpy.where(condition, a, b), & or |, numpy.minimum or numpy.maximum"
         )
 
     def __float__(self) -> float:
@@ -195,9 +209,12 @@ class Symbol:
         raise trace_error("a scalar was taken for a sequence")
 
 
+# A number or a condition that a traced function computes with: known, or not known yet
+Value = Symbol | float | bool
+
+
 class Graph:
-    """The operations of the functions that were traced with its inputs, in the order in which they
-    were recorded."""
+    """The recorded operations of the functions that were traced with its inputs, in order."""
 
     def __init__(self) -> None:
         self.nodes: list[Symbol] = []
@@ -218,8 +235,9 @@ class Graph:
         Args:
             kind: the NamedTuple, whose fields may be records too.
             name: prefix of the variables: field `px` of the record `x` is the variable `x_px`.
-            expression: what each is read from, with `{k}` for the number of the field, counted
-                through nested records; without it they are variables that the text around assigns.
+            expression: the text that each is read from, with `{k}` for the number of the field,
+                counted through nested records; without it they are variables that the text around
+                assigns.
         """
         names = [f"{name}_{field}" for field in flat_names(kind)]
         if expression:
@@ -228,29 +246,35 @@ class Graph:
             symbols = [self.variable(each) for each in names]
         return unflat(kind, iter(symbols))
 
-    def apply(self, kind: str, *args: Any) -> Any:
+    def apply(self, kind: str, *args: Any) -> Symbol:
         """Return the node of this operation on these operands, a new one unless it is known."""
         operands = tuple(operand(arg) for arg in args)
-        key = (
-            kind,
-            *(
-                ("s", arg.number) if isinstance(arg, Symbol) else (type(arg), repr(arg))
-                for arg in operands
-            ),
-        )
+        key = (kind, *(_key(each) for each in operands))
         if key not in self._known:
             self._known[key] = self._new(kind, operands)
         return self._known[key]
 
     def _new(self, kind: str, args: tuple[Any, ...], name: str = "") -> Symbol:
+        """Return a new node."""
         symbol = Symbol(self, kind, args, len(self.nodes))
         symbol.name = name
         self.nodes.append(symbol)
         return symbol
 
 
-def operand(value: Any) -> Any:
-    """Return a Symbol, a bool or a finite float. Raises TraceError for anything else."""
+def _key(value: Value) -> tuple:
+    """Return a key that two operands share if they are the same."""
+    if isinstance(value, Symbol):
+        return "symbol", value.number
+    return type(value), repr(value)  # 0.0 and -0.0 are equal, but not the same
+
+
+def operand(value: Any) -> Value:
+    """Return a Symbol, a bool or a finite float.
+
+    Raises:
+        TraceError: the value is anything else.
+    """
     if isinstance(value, Symbol):
         return value
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
@@ -269,10 +293,12 @@ def operand(value: Any) -> Any:
 
 
 def trace(function: Callable, *args: Any) -> Any:
-    """Return what the function makes of symbols; intermediate results are named as in its source.
+    """Call a function with symbols and return its result.
+
+    Intermediate results are named as in its source.
 
     Raises:
-        TraceError: the function does what cannot be recorded, or fails.
+        TraceError: the function cannot be recorded, or fails.
     """
     try:
         with naming():
@@ -283,15 +309,21 @@ def trace(function: Callable, *args: Any) -> Any:
         raise TraceError(f"{label(function)}: {_place()}{type(error).__name__}: {error}") from error
 
 
-def trace_number(function: Callable, *args: Any) -> Any:
-    """Return the number or the condition that the function makes of symbols. Raises TraceError, as
-    `trace` does."""
+def trace_number(function: Callable, *args: Any) -> Value:
+    """Call a function with symbols and return its result, a number or a condition.
+
+    Raises:
+        TraceError: the function cannot be recorded, fails, or returns anything else.
+    """
     return check_number(function, trace(function, *args))
 
 
-def check_number(function: Callable, value: Any) -> Any:
-    """Return what a traced function returned. Raises TraceError unless it is a number or a
-    condition."""
+def check_number(function: Callable, value: Any) -> Value:
+    """Return the result of a traced function.
+
+    Raises:
+        TraceError: it is neither a number nor a condition.
+    """
     if isinstance(value, tuple | list):
         raise wrong_result(function, "one number", value)
     try:
@@ -301,12 +333,12 @@ def check_number(function: Callable, value: Any) -> Any:
 
 
 def wrong_result(function: Callable, expected: str, value: Any) -> TraceError:
-    """Return the error of a function that returned something else than expected."""
+    """Return the error of a function whose result is not the expected one."""
     code = getattr(function, "__code__", None)
     place = f"{code.co_filename}:{code.co_firstlineno}: " if code else ""
-    found = (
-        "None: is a return missing?" if value is None else f"{type(value).__name__} {value!r:.60}"
-    )
+    found = f"{type(value).__name__} {value!r:.60}"
+    if value is None:
+        found = "None: is a return missing?"
     return TraceError(f"{label(function)}: {place}expected it to return {expected}, got {found}")
 
 
@@ -324,7 +356,7 @@ def naming() -> Iterator[None]:
         for name, local in named.f_locals.items():
             _name(name, local)
         function_name = frame.f_code.co_name
-        # "<lambda>" is no name of a variable
+        # "<lambda>" is no name of a variable.
         if event == "return" and function_name.isidentifier():
             _name(function_name, value, weakly=True)
 
@@ -336,8 +368,7 @@ def naming() -> Iterator[None]:
 
 
 def _is_traced(frame: FrameType) -> bool:
-    """Whether this is a function of somebody's model or cost, not one of this module or of NumPy's
-    dispatch."""
+    """Return whether this is a function of a model or a cost, none of this module or of NumPy."""
     module = frame.f_globals.get("__name__", "")
     return frame.f_code.co_filename != __file__ and not module.startswith(
         ("numpy", "contextlib", "collections")
@@ -347,7 +378,10 @@ def _is_traced(frame: FrameType) -> bool:
 def _name(name: str, value: Any, weakly: bool = False) -> None:
     """Name a symbol, or the symbols of a record, unless a variable has held them before.
 
-    weakly: another name may take the place of this one.
+    Args:
+        name: the name.
+        value: a symbol, a record or a tuple; anything else is left alone.
+        weakly: whether another name may take the place of this one.
     """
     if isinstance(value, Symbol):
         if weakly:
@@ -358,7 +392,8 @@ def _name(name: str, value: Any, weakly: bool = False) -> None:
         for field, inner in zip(value._fields, value, strict=True):
             _name(f"{name}_{field}", inner, weakly)
     elif isinstance(value, tuple):
-        for axis, inner in zip("xyz" if len(value) == 3 else range(len(value)), value, strict=True):
+        axes = "xyz" if len(value) == 3 else range(len(value))
+        for axis, inner in zip(axes, value, strict=True):
             _name(f"{name}_{axis}", inner, weakly=True)
 
 
@@ -377,7 +412,7 @@ def trace_error(problem: str) -> TraceError:
 
 
 def _place() -> str:
-    """File and line of the exception that is handled now, where the traced function raised it."""
+    """Return file and line at which a traced function raised the exception handled now."""
     traceback = sys.exc_info()[2]
     place = ""
     while traceback is not None:

@@ -1,5 +1,6 @@
-"""Normals with a spectrum: an inverse Fourier transform in lanes, generated code with a module for
-each length n.
+"""Normals with a spectrum: an inverse Fourier transform in lanes, as generated code.
+
+There is a module for each length n.
 
     z_t = sum_{k<n} Z_k e^{2 pi i k t / n},  Z_k = s_k (xi_k + i eta_k),  s_{n-k} = s_k
 
@@ -49,7 +50,8 @@ def transformed(out, scale, offset, turns, key, call, first):
         x, y = np.empty({size}, F), np.empty({size}, F)
         for c in range(channels):
             for g in range(0, lanes, {W}):
-                normal_rows(x.reshape((2 * {n}, {W})), scale[c], (first + b) * lanes + g, c * {groups}, key, call)
+                normal_rows(x.reshape((2 * {n}, {W})), scale[c], (first + b) * lanes + g,
+                            c * {groups}, key, call)
 {passes}
                 for k in range(2 * b, min(2 * b + 2, series)):
                     z = {result}[k % 2 * {half}:]
@@ -65,39 +67,43 @@ def transformed(out, scale, offset, turns, key, call, first):
 def fill_transformed(
     out: np.ndarray, scale: np.ndarray, offset: np.ndarray, key: np.ndarray, call: int, first: int
 ) -> None:
-    """Fill out (series, channels, steps <= n, LANES) with z_t - offset_t z_1, two series from one
-    transform.
+    """Fill out with z_t - offset_t z_1, two series from one transform.
 
-    scale (channels, 2 n): s of the real parts, then of the imaginary parts, which are the same;
-    offset (steps,), all zero where the first is.
-    first: the number of the first pair of series; the normals depend on it.
+    Args:
+        out: to fill  (series, channels, steps, LANES), at most n steps.
+        scale: s of the real parts, then of the imaginary parts, which are the same
+            (channels, 2 n).
+        offset: all zero where the first one is  (steps,).
+        key: of the generator  (2,) uint32.
+        call: index of the call.
+        first: number of the first pair of series, which the normals depend on.
     """
     module, turns = _module(scale.shape[1] // 2)
     module.transformed(out, scale, offset, turns, key, call, first)
 
 
 def transform_loop(n: int) -> Callable:
-    """The compiled loop for this length."""
+    """Return the compiled loop for this length."""
     return _module(n)[0].transformed
 
 
 @cache
 def _module(n: int) -> tuple[ModuleType, np.ndarray]:
-    """The loop for this length, and the turns e^{i phi} of its passes (turns, 2)."""
+    """Return the loop for this length, and the turns e^{i phi} of its passes  (turns, 2)."""
     text, result, turns = passes(n, W)
-    words = {
-        "n": n,
-        "W": W,
-        "size": 2 * n * W,
-        "half": n * W,
-        "groups": -(-2 * n // 4),
-        "result": result,
-        "fast": sorted(FAST),
-        "normals": hashlib.sha256(inspect.getsource(normals).encode()).hexdigest(),
-        "passes": indent(text.strip("\n"), " " * 16),
-    }
-    source = MODULE.format(**words)
-    table = np.array([(t.real, t.imag) for t in turns], np.float32).reshape(-1, 2)
-    return load_module(
-        f"transform_{n}_{hashlib.sha256(source.encode()).hexdigest()[:16]}", source
-    ), table
+    source = MODULE.format(
+        n=n,
+        W=W,
+        size=2 * n * W,
+        half=n * W,
+        groups=-(-2 * n // 4),
+        result=result,
+        fast=sorted(FAST),
+        # The code is compiled anew where the normals that it inlines have changed.
+        normals=hashlib.sha256(inspect.getsource(normals).encode()).hexdigest(),
+        passes=indent(text.strip("\n"), " " * 16),
+    )
+    digest = hashlib.sha256(source.encode()).hexdigest()[:16]
+    module = load_module(f"transform_{n}_{digest}", source)
+    table = np.array([(turn.real, turn.imag) for turn in turns], np.float32).reshape(-1, 2)
+    return module, table

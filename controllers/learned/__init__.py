@@ -1,1 +1,1 @@
-"""Learned controllers: what a pilot observes, the network that it is, and its file."""
+"""Learned controllers: the observation of a pilot, its network, and its file."""

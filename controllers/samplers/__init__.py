@@ -1,13 +1,10 @@
 """Samplers: distributions of the perturbations z of v = u + z, one short file each.
 
-A sampler is a frozen dataclass of its numbers; `build` makes the source of perturbations that MPPI
-draws from.
+A sampler is a frozen dataclass of its numbers. Its method `build` makes the source of perturbations
+that MPPI draws from.
 """
 
 from __future__ import annotations
-
-from dataclasses import fields
-from typing import Any
 
 import numpy as np
 
@@ -27,13 +24,6 @@ SAMPLERS: dict[str, type[Sampling]] = {
 }
 
 
-def make_sampler(name: str, **numbers: Any) -> Sampling:
-    """The registered sampler of this name with those of the numbers that it has."""
-    return SAMPLERS[name](
-        **{f.name: numbers[f.name] for f in fields(SAMPLERS[name]) if f.name in numbers}
-    )
-
-
 def build_lanes(
     sampler: Sampling | PlainSampler,
     controls: int,
@@ -42,8 +32,19 @@ def build_lanes(
     key: np.ndarray,
     dt: float,
 ) -> LaneSampler:
-    """The source of perturbations of so many controls. Raises ValueError where the sampler has
-    other numbers."""
+    """Return the source of perturbations that MPPI draws from.
+
+    Args:
+        sampler: a registered sampler, or an object with `sample`.
+        controls: n_u, number of controls.
+        samples: largest number of samples drawn at a time.
+        horizon: T, number of control periods.
+        key: key of the random numbers  (2,) uint32.
+        dt: control period [s].
+
+    Raises:
+        ValueError: the sampler has numbers for another number of controls.
+    """
     if not isinstance(sampler, Sampling):
         return lanes_of(sampler, samples, horizon, controls, key)
     if len(sampler.sigma) != controls:

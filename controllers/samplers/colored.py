@@ -1,5 +1,4 @@
-"""Colored sampling, PSD(f) ~ 1/f^gamma: independent Gaussians in the frequency domain, then an
-inverse FFT.
+"""Colored sampling, PSD(f) ~ 1/f^gamma: Gaussians in the frequency domain, then an inverse FFT.
 
 Timmer and Koenig 1995; Vlahov et al. 2024, section III-A and Algorithm 1. Three methods go by this
 name:
@@ -33,19 +32,30 @@ OFFSET_DECAY = 0.97  # per step; "library" only
 
 
 def transform_length(horizon: int, law: Law) -> int:
-    """n of the method: for `exact` any length that holds two samples will do, so one whose
-    transform is fast."""
-    return {"exact": fast_length(2 * horizon), "paper": horizon, "library": 2 * horizon}[law]
+    """Return the length n of a method's transform.
+
+    For `exact` any length that holds two samples will do, so it is one whose transform is fast.
+    """
+    if law == "exact":
+        return fast_length(2 * horizon)
+    return horizon if law == "paper" else 2 * horizon
 
 
 def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
-    """Standard deviation of the real and of the imaginary part of Z_k, for unit variance of z.
-    (n,)
+    """Return the standard deviation s_k of the real and imaginary part of Z_k, for unit variance.
 
     z_t = sum_k Z_k e^{2 pi i k t / n} has two independent real parts of variance sum_k s_k^2. As a
-    real transform has them, the power of frequency k/n is k^-gamma per real number: two for k and n
-    - k together, real and imaginary part, but one for DC (k^-gamma taken as 1) and Nyquist, which
-      are real.
+    real transform has them, the power of frequency k/n is k^-gamma per real number. There are two
+    such numbers for k and n - k together, real and imaginary part, but one for DC (k^-gamma taken
+    as 1) and Nyquist, which are real.
+
+    Args:
+        n: length of the transform.
+        gamma: exponent of the power spectral density.
+        law: the method.
+
+    Returns:
+        (n,)
     """
     k = np.minimum(np.arange(n), n - np.arange(n))
     real = 2 * k % n == 0
@@ -54,7 +64,8 @@ def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
     if law == "library":
         counted[0] = 0.0
     if law == "paper":
-        counted[real & (k > 0)] *= 4.0  # the published zeta counts the Nyquist bin as any other
+        # The published zeta counts the Nyquist bin as any other.
+        counted[real & (k > 0)] *= 4.0
     return np.sqrt(power / counted.sum())
 
 
@@ -62,18 +73,21 @@ def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
 class Colored:
     """v = u + sigma z, PSD(f) of z ~ 1/f^gamma, independent for every control; Vlahov et al. 2024.
 
-    sigma (n_u,) in the units of the controls, gamma (n_u,), 0: white. The methods: see this
-    module's docstring. Raises ValueError where gamma and sigma have different lengths.
+    The methods are described in this module's docstring.
+
+    Raises:
+        ValueError: gamma and sigma have different lengths.
     """
 
     sigma: Annotated[Sigma, setting("standard deviation of each control, in its unit")]
     gamma: Annotated[
-        Gamma, setting("exponent of each control, power spectral density ~ 1/f^gamma; 0: white")
+        Gamma,
+        setting("exponent of each control's power spectral density 1/f^gamma; 0: white"),
     ]
     law: Annotated[
         Law,
         setting(
-            "spectrum: exact (no wrap-around), paper (as published), library (the authors' public code)"
+            "spectrum: exact (no wrap-around), paper (as published) or library (the authors' code)"
         ),
     ] = "exact"
 
@@ -84,18 +98,27 @@ class Colored:
             )
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
-        # here: they load the compiler
+        """Return the source of perturbations, see Sampling."""
+        # Imported here, as they load the compiler
         from controllers.lanes.transform import fill_transformed, transform_loop
 
-        n, halves = transform_length(horizon, self.law), 2 if self.law == "exact" else 1
-        held, steps = halves * LANES, halves * horizon  # samples and time steps of one series
+        # Samples and time steps of one series
+        halves = 2 if self.law == "exact" else 1
+        held = halves * LANES
+        steps = halves * horizon
         noise = np.empty((-(-samples // held), len(self.sigma), steps, LANES), np.float32)
-        channels = zip(self.sigma, self.gamma, strict=True)
-        # (n_u, 2 n): real parts, imaginary parts
-        scale = np.array(
-            [s * np.tile(spectrum(n, g, self.law), 2) for s, g in channels], np.float32
-        )
-        decay = OFFSET_DECAY ** np.arange(steps) if self.law == "library" else np.zeros(steps)
+
+        # Standard deviations of the real parts, and of the imaginary parts  (n_u, 2 n)
+        n = transform_length(horizon, self.law)
+        rows = []
+        for sigma, gamma in zip(self.sigma, self.gamma, strict=True):
+            rows.append(sigma * np.tile(spectrum(n, gamma, self.law), 2))
+        scale = np.array(rows, np.float32)
+
+        # The share of the second step that is taken off each step
+        decay = np.zeros(steps)
+        if self.law == "library":
+            decay = OFFSET_DECAY ** np.arange(steps)
         offset = decay.astype(np.float32)
 
         def sample(call: int, first: int = 0, samples: int = samples) -> np.ndarray:

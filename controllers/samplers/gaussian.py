@@ -1,5 +1,4 @@
-"""White Gaussian sampling: z_t ~ N(0, sigma^2), independent over t. The default of MPPI (Williams
-et al. 2018)."""
+"""White Gaussian sampling: z_t ~ N(0, sigma^2), independent over t (Williams et al. 2018)."""
 
 from __future__ import annotations
 
@@ -15,15 +14,14 @@ from quadsim.files.strict_yaml import setting
 
 @dataclass(frozen=True)
 class Gaussian:
-    """v = u + sigma xi, xi ~ N(0, 1) independent at every time step; Williams et al. 2018.
-
-    sigma (n_u,) in the units of the controls.
-    """
+    """v = u + sigma xi, xi ~ N(0, 1) independent at every time step; Williams et al. 2018."""
 
     sigma: Annotated[Sigma, setting("standard deviation of each control, in its unit")]
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
-        from controllers.lanes.normals import fill_normals  # here: it loads the compiler
+        """Return the source of perturbations, see Sampling."""
+        # Imported here, as it loads the compiler
+        from controllers.lanes.normals import fill_normals
 
         noise = np.empty((blocks(samples), len(self.sigma), horizon, LANES), np.float32)
         scale = np.repeat(np.array(self.sigma, np.float32), horizon)  # (n_u * T,)

@@ -1,7 +1,6 @@
-"""What a sampler is configured by and what it builds: perturbations z of v = u + z, in lanes of
-samples.
+"""The configuration of a sampler, and the source that it builds: perturbations z of v = u + z.
 
-Memory layout and chunks of samples: see controllers.lanes.layout.
+The memory layout, and chunks of samples, are described in controllers.lanes.layout.
 """
 
 from __future__ import annotations
@@ -19,54 +18,64 @@ Shift = Literal["corrected", "published"]
 
 
 class Momentum:
-    """D dt, what the last iteration changed the plan by; see controllers.samplers.smooth.  `change`
-    (T, n_u)"""
+    """D dt, the change of the plan in the last iteration; see controllers.samplers.smooth.
+
+    Args:
+        horizon: T, number of control periods.
+        controls: n_u, number of controls.
+        shift: the way in which it moves with time.
+    """
 
     def __init__(self, horizon: int, controls: int, shift: Shift):
-        self.change = np.zeros((horizon, controls))
+        self.change = np.zeros((horizon, controls))  # (T, n_u)
         self._shift = shift
 
     def shift(self, steps: int) -> None:
-        """Time has moved on by so many control periods; beyond the horizon the last change goes
-        on."""
-        moved = np.minimum(np.arange(len(self.change)) + steps, len(self.change) - 1)
-        self.change = self.change[
-            moved if self._shift == "corrected" else np.full_like(moved, moved[0])
-        ]
+        """Move on by so many control periods; beyond the horizon the last change goes on."""
+        T = len(self.change)
+        rows = np.minimum(np.arange(T) + steps, T - 1)
+        if self._shift == "published":
+            rows = np.full_like(rows, rows[0])
+        self.change = self.change[rows]
 
 
 @dataclass(frozen=True)
 class LaneSampler:
-    """What MPPI draws from: perturbations of its plan, or of its plan and the momentum that this
-    has.
+    """A source of perturbations of the plan, or of the plan and the momentum where it has one."""
 
-    sample(call, first=0, samples=as built) -> z (series, n_u, halves * T, LANES) of the samples
-    from `first` on, a multiple of 4 LANES: a function of (key, call, number of the sample) alone.
-    The next call writes to the same memory.
-    """
-
+    # sample(call, first=0, samples=as built) -> z (series, n_u, halves * T, LANES) of the samples
+    # from `first` on, a multiple of 4 LANES. It is a function of (key, call, number of the sample)
+    # alone. The next call writes to the same memory.
     sample: Callable[..., np.ndarray]
-    loop: Callable | None  # the compiled one behind it, if any
+    # The compiled loop behind it, if any
+    loop: Callable | None
     momentum: Momentum | None = None
 
 
 @runtime_checkable
 class Sampling(Protocol):
-    """A frozen dataclass of a sampler's numbers, one sigma per control: configuration and public
-    object."""
+    """A frozen dataclass of a sampler's numbers: its configuration, and its public object."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @property
-    def sigma(self) -> tuple[float, ...]: ...
+    def sigma(self) -> tuple[float, ...]:
+        """One number for each control."""
+        ...
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
-        """The source of at most so many samples at a time; key (2,) uint32, dt the control period
-        [s]."""
+        """Return a source of perturbations.
+
+        Args:
+            samples: largest number of samples drawn at a time.
+            horizon: T, number of control periods.
+            key: key of the random numbers  (2,) uint32.
+            dt: control period [s].
+        """
         ...
 
 
 def stream_key(seed: int | np.random.SeedSequence) -> np.ndarray:
-    """The key of the counter-based generator for this random stream.  (2,) uint32"""
+    """Return the key of the counter-based generator for a random stream.  (2,) uint32"""
     stream = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     return stream.generate_state(2, np.uint32)

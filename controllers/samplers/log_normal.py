@@ -1,5 +1,6 @@
-"""Log-MPPI (Mohamed et al. 2022): the product of a normal and a log-normal, white like the Gaussian
-but with heavy tails.
+"""Log-MPPI (Mohamed et al. 2022): the product of a normal and a log-normal.
+
+It is white like the Gaussian, but has heavy tails.
 
     z = sigma xi exp(sigma eta),  xi, eta ~ N(0, 1) independent for every sample, time and control
 
@@ -17,23 +18,24 @@ from controllers.lanes.layout import LANES, blocks
 from controllers.samplers.lane_sampler import LaneSampler, Sigma
 from quadsim.files.strict_yaml import setting
 
-# of the exponent: exp(60) is far beyond any control and far below float32's largest number
+# Largest exponent: exp(60) is far beyond any control and far below float32's largest number
 CEILING = np.float32(60.0)
 
 
 @dataclass(frozen=True)
 class LogNormal:
-    """v = u + sigma xi exp(sigma eta), xi and eta ~ N(0, 1) independent at every time step; Mohamed
-    et al. 2022.
+    """v = u + sigma xi exp(sigma eta), xi and eta ~ N(0, 1) independent; Mohamed et al. 2022.
 
-    sigma (n_u,): xi's in the units of the controls, eta's without a unit. The standard deviation is
-    sigma exp(sigma^2).
+    sigma (n_u,) is in the units of the controls where it scales xi, and without a unit where it
+    scales eta. The standard deviation is sigma exp(sigma^2).
     """
 
-    sigma: Annotated[Sigma, setting("standard deviation of each control, in its unit")]
+    sigma: Annotated[Sigma, setting("scale of both normals for each control, in its unit")]
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
-        from controllers.lanes.normals import fill_normals  # here: it loads the compiler
+        """Return the source of perturbations, see Sampling."""
+        # Imported here, as it loads the compiler
+        from controllers.lanes.normals import fill_normals
 
         shape = (len(self.sigma), horizon, LANES)
         normals = np.empty((blocks(samples), 2, *shape), np.float32)  # sigma xi, sigma eta
@@ -41,7 +43,8 @@ class LogNormal:
         scale = np.tile(np.repeat(np.array(self.sigma, np.float32), horizon), 2)  # (2 * n_u * T,)
 
         def sample(call: int, first: int = 0, samples: int = samples) -> np.ndarray:
-            n, z = normals[: blocks(samples)], noise[: blocks(samples)]
+            n = normals[: blocks(samples)]
+            z = noise[: blocks(samples)]
             fill_normals(n.reshape(len(n), -1, LANES), scale, key, call, first // LANES)
             np.minimum(n[:, 1], CEILING, out=z)
             np.exp(z, out=z)

@@ -4,8 +4,8 @@
         def sample(self, rng, samples, horizon, controls):
             return rng.uniform(-1.0, 1.0, (samples, horizon, controls))
 
-It is asked for at most CHUNK = 2048 samples at a time and may be asked for the same ones again,
-with the same state of the generator: it should keep no state of its own. What it draws depends on
+At most CHUNK = 2048 samples are drawn at a time, and the same ones may be drawn again, with the
+same state of the generator: the sampler should keep no state of its own. Its draws then depend on
 (seed, call, chunk) alone, never on threads.
 """
 
@@ -21,13 +21,18 @@ from controllers.samplers.lane_sampler import LaneSampler
 
 @runtime_checkable
 class PlainSampler(Protocol):
-    """What a sampler of one's own must have. At most 2048 samples are asked for at a time; it
-    should keep no state."""
+    """The interface of a sampler of one's own, which should keep no state."""
 
     def sample(
         self, rng: np.random.Generator, samples: int, horizon: int, controls: int
     ) -> np.ndarray:
-        """Perturbations of the controls around the plan, in the units of the controls.
+        """Return perturbations of the controls around the plan, in the units of the controls.
+
+        Args:
+            rng: the generator to draw from.
+            samples: number of samples, at most 2048.
+            horizon: number of control periods.
+            controls: number of controls.
 
         Returns:
             (samples, horizon, controls), finite. MPPI raises ValueError for anything else.
@@ -38,27 +43,43 @@ class PlainSampler(Protocol):
 def lanes_of(
     sampler: PlainSampler, samples: int, horizon: int, controls: int, key: np.ndarray
 ) -> LaneSampler:
-    """The same perturbations in lanes. Drawing raises ValueError for another shape and for numbers
-    not finite."""
+    """Return a source of a plain sampler's perturbations in lanes.
+
+    Drawing raises ValueError for an array of another shape, and for numbers that are not finite.
+
+    Args:
+        sampler: the sampler.
+        samples: largest number of samples drawn at a time.
+        horizon: T, number of control periods.
+        controls: n_u, number of controls.
+        key: key of the random numbers  (2,) uint32.
+    """
     noise = np.empty((blocks(samples), controls, horizon, LANES), np.float32)
 
     def sample(call: int, first: int = 0, samples: int = samples) -> np.ndarray:
         # Philox counts up from the counter's first word, so that no two calls or chunks share a
-        # number
-        stream = np.random.Philox(
-            key=key.astype(np.uint64), counter=np.array([0, first, call, 0], np.uint64)
-        )
+        # number.
+        counter = np.array([0, first, call, 0], np.uint64)
+        stream = np.random.Philox(key=key.astype(np.uint64), counter=counter)
         shape = (samples, horizon, controls)
-        z = checked(
-            sampler.sample(np.random.Generator(stream), *shape), shape, type(sampler).__name__
-        )
+        drawn = sampler.sample(np.random.Generator(stream), *shape)
+        z = checked(drawn, shape, type(sampler).__name__)
         return in_lanes(z, noise[: blocks(samples)])
 
     return LaneSampler(sample, loop=None)
 
 
 def checked(z: np.ndarray, shape: tuple[int, int, int], name: str) -> np.ndarray:
-    """As float32. Raises ValueError."""
+    """Return drawn perturbations as float32.
+
+    Args:
+        z: the perturbations.
+        shape: the shape that they should have.
+        name: name of the sampler, for errors.
+
+    Raises:
+        ValueError: the array has another shape, or numbers that are not finite.
+    """
     wanted = (
         f"{name}.sample: expected finite numbers of shape {shape}, samples x horizon x controls"
     )

@@ -1,15 +1,14 @@
-"""Smooth-MPPI (Kim et al. 2022): noise on the derivative of the controls, integrated over the
-iterations.
+"""Smooth-MPPI (Kim et al. 2022): noise on the derivative of the controls.
 
     d = D + sigma xi        sampled derivatives around the derivative plan D, xi ~ N(0, 1)
     v = U + d dt            sampled controls: no sum over t, so v is as white as Gaussian sampling's
     D <- sum_m w^m d^m      U <- U + D dt
 
-So D dt is what the plan U changed by in the last iteration, and sampling is centred on U plus that
+So D dt is the change of the plan U in the last iteration, and sampling is centred on U plus that
 change: Gaussian sampling with sigma dt and a momentum. Smooth-MPPI* (Vlahov et al. 2024, section
-IV-C) is the same with sigma / dt. There, when time moves on by one period, D moves with the plan
-(`corrected`) or, by an error of the authors' public CUDA code that its tables rest on, every
-derivative becomes the one at index 1 (`published`).
+IV-C) is the same with sigma / dt. When time moves on by one period, D moves with the plan
+(`corrected`). In the authors' public CUDA code, which the paper's tables rest on, every derivative
+becomes the one at index 1 by an error (`published`).
 """
 
 from __future__ import annotations
@@ -26,28 +25,27 @@ from quadsim.files.strict_yaml import setting
 
 @dataclass(frozen=True)
 class SmoothStar:
-    """Smooth-MPPI*, Vlahov et al. 2024: sigma (n_u,) in the units of the controls, as in Gaussian
-    sampling."""
+    """Smooth-MPPI*, Vlahov et al. 2024: sigma in the units of the controls."""
 
     sigma: Annotated[Sigma, setting("standard deviation of each control, in its unit")]
-    shift: Annotated[Shift, setting("of the momentum with time")] = "corrected"
+    shift: Annotated[Shift, setting("shift of the momentum with time")] = "corrected"
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+        """Return the source of perturbations, see Sampling."""
         momentum = Momentum(horizon, len(self.sigma), self.shift)
         return replace(Gaussian(self.sigma).build(samples, horizon, key, dt), momentum=momentum)
 
 
 @dataclass(frozen=True)
 class Smooth:
-    """Smooth-MPPI, Kim et al. 2022: sigma (n_u,) of the controls' derivatives, in their units per
-    second."""
+    """Smooth-MPPI, Kim et al. 2022: sigma of the controls' derivatives."""
 
     sigma: Annotated[
         Sigma, setting("standard deviation of each control's derivative, in its unit per second")
     ]
-    shift: Annotated[Shift, setting("of the momentum with time")] = "corrected"
+    shift: Annotated[Shift, setting("shift of the momentum with time")] = "corrected"
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
-        return SmoothStar(tuple(s * dt for s in self.sigma), self.shift).build(
-            samples, horizon, key, dt
-        )
+        """Return the source of perturbations, see Sampling."""
+        sigma = tuple(s * dt for s in self.sigma)
+        return SmoothStar(sigma, self.shift).build(samples, horizon, key, dt)

@@ -272,7 +272,7 @@ def jax_control(jax: ModuleType, rollout: Callable, ours: MPPI) -> Callable:
             v = jnp.clip(plan[:, :, None] + z, low[:, None], high[:, None])
             J = rollout(x, v)
             w = jax.nn.softmax(-J / config.temperature)
-            plan = plan + config.step_size * jnp.einsum("m,tum->tu", w, v - plan[:, :, None])
+            plan = plan + jnp.einsum("m,tum->tu", w, v - plan[:, :, None])
         return plan, key
 
     return control

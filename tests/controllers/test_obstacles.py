@@ -13,7 +13,6 @@ from test_rollout_oracle import SYSTEM, assert_agree, controls, fly_lanes, launc
 from controllers.costs import Cost, Term, crash
 from controllers.costs.frames import (
     SAFETY_MARGIN,
-    FrameRow,
     ObstacleRow,
     course_obstacles,
     touches,
@@ -35,7 +34,7 @@ def frames(*gates):
 
 def test_lines_touch_what_the_referee_calls_a_touch_and_nothing_beyond_the_margin():
     rng, seen = np.random.default_rng(0), set()
-    row = FrameRow(*frames(TURNED).rows[0])
+    row = ObstacleRow(*frames(TURNED).rows[0])
     bare, wide = (SweptGate(TURNED, 0, r) for r in (RADIUS, RADIUS + 1.01 * SAFETY_MARGIN / 2))
     for _ in range(3000):
         a, b = (
@@ -67,7 +66,7 @@ def test_where_the_vehicle_is_within_the_margin_of_a_frame_the_margin_is_given_u
     g = gate(5.0)
     beside = np.array(state((5.0, 1.0 - RADIUS - SAFETY_MARGIN / 4, 20.0)))
     p = beside[:3]
-    tight, row = (FrameRow(*rows[0]) for rows in (frames(g).near(beside, 1.5), frames(g).rows))
+    tight, row = (ObstacleRow(*rows[0]) for rows in (frames(g).near(beside, 1.5), frames(g).rows))
     assert touches(p, p, row)
     assert not touches(p, p, tight)
     assert touches(p, p + np.array((0.0, SAFETY_MARGIN / 2, 0.0)), tight)

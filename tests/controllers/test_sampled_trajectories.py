@@ -13,9 +13,8 @@ from quadsim.spec.spec import Spec
 @pytest.fixture
 def flight():
     """A flight of few samples over a few frames, closed afterwards."""
-    spec = Spec.of(sampler="colored", preset="paper")
+    spec = Spec.of(sampler="colored", preset="paper", samples=256)
     plant, mppi, referee = build(spec)
-    mppi.samples = 256
     yield spec, plant, mppi, referee
     plant.close()
 
@@ -70,7 +69,6 @@ def test_a_flight_with_pictures_is_the_flight_without(flight):
     seen = flown(flight, 12)[0]
     plant.close()
     plant, mppi, referee = build(spec)
-    mppi.samples = 256
     blind = simulate(plant, mppi, referee, spec.planner.mppi.dt)
     for a, b in zip(seen, (next(blind) for _ in range(12)), strict=True):
         assert (a.x, a.u, a.cost) == (b.x, b.u, b.cost)

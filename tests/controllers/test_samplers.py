@@ -11,11 +11,10 @@ from typing import Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pytest
-from oracle import from_lanes
-from point import White
+from point import White, make_sampler
 
-from controllers.lanes.layout import CHUNK, LANES
-from controllers.samplers import SAMPLERS, Gaussian, build_lanes, make_sampler
+from controllers.lanes.layout import CHUNK, LANES, from_lanes
+from controllers.samplers import SAMPLERS, Gaussian, build_lanes
 from controllers.samplers.lane_sampler import stream_key
 
 

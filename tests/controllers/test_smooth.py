@@ -4,9 +4,9 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from oracle import from_lanes
 from point import POINT, REST, START, T, drawn, make, naive_cost, perturbed
 
+from controllers.lanes.layout import from_lanes
 from controllers.presets import PRESETS
 from controllers.samplers import SAMPLERS, LogNormal
 from controllers.samplers.lane_sampler import Momentum, Shift

@@ -11,11 +11,12 @@ from race_cases import ALL, RADIUS, ROW, course, fly, gate, straight
 from controllers.costs.frames import obstacle_rows
 from controllers.costs.race import race_cost
 from controllers.costs.race_targets import GateTarget
+from controllers.costs.room import Room
 from controllers.costs.ways_round import sees, shortest, way_round
 from quadsim.course import Box, Cylinder
 from quadsim.dynamics.records import columns
 
-BOX = (0.2, -50.0, 50.0, -50.0, 50.0, 40.0)  # floor, x, y, roof
+ROOM = Room(floor=0.2, x_low=-50.0, x_high=50.0, y_low=-50.0, y_high=50.0, z_high=40.0)
 WALL = Box((5.0, 1.0, 10.0), (0.4, 6.0, 20.0))  # from y = -2 to 4, from the ground to z = 20
 CLEAR = 0.5
 A, B = (0.0, 0.0, 10.0), (10.0, 0.0, 10.0)
@@ -26,7 +27,7 @@ def length(*points):
 
 
 def test_the_way_round_a_wall_is_the_short_one_and_clear_of_it():
-    way = way_round(A, B, (WALL,), CLEAR, BOX)
+    way = way_round(A, B, (WALL,), CLEAR, ROOM)
     path = np.vstack([A, way, B])
     assert sees(path[:-1], path[1:], obstacle_rows((WALL,), CLEAR)).all()
     assert way[:, 1].tolist() == pytest.approx([-2.52, -2.52])  # on the side of its near end
@@ -35,20 +36,20 @@ def test_the_way_round_a_wall_is_the_short_one_and_clear_of_it():
 
 def test_a_low_wall_is_flown_over_and_where_there_is_no_way_there_is_none():
     low = replace(WALL, size=(0.4, 60.0, 20.2))
-    assert (way_round(A, B, (low,), CLEAR, BOX)[:, 2] > 20.5).all()
-    assert len(way_round(A, B, (replace(low, size=(0.4, 200.0, 90.0)),), CLEAR, BOX)) == 0
+    assert (way_round(A, B, (low,), CLEAR, ROOM)[:, 2] > 20.5).all()
+    assert len(way_round(A, B, (replace(low, size=(0.4, 200.0, 90.0)),), CLEAR, ROOM)) == 0
 
 
 @pytest.mark.parametrize(
     "obstacle", [Cylinder((5.0, 0.0, 0.0), 0.05, 20.0), replace(WALL, centre=(5.0, 9.0, 10.0))]
 )
 def test_beside_a_free_line_and_round_a_pole_no_point_is_needed(obstacle):
-    assert len(way_round(A, B, (obstacle,), 0.2, BOX)) == 0
+    assert len(way_round(A, B, (obstacle,), 0.2, ROOM)) == 0
 
 
 def test_between_two_walls_the_way_is_the_shortest_of_all():
     walls = WALL, Box((8.0, -3.0, 10.0), (0.4, 6.0, 20.0))
-    way = way_round(A, B, walls, CLEAR, BOX)
+    way = way_round(A, B, walls, CLEAR, ROOM)
     path = np.vstack([A, way, B])
     assert sees(path[:-1], path[1:], obstacle_rows(walls, CLEAR)).all()
     assert way[:, 1].min() < -2.4 < 0.4 < way[:, 1].max()

@@ -4,8 +4,8 @@ docs/paper.md."""
 from functools import cache
 
 import pytest
+from point import make_sampler
 
-from controllers.samplers import make_sampler
 from quadsim.paper.sampled import SAMPLES, paths, perturbations
 from quadsim.paper.table1 import drive
 from quadsim.paper.table2 import TABLE2, psd, variant
