@@ -1,6 +1,6 @@
 """Courses: where the gates stand, read from YAML files and checked."""
 
-from quadsim.course.axes import in_frame
+from quadsim.rotation import in_frame
 from quadsim.course.course import Course, EstimatedGate, Gate, Published, Start
 from quadsim.course.course_file import COURSES, course_names, load_course, parse_course
 from quadsim.course.obstacles import Box, Cylinder, Obstacle

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import numpy as np
 
-from quadsim.course.axes import in_frame
+from quadsim.rotation import in_frame
 from quadsim.course.obstacles import Obstacle
 from quadsim.course.opening import (
     Bar,

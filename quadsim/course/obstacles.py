@@ -10,7 +10,7 @@ from math import cos, hypot, pi, sin
 
 import numpy as np
 
-from quadsim.course.axes import in_frame
+from quadsim.rotation import in_frame
 from quadsim.rotation import Vec3
 
 UP: Vec3 = (0.0, 0.0, 1.0)
