@@ -11,7 +11,6 @@ from typing import Annotated
 
 import numpy as np
 
-from quadsim.rotation import in_frame
 from quadsim.course.obstacles import Obstacle
 from quadsim.course.opening import (
     Bar,
@@ -22,7 +21,7 @@ from quadsim.course.opening import (
     rectangle_corners,
 )
 from quadsim.files.strict_yaml import unit
-from quadsim.rotation import Vec3, euler_matrix
+from quadsim.rotation import Vec3, euler_matrix, in_frame
 
 Second = Annotated[float, unit("s", gt=0)]
 

@@ -10,8 +10,7 @@ from math import cos, hypot, pi, sin
 
 import numpy as np
 
-from quadsim.rotation import in_frame
-from quadsim.rotation import Vec3
+from quadsim.rotation import Vec3, in_frame
 
 UP: Vec3 = (0.0, 0.0, 1.0)
 ROUND = 24  # corners of the outline of a cylinder
