@@ -1,4 +1,4 @@
-"""Courses: where the gates stand, read from YAML files and checked."""
+"""Courses: gates, obstacles, start and bounds, read from YAML files and checked."""
 
 from quadsim.course.course import Course, EstimatedGate, Gate, Published, Start
 from quadsim.course.course_file import COURSES, course_names, load_course, parse_course
