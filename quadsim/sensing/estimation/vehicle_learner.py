@@ -278,7 +278,7 @@ class VehicleLearner:
         return keep, self._tolerances.gust**2 * (1.0 - keep**2)
 
     def _correct_by_acceleration(self, before: State, after: State, duration: float) -> None:
-        """Predict over a duration [s], then correct by the mean acceleration y = H theta + noise."""
+        """Predict over a duration [s], then correct by its mean acceleration y = H theta + e."""
         keep, fresh = self._gust_process(duration)
         F = np.array([1.0, 1.0, keep, keep, keep])
         Q = np.array([0.0, 0.0, fresh, fresh, fresh])
