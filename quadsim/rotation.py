@@ -1,9 +1,8 @@
-"""Vectors and rotations: attitudes as unit quaternions q = (w, x, y, z), matrices, Euler angles,
-small turns.
+"""Vectors and rotations: unit quaternions, matrices, Euler angles and small turns.
 
-An attitude turns vectors of the body into vectors of the world. Angles are in radians; Euler angles
-are yaw about z, then pitch about the new y, then roll about the new x, so that R = Rz(yaw)
-Ry(pitch) Rx(roll).
+An attitude is a unit quaternion q = (w, x, y, z) that turns vectors of the body into vectors of the
+world. Angles are in radians. Euler angles are yaw about z, then pitch about the new y, then roll
+about the new x, so that R = Rz(yaw) Ry(pitch) Rx(roll).
 
 The first part is plain arithmetic on scalars. The compiled lanes inline these functions, and they
 take rows of numbers and CasADi's symbols as well. The second part works on the floats of one state:
@@ -23,18 +22,30 @@ import numpy as np
 Vec3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # wxyz, of unit length
 
-SMALL = 1e-9  # [rad] below this a turn is taken as linear
+# [rad] A turn below this is taken as linear.
+SMALL = 1e-9
 
 
 # Plain arithmetic, inlined into the compiled lanes.
 
 
 def to_body(q, v):
-    """Return R(q)^T v, a vector of the world in the body: v - w t + u x t with t = 2 u x v, for q =
-    (w, u).  (3,)"""
+    """Return R(q)^T v, a vector of the world in the body's axes.
+
+    With q = (w, u) this is v - w t + u x t, where t = 2 u x v.
+
+    Args:
+        q: attitude, wxyz  (4,).
+        v: vector of the world  (3,).
+
+    Returns:
+        (3,)
+    """
     w, ux, uy, uz = q
     x, y, z = v
-    tx, ty, tz = 2.0 * (uy * z - uz * y), 2.0 * (uz * x - ux * z), 2.0 * (ux * y - uy * x)
+    tx = 2.0 * (uy * z - uz * y)
+    ty = 2.0 * (uz * x - ux * z)
+    tz = 2.0 * (ux * y - uy * x)
     return (
         x - w * tx + uy * tz - uz * ty,
         y - w * ty + uz * tx - ux * tz,
@@ -43,25 +54,29 @@ def to_body(q, v):
 
 
 def to_world(q, v):
-    """Return R(q) v, a vector of the body in the world: the inverse of `to_body`.  (3,)"""
+    """Return R(q) v, a vector of the body in the world's axes: the inverse of `to_body`.  (3,)"""
     return to_body((q[0], -q[1], -q[2], -q[3]), v)
 
 
 def body_axes(q):
-    """Return the columns of R(q), the body's axes in the world, one after another; see `along`.
-    (9,)"""
+    """Return the columns of R(q), the body's axes in the world, one after another.
+
+    Args:
+        q: attitude, wxyz  (4,).
+
+    Returns:
+        (9,), which `along` takes.
+    """
     w, x, y, z = q
-    xx, yy, zz, xy, xz, yz, wx, wy, wz = (
-        x * x,
-        y * y,
-        z * z,
-        x * y,
-        x * z,
-        y * z,
-        w * x,
-        w * y,
-        w * z,
-    )
+    xx = x * x
+    yy = y * y
+    zz = z * z
+    xy = x * y
+    xz = x * z
+    yz = y * z
+    wx = w * x
+    wy = w * y
+    wz = w * z
     return (
         1.0 - 2.0 * (yy + zz), 2.0 * (xy + wz), 2.0 * (xz - wy),
         2.0 * (xy - wz), 1.0 - 2.0 * (xx + zz), 2.0 * (yz + wx),
@@ -70,15 +85,48 @@ def body_axes(q):
 
 
 def along(axes, x, y, z):
-    """Return R(q)^T (x, y, z) by body_axes(q): as `to_body`, in fewer steps once the axes are
-    known.  (3,)"""
+    """Return R(q)^T (x, y, z) from body_axes(q).
+
+    It is the same as `to_body` in fewer operations, once the axes are known.
+
+    Args:
+        axes: `body_axes` of an attitude  (9,).
+        x, y, z: vector of the world.
+
+    Returns:
+        (3,)
+    """
     a, b, c, d, e, f, g, h, i = axes
     return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
 
+def in_frame(d, passage, left, up):
+    """Return the components of a vector along the three axes of a frame, e.g. of a gate.
+
+    Args:
+        d: vector of the world  (3,), scalars or rows of numbers.
+        passage, left, up: axes of the frame in the world, each (3,).
+
+    Returns:
+        (3,)
+    """
+    return (
+        passage[0] * d[0] + passage[1] * d[1] + passage[2] * d[2],
+        left[0] * d[0] + left[1] * d[1] + left[2] * d[2],
+        up[0] * d[0] + up[1] * d[1] + up[2] * d[2],
+    )
+
+
 def quaternion_rate(q, m):
-    """Return q x (0, m): with m = omega / 2 in the body frame, the rate at which the attitude q
-    changes.  (4,)"""
+    """Return q x (0, m): with m = omega / 2, the rate at which the attitude q changes.
+
+    Args:
+        q: attitude, wxyz  (4,).
+        m: half the body rates, in the body's axes  (3,).
+
+    Returns:
+        (4,)
+    """
     qw, qx, qy, qz = q
     mx, my, mz = m
     return (
@@ -93,7 +141,7 @@ def quaternion_rate(q, m):
 
 
 def product(a: Sequence[float], b: Sequence[float]) -> Quaternion:
-    """Return a x b, the attitude b as seen from the attitude a."""
+    """Return a x b, the attitude a followed by the turn b in the axes of a."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return (
@@ -105,7 +153,11 @@ def product(a: Sequence[float], b: Sequence[float]) -> Quaternion:
 
 
 def exp(turn: Sequence[float]) -> Quaternion:
-    """Return the attitude after the turn (3,) [rad] from the identity."""
+    """Return the attitude after a turn from the identity.
+
+    Args:
+        turn: axis times angle [rad]  (3,).
+    """
     x, y, z = turn
     angle = hypot(x, y, z)
     s = sin(0.5 * angle) / angle if angle > SMALL else 0.5
@@ -114,6 +166,7 @@ def exp(turn: Sequence[float]) -> Quaternion:
 
 def log(q: Sequence[float]) -> Vec3:
     """Return the shortest turn [rad] that leads from the identity to q, the inverse of `exp`."""
+    # q and -q are one attitude: the turn is the short one for the sign with w >= 0.
     w, x, y, z = q if q[0] >= 0.0 else tuple(-c for c in q)
     s = hypot(x, y, z)
     k = 2.0 * atan2(s, w) / s if s > SMALL else 2.0 / max(w, SMALL)
@@ -121,19 +174,24 @@ def log(q: Sequence[float]) -> Vec3:
 
 
 def between(a: Sequence[float], b: Sequence[float]) -> Vec3:
-    """Return the turn in the body frame that leads from the attitude a to b [rad]."""
+    """Return the turn in the body frame that leads from the attitude a to the attitude b [rad]."""
     return log(product((a[0], -a[1], -a[2], -a[3]), b))
 
 
 def turned(q: Sequence[float], turn: Sequence[float]) -> Quaternion:
-    """Return q followed by a turn in the body frame [rad], of unit length."""
+    """Return the attitude q followed by a turn in the body frame, of unit length.
+
+    Args:
+        q: attitude, wxyz  (4,).
+        turn: axis times angle [rad]  (3,).
+    """
     w, x, y, z = product(q, exp(turn))
     n = 1.0 / sqrt(w * w + x * x + y * y + z * z)
     return n * w, n * x, n * y, n * z
 
 
 def turned_at(q: Sequence[float], body_rates: Sequence[float], dt: float) -> Quaternion:
-    """Return q after dt [s] at constant body rates [rad/s], of unit length.
+    """Return the attitude q after dt [s] at constant body rates [rad/s], of unit length.
 
     The same as `turned(q, body_rates * dt)` but for rounding.
     """
@@ -142,8 +200,11 @@ def turned_at(q: Sequence[float], body_rates: Sequence[float], dt: float) -> Qua
     c = cos(0.5 * rate * dt)
     s = sin(0.5 * rate * dt) / rate if rate > 0.0 else 0.5 * dt
     dw, dx, dy, dz = quaternion_rate(q, (s * wx, s * wy, s * wz))
-    w, x, y, z = q
-    w, x, y, z = c * w + dw, c * x + dx, c * y + dy, c * z + dz
+
+    w = c * q[0] + dw
+    x = c * q[1] + dx
+    y = c * q[2] + dy
+    z = c * q[3] + dz
     length = hypot(w, x, y, z)
     return w / length, x / length, y / length, z / length
 
@@ -155,8 +216,8 @@ def from_yaw(yaw: float) -> Quaternion:
 
 def from_euler(yaw: float, pitch: float, roll: float) -> Quaternion:
     """Return the attitude of these Euler angles [rad]."""
-    about_y = cos(0.5 * pitch), 0.0, sin(0.5 * pitch), 0.0
-    about_x = cos(0.5 * roll), sin(0.5 * roll), 0.0, 0.0
+    about_y = (cos(0.5 * pitch), 0.0, sin(0.5 * pitch), 0.0)
+    about_x = (cos(0.5 * roll), sin(0.5 * roll), 0.0, 0.0)
     return product(product(from_yaw(yaw), about_y), about_x)
 
 
@@ -165,14 +226,19 @@ def from_euler(yaw: float, pitch: float, roll: float) -> Quaternion:
 
 def matrix(q: Sequence[float]) -> np.ndarray:
     """Return R(q), whose columns are the body's axes in the world.  (3, 3)"""
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = body_axes(q)  # of the body's x, y and z axis
+    # the world's components of the body's x, y and z axis, in turn
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = body_axes(q)
     return np.array([[xx, yx, zx], [xy, yy, zy], [xz, yz, zz]])
 
 
 def euler_matrix(yaw: float, pitch: float, roll: float) -> np.ndarray:
     """Return R = Rz(yaw) Ry(pitch) Rx(roll) of these Euler angles [rad].  (3, 3)"""
-    cy, cp, cr = np.cos(yaw), np.cos(pitch), np.cos(roll)
-    sy, sp, sr = np.sin(yaw), np.sin(pitch), np.sin(roll)
+    cy = np.cos(yaw)
+    cp = np.cos(pitch)
+    cr = np.cos(roll)
+    sy = np.sin(yaw)
+    sp = np.sin(pitch)
+    sr = np.sin(roll)
     return np.array(
         [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],

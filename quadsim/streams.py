@@ -1,11 +1,11 @@
-"""Random streams by name: every random number of the project comes from a stream that is derived
-here from one seed.
+"""Random streams by name, all derived here from one seed.
+
+Every random number of the project comes from one of these streams.
 
 A stream is a `numpy.random.SeedSequence`. Streams of one seed differ in their spawn keys, so that
 numbers drawn from one of them are independent of the numbers drawn from another. A stream is
-derived from the seed and from its own key
-alone: drawing from one stream changes no other, and a new stream with a new key changes none of
-those below.
+derived from the seed and from its own key alone: drawing from one stream changes no other, and a
+new stream with a new key changes none of those below.
 
 Flights of a seed are compared across versions, so the keys are never changed:
 
@@ -27,10 +27,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import SeedSequence
 
-# added to a picture's number in the entropy of its look; its pose has the number itself there
+# The look of picture k has k + LOOKS as the second word of its entropy; its pose has k itself.
 LOOKS = 1 << 20
-TRAINING = 1  # second word of the entropy of training
-OBSERVATION_NOISE = 0x0B5E  # second word of the key of the noise on observations
+# Second word of the entropy of training.
+TRAINING = 1
+# Second word of the key of the noise on observations.
+OBSERVATION_NOISE = 0x0B5E
 
 
 class Streams(NamedTuple):
@@ -44,7 +46,7 @@ class Streams(NamedTuple):
 
 
 class SensorStreams(NamedTuple):
-    """The random streams of the sensors of one flight. None changes another's noise."""
+    """The random streams of the sensors of one flight."""
 
     imu: SeedSequence  # noise and walking biases
     rotors: SeedSequence  # noise of the rotor speeds
@@ -53,8 +55,10 @@ class SensorStreams(NamedTuple):
 
 
 class LookStreams(NamedTuple):
-    """The random streams of the look of one picture. What is not varied takes nothing from the
-    others."""
+    """The random streams of the look of one picture.
+
+    A part that is not varied draws nothing, and the streams of the others stay as they are.
+    """
 
     textures: SeedSequence  # paint of ground, obstacles and gates
     light: SeedSequence  # direction, colour and strength of the sun
@@ -62,8 +66,10 @@ class LookStreams(NamedTuple):
 
 
 def quadrotor_streams(seed: int) -> Streams:
-    """Return the streams of a quadrotor's flight: every planner that flies a seed meets the same
-    vehicle and gusts."""
+    """Return the streams of a quadrotor's flight.
+
+    Every planner that flies a seed meets the same vehicle and the same gusts.
+    """
     root = SeedSequence(seed)
     return Streams(
         planner=_child(root, 0),
@@ -85,8 +91,10 @@ def sensor_streams(sensors: SeedSequence) -> SensorStreams:
 
 
 def offroad_streams(seed: int) -> Streams:
-    """Return the streams of an off-road drive. `gusts` is the disturbance of its state; the last
-    three are not used."""
+    """Return the streams of an off-road drive.
+
+    `gusts` is the disturbance of its state; vehicle, sensors and gates are not used.
+    """
     root = SeedSequence(seed)
     return Streams(
         planner=_child(root, 0),
@@ -98,8 +106,7 @@ def offroad_streams(seed: int) -> Streams:
 
 
 def double_integrator_streams(seed: int) -> Streams:
-    """Return the streams of the double integrator and of systems of a user's own, where the planner
-    alone is random."""
+    """Return the streams of the double integrator, of which only the planner's is used."""
     root = SeedSequence(seed)
     return Streams(
         planner=root,
@@ -111,14 +118,22 @@ def double_integrator_streams(seed: int) -> Streams:
 
 
 def start_stream(seed: int, course: int) -> SeedSequence:
-    """Return the stream that decides where episodes on a course start in flight. course: index,
-    from 0."""
+    """Return the stream that decides where episodes on a course start in flight.
+
+    Args:
+        seed: of the environment.
+        course: index of the course, from 0.
+    """
     return _child(SeedSequence(seed), course)
 
 
 def start_vehicle_stream(starts: SeedSequence, row: int) -> SeedSequence:
-    """Return the stream of the domain randomization of one row of starts, derived from the course's
-    `start_stream`."""
+    """Return the stream of the domain randomization of one row of starts.
+
+    Args:
+        starts: the course's `start_stream`.
+        row: index of the row, from 0.
+    """
     return _child(starts, row)
 
 
@@ -138,12 +153,22 @@ def training_stream(seed: int) -> SeedSequence:
 
 
 def pose_stream(seed: int, picture: int) -> SeedSequence:
-    """Return the stream that decides from where a picture is taken. picture: its number, from 0."""
+    """Return the stream that decides from where a picture is taken.
+
+    Args:
+        seed: of all pictures.
+        picture: number of the picture, from 0.
+    """
     return SeedSequence([seed, picture])
 
 
 def look_streams(seed: int, picture: int) -> LookStreams:
-    """Return the streams that decide how a picture looks. picture: its number, from 0."""
+    """Return the streams that decide how a picture looks.
+
+    Args:
+        seed: of all pictures.
+        picture: number of the picture, from 0.
+    """
     look = SeedSequence([seed, LOOKS + picture])
     return LookStreams(
         textures=_child(look, 0),
@@ -153,12 +178,17 @@ def look_streams(seed: int, picture: int) -> LookStreams:
 
 
 def texture_stream() -> SeedSequence:
-    """Return the stream of the noise in the textures, which are the same for every seed."""
+    """Return the stream of the noise in the textures, the same for every seed."""
     return SeedSequence(0)
 
 
 def course_stream(seed: int, number: int) -> SeedSequence:
-    """Return the stream that decides a generated course. number: of the course, from 1."""
+    """Return the stream that decides a generated course.
+
+    Args:
+        seed: of all generated courses.
+        number: number of the course, from 1.
+    """
     return _child(SeedSequence(seed), number - 1)
 
 

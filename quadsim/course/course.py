@@ -1,17 +1,17 @@
-"""Course: gates, obstacles, start, bounds and laps as plain values; see course_file for the YAML
-they are read from."""
+"""Course: gates, obstacles, start, bounds and laps as plain values.
+
+They are read from YAML by quadsim.course.course_file.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from math import dist
 from typing import Annotated
 
 import numpy as np
 
-from quadsim.course.axes import in_frame
 from quadsim.course.obstacles import Obstacle
 from quadsim.course.opening import (
     Bar,
@@ -21,34 +21,39 @@ from quadsim.course.opening import (
     outer_half_sizes,
     rectangle_corners,
 )
-from quadsim.files.strict_yaml import unit
-from quadsim.rotation import Vec3, euler_matrix
+from quadsim.files.strict_yaml import setting, unit
+from quadsim.rotation import Vec3, euler_matrix, in_frame
 
 Second = Annotated[float, unit("s", gt=0)]
 
 
 @dataclass(frozen=True)
 class Gate:
-    """A rectangular opening in a flat frame. Gate frame: x along the legal passage, y left, z up.
+    """A rectangular opening in a flat frame.
 
-    Sizes, planes and sides of the opening are computed in quadsim.course.opening.
+    The gate frame has x along the legal passage, y to the left and z up. Sizes, planes and sides of
+    the opening are computed in quadsim.course.opening.
     """
 
-    position: Vec3  # centre of the opening, ENU [m]
-    yaw: float  # [rad]
-    pitch: float  # [rad], positive turns the passage down
-    roll: float  # [rad]
-    opening: tuple[float, float]  # width (y), height (z) [m]
-    frame_width: float  # of the bars around the opening [m]
+    # centre of the opening, ENU [m]
+    position: Vec3
+    # [rad]; a positive pitch turns the passage down
+    yaw: float
+    pitch: float
+    roll: float
+    # width (y) and height (z) [m]
+    opening: tuple[float, float]
+    # of the bars around the opening [m]
+    frame_width: float
 
     @cached_property
     def rotation(self) -> np.ndarray:
-        """World from gate. Columns: passage, left, up.  (3, 3)"""
+        """The rotation world from gate, with the columns passage, left and up.  (3, 3)"""
         return euler_matrix(self.yaw, self.pitch, self.roll)
 
     @cached_property
     def axes(self) -> tuple[Vec3, Vec3, Vec3]:
-        """Passage, left and up in the world, as plain floats."""
+        """The gate's axes passage, left and up in the world, as plain floats."""
         passage, left, up = self.rotation.T.tolist()
         return tuple(passage), tuple(left), tuple(up)
 
@@ -58,8 +63,14 @@ class Gate:
         return InGate(*in_frame((p[0] - c[0], p[1] - c[1], p[2] - c[2]), *self.axes))
 
     def to_local_rows(self, points: np.ndarray) -> InGate:
-        """Return points (n, 3) of the world in the gate frame, as an InGate of three arrays (n,)
-        [m]."""
+        """Return points of the world in the gate frame [m].
+
+        Args:
+            points: (n, 3) [m].
+
+        Returns:
+            An InGate of three arrays (n,).
+        """
         away = points - self.position
         return InGate(*(away @ self.rotation).T)
 
@@ -79,45 +90,58 @@ class Gate:
         return self.position + local @ self.rotation.T
 
     def frame_distance(self, point: Vec3) -> float:
-        """Return the distance from a point of the world to the nearest bar, taken as flat; 0 on a
-        bar [m]."""
+        """Return the distance from a point of the world to the nearest bar [m].
+
+        Bars are taken as flat; the distance is 0 on a bar.
+        """
         return distance_to_frame(self.to_local(point), self.opening, self.frame_width)
 
 
 @dataclass(frozen=True)
 class EstimatedGate(Gate):
-    """A gate at its estimated position, with the uncertainty of that."""
+    """A gate at its estimated position, with the uncertainty of the estimate."""
 
     # standard deviation of the position relative to the vehicle, the largest of x, y and z [m]
     std: float = 0.0
 
     @classmethod
     def of(cls, gate: Gate, moved: Vec3, std: float) -> EstimatedGate:
-        """The gate of the map, displaced by `moved` [m]."""
-        where = {f.name: getattr(gate, f.name) for f in fields(gate)}
+        """Return a gate that is estimated to stand off the map.
+
+        Args:
+            gate: of the map.
+            moved: by how much it stands off [m].
+            std: standard deviation of its position relative to the vehicle [m].
+        """
+        x, y, z = gate.position
+        dx, dy, dz = moved
         return cls(
-            **where
-            | {
-                "position": tuple(a + b for a, b in zip(gate.position, moved, strict=True)),
-                "std": std,
-            }
+            position=(x + dx, y + dy, z + dz),
+            yaw=gate.yaw,
+            pitch=gate.pitch,
+            roll=gate.roll,
+            opening=gate.opening,
+            frame_width=gate.frame_width,
+            std=std,
         )
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where a flight begins, at rest."""
+    """The pose in which a flight begins, at rest."""
 
-    position: Vec3  # [m]
-    yaw: float  # [rad]
+    # [m]
+    position: Vec3
+    # [rad]
+    yaw: float
 
 
 @dataclass(frozen=True)
 class Published:
     """A time on these gates that others have published."""
 
-    who: str
-    time: Second
+    who: Annotated[str, setting("authors of the time")]
+    time: Annotated[float, setting("time on these gates", unit="s", gt=0)]
 
 
 @dataclass(frozen=True)
@@ -128,28 +152,37 @@ class Course:
     source: str
     gates: tuple[Gate, ...]
     start: Start
-    bounds: tuple[tuple[float, float], ...]  # ((x_min, x_max), (y_min, y_max), (z_min, z_max)) [m]
-    loop: bool  # after the last gate comes the first; a lap ends at the last gate
+    # ((x_min, x_max), (y_min, y_max), (z_min, z_max)) [m]
+    bounds: tuple[tuple[float, float], ...]
+    # whether the first gate comes after the last; a lap ends at the last gate
+    loop: bool
     laps: int
     published: tuple[Published, ...]
-    text: str  # the YAML it came from, kept with every run
-    obstacles: tuple[Obstacle, ...] = ()  # what else stands there; numbered from 1
+    # the YAML it came from, kept with every run
+    text: str
+    # numbered from 1
+    obstacles: tuple[Obstacle, ...] = ()
 
     @cached_property
     def lap_length(self) -> float:
-        """Straight-line length through the gates once, from the start (open) or closed (loop)
-        [m]."""
-        p = [g.position for g in self.gates]
-        before = [p[-1] if self.loop else self.start.position, *p[:-1]]
-        return sum(dist(a, b) for a, b in zip(before, p, strict=True))
+        """The length of straight lines through the gates once [m].
+
+        On a loop they are closed, on an open course they begin at the start.
+        """
+        centres = [gate.position for gate in self.gates]
+        before = [centres[-1] if self.loop else self.start.position, *centres[:-1]]
+        return sum(dist(a, b) for a, b in zip(before, centres, strict=True))
 
     def points(self, frames: bool = True) -> np.ndarray:
-        """The start and all gates' centres; or the start, the frames' corners and the obstacles':
-        what a view has to show.  (n, 3)"""
+        """Return the points that a view of the course has to show.  (n, 3)
+
+        Args:
+            frames: whether these are the corners of frames and obstacles, or gates' centres alone;
+                the start is one of them in either case.
+        """
+        start = np.array([self.start.position])
         if not frames:
-            return np.array([self.start.position, *(g.position for g in self.gates)])
-        corners: Iterable = (
-            *(g.corners(g.frame_width) for g in self.gates),
-            *(o.corners() for o in self.obstacles),
-        )
-        return np.vstack([[self.start.position], *corners])
+            return np.vstack([start, [gate.position for gate in self.gates]])
+        of_gates = [gate.corners(gate.frame_width) for gate in self.gates]
+        of_obstacles = [obstacle.corners() for obstacle in self.obstacles]
+        return np.vstack([start, *of_gates, *of_obstacles])

@@ -1,5 +1,4 @@
-"""Course files: their keys, units, ranges and defaults, how they become a Course, and whether all
-fits together."""
+"""Course files: their keys with units, ranges and defaults, and how they become a Course."""
 
 from __future__ import annotations
 
@@ -17,11 +16,12 @@ from quadsim.course.checks import faults
 from quadsim.course.course import Course, Gate, Published, Start
 from quadsim.course.obstacles import Box, Cylinder, Obstacle
 from quadsim.files.data_files import locate, names, read_text
-from quadsim.files.strict_yaml import Document, parse, unit
+from quadsim.files.strict_yaml import Document, parse, setting, unit
 
 COURSES = Path(__file__).parents[2] / "courses"
-MARGIN = 10.0  # of default bounds around start, gates and obstacles [m]
-# of default bounds below the ground [m]: there the ground ends a flight, not the bounds
+# [m] of default bounds around start, gates and obstacles
+MARGIN = 10.0
+# [m] of default bounds below the ground, so that the ground ends a flight and not the bounds
 BELOW_GROUND = 1.0
 
 Metre = Annotated[float, unit("m", ge=-1e4, le=1e4)]
@@ -29,51 +29,69 @@ Size = Annotated[float, unit("m", gt=0, le=100)]
 Degree = Annotated[float, unit("deg", ge=-360, le=360)]
 Point = tuple[Metre, Metre, Metre]
 Span = tuple[Metre, Metre]
-Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]  # names folders of runs
+# Folders of runs have the name of their course.
+Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 
 
 class GateEntry(Struct, frozen=True, kw_only=True):
-    position: Point
-    yaw_deg: Degree
-    pitch_deg: Degree = 0.0
-    roll_deg: Degree = 0.0
-    opening: tuple[Size, Size] | None = None  # the course's
-    frame_width: Size | None = None  # the course's
+    """A gate of a course file."""
+
+    position: Annotated[Point, setting("centre of the opening")]
+    yaw_deg: Annotated[Degree, setting("direction of the passage")]
+    pitch_deg: Annotated[Degree, setting("pitch of the passage, positive down")] = 0.0
+    roll_deg: Annotated[Degree, setting("roll about the passage")] = 0.0
+    opening: Annotated[
+        tuple[Size, Size] | None, setting("width and height; default: the course's")
+    ] = None
+    frame_width: Annotated[
+        Size | None, setting("width of the bars around the opening; default: the course's")
+    ] = None
 
 
 class StartEntry(Struct, frozen=True, kw_only=True):
-    position: Point
-    yaw_deg: Degree
+    """The start of a course file."""
+
+    position: Annotated[Point, setting("position at rest")]
+    yaw_deg: Annotated[Degree, setting("heading")]
 
 
 class BoxEntry(Struct, frozen=True, kw_only=True):
-    centre: Point
-    size: tuple[Size, Size, Size]  # along its own x, y and z
-    yaw_deg: Degree = 0.0
+    """A box of a course file."""
+
+    centre: Annotated[Point, setting("centre of the box")]
+    size: Annotated[tuple[Size, Size, Size], setting("size along the box's own x, y and z")]
+    yaw_deg: Annotated[Degree, setting("direction of the box's x axis")] = 0.0
 
 
 class CylinderEntry(Struct, frozen=True, kw_only=True):
-    base: Point  # centre of its lower end
-    radius: Size
-    height: Size
+    """An upright cylinder of a course file."""
+
+    base: Annotated[Point, setting("centre of the lower end")]
+    radius: Annotated[Size, setting("radius")]
+    height: Annotated[Size, setting("height")]
 
 
 class ObstacleEntry(Struct, frozen=True, kw_only=True):
-    """One of both."""
+    """An obstacle of a course file: a box or a cylinder."""
 
     box: BoxEntry | None = None
     cylinder: CylinderEntry | None = None
 
 
 class CourseFile(Struct, frozen=True, kw_only=True):
-    name: Name | None = None  # the file's
-    source: str = ""
-    loop: bool = False
-    laps: Annotated[int, Meta(ge=1, le=1000)] = 1
-    opening: tuple[Size, Size]
-    frame_width: Size = 0.275  # Swift's gates: 1.5 m openings in a 2.05 m frame
-    # around start, gates and obstacles with room to fly
-    bounds: tuple[Span, Span, Span] | None = None
+    """The keys of a course file."""
+
+    name: Annotated[Name | None, setting("name of the course; default: the file's")] = None
+    source: Annotated[str, setting("origin of the course")] = ""
+    loop: Annotated[bool, setting("whether the first gate comes after the last")] = False
+    laps: Annotated[int, setting("laps of a race", ge=1, le=1000)] = 1
+    opening: Annotated[tuple[Size, Size], setting("width and height of gates' openings")]
+    # Swift's gates have openings of 1.5 m in a frame of 2.05 m.
+    frame_width: Annotated[Size, setting("width of the bars around an opening")] = 0.275
+    bounds: Annotated[
+        tuple[Span, Span, Span] | None,
+        setting("spans of x, y and z; default: around start, gates and obstacles, with room"),
+    ] = None
     start: StartEntry
     gates: Annotated[tuple[GateEntry, ...], Meta(min_length=1)]
     obstacles: tuple[ObstacleEntry, ...] = ()
@@ -81,20 +99,32 @@ class CourseFile(Struct, frozen=True, kw_only=True):
 
 
 def course_names() -> tuple[str, ...]:
-    """The courses that come with the project."""
+    """Return the names of the courses that come with the project."""
     return names(COURSES)
 
 
 def load_course(name_or_path: str | Path) -> Course:
-    """A course by name ("split_s_swift") or path ("mine.yaml"). Raises FileError."""
+    """Return a course by name ("split_s_swift") or path ("mine.yaml").
+
+    Raises:
+        FileError: no such course, or a file that is no course.
+    """
     path = locate(name_or_path, COURSES, "course")
     return parse_course(read_text(path), str(path))
 
 
-@lru_cache(maxsize=16)  # reports and figures of a run ask for its course again and again
+# Reports and figures of a run ask for its course again and again.
+@lru_cache(maxsize=16)
 def parse_course(text: str, file: str) -> Course:
-    """A course from its text; `file` is shown in errors and names a course without a name. Raises
-    FileError."""
+    """Return the course of a YAML text.
+
+    Args:
+        text: the YAML.
+        file: shown in errors; names a course without a name.
+
+    Raises:
+        FileError: the text is no course.
+    """
     document = parse(text, file)
     entry = document.fill(CourseFile)
     course = Course(
@@ -117,18 +147,24 @@ def parse_course(text: str, file: str) -> Course:
 
 
 def _gate(entry: GateEntry, course: CourseFile) -> Gate:
-    angles = (radians(a) for a in (entry.yaw_deg, entry.pitch_deg, entry.roll_deg))
-    frame_width = entry.frame_width or course.frame_width
+    """Return a gate; what its entry leaves out is the course's."""
     return Gate(
-        entry.position, *angles, opening=entry.opening or course.opening, frame_width=frame_width
+        position=entry.position,
+        yaw=radians(entry.yaw_deg),
+        pitch=radians(entry.pitch_deg),
+        roll=radians(entry.roll_deg),
+        opening=entry.opening or course.opening,
+        frame_width=entry.frame_width or course.frame_width,
     )
 
 
 def _obstacles(document: Document, entries: tuple[ObstacleEntry, ...]) -> Iterator[Obstacle]:
+    """Yield the obstacles. Raises FileError for an entry that is not one of both kinds."""
     for i, entry in enumerate(entries):
-        box, cylinder = entry.box, entry.cylinder
+        box = entry.box
+        cylinder = entry.cylinder
         if (box is None) == (cylinder is None):
-            got = "none of both" if box is None else "both"
+            got = "neither" if box is None else "both"
             raise document.error(f"obstacles[{i}]", f"expected a box or a cylinder, got {got}")
         if box:
             yield Box(box.centre, box.size, radians(box.yaw_deg))
@@ -137,9 +173,8 @@ def _obstacles(document: Document, entries: tuple[ObstacleEntry, ...]) -> Iterat
 
 
 def _default_bounds(course: Course) -> tuple[tuple[float, float], ...]:
+    """Return bounds with MARGIN around start, gates and obstacles."""
     points = course.points()
-    (x0, y0, _), (x1, y1, z1) = (
-        (points.min(axis=0) - MARGIN).tolist(),
-        (points.max(axis=0) + MARGIN).tolist(),
-    )
+    x0, y0, _ = (points.min(axis=0) - MARGIN).tolist()
+    x1, y1, z1 = (points.max(axis=0) + MARGIN).tolist()
     return (x0, x1), (y0, y1), (-BELOW_GROUND, z1)

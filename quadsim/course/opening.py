@@ -1,34 +1,35 @@
 """The geometry of a gate's opening and of the frame around it, for a sphere that flies through.
 
 Everything here is given in the gate's frame: x along the legal passage, y to the left, z up, from
-the centre of the opening. The gate from above, the passage leads to the right, z points out of the
+the centre of the opening. Seen from above, the passage leads to the right and z points out of the
 picture:
 
-                      entry plane                          exit plane
-     left (y)         along = -half_depth                  along = half_depth
-        ^                  |                                    |
-        |          . . . . | . . . . . . . . . . . . . . . . . .|. .   outer.left: the slab ends
-        here |                  |                                    |                     ^
-        |                  |          +--------------+          |   outer edge        | radius +
-        margin |                  |          |     bar      |          |                     v
-        |                  |          | of the frame |          |   frame_width
-        |                  |          |              |          |
-        |                  |          +--------------+          |   half.left: edge of the opening
-        |                  |                                    |                     ^
-        |          . . . . | . . . . . . . . . . . . . . . . . .|. .   free.left      | radius +
-        margin |                  |                                    |                     v
-        +------------------|-----------------0------------------|------------> along (x)
-                           |             the gate's             |
-        in front of it     |                plane               |    behind it
+                 entry plane                    exit plane
+    left (y)     along = -half_depth            along = half_depth
+       ^                |                              |
+       |          . . . | . . . . . . . . . . . . . . .|. . .   outer.left: end of the slab
+       |                |                              |           ^ radius + margin
+       |                |       +--------------+       |           v
+       |                |       |     bar      |       |        outer edge of the frame
+       |                |       | of the frame |       |           frame_width
+       |                |       +--------------+       |        half.left: edge of the opening
+       |                |                              |           ^ radius + margin
+       |          . . . | . . . . . . . . . . . . . . .|. . .      v
+       |                |                              |        free.left
+       +----------------|--------------0---------------|-------------> along (x)
+                        |          the gate's          |
+          in front of it|             plane            |behind it
 
-    half            half sizes of the opening
-    free            half sizes within which the sphere's centre is free, negative where the sphere
-    does not fit outer           half sizes outside which the sphere's centre is free
-    half_depth      from the gate's plane to its entry and exit plane, where the sphere is clear of
-    the frame slab            between entry and exit plane, within outer: the sphere touches a bar
-    in the slab, outside free on the passage  in the opening or on the frame: a crossing of the
-    plane there is one of this gate beyond          how far outside a rectangle of half sizes a
-    point is, negative inside
+    half        half sizes of the opening
+    free        half sizes within which the sphere's centre is free, negative where the sphere does
+                not fit
+    outer       half sizes outside which the sphere's centre is free
+    half_depth  distance from the gate's plane to its entry and exit plane, where the sphere is
+                clear of the frame
+    slab        the space between entry and exit plane, within outer: in it and outside free, the
+                sphere touches a bar
+    on passage  in the opening or on the frame: a crossing of the plane there is one of this gate
+    beyond      how far outside a rectangle of half sizes a point is, negative inside
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ import numpy as np
 
 from quadsim.rotation import Vec3
 
-FRAME_DEPTH = 0.1  # of a gate's bars along its passage [m]
+# [m] of a gate's bars along its passage
+FRAME_DEPTH = 0.1
 
 
 class Offset(NamedTuple):
@@ -54,13 +56,14 @@ class Offset(NamedTuple):
 class InGate(NamedTuple):
     """A point in the frame of a gate [m]."""
 
-    along: float  # from the plane along the passage, negative in front of the gate
+    # from the plane along the passage, negative in front of the gate
+    along: float
     left: float
     up: float
 
     @property
     def offset(self) -> Offset:
-        """The same point, projected along the passage onto the plane of the gate."""
+        """The point, projected along the passage onto the plane of the gate."""
         return Offset(self.left, self.up)
 
 
@@ -74,16 +77,20 @@ class HalfSizes(NamedTuple):
 class Crossing(NamedTuple):
     """The point at which a segment crosses the plane of a gate."""
 
-    fraction: float  # of the segment
-    offset: Offset  # from the centre of the opening [m]
-    forward: bool  # along the passage, from in front of the gate to behind it
+    # of the segment
+    fraction: float
+    # from the centre of the opening [m]
+    offset: Offset
+    # whether it leads along the passage, from in front of the gate to behind it
+    forward: bool
 
 
 class Bar(NamedTuple):
     """One of the four bars of a frame, a box in the frame of the gate [m]."""
 
     centre: Vec3
-    half: Vec3  # half extents
+    # half extents
+    half: Vec3
 
 
 def half_sizes(opening: tuple[float, float]) -> HalfSizes:
@@ -93,8 +100,9 @@ def half_sizes(opening: tuple[float, float]) -> HalfSizes:
 
 
 def free_half_sizes(opening: tuple[float, float], radius: float, margin: float = 0.0) -> HalfSizes:
-    """Return the half sizes within which a sphere's centre is free of the frame, negative where it
-    does not fit [m].
+    """Return the half sizes within which a sphere's centre is free of the frame [m].
+
+    They are negative where the sphere does not fit.
 
     Args:
         opening: width and height [m].
@@ -121,47 +129,57 @@ def outer_half_sizes(
     """
     half = half_sizes(opening)
     return HalfSizes(
-        half.left + frame_width + radius + margin, half.up + frame_width + radius + margin
+        left=half.left + frame_width + radius + margin,
+        up=half.up + frame_width + radius + margin,
     )
 
 
 def half_depth(radius: float, margin: float = 0.0) -> float:
-    """Return the distance from a gate's plane to its entry and exit plane, where a sphere is clear
-    of the frame [m]."""
+    """Return the distance from a gate's plane to its entry and exit plane [m].
+
+    There a sphere is clear of the frame.
+
+    Args:
+        radius: of the sphere [m].
+        margin: kept between the sphere and the frame [m].
+    """
     return FRAME_DEPTH / 2 + radius + margin
 
 
 def margin_inside(free: HalfSizes, wanted: float) -> float:
-    """Return the margin to keep inside a free opening: the one wanted, at most half of the room
-    there is [m]."""
+    """Return the margin to keep inside a free opening, at most half of its room [m].
+
+    Args:
+        free: half sizes within which the sphere's centre is free [m].
+        wanted: the margin to keep where there is room for it [m].
+    """
     return min(wanted, min(free) / 2)
 
 
 def approach_length(opening: tuple[float, float]) -> float:
-    """Return how far in front of a gate its approach begins: its width or height, whichever is
-    larger [m]."""
+    """Return how far in front of a gate its approach begins: the larger of width and height [m]."""
     return max(opening)
 
 
 def beyond(offset: Offset, half: HalfSizes) -> float:
-    """Return how far outside a rectangle a point is, negative inside: max(|y| - half_y, |z| -
-    half_z) [m]."""
+    """Return max(|y| - half_y, |z| - half_z), how far outside a rectangle a point is [m].
+
+    It is negative inside.
+    """
     return max(abs(offset.left) - half.left, abs(offset.up) - half.up)
 
 
 def on_passage(offset: Offset, opening: tuple[float, float], frame_width: float) -> bool:
-    """Return whether a point of the plane lies in the opening or on the frame, not outside the
-    frame's outer edge.
+    """Return whether a point of the plane lies in the opening or on the frame.
 
-    A contact with the frame is found by other means; this tells which crossings of the plane are
-    through the gate.
+    It tells which crossings of the plane are through the gate; a contact with the frame is found by
+    other means.
     """
     return beyond(offset, half_sizes(opening)) <= frame_width
 
 
 def in_front(p: InGate) -> bool:
-    """Return whether a point is in front of the gate. The plane itself belongs to the side behind
-    the gate."""
+    """Return whether a point is in front of the gate; its plane belongs to the side behind it."""
     return p.along < 0.0
 
 
@@ -175,8 +193,7 @@ def between(a: InGate, b: InGate, fraction: float) -> InGate:
 
 
 def crossing(a: InGate, b: InGate) -> Crossing | None:
-    """Return where the segment from a to b crosses the gate's plane, None where it stays on one
-    side.
+    """Return the crossing of the gate's plane by the segment from a to b, None if there is none.
 
     As the plane belongs to the side behind the gate, a path that ends a segment on it crosses it
     once.
@@ -188,12 +205,13 @@ def crossing(a: InGate, b: InGate) -> Crossing | None:
 
 
 def distance_to_frame(p: InGate, opening: tuple[float, float], frame_width: float) -> float:
-    """Return the distance from a point to the nearest bar of the frame, taken as flat; 0 on a bar
-    [m]."""
+    """Return the distance from a point to the nearest bar of the frame [m].
+
+    Bars are taken as flat; the distance is 0 on a bar.
+    """
     outside = beyond(p.offset, half_sizes(opening))
     if outside < 0.0:
-        # In front of or behind the opening: its nearest edge is as far away as the point is inside
-        # it.
+        # Before or behind the opening, the nearest edge is as far away as the point is inside it.
         return hypot(p.along, outside)
     outer = outer_half_sizes(opening, frame_width)
     past_left = max(abs(p.left) - outer.left, 0.0)
@@ -202,18 +220,24 @@ def distance_to_frame(p: InGate, opening: tuple[float, float], frame_width: floa
 
 
 def rectangle_corners(half: HalfSizes) -> np.ndarray:
-    """Return the corners of a rectangle in the plane: lower right, upper right, lower left, upper
-    left.  (4, 3)"""
+    """Return the corners of a rectangle in the plane [m].
+
+    Returns:
+        Lower right, upper right, lower left and upper left corner  (4, 3).
+    """
     return np.array(
         [(0.0, left * half.left, up * half.up) for left, up in product((-1, 1), repeat=2)]
     )
 
 
 def frame_bars(opening: tuple[float, float], frame_width: float) -> tuple[Bar, Bar, Bar, Bar]:
-    """Return the four bars of a frame: the beams at top and bottom span the corners, the posts
-    stand between them."""
+    """Return the four bars of a frame.
+
+    The beams at top and bottom span the corners; the posts stand between them.
+    """
     width, height = opening
-    across, up = (width + frame_width) / 2, (height + frame_width) / 2
+    across = (width + frame_width) / 2
+    up = (height + frame_width) / 2
     beam = (FRAME_DEPTH / 2, width / 2 + frame_width, frame_width / 2)
     post = (FRAME_DEPTH / 2, frame_width / 2, height / 2)
     return (

@@ -1,5 +1,6 @@
-"""The segment of one physics step against the gates: contact with a frame, crossing of a plane. No
-rules here.
+"""The segment of one physics step against the gates: contacts with frames, crossings of planes.
+
+The rules, what a contact or a crossing means, are the referee's.
 
 In the gate frame (x along the legal passage) the vehicle is a sphere of radius r whose centre moves
 on a segment. The four bars, as boxes grown by r, are a slab around a free shaft: the sphere touches
@@ -36,39 +37,55 @@ from quadsim.rotation import Vec3
 class Incident(NamedTuple):
     """A contact or a crossing within one step, to which the rules are still to be applied."""
 
-    s: float  # fraction of the step
-    kind: str  # touch, forward, backward; of the referee: ground, bounds, timeout
-    gate: int = -1  # index; -1: no gate
-    offset: Offset = Offset(0.0, 0.0)  # from the centre of the opening [m]
-    obstacle: int = -1  # index; -1: no obstacle
+    # fraction of the step
+    s: float
+    # touch, forward, backward; of the referee: ground, bounds, stuck, timeout, contact
+    kind: str
+    # index; -1: no gate
+    gate: int = -1
+    # from the centre of the opening [m]
+    offset: Offset = Offset(0.0, 0.0)
+    # index; -1: no obstacle
+    obstacle: int = -1
 
     @property
     def touched(self) -> str:
-        """By the names that contacts have: "gate 3", "obstacle 2"."""
+        """The name of the touched object, as contacts have it: "gate 3", "obstacle 2"."""
         return f"obstacle {self.obstacle + 1}" if self.obstacle >= 0 else f"gate {self.gate + 1}"
 
 
 def clip(
     a: Sequence[float], b: Sequence[float], low: Vec3, high: Vec3
 ) -> tuple[float, float] | None:
-    """Fractions (s_in, s_out) of the segment a -> b inside the box, None if it stays out (Liang and
-    Barsky 1984)."""
-    s_in, s_out = 0.0, 1.0
+    """Return the part of the segment a -> b inside a box (Liang and Barsky 1984).
+
+    Args:
+        a, b: ends of the segment [m].
+        low, high: corners of the box [m].
+
+    Returns:
+        The fractions (s_in, s_out) of the segment, None if it stays outside.
+    """
+    s_in = 0.0
+    s_out = 1.0
     for p, q, lo, hi in zip(a, b, low, high, strict=True):
         if p == q:
             if not lo <= p <= hi:
                 return None
         else:
             first, last = sorted(((lo - p) / (q - p), (hi - p) / (q - p)))
-            s_in, s_out = max(s_in, first), min(s_out, last)
+            s_in = max(s_in, first)
+            s_out = min(s_out, last)
     return (s_in, s_out) if s_in <= s_out else None
 
 
 def _clip_centred(a: Vec3, b: Vec3, half: Vec3) -> tuple[float, float] | None:
+    """Return the part of the segment a -> b inside a box about the origin, as `clip` does."""
     return clip(a, b, (-half[0], -half[1], -half[2]), half)
 
 
 def lerp(a: Vec3, b: Vec3, s: float) -> Vec3:
+    """Return the point at the fraction s of the segment a -> b."""
     return (a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2]))
 
 
@@ -76,20 +93,28 @@ class SweptGate:
     """One gate and the radius of what flies through it [m]."""
 
     def __init__(self, gate: Gate, index: int, radius: float):
-        self.gate, self.index = gate, index
-        # Where the sphere's centre is free inside the frame, and where it is free around it [m]
+        """Prepare the tests of one gate.
+
+        Args:
+            gate: of the course.
+            index: reported with its incidents.
+            radius: of the sphere [m].
+        """
+        self.gate = gate
+        self.index = index
+        # half sizes within which the sphere's centre is free, and outside which it is free [m]
         self.free = free_half_sizes(gate.opening, radius)
         self.outer = outer_half_sizes(gate.opening, gate.frame_width, radius)
         self.half_depth = half_depth(radius)
-        # Half extents of the shaft through the opening, without ends, and of the slab that the
+        # half extents of the shaft through the opening, without ends, and of the slab that the
         # grown bars fill [m]
         self._shaft: Vec3 = (inf, self.free.left, self.free.up)
         self._slab: Vec3 = (self.half_depth, self.outer.left, self.outer.up)
-        # Half sizes within which a crossing of the plane is about this gate: three of the
+        # half sizes within which a crossing of the plane is about this gate: three of the
         # opening's, and 2 m
         half = half_sizes(gate.opening)
         self.near = HalfSizes(3.0 * half.left + 2.0, 3.0 * half.up + 2.0)
-        # Radius about the centre outside which nothing concerns this gate [m]
+        # radius about the centre outside which nothing concerns this gate [m]
         aside = max(self.near.left, self.outer.left)
         above = max(self.near.up, self.outer.up)
         self.reach = hypot(self.half_depth, aside, above)
@@ -103,8 +128,14 @@ class SweptGate:
         return beyond(offset, self.near) <= 0.0
 
     def touch(self, a: InGate, b: InGate) -> float | None:
-        """Return the fraction of the segment a -> b at which it first enters a grown bar, None if
-        it enters none."""
+        """Return the fraction of a segment at which it first enters a grown bar.
+
+        Args:
+            a, b: ends of the segment in the gate frame [m].
+
+        Returns:
+            None if it enters none.
+        """
         slab = _clip_centred(a, b, self._slab)
         if slab is None:
             return None
@@ -114,9 +145,13 @@ class SweptGate:
         return shaft[1] if shaft[1] < slab[1] else None
 
     def incidents(self, p0: Vec3, p1: Vec3) -> list[Incident]:
-        """Return the contact and the crossing of a segment of the world, contact first at the same
-        instant."""
-        a, b = self.gate.to_local(p0), self.gate.to_local(p1)
+        """Return the contact and the crossing of a segment, contact first at the same instant.
+
+        Args:
+            p0, p1: ends of the segment in the world [m].
+        """
+        a = self.gate.to_local(p0)
+        b = self.gate.to_local(p1)
         found = []
         touched = self.touch(a, b)
         if touched is not None:
@@ -129,19 +164,30 @@ class SweptGate:
 
 
 class SweptGates:
-    """All gates of a course, for a vehicle of this radius [m]. One that is flown through several
-    times a lap is one."""
+    """All gates of a course, for a vehicle of one radius.
+
+    A gate that is flown through several times a lap is one SweptGate: `of` has the one of each gate
+    of the course, `all` has each once, with the index of its first pass.
+    """
 
     def __init__(self, gates: Sequence[Gate], radius: float):
+        """Prepare the tests of all gates.
+
+        Args:
+            gates: of the course, in order.
+            radius: of the vehicle [m].
+        """
         first: dict[Gate, SweptGate] = {}
-        self.of = tuple(
-            first.setdefault(gate, SweptGate(gate, k, radius)) for k, gate in enumerate(gates)
-        )
-        self.all = tuple(first.values())  # each with the index of the first gate that it is
+        for index, gate in enumerate(gates):
+            if gate not in first:
+                first[gate] = SweptGate(gate, index, radius)
+        self.of = tuple(first[gate] for gate in gates)
+        self.all = tuple(first.values())
         self._centres = np.array([g.gate.position for g in self.all])  # (gates, 3)
         self._reach = np.array([g.reach for g in self.all])  # (gates,)
 
     def near(self, p0: Vec3, p1: Vec3) -> list[SweptGate]:
-        """Those that the segment may concern: within reach of the ball around it."""
-        gap = ((self._centres - lerp(p0, p1, 0.5)) ** 2).sum(axis=1)  # (gates,)
-        return [self.all[k] for k in np.flatnonzero(gap <= (self._reach + dist(p0, p1) / 2) ** 2)]
+        """Return the gates that a segment may concern, within reach of the ball around it."""
+        square = ((self._centres - lerp(p0, p1, 0.5)) ** 2).sum(axis=1)  # (gates,)
+        within = square <= (self._reach + dist(p0, p1) / 2) ** 2
+        return [self.all[k] for k in np.flatnonzero(within)]

@@ -1,7 +1,7 @@
 """The segment of one physics step against obstacles: contact of a sphere whose centre moves on it.
 
-As for gates (quadsim.course.swept) the obstacle is grown by the sphere's radius r, edges not
-rounded: contact is found up to .42 r early at edges, .73 r at a box's corners, and exactly on faces
+As for gates (quadsim.course.swept), obstacles are grown by the sphere's radius r, without rounded
+edges: contact is found up to .42 r early at edges, .73 r at a box's corners, and exactly on faces
 and on the side of a cylinder.
 """
 
@@ -18,65 +18,98 @@ from quadsim.rotation import Vec3
 
 
 class SweptObstacle:
-    """One obstacle and the radius of what flies past it [m]."""
+    """One obstacle and the radius of a sphere that flies past it [m]."""
 
     def __init__(self, obstacle: Obstacle, index: int, radius: float):
-        self.obstacle, self.index, self.radius = obstacle, index, radius
-        low, high = obstacle.corners().min(axis=0) - radius, obstacle.corners().max(axis=0) + radius
-        # of the upright box around all of it
-        self.low, self.high = tuple(low.tolist()), tuple(high.tolist())
-        # radius about its centre outside which nothing touches it [m]
+        """Prepare the tests of one obstacle.
+
+        Args:
+            obstacle: of the course.
+            index: reported with its incidents.
+            radius: of the sphere [m].
+        """
+        self.obstacle = obstacle
+        self.index = index
+        self.radius = radius
+        # corners of the upright box around the grown obstacle [m]
+        corners = obstacle.corners()
+        self.low: Vec3 = tuple((corners.min(axis=0) - radius).tolist())
+        self.high: Vec3 = tuple((corners.max(axis=0) + radius).tolist())
+        # radius about the centre outside which nothing touches the obstacle [m]
         self.reach = dist(self.low, self.high) / 2
 
     def touch(self, p0: Vec3, p1: Vec3) -> float | None:
-        """Fraction of the segment at which the sphere first touches it, None if it does not."""
+        """Return the fraction of a segment at which the sphere first touches the obstacle.
+
+        Args:
+            p0, p1: ends of the segment in the world [m].
+
+        Returns:
+            None if it does not touch it.
+        """
         if isinstance(self.obstacle, Cylinder):
-            return self._touch_cylinder(p0, p1)
+            return self._touch_cylinder(self.obstacle, p0, p1)
         x, y, z = self.obstacle.half
         half = (x + self.radius, y + self.radius, z + self.radius)
-        inside = clip(
-            self.obstacle.to_local(p0),
-            self.obstacle.to_local(p1),
-            (-half[0], -half[1], -half[2]),
-            half,
-        )
-        return inside and inside[0]
+        low = (-half[0], -half[1], -half[2])
+        inside = clip(self.obstacle.to_local(p0), self.obstacle.to_local(p1), low, half)
+        return inside[0] if inside else None
 
-    def _touch_cylinder(self, p0: Vec3, p1: Vec3) -> float | None:
+    def _touch_cylinder(self, cylinder: Cylinder, p0: Vec3, p1: Vec3) -> float | None:
+        """Return the fraction of a segment at which the sphere first touches a cylinder."""
+        # The part of the segment in the upright box around the cylinder, from a to b.
         inside = clip(p0, p1, self.low, self.high)
         if inside is None:
             return None
-        x, y, _ = self.obstacle.centre
-        a, b = lerp(p0, p1, inside[0]), lerp(p0, p1, inside[1])  # the part at its height
-        half_width = (self.high[0] - self.low[0]) / 2
-        ax, ay, dx, dy = a[0] - x, a[1] - y, b[0] - a[0], b[1] - a[1]
-        outside = ax * ax + ay * ay - half_width * half_width
+        s_in, s_out = inside
+        a = lerp(p0, p1, s_in)
+        b = lerp(p0, p1, s_out)
+
+        # From above, |a + s (b - a)| = radius is a quadratic equation for s, from the centre.
+        x, y, _ = cylinder.centre
+        radius = (self.high[0] - self.low[0]) / 2
+        ax = a[0] - x
+        ay = a[1] - y
+        dx = b[0] - a[0]
+        dy = b[1] - a[1]
+        outside = ax * ax + ay * ay - radius * radius
         if outside <= 0.0:
-            return inside[0]
-        length2, along = dx * dx + dy * dy, ax * dx + ay * dy
-        root = along * along - length2 * outside
-        if root < 0.0 or along >= 0.0 or -along - sqrt(root) > length2:
+            return s_in
+        square = dx * dx + dy * dy
+        along = ax * dx + ay * dy
+        root = along * along - square * outside
+        if root < 0.0 or along >= 0.0 or -along - sqrt(root) > square:
             return None
-        return inside[0] + (inside[1] - inside[0]) * (-along - sqrt(root)) / length2
+        return s_in + (s_out - s_in) * (-along - sqrt(root)) / square
 
 
 class SweptObstacles:
-    """All obstacles of a course, for a vehicle of this radius [m]."""
+    """All obstacles of a course, for a vehicle of one radius."""
 
     def __init__(self, obstacles: Sequence[Obstacle], radius: float):
+        """Prepare the tests of all obstacles.
+
+        Args:
+            obstacles: of the course, in order.
+            radius: of the vehicle [m].
+        """
         self.all = tuple(SweptObstacle(obstacle, k, radius) for k, obstacle in enumerate(obstacles))
         self._centres = np.array([s.obstacle.centre for s in self.all]).reshape(-1, 3)
         self._reach = np.array([s.reach for s in self.all])
 
     def incidents(self, p0: Vec3, p1: Vec3) -> list[Incident]:
-        """Contacts within the segment."""
+        """Return the contacts of a segment.
+
+        Args:
+            p0, p1: ends of the segment in the world [m].
+        """
         if not self.all:
             return []
-        middle, half = lerp(p0, p1, 0.5), dist(p0, p1) / 2
-        gap = ((self._centres - middle) ** 2).sum(axis=1)
-        near = (self.all[k] for k in np.flatnonzero(gap <= (self._reach + half) ** 2))
-        return [
-            Incident(t, "touch", obstacle=s.index)
-            for s in near
-            if (t := s.touch(p0, p1)) is not None
-        ]
+        square = ((self._centres - lerp(p0, p1, 0.5)) ** 2).sum(axis=1)
+        near = square <= (self._reach + dist(p0, p1) / 2) ** 2
+        found = []
+        for k in np.flatnonzero(near):
+            fraction = self.all[k].touch(p0, p1)
+            if fraction is not None:
+                found.append(Incident(fraction, "touch", obstacle=self.all[k].index))
+        return found

@@ -1,4 +1,4 @@
-"""Models x_{t+1} = x_t + F(x_t, u_t) dt, each one file of plain functions over named scalars.
+"""Models x_{t+1} = x_t + F(x_t, u_t) dt as plain functions over named scalars.
 
 A model is three records and a function: State, Control and Params are NamedTuples of numbers, and
 `step(x, u, p, dt)` returns the next State. The same function is flown on floats (ModelPlant),
@@ -23,27 +23,31 @@ class System:
     """A model with its numbers: x_{t+1} = step(x_t, u_t, params, dt)."""
 
     name: str
-    state: type  # NamedTuple of n_x scalars
-    control: type  # NamedTuple of n_u scalars
+    # NamedTuples of n_x and of n_u scalars
+    state: type
+    control: type
     # (state, control, params, dt) -> state, see this module's docstring
     step: Callable[[Any, Any, Any, Any], Any]
-    params: tuple[float, ...]  # a NamedTuple; () for a step without numbers
+    # a NamedTuple; () for a step without numbers
+    params: tuple[float, ...]
     dt: float  # [s]
-    low: tuple[float, ...]  # (n_u,) control limits
+    # limits of the control  (n_u,)
+    low: tuple[float, ...]
     high: tuple[float, ...]
-    rest: tuple[float, ...]  # (n_u,) the control that holds still, e.g. hover
+    # the control that holds still, e.g. hover  (n_u,)
+    rest: tuple[float, ...]
     # (state, control, params) -> the control that is commanded in its place, where the vehicle
     # cannot follow it
     attainable: Callable[[Any, Any, Any], Any] | None = None
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of the state's numbers."""
+        """The names of the state's numbers."""
         return self.state._fields  # pyright: ignore[reportAttributeAccessIssue]
 
     @property
     def controls(self) -> tuple[str, ...]:
-        """Names of the control's numbers."""
+        """The names of the control's numbers."""
         return self.control._fields  # pyright: ignore[reportAttributeAccessIssue]
 
     def next(self, x: Sequence[float] | np.ndarray, u: Sequence[float] | np.ndarray) -> Any:
@@ -61,7 +65,7 @@ class System:
     def tightened(self, share: float) -> System:
         """Return the system with this share of the way from rest to each limit unused.
 
-        What is left unused is for corrections, as in tube MPC.
+        The unused part is left for corrections, as in tube MPC.
         """
 
         def tighter(limits: tuple[float, ...]) -> tuple[float, ...]:
@@ -81,7 +85,8 @@ class System:
             if not isfinite(value)
         ]
         if bad or len(x) != expected:
-            found = ", ".join(bad) or f"{len(x)} numbers"
+            got = ", ".join(bad) or f"{len(x)} numbers"
             raise ValueError(
-                f"{self.name}: state: expected {expected} finite numbers, got {found}; has the plant diverged?"
+                f"{self.name}: state: expected {expected} finite numbers, got {got}; "
+                "has the plant diverged?"
             )

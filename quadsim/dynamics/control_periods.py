@@ -1,4 +1,4 @@
-"""How many control periods pass from one call of a controller to the next."""
+"""ControlPeriods: how many control periods pass from one call of a controller to the next."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ class ControlPeriods:
     def __init__(self, dt: float):
         """dt: control period [s]."""
         self._dt = dt
-        self._last: float | None = None  # [s] of the last call
+        # time of the last call [s]
+        self._last: float | None = None
 
     @property
     def next(self) -> float:
-        """One period after the last call, 0 before the first [s]."""
+        """The time one period after the last call, 0 before the first call [s]."""
         return 0.0 if self._last is None else self._last + self._dt
 
     def advance(self, t: float) -> int:
@@ -26,7 +27,8 @@ class ControlPeriods:
         Returns:
             0 at the first call and where no time has passed, else at least 1.
         """
-        last, self._last = self._last, t
+        last = self._last
+        self._last = t
         if last is None or t <= last:
             return 0
         return max(round(t / self._dt) - round(last / self._dt), 1)

@@ -18,10 +18,13 @@ class Estimate:
     it is enough to give the time and the state: `mppi.control(Estimate(t, x))`.
     """
 
-    t: float  # time at which the control is asked for [s]
+    # time at which the control is asked for [s]
+    t: float
     # state in which the control will act, later than t where commands act late  (n_x,)
     x: np.ndarray
-    target: int = 0  # gates passed by then since the start: the row of the cost's targets
+    # gates passed by then since the start: the row of the cost's targets
+    target: int = 0
     # the system to plan with as it is estimated; None: the controller's own
     model: System | None = None
-    course: Course | None = None  # the course as it is estimated; None: the controller's own map
+    # the course as it is estimated; None: the controller's own map
+    course: Course | None = None

@@ -6,15 +6,15 @@
     omega' = beta
     beta' = (beta_cmd - beta) / tau_m,                  beta_cmd = (omega_cmd - omega) / tau_omega
     a' = (a_lim - a) / tau_m,                           a_lim = clip(a_cmd, r, a_max - r)
-    r = c_x |beta_cmd,x| + c_y |beta_cmd,y|,            |beta_cmd,z| <= (min(a_lim, a_max - a_lim) -
-    r) / c_z
+    r = c_x |beta_cmd,x| + c_y |beta_cmd,y|
+    |beta_cmd,z| <= (min(a_lim, a_max - a_lim) - r) / c_z
 
-The 13 states of Vlahov et al. 2024, section IV-B, and four more, what the rotors deliver now:
-thrust a and angular acceleration beta. To roll or pitch, two rotors give up the thrust r that the
-others, at their limit, cannot add. Yaw has what is left then: two rotors speed up, two slow down,
-and at full thrust none can. The plant's allocation has the same order (quadsim.physics.allocation).
-With tau_m = c = 0, the paper's model, thrust and rates' accelerations follow their commands at
-once.
+The state has the 13 numbers of Vlahov et al. 2024, section IV-B, and four more for what the rotors
+deliver now: thrust a and angular acceleration beta. To roll or pitch, two rotors give up the thrust
+r that the others, at their limit, cannot add. Yaw has what is left then: two rotors speed up, two
+slow down, and at full thrust none can. The plant's allocation has the same order
+(quadsim.physics.allocation). With tau_m = c = 0, the paper's model, thrust and angular acceleration
+follow their commands at once.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from quadsim.vehicle import GRAVITY, Vehicle
 
 
 class State(NamedTuple):
-    """The state of the quadrotor. Position and velocity in the world (ENU), rates and accelerations
-    in the body.
+    """The state of the quadrotor.
 
-    Every table of the project takes the order of these names: telemetry, the compiled lanes, the
-    optimiser.
+    Position and velocity are in the world frame (ENU); body rates, thrust and angular acceleration
+    are in the body frame. Every table of the project has the order of these names: telemetry, the
+    compiled lanes, the optimiser.
     """
 
     px: Annotated[float, "m"]
@@ -55,34 +55,36 @@ class State(NamedTuple):
     wx: Annotated[float, "rad/s"]
     wy: Annotated[float, "rad/s"]
     wz: Annotated[float, "rad/s"]
-    thrust: Annotated[float, "m/s^2"]  # mass-normalised, what the rotors deliver now
-    bx: Annotated[float, "rad/s^2"]  # angular acceleration that the rotors deliver now
+    # mass-normalised thrust that the rotors deliver now
+    thrust: Annotated[float, "m/s^2"]
+    # angular acceleration that the rotors deliver now
+    bx: Annotated[float, "rad/s^2"]
     by: Annotated[float, "rad/s^2"]
     bz: Annotated[float, "rad/s^2"]
 
     @property
     def position(self) -> Vec3:
-        """In the world [m]."""
+        """The position in the world [m]."""
         return self.px, self.py, self.pz
 
     @property
     def velocity(self) -> Vec3:
-        """In the world [m/s]."""
+        """The velocity in the world [m/s]."""
         return self.vx, self.vy, self.vz
 
     @property
     def attitude(self) -> Quaternion:
-        """Unit quaternion wxyz, world from body."""
+        """The attitude, a unit quaternion wxyz, world from body."""
         return self.qw, self.qx, self.qy, self.qz
 
     @property
     def body_rates(self) -> Vec3:
-        """About the body's axes [rad/s]."""
+        """The body rates, about the body's axes [rad/s]."""
         return self.wx, self.wy, self.wz
 
     @property
     def angular_acceleration(self) -> Vec3:
-        """About the body's axes [rad/s^2]."""
+        """The angular acceleration that the rotors deliver, about the body's axes [rad/s^2]."""
         return self.bx, self.by, self.bz
 
     @classmethod
@@ -95,57 +97,71 @@ class State(NamedTuple):
         thrust: float,
         angular_acceleration: Sequence[float],
     ) -> State:
-        """Put a state together from its vectors, named as the properties above.
+        """Return the state with these vectors, named as the properties above.
 
-        A number added to the state takes its default: plants and estimators do not have to know of
-        it.
+        A number that is added to the state takes its default, so that plants and estimators do not
+        have to know of it.
         """
         numbers = (*position, *velocity, *attitude, *body_rates, thrust, *angular_acceleration)
         return cls(*numbers)  # pyright: ignore[reportCallIssue]
 
 
 class Control(NamedTuple):
-    """A command to the flight controller."""
+    """A command to the flight controller: body rates and mass-normalised thrust."""
 
     wx: Annotated[float, "rad/s"]
     wy: Annotated[float, "rad/s"]
     wz: Annotated[float, "rad/s"]
-    thrust: Annotated[float, "m/s^2"]  # mass-normalised
+    thrust: Annotated[float, "m/s^2"]
 
     @property
     def body_rates(self) -> Vec3:
-        """About the body's axes [rad/s]."""
+        """The commanded body rates, about the body's axes [rad/s]."""
         return self.wx, self.wy, self.wz
 
 
 class Params(NamedTuple):
     """The numbers of `step`, made of ModelParams for one step length by `quadrotor`."""
 
-    rate_gain_x: float  # angular acceleration asked for per error of the body rate [1/s]
+    # angular acceleration asked for per error of the body rate [1/s]
+    rate_gain_x: float
     rate_gain_y: float
     rate_gain_z: float
-    rotor_response: float  # share of the way to its command that a rotor makes in one step
-    thrust_gain: float  # k, acceleration per thrust delivered
-    drag: float  # d [1/s]
-    tilt_cost_x: float  # c_x, thrust given up per angular acceleration about x [m]
+    # share of the way to its command that a rotor makes in one step
+    rotor_response: float
+    # k, acceleration per thrust delivered
+    thrust_gain: float
+    # d [1/s]
+    drag: float
+    # c_x and c_y, thrust given up per angular acceleration about x and y [m]
+    tilt_cost_x: float
     tilt_cost_y: float
     # 1 / c_z, angular acceleration about z per room to the thrust's limits [1/m]
     yaw_per_room: float
-    thrust_max: float  # mass-normalised [m/s^2]
+    # mass-normalised [m/s^2]
+    thrust_max: float
+
+    @property
+    def rate_gains(self) -> Vec3:
+        """The gains of the rate loop, about the body's axes [1/s]."""
+        return self.rate_gain_x, self.rate_gain_y, self.rate_gain_z
 
 
-# Columns of telemetry: the names above, but for two that are written as symbols there.
+# Columns of telemetry: the names above, but for the thrust, which is written `a` there.
 STATE_UNITS = {("a" if name == "thrust" else name): unit for name, unit in units_of(State).items()}
 CONTROL_UNITS = {
     ("a_cmd" if name == "thrust" else f"{name}_cmd"): unit
     for name, unit in units_of(Control).items()
 }
-STATE, CONTROL = tuple(STATE_UNITS), tuple(CONTROL_UNITS)
+STATE = tuple(STATE_UNITS)
+CONTROL = tuple(CONTROL_UNITS)
 
 
 def columns(first: str, last: str) -> slice:
-    """Return where the numbers from one field of State to another stand in rows of states, e.g.
-    x[:, POSITION]."""
+    """Return the columns from one field of State to another, both included.
+
+    It is for tables of states, e.g. x[:, POSITION].
+    """
     return slice(State._fields.index(first), State._fields.index(last) + 1)
 
 
@@ -155,23 +171,46 @@ POSITION = columns("px", "pz")
 VELOCITY = columns("vx", "vz")
 ATTITUDE = columns("qw", "qz")
 BODY_RATES = columns("wx", "wz")
-POSE = columns("px", "qz")  # position, velocity and attitude: what is shown of a vehicle
-RIGID_BODY = columns("px", "wz")  # all but what the rotors deliver
+# position, velocity and attitude, which a picture of the vehicle shows
+POSE = columns("px", "qz")
+# all but what the rotors deliver
+RIGID_BODY = columns("px", "wz")
 
-# [m/s^2] of thrust is always left for yaw, so that UNLIMITED_YAW is without limit at full thrust
-# too
+# [m/s^2] A little room is always left for yaw, so that UNLIMITED_YAW has no limit at full thrust.
 LEAST_ROOM = 1e-3
-UNLIMITED_YAW = 1e9  # [1/m] 1 / c_z of a vehicle without rotors
+# [1/m] 1 / c_z of a vehicle without rotors.
+UNLIMITED_YAW = 1e9
 
 
 def thrust_axis(qw, qx, qy, qz):
-    """R(q) e_z: the body's z axis, along which the thrust acts, in the world.  (3,)"""
+    """Return R(q) e_z, the body's z axis, along which the thrust acts, in the world.  (3,)"""
     return 2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)
 
 
+def rate_loop(body_rates, commanded, gains):
+    """Return the angular acceleration that the rate loop asks for, beta_cmd [rad/s^2].
+
+    Args:
+        body_rates: omega, about the body's axes [rad/s]  (3,).
+        commanded: omega_cmd [rad/s]  (3,).
+        gains: about each axis [1/s]  (3,).
+
+    Returns:
+        (3,)
+    """
+    wx, wy, wz = body_rates
+    wx_cmd, wy_cmd, wz_cmd = commanded
+    gain_x, gain_y, gain_z = gains
+    return (wx_cmd - wx) * gain_x, (wy_cmd - wy) * gain_y, (wz_cmd - wz) * gain_z
+
+
 def tilt_reserve(c_x, c_y, bx, by):
-    """r = c_x |beta_x| + c_y |beta_y|: the thrust kept free for these angular accelerations
-    [m/s^2]."""
+    """Return r = c_x |beta_x| + c_y |beta_y|, the thrust kept free for roll and pitch [m/s^2].
+
+    Args:
+        c_x, c_y: thrust given up per angular acceleration about x and y [m].
+        bx, by: angular acceleration that is asked for about x and y [rad/s^2].
+    """
     return c_x * abs(bx) + c_y * abs(by)
 
 
@@ -190,17 +229,14 @@ def step(x, u, p, dt):
     Returns:
         State.
     """
-    # What the rotors deliver moves towards the command, as far as their limits allow: roll and
-    # pitch first, yaw last.
-    bx_cmd = (u.wx - x.wx) * p.rate_gain_x
-    by_cmd = (u.wy - x.wy) * p.rate_gain_y
-    bz_cmd = (u.wz - x.wz) * p.rate_gain_z
+    # The flight controller asks for angular accelerations and thrust. The limits of the rotors
+    # leave roll and pitch all of it, the thrust what these leave, and yaw what is left then.
+    bx_cmd, by_cmd, bz_cmd = rate_loop(x.body_rates, u.body_rates, p.rate_gains)
     reserve = tilt_reserve(p.tilt_cost_x, p.tilt_cost_y, bx_cmd, by_cmd)
     most = p.thrust_max - reserve
     thrust_lim = minimum(maximum(u.thrust, reserve), most)
-    bz_max = (
-        maximum(minimum(thrust_lim - reserve, most - thrust_lim), 0.0) + LEAST_ROOM
-    ) * p.yaw_per_room
+    room = maximum(minimum(thrust_lim - reserve, most - thrust_lim), 0.0) + LEAST_ROOM
+    bz_max = room * p.yaw_per_room
     bz_cmd = minimum(maximum(bz_cmd, -bz_max), bz_max)
 
     # The rotors follow with a first-order lag.
@@ -261,11 +297,11 @@ def step(x, u, p, dt):
 
 
 def attainable(x, u, p):
-    """Return the command u with no more thrust than what its roll and pitch leave to the rotors.
+    """Return the command u with no more thrust than its roll and pitch leave to the rotors.
 
-    It is for a vehicle whose flight controller does not see to that: where it clips the rotors'
-    commands one by one, roll and pitch get half of what they ask for at full thrust. At most half
-    of the thrust is given up.
+    It is for a vehicle whose flight controller does not see to that: where the rotors' commands are
+    clipped one by one, roll and pitch get half of what they ask for at full thrust. At most half of
+    the thrust is given up.
 
     Args:
         x: State.
@@ -275,8 +311,7 @@ def attainable(x, u, p):
     Returns:
         Control.
     """
-    bx_cmd = (u.wx - x.wx) * p.rate_gain_x
-    by_cmd = (u.wy - x.wy) * p.rate_gain_y
+    bx_cmd, by_cmd, _ = rate_loop(x.body_rates, u.body_rates, p.rate_gains)
     reserve = tilt_reserve(p.tilt_cost_x, p.tilt_cost_y, bx_cmd, by_cmd)
     thrust = minimum(u.thrust, maximum(p.thrust_max - reserve, 0.5 * p.thrust_max))
     return Control(u.wx, u.wy, u.wz, thrust)
@@ -290,19 +325,24 @@ TiltCost = Annotated[float, unit("m", ge=0, le=10)]
 
 @dataclass(frozen=True)
 class ModelParams:
-    """The numbers MPPI plans with. Plant and model may differ; a run stores both."""
+    """The numbers of the model that MPPI plans with.
+
+    The plant may differ from it; a run stores both.
+    """
 
     rate_tau: Annotated[tuple[Lag, Lag, Lag], setting("lag of the body rates about x, y, z [s]")]
     motor_tau: Annotated[
         Lag, setting("lag of the rotors, for thrust and torque [s]; 0: they follow at once")
     ]
-    drag: Annotated[float, setting("linear, isotropic [1/s]", unit="1/s", ge=0, le=20)]
+    drag: Annotated[float, setting("linear, isotropic drag [1/s]", unit="1/s", ge=0, le=20)]
     rate_max: Annotated[tuple[Rate, Rate, Rate], setting("limit of the body-rate commands [rad/s]")]
     thrust_max: Annotated[
-        float, setting("mass-normalised limit [m/s^2]", unit="m/s^2", gt=GRAVITY, le=1000)
+        float,
+        setting("largest mass-normalised thrust [m/s^2]", unit="m/s^2", gt=GRAVITY, le=1000),
     ]
     thrust_min: Annotated[
-        float, setting("mass-normalised limit [m/s^2]", unit="m/s^2", ge=0, lt=GRAVITY)
+        float,
+        setting("least mass-normalised thrust [m/s^2]", unit="m/s^2", ge=0, lt=GRAVITY),
     ] = 0.0
     tilt_cost: Annotated[
         tuple[TiltCost, TiltCost],
@@ -321,13 +361,14 @@ class ModelParams:
     tilt_first: Annotated[
         bool,
         setting(
-            "its flight controller gives up thrust to roll and pitch; False: the planner has to"
+            "whether the flight controller gives up thrust to roll and pitch; False: the planner "
+            "has to"
         ),
     ] = True
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> ModelParams:
-        """The nominal model of a vehicle: its own numbers, with the mean of its drag."""
+        """Return the nominal model of a vehicle: its own numbers, with the mean of its drag."""
         rotors = vehicle.rotors
         return cls(
             rate_tau=vehicle.rate_tau,
@@ -341,15 +382,22 @@ class ModelParams:
 
 
 def tilt_cost(vehicle: Vehicle) -> tuple[float, float]:
-    """Inertia over mass and lever arm: on every side of an axis two rotors carry half of the torque
-    about it [m]."""
+    """Return c_x and c_y, inertia over mass and lever arm [m].
+
+    On either side of an axis two rotors carry half of the torque about it.
+    """
     assert vehicle.rotors
     x, y = (abs(arm) for arm in vehicle.rotors.positions[0])
     return vehicle.inertia[0] / (vehicle.mass * y), vehicle.inertia[1] / (vehicle.mass * x)
 
 
 def quadrotor(model: ModelParams, dt: float) -> System:
-    """Return the system that MPPI plans with, at control period dt [s]."""
+    """Return the system that MPPI plans with.
+
+    Args:
+        model: its numbers.
+        dt: control period [s].
+    """
     gain_x, gain_y, gain_z = (response(tau, dt) / dt for tau in model.rate_tau)
     tilt_cost_x, tilt_cost_y = model.tilt_cost
     params = Params(

@@ -1,5 +1,6 @@
-"""Records: NamedTuples of numbers, of other records too. Their fields give every table its names
-and its order.
+"""Records: NamedTuples of numbers, or of other records.
+
+The fields of a record give every table its names and its order.
 
 A table of rows is an array, one record a row, one number a column: the compiled lanes read arrays.
 Where rows are made they are records, and where columns of a table are read they are found by the
@@ -32,8 +33,10 @@ def units_of(kind: type) -> dict[str, str]:
 
 
 def flat(value: Any) -> Iterator[Any]:
-    """Yield the numbers of a record in order, those of inner records in their place; a number
-    itself."""
+    """Yield the numbers of a record in order, those of inner records in their place.
+
+    A number that is no record is yielded itself.
+    """
     if isinstance(value, tuple):
         for inner in value:
             yield from flat(inner)
@@ -50,8 +53,12 @@ def unflat(kind: type, numbers: Iterator[Any]) -> Any:
 
 
 def flat_names(kind: type, between: str = "_") -> Iterator[str]:
-    """Yield a name for each number of a record, in the order of `flat`: outer and inner field,
-    joined."""
+    """Yield a name for each number of a record, in the order of `flat`.
+
+    Args:
+        kind: the record's type.
+        between: joins the names of an outer and an inner field.
+    """
     for field, inner in field_types(kind).items():
         if is_record(inner):
             for name in flat_names(inner, between):
@@ -66,12 +73,21 @@ def as_rows(records: Sequence[NamedTuple], record: type[NamedTuple]) -> np.ndarr
 
 
 def column(rows: np.ndarray, record: type[NamedTuple], name: str) -> np.ndarray:
-    """Return the column of a table in which this field of its records stands, a view.  (rows,)"""
+    """Return a view of the column of a table that holds this field of its records.  (rows,)"""
     return rows[:, record._fields.index(name)]
 
 
 def columns(rows: np.ndarray, record: type[NamedTuple], first: str, last: str) -> np.ndarray:
-    """Return the columns from one field of a table's records to another, both included, a view.
-    (rows, columns)"""
-    begin, end = record._fields.index(first), record._fields.index(last)
+    """Return a view of the columns from one field of a table's records to another, both included.
+
+    Args:
+        rows: the table  (rows, fields).
+        record: the type of its rows.
+        first, last: names of fields.
+
+    Returns:
+        (rows, columns)
+    """
+    begin = record._fields.index(first)
+    end = record._fields.index(last)
     return rows[:, begin : end + 1]

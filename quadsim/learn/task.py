@@ -18,7 +18,7 @@ from quadsim.course.swept import SweptGates
 from quadsim.dynamics.quadrotor import ModelParams, quadrotor
 from quadsim.learn.reward import RewardWeights
 from quadsim.learn.starts import start_rows
-from quadsim.race.gate_rules import check
+from quadsim.race.referee import check
 from quadsim.spec.settings import SettingError
 from quadsim.spec.systems import SYSTEMS
 from quadsim.streams import start_stream

@@ -1,1 +1,1 @@
-"""What is flown: actuators, rigid bodies, plants, domain randomization."""
+"""The simulated vehicle: actuators, rigid bodies, plants, domain randomization."""

@@ -1,5 +1,4 @@
-"""Allocation: the thrusts of four rotors for a demanded collective and torque, with priorities
-where they saturate."""
+"""Allocation: rotor thrusts for a collective and a torque, with priorities at the limits."""
 
 from __future__ import annotations
 
@@ -12,61 +11,90 @@ PerRotor = tuple[float, ...]  # one number for each of the four rotors
 
 
 def mixer(rotors: Rotors) -> tuple[PerRotor, ...]:
-    """(collective, torque x, y, z) = mixer @ rotor thrusts.  (4, 4), [N, N m]"""
-    spin = tuple(s * rotors.kappa for s in rotors.spin)
+    """Return the matrix that makes collective and torque of the rotors' thrusts.
+
+    Returns:
+        Rows of (collective [N], torque about x, y, z [N m]), columns of rotors  (4, 4).
+    """
     xs, ys = zip(*rotors.positions, strict=True)
-    return (1.0, 1.0, 1.0, 1.0), ys, tuple(-x for x in xs), spin
+    about_y = tuple(-x for x in xs)
+    about_z = tuple(spin * rotors.kappa for spin in rotors.spin)
+    return (1.0, 1.0, 1.0, 1.0), ys, about_y, about_z
 
 
-def shares(rotors: Rotors) -> tuple[tuple[float, ...], ...]:
-    """Inverse of the mixer: row i gives rotor i's part of (collective, torque x, y, z).  (4, 4)
+def shares(rotors: Rotors) -> tuple[PerRotor, ...]:
+    """Return the inverse of the mixer, the part of each rotor in collective and torque.
 
-    ValueError unless each rotor carries a quarter of the collective, which `saturate` builds on.
+    Returns:
+        Row i gives rotor i's thrust per (collective, torque about x, y, z)  (4, 4).
+
+    Raises:
+        ValueError: a rotor does not carry a quarter of the collective, which `saturate` builds on.
     """
     matrix = np.array(mixer(rotors))
     inverse = np.linalg.pinv(matrix)
     if not np.allclose(matrix @ inverse, np.eye(4)) or not np.allclose(inverse[:, 0], 0.25):
         raise ValueError(
-            "rotors: expected four, mirrored about the centre of mass [m], diagonal pairs of equal spin, "
-            f"got positions {rotors.positions}, spin {rotors.spin}"
+            "rotors: expected four, mirrored about the centre of mass [m], diagonal pairs of equal "
+            f"spin, got positions {rotors.positions}, spin {rotors.spin}"
         )
     return tuple(map(tuple, inverse.tolist()))
 
 
 def allocate(
-    share: tuple[tuple[float, ...], ...], collective: float, torque: Vec3, low: float, high: float
+    share: tuple[PerRotor, ...], collective: float, torque: Vec3, low: float, high: float
 ) -> PerRotor:
-    """Rotor thrusts [N] in [low, high] for a collective [N] and a torque [N m], by the inverse of
-    the mixer."""
+    """Return the thrusts of the rotors for a collective and a torque, within their limits.
+
+    Args:
+        share: the inverse of the mixer  (4, 4).
+        collective: demanded thrust of all rotors [N].
+        torque: demanded torque [N m].
+        low, high: limits of a rotor's thrust [N].
+
+    Returns:
+        [N]  (4,)
+    """
     x, y, z = torque
-    tilt = tuple(s[1] * x + s[2] * y for s in share)
-    twist = tuple(s[3] * z for s in share)
+    tilt = tuple(row[1] * x + row[2] * y for row in share)
+    twist = tuple(row[3] * z for row in share)
     return saturate(tilt, 0.25 * collective, twist, low, high)
 
 
 def saturate(tilt: PerRotor, lift: float, twist: PerRotor, low: float, high: float) -> PerRotor:
-    """tilt + lift + twist within [low, high] per rotor: roll and pitch first, then collective, yaw
-    last.
+    """Return tilt + lift + twist within the limits: roll and pitch first, yaw last.
 
     Yaw is given up first; then the collective moves up or down to make room; only a roll and pitch
     demand wider than the whole range is scaled, its direction kept. The order is that of Smeur,
     Hoeppener and De Wagter, "Prioritized Control Allocation for Quadrotors Subject to Saturation",
     IMAV 2017: roll and pitch direct the thrust, yaw does not.
+
+    Args:
+        tilt: part of each rotor in the torque about x and y [N]  (4,).
+        lift: a quarter of the collective [N].
+        twist: part of each rotor in the torque about z [N]  (4,).
+        low, high: limits of a rotor's thrust [N].
+
+    Returns:
+        [N]  (4,)
     """
+    # Roll and pitch: scaled where they alone need more than the whole range.
     spread = max(tilt) - min(tilt)
     scale = (high - low) / spread if spread > high - low else 1.0
-    tilt = tuple(scale * r for r in tilt)
+    tilt = tuple(scale * part for part in tilt)
+
+    # Collective: moved to where both the highest and the lowest rotor are within the limits.
     lift = min(max(lift, low - min(tilt)), high - max(tilt))
-    base = [lift + r for r in tilt]
-    room = min(
-        [
-            1.0,
-            *(
-                ((high if t > 0.0 else low) - b) / t
-                for b, t in zip(base, twist, strict=True)
-                if t != 0.0
-            ),
-        ]
+    base = [lift + part for part in tilt]
+
+    # Yaw: the share of it for which every rotor has room.
+    room = 1.0
+    for thrust, part in zip(base, twist, strict=True):
+        if part != 0.0:
+            limit = high if part > 0.0 else low
+            room = min(room, (limit - thrust) / part)
+    # Rounding may leave a base slightly outside the range.
+    room = max(room, 0.0)
+    return tuple(
+        min(max(thrust + room * part, low), high) for thrust, part in zip(base, twist, strict=True)
     )
-    room = max(room, 0.0)  # rounding may leave a base slightly outside the range
-    return tuple(min(max(b + room * t, low), high) for b, t in zip(base, twist, strict=True))

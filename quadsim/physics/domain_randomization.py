@@ -1,8 +1,7 @@
-"""Domain randomization: start pose, vehicle tolerances and gusts, drawn from the plant's own random
-stream.
+"""Domain randomization: start pose, vehicle and gusts of a flight, drawn from its seed.
 
-Everything is in proportion to a size: 0 changes nothing, 1 is a careful outdoor flight. What is
-drawn depends on seed and size alone, so that two planners with the same seed fly under the same
+Everything is in proportion to a size: 0 changes nothing, 1 is a careful outdoor flight. The numbers
+depend on seed and size alone, so that two planners with the same seed fly under the same
 disturbances. The planner's model remains that of the nominal vehicle.
 """
 
@@ -20,52 +19,62 @@ from quadsim.rotation import Vec3
 from quadsim.vehicle import Vehicle, scale_thrust
 from quadsim.vehicle.tolerances import VehicleTolerances
 
-# Half widths of the uniform distributions at size 1.
-OFFSET = 0.2  # of the start, per axis [m]
-TURN = radians(10)  # of its yaw [rad]
-VEHICLE = VehicleTolerances()  # of its numbers, which neither flight controller nor planner is told
+# Half widths of the uniform distributions at size 1: of the start, per axis [m], of its yaw [rad],
+# and of the vehicle's numbers, which neither flight controller nor planner knows.
+OFFSET = 0.2
+TURN = radians(10)
+VEHICLE = VehicleTolerances()
 
 
 @dataclass(frozen=True)
 class Randomization:
-    """What one randomized seed changes of the nominal start and vehicle. Shares are relative, 0.03
-    is 3 % more."""
+    """Changes of the nominal start and vehicle. Shares are relative: 0.03 is 3 % more."""
 
-    offset: Vec3 = (0.0, 0.0, 0.0)  # [m]
-    turn: float = 0.0  # [rad]
+    # of the start's position [m]
+    offset: Vec3 = (0.0, 0.0, 0.0)
+    # of the start's yaw [rad]
+    turn: float = 0.0
     mass: float = 0.0
     thrust: float = 0.0
     rate_lag: float = 0.0
     motor_lag: float = 0.0
     drag: float = 0.0
-    gust: float = 0.0  # standard deviation per axis [m/s^2]
+    # standard deviation of the gusts per axis [m/s^2]
+    gust: float = 0.0
 
     def start(self, start: Start) -> Start:
-        (x, y, z), (dx, dy, dz) = start.position, self.offset
+        """Return the start, moved and turned."""
+        x, y, z = start.position
+        dx, dy, dz = self.offset
         return Start((x + dx, y + dy, z + dz), start.yaw + self.turn)
 
     def vehicle(self, vehicle: Vehicle) -> Vehicle:
-        """The vehicle whose actuators fly, with its lags, drag and full thrust."""
+        """Return the vehicle whose actuators fly, with its own lags, drag and full thrust."""
         lags = tuple(tau * (1 + self.rate_lag) for tau in vehicle.rate_tau)
-        rotors = vehicle.rotors and replace(
-            vehicle.rotors, tau=vehicle.rotors.tau * (1 + self.motor_lag)
-        )
         drag = tuple(d * (1 + self.drag) for d in vehicle.drag)
-        return scale_thrust(
-            replace(vehicle, rate_tau=lags, rotors=rotors, drag=drag), 1 + self.thrust
-        )
+        rotors = vehicle.rotors
+        if rotors:
+            rotors = replace(rotors, tau=rotors.tau * (1 + self.motor_lag))
+        varied = replace(vehicle, rate_tau=lags, rotors=rotors, drag=drag)
+        return scale_thrust(varied, 1 + self.thrust)
 
     def body(self, vehicle: Vehicle) -> Vehicle:
-        """The body that the wrench acts on, with its mass and inertia, which the flight controller
-        does not know."""
+        """Return the body that the wrench acts on.
+
+        Its mass and inertia are not known to the flight controller.
+        """
         inertia = tuple(j * (1 + self.mass) for j in vehicle.inertia)
         return replace(vehicle, mass=vehicle.mass * (1 + self.mass), inertia=inertia)
 
 
 def draw(seeds: np.random.SeedSequence, size: float) -> Randomization:
-    """Return what these seeds change at this size: uniform distributions, all independent.
+    """Return the changes of a flight: uniform distributions, all independent.
 
-    The order in which the numbers are drawn is part of what a seed means.
+    The order in which the numbers are drawn is part of the meaning of a seed.
+
+    Args:
+        seeds: the stream of the vehicle.
+        size: of all changes; 0: none.
     """
     if size == 0:
         return Randomization()
@@ -84,10 +93,16 @@ def draw(seeds: np.random.SeedSequence, size: float) -> Randomization:
 
 
 def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3]:
-    """Acceleration [m/s^2] of every physics step: an Ornstein-Uhlenbeck process, exact for any dt,
-    stationary from the first step on.
+    """Yield the acceleration by the wind [m/s^2] in each physics step, world frame.
 
-    w <- exp(-dt / tau) w + std sqrt(1 - exp(-2 dt / tau)) N(0, 1)
+    It is an Ornstein-Uhlenbeck process, exact for any dt and stationary from the first step on:
+
+        w <- exp(-dt / tau) w + std sqrt(1 - exp(-2 dt / tau)) N(0, 1)
+
+    Args:
+        seeds: the stream of the gusts.
+        std: standard deviation per axis [m/s^2].
+        dt: physics step [s].
     """
     keep = remaining(VEHICLE.gust_tau, dt)
     fresh = std * sqrt(1 - keep * keep)
@@ -96,14 +111,16 @@ def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3
     while True:
         yield x, y, z
         a, b, c = rng.standard_normal(3).tolist()
-        x, y, z = keep * x + fresh * a, keep * y + fresh * b, keep * z + fresh * c
+        x = keep * x + fresh * a
+        y = keep * y + fresh * b
+        z = keep * z + fresh * c
 
 
 def displaced(course: Course, seeds: np.random.SeedSequence, size: float) -> Course:
-    """The course with every gate up to `size` [m] off along x and along y, uniformly.
+    """Return the course with every gate up to `size` [m] off along x and along y, uniformly.
 
     A gate that is flown through several times is moved once. Heights stay, as gates stand on the
-    ground: so one above another stays clear of it.
+    ground, and so that a gate above another stays clear of it.
     """
     distinct = tuple(dict.fromkeys(course.gates))
     moves = size * np.random.default_rng(seeds).uniform(-1, 1, (len(distinct), 2))

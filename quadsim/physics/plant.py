@@ -1,8 +1,7 @@
-"""Plants: what is flown. The controller plans with a model of it, which may differ.
+"""Plants: the simulated vehicle. The controller plans with a model of it, which may differ.
 
 A quadrotor is a rigid body behind its actuators; two worlds move the rigid body, PyBullet's and our
-own. Another simulator, RotorPy, has a multirotor of its own. Any other system is flown by its own
-step.
+own. Another simulator, RotorPy, has a multirotor of its own. A ModelPlant flies a model's own step.
 """
 
 from __future__ import annotations
@@ -23,41 +22,69 @@ from quadsim.physics.rotorpy_plant import RotorpyPlant
 from quadsim.rotation import Quaternion, Vec3, to_body
 from quadsim.vehicle import Vehicle
 
-Vector = tuple[float, ...]  # a state or the parameters of any system
+Vector = tuple[float, ...]  # a state of any system
 
 
 class Plant(Protocol):
-    """A system with its own fixed physics step. One for each flight; close() frees it."""
+    """A vehicle with its own fixed physics step.
 
-    dt: float  # physics step [s]
-    # A plant may have `velocity_lag` [s]: how much older than the position the velocity of its
-    # states is.
+    Each flight has a plant of its own. A plant may have `velocity_lag` [s]: how much older than the
+    position the velocity of its states is.
+    """
+
+    # physics step [s]
+    dt: float
 
     @property
-    def state(self) -> PlantState[Any]: ...
-
-    def step(self, u: Sequence[float]) -> PlantState[Any]:
-        """Advance one physics step under the command u, of a quadrotor in the order of Control."""
+    def state(self) -> PlantState[Any]:
+        """The state after the last physics step."""
         ...
 
-    def close(self) -> None: ...
+    def step(self, u: Sequence[float]) -> PlantState[Any]:
+        """Advance by one physics step and return the state after it.
+
+        Args:
+            u: command, of a quadrotor in the order of Control  (n_u,).
+        """
+        ...
+
+    def close(self) -> None:
+        """Release what the plant holds."""
+        ...
 
 
 class World(Protocol):
     """A rigid body among a course's gates; see quadsim.physics.rigid_body.RigidBody."""
 
-    def place(self, p: Vec3, q: Quaternion) -> None: ...
-    def apply(self, force_body: Vec3, torque_body: Vec3) -> None: ...
-    def step(self) -> None: ...
-    def read(self) -> tuple[Vec3, Vec3, Quaternion, Vec3]: ...
-    def contacts(self) -> tuple[str, ...]: ...
-    def close(self) -> None: ...
+    def place(self, p: Vec3, q: Quaternion) -> None:
+        """Put the vehicle at rest at the position p [m] with the attitude q (wxyz)."""
+        ...
+
+    def apply(self, force_body: Vec3, torque_body: Vec3) -> None:
+        """Apply a force [N] and a torque [N m] of the body frame for the next step only."""
+        ...
+
+    def step(self) -> None:
+        """Advance by one physics step."""
+        ...
+
+    def read(self) -> tuple[Vec3, Vec3, Quaternion, Vec3]:
+        """Return p [m], v [m/s] in the world frame, q wxyz, omega [rad/s] in the body frame."""
+        ...
+
+    def contacts(self) -> tuple[str, ...]:
+        """Return what the vehicle touched in the last step: "ground", "gate 3", "obstacle 2"."""
+        ...
+
+    def close(self) -> None:
+        """Release what the world holds."""
+        ...
 
 
 class RigidPlant:
     """A rigid body, moved by quadsim.physics.rigid_body, behind the vehicle's actuators.
 
-    Deterministic: each plant has a world of its own.
+    Each plant has a world of its own, so that the same commands give the same states.
     """
 
     def __init__(
@@ -69,15 +96,25 @@ class RigidPlant:
         body: Vehicle | None = None,
         gusts: Iterator[Vec3] | None = None,
     ):
-        """start: in place of the course's own. body: whose mass and inertia the world has, in place
-        of the vehicle's, by which the actuators are controlled. gusts: acceleration of each physics
-        step, world frame [m/s^2]."""
+        """Start at rest.
+
+        Args:
+            course: gates and obstacles that stand in the world.
+            vehicle: whose actuators fly.
+            dt: physics step [s].
+            start: in place of the course's own.
+            body: its mass and inertia are the world's; by default the vehicle's own, by which the
+                flight controller works in either case.
+            gusts: acceleration in each physics step, world frame [m/s^2].
+        """
+        body = body or vehicle
         self.dt = dt
-        # semi-implicit Euler: p <- p + v dt, so that v is of the middle of the step
+        # By semi-implicit Euler p <- p + v dt, so v is the velocity in the middle of the step.
         self.velocity_lag = dt / 2
         self._actuators = Actuators(vehicle, dt)
-        self._world = self._new_world(course, body or vehicle, dt)
-        self._mass, self._gusts = (body or vehicle).mass, gusts
+        self._world = self._new_world(course, body, dt)
+        self._mass = body.mass
+        self._gusts = gusts
         x = start_state(start or course.start, vehicle.radius)
         self._world.place(x.position, x.attitude)
         self._steps = 0
@@ -88,13 +125,14 @@ class RigidPlant:
         return RigidBody(course, body, dt)
 
     def step(self, u: Sequence[float]) -> PlantState[State]:
+        """Advance by one physics step under a command in the order of Control  (4,)."""
         x = self.state.x
         attitude = x.attitude
         force, torque = self._actuators.wrench(u, x.body_rates, to_body(attitude, x.velocity))
         if self._gusts:
             fx, fy, fz = force
             ax, ay, az = to_body(attitude, next(self._gusts))
-            force = fx + self._mass * ax, fy + self._mass * ay, fz + self._mass * az
+            force = (fx + self._mass * ax, fy + self._mass * ay, fz + self._mass * az)
         self._world.apply(force, torque)
         self._world.step()
         self._steps += 1
@@ -114,11 +152,12 @@ class RigidPlant:
         return PlantState(self._steps * self.dt, x, self._world.contacts())
 
     def close(self) -> None:
+        """Release the world."""
         self._world.close()
 
 
 class BulletPlant(RigidPlant):
-    """The same in PyBullet. Raises ValueError where that is not installed."""
+    """The same plant in PyBullet. Raises ValueError where that is not installed."""
 
     @staticmethod
     def _new_world(course: Course, body: Vehicle, dt: float) -> World:
@@ -126,7 +165,8 @@ class BulletPlant(RigidPlant):
             raise ValueError(
                 "plant: 'bullet' needs PyBullet, which is not installed: install it, or fly 'rigid'"
             )
-        from quadsim.physics import world  # here, so that models and referees do not load pybullet
+        # imported here, so that models and referees do not load pybullet
+        from quadsim.physics import world
 
         return world.World(course, body, dt)
 
@@ -140,43 +180,48 @@ PLANTS: dict[PlantName, type[RigidPlant] | type[RotorpyPlant]] = {
 
 
 def has_bullet() -> bool:
-    """Whether PyBullet can be imported; it is not, as that takes a while."""
+    """Return whether PyBullet is installed, without the time that importing it takes."""
     return find_spec("pybullet") is not None
 
 
 def default_plant() -> PlantName:
-    """The plant that is flown unless another is asked for: "bullet" where PyBullet is installed,
-    else "rigid"."""
+    """Return the plant that is flown by default: "bullet" where it is installed, else "rigid"."""
     return "bullet" if has_bullet() else "rigid"
 
 
 class NamedPlant:
-    """A quadrotor's plant of a user's own, whose states may be plain tuples of 17 numbers in the
-    order of `State`.
+    """A plant of a user's own, with its states named.
 
-    The same plant, with a `State` in place of the tuple: sensors and records read its numbers by
-    name.
+    The states of such a plant may be plain tuples of 17 numbers in the order of `State`. Sensors
+    and records read numbers by name, so a `State` is put in place of the tuple.
     """
 
     def __init__(self, plant: Plant):
+        """plant: whose states are to be named."""
         self._plant = plant
         self.dt = plant.dt
         self.velocity_lag = getattr(plant, "velocity_lag", 0.0)
 
     @property
     def state(self) -> PlantState[State]:
+        """The state after the last physics step."""
         return named(self._plant.state)
 
     def step(self, u: Sequence[float]) -> PlantState[State]:
+        """Advance by one physics step under a command in the order of Control  (4,)."""
         return named(self._plant.step(u))
 
     def close(self) -> None:
+        """Release what the plant holds."""
         self._plant.close()
 
 
 def named(state: PlantState[Any]) -> PlantState[State]:
-    """Return the same state with its numbers by name. Raises ValueError unless there are as many as
-    State has."""
+    """Return the same state with its numbers by name.
+
+    Raises:
+        ValueError: there are not as many numbers as `State` has.
+    """
     if isinstance(state.x, State):
         return state
     if len(state.x) != len(State._fields):
@@ -187,7 +232,7 @@ def named(state: PlantState[Any]) -> PlantState[State]:
 
 
 class ModelPlant:
-    """A system flown by its own step, with an optional disturbance. Touches nothing."""
+    """A system flown by its own step, with an optional disturbance; it touches nothing."""
 
     def __init__(
         self, system: System, x0: Sequence[float], disturb: Callable[[Vector], Vector] | None = None
@@ -206,6 +251,7 @@ class ModelPlant:
         self.state: PlantState[Any] = PlantState(0.0, system.state(*x0), ())
 
     def step(self, u: Sequence[float]) -> PlantState[Any]:
+        """Advance by one step of the system under the control u  (n_u,)."""
         x = self._system.next(self.state.x, u)
         if self._disturb:
             x = self._system.state(*self._disturb(x))
@@ -214,11 +260,20 @@ class ModelPlant:
         return self.state
 
     def close(self) -> None:
-        pass
+        """Release nothing, as nothing is held."""
 
 
 def diffusion(std: Vector, dt: float, rng: np.random.Generator) -> Callable[[Vector], Vector]:
-    """Brownian disturbance: x_i += std_i sqrt(dt) N(0, 1) each step, so std_i is reached after 1 s
-    for any dt."""
+    """Return a Brownian disturbance, x_i += std_i sqrt(dt) N(0, 1) in each step.
+
+    Args:
+        std: standard deviations that are reached after 1 s, for any dt  (n_x,).
+        dt: step [s].
+        rng: of the disturbance.
+    """
     scale = np.asarray(std) * np.sqrt(dt)
-    return lambda x: tuple((x + scale * rng.standard_normal(len(scale))).tolist())
+
+    def disturb(x: Vector) -> Vector:
+        return tuple((x + scale * rng.standard_normal(len(scale))).tolist())
+
+    return disturb

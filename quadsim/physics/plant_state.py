@@ -10,7 +10,8 @@ from quadsim.dynamics.quadrotor import State
 from quadsim.rotation import Vec3, from_yaw
 from quadsim.vehicle import GRAVITY
 
-CLEARANCE = 1e-3  # between the ground and a vehicle that starts on it [m]
+# [m] between the ground and a vehicle that starts on it
+CLEARANCE = 1e-3
 
 X = TypeVar("X", bound=tuple[float, ...])
 
@@ -19,26 +20,34 @@ X = TypeVar("X", bound=tuple[float, ...])
 class PlantState(Generic[X]):
     """The state after a physics step.
 
-    The plants of a quadrotor give a `State`. Those of other systems give a tuple in the order of
-    the system's states, and so may a quadrotor's plant of a user's own: see
-    `quadsim.physics.plant.NamedPlant`.
+    The plants of a quadrotor give a `State`. A ModelPlant gives a tuple in the order of its
+    system's states, and so may a plant of a user's own: see `quadsim.physics.plant.NamedPlant`.
     """
 
-    t: float  # [s]
-    x: X  # the system's state
-    contacts: tuple[str, ...]  # what the vehicle touches: "ground", "gate 3", "obstacle 2"
+    # [s]
+    t: float
+    # the system's state  (n_x,)
+    x: X
+    # objects that the vehicle touches: "ground", "gate 3", "obstacle 2"
+    contacts: tuple[str, ...]
 
     @property
     def position(self) -> Vec3:
-        """Of a state that begins with one [m]; a state of fewer than three numbers is filled up
-        with zeros."""
+        """The position with which the state begins [m].
+
+        A state of fewer than three numbers is filled up with zeros.
+        """
         x, y, z = (*self.x[:3], 0.0, 0.0)[:3]
         return x, y, z
 
 
 def start_state(start: Start, radius: float) -> State:
-    """Return the state at rest, level, with hover thrust; lifted clear of the ground where the
-    start stands on it."""
+    """Return the state at rest, level, with hover thrust.
+
+    Args:
+        start: where the vehicle stands; on the ground it is lifted clear of it.
+        radius: of the vehicle [m].
+    """
     x, y, z = start.position
     return State.of(
         position=(x, y, max(z, radius + CLEARANCE)),

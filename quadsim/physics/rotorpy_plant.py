@@ -1,18 +1,17 @@
-"""Another simulator as the plant: RotorPy's multirotor (Folk, Paulos and Kumar 2023); the only file
-that imports it.
+"""RotorPy's multirotor as the plant (Folk, Paulos and Kumar 2023); only this file imports RotorPy.
 
-From RotorPy: the rate controller and the allocation, whose rotor commands are cut at their limits
-one by one; rotor lag; the integrator; and aerodynamics that the planner does not know. With the
-air's velocity v in the body frame
+RotorPy gives the rate controller, the allocation, whose rotor commands are cut at their limits one
+by one, the rotor lag, the integrator, and aerodynamics that the planner does not know. With the
+velocity v through the air in the body frame these are
 
     rotor drag            -k_d W v for each rotor, in proportion to its speed W
     parasitic drag        -c |v| v of the body
     translational lift    k_h (v_x^2 + v_y^2) for each rotor, along its axis
 
-From the vehicle's file: mass, inertia, rotors with their lag, limits, rate loop, latency. RotorPy's
-thrust map is k W^2, with the file's thrust at full speed. The linear drag of the file becomes k_d:
-four rotors at full speed have it. Nothing is touched here: the referee finds contacts by its own
-swept test.
+The vehicle's file gives mass, inertia, rotors with their lag, limits, rate loop and latency.
+RotorPy's thrust map is k W^2, with the file's thrust at full speed. The linear drag of the file
+becomes k_d: four rotors at full speed have it. This plant reports no contacts; the referee finds
+them by its own swept test.
 """
 
 from __future__ import annotations
@@ -34,14 +33,19 @@ from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.rotation import Vec3
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
-PARASITIC = (0.006, 0.006, 0.012)  # c / m [1/m]: 2.4 m/s^2 at 20 m/s
-LIFT = 0.0046  # 4 k_h / m [1/m]: 1.8 m/s^2 at 20 m/s
-LEAST_LAG = 1e-3  # [s] RotorPy divides by it
+# c / m [1/m], along the body's axes: 2.4 m/s^2 at 20 m/s.
+PARASITIC = (0.006, 0.006, 0.012)
+# 4 k_h / m [1/m]: 1.8 m/s^2 at 20 m/s.
+LIFT = 0.0046
+# [s] RotorPy divides by the rotors' lag.
+LEAST_LAG = 1e-3
 
 
 class RotorpyPlant:
-    """One vehicle in RotorPy's world. Raises ValueError without RotorPy, and for a vehicle without
-    rotors."""
+    """One vehicle in RotorPy's world.
+
+    Raises ValueError where RotorPy is not installed, and for a vehicle without rotors.
+    """
 
     def __init__(
         self,
@@ -52,14 +56,16 @@ class RotorpyPlant:
         body: Vehicle | None = None,
         gusts: Iterator[Vec3] | None = None,
     ):
-        """As quadsim.physics.plant.RigidPlant."""
+        """Start at rest; the arguments are those of quadsim.physics.plant.RigidPlant."""
         if vehicle.rotors is None:
             raise ValueError(
                 f"plant: 'rotorpy' needs a vehicle with rotors, got {vehicle.name!r}: fly 'rigid'"
             )
         self.dt = dt
-        self._vehicle, self._rotors, self._gusts = vehicle, _quadratic(vehicle.rotors), gusts
-        # (4, 4): collective and torque of the rotors' thrusts
+        self._vehicle = vehicle
+        self._rotors = _quadratic(vehicle.rotors)
+        self._gusts = gusts
+        # collective and torque of the rotors' thrusts  (4, 4)
         self._mixer = np.array(mixer(self._rotors))
         self._model = _multirotor(vehicle, self._rotors, body or vehicle, dt)
         self._delayed: deque[Control] = deque([HOVER] * round(vehicle.latency / dt))
@@ -68,7 +74,8 @@ class RotorpyPlant:
         self._now: dict[str, np.ndarray] = {
             "x": np.array(x.position),
             "v": np.zeros(3),
-            "q": np.array([x.qx, x.qy, x.qz, x.qw]),  # RotorPy's quaternions are xyzw
+            # RotorPy's quaternions are xyzw.
+            "q": np.array([x.qx, x.qy, x.qz, x.qw]),
             "w": np.zeros(3),
             "wind": np.zeros(3),
             "rotor_speeds": np.full(4, hover),
@@ -77,6 +84,7 @@ class RotorpyPlant:
         self.state = self._read()
 
     def step(self, u: Sequence[float]) -> PlantState[State]:
+        """Advance by one physics step under a command in the order of Control  (4,)."""
         self._delayed.append(clamp_command(u, self._vehicle))
         acting = self._delayed.popleft()
         command = {
@@ -91,8 +99,7 @@ class RotorpyPlant:
         return self.state
 
     def _read(self) -> PlantState[State]:
-        """Read the state. Thrust and torque come from the rotors' speeds, as in the other
-        plants."""
+        """Return the state; thrust and torque come from the rotors' speeds, as in other plants."""
         now = self._now
         body_rates: Vec3 = tuple(now["w"].tolist())
         thrusts = self._rotors.thrust_map[0] * now["rotor_speeds"] ** 2
@@ -111,45 +118,60 @@ class RotorpyPlant:
         return PlantState(self._steps * self.dt, x, ())
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Release nothing, as nothing is held."""
 
 
 def _quadratic(rotors: Rotors) -> Rotors:
-    """With the thrust map k W^2 that has the same thrust at full speed."""
-    return replace(
-        rotors, thrust_map=(rotors.thrust(rotors.omega_max) / rotors.omega_max**2, 0.0, 0.0)
-    )
+    """Return the rotors with the thrust map k W^2 that has the same thrust at full speed."""
+    k = rotors.thrust(rotors.omega_max) / rotors.omega_max**2
+    return replace(rotors, thrust_map=(k, 0.0, 0.0))
 
 
 def _multirotor(vehicle: Vehicle, rotors: Rotors, body: Vehicle, dt: float) -> Any:
-    """RotorPy's, with its parameters by the names of its files."""
+    """Return RotorPy's multirotor, with its parameters by the names of RotorPy's files.
+
+    Args:
+        vehicle: whose flight controller flies.
+        rotors: with a thrust map k W^2.
+        body: whose mass and inertia are moved.
+        dt: physics step [s].
+    """
     try:
         from rotorpy.vehicles.multirotor import Multirotor
     except ImportError:
         raise ValueError(f"plant: 'rotorpy': {needs_extra('rotorpy', 'rotorpy')}") from None
-    k, m = rotors.thrust_map[0], vehicle.mass
-    of_drag = m / (4 * rotors.omega_max)
+    k = rotors.thrust_map[0]
+    mass = vehicle.mass
+    jx, jy, jz = body.inertia
+    # rotor drag of one rotor per its speed and the vehicle's linear drag
+    per_drag = mass / (4 * rotors.omega_max)
     parameters = {
         "mass": body.mass,
-        **dict(zip(("Ixx", "Iyy", "Izz"), body.inertia, strict=True)),
-        **dict.fromkeys(("Ixy", "Ixz", "Iyz"), 0.0),
+        "Ixx": jx,
+        "Iyy": jy,
+        "Izz": jz,
+        "Ixy": 0.0,
+        "Ixz": 0.0,
+        "Iyz": 0.0,
         "num_rotors": 4,
         "rotor_pos": {
             f"r{i}": np.array([x, y, 0.0]) for i, (x, y) in enumerate(rotors.positions, start=1)
         },
         "rotor_directions": np.array(rotors.spin),
-        **dict(zip(("c_Dx", "c_Dy", "c_Dz"), (m * c for c in PARASITIC), strict=True)),
+        "c_Dx": mass * PARASITIC[0],
+        "c_Dy": mass * PARASITIC[1],
+        "c_Dz": mass * PARASITIC[2],
         "k_eta": k,
         "k_m": k * rotors.kappa,
-        "k_d": of_drag * (vehicle.drag[0] + vehicle.drag[1]) / 2,
-        "k_z": of_drag * vehicle.drag[2],
-        "k_h": m * LIFT / 4,
+        "k_d": per_drag * (vehicle.drag[0] + vehicle.drag[1]) / 2,
+        "k_z": per_drag * vehicle.drag[2],
+        "k_h": mass * LIFT / 4,
         "tau_m": max(rotors.tau, LEAST_LAG),
         "rotor_speed_min": rotors.omega_min,
         "rotor_speed_max": rotors.omega_max,
         "k_w": np.array([response(tau, dt) / dt for tau in vehicle.rate_tau]),
     }
-    # one step of third order where its error is small: 0.01 mm in 2 s, and half the time of what
-    # RotorPy would use
+    # One step of third order where its error is small: 0.01 mm in 2 s, in half the time that
+    # RotorPy's own choice would take.
     integrator = {"method": "RK23", "rtol": 1e-3, "atol": 1e-4, "first_step": dt}
     return Multirotor(parameters, control_abstraction="cmd_ctbr", integrator_kwargs=integrator)

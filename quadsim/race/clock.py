@@ -7,18 +7,22 @@ from time import perf_counter, sleep
 
 
 class Clock:
-    """Simulated clock: planning takes no simulated time, so that every flight is reproducible to
-    the last bit.
+    """Simulated clock: planning takes no simulated time.
 
-    Time t [s] counts from the start of the flight.
+    Every flight is reproducible to the last bit by it. Time t [s] counts from the start of the
+    flight.
     """
 
     def now(self, t: float) -> float:
-        """The simulated time now, when the planning that started at t has ended [s]."""
+        """Return the time at which planning has ended [s].
+
+        Args:
+            t: when the planning started [s].
+        """
         return t
 
     def wait(self, t: float) -> None:
-        """Return when the time is t [s]."""
+        """Wait until the time is t [s]."""
 
 
 class WallClock(Clock):
@@ -27,17 +31,27 @@ class WallClock(Clock):
     def __init__(
         self, time: Callable[[], float] = perf_counter, sleep: Callable[[float], None] = sleep
     ):
-        """time: a clock [s] of any origin. sleep: waits for a number of seconds."""
-        self._time, self._sleep = time, sleep
+        """Use a clock and a way to wait.
+
+        Args:
+            time: returns the time from any origin [s].
+            sleep: waits for a number of seconds.
+        """
+        self._time = time
+        self._sleep = sleep
         self._began: float | None = None
 
     def now(self, t: float) -> float:
-        # time starts when the first plan is ready, as that one may include compiling
+        """Return the time that has passed since the first plan was ready [s].
+
+        The first plan takes no time, as it may include compiling.
+        """
         if self._began is None:
             self._began = self._time() - t
         return self._time() - self._began
 
     def wait(self, t: float) -> None:
+        """Wait until the time is t [s]."""
         self._sleep(max(t - self.now(t), 0.0))
 
 

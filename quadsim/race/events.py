@@ -1,5 +1,4 @@
-"""Records of a flight: the referee's events, a frame for each control step; lap times computed from
-the events."""
+"""Records of a flight: events of the referee, a Frame for each control step, lap times."""
 
 from __future__ import annotations
 
@@ -9,84 +8,114 @@ from itertools import pairwise
 
 from controllers.plan import PlannerSnapshot
 
-# [s] without getting nearer to the next gate than before, after which a flight is over
+# [s] A flight is over after this time without getting nearer to the next gate than before.
 NO_PROGRESS = 5.0
-PENALTY = 3.0  # [s] a hit in the timed mode, as AirSim Drone Racing Lab scores
+# [s] for a hit in the timed mode, as AirSim Drone Racing Lab scores
+PENALTY = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
     """An event that the referee reports; its time is resolved within the physics step."""
 
-    t: float  # [s]
-    kind: str  # pass, hit, miss, wrong_way, ground, bounds, stuck, timeout, unseen_contact
-    gate: int  # 1-based; 0: no gate
-    lap: int  # 1-based
-    offset: tuple[float, float]  # from the gate's centre: left, up in the gate frame [m]
-    speed: float  # [m/s]
-    position: tuple[float, float, float]  # ENU [m]
-    obstacle: int = 0  # 1-based; 0: none
+    # [s]
+    t: float
+    # pass, hit, miss, wrong_way, ground, bounds, stuck, timeout, unseen_contact
+    kind: str
+    # number of the gate, from 1; 0: no gate
+    gate: int
+    # number of the lap, from 1
+    lap: int
+    # from the gate's centre, left and up in the gate frame [m]
+    offset: tuple[float, float]
+    # [m/s]
+    speed: float
+    # ENU [m]
+    position: tuple[float, float, float]
+    # number of the obstacle, from 1; 0: no obstacle
+    obstacle: int = 0
 
     @property
     def place(self) -> str:
-        """ "gate 3", "obstacle 2", or "" for an event at neither."""
-        return (
-            f"obstacle {self.obstacle}"
-            if self.obstacle
-            else f"gate {self.gate}"
-            if self.gate
-            else ""
-        )
+        """The place of the event: "gate 3", "obstacle 2", or "" for an event at neither."""
+        if self.obstacle:
+            return f"obstacle {self.obstacle}"
+        if self.gate:
+            return f"gate {self.gate}"
+        return ""
 
     def record(self) -> dict:
-        """As JSON; an event of no obstacle does not say so, as before there were any."""
-        return {k: v for k, v in asdict(self).items() if v or k != "obstacle"}
+        """Return the event as JSON; without the key "obstacle" where there is none."""
+        record = asdict(self)
+        if not self.obstacle:
+            del record["obstacle"]
+        return record
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
     """One control step: the state at t, and the control that is computed from it."""
 
-    t: float  # [s]
-    x: tuple[float, ...]  # state at t, see the system's STATE_UNITS
-    u: tuple[float, ...]  # control for the following control period
-    passed: int  # gates passed since the start
-    lap: int  # 1-based
-    gate: int  # 1-based number of the next gate
-    ess: float  # effective sample size of the last iteration
-    temperature: float  # lambda of the last iteration
-    cost: float  # J of the unperturbed sample of the last iteration
-    plan_ms: float  # planning time, wall clock [ms]
-    elapsed: float  # wall clock since the start of the simulation [s]
-    events: tuple[Event, ...] = ()  # of the physics steps that led to t
-    outcome: str | None = None  # None: still flying; finished, crashed, stuck, timeout
+    # [s]
+    t: float
+    # state at t, see the system's STATE_UNITS  (n_x,)
+    x: tuple[float, ...]
+    # control for the following control period  (n_u,)
+    u: tuple[float, ...]
+    # gates passed since the start
+    passed: int
+    # number of the lap, from 1
+    lap: int
+    # number of the next gate, from 1
+    gate: int
+    # effective sample size of the last iteration
+    ess: float
+    # lambda of the last iteration
+    temperature: float
+    # J of the unperturbed sample of the last iteration
+    cost: float
+    # planning time, wall clock [ms]
+    plan_ms: float
+    # wall clock since the start of the simulation [s]
+    elapsed: float
+    # events of the physics steps that led to t
+    events: tuple[Event, ...] = ()
+    # None: still flying; finished, crashed, stuck, timeout
+    outcome: str | None = None
     # the planner's best samples, every SNAPSHOT_EVERY periods
     snapshot: PlannerSnapshot | None = None
-    # of quadsim.sensing.estimate_record.ESTIMATE_UNITS, where the state is sensed
+    # columns of quadsim.sensing.estimate_record.ESTIMATE_UNITS, where the state is sensed
     estimate: tuple[float, ...] = ()
 
 
 def flown_laps(events: Iterable[Event], completed: int) -> list[float]:
-    """Lap times [s]. A lap ends at its last gate; the first begins at t = 0, so that the laps sum
-    to the race time."""
-    ends = {e.lap: e.t for e in events if e.kind == "pass"}
-    ends = [0.0, *(ends[lap] for lap in range(1, completed + 1))]
-    return [b - a for a, b in pairwise(ends)]
+    """Return the times of the completed laps [s].
+
+    A lap ends at its last gate; the first begins at t = 0, so that the laps sum to the race time.
+    """
+    last_pass = {e.lap: e.t for e in events if e.kind == "pass"}
+    ends = [0.0, *(last_pass[lap] for lap in range(1, completed + 1))]
+    return [end - begin for begin, end in pairwise(ends)]
 
 
 def lap_penalties(events: Iterable[Event], completed: int) -> list[float]:
-    """Penalty time of each completed lap [s]: PENALTY for every hit. Without --penalties a hit ends
-    the flight."""
+    """Return the penalty time of each completed lap [s]: PENALTY for every hit.
+
+    Without --penalties a hit ends the flight.
+    """
     hits = [e.lap for e in events if e.kind == "hit"]
     return [PENALTY * hits.count(lap) for lap in range(1, completed + 1)]
 
 
 def sector_times(events: Iterable[Event]) -> list[list[float]]:
-    """Time from gate to gate [s], one list per lap; they sum to the lap time without penalties."""
+    """Return the times from gate to gate [s], one list for each lap.
+
+    They sum to the lap time without penalties.
+    """
     laps: dict[int, list[float]] = {}
     last = 0.0
-    for e in events:
-        if e.kind == "pass":
-            laps.setdefault(e.lap, []).append(e.t - last)
-            last = e.t
+    for event in events:
+        if event.kind == "pass":
+            laps.setdefault(event.lap, []).append(event.t - last)
+            last = event.t
     return list(laps.values())

@@ -1,8 +1,8 @@
-"""simulate(): the loop in which the controller plans, the plant steps and the referee checks; one
-Frame per step.
+"""simulate(): the loop in which the controller plans, the plant steps and the referee checks.
 
-It is a generator: the consumer sets the pace. The command line collects the frames, the web page
-draws them as they come and pauses by not asking for the next one.
+It is a generator of Frames, one for each control step, and its consumer sets the pace: the command
+line collects the frames, the web page draws them as they come and pauses by not asking for the next
+one.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 from time import perf_counter
-from typing import Any, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,29 +27,29 @@ from quadsim.sensing.navigation import Navigation, RefereeCount, TrueState
 
 @runtime_checkable
 class Controller(Protocol):
-    """Computes the next control from what is known of the vehicle. MPPI is one."""
+    """Computes the next control from what is known of the vehicle; MPPI is one."""
 
     @property
     def rest(self) -> np.ndarray:
-        """The control at rest, of a quadrotor hover; applied until the first plan is ready.
-        (n_u,)"""
+        """The control at rest, e.g. hover, which acts until the first plan is ready.  (n_u,)"""
         ...
 
     def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
-        """Return the control to apply, and statistics of the plan.
+        """Return the control to apply from now on, and statistics of the plan.
 
         Args:
-            estimate: time, state and gates passed; the model and the course, where they are
+            estimate: time, state (n_x,) and gates passed; the model and the course, where they are
                 estimated in flight.
 
         Returns:
-            u (n_u,) and PlanStats.
+            The control u (n_u,), of a quadrotor body rates [rad/s] and thrust [m/s^2], and
+            PlanStats.
         """
         ...
 
 
 class ControlLaw(Protocol):
-    """A controller of one's own in its plainest form."""
+    """A controller of a user's own in its plainest form."""
 
     def control(self, x: np.ndarray, /) -> ArrayLike:
         """Return the control u (n_u,) at the state x (n_x,)."""
@@ -60,48 +60,72 @@ class PlainController:
     """Adapts a controller that has only `control(x) -> u` to the Controller protocol."""
 
     def __init__(self, inner: ControlLaw, rest: Sequence[float]):
-        """rest: the control until the first one is ready  (n_u,)."""
+        """Wrap a control law.
+
+        Args:
+            inner: the control law.
+            rest: the control until the first one is ready  (n_u,).
+        """
         self._inner = inner
         self.rest = np.array(rest)
 
     def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
+        """Return the control law's control at the estimated state, without statistics."""
         u = np.asarray(self._inner.control(estimate.x), float)
         return u, PlanStats(cost=0.0, ess=0.0, temperature=0.0)
 
 
 class RefereeProtocol(Protocol):
-    """Checks every physics step and ends the flight by setting an outcome; see
-    quadsim.race.referee.Referee."""
+    """Checks every physics step, and ends the flight by setting an outcome.
+
+    See quadsim.race.referee.Referee.
+    """
 
     @property
     def outcome(self) -> str | None:
-        """None while the flight goes on."""
+        """The outcome of the flight, None while it goes on."""
         ...
 
     @property
     def passed(self) -> int:
-        """Gates passed since the start."""
+        """The number of gates passed since the start."""
         ...
 
     @property
     def lap(self) -> int:
-        """The current lap, from 1."""
+        """The number of the current lap, from 1."""
         ...
 
     @property
     def next_gate(self) -> int:
-        """Index of the next gate, from 0."""
+        """The index of the next gate, from 0."""
         ...
 
     def observe(
         self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()
     ) -> list[Event]:
-        """Events of the physics step from p0 at t0 to p1 at t1 [m, s]. contacts: objects that the
-        vehicle touches."""
+        """Return the events of one physics step in the order of their instants.
+
+        Args:
+            t0, p0: time [s] and position [m] before the step.
+            t1, p1: time [s] and position [m] after the step.
+            contacts: objects that the plant reports as touched, e.g. "gate 3".
+        """
         ...
 
 
-SNAPSHOT_EVERY = 10  # control periods from one PlannerSnapshot to the next
+# control periods from one PlannerSnapshot to the next
+SNAPSHOT_EVERY = 10
+
+
+class Plan(NamedTuple):
+    """A control and how it was found."""
+
+    # control to apply  (n_u,)
+    u: tuple[float, ...]
+    stats: PlanStats
+    # planning time, wall clock [ms]
+    ms: float
 
 
 def simulate(
@@ -113,8 +137,9 @@ def simulate(
     snapshot: Callable[[], PlannerSnapshot | None] | None = None,
     navigation: Navigation | None = None,
 ) -> Iterator[Frame]:
-    """Simulate until the referee ends the flight. The last frame has the outcome and the last
-    control applied.
+    """Simulate until the referee ends the flight, and yield a Frame for each control step.
+
+    The last frame has the outcome and the last control applied.
 
     With the wall clock, the previous control is applied until the new plan is ready; the next
     planning step starts one period after this one started, or when this plan is ready if that is
@@ -131,76 +156,83 @@ def simulate(
     Raises:
         ValueError: period is no whole multiple of the plant's step.
     """
-    clock = clock or Clock()
     whole_multiple(period, plant.dt)
     began = perf_counter()
-    u = previous_u = tuple(controller.rest.tolist())
-    navigation = navigation or exact_navigation(plant.state, referee, u, period)
-    stats, plan_ms = PlanStats(cost=0.0, ess=0.0, temperature=0.0), 0.0
+    rest = tuple(controller.rest.tolist())
+    clock = clock or Clock()
+    navigation = navigation or exact_navigation(plant.state, referee, rest, period)
+    plan = Plan(rest, PlanStats(cost=0.0, ess=0.0, temperature=0.0), 0.0)
     events: list[Event] = []
+
     for k in count():
-        state, flying = plant.state, referee.outcome is None
+        state = plant.state
+        flying = referee.outcome is None
+        previous = plan
+
+        # Plan from what is known now.
         if flying:
-            before = perf_counter()
-            control, stats = controller.control(navigation.estimate(state.t))
-            plan_ms = 1e3 * (perf_counter() - before)
-            previous_u, u = u, tuple(control.tolist())
-        # read before the frame is yielded, as its consumer may take a while
-        plan_ready_time = clock.now(state.t)
+            plan = plan_next(controller, navigation, state.t)
+        # The clock is read before the frame is yielded, as its consumer may take a while.
+        ready = clock.now(state.t)
         best = snapshot() if snapshot and flying and k % SNAPSHOT_EVERY == 0 else None
-        navigation.commanded(state.t, plan_ready_time, u)
-        yield frame(
-            state,
-            u,
-            referee,
-            stats,
-            plan_ms=plan_ms,
+        navigation.commanded(state.t, ready, plan.u)
+
+        # Hand over what happened until now, and the control from now on.
+        yield Frame(
+            t=state.t,
+            x=state.x,
+            u=plan.u,
+            passed=referee.passed,
+            lap=referee.lap,
+            gate=referee.next_gate + 1,
+            ess=plan.stats.ess,
+            temperature=plan.stats.temperature,
+            cost=plan.stats.cost,
+            plan_ms=plan.ms,
             elapsed=perf_counter() - began,
-            estimate=navigation.record(state),
             events=tuple(events),
+            outcome=referee.outcome,
             snapshot=best,
+            estimate=navigation.record(state),
         )
         if not flying:
             return
-        events = apply_control(plant, referee, previous_u, plan_ready_time, navigation)
-        # later if the plan took more than a period
+
+        # Apply the previous control until the plan is ready, then the new one to the period's end,
+        # or to when the plan is ready if that is later.
+        events = apply_control(plant, referee, previous.u, ready, navigation)
         next_time = max(state.t + period, plant.state.t)
         clock.wait(next_time)
-        events += apply_control(plant, referee, u, next_time, navigation)
+        events += apply_control(plant, referee, plan.u, next_time, navigation)
+
+
+def plan_next(controller: Controller, navigation: Navigation, t: float) -> Plan:
+    """Return the controller's next control by what is known at t [s], and the time it took."""
+    before = perf_counter()
+    u, stats = controller.control(navigation.estimate(t))
+    ms = 1e3 * (perf_counter() - before)
+    return Plan(tuple(u.tolist()), stats, ms)
 
 
 def exact_navigation(
     state: PlantState, referee: RefereeProtocol, rest: tuple[float, ...], dt: float
 ) -> Navigation:
-    """Return the navigation that knows the true state and the referee's count, without an estimate
-    of anything else.
+    """Return the navigation that knows the true state and the referee's count.
+
+    Model and course are not estimated.
 
     Args:
         state: the plant's at the start.
+        referee: counts the gates.
         rest: the control until the first one is given  (n_u,).
         dt: control period [s].
     """
     return Navigation(
-        TrueState(state, dt), RefereeCount(referee), Commands(rest, 0.0), dt, nominal=None
-    )
-
-
-def frame(
-    state: PlantState, u: tuple[float, ...], referee: RefereeProtocol, stats: PlanStats, **more: Any
-) -> Frame:
-    """The Frame of this state and control; `more`: its other fields."""
-    return Frame(
-        t=state.t,
-        x=state.x,
-        u=u,
-        passed=referee.passed,
-        lap=referee.lap,
-        gate=referee.next_gate + 1,
-        ess=stats.ess,
-        temperature=stats.temperature,
-        cost=stats.cost,
-        outcome=referee.outcome,
-        **more,
+        source=TrueState(state, dt),
+        gates=RefereeCount(referee),
+        commands=Commands(rest, latency=0.0),
+        dt=dt,
+        nominal=None,
     )
 
 
@@ -211,8 +243,18 @@ def apply_control(
     until: float,
     navigation: Navigation | None = None,
 ) -> list[Event]:
-    """Step the plant under u to the physics step nearest to the time `until` [s]; the referee
-    checks every step, and sensors watch it."""
+    """Step the plant under a control, while the referee checks every step and sensors watch it.
+
+    Args:
+        plant: that is stepped.
+        referee: whose outcome ends the flight.
+        u: control  (n_u,).
+        until: time [s]; the last physics step ends nearest to it.
+        navigation: notes every state; None: no sensors.
+
+    Returns:
+        The events of these steps, in order.
+    """
     events: list[Event] = []
     while plant.state.t < until - plant.dt / 2 and referee.outcome is None:
         before = plant.state
@@ -226,8 +268,15 @@ def apply_control(
 
 
 def whole_multiple(period: float, dt: float) -> int:
-    """Number of physics steps of dt in a control period. Raises ValueError unless it is a whole
-    number."""
+    """Return the number of physics steps in a control period.
+
+    Args:
+        period: control period [s].
+        dt: physics step [s].
+
+    Raises:
+        ValueError: it is no whole number.
+    """
     substeps = round(period / dt)
     if substeps < 1 or abs(substeps * dt - period) > 1e-9:
         raise ValueError(

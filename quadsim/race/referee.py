@@ -1,131 +1,191 @@
-"""The referee: every physics step against every gate -> pass, hit, miss, wrong_way; the end of the
-flight.
+"""The referee: checks every physics step against every gate, and ends the flight.
 
-pass       the next gate's plane crossed forward, free of the frame
-hit        first contact with a frame, of any gate and from any direction, or with an obstacle,
-before a bounce wrong_way  any gate's opening crossed backward
-miss       the next gate's plane crossed forward beyond the frame, within three half sizes and 2 m:
-fly back and pass it stuck      no nearer to the next gate than before for NO_PROGRESS seconds, on
-the way round it where it faces away A vehicle that has not taken off passes no gate. A gate that
-comes twice in a row, or another in its place, is passed by a crossing of its own: only once the
-vehicle has been clear of the frame behind the first. A hit, the ground and the bounds end the
-flight. In the timed mode a hit costs PENALTY seconds instead, and a gate counts as passed when the
-centre crosses inside opening and frame, hit or not.
+    pass        The vehicle crosses the next gate's plane forward, free of the frame.
+    hit         It first touches a frame, of any gate and from any direction, or an obstacle,
+                before a bounce.
+    wrong_way   It crosses any gate's opening backward.
+    miss        It crosses the next gate's plane forward beyond the frame, within three half sizes
+                and 2 m: it has to fly back and pass the gate.
+    stuck       For NO_PROGRESS seconds it has come no nearer to the next gate than before, on the
+                way round the gate where that faces away.
+
+A vehicle that has not taken off passes no gate. A gate that comes twice in a row, or another in its
+place, is passed by a crossing of its own: only once the vehicle has been clear of the frame behind
+the first. A hit, the ground and the bounds end the flight. In the timed mode a hit costs PENALTY
+seconds instead, and a gate counts as passed when the centre crosses inside opening and frame, hit
+or not.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import dist, inf, isfinite
+from math import cos, dist, hypot, inf, isfinite, radians
+from typing import NamedTuple
 
-from quadsim.course import Course
+from quadsim.course import Course, Gate
+from quadsim.course.opening import approach_length
 from quadsim.course.swept import Incident, SweptGate, SweptGates, clip, lerp
 from quadsim.course.swept_obstacles import SweptObstacles
 from quadsim.race.events import NO_PROGRESS, Event
-from quadsim.race.gate_rules import TAKE_OFF, check, crossed_at_once, way_left
 from quadsim.rotation import Vec3
 
-GROUND_MARGIN = 1e-3  # [m] a sphere this close to the ground is on it
-CLEAR = 0.5  # [s] without contact, after which touching the same gate again is a new hit
-NEARER = 0.1  # [m] towards the next gate that count as progress
+# [m] A sphere this close to the ground is on it.
+GROUND_MARGIN = 1e-3
+# [m] between sphere and ground: the vehicle has taken off. Only then is the ground a crash, as a
+# flight may start on it.
+TAKE_OFF = 0.1
+# [s] without contact, after which touching the same gate again is a new hit
+CLEAR = 0.5
+# [m] towards the next gate that count as progress
+NEARER = 0.1
 # [s] between the referee's contact and the plant's, at most, for one to confirm the other
 CONFIRMS = 0.02
+# Gates no farther apart [m] whose passages differ by less [cosine] are crossed at once.
+SAME_PLACE = 0.1
+SAME_WAY = cos(radians(45.0))
+
+
+class Nearest(NamedTuple):
+    """The point nearest to the next gate since the last pass."""
+
+    # when the vehicle was there [s]
+    t: float
+    # the way that was left to the gate's centre [m]
+    way: float
 
 
 class Referee:
-    """Watches one flight. Raises ValueError for laps on an open course and for a gate too small for
-    the vehicle."""
+    """Watches one flight.
+
+    `passed` counts the gates since the start, `events` holds all events so far, and `outcome` is
+    None while the vehicle flies, then "finished", "crashed", "stuck" or "timeout".
+    """
 
     def __init__(
         self, course: Course, radius: float, laps: int, timeout: float, penalties: bool = False
     ):
-        self.course, self.radius, self.laps, self.timeout, self.timed = (
-            course,
-            radius,
-            laps,
-            timeout,
-            penalties,
-        )
-        self.passed = 0  # gates since the start
-        self.outcome: str | None = None  # None while flying; finished, crashed, stuck, timeout
+        """Start before the first gate.
+
+        Args:
+            course: with its gates where they truly stand.
+            radius: of the vehicle [m].
+            laps: after which the flight is finished.
+            timeout: after which it is over [s].
+            penalties: whether it is the timed mode, in which a hit costs time.
+
+        Raises:
+            ValueError: more than one lap of an open course, or a gate too small for the vehicle.
+        """
+        self.course = course
+        self.radius = radius
+        self.laps = laps
+        self.timeout = timeout
+        self.timed = penalties
+        self.passed = 0
+        self.outcome: str | None = None
         self.events: list[Event] = []
-        self._swept, self._obstacles = (
-            SweptGates(course.gates, radius),
-            SweptObstacles(course.obstacles, radius),
-        )
+        self._swept = SweptGates(course.gates, radius)
+        self._obstacles = SweptObstacles(course.obstacles, radius)
         self._gates = self._swept.of
         check(course, laps, self._swept.all, radius)
         # when the referee last saw contact with each gate and obstacle [s]
         self._touched: dict[str, float] = {}
-        self._reported: dict[str, float] = {}  # when the plant last reported contact [s]
+        # when the plant last reported contact with it [s]
+        self._reported: dict[str, float] = {}
         self._airborne = False
         # the next gate, where it can be crossed along with the one just passed
         self._leaving: SweptGate | None = None
-        # when, and how near the next gate was since the last pass [s, m]
-        self._nearest = (0.0, inf)
+        self._nearest = Nearest(0.0, inf)
 
     @property
     def next_gate(self) -> int:
-        """Index of the gate to pass next."""
+        """The index of the gate to pass next."""
         return self.passed % len(self._gates)
 
     @property
     def lap(self) -> int:
+        """The number of the current lap, from 1."""
         return min(self.passed // len(self._gates) + 1, self.laps)
 
     def observe(
         self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()
     ) -> list[Event]:
-        """The events of one physics step in the order of their instants; none once the flight has
-        ended."""
+        """Return the events of one physics step in the order of their instants.
+
+        Args:
+            t0, p0: time [s] and position [m] before the step.
+            t1, p1: time [s] and position [m] after the step.
+            contacts: objects that the plant reports as touched: "ground", "gate 3", "obstacle 2".
+
+        Returns:
+            The events; none once the flight has ended.
+        """
         if self.outcome is not None:
             return []
-        before, speed = len(self.events), dist(p0, p1) / (t1 - t0)
+        known = len(self.events)
+        speed = dist(p0, p1) / (t1 - t0)
         if isfinite(speed):
             self._apply_rules(t0, p0, t1, p1, speed)
             self._compare(t1, p1, speed, contacts)
-        else:  # a plant that has diverged has no position
+        else:
+            # A plant that has diverged has no position.
             self._call("bounds", t1, p0, 0.0, Incident(1.0, "bounds"))
-        return self.events[before:]
+        return self.events[known:]
 
     def _apply_rules(self, t0: float, p0: Vec3, t1: float, p1: Vec3, speed: float) -> None:
+        """Call the events of a step, in order, until one ends the flight."""
         target = self.next_gate
         for incident in sorted(self._incidents(t0, p0, t1, p1), key=lambda i: i.s):
+            if self.outcome is not None:
+                return
             t = t0 + incident.s * (t1 - t0)
-            verdict = self._verdict(incident, target, t, t1) if self.outcome is None else None
-            if verdict is not None:
-                self._call(verdict, t, lerp(p0, p1, incident.s), speed, incident)
+            kind = self._judge(incident, target, t, t1)
+            if kind is not None:
+                self._call(kind, t, lerp(p0, p1, incident.s), speed, incident)
 
     def _incidents(self, t0: float, p0: Vec3, t1: float, p1: Vec3) -> list[Incident]:
-        found = [
-            incident for gate in self._swept.near(p0, p1) for incident in gate.incidents(p0, p1)
-        ]
+        """Return everything within a step that the rules have to judge, in no order."""
+        found = []
+        for swept in self._swept.near(p0, p1):
+            found += swept.incidents(p0, p1)
         found += self._obstacles.incidents(p0, p1)
+
+        # The ground, once the vehicle has taken off.
         floor = self.radius + GROUND_MARGIN
         self._airborne |= max(p0[2], p1[2]) > self.radius + TAKE_OFF
         if self._airborne and p1[2] <= floor:
-            found.append(
-                Incident((p0[2] - floor) / (p0[2] - p1[2]) if p0[2] > floor else 0.0, "ground")
-            )
+            fraction = (p0[2] - floor) / (p0[2] - p1[2]) if p0[2] > floor else 0.0
+            found.append(Incident(fraction, "ground"))
+
+        # The bounds. A vehicle that starts outside, where `inside` is None, may still come in.
         low, high = zip(*self.course.bounds, strict=True)
-        inside = clip(p0, p1, low, high)  # None for a start outside, which may still come in
+        inside = clip(p0, p1, low, high)
         if inside and not clip(p1, p1, low, high):
             found.append(Incident(inside[1], "bounds"))
+
         if self._leaving and self._leaving.gate.to_local(p0).along > self._leaving.half_depth:
             self._leaving = None
-        if (left := way_left(self._gates[self.next_gate].gate, p1)) < self._nearest[1] - NEARER:
-            self._nearest = t1, left
-        elif t1 - self._nearest[0] >= NO_PROGRESS:
+
+        # Progress towards the next gate, and time.
+        way = way_left(self._gates[self.next_gate].gate, p1)
+        if way < self._nearest.way - NEARER:
+            self._nearest = Nearest(t1, way)
+        elif t1 - self._nearest.t >= NO_PROGRESS:
             found.append(Incident(1.0, "stuck"))
         if t1 >= self.timeout:
             found.append(Incident((self.timeout - t0) / (t1 - t0), "timeout"))
         return found
 
-    def _verdict(self, incident: Incident, target: int, t: float, t1: float) -> str | None:
-        """The kind of event that an incident is by the rules, None if it is none.
+    def _judge(self, incident: Incident, target: int, t: float, t1: float) -> str | None:
+        """Return the kind of event that an incident is by the rules, None if it is none.
 
-        `target` was next when the step began: the plane of a gate that only became next within the
-        step is no miss, or coplanar gates would be missed whenever one is passed.
+        Args:
+            incident: within the step.
+            target: index of the gate that was next when the step began. The plane of a gate that
+                became next within the step is no miss, or coplanar gates would be missed whenever
+                one is passed.
+            t: when it happened [s].
+            t1: when the step ends [s].
         """
         kind = incident.kind
         if kind == "touch":
@@ -134,8 +194,10 @@ class Referee:
             return "hit" if fresh else None
         if incident.gate < 0:
             return kind
+
+        # A crossing of a gate's plane. Without penalties a touch of the frame has ended the flight
+        # before.
         gate = self._gates[incident.gate]
-        # Without penalties a touch of the frame has ended the flight before
         through = gate.on_passage(incident.offset)
         if kind == "backward":
             return "wrong_way" if through else None
@@ -149,42 +211,109 @@ class Referee:
         return "miss" if missed else None
 
     def _call(self, kind: str, t: float, position: Vec3, speed: float, incident: Incident) -> None:
+        """Record an event and what follows from it for count and outcome."""
         is_next = kind == "stuck" or (
             incident.gate >= 0 and self._gates[incident.gate] is self._gates[self.next_gate]
         )
-        number = 1 + (self.next_gate if is_next else incident.gate)
-        obstacle = incident.obstacle + 1
-        self.events.append(
-            Event(float(t), kind, number, self.lap, incident.offset, speed, position, obstacle)
+        index = self.next_gate if is_next else incident.gate
+        event = Event(
+            t=float(t),
+            kind=kind,
+            gate=index + 1,
+            lap=self.lap,
+            offset=incident.offset,
+            speed=speed,
+            position=position,
+            obstacle=incident.obstacle + 1,
         )
+        self.events.append(event)
         if kind == "pass":
-            before = self._gates[self.next_gate].gate
-            self.passed += 1
-            following = self._gates[self.next_gate]
-            self._leaving = following if crossed_at_once(before, following.gate) else None
-            self._nearest = (t, inf)
-            self.outcome = "finished" if self.passed == self.laps * len(self._gates) else None
+            self._advance(t)
         elif kind in ("ground", "bounds") or (kind == "hit" and not self.timed):
             self.outcome = "crashed"
         elif kind in ("stuck", "timeout"):
             self.outcome = kind
 
+    def _advance(self, t: float) -> None:
+        """Count the next gate as passed at t [s]."""
+        before = self._gates[self.next_gate].gate
+        self.passed += 1
+        following = self._gates[self.next_gate]
+        self._leaving = following if crossed_at_once(before, following.gate) else None
+        self._nearest = Nearest(t, inf)
+        if self.passed == self.laps * len(self._gates):
+            self.outcome = "finished"
+
     def _compare(self, t: float, position: Vec3, speed: float, contacts: Sequence[str]) -> None:
-        """Record once a contact that the plant reports and the swept test did not find: one of the
-        two is wrong."""
+        """Record once a contact that the plant reports and the swept test did not find.
+
+        One of the two is wrong then.
+        """
         touched = sorted({name for name in contacts if name.startswith(("gate ", "obstacle "))})
-        for name in touched if self.outcome is None else ():
-            if (
-                t - self._touched.get(name, -inf) > CONFIRMS
-                and t - self._reported.get(name, -inf) >= CLEAR
-            ):
+        for name in touched:
+            if self.outcome is not None:
+                return
+            unconfirmed = t - self._touched.get(name, -inf) > CONFIRMS
+            fresh = t - self._reported.get(name, -inf) >= CLEAR
+            if unconfirmed and fresh:
                 self._call("unseen_contact", t, position, speed, self._contact(name, position))
             self._reported[name] = t
 
     def _contact(self, name: str, position: Vec3) -> Incident:
-        """name: "gate 3", "obstacle 2"."""
-        what, _, number = name.partition(" ")
-        k = int(number) - 1
-        if what == "obstacle":
-            return Incident(1.0, "contact", obstacle=k)
-        return Incident(1.0, "contact", k, self._gates[k].gate.to_local(position).offset)
+        """Return the incident of a contact, by its name: "gate 3", "obstacle 2"."""
+        kind, _, number = name.partition(" ")
+        index = int(number) - 1
+        if kind == "obstacle":
+            return Incident(1.0, "contact", obstacle=index)
+        offset = self._gates[index].gate.to_local(position).offset
+        return Incident(1.0, "contact", gate=index, offset=offset)
+
+
+def check(course: Course, laps: int, gates: Sequence[SweptGate], radius: float) -> None:
+    """Raise ValueError unless a vehicle can fly these laps through these gates.
+
+    Args:
+        course: that is flown.
+        laps: more than one on a closed course only.
+        gates: the distinct gates of the course.
+        radius: of the vehicle [m].
+    """
+    most = laps if course.loop else 1
+    if not 1 <= laps <= most:
+        expected = "at least 1 lap" if course.loop else "1 lap, as the course is open"
+        raise ValueError(f"{course.name}: expected {expected}, got {laps}")
+    for swept in gates:
+        where = f"{course.name}: gates[{swept.index}]"
+        free = swept.free
+        if min(free) <= 0.0:
+            width, height = swept.gate.opening
+            raise ValueError(
+                f"{where}: expected an opening wider than the vehicle's {2 * radius:g} m, "
+                f"got {width:g} x {height:g} m"
+            )
+        _, left, up = swept.gate.axes
+        highest = swept.gate.position[2] + abs(left[2]) * free.left + abs(up[2]) * free.up
+        lowest = radius + TAKE_OFF
+        if highest < lowest:
+            raise ValueError(
+                f"{where}: expected an opening that is free {lowest:g} m above the ground, "
+                f"for the vehicle, got {highest:.2f} m"
+            )
+
+
+def way_left(gate: Gate, p: Vec3) -> float:
+    """Return the length of the way from p to the gate's centre [m].
+
+    From behind the gate it leads by the point where the gate's approach begins.
+    """
+    here = gate.to_local(p)
+    if here.along <= 0.0:
+        return hypot(*here)
+    approach = approach_length(gate.opening)
+    return hypot(here.along + approach, here.left, here.up) + approach
+
+
+def crossed_at_once(gate: Gate, following: Gate) -> bool:
+    """Return whether one crossing leads through both gates: one place, and passages alike."""
+    cosine = sum(a * b for a, b in zip(gate.axes[0], following.axes[0], strict=True))
+    return cosine > SAME_WAY and dist(gate.position, following.position) < SAME_PLACE

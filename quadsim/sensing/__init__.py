@@ -1,5 +1,4 @@
-"""Sensors that watch the plant, an estimator that is given their measurements, and what a
-controller is told of it all.
+"""Sensors that watch the plant, and the estimate that a controller is given.
 
 `quadsim.sensing.estimation` makes a state of measurements and of the map; it imports neither
 sensors nor plant. `quadsim.sensing.navigation` makes the Estimate that a controller plans with.

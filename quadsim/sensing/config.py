@@ -1,8 +1,7 @@
-"""Numbers of the sensors, as a sensing file gives them. The estimator is given the same: sensors
-are calibrated.
+"""Numbers of the sensors, as a sensing file gives them.
 
-Noises are standard deviations of one sample, per axis. The camera's numbers:
-quadsim.sensing.camera_model.
+The estimator is given the same numbers: sensors are calibrated. Noises are standard deviations of
+one sample, per axis.
 """
 
 from __future__ import annotations
@@ -10,56 +9,159 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from quadsim.files.strict_yaml import unit
+import numpy as np
+
+from quadsim.files.strict_yaml import setting, unit
+from quadsim.sensing.camera import Camera
 
 Rate = Annotated[float, unit("Hz", ge=1, le=2000)]
 Latency = Annotated[float, unit("s", ge=0, le=0.5)]
 Share = Annotated[float, unit("1", ge=0, le=1)]
 Metre = Annotated[float, unit("m", ge=0, le=100)]
+EndOfLife = Annotated[float, unit("s", ge=0, le=1e5)]
+
+# [m] along the optical axis; points that are nearer are not seen
+NEAREST = 0.1
 
 
 @dataclass(frozen=True)
 class ImuConfig:
-    """Of an inertial measurement unit."""
+    """The numbers of an inertial measurement unit."""
 
-    rate: Rate  # samples a second [Hz]
-    gyro_noise: Annotated[float, unit("rad/s", ge=0, le=10)] = 0.0
-    gyro_bias: Annotated[float, unit("rad/s", ge=0, le=1)] = 0.0  # standard deviation at the start
-    gyro_walk: Annotated[float, unit("rad/s/sqrt(s)", ge=0, le=1)] = 0.0
-    gyro_max: Annotated[float, unit("rad/s", gt=0, le=1000)] = 34.9  # 2000 deg/s
-    accelerometer_noise: Annotated[float, unit("m/s^2", ge=0, le=100)] = 0.0
-    accelerometer_bias: Annotated[float, unit("m/s^2", ge=0, le=10)] = (
-        0.0  # standard deviation at the start
-    )
-    accelerometer_walk: Annotated[float, unit("m/s^2/sqrt(s)", ge=0, le=10)] = 0.0
-    accelerometer_max: Annotated[float, unit("m/s^2", gt=0, le=1e4)] = 157.0  # 16 g
-    latency: Latency = 0.0  # from the end of a sample to the estimator [s]
+    rate: Annotated[Rate, setting("samples a second [Hz]")]
+    gyro_noise: Annotated[
+        float, setting("noise of the body rates [rad/s]", unit="rad/s", ge=0, le=10)
+    ] = 0.0
+    gyro_bias: Annotated[
+        float,
+        setting(
+            "standard deviation of the gyroscope's bias at the start [rad/s]",
+            unit="rad/s",
+            ge=0,
+            le=1,
+        ),
+    ] = 0.0
+    gyro_walk: Annotated[
+        float,
+        setting(
+            "random walk of the gyroscope's bias [rad/s/sqrt(s)]",
+            unit="rad/s/sqrt(s)",
+            ge=0,
+            le=1,
+        ),
+    ] = 0.0
+    # 2000 deg/s
+    gyro_max: Annotated[
+        float, setting("largest body rate measured [rad/s]", unit="rad/s", gt=0, le=1000)
+    ] = 34.9
+    accelerometer_noise: Annotated[
+        float, setting("noise of the specific force [m/s^2]", unit="m/s^2", ge=0, le=100)
+    ] = 0.0
+    accelerometer_bias: Annotated[
+        float,
+        setting(
+            "standard deviation of the accelerometer's bias at the start [m/s^2]",
+            unit="m/s^2",
+            ge=0,
+            le=10,
+        ),
+    ] = 0.0
+    accelerometer_walk: Annotated[
+        float,
+        setting(
+            "random walk of the accelerometer's bias [m/s^2/sqrt(s)]",
+            unit="m/s^2/sqrt(s)",
+            ge=0,
+            le=10,
+        ),
+    ] = 0.0
+    # 16 g
+    accelerometer_max: Annotated[
+        float, setting("largest specific force measured [m/s^2]", unit="m/s^2", gt=0, le=1e4)
+    ] = 157.0
+    latency: Annotated[Latency, setting("time from the end of a sample to the estimator [s]")] = 0.0
 
 
 @dataclass(frozen=True)
 class PoseConfig:
-    """Of a pose sensor."""
+    """The numbers of a pose sensor: motion capture, or visual-inertial odometry."""
 
-    rate: Rate  # [Hz]
-    latency: Latency = 0.0  # from the instant it is of to the estimator [s]
-    position_noise: Metre = 0.0
-    attitude_noise_deg: Annotated[float, unit("deg", ge=0, le=90)] = 0.0
-    velocity_noise: Annotated[float, unit("m/s", ge=0, le=100)] | None = (
-        None  # null: no velocity is measured
-    )
-    drift: Annotated[float, unit("m/sqrt(s)", ge=0, le=10)] = 0.0  # of the position
-    spikes: Share = 0.0  # of all samples
-    spike: Metre = 0.0  # how far off they are
-    dropouts: Share = 0.0  # probability per sample that one begins
-    dropout: Annotated[float, unit("s", ge=0, le=100)] = 0.0  # how long it lasts
-    dies_at: Annotated[float, unit("s", ge=0, le=1e5)] | None = None  # from then on it is silent
+    rate: Annotated[Rate, setting("samples a second [Hz]")]
+    latency: Annotated[
+        Latency, setting("time from the instant of a sample to the estimator [s]")
+    ] = 0.0
+    position_noise: Annotated[Metre, setting("noise of the position [m]")] = 0.0
+    attitude_noise_deg: Annotated[
+        float, setting("noise of the attitude [deg]", unit="deg", ge=0, le=90)
+    ] = 0.0
+    velocity_noise: (
+        Annotated[
+            float,
+            setting(
+                "noise of the velocity [m/s]; null: no velocity is measured",
+                unit="m/s",
+                ge=0,
+                le=100,
+            ),
+        ]
+        | None
+    ) = None
+    drift: Annotated[
+        float,
+        setting("random walk of the position [m/sqrt(s)]", unit="m/sqrt(s)", ge=0, le=10),
+    ] = 0.0
+    spikes: Annotated[Share, setting("share of samples with a position far off")] = 0.0
+    spike: Annotated[Metre, setting("distance by which a spike is off [m]")] = 0.0
+    dropouts: Annotated[Share, setting("probability per sample that a dropout begins")] = 0.0
+    dropout: Annotated[float, setting("duration of a dropout [s]", unit="s", ge=0, le=100)] = 0.0
+    dies_at: Annotated[
+        EndOfLife | None, setting("time from which on the sensor is silent [s]; null: never")
+    ] = None
 
 
 @dataclass(frozen=True)
 class RotorConfig:
-    """Of the electronic speed controllers."""
+    """The numbers of the electronic speed controllers."""
 
-    rate: Rate  # [Hz]
-    noise: Annotated[float, unit("rad/s", ge=0, le=1000)] = (
-        0.0  # of a rotor's speed, standard deviation
-    )
+    rate: Annotated[Rate, setting("samples a second [Hz]")]
+    noise: Annotated[
+        float, setting("noise of a rotor's speed [rad/s]", unit="rad/s", ge=0, le=1000)
+    ] = 0.0
+
+
+@dataclass(frozen=True)
+class GateCameraConfig(Camera):
+    """A camera, and the network that finds the corners of gates' openings in its pictures."""
+
+    range: Annotated[
+        float,
+        setting("distance beyond which no corner is found [m]", unit="m", gt=0, le=1000),
+    ] = 20.0
+    latency: Annotated[Latency, setting("time from exposure to corners [s]")] = 0.0
+    noise: Annotated[float, setting("noise of a found corner [px]", unit="px", ge=0, le=1000)] = 1.0
+    misses: Annotated[Share, setting("share of the corners in view that are not found")] = 0.0
+    outliers: Annotated[
+        Share, setting("share of the found corners that are anywhere in the picture")
+    ] = 0.0
+    swaps: Annotated[
+        Share, setting("share of the found corners that are taken for another one of the course")
+    ] = 0.0
+    dies_at: Annotated[
+        EndOfLife | None, setting("time from which on the camera is silent [s]; null: never")
+    ] = None
+
+    def local(self, points: np.ndarray) -> np.ndarray:
+        """Return points of the body frame in the camera frame [m].  (n, 3)"""
+        return (points - self.position) @ self.axes
+
+    def seen(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pixels of points, and whether each is in front and in the picture.
+
+        Args:
+            points: of the body frame [m]  (n, 3).
+
+        Returns:
+            Pixels (n, 2), and the mask (n,).
+        """
+        pixels, depth = self.to_pixels(self.local(points))
+        return pixels, (depth > NEAREST) & self.in_picture(pixels)

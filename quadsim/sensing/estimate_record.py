@@ -1,4 +1,4 @@
-"""The columns that a run keeps of an estimate beside the truth, and how consistent the two are.
+"""The columns that a run keeps of an estimate, and how consistent it is with the truth.
 
 The normalised estimation error squared (NEES), e^T P^-1 e of position, velocity and attitude, has
 the mean 9 if the covariance P is that of the error; the normalised innovation squared (NIS) of a
@@ -23,15 +23,20 @@ ESTIMATE_UNITS = {
     **dict.fromkeys(("est_vx", "est_vy", "est_vz"), "m/s"),
     **dict.fromkeys(("est_qw", "est_qx", "est_qy", "est_qz"), "1"),
     **dict.fromkeys(("cov_xx", "cov_xy", "cov_xz", "cov_yy", "cov_yz", "cov_zz"), "m^2"),
-    "nees": "1",  # 9 degrees of freedom
-    "nis": "1",  # of the measurements taken in this period
-    "nis_dof": "1",  # their degrees of freedom
-    "refused": "1",  # degrees of freedom of measurements taken for outliers
-    "in_view": "1",  # corners that stood in the last picture of this period
-    "found": "1",  # corners that were found in it
+    # 9 degrees of freedom
+    "nees": "1",
+    # of the measurements taken in this period, and their degrees of freedom
+    "nis": "1",
+    "nis_dof": "1",
+    # degrees of freedom of measurements taken for outliers
+    "refused": "1",
+    # corners that stood in the last picture of this period, and corners that were found in it
+    "in_view": "1",
+    "found": "1",
     "estimate_ms": "ms",
 }
-ERRORS = 9  # position, velocity, attitude
+# components of position, velocity and attitude
+ERRORS = 9
 
 
 def estimate_row(

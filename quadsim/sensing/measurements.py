@@ -1,5 +1,4 @@
-"""Measurements: values with the instant at which they were true, and nothing about how they came to
-be."""
+"""Measurements: values of sensors with the instant at which they were true."""
 
 from __future__ import annotations
 
@@ -14,40 +13,57 @@ from quadsim.rotation import Quaternion, Vec3
 class Inertial:
     """A sample of an inertial measurement unit: means over the `dt` that ends at t."""
 
-    t: float  # [s]
-    dt: float  # [s]
-    gyro: Vec3  # body rates [rad/s]
-    specific_force: Vec3  # acceleration less gravity, body frame [m/s^2]
+    # [s]
+    t: float
+    # [s]
+    dt: float
+    # body rates [rad/s]
+    gyro: Vec3
+    # acceleration less gravity, body frame [m/s^2]
+    specific_force: Vec3
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
     """A pose measured by motion capture or visual-inertial odometry."""
 
-    t: float  # [s]
-    position: Vec3  # [m]
+    # [s]
+    t: float
+    # in the world [m]
+    position: Vec3
+    # wxyz
     attitude: Quaternion
-    velocity: Vec3 | None  # world [m/s]
+    # in the world [m/s]; None: it is not measured
+    velocity: Vec3 | None
 
 
 @dataclass(frozen=True, slots=True)
 class RotorThrust:
     """The thrust of the rotors, by their speeds and the flight controller's thrust map."""
 
-    t: float  # [s]
-    thrust: float  # mass-normalised [m/s^2]
+    # [s]
+    t: float
+    # mass-normalised [m/s^2]
+    thrust: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
-    """Corners of gates' openings found in one picture. Each may be taken for another: the
-    association may be wrong."""
+    """Corners of gates' openings found in one picture.
 
-    t: float  # of the exposure [s]
-    gates: np.ndarray  # index of the gate that each is taken to belong to  (n,)
-    corners: np.ndarray  # index into Gate.corners()  (n,)
-    pixels: np.ndarray  # right and down from the picture's corner [px]  (n, 2)
-    in_view: int  # how many corners stood in the picture, for the record only
+    Each may be taken for another: the association may be wrong.
+    """
+
+    # of the exposure [s]
+    t: float
+    # index of the gate that each is taken to belong to  (n,)
+    gates: np.ndarray
+    # index into Gate.corners()  (n,)
+    corners: np.ndarray
+    # right and down from the picture's corner [px]  (n, 2)
+    pixels: np.ndarray
+    # how many corners stood in the picture, for the record only
+    in_view: int
 
 
 Measurement = Inertial | Pose | RotorThrust | Corners

@@ -1,13 +1,13 @@
-"""Navigation: what is known of the vehicle, as the Estimate that its controller plans with.
+"""Navigation: makes the Estimate that a controller plans with.
 
-    sensors -> estimator -> state now -> model under the commands given -> state in which the next
-    control acts
+    sensors -> estimator -> state now
+    state now -> model under the commands given -> state in which the next control acts
 
 A Navigation is put together from three parts:
 
 * a source of the present state: the true one (TrueState), or an estimator's (SensedState);
-* the commands given so far, under which the model predicts how the vehicle moves until the next one
-  acts;
+* the commands given so far, under which the model predicts how the vehicle moves until the next
+  control acts;
 * a count of the gates passed: the referee's (RefereeCount), or one by the estimated path
   (GateCounter).
 
@@ -40,23 +40,30 @@ from quadsim.sensing.sensors import Sensors
 
 # [m] by which a gate's estimate, or its standard deviation, moves before the course is a new one
 MOVED = 0.01
-PLAN_TIME = 0.1  # weight of the last planning time in the mean of them
-WHOLE = 1e-6  # of a period: a number of periods this near to a whole one is taken for it
+# weight of the last planning time in the running mean of planning times
+PLAN_TIME = 0.1
+# of a period; a number of periods this near to a whole one is taken for it
+WHOLE = 1e-6
+# [s] by which instants may differ that are taken for one
+ROUNDING = 1e-9
 
 
 class Present(NamedTuple):
     """The present state, with the model and the course as they are estimated."""
 
-    x: tuple[float, ...]  # state now, of a quadrotor a State  (n_x,)
-    model: ModelParams | None = None  # as it is estimated; None: nothing is learnt of it
-    course: Course | None = None  # as it is estimated; None: the map is all that is known
+    # state now, of a quadrotor a State  (n_x,)
+    x: tuple[float, ...]
+    # as it is estimated; None: it is not estimated
+    model: ModelParams | None = None
+    # as it is estimated; None: the map is all that is known
+    course: Course | None = None
 
 
 class PictureCount(NamedTuple):
-    """Corners of the last picture."""
+    """Numbers of corners in a picture."""
 
-    in_view: int  # that stood in it
-    found: int  # that were found in it
+    in_view: int
+    found: int
 
 
 class StateSource(Protocol):
@@ -64,12 +71,12 @@ class StateSource(Protocol):
 
     @property
     def corners(self) -> Corners | None:
-        """Corners of gates found in the last picture, for display; None without a camera."""
+        """The corners of gates found in the last picture, for display; None without a camera."""
         ...
 
     @property
     def learner(self) -> VehicleLearner | None:
-        """What is learnt of the vehicle's numbers, for display; None: nothing."""
+        """The learner of the vehicle's numbers, for display; None: they are not estimated."""
         ...
 
     def watch(self, state: PlantState) -> None:
@@ -77,13 +84,17 @@ class StateSource(Protocol):
         ...
 
     def now(self, t: float, acted: tuple[float, ...], periods: int) -> Present:
-        """Return what is known at t [s], after so many control periods under the command `acted`
-        (n_u,)."""
+        """Return the present state, model and course.
+
+        Args:
+            t: time now [s].
+            acted: command that has acted since the last call  (n_u,).
+            periods: control periods since the last call.
+        """
         ...
 
     def record(self, state: PlantState) -> tuple[float, ...]:
-        """Return the columns of ESTIMATE_UNITS for this true state, or nothing where the true state
-        is known."""
+        """Return the columns of ESTIMATE_UNITS for this true state; () where it is known."""
         ...
 
 
@@ -91,7 +102,7 @@ class GateCount(Protocol):
     """A count of the passed gates, as it is known on board."""
 
     def at(self, x: tuple[float, ...], course: Course | None) -> int:
-        """Return the gates passed when the vehicle is in the state x.
+        """Return the number of gates passed when the vehicle is in the state x.
 
         Args:
             x: state, which begins with the position [m]  (n_x,).
@@ -104,16 +115,20 @@ class PassedGates(Protocol):
     """Something that counts gates by the truth, such as a referee."""
 
     @property
-    def passed(self) -> int: ...
+    def passed(self) -> int:
+        """The number of gates passed since the start."""
+        ...
 
 
 class RefereeCount:
     """The true number of gates passed, by the referee."""
 
     def __init__(self, referee: PassedGates):
+        """referee: of this flight."""
         self._referee = referee
 
     def at(self, x: tuple[float, ...], course: Course | None) -> int:
+        """Return the referee's count, for any state."""
         return self._referee.passed
 
 
@@ -126,18 +141,24 @@ class TrueState:
         """Start at the plant's first state.
 
         Args:
+            state: the plant's.
             dt: control period [s].
             learner: of the vehicle's numbers, for exact states; None: they are not estimated.
         """
-        self._state, self._dt = state, dt
+        self._state = state
+        self._dt = dt
         self.learner = learner
-        self._before: PlantState | None = None  # at the last call of `now`
+        # state at the last call of `now`
+        self._before: PlantState | None = None
 
     def watch(self, state: PlantState) -> None:
+        """Note the plant's state after a physics step."""
         self._state = state
 
     def now(self, t: float, acted: tuple[float, ...], periods: int) -> Present:
-        before, self._before = self._before, self._state
+        """Return the true state, and the model as it is learnt from true states."""
+        before = self._before
+        self._before = self._state
         if self.learner is None:
             return Present(self._state.x)
         if before is not None and periods:
@@ -148,11 +169,14 @@ class TrueState:
         return Present(self._state.x, self.learner.model)
 
     def record(self, state: PlantState) -> tuple[float, ...]:
+        """Return (), as the true state is known."""
         return ()
 
     def _whole_periods(self, duration: float) -> float:
-        """Control periods in a duration [s]; no whole number of them where planning took longer on
-        the wall clock."""
+        """Return the control periods in a duration [s].
+
+        It is no whole number where planning took longer on the wall clock.
+        """
         periods = duration / self._dt
         return round(periods) if abs(periods - round(periods)) <= WHOLE else periods
 
@@ -171,11 +195,11 @@ class SensedState:
         adapt: bool,
         rotor_std: float,
     ):
-        """Put the sensors and what is estimated from them together.
+        """Put sensors and estimators together.
 
         Args:
             sensors: warmed up, at the flight's first state.
-            estimator: of position, velocity and attitude, and of where gates stand.
+            estimator: of position, velocity and attitude, and of the places of gates.
             body_rates: observes the rates and the angular accelerations.
             learner: of the thrust and the vehicle's numbers, for sensors.
             course: as it is estimated; None: for a controller that flies by the map.
@@ -183,22 +207,36 @@ class SensedState:
             adapt: whether the planner uses what is learnt of the vehicle.
             rotor_std: standard deviation of the thrust by rotor speeds [m/s^2].
         """
-        self._sensors, self._estimator = sensors, estimator
-        self._body_rates, self.learner, self._course = body_rates, learner, course
-        self._dt, self._adapt, self._rotor_std = dt, adapt, rotor_std
-        self._inertial: list[Inertial] = []  # samples of the present period
-        self._rotors: RotorThrust | None = None  # the last measurement since the last estimate
+        self._sensors = sensors
+        self._estimator = estimator
+        self._body_rates = body_rates
+        self.learner = learner
+        self._course = course
+        self._dt = dt
+        self._adapt = adapt
+        self._rotor_std = rotor_std
+        # samples of the present period
+        self._inertial: list[Inertial] = []
+        # the last measurement since the last estimate
+        self._rotors: RotorThrust | None = None
         self.corners: Corners | None = None
-        self._picture = PictureCount(0, 0)
-        self._nominal = estimator.state.nominal  # at the last estimate
-        self._t = self._nominal.t  # of the last estimate [s]
-        self._spent = 0.0  # time that the last call of `now` took [ms]
+        self._picture = PictureCount(in_view=0, found=0)
+        # the last estimate, and its time [s]
+        self._nominal = estimator.state.nominal
+        self._t = self._nominal.t
+        # time that the last call of `now` took [ms]
+        self._spent = 0.0
 
     def watch(self, state: PlantState) -> None:
+        """Let the sensors sample the plant's state after a physics step."""
         self._sensors.observe(state)
 
     def now(self, t: float, acted: tuple[float, ...], periods: int) -> Present:
+        """Return the state, the model and the course as they are estimated at t [s]."""
         began = perf_counter()
+
+        # Position, velocity and attitude by the filter; then rates, thrust and the vehicle's
+        # numbers, which need them.
         self._take_measurements(t)
         nominal = self._nominal
         self._follow_vehicle(t, Control(*acted), periods)
@@ -218,26 +256,32 @@ class SensedState:
         return Present(x, model, course)
 
     def record(self, state: PlantState) -> tuple[float, ...]:
-        if state.t > self._t + 1e-9:  # the last frame, within a control period
+        """Return the columns of ESTIMATE_UNITS for this true state."""
+        # The last frame of a flight lies within a control period.
+        if state.t > self._t + ROUNDING:
             self._take_measurements(state.t)
-        picture, self._picture = self._picture, PictureCount(0, 0)
+        picture = self._picture
+        self._picture = PictureCount(in_view=0, found=0)
         return estimate_row(
-            self._sensors.truth or state,
-            self._nominal,
-            self._estimator.covariance(self._t),
-            self._estimator.innovations,
-            picture,
-            self._spent,
+            state=self._sensors.truth or state,
+            nominal=self._nominal,
+            P=self._estimator.covariance(self._t),
+            innovations=self._estimator.innovations,
+            picture=picture,
+            spent=self._spent,
         )
 
     def _take_measurements(self, t: float) -> None:
-        """Bring position, velocity and attitude to t [s] by what has arrived, and keep what else
-        was measured."""
+        """Bring position, velocity and attitude to t [s] by the measurements that have arrived.
+
+        Others are kept for `_follow_vehicle`.
+        """
         self._rotors = None
         self._estimator.innovations.clear()
         for measurement in self._sensors.arrived(t):
             match measurement:
                 case RotorThrust():
+                    # Not the estimator's, but the learner's.
                     self._rotors = measurement
                     continue
                 case Inertial():
@@ -246,18 +290,28 @@ class SensedState:
                     self.corners = measurement
                     self._picture = PictureCount(measurement.in_view, len(measurement.pixels))
             self._estimator.take(measurement)
-        self._nominal, self._t = self._estimator.at(t), t
+        self._nominal = self._estimator.at(t)
+        self._t = t
 
     def _follow_vehicle(self, t: float, u: Control, periods: int) -> None:
-        """Bring body rates, thrust and the vehicle's numbers to t [s], so many control periods
-        under the command u."""
+        """Bring body rates, thrust and the vehicle's numbers to t.
+
+        Args:
+            t: time now [s].
+            u: command that has acted since the last call.
+            periods: control periods since the last call.
+        """
+        # The unit's samples since the last call, without their biases.
         nominal = self._nominal
-        recent = [s for s in self._inertial if s.t > t - periods * self._dt + 1e-9]
+        recent = [s for s in self._inertial if s.t > t - periods * self._dt + ROUNDING]
         self._inertial = recent
-        force = rates = None
+        force = None
+        rates = None
         if recent:
             rates = nominal.rates(recent[-1])
             force = mean([nominal.force(s) for s in recent], [s.dt for s in recent])
+
+        # The thrust that roll and pitch have taken is the larger of both ends of the period.
         for _ in range(periods):
             reserve = self._body_rates.reserve(u)
             self._body_rates.advance(u, rates)
@@ -266,18 +320,21 @@ class SensedState:
 
 
 class CourseEstimate:
-    """The course with its gates where the estimator has them, and how certain that is."""
+    """The course with its gates where the estimator has them, and their uncertainty."""
 
     def __init__(self, course: Course):
         """course: the map."""
-        self._map = self._course = course
+        self._map = course
+        self._course = course
         self._distinct: tuple[Gate, ...] = tuple(dict.fromkeys(course.gates))
-        # of gates, and their standard deviations [m]  (gates, 4)
+        # of gates from the map, and their standard deviations [m]  (gates, 4)
         self._offsets: np.ndarray | None = None
 
     def updated(self, state: FilterState) -> Course:
-        """Return the course by this state of the filter: the same object as before until a gate has
-        MOVED."""
+        """Return the course by a state of the filter.
+
+        It is the same object as before until a gate has MOVED.
+        """
         gates = len(self._distinct)
         moves = state.gates if len(state.gates) else np.zeros((gates, 3))
         offsets = np.column_stack([moves, state.gate_std(gates)])
@@ -309,21 +366,25 @@ class Navigation:
             commands: given before the flight.
             dt: control period [s].
             nominal: the model that predicts until the next control acts, where none is estimated;
-                None: a system for which that is not predicted.
+                None: the next control acts in the present state.
         """
-        self._source, self._gates, self._commands = source, gates, commands
-        self._dt, self._nominal = dt, nominal
+        self._source = source
+        self._gates = gates
+        self._commands = commands
+        self._dt = dt
+        self._nominal = nominal
         self._periods = ControlPeriods(dt)
-        self._planning = 0.0  # [s] mean time of a plan
+        # running mean of planning times [s]
+        self._planning = 0.0
 
     @property
     def corners(self) -> Corners | None:
-        """Corners of gates found in the last picture, for display; None without a camera."""
+        """The corners of gates found in the last picture, for display; None without a camera."""
         return self._source.corners
 
     @property
     def learner(self) -> VehicleLearner | None:
-        """What is learnt of the vehicle's numbers, for display; None: nothing."""
+        """The learner of the vehicle's numbers, for display; None: they are not estimated."""
         return self._source.learner
 
     def watch(self, state: PlantState) -> None:
@@ -331,36 +392,49 @@ class Navigation:
         self._source.watch(state)
 
     def estimate(self, t: float) -> Estimate:
-        """Return what is known when a control is asked for at t [s]."""
+        """Return the Estimate for a control that is asked for at t [s]."""
+        # The present, by what has acted since the last call.
         periods = self._periods.advance(t)
         acted = self._commands.acting(t - periods * self._dt)
         now = self._source.now(t, acted, periods)
+
+        # The state in which the control will act, and the gates passed by then.
         x = self._when_it_acts(now, t)
         target = self._gates.at(x, now.course)
         model = quadrotor(now.model, self._dt) if now.model else None
         return Estimate(t, np.array(x), target, model, now.course)
 
     def commanded(self, t: float, ready: float, u: tuple[float, ...]) -> None:
-        """Note that the control u (n_u,), planned at t [s], is given to the vehicle at `ready`
-        [s]."""
+        """Note a control that is given to the vehicle.
+
+        Args:
+            t: when it was asked for [s].
+            ready: when it is given, its planning ended [s].
+            u: the control  (n_u,).
+        """
         self._commands.give(ready, u)
         self._planning += PLAN_TIME * (ready - t - self._planning)
 
     def record(self, state: PlantState) -> tuple[float, ...]:
-        """Return the columns of quadsim.sensing.estimate_record.ESTIMATE_UNITS for one frame, or
-        nothing."""
+        """Return the columns of ESTIMATE_UNITS for one frame; () where the true state is known."""
         return self._source.record(state)
 
     def _when_it_acts(self, now: Present, t: float) -> tuple[float, ...]:
-        """The state in which a control planned at t [s] will act.  (n_x,)"""
+        """Return the state in which a control planned at t [s] will act.  (n_x,)"""
         if self._nominal is None:
             return now.x
         acts = t + self._planning + self._commands.latency
-        return predict(State(*now.x), self._commands, t, acts, now.model or self._nominal, self._dt)
+        model = now.model or self._nominal
+        return predict(State(*now.x), self._commands, t, acts, model, longest=self._dt)
 
 
 def mean(vectors: list[Vec3], weights: list[float]) -> Vec3:
-    """Return the weighted mean of vectors."""
+    """Return the weighted mean of vectors.
+
+    Args:
+        vectors: (n, 3).
+        weights: (n,).
+    """
     total = sum(weights)
     x, y, z = (
         sum(w * v[k] for v, w in zip(vectors, weights, strict=True)) / total for k in range(3)

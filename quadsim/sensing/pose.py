@@ -3,10 +3,10 @@
     position = p + drift + sigma_p N(0, 1),   drift' = walk N(0, 1)
     attitude = q exp(sigma_q N(0, 1)),        velocity = v + sigma_v N(0, 1)
 
-Of the samples, a share are spikes: that far off in a random direction. A dropout begins with each
-sample with a given probability and lasts a given time. Noise, spikes and their sizes follow RotorPy
-3.0.0's motion capture (spp/rotorpy, MIT); the drift as a random walk is the usual model of
-odometry.
+A share of the samples are spikes, off by a given distance in a random direction. A dropout begins
+with each sample with a given probability and lasts a given time. Noise, spikes and their sizes
+follow RotorPy 3.0.0's motion capture (spp/rotorpy, MIT); the drift as a random walk is the usual
+model of odometry.
 """
 
 from __future__ import annotations
@@ -24,31 +24,40 @@ from quadsim.sensing.timing import Ticks
 
 
 class PoseSensor:
-    """Samples a flight's truth."""
+    """Samples the true pose of a flight."""
 
     def __init__(self, config: PoseConfig, seeds: np.random.SeedSequence):
+        """Start without drift; noise comes from the stream `seeds`."""
         self.latency = config.latency
-        self._config, self._rng = config, np.random.default_rng(seeds)
+        self._config = config
+        self._rng = np.random.default_rng(seeds)
         self._ticks = Ticks(config.rate)
-        self.drift = np.zeros(3)  # [m]
+        # [m]  (3,)
+        self.drift = np.zeros(3)
+        # time of the last sample [s]
         self._before = 0.0
         self._silent_until = -inf
         self._dies = inf if config.dies_at is None else config.dies_at
 
     def sample(self, state: PlantState[State]) -> Pose | None:
-        """The sensor's next sample, if one is due and it is not silent."""
-        if not self._ticks.due(state.t):
+        """Return a sample if one is due and the sensor is not silent, else None."""
+        t = state.t
+        if not self._ticks.due(t):
             return None
-        c, rng, t = self._config, self._rng, state.t
-        drift, position, attitude, velocity, spike = rng.standard_normal((5, 3))
-        begins, spikes = rng.random(2)
-        # it begins with the flight, at t = 0
+
+        # The same number of draws for every sample, whether they are used or not.
+        c = self._config
+        drift, position, attitude, velocity, spike = self._rng.standard_normal((5, 3))
+        begins, spikes = self._rng.random(2)
+
+        # The drift begins with the flight, at t = 0.
         self.drift += c.drift * np.sqrt(max(t - self._before, 0.0)) * drift
         self._before = max(t, 0.0)
         if begins < c.dropouts and t > 0.0:
             self._silent_until = t + c.dropout
         if t < self._silent_until or t >= self._dies:
             return None
+
         p = np.array(state.x.position) + self.drift + c.position_noise * position
         if spikes < c.spikes:
             p += c.spike * spike / np.linalg.norm(spike)

@@ -2,8 +2,8 @@
 
     T_i = thrust map of rotor i (W_i + sigma N(0, 1)),   thrust = sum T_i / m
 
-The plant's flight controller knows its own thrust map, by which it allocates, so that the thrust is
-read off the same map. The mass is the nominal one.
+The plant's flight controller allocates by its own thrust map, so the thrust is read off the same
+map. The mass is the nominal one.
 """
 
 from __future__ import annotations
@@ -24,20 +24,26 @@ class RotorSpeeds:
     latency = 0.0
 
     def __init__(self, config: RotorConfig, seeds: np.random.SeedSequence, vehicle: Vehicle):
-        self._rng, self._ticks = np.random.default_rng(seeds), Ticks(config.rate)
-        self._rotors, self._mass, self._noise = vehicle.rotors, vehicle.mass, config.noise
+        """Read thrusts of a vehicle; noise comes from the stream `seeds`."""
+        self._rng = np.random.default_rng(seeds)
+        self._ticks = Ticks(config.rate)
+        self._rotors = vehicle.rotors
+        self._mass = vehicle.mass
+        self._noise = config.noise
 
     def sample(self, state: PlantState[State]) -> RotorThrust | None:
-        """The thrust by the speeds, if a sample is due. A vehicle without rotors is taken at its
-        word."""
+        """Return the thrust by the rotors' speeds if a sample is due, else None.
+
+        Of a vehicle without rotors the thrust is measured without noise.
+        """
         if not self._ticks.due(state.t):
             return None
-        errors = self._rng.standard_normal(4)
+        errors = self._rng.standard_normal(4).tolist()
         thrust = state.x.thrust
-        if self._rotors:  # the noise of four speeds about their mean
-            rotors = self._rotors
+        rotors = self._rotors
+        if rotors:
+            # The noise of four speeds acts about their mean.
             speed = rotors.speed(max(0.25 * self._mass * thrust, rotors.thrust_map[2]))
-            thrust = (
-                sum(rotors.thrust(speed + self._noise * e) for e in errors.tolist()) / self._mass
-            )
+            thrusts = [rotors.thrust(speed + self._noise * error) for error in errors]
+            thrust = sum(thrusts) / self._mass
         return RotorThrust(state.t, thrust)

@@ -1,12 +1,11 @@
-"""All sensors of one flight: they watch the plant, and hand over each measurement when it has
-arrived."""
+"""All sensors of one flight: they watch the plant, and give each measurement when it arrives."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from heapq import heappop, heappush
 from itertools import count
-from typing import Any
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -23,12 +22,36 @@ from quadsim.sensing.sensing_file import Sensing
 from quadsim.streams import sensor_streams
 from quadsim.vehicle import Vehicle
 
-WARM_UP = 0.5  # [s] for which the sensors run before the flight begins, the vehicle at rest
+# [s] for which the sensors run before the flight begins, the vehicle at rest
+WARM_UP = 0.5
+
+
+class Sensor(Protocol):
+    """A sensor that samples at its own instants."""
+
+    # [s] from the instant of a measurement to its arrival
+    latency: float
+
+    def sample(self, state: PlantState[State]) -> Measurement | None:
+        """Return a measurement if one is due in this true state, else None."""
+        ...
+
+
+class Coming(NamedTuple):
+    """A measurement on its way; the first to arrive is the least."""
+
+    # time of arrival [s]
+    t: float
+    # of the measurement; it settles the order of those that arrive at once
+    number: int
+    measurement: Measurement
 
 
 class Sensors:
-    """Samples every physics step. Each sensor has a random stream of its own: none changes
-    another's noise."""
+    """Samples every physics step of a flight.
+
+    Each sensor has a random stream of its own: none changes another's noise.
+    """
 
     def __init__(
         self,
@@ -39,10 +62,18 @@ class Sensors:
         velocity_lag: float = 0.0,
         obstacles: Sequence[Obstacle] = (),
     ):
-        """vehicle, gates: the true ones, as the plant has them; each gate once. velocity_lag: see
-        Plant [s]."""
+        """Put up the sensors.
+
+        Args:
+            sensing: which there are, and their numbers.
+            seeds: the flight's stream of sensors.
+            vehicle: the true one, as the plant has it.
+            gates: where they truly stand, each once.
+            velocity_lag: see quadsim.physics.plant.Plant [s].
+            obstacles: that stand on the course.
+        """
         streams = sensor_streams(seeds)
-        self._sensors: list[Any] = []
+        self._sensors: list[Sensor] = []
         if sensing.imu:
             self._sensors.append(Imu(sensing.imu, streams.imu))
         if sensing.rotors:
@@ -53,36 +84,43 @@ class Sensors:
             self._sensors.append(GateCamera(sensing.camera, streams.camera, gates, obstacles))
         self._velocity_lag = velocity_lag
         self._before: PlantState[State] | None = None
-        self.truth: PlantState[State] | None = (
-            None  # the last state that was sampled, position and velocity of one instant
-        )
-        self._coming: list[tuple[float, int, Measurement]] = []  # a heap by the time of arrival
+        # the last state that was sampled, position and velocity of one instant
+        self.truth: PlantState[State] | None = None
+        # a heap
+        self._coming: list[Coming] = []
         self._number = count()
 
     def warm_up(self, state: PlantState[State], dt: float) -> None:
-        """Sample the vehicle at rest at the flight's first state, for WARM_UP until just before it,
-        every dt [s]."""
+        """Sample the vehicle at rest for WARM_UP until just before the flight.
+
+        Args:
+            state: the first of the flight.
+            dt: physics step [s].
+        """
         for k in range(-round(WARM_UP / dt), 0):
             self.observe(PlantState(k * dt, state.x, ()))
 
     def observe(self, state: PlantState[State]) -> None:
-        """The state after a physics step."""
+        """Sample the state after a physics step."""
         self.truth = self._of_one_instant(state)
         for sensor in self._sensors:
             measurement = sensor.sample(self.truth)
             if measurement is not None:
-                heappush(
-                    self._coming, (measurement.t + sensor.latency, next(self._number), measurement)
-                )
+                arrival = measurement.t + sensor.latency
+                heappush(self._coming, Coming(arrival, next(self._number), measurement))
 
     def _of_one_instant(self, state: PlantState[State]) -> PlantState[State]:
-        """Return the state with its velocity extrapolated to the instant of the position, by the
-        acceleration of the last step."""
-        before, self._before = self._before, state
+        """Return the state with its velocity extrapolated to the instant of the position.
+
+        The acceleration is that of the last step.
+        """
+        before = self._before
+        self._before = state
         if before is None or not self._velocity_lag:
             return state
         share = self._velocity_lag / (state.t - before.t)
-        last, x = before.x, state.x
+        last = before.x
+        x = state.x
         velocity = (
             x.vx + share * (x.vx - last.vx),
             x.vy + share * (x.vy - last.vy),
@@ -94,8 +132,12 @@ class Sensors:
         return PlantState(state.t, moved, state.contacts)
 
     def arrived(self, t: float) -> list[Measurement]:
-        """What has arrived by t [s] since the last call, in the order of arrival."""
+        """Return the measurements that have arrived since the last call, in that order.
+
+        Args:
+            t: time now [s].
+        """
         found = []
-        while self._coming and self._coming[0][0] <= t + 1e-9:
-            found.append(heappop(self._coming)[2])
+        while self._coming and self._coming[0].t <= t + 1e-9:
+            found.append(heappop(self._coming).measurement)
         return found

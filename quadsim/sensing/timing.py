@@ -1,5 +1,4 @@
-"""When sensors sample: at a rate of their own, at the first physics step at or after each
-instant."""
+"""Ticks: the instants at which a sensor samples, at a rate of its own."""
 
 from __future__ import annotations
 
@@ -7,8 +6,10 @@ from math import floor, isclose
 
 
 class Ticks:
-    """The instants k / rate. A sample carries the time of the physics step at which it was
-    taken."""
+    """The instants k / rate, each met at the first physics step at or after it.
+
+    A sample carries the time of the physics step at which it was taken.
+    """
 
     def __init__(self, rate: float):
         """rate: [Hz]"""
@@ -16,8 +17,11 @@ class Ticks:
         self._done: int | None = None
 
     def due(self, t: float) -> bool:
-        """Return whether an instant has come since the last call that returned True; t [s] must not
-        decrease."""
+        """Return whether an instant has come since the last call that returned True.
+
+        Args:
+            t: time [s], which must not decrease from call to call.
+        """
         ticks = t * self._rate
         now = round(ticks) if isclose(ticks, round(ticks), abs_tol=1e-6) else floor(ticks)
         if self._done is not None and now <= self._done:

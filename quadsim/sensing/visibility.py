@@ -1,5 +1,7 @@
-"""Which points a frame or an obstacle hides from the camera: lines of sight, as paths of a sphere
-of radius 0."""
+"""Lines of sight: the points that a frame or an obstacle hides from the camera.
+
+A line of sight is the path of a sphere of radius 0.
+"""
 
 from __future__ import annotations
 
@@ -13,43 +15,63 @@ from quadsim.course.obstacles import Obstacle
 from quadsim.course.swept import SweptGate
 from quadsim.course.swept_obstacles import SweptObstacle
 
-# share of a line of sight: a frame that begins in the point itself does not hide it
+# Share of a line of sight: a frame that begins in the point itself does not hide it.
 BEFORE = 1.0 - 1e-6
 
 
-@lru_cache(1024)  # the same few gates in every picture
+# Every picture asks for the same few gates.
+@lru_cache(1024)
 def _frame(gate: Gate) -> SweptGate:
+    """Return the frame of a gate for lines of sight."""
     return SweptGate(gate, 0, 0.0)
 
 
 def hidden(
     points: np.ndarray, eye: np.ndarray, gates: Iterable[Gate], obstacles: Iterable[Obstacle] = ()
 ) -> np.ndarray:
-    """Which points (n, 3) a bar of any of these gates, or any of these obstacles, hides from an eye
-    at (3,).
+    """Return which points a bar of any gate, or any obstacle, hides from an eye.
 
-    All in the world frame [m].  (n,) bool
+    Args:
+        points: in the world [m]  (n, 3).
+        eye: in the world [m]  (3,).
+        gates: whose frames may stand between.
+        obstacles: that may stand between.
+
+    Returns:
+        (n,) bool
     """
     x, y, z = eye.tolist()
+    targets = [(a, b, c) for a, b, c in points.tolist()]
     found = np.zeros(len(points), bool)
     for frame in map(_frame, gates):
         here = frame.gate.to_local((x, y, z))
-        touches = (frame.touch(here, frame.gate.to_local((a, b, c))) for a, b, c in points.tolist())
-        found |= [s is not None and s < BEFORE for s in touches]
-    for thing in (SweptObstacle(obstacle, 0, 0.0) for obstacle in obstacles):
-        touches = (thing.touch((x, y, z), (a, b, c)) for a, b, c in points.tolist())
-        found |= [s is not None and s < BEFORE for s in touches]
+        found |= [_stops(frame.touch(here, frame.gate.to_local(target))) for target in targets]
+    for obstacle in obstacles:
+        swept = SweptObstacle(obstacle, 0, 0.0)
+        found |= [_stops(swept.touch((x, y, z), target)) for target in targets]
     return found
+
+
+def _stops(touched: float | None) -> bool:
+    """Return whether something touched at this fraction of a line of sight hides its end."""
+    return touched is not None and touched < BEFORE
 
 
 def hidden_corners(
     gates: Sequence[Gate], eye: np.ndarray, obstacles: Sequence[Obstacle] = ()
 ) -> np.ndarray:
-    """Which corners of the gates' openings another gate's frame or an obstacle hides, in the order
-    of `Gate.corners`.
+    """Return which corners of gates' openings another gate's frame or an obstacle hides.
 
-    Its own frame hides none: a corner lies half a frame's depth behind the edge that is seen, 5 cm.
-     (n, 4) bool
+    A gate's own frame hides none: a corner lies half a frame's depth, 5 cm, behind the edge that is
+    seen.
+
+    Args:
+        gates: each once.
+        eye: in the world [m]  (3,).
+        obstacles: that may stand between.
+
+    Returns:
+        In the order of `Gate.corners`  (gates, 4) bool.
     """
     rows = [
         hidden(gate.corners(), eye, [g for g in gates if g != gate], obstacles) for gate in gates

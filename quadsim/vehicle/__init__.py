@@ -1,5 +1,4 @@
-"""Vehicles: the numbers of a quadrotor, read from YAML files with Flightmare's key names and
-checked."""
+"""Vehicles: the numbers of a quadrotor, read from YAML files and checked."""
 
 from quadsim.vehicle.vehicle import GRAVITY, Rotors, Vehicle, scale_thrust, with_thrust_to_weight
 from quadsim.vehicle.vehicle_file import VEHICLES, load_vehicle, parse_vehicle, vehicle_names

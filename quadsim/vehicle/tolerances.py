@@ -1,4 +1,4 @@
-"""How far a real vehicle may be from its nominal numbers, and in how much wind it flies."""
+"""Tolerances: how far a real vehicle may be from its nominal numbers, and the wind it flies in."""
 
 from __future__ import annotations
 
@@ -15,9 +15,15 @@ class VehicleTolerances:
     of 0.4 1/s.
     """
 
-    mass: float = 0.05  # relative; the thrust gain is off by as much
-    thrust: float = 0.05  # of the highest thrust, relative
-    lag: float = 0.2  # of the body rates and of the rotors, relative
-    drag: float = 0.25  # relative
-    gust: float = 0.5  # standard deviation per axis [m/s^2]
-    gust_tau: float = 0.5  # correlation time of the gust [s]
+    # relative; the thrust gain is off by as much
+    mass: float = 0.05
+    # of the highest thrust, relative
+    thrust: float = 0.05
+    # of the body rates and of the rotors, relative
+    lag: float = 0.2
+    # relative
+    drag: float = 0.25
+    # standard deviation per axis [m/s^2]
+    gust: float = 0.5
+    # correlation time of the gust [s]
+    gust_tau: float = 0.5

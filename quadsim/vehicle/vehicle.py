@@ -1,5 +1,7 @@
-"""Vehicle: the numbers of one quadrotor as plain values; see vehicle_file for the YAML they are
-read from."""
+"""Vehicle: the numbers of one quadrotor as plain values.
+
+They are read from YAML by quadsim.vehicle.vehicle_file.
+"""
 
 from __future__ import annotations
 
@@ -13,49 +15,70 @@ GRAVITY = 9.81  # [m/s^2]
 
 @dataclass(frozen=True)
 class Rotors:
-    """Four rotors: front-right, back-left, front-left, back-right; see `spin`."""
+    """Four rotors: front-right, back-left, front-left, back-right."""
 
-    positions: tuple[tuple[float, float], ...]  # (4, 2) body x, y [m]
-    spin: tuple[int, ...]  # (4,) sign of the reaction torque about body z
-    thrust_map: Vec3  # c2 [N s^2], c1 [N s], c0 [N]
-    omega_min: float  # [rad/s]
-    omega_max: float  # [rad/s]
-    tau: float  # first-order lag of the rotor speed [s]
-    kappa: float  # reaction torque per thrust [m]
+    # x, y in the body frame [m]  (4, 2)
+    positions: tuple[tuple[float, float], ...]
+    # sign of the reaction torque about body z  (4,)
+    spin: tuple[int, ...]
+    # c2 [N s^2], c1 [N s], c0 [N]
+    thrust_map: Vec3
+    # limits of the speed [rad/s]
+    omega_min: float
+    omega_max: float
+    # first-order lag of the speed [s]
+    tau: float
+    # reaction torque per thrust [m]
+    kappa: float
 
     def thrust(self, speed: float) -> float:
-        """c2 W^2 + c1 W + c0 of one rotor [N] at the speed W [rad/s]."""
+        """Return c2 W^2 + c1 W + c0, the thrust of one rotor [N] at the speed W [rad/s]."""
         c2, c1, c0 = self.thrust_map
         return (c2 * speed + c1) * speed + c0
 
     def speed(self, thrust: float) -> float:
-        """The speed [rad/s] at which one rotor gives this thrust [N], on the rising branch of the
-        thrust map."""
+        """Return the speed [rad/s] at which one rotor gives a thrust [N].
+
+        It lies on the rising branch of the thrust map.
+        """
         c2, c1, c0 = self.thrust_map
         return (sqrt(c1 * c1 + 4.0 * c2 * (thrust - c0)) - c1) / (2.0 * c2)
 
 
 @dataclass(frozen=True)
 class Vehicle:
-    """What the plant flies. Thrusts and drag are mass-normalised, so that `paper` needs no mass of
-    its own."""
+    """A quadrotor as the plant flies it.
+
+    Thrusts and drag are mass-normalised, so that the vehicle `paper` needs no mass of its own.
+    """
 
     name: str
     source: str
-    mass: float  # [kg]
-    inertia: Vec3  # principal moments [kg m^2]
-    radius: float  # of the sphere that stands for it in contacts [m]
-    rate_tau: Vec3  # first-order rate loop, per axis [s]
-    rate_max: Vec3  # body-rate command limit [rad/s]
-    thrust_max: float  # collective, mass-normalised [m/s^2]
-    drag: Vec3  # linear, body frame [1/s]
-    latency: float  # command to actuator [s]
-    rotors: Rotors | None  # None: thrust acts at once and without per-rotor limits
+    # [kg]
+    mass: float
+    # principal moments [kg m^2]
+    inertia: Vec3
+    # of the sphere that stands for the vehicle in contacts [m]
+    radius: float
+    # lags of the first-order rate loop about x, y, z [s]
+    rate_tau: Vec3
+    # limits of the body-rate commands [rad/s]
+    rate_max: Vec3
+    # largest collective, mass-normalised [m/s^2]
+    thrust_max: float
+    # linear, body frame [1/s]
+    drag: Vec3
+    # from command to actuator [s]
+    latency: float
+    # None: thrust acts at once and without limits of single rotors
+    rotors: Rotors | None
 
 
 def scale_thrust(vehicle: Vehicle, factor: float) -> Vehicle:
-    """Stronger or weaker propellers: thrust map and limit times the factor, mass and rotor speeds
-    as they were."""
+    """Return the vehicle with stronger or weaker propellers.
+
+    Thrust map and limit are multiplied by the factor; mass and rotor speeds stay.
+    """
     rotors = vehicle.rotors
     if rotors:
         c2, c1, c0 = rotors.thrust_map
@@ -64,6 +87,6 @@ def scale_thrust(vehicle: Vehicle, factor: float) -> Vehicle:
 
 
 def with_thrust_to_weight(vehicle: Vehicle, ratio: float) -> Vehicle:
-    """The vehicle with full thrust of `ratio` times its weight, and a name that says so."""
+    """Return the vehicle with a full thrust of `ratio` times its weight, named after the ratio."""
     scaled = scale_thrust(vehicle, ratio * GRAVITY / vehicle.thrust_max)
     return replace(scaled, name=f"{vehicle.name}-twr{ratio:g}")

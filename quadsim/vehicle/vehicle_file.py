@@ -1,17 +1,19 @@
-"""Vehicle files: their keys (Flightmare's where it has them), units, ranges, defaults; how they
-become a Vehicle."""
+"""Vehicle files: their keys with units, ranges and defaults, and how they become a Vehicle.
+
+The keys are Flightmare's where it has them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from math import sqrt
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from msgspec import Struct
 
 from quadsim.files.data_files import locate, names, read_text
-from quadsim.files.strict_yaml import parse, unit
+from quadsim.files.strict_yaml import parse, setting, unit
 from quadsim.vehicle.vehicle import GRAVITY, Rotors, Vehicle
 
 VEHICLES = Path(__file__).parent
@@ -25,66 +27,125 @@ Drag = Annotated[float, unit("1/s", ge=0, le=20)]
 
 
 class RotorsEntry(Struct, frozen=True, kw_only=True):
-    arm_l: Length | None = None  # centre to rotor, rotors on the diagonals of a square
-    rotor_x: Length | None = None  # or: half the distance front to rear,
-    rotor_y: Length | None = None  # and half the distance left to right
-    motor_omega_min: Speed
-    motor_omega_max: Speed
-    motor_tau: Lag
-    thrust_map: Annotated[tuple[float, float, float], unit("N s^2, N s, N")]
-    kappa: Annotated[float, unit("m", gt=0, le=1)]
+    """The rotors of a vehicle file."""
+
+    arm_l: Annotated[
+        Length | None, setting("centre to rotor, for rotors on the diagonals of a square [m]")
+    ] = None
+    rotor_x: Annotated[Length | None, setting("half the distance front to rear [m]")] = None
+    rotor_y: Annotated[Length | None, setting("half the distance left to right [m]")] = None
+    motor_omega_min: Annotated[Speed, setting("speed at idle [rad/s]")]
+    motor_omega_max: Annotated[Speed, setting("full speed [rad/s]")]
+    motor_tau: Annotated[Lag, setting("lag of the speed [s]")]
+    thrust_map: Annotated[
+        tuple[float, float, float],
+        setting("c2, c1, c0 of the thrust c2 W^2 + c1 W + c0", unit="N s^2, N s, N"),
+    ]
+    kappa: Annotated[float, setting("reaction torque per thrust [m]", unit="m", gt=0, le=1)]
 
 
 class VehicleFile(Struct, frozen=True, kw_only=True):
-    source: str = ""
-    mass: Annotated[float, unit("kg", gt=0, le=100)]
-    inertia: tuple[Moment, Moment, Moment]
+    """The keys of a vehicle file."""
+
+    source: Annotated[str, setting("origin of the numbers")] = ""
+    mass: Annotated[float, setting("mass [kg]", unit="kg", gt=0, le=100)]
+    inertia: Annotated[
+        tuple[Moment, Moment, Moment], setting("principal moments about x, y, z [kg m^2]")
+    ]
+    # A course keeps as much as the largest radius free around its start.
     radius: Annotated[
-        float, unit("m", gt=0, le=0.25)
-    ]  # a course keeps this much free around its start
-    rate_tau: tuple[Lag, Lag, Lag]
-    omega_max: tuple[Rate, Rate, Rate]
-    thrust_max: Annotated[float, unit("m/s^2", gt=0, le=1000)] | None = None  # without rotors
-    drag: tuple[Drag, Drag, Drag] = (0.0, 0.0, 0.0)
-    latency: Annotated[float, unit("s", ge=0, le=0.5)] = 0.0
+        float, setting("radius of the sphere in contacts [m]", unit="m", gt=0, le=0.25)
+    ]
+    rate_tau: Annotated[tuple[Lag, Lag, Lag], setting("lags of the body rates about x, y, z [s]")]
+    omega_max: Annotated[
+        tuple[Rate, Rate, Rate], setting("limits of the body-rate commands about x, y, z [rad/s]")
+    ]
+    thrust_max: (
+        Annotated[
+            float,
+            setting(
+                "largest mass-normalised thrust of a vehicle without rotors [m/s^2]",
+                unit="m/s^2",
+                gt=0,
+                le=1000,
+            ),
+        ]
+        | None
+    ) = None
+    drag: Annotated[
+        tuple[Drag, Drag, Drag], setting("linear drag along the body's x, y, z [1/s]")
+    ] = (0.0, 0.0, 0.0)
+    latency: Annotated[
+        float, setting("time from command to actuator [s]", unit="s", ge=0, le=0.5)
+    ] = 0.0
     rotors: RotorsEntry | None = None
 
 
 def vehicle_names() -> tuple[str, ...]:
-    """The vehicles that come with the project."""
+    """Return the names of the vehicles that come with the project."""
     return names(VEHICLES)
 
 
 def load_vehicle(name_or_path: str | Path) -> Vehicle:
-    """A vehicle by name ("swift") or path ("mine.yaml"). Raises FileError."""
+    """Return a vehicle by name ("swift") or path ("mine.yaml").
+
+    Raises:
+        FileError: no such vehicle, or a file that is no vehicle.
+    """
     path = locate(name_or_path, VEHICLES, "vehicle")
     return parse_vehicle(read_text(path), str(path))
 
 
 def parse_vehicle(text: str, file: str) -> Vehicle:
-    """A vehicle from its text; `file` is shown in errors and gives it its name. Raises
-    FileError."""
+    """Return the vehicle of a YAML text.
+
+    Args:
+        text: the YAML.
+        file: shown in errors; gives the vehicle its name.
+
+    Raises:
+        FileError: the text is no vehicle.
+    """
     document = parse(text, file)
     entry = document.fill(VehicleFile)
-    for path, problem in _faults(entry):
-        raise document.error(path, problem)
+    for fault in _faults(entry):
+        raise document.error(fault.key, fault.problem)
     rotors = _rotors(entry.rotors) if entry.rotors else None
-    full = 4 * rotors.thrust(rotors.omega_max) / entry.mass if rotors else entry.thrust_max
-    assert full is not None  # _faults has seen to it
-    same = {
-        key: getattr(entry, key)
-        for key in ("source", "mass", "inertia", "radius", "rate_tau", "drag", "latency")
-    }
+    thrust_max = entry.thrust_max
+    if rotors:
+        thrust_max = 4 * rotors.thrust(rotors.omega_max) / entry.mass
+    # `_faults` has found a vehicle with neither.
+    assert thrust_max is not None
     return Vehicle(
-        Path(file).stem, rate_max=entry.omega_max, thrust_max=full, rotors=rotors, **same
+        name=Path(file).stem,
+        source=entry.source,
+        mass=entry.mass,
+        inertia=entry.inertia,
+        radius=entry.radius,
+        rate_tau=entry.rate_tau,
+        rate_max=entry.omega_max,
+        thrust_max=thrust_max,
+        drag=entry.drag,
+        latency=entry.latency,
+        rotors=rotors,
     )
 
 
+class Fault(NamedTuple):
+    """A key of the vehicle file, and the problem with it."""
+
+    key: str
+    problem: str
+
+
 def _rotors(entry: RotorsEntry) -> Rotors:
-    """With Flightmare's directions of rotation: front-right and back-left turn the body to the left
-    (+)."""
+    """Return the rotors, with Flightmare's directions of rotation.
+
+    Front-right and back-left turn the body to the left (+).
+    """
     side = (entry.arm_l or 0.0) / sqrt(2)
-    x, y = entry.rotor_x or side, entry.rotor_y or side
+    x = entry.rotor_x or side
+    y = entry.rotor_y or side
     return Rotors(
         positions=((x, -y), (-x, y), (x, y), (-x, -y)),
         spin=(1, 1, -1, -1),
@@ -96,58 +157,56 @@ def _rotors(entry: RotorsEntry) -> Rotors:
     )
 
 
-def _faults(entry: VehicleFile) -> Iterator[tuple[str, str]]:
-    """Everything that does not fit together, as (key, problem)."""
+def _faults(entry: VehicleFile) -> Iterator[Fault]:
+    """Yield all faults of a vehicle; the first is the one to show."""
     if 2 * max(entry.inertia) > sum(entry.inertia):
-        yield (
-            "inertia",
-            "expected each moment at most the sum of the other two [kg m^2], got "
-            + _list(entry.inertia),
-        )
-    if entry.rotors is None:
-        if entry.thrust_max is None:
-            yield "thrust_max", "missing, expected a number [m/s^2], or rotors"
-        elif entry.thrust_max <= GRAVITY:
-            yield (
-                "thrust_max",
-                f"cannot hover: expected more than {GRAVITY} [m/s^2], got {entry.thrust_max:g}",
-            )
-        return
-    if entry.thrust_max is not None:
-        yield (
-            "thrust_max",
-            "not with rotors, whose thrust_map and motor_omega_max say it: remove one",
-        )
-    yield from _rotor_faults(entry.rotors, entry.mass * GRAVITY)
+        expected = "expected each moment at most the sum of the other two [kg m^2]"
+        yield Fault("inertia", f"{expected}, got {_list(entry.inertia)}")
+    if entry.rotors:
+        if entry.thrust_max is not None:
+            problem = "expected none beside rotors, whose thrust_map gives it: remove one"
+            yield Fault("thrust_max", problem)
+        yield from _rotor_faults(entry.rotors, entry.mass * GRAVITY)
+    elif entry.thrust_max is None:
+        yield Fault("thrust_max", "missing, expected a number [m/s^2], or rotors")
+    elif entry.thrust_max <= GRAVITY:
+        problem = f"cannot hover: expected more than {GRAVITY} [m/s^2], got {entry.thrust_max:g}"
+        yield Fault("thrust_max", problem)
 
 
-def _rotor_faults(entry: RotorsEntry, weight: float) -> Iterator[tuple[str, str]]:
-    """weight: [N]."""
+def _rotor_faults(entry: RotorsEntry, weight: float) -> Iterator[Fault]:
+    """Yield the faults of the rotors.
+
+    Args:
+        entry: of the file.
+        weight: of the vehicle [N].
+    """
+    sides = [entry.rotor_x is not None, entry.rotor_y is not None]
+    one_way = not any(sides) if entry.arm_l is not None else all(sides)
+    if not one_way:
+        yield Fault("rotors", "expected either arm_l [m] or both rotor_x and rotor_y [m]")
+
     rotors = _rotors(entry)
-    square, oblong = entry.arm_l is not None, (entry.rotor_x is not None, entry.rotor_y is not None)
-    if oblong != (not square, not square):
-        yield "rotors", "expected either arm_l [m] or both rotor_x and rotor_y [m]"
-    low, high, (c2, c1, _) = rotors.omega_min, rotors.omega_max, rotors.thrust_map
+    low = rotors.omega_min
+    high = rotors.omega_max
     if low >= high:
-        yield (
-            "rotors.motor_omega_max",
-            f"expected more than motor_omega_min = {low:g} [rad/s], got {high:g}",
-        )
+        problem = f"expected more than motor_omega_min = {low:g} [rad/s], got {high:g}"
+        yield Fault("rotors.motor_omega_max", problem)
+    c2, c1, _ = rotors.thrust_map
     if c2 <= 0.0 or 2 * c2 * low + c1 < 0.0:
-        rising = "expected thrust that rises, ever faster, with the speed"
-        yield "rotors.thrust_map", f"{rising}, got {_list(rotors.thrust_map)}"
-    idle, full = 4 * rotors.thrust(low), 4 * rotors.thrust(high)
+        expected = "expected thrust that rises, ever faster, with the speed"
+        yield Fault("rotors.thrust_map", f"{expected}, got {_list(rotors.thrust_map)}")
+
+    idle = 4 * rotors.thrust(low)
+    full = 4 * rotors.thrust(high)
     if full <= weight:
-        yield (
-            "rotors",
-            f"cannot hover: expected more than the weight of {weight:.2f} N, got {full:.2f} N at full speed",
-        )
+        expected = f"expected more than the weight of {weight:.2f} N"
+        yield Fault("rotors", f"cannot hover: {expected}, got {full:.2f} N at full speed")
     if idle >= weight:
-        yield (
-            "rotors",
-            f"cannot descend: expected less than the weight of {weight:.2f} N, got {idle:.2f} N at idle",
-        )
+        expected = f"expected less than the weight of {weight:.2f} N"
+        yield Fault("rotors", f"cannot descend: {expected}, got {idle:.2f} N at idle")
 
 
 def _list(numbers: tuple[float, ...]) -> str:
+    """Return numbers as YAML writes a list."""
     return "[" + ", ".join(f"{n:g}" for n in numbers) + "]"

@@ -9,8 +9,7 @@ import pytest
 from quadsim.course import Start
 from quadsim.rotation import between, matrix
 from quadsim.sensing import load_sensing, sensing_names
-from quadsim.sensing.camera_model import GateCameraConfig
-from quadsim.sensing.config import PoseConfig
+from quadsim.sensing.config import GateCameraConfig, PoseConfig
 from quadsim.sensing.estimate_record import ESTIMATE_UNITS, estimate_row
 from quadsim.sensing.estimation.error_state import MOVING, FilterState
 from quadsim.sensing.estimation.estimator import Estimator

@@ -10,8 +10,7 @@ from quadsim.course.obstacles import Cylinder
 from quadsim.dynamics.quadrotor import State
 from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import between, matrix
-from quadsim.sensing.camera_model import GateCameraConfig
-from quadsim.sensing.config import ImuConfig, PoseConfig, RotorConfig
+from quadsim.sensing.config import GateCameraConfig, ImuConfig, PoseConfig, RotorConfig
 from quadsim.sensing.gate_camera import GateCamera
 from quadsim.sensing.imu import Imu
 from quadsim.sensing.pose import PoseSensor

@@ -30,104 +30,104 @@ rotors:
 """
 )
 BAD = [
-    (SIMPLE, "mass: 1", "mass: 0", "1:7: mass: expected a number [kg] > 0 and <= 100, got 0"),
+    (SIMPLE, "mass: 1", "mass: 0", "1:7: mass: expected"),
     (
         SIMPLE,
         "0.02]",
         "-0.02]",
-        "2:23: inertia[2]: expected a number [kg m^2] > 0 and <= 10, got -0.02",
+        "2:23: inertia[2]: expected",
     ),
     (
         SIMPLE,
         "rate_tau: [0.25",
         "rate_tau: [-1",
-        "4:12: rate_tau[0]: expected a number [s] >= 0 and <= 2, got -1",
+        "4:12: rate_tau[0]: expected",
     ),
-    (SIMPLE, "mass: 1", "weight: 1", "1:1: weight: unknown key, known are"),
-    (SIMPLE, "radius: 0.15\n", "", "1:1: radius: missing, expected a number [m]"),
+    (SIMPLE, "mass: 1", "weight: 1", "1:1: weight: unknown key"),
+    (SIMPLE, "radius: 0.15\n", "", "1:1: radius: missing"),
     (
         SIMPLE,
         "mass: 1",
         "mass: 1\nlatency: 0.6",
-        "2:10: latency: expected a number [s] >= 0 and <= 0.5, got 0.6",
+        "2:10: latency: expected",
     ),
     (
         SIMPLE,
         "thrust_max: 36",
         "thrust_max: 9.8",
-        "6:13: thrust_max: cannot hover: expected more than 9.81 [m/s^2], got 9.8",
+        "6:13: thrust_max: cannot hover",
     ),
     (
         SIMPLE,
         "thrust_max: 36\n",
         "",
-        "1:1: thrust_max: missing, expected a number [m/s^2], or rotors",
+        "1:1: thrust_max: missing",
     ),
     (
         SIMPLE,
         "0.02]",
         "0.021]",
-        "2:10: inertia: expected each moment at most the sum of the other two [kg m^2], got [0.01, 0.01, 0.021]",
+        "2:10: inertia: expected",
     ),
     (
         ROTORS,
         "mass: 1",
         "thrust_max: 36\nmass: 1",
-        "1:13: thrust_max: not with rotors, whose thrust_map and motor_omega_max say it: remove one",
+        "1:13: thrust_max: expected",
     ),
     (
         ROTORS,
         "mass: 1",
         "mass: 4",
-        "7:3: rotors: cannot hover: expected more than the weight of 39.24 N, got 32.00 N at full speed",
+        "7:3: rotors: cannot hover",
     ),
     (
         ROTORS,
         "motor_omega_min: 100",
         "motor_omega_min: 1200",
-        "7:3: rotors: cannot descend: expected less than the weight of 9.81 N, got 11.52 N at idle",
+        "7:3: rotors: cannot descend",
     ),
     (
         ROTORS,
         "motor_omega_max: 2000",
         "motor_omega_max: 90",
-        "9:20: rotors.motor_omega_max: expected more than motor_omega_min = 100 [rad/s], got 90",
+        "9:20: rotors.motor_omega_max: expected",
     ),
     (
         ROTORS,
         "  arm_l: 0.1414213562373095\n",
         "  rotor_x: 0.1\n",
-        "7:3: rotors: expected either arm_l [m] or both rotor_x and rotor_y [m]",
+        "7:3: rotors: expected",
     ),
     (
         ROTORS,
         "  arm_l",
         "  rotor_x: 0.1\n  arm_l",
-        "7:3: rotors: expected either arm_l [m] or both rotor_x and rotor_y [m]",
+        "7:3: rotors: expected",
     ),
     (
         ROTORS,
         "[2e-6, 0, 0]",
         "[2e-6, -0.1, 0]",
-        "11:15: rotors.thrust_map: expected thrust that rises, ever faster, with the speed, got [2e-06, -0.1, 0]",
+        "11:15: rotors.thrust_map: expected",
     ),
     (
         ROTORS,
         "[2e-6, 0, 0]",
         "[2e-6, 0]",
-        "11:15: rotors.thrust_map: expected 3 numbers [N s^2, N s, N], got 2",
+        "11:15: rotors.thrust_map: expected",
     ),
     (
         ROTORS,
         "motor_tau: 0.03",
         "motor_tau: -1",
-        "10:14: rotors.motor_tau: expected a number [s] >= 0 and <= 2, got -1",
+        "10:14: rotors.motor_tau: expected",
     ),
     (
         ROTORS,
         "kappa: 0.02",
         "kappa: 0",
-        "12:10: rotors.kappa: expected a number [m] > 0 and <= 1, got 0",
+        "12:10: rotors.kappa: expected",
     ),
 ]
 
@@ -138,11 +138,12 @@ def vehicle(request) -> Vehicle:
 
 
 @pytest.mark.parametrize(("text", "old", "new", "message"), BAD)
-def test_each_fault_of_a_vehicle_has_its_one_line(text, old, new, message):
+def test_each_fault_of_a_vehicle_is_one_line_with_its_place_and_key(text, old, new, message):
     assert old in text
     with pytest.raises(FileError) as error:
         parse_vehicle(text.replace(old, new, 1), "mine.yaml")
     assert str(error.value).startswith(f"mine.yaml:{message}")
+    assert "\n" not in str(error.value)
 
 
 def test_a_vehicle_without_rotors_keeps_what_its_file_says():

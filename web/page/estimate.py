@@ -9,7 +9,7 @@ import numpy as np
 import viser
 from viser.transforms import SO3
 
-from quadsim.sensing.camera_model import GateCameraConfig
+from quadsim.sensing.config import GateCameraConfig
 from web.competitor import POSITION, QUATERNION, Competitor
 from web.page.drones import SPAN, quadrotor, single_colour
 

@@ -29,37 +29,42 @@ VELOCITY = slice(3, 6)
 TURN = slice(6, 9)
 ACCELEROMETER = slice(9, 12)
 GYRO = slice(12, 15)
-MOVING = 15  # of the states, those that the unit moves
+# number of the states that move with the unit
+MOVING = 15
 DRIFT = slice(MOVING, MOVING + 3)
-# [m/s^2] standard deviation of a sample: what holding means over a sample leaves out
+# [m/s^2] standard deviation per sample of the error made by holding means over a sample
 MODEL_ACCELERATION = 0.3
 
 
 @dataclass(frozen=True)
 class FilterState:
-    """The nominal state, the other states of the filter, and the covariance of the error, at one
-    instant."""
+    """The nominal state and the covariance of its error at one instant.
+
+    Drift and gates are states only where they are estimated, else they have no rows.
+    """
 
     nominal: Nominal
-    drift: np.ndarray  # of an odometry's position [m]  (3,)
-    gates: np.ndarray  # where gates stand less where the map has them [m]  (gates, 3)
-    P: np.ndarray  # covariance of the error; without drift or gates they are left out  (n, n)
+    # of an odometry's position [m]  (3,) or (0,)
+    drift: np.ndarray
+    # positions of gates relative to the map [m]  (gates, 3) or (0, 3)
+    gates: np.ndarray
+    # covariance of the error  (n, n)
+    P: np.ndarray
 
     @property
     def first_gate(self) -> int:
-        """Row of the error at which the gates begin."""
+        """The row of the error at which the gates begin."""
         return MOVING + len(self.drift)
 
     def gate_std(self, gates: int) -> np.ndarray:
-        """Return the standard deviation of each gate's position relative to the vehicle, of the
-        worst axis [m].
+        """Return the standard deviation of each gate's position relative to the vehicle [m].
 
         Args:
-            gates: how many there are; those that stand where the map has them are as uncertain as
-                the vehicle.
+            gates: number of gates; gates that stand where the map has them are as uncertain as the
+                vehicle.
 
         Returns:
-            (gates,)
+            Of the worst axis of each gate  (gates,).
         """
         own = np.diag(self.P)[POSITION]
         if not len(self.gates):
@@ -69,20 +74,21 @@ class FilterState:
         return np.sqrt(np.maximum(variances, 0.0).max(axis=1))
 
     def corrected(self, dx: np.ndarray, P: np.ndarray) -> FilterState:
-        """Return the state with an error moved into it.
+        """Return the state with an estimated error moved into it.
 
         Args:
             dx: the error  (n,).
-            P: its covariance afterwards  (n, n).
+            P: covariance of the error that remains  (n, n).
         """
-        old, error = self.nominal, dx.tolist()
+        before = self.nominal
+        error = dx.tolist()
         nominal = Nominal(
-            old.t,
-            plus(old.position, error[POSITION]),
-            plus(old.velocity, error[VELOCITY]),
-            turned(old.attitude, error[TURN]),
-            plus(old.accelerometer_bias, error[ACCELEROMETER]),
-            plus(old.gyro_bias, error[GYRO]),
+            t=before.t,
+            position=plus(before.position, error[POSITION]),
+            velocity=plus(before.velocity, error[VELOCITY]),
+            attitude=turned(before.attitude, error[TURN]),
+            accelerometer_bias=plus(before.accelerometer_bias, error[ACCELEROMETER]),
+            gyro_bias=plus(before.gyro_bias, error[GYRO]),
         )
         drift = self.drift + dx[MOVING : self.first_gate]
         gates = self.gates + dx[self.first_gate :].reshape(self.gates.shape)
@@ -90,28 +96,36 @@ class FilterState:
 
 
 class Motion:
-    """Moves a FilterState by samples of a unit with these noises."""
+    """Moves a FilterState by samples of an inertial measurement unit: the filter's prediction."""
 
     def __init__(self, imu: ImuConfig, drift: float, states: int):
-        """drift: of an odometry's position [m/sqrt(s)]; states: of the filter."""
+        """Prepare the process noise.
+
+        Args:
+            imu: the unit.
+            drift: random walk of an odometry's position [m/sqrt(s)].
+            states: number of the filter's states.
+        """
+        # Noise of a sample is white at the unit's rate; biases walk.
         accelerometer = imu.accelerometer_noise**2 + MODEL_ACCELERATION**2
-        # per second
         white = np.repeat([0.0, accelerometer, imu.gyro_noise**2, 0.0, 0.0], 3) / imu.rate
         walk = np.repeat([0.0, 0.0, 0.0, imu.accelerometer_walk**2, imu.gyro_walk**2], 3)
-        self._rate = np.zeros(states)  # of growth of the variances [1/s]
+        # growth of the variances per second  (states,)
+        self._rate = np.zeros(states)
         self._rate[:MOVING] = white + walk
         self._rate[DRIFT] += drift**2
         self._F = np.eye(MOVING)
 
     def __call__(self, state: FilterState, sample: Inertial, until: float) -> FilterState:
-        """Return the state at `until` [s], the sample's means held."""
-        return replace(
-            state, nominal=state.nominal.moved(sample, until), P=self.moved(state, sample, until)
-        )
+        """Return the state at `until` [s], with the sample's means held."""
+        nominal = state.nominal.moved(sample, until)
+        return replace(state, nominal=nominal, P=self.moved(state, sample, until))
 
     def moved(self, state: FilterState, sample: Inertial, until: float) -> np.ndarray:
         """Return the covariance at `until` [s], to first order in the time.  (n, n)"""
-        nominal, F = state.nominal, self._F
+        # The Jacobian of the error's motion, of the states that move.
+        nominal = state.nominal
+        F = self._F
         dt = until - nominal.t
         wx, wy, wz = nominal.rates(sample)
         R = dt * matrix(nominal.attitude)

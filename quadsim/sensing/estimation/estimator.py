@@ -1,10 +1,9 @@
-"""The estimator: measurements in the order in which they arrive -> the vehicle's state at any
-instant after them.
+"""The estimator: from measurements as they arrive to the vehicle's state at any later instant.
 
 A measurement is of an instant before it arrives, so the filter is kept at the instant of the last
-one; from there the nominal state is moved to the present by the samples of the inertial measurement
-unit. A measurement that is older than the filter is applied at its own time: the filter goes back
-to its state before it and applies what came later again.
+measurement; from there the nominal state is moved to the present by the samples of the inertial
+measurement unit. A measurement that is older than the filter is applied at its own time: the filter
+goes back to its state before it, applies it, and applies the later ones again.
 """
 
 from __future__ import annotations
@@ -24,19 +23,23 @@ from quadsim.sensing.estimation.updates import CornerUpdate, Innovation, PoseUpd
 from quadsim.sensing.measurements import Corners, Inertial, Pose
 from quadsim.sensing.sensing_file import Sensing
 
-# Standard deviations of what is known where the vehicle is set down: position [m], level and
-# heading [deg].
-SET_DOWN, LEVEL, HEADING = 0.15, 0.5, 6.0
-AT_REST = 0.01  # [m/s]
-BEHIND = 0.1  # [s] by which the filter may stay behind the latest that a measurement can come
-LEAST_BIAS = 1e-4  # [rad/s, m/s^2] standard deviation of biases that are given as zero
+# Standard deviations where the vehicle is set down: position [m], roll and pitch [deg], heading
+# [deg], velocity [m/s].
+SET_DOWN = 0.15
+LEVEL = 0.5
+HEADING = 6.0
+AT_REST = 0.01
+# [s] by which the filter may stay behind the latest that a measurement can come
+BEHIND = 0.1
+# [rad/s, m/s^2] standard deviation of biases that are given as zero
+LEAST_BIAS = 1e-4
 # [m] standard deviation of a drift that has not begun, and of the heights of gates
 AS_MAPPED = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Applied:
-    """A measurement that the filter has used, and its state after that."""
+    """A measurement that the filter has used, and the filter's state after it."""
 
     measurement: Pose | Corners
     state: FilterState
@@ -44,8 +47,7 @@ class Applied:
 
 
 class Estimator:
-    """Estimates position, velocity, attitude, biases, drift and where gates stand, for one
-    flight."""
+    """Estimates position, velocity, attitude, biases, drift and places of gates, for one flight."""
 
     def __init__(
         self,
@@ -77,8 +79,9 @@ class Estimator:
         self._latest = sensing.latest
         self._samples: deque[Inertial] = deque()
         self.state = _set_down(sensing, start, t, drifts, unmapped, displaced)
-        self._oldest = self.state  # before every measurement of `_applied`
+        # measurements applied of late, and the state before all of them
         self._applied: deque[Applied] = deque()
+        self._oldest = self.state
         # of the measurements taken since the last `innovations.clear()`
         self.innovations: list[Innovation] = []
 
@@ -88,7 +91,7 @@ class Estimator:
             self._samples.append(measurement)
             return
 
-        # Go back to before it, then apply it and all that is later in the order of their instants.
+        # Go back to before its instant, then apply it and all later ones in the order of theirs.
         pending = [measurement]
         while self._applied and self._applied[-1].measurement.t > measurement.t:
             pending.append(self._applied.pop().measurement)
@@ -100,7 +103,7 @@ class Estimator:
                 self.innovations.append(innovation)
 
     def at(self, t: float) -> Nominal:
-        """Return the vehicle at t [s], the last sample of the unit held to there."""
+        """Return the nominal state at t [s], with the unit's last sample held until then."""
         self._catch_up(t)
         nominal = self.state.nominal
         for sample in self._samples:
@@ -111,11 +114,10 @@ class Estimator:
         return nominal
 
     def covariance(self, t: float) -> np.ndarray:
-        """Return that of the error at t [s], by one step from the filter's instant.  (states,
-        states)"""
-        return (
-            self._motion.moved(self.state, self._samples[-1], t) if self._samples else self.state.P
-        )
+        """Return the covariance of the error at t [s], by one step from the filter's.  (n, n)"""
+        if not self._samples:
+            return self.state.P
+        return self._motion.moved(self.state, self._samples[-1], t)
 
     def _apply(self, measurement: Pose | Corners) -> Innovation:
         """Move the filter to the instant of a measurement and correct it there."""
@@ -131,7 +133,7 @@ class Estimator:
         return innovation
 
     def _moved(self, t: float) -> FilterState:
-        """The filter's state at t [s], if that is later than it."""
+        """Return the filter's state moved to t [s]; as it is where that is not later."""
         state = self.state
         for sample in self._samples:
             if sample.t > state.nominal.t and state.nominal.t < t:
@@ -139,28 +141,38 @@ class Estimator:
         return state
 
     def _catch_up(self, now: float) -> None:
-        """Forget what no measurement can be older than; move on where none has come for a while."""
+        """Forget states to which no measurement can lead back, and samples before them."""
         oldest = now - self._latest - BEHIND
         while self._applied and self._applied[0].measurement.t < oldest:
             self._oldest = self._applied.popleft().state
+
+        # Where no measurement has come for a while, the filter moves on without one.
         if self.state.nominal.t < oldest:
-            self.state = self._oldest = self._moved(oldest)
-        while (
-            self._samples
-            and self._samples[0].t <= self._oldest.nominal.t
-            and len(self._samples) > 1
-        ):
+            self.state = self._moved(oldest)
+            self._oldest = self.state
+        while len(self._samples) > 1 and self._samples[0].t <= self._oldest.nominal.t:
             self._samples.popleft()
 
 
 def _set_down(
     sensing: Sensing, start: Start, t: float, drifts: int, gates: int, displaced: float
 ) -> FilterState:
-    """At rest at the start, as well as it is known there."""
+    """Return the filter's state where the vehicle is set down, at rest.
+
+    Args:
+        sensing: the vehicle's sensors.
+        start: where the vehicle is set down, as it is known.
+        t: when that is [s].
+        drifts: states of an odometry's drift, 3 or 0.
+        gates: number of gates whose places are states.
+        displaced: how far each gate may stand off the map, along x and y [m].
+    """
     imu = sensing.imu
     assert imu
-    level, heading = radians(LEVEL), radians(HEADING)
-    of_gates = displaced / sqrt(3)  # of a uniform distribution
+    level = radians(LEVEL)
+    heading = radians(HEADING)
+    # of a uniform distribution
+    of_gates = displaced / sqrt(3)
     std = [SET_DOWN] * 3
     std += [AT_REST] * 3
     std += [level, level, heading]

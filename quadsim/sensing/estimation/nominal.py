@@ -1,10 +1,9 @@
-"""The nominal state: position, velocity and attitude, moved by an inertial measurement unit, in
-plain floats.
+"""The nominal state: position, velocity and attitude, moved by an inertial measurement unit.
 
     p' = v,   v' = R(q) (f - b_a) - g e_z,   q' = q x (0, omega - b_g) / 2
 
-f and omega are means over a sample: the attitude turns by omega dt about one axis, f acts along the
-attitude in mid-sample.
+f and omega are means over a sample: the attitude turns by omega dt about one axis, and f acts along
+the attitude in mid-sample. The numbers are plain floats.
 """
 
 from __future__ import annotations
@@ -20,12 +19,18 @@ from quadsim.vehicle import GRAVITY
 class Nominal:
     """The state that is integrated from an inertial unit's samples, and the unit's biases."""
 
-    t: float  # [s]
-    position: Vec3  # [m]
-    velocity: Vec3  # [m/s]
-    attitude: Quaternion  # wxyz
-    accelerometer_bias: Vec3 = (0.0, 0.0, 0.0)  # [m/s^2]
-    gyro_bias: Vec3 = (0.0, 0.0, 0.0)  # [rad/s]
+    # [s]
+    t: float
+    # in the world [m]
+    position: Vec3
+    # in the world [m/s]
+    velocity: Vec3
+    # wxyz
+    attitude: Quaternion
+    # [m/s^2]
+    accelerometer_bias: Vec3 = (0.0, 0.0, 0.0)
+    # [rad/s]
+    gyro_bias: Vec3 = (0.0, 0.0, 0.0)
 
     def rates(self, sample: Inertial) -> Vec3:
         """Return the body rates of a sample without bias [rad/s].  (3,)"""
@@ -40,7 +45,7 @@ class Nominal:
         return fx - bx, fy - by, fz - bz
 
     def moved(self, sample: Inertial, until: float) -> Nominal:
-        """Return the state at `until` [s], the sample's means held from t on."""
+        """Return the state at `until` [s], with the sample's means held from t on."""
         dt = until - self.t
         half = 0.5 * dt
         wx, wy, wz = self.rates(sample)
@@ -50,7 +55,7 @@ class Nominal:
         ax, ay, az = to_world(middle, self.force(sample))
         az -= GRAVITY
         vx, vy, vz = self.velocity
-        velocity = vx + ax * dt, vy + ay * dt, vz + az * dt
+        velocity = (vx + ax * dt, vy + ay * dt, vz + az * dt)
 
         # The position moves with the mean of both velocities.
         px, py, pz = self.position

@@ -1,13 +1,14 @@
-"""From the state that is known to the state in which a control that is planned now will act.
+"""Prediction of the state in which a control that is planned now will act.
 
-Between the two lie the planner's time and the vehicle's command latency. The commands of that time
-are known, as they have been given already; the planner's own model moves the state under them.
+Between now and then lie the planner's time and the vehicle's command latency. The commands of that
+time are known, as they have been given already; the planner's own model moves the state under them.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 from quadsim.course import Course
 from quadsim.course.opening import crossing, on_passage
@@ -16,72 +17,113 @@ from quadsim.rotation import Vec3
 
 Command = tuple[float, ...]  # (n_u,)
 
-SAME = 1e-6  # [s] instants nearer than this are one
+# [s] Instants nearer than this are one.
+SAME = 1e-6
+
+
+class Given(NamedTuple):
+    """A command, and when it was given [s]."""
+
+    t: float
+    u: Command
+
+
+class Piece(NamedTuple):
+    """A time under one command."""
+
+    # [s]
+    duration: float
+    u: Command
 
 
 class Commands:
     """The commands given so far, each acting `latency` [s] after it was given."""
 
     def __init__(self, rest: Command, latency: float):
-        """rest: acts until the first command does."""
+        """Begin without a command.
+
+        Args:
+            rest: acts until the first command does  (n_u,).
+            latency: from a command to its action [s].
+        """
         self.latency = latency
-        self._given: deque[tuple[float, Command]] = deque([(float("-inf"), rest)])
+        self._given: deque[Given] = deque([Given(float("-inf"), rest)])
 
     def give(self, t: float, u: Command) -> None:
-        """Note that the command u (4,) is given at t [s], and forget what no longer matters."""
-        self._given.append((t, u))
-        while len(self._given) > 2 and self._given[1][0] + self.latency < t - 1.0:
+        """Note that the command u (n_u,) is given at t [s], and forget old ones."""
+        self._given.append(Given(t, u))
+        while len(self._given) > 2 and self._given[1].t + self.latency < t - 1.0:
             self._given.popleft()
 
     def acting(self, t: float) -> Command:
         """Return the command that acts from t [s] on, of those that are not forgotten."""
-        for given, u in reversed(self._given):
-            if given + self.latency <= t + SAME:
-                return u
-        return self._given[0][1]
+        for given in reversed(self._given):
+            if given.t + self.latency <= t + SAME:
+                return given.u
+        return self._given[0].u
 
-    def pieces(self, t0: float, t1: float) -> Iterator[tuple[float, Command]]:
-        """Yield (duration [s], command) from t0 to t1 [s], by what has been given until now."""
-        switches = [given + self.latency for given, _ in self._given]
+    def pieces(self, t0: float, t1: float) -> Iterator[Piece]:
+        """Yield the pieces of the time from t0 to t1 [s], each under one command."""
+        if t1 <= t0 + SAME:
+            return
+        switches = [given.t + self.latency for given in self._given]
         ends = [t for t in switches if t0 + SAME < t < t1 - SAME]
-        for end in (*ends, t1) if t1 > t0 + SAME else ():
-            yield end - t0, self.acting(t0)
+        for end in (*ends, t1):
+            yield Piece(end - t0, self.acting(t0))
             t0 = end
 
 
 def predict(
     x: State, commands: Commands, t0: float, t1: float, model: ModelParams, longest: float
 ) -> State:
-    """Return the state at t1 [s] of a vehicle in the state x at t0 [s], in steps of at most
-    `longest` [s]."""
-    for duration, u in commands.pieces(t0, t1):
-        number = max(1, -int(-(duration - SAME) // longest))
-        system = quadrotor(model, duration / number)
-        for _ in range(number):
-            x = system.next(x, u)
+    """Return the state at t1 of a vehicle that is in the state x at t0.
+
+    Args:
+        x: state at t0.
+        commands: given until now.
+        t0, t1: [s].
+        model: the planner's.
+        longest: step of the model [s].
+    """
+    for piece in commands.pieces(t0, t1):
+        steps = max(1, -int(-(piece.duration - SAME) // longest))
+        system = quadrotor(model, piece.duration / steps)
+        for _ in range(steps):
+            x = system.next(x, piece.u)
     return State._make(map(float, x))
 
 
 class GateCounter:
-    """Counts the gates passed by the estimated path: it passes one where it crosses its plane
-    within the frame."""
+    """Counts the gates passed by the estimated path.
+
+    The path passes a gate where it crosses the gate's plane within the frame.
+    """
 
     def __init__(self, course: Course, laps: int):
-        """course: the map."""
-        self._map, self._laps = course, laps
-        self._before: Vec3 | None = None  # position at the last call [m]
+        """Start before the first gate.
+
+        Args:
+            course: the map.
+            laps: after which no more gates are counted.
+        """
+        self._map = course
+        self._laps = laps
+        # position at the last call [m]
+        self._before: Vec3 | None = None
         self.passed = 0
 
     def at(self, x: Sequence[float], course: Course | None = None) -> int:
-        """Return the gates passed when the vehicle is in the state x, on a straight line from where
-        it was.
+        """Return the number of gates passed when the vehicle is in the state x.
+
+        Its path is the straight line from where it was at the last call.
 
         Args:
             x: state, which begins with the position [m]  (n_x,).
             course: as it is estimated; None: the map.
         """
-        position = x[0], x[1], x[2]
-        before, self._before = self._before, position
+        position = (x[0], x[1], x[2])
+        before = self._before
+        self._before = position
         gates = (course or self._map).gates
         if before is None or self.passed >= self._laps * len(gates):
             return self.passed

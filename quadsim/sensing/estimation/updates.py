@@ -1,10 +1,9 @@
-"""Updates of the filter: what each kind of measurement shows of the error, with gating of what
-cannot be true.
+"""Updates of the filter by each kind of measurement, with gating of outliers.
 
 A measurement z with the expected value h and the Jacobian H corrects the error by K (z - h), K = P
 H^T S^-1, S = H P H^T + R. Its normalised innovation squared (NIS), (z - h)^T S^-1 (z - h), follows
-a chi-square law if the filter is consistent; a measurement beyond a high quantile of it is taken
-for an outlier and left out.
+a chi-square law if the filter is consistent; a measurement beyond a high quantile of that law is
+taken for an outlier and left out.
 """
 
 from __future__ import annotations
@@ -18,35 +17,42 @@ import numpy as np
 
 from quadsim.course import Gate
 from quadsim.rotation import between, matrix
-from quadsim.sensing.camera_model import NEAREST, GateCameraConfig
-from quadsim.sensing.config import PoseConfig
+from quadsim.sensing.config import NEAREST, GateCameraConfig, PoseConfig
 from quadsim.sensing.estimation.error_state import DRIFT, POSITION, TURN, VELOCITY, FilterState
 from quadsim.sensing.measurements import Corners, Pose
 
-GATE = {2: 13.8, 3: 16.3}  # .999 quantiles of chi-square with 2 and 3 degrees of freedom
-JOINT = 4.0  # standard deviations of chi-square, sqrt(2 m), above its mean m
-# [m] standard deviation from which on a gate counts as found; until then a lone corner is no
-# evidence
+# .999 quantiles of chi-square, by its degrees of freedom
+GATE = {2: 13.8, 3: 16.3}
+# standard deviations sqrt(2 m) of chi-square above its mean m
+JOINT = 4.0
+# [m] standard deviation below which a gate counts as found; until then a lone corner is no evidence
 FOUND = 0.03
-LEAST_POSITION = 1e-3  # [m] standard deviations that a sensor is never taken to be better than
-LEAST_VELOCITY = 1e-2  # [m/s]
-LEAST_ATTITUDE = 1e-3  # [rad]
+# Standard deviations that a sensor is never taken to be better than [m, m/s, rad].
+LEAST_POSITION = 1e-3
+LEAST_VELOCITY = 1e-2
+LEAST_ATTITUDE = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Innovation:
     """How well a measurement fitted, and how much of it was used."""
 
-    nis: float  # of what was used
-    used: int  # degrees of freedom of what was used
-    refused: int  # of what was taken for outliers
+    # of the used part
+    nis: float
+    # degrees of freedom of the used part
+    used: int
+    # degrees of freedom of outliers
+    refused: int
 
 
 class Part(NamedTuple):
     """A vector that a pose sensor measures."""
 
-    rows: slice  # of the error, which it shows
-    innovation: np.ndarray  # (3,)
+    # of the error, which it shows
+    rows: slice
+    # measured less expected  (3,)
+    innovation: np.ndarray
+    # of its noise
     std: float
 
 
@@ -54,6 +60,7 @@ class PoseUpdate:
     """Uses position, attitude and velocity of a pose sensor, each gated by itself."""
 
     def __init__(self, config: PoseConfig):
+        """Take the sensor's own noises, which are known."""
         self._drifts = config.drift > 0.0
         self._position_std = max(config.position_noise, LEAST_POSITION)
         self._velocity_std = max(config.velocity_noise or 0.0, LEAST_VELOCITY)
@@ -63,7 +70,8 @@ class PoseUpdate:
         """Return the state after a pose, and how it was used."""
         parts = self._parts(state, pose)
         H = np.zeros((3 * len(parts), len(state.P)))
-        innovation, variance = np.empty(3 * len(parts)), np.empty(3 * len(parts))
+        innovation = np.empty(3 * len(parts))
+        variance = np.empty(3 * len(parts))
         for k, part in enumerate(parts):
             rows = slice(3 * k, 3 * k + 3)
             H[rows, part.rows] = np.eye(3)
@@ -71,10 +79,10 @@ class PoseUpdate:
                 H[rows, DRIFT] = np.eye(3)
             innovation[rows] = part.innovation
             variance[rows] = part.std**2
-        return corrected(state, H, innovation, variance, 3)
+        return corrected(state, H, innovation, variance, group=3)
 
     def _parts(self, state: FilterState, pose: Pose) -> list[Part]:
-        """Return the measurement less its prediction by the filter."""
+        """Return the vectors of a pose, each measured less expected."""
         nominal = state.nominal
         drift = state.drift if self._drifts else np.zeros(3)
         position = np.subtract(pose.position, nominal.position) - drift
@@ -92,52 +100,63 @@ class PoseUpdate:
 class CornerUpdate:
     """Uses corners of gates that were found in a picture, each gated by itself.
 
-    The variance of a pixel is that of its noise, and what the projection's curvature makes of the
-    state's own
-    uncertainty: about focal (tr P_theta + tr P_p / z^2), to second order. It matters until the
-    heading is known.
+    The standard deviation of a pixel comes from its noise and, to second order, from the
+    projection's curvature under the state's own uncertainty: about focal (tr P_theta + tr P_p /
+    z^2). The second part matters until the heading is known.
     """
 
     def __init__(self, config: GateCameraConfig, gates: Sequence[Gate], free: bool):
-        """gates: of the map, each once. free: whether they may stand elsewhere, as states of the
-        filter."""
-        self._config, self._free = config, free
-        self._to_camera = config.axes.T  # from the body frame
+        """Take the camera and the map.
+
+        Args:
+            config: the camera.
+            gates: of the map, each once.
+            free: whether gates may stand off the map, as states of the filter.
+        """
+        self._config = config
+        self._free = free
+        # from the body frame  (3, 3)
+        self._to_camera = config.axes.T
         self._map = np.array([gate.corners() for gate in gates])  # (gates, 4, 3)
 
     def __call__(self, state: FilterState, found: Corners) -> tuple[FilterState, Innovation]:
         """Return the state after the corners of a picture, and how they were used."""
         camera = self._config
+
+        # Corners in the frames of body and camera, where the filter expects them.
         R = matrix(state.nominal.attitude)
         points = self._map[found.gates, found.corners]
         if self._free:
             points = points + state.gates[found.gates]
         body = (points - state.nominal.position) @ R  # (n, 3)
-        local = camera.local(body)  # right, down and ahead of the camera  (n, 3)
+        # right, down and ahead of the camera  (n, 3)
+        local = camera.local(body)
+
+        # Corners behind the camera are outliers, and those without evidence are left out.
         ahead = np.flatnonzero((local[:, 2] > NEAREST) & self._confirmed(state, found.gates))
         left_out = 2 * (len(points) - len(ahead))
         if not len(ahead):
             return state, Innovation(0.0, 0, left_out)
 
-        body, local = body[ahead], local[ahead]
+        body = body[ahead]
+        local = local[ahead]
         pixels, _ = camera.to_pixels(local)
         H = self._jacobian(state, R, body, local, found.gates[ahead])
         innovation = (found.pixels[ahead] - pixels).ravel()
         depth = local[:, 2]
-        # (n,)
-        curved = camera.fx * (
-            np.trace(state.P[TURN, TURN]) + np.trace(state.P[POSITION, POSITION]) / depth**2
-        )
+        turns = np.trace(state.P[TURN, TURN])
+        moves = np.trace(state.P[POSITION, POSITION])
+        curved = camera.fx * (turns + moves / depth**2)  # (n,)
         variance = np.repeat(camera.noise**2 + curved**2, 2)
-        after, taken = corrected(state, H, innovation, variance, 2)
+        after, taken = corrected(state, H, innovation, variance, group=2)
         return after, Innovation(taken.nis, taken.used, taken.refused + left_out)
 
     def _confirmed(self, state: FilterState, gates: np.ndarray) -> np.ndarray:
-        """Which corners count: those of gates that are found, or that the picture has another
-        corner of.  (n,)
+        """Return which corners count as evidence.  (n,) bool
 
-        A gate that may stand anywhere within 15 cm lets a corner pass that was taken for its by
-        mistake; it would be moved there, and refuse its own corners ever after.
+        These are corners of gates that are found, or of which the picture has another corner. A
+        gate that may stand anywhere within 15 cm accepts a corner that was mistaken for one of its
+        own; it would be moved there, and from then on its own corners would be refused.
         """
         if not self._free:
             return np.ones(len(gates), bool)
@@ -165,7 +184,8 @@ class CornerUpdate:
             (2 n, states)
         """
         n = len(body)
-        fx, fy = self._config.fx, self._config.fy
+        fx = self._config.fx
+        fy = self._config.fy
         x, y, z = local.T
         by_local = np.zeros((n, 2, 3))
         by_local[:, 0, 0] = fx / z
@@ -177,7 +197,7 @@ class CornerUpdate:
 
         H = np.zeros((n, 2, len(state.P)))
         H[:, :, POSITION] = -by_world
-        # A row a of by_body: a @ [b]_x = a x b.
+        # For a row a of by_body: a @ [b]_x = a x b.
         a_x, a_y, a_z = by_body.transpose(2, 0, 1)
         b_x, b_y, b_z = body.T[:, :, None]
         H[:, :, TURN] = np.stack(
@@ -195,17 +215,19 @@ def corrected(
 ) -> tuple[FilterState, Innovation]:
     """Return the state after a measurement, and how it was used.
 
-    Each group of rows is gated by itself, then all that is left together: while its NIS is beyond
-    JOINT standard deviations, the group that fits worst after the correction is left out. An
-    uncertain state lets every single group pass.
+    Each group of rows is gated by itself, then the groups that are left together: while their NIS
+    is beyond JOINT standard deviations, the group that fits worst after the correction is left out.
+    That is needed where the state is uncertain, as every single group passes then.
 
     Args:
+        state: before the measurement.
         H: Jacobian by the error  (m, n).
         innovation: measured less expected  (m,).
         variance: of the measurement's noise  (m,).
-        group: rows that are used or refused together.
+        group: number of rows that are used or refused together.
     """
-    z, R = innovation, variance
+    z = innovation
+    R = variance
     PHt = state.P @ H.T  # (n, m)
     S = H @ PHt
     S.flat[:: len(S) + 1] += R
@@ -217,17 +239,21 @@ def corrected(
     nis = (each * np.linalg.solve(blocks, each[:, :, None])[:, :, 0]).sum(axis=1)
     good = nis < GATE[group]
 
-    # All that is left together.
+    # The groups that are left, together.
     while good.any():
         rows = np.flatnonzero(np.repeat(good, group))
         part = PHt[:, rows]
         # S^-1 [H P, z]
         solved = np.linalg.solve(S[np.ix_(rows, rows)], np.column_stack([part.T, z[rows]]))
-        dx, total, m = part @ solved[:, -1], float(z[rows] @ solved[:, -1]), len(rows)
+        dx = part @ solved[:, -1]
+        total = float(z[rows] @ solved[:, -1])
+        m = len(rows)
         if total < m + JOINT * sqrt(2.0 * m) or m == group:
             P = state.P - part @ solved[:, :-1]
             refused = group * int((~good).sum())
             return state.corrected(dx, 0.5 * (P + P.T)), Innovation(total, m, refused)
-        misfit = (((z - H @ dx) ** 2 / R).reshape(-1, group)).sum(axis=1)
-        good[np.argmax(np.where(good, misfit, -1.0))] = False
+
+        # Leave out the group that fits worst after the correction.
+        residual = (((z - H @ dx) ** 2 / R).reshape(-1, group)).sum(axis=1)
+        good[np.argmax(np.where(good, residual, -1.0))] = False
     return state, Innovation(0.0, 0, len(z))

@@ -46,30 +46,41 @@ from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.vehicle import GRAVITY
 from quadsim.vehicle.tolerances import VehicleTolerances
 
-# From exact states
+# Learning from exact states.
+
 # [m/s^2] of v' from two states: the error of the trapezoidal rule over one period
 ACCELERATION_STD = 0.05
-SETTLED = 0.15  # [m/s^2] a thrust that changes by less in a period has settled
-# [m/s^2] a settled thrust that is this far below its command is at the rotors' limit
+# [m/s^2] A thrust that changes by less in a period has settled.
+SETTLED = 0.15
+# [m/s^2] A settled thrust that is this far below its command is at the rotors' limit.
 SHORTFALL = 0.5
-# share of the highest thrust: at a larger reserve for roll and pitch, no estimate is made
+# share of the highest thrust; with a larger reserve for roll and pitch no estimate is made
 MAX_RESERVE = 0.05
 # share of the error by which each such period corrects the highest thrust, or the share delivered
 STEP = 0.1
-ON_TIME = 0.1  # of a period: the share delivered is judged over one period alone
-# share of the highest thrust: at a smaller one the share delivered shows little
+# of a period; the share delivered is judged over a single period alone
+ON_TIME = 0.1
+# share of the highest thrust; a smaller reserve shows little of the share delivered
 LEAST_RESERVE = 0.03
 # of the angular acceleration asked for, at the highest thrust; less: the planner gives up thrust
 LEAST_DELIVERED = 0.7
 
-# From sensors
-START_STD = 0.5  # [m/s^2] of the delivered thrust before the first measurement
-LEAST_DRAG = 0.1  # [1/s] a drag's tolerance is relative to no less than this
-FORCE_STD = 0.3  # [m/s^2] of a specific force: means over a period, flow that the drag leaves out
-THRUST_STD = 0.05  # [m/s^2] of the delivered thrust after a period, at least
-RESERVE_STD = 0.3  # of the reserve, relative
-THRUST_MAX_WALK = 1e-2  # [m/s^2/sqrt(s)] of the highest thrust, as a battery empties
-OUTLIER = 25.0  # of the normalised innovation squared, 3 degrees of freedom
+# Learning from sensors.
+
+# [m/s^2] of the delivered thrust before the first measurement
+START_STD = 0.5
+# [1/s] A drag's tolerance is relative to no less than this.
+LEAST_DRAG = 0.1
+# [m/s^2] of a specific force: means over a period, flow that the drag leaves out
+FORCE_STD = 0.3
+# [m/s^2] of the delivered thrust after a period, at least
+THRUST_STD = 0.05
+# of the reserve, relative
+RESERVE_STD = 0.3
+# [m/s^2/sqrt(s)] of the highest thrust, as a battery empties
+THRUST_MAX_WALK = 1e-2
+# of the normalised innovation squared, 3 degrees of freedom
+OUTLIER = 25.0
 
 
 class Row(IntEnum):
@@ -85,22 +96,27 @@ class Row(IntEnum):
 
 
 GUST = slice(Row.GUST_X, Row.GUST_Z + 1)
-# what an acceleration shows where the thrust is known
+# the numbers that an acceleration shows where the thrust is known
 OF_ACCELERATION = slice(Row.THRUST_GAIN, Row.GUST_Z + 1)
 
 
 class VehicleNumbers(NamedTuple):
     """The numbers that are learnt, or their standard deviations."""
 
-    thrust: float  # delivered now [m/s^2]
-    thrust_max: float  # highest [m/s^2]
-    thrust_gain: float  # acceleration per thrust delivered []
-    drag: float  # [1/s]
-    gust: tuple[float, float, float]  # acceleration by the wind, in the world [m/s^2]
+    # delivered now [m/s^2]
+    thrust: float
+    # highest [m/s^2]
+    thrust_max: float
+    # acceleration per thrust delivered []
+    thrust_gain: float
+    # [1/s]
+    drag: float
+    # acceleration by the wind, in the world [m/s^2]
+    gust: Vec3
 
     @classmethod
     def of(cls, rows: np.ndarray) -> VehicleNumbers:
-        """Name the rows of the filter's state.  (7,)"""
+        """Return the rows (7,) of the filter's state by name."""
         thrust, thrust_max, thrust_gain, drag, *gust = rows.tolist()
         return cls(thrust, thrust_max, thrust_gain, drag, tuple(gust))
 
@@ -132,7 +148,9 @@ class VehicleLearner:
             delivered: share of the angular acceleration asked for that is delivered at the highest
                 thrust; None: it is not learnt.
         """
-        self._nominal, self._dt, self._tolerances = model, dt, tolerances
+        self._nominal = model
+        self._dt = dt
+        self._tolerances = tolerances
         self._theta = np.array(
             [GRAVITY, model.thrust_max, model.thrust_gain, model.drag, 0.0, 0.0, 0.0]
         )
@@ -150,8 +168,10 @@ class VehicleLearner:
         dt: float,
         tolerances: VehicleTolerances = VehicleTolerances(),  # noqa: B008 (frozen)
     ) -> VehicleLearner:
-        """Return a learner for `learn_from_states`. A drag that is nominally zero is taken as
-        known."""
+        """Return a learner for `learn_from_states`.
+
+        A drag that is nominally zero is taken as known.
+        """
         t = tolerances
         std = np.zeros(len(Row))
         std[Row.THRUST_MAX] = uniform_std(t.thrust * model.thrust_max)
@@ -184,11 +204,9 @@ class VehicleLearner:
     def model(self) -> ModelParams:
         """The nominal parameters with the present estimates in their place."""
         now = self.numbers
-        tilt_first = (
-            self._nominal.tilt_first
-            if self._delivered is None
-            else self._delivered > LEAST_DELIVERED
-        )
+        tilt_first = self._nominal.tilt_first
+        if self._delivered is not None:
+            tilt_first = self._delivered > LEAST_DELIVERED
         return replace(
             self._nominal,
             thrust_gain=now.thrust_gain,
@@ -204,8 +222,10 @@ class VehicleLearner:
 
     @property
     def std(self) -> VehicleNumbers:
-        """Standard deviations of the estimates; from exact states, that of the highest thrust stays
-        the prior's."""
+        """The standard deviations of the estimates.
+
+        From exact states, that of the highest thrust stays the prior's.
+        """
         return VehicleNumbers.of(np.sqrt(np.diag(self._P)))
 
     def learn_from_states(self, before: State, after: State, u: Control, duration: float) -> None:
@@ -250,14 +270,15 @@ class VehicleLearner:
         self._P = self._P - np.outer(gain, self._P[Row.THRUST])
 
     def _gust_process(self, duration: float) -> tuple[float, float]:
-        """The share of the gust that is left after `duration` [s], and the variance that is added
-        [m^2/s^4]."""
+        """Return the share of a gust that is left after a duration [s], and the variance added.
+
+        The variance is in m^2/s^4.
+        """
         keep = remaining(self._tolerances.gust_tau, duration)
         return keep, self._tolerances.gust**2 * (1.0 - keep**2)
 
     def _correct_by_acceleration(self, before: State, after: State, duration: float) -> None:
-        """Predict over the period [s], then correct by its mean acceleration y = H theta +
-        noise."""
+        """Predict over a duration [s], then correct by its mean acceleration y = H theta + e."""
         keep, fresh = self._gust_process(duration)
         F = np.array([1.0, 1.0, keep, keep, keep])
         Q = np.array([0.0, 0.0, fresh, fresh, fresh])
@@ -274,8 +295,10 @@ class VehicleLearner:
         self._P[OF_ACCELERATION, OF_ACCELERATION] = P - K @ H @ P
 
     def _update_thrust_max(self, before: State, after: State, u: Control) -> None:
-        """Where the thrust has settled below its command, it and the reserve for roll and pitch are
-        all there is."""
+        """Learn the highest thrust where the thrust has settled below its command.
+
+        Thrust and reserve for roll and pitch are all there is then.
+        """
         change = after.thrust - before.thrust
         settled = before.thrust + change / self._rotor_response
         if abs(change) >= SETTLED or u.thrust <= settled + SHORTFALL:
@@ -286,8 +309,10 @@ class VehicleLearner:
             self._theta[Row.THRUST_MAX] += STEP * (settled + reserve - thrust_max)
 
     def _update_delivered(self, before: State, after: State, u: Control) -> None:
-        """Where thrust and reserve ask for more than there is, compare the angular acceleration
-        with its command."""
+        """Learn the share delivered where thrust and reserve ask for more than there is.
+
+        It is the angular acceleration, compared with its command.
+        """
         assert self._delivered is not None
         reserve = self._mean_reserve(before, after, u)
         thrust_max = self._theta[Row.THRUST_MAX]
@@ -300,17 +325,24 @@ class VehicleLearner:
         self._delivered += STEP * (float(settled @ asked / (asked @ asked)) - self._delivered)
 
     def _mean_reserve(self, before: State, after: State, u: Control) -> float:
-        """For roll and pitch, the mean of both ends of the period [m/s^2]."""
+        """Return the reserve for roll and pitch, the mean of both ends of the period [m/s^2]."""
         commanded = np.array(u.body_rates[:2])
-        errors = (
-            abs(commanded - before.body_rates[:2]) + abs(commanded - after.body_rates[:2])
-        ) / 2
+        at_begin = abs(commanded - before.body_rates[:2])
+        at_end = abs(commanded - after.body_rates[:2])
+        errors = (at_begin + at_end) / 2
         return tilt_reserve(*self._nominal.tilt_cost, *(self._rate_gains * errors))
 
     def _predict(self, a_cmd: float, reserve: float) -> None:
-        """Move the delivered thrust towards its command over one control period, and the gust
-        towards zero."""
-        lag, theta = self._rotor_response, self._theta
+        """Move the delivered thrust towards its command, and the gust towards zero.
+
+        Args:
+            a_cmd: commanded thrust [m/s^2].
+            reserve: thrust that roll and pitch take [m/s^2].
+        """
+        # The thrust follows its command, clipped as in the model; where it is clipped from above,
+        # it follows the highest thrust, which the Jacobian has to show.
+        lag = self._rotor_response
+        theta = self._theta
         most = theta[Row.THRUST_MAX] - reserve
         limited = a_cmd > most
         step = (most if limited else max(a_cmd, reserve)) - theta[Row.THRUST]
@@ -323,19 +355,24 @@ class VehicleLearner:
         moved = F @ theta
         moved[Row.THRUST] = theta[Row.THRUST] + lag * step
 
-        # of lag and reserve
+        # The uncertainty of lag and reserve is one of the thrust.
         unsure = self._tolerances.lag * lag * step / sqrt(3) + RESERVE_STD * reserve * lag
         Q = np.zeros(len(Row))
         Q[Row.THRUST] = unsure**2 + THRUST_STD**2
         Q[Row.THRUST_MAX] = THRUST_MAX_WALK**2 * self._dt
         Q[GUST] = fresh
-        self._theta, self._P = moved, F @ self._P @ F.T + np.diag(Q)
+        self._theta = moved
+        self._P = F @ self._P @ F.T + np.diag(Q)
 
     def _correct_by_force(self, force: np.ndarray, nominal: Nominal) -> None:
         """Correct by a mean specific force [m/s^2] (3,), unless it is an outlier."""
-        a, k, d = (self._theta[row] for row in (Row.THRUST, Row.THRUST_GAIN, Row.DRAG))
+        # The expected force k a e_z - d v + w in the body frame, and its Jacobian.
+        a = self._theta[Row.THRUST]
+        k = self._theta[Row.THRUST_GAIN]
+        d = self._theta[Row.DRAG]
         to_body = matrix(nominal.attitude).T
-        v, w = to_body @ nominal.velocity, to_body @ self._theta[GUST]
+        v = to_body @ nominal.velocity
+        w = to_body @ self._theta[GUST]
         H = np.zeros((3, len(Row)))
         H[2, Row.THRUST] = k
         H[2, Row.THRUST_GAIN] = a
@@ -346,7 +383,8 @@ class VehicleLearner:
 
         PHt = self._P @ H.T
         S = H @ PHt + self._R
-        solved = np.linalg.solve(S, np.column_stack([PHt.T, innovation]))  # S^-1 [H P, innovation]
+        # S^-1 [H P, innovation]
+        solved = np.linalg.solve(S, np.column_stack([PHt.T, innovation]))
         if innovation @ solved[:, -1] < OUTLIER:
             self._theta = self._theta + PHt @ solved[:, -1]
             P = self._P - PHt @ solved[:, :-1]
@@ -354,12 +392,12 @@ class VehicleLearner:
 
 
 def uniform_std(half_width: float) -> float:
-    """Return the standard deviation of a uniform distribution."""
+    """Return the standard deviation of a uniform distribution of this half width."""
     return half_width / np.sqrt(3)
 
 
 def uniform_variance(half_width: float) -> float:
-    """Return the variance of a uniform distribution."""
+    """Return the variance of a uniform distribution of this half width."""
     return half_width * half_width / 3
 
 
