@@ -10,17 +10,17 @@ import numpy as np
 from controllers.costs.reference import Reference, ReferenceWeights
 from quadsim.course import Course
 from quadsim.files.strict_yaml import FileError
-from quadsim.record.limits import LIMITS, Limit, Race
+from quadsim.record.limits import LIMITS, LimitProblem, StoredSolution
 from quadsim.vehicle import Vehicle
 
 
 def stored_reference(
     course: Course, vehicle: Vehicle, laps: int, weights: ReferenceWeights
-) -> Limit:
+) -> StoredSolution:
     """The solution that comes with the project or lies in runs/limits. Raises FileError where there
     is none."""
     race = replace(
-        Race(course, vehicle, laps, "rates"), margin=weights.margin, reserve=weights.reserve
+        LimitProblem(course, vehicle, laps, "rates"), margin=weights.margin, reserve=weights.reserve
     )
     found = race.best_known(Path("runs") / LIMITS)
     if found:
@@ -36,7 +36,7 @@ def stored_reference(
     )
 
 
-def reference_of(limit: Limit, vehicle: Vehicle, dt: float) -> Reference:
+def reference_of(limit: StoredSolution, vehicle: Vehicle, dt: float) -> Reference:
     """Its states and controls at every control period dt [s]."""
     s = limit.solution
     t = np.arange(0.0, s.t[-1], dt)
