@@ -1,9 +1,9 @@
 """Detours around frames and boxes that a solution hits beside its gates.
 
-A detour holds a few nodes in a half-space. The space around a frame or a box is not convex. So a race is solved
-without them first; where the referee then finds a hit, the nodes in the frame's slab are held
-before, behind or beside it, those in a box beyond one of its faces, whichever is the shortest way
-out, and the race is solved again.
+A detour holds a few nodes in a half-space. The space around a frame or a box is not convex. So a
+race is solved without them first; where the referee then finds a hit, the nodes in the frame's slab
+are held before, behind or beside it, those in a box beyond one of its faces, whichever is the
+shortest way out, and the race is solved again.
 """
 
 from __future__ import annotations

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-import numpy as np
-
 from quadsim.dynamics.quadrotor import Control, State
 from quadsim.limit.verify import referee_of
 from quadsim.race.events import Event, Frame

@@ -19,6 +19,8 @@ from quadsim.limit.verify import Verified, referee_of, verify
 from quadsim.race.events import Event, flown_laps
 from quadsim.record.limits import LimitProblem, Solution, StoredSolution
 
+# Makes a function that is told each iteration, from a start's name and the number of nodes
+Progress = Callable[[str, int], Show]
 # Rounds of detours, at most
 ROUNDS = 6
 # Intervals of the last mesh over those of the first
@@ -53,40 +55,39 @@ class Attempt:
 class Search:
     """The search of one problem."""
 
-    def __init__(self, problem: LimitProblem, show: Callable[[str, int], Show]):
+    def __init__(self, problem: LimitProblem):
         """Prepare a search.
-
-        Args:
-            problem: the race.
-            show: makes a function that is told each iteration, from a start's name and the number
-                of nodes.
 
         Raises:
             ValueError: the model does not cover the vehicle, or the referee not the race.
         """
         referee_of(problem)
         self._problem = problem
-        self._show = show
         self._route = Route.of(problem)
         self._model = dynamics(problem.vehicle, problem.model, problem.reserve)
 
-    def attempts(self, flights: Iterable[Flight], intervals: int) -> Iterator[Attempt]:
+    def attempts(
+        self, flights: Iterable[Flight], intervals: int, progress: Progress
+    ) -> Iterator[Attempt]:
         """Yield attempts: from flights, from straight lines, and the best on a finer mesh.
 
         Args:
             flights: runs to start from.
             intervals: on the way to a gate, in the mean.
+            progress: see Progress.
         """
         found: list[Attempt] = []
+        mesh = self._route.mesh(intervals)
         for guess in self._guesses(flights):
-            for attempt in self._rounds(guess, self._route.mesh(intervals), around=()):
+            for attempt in self._rounds(guess, mesh, (), progress):
                 found.append(attempt)
                 yield attempt
         coarse = best(found) or _least_broken(found)
         if coarse and coarse.solved:
             name = f"{coarse.start}, refined"
             guess = solved(name, coarse.solved.solution, self._route)
-            yield from self._rounds(guess, self._route.mesh(FINER * intervals), coarse.around)
+            finer = self._route.mesh(FINER * intervals)
+            yield from self._rounds(guess, finer, coarse.around, progress)
 
     def stored(self, attempts: Iterable[Attempt]) -> StoredSolution | None:
         """Return the fastest of these attempts that holds as it is kept, None where none does."""
@@ -114,13 +115,13 @@ class Search:
             yield straight(self._route.points, self._model, speed)
 
     def _rounds(
-        self, guess: Guess, intervals: list[int], around: tuple[Detour, ...]
+        self, guess: Guess, mesh: list[int], around: tuple[Detour, ...], progress: Progress
     ) -> Iterator[Attempt]:
         """Yield attempts of one start: while frames are hit, again with a detour around each."""
-        plan = segments(self._route, intervals)
+        plan = segments(self._route, mesh)
         name = guess.name
         for k in range(ROUNDS):
-            attempt = self._attempt(guess, intervals, around)
+            attempt = self._attempt(guess, mesh, around, progress)
             yield attempt
             if not attempt.solved:
                 return
@@ -145,12 +146,14 @@ class Search:
                 found.append(Hit(event.t, place))
         return found
 
-    def _attempt(self, guess: Guess, intervals: list[int], around: tuple[Detour, ...]) -> Attempt:
-        plan = segments(self._route, intervals)
+    def _attempt(
+        self, guess: Guess, mesh: list[int], around: tuple[Detour, ...], progress: Progress
+    ) -> Attempt:
+        plan = segments(self._route, mesh)
         nodes = sum(segment.intervals for segment in plan) + 1
-        show = self._show(guess.name, nodes)
+        show = progress(guess.name, nodes)
         try:
-            solution = solve(self._route, self._model, intervals, guess, show, around)
+            solution = solve(self._route, self._model, mesh, guess, show, around)
         except NotSolvedError as error:
             return Attempt(guess.name, nodes, [f"optimiser: {error}"])
         verified = verify(solution, self._model, referee_of(self._problem))

@@ -212,7 +212,6 @@ def shooting(
             u = s.program.variable("u", u_guesses[k - 1], model.u_low, model.u_high, model.u_high)
             after = s.program.variable("x", x_guess, low, limits.high, scale)
 
-
             # The next state is where the interval leads; the limits hold on the way
             step = interval.advance(x, u, h)
             defect = s.program.hold((step.after - after) / casadi.DM(scale), 0.0, 0.0)

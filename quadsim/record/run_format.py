@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from hashlib import sha256
-from math import isfinite
 from typing import Any
 
 import msgspec
 import numpy as np
 
+from quadsim.files.csv_rows import csv_text
+from quadsim.files.json_values import without_nan
 from quadsim.race.events import Event
 from quadsim.record.metrics import chatter
 from quadsim.record.planner_snapshot import PlannerSnapshots
@@ -51,7 +51,7 @@ def write_json(run: Run, provenance: dict) -> bytes:
         "penalties": run.penalties,
         "gates": run.gates,
         "events": [event.record() for event in run.events],
-        "chatter": _without_nan(chatter(run)),
+        "chatter": without_nan(chatter(run)),
         **run.wall,
         "spec": run.spec,
         "course_sha256": sha256(run.spec["course_text"].encode()).hexdigest(),
@@ -131,14 +131,14 @@ def read_npz(
 
 
 def write_csv(events: Iterable[Event]) -> bytes:
-    """Return events.csv, a row an event."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow(CSV_COLUMNS)
-    for e in events:
-        place = (e.t, e.kind, e.gate, e.lap)
-        writer.writerow((*place, *e.offset, e.speed, *e.position, e.obstacle))
-    return text.getvalue().encode()
+    """Return events.csv, a row for each event."""
+    return csv_text([_csv_row(event) for event in events], CSV_COLUMNS).encode()
+
+
+def _csv_row(event: Event) -> dict[str, object]:
+    place = (event.t, event.kind, event.gate, event.lap)
+    values = (*place, *event.offset, event.speed, *event.position, event.obstacle)
+    return dict(zip(CSV_COLUMNS, values, strict=True))
 
 
 def _check(columns: dict[str, np.ndarray], expected: dict[str, str], path: object) -> None:
@@ -155,12 +155,3 @@ def _check(columns: dict[str, np.ndarray], expected: dict[str, str], path: objec
             raise RunError(
                 f"{path}: {name}: expected {kind} {frames}, got {column.dtype} {column.shape}"
             )
-
-
-def _without_nan(value: object) -> object:
-    """Return null for nan, which JSON lacks: the chatter of a plant that blew up."""
-    if isinstance(value, dict):
-        return {key: _without_nan(inner) for key, inner in value.items()}
-    if isinstance(value, float) and not isfinite(value):
-        return None
-    return value
