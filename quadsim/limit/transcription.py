@@ -113,13 +113,11 @@ class Limits(NamedTuple):
     high: np.ndarray
 
 
-class Step(NamedTuple):
-    """Symbols of one interval."""
+class Link(NamedTuple):
+    """An interval in a program."""
 
-    # State after the interval
-    after: Any
-    # Body rates inside it
-    rates: Any
+    # Place of its continuity constraint
+    defect: slice
     # Position in its middle
     middle: Any
 
@@ -128,6 +126,8 @@ class Interval:
     """One interval of a model, as functions of CasADi that are made once."""
 
     def __init__(self, model: Dynamics):
+        self._model = model
+        self._scale = state_scale(model)
         x = casadi.SX.sym("x", len(model.low))
         u = casadi.SX.sym("u", len(model.u_low))
         h = casadi.SX.sym("h")
@@ -153,15 +153,26 @@ class Interval:
         if spare:
             self._spare = casadi.Function("spare", [x, u], [casadi.vertcat(*spare)])
 
-    def advance(self, x: Any, u: Any, h: Any) -> Step:
-        """Return where an interval of h [s] leads from a state under a control."""
-        return Step(*self._advance(x, u, h))
+    def connect(self, program: Program, x: Any, u: Any, h: Any, after: Any) -> Link:
+        """Make an interval of h [s] lead from one state to the next, within the model's limits.
 
-    def hold_spare(self, program: Program, states: Sequence[Any], u: Any) -> None:
-        """Hold what the model needs to spare at these states under a control."""
+        Args:
+            program: to add the constraints to.
+            x: the state at its beginning.
+            u: the control.
+            h: its length.
+            after: the state at its end.
+        """
+        reached, rates, middle = self._advance(x, u, h)
+        defect = program.hold((reached - after) / casadi.DM(self._scale), 0.0, 0.0)
+        # The body rates between the steps inside
+        low = np.tile(self._model.low[BODY_RATES], STEPS - 1)
+        high = np.tile(self._model.high[BODY_RATES], STEPS - 1)
+        program.hold(rates, low, high)
         if self._spare:
-            for x in states:
-                program.hold(self._spare(x, u), 0.0, np.inf)
+            for end in (x, after):
+                program.hold(self._spare(end, u), 0.0, np.inf)
+        return Link(defect, middle)
 
 
 def shooting(
@@ -212,14 +223,9 @@ def shooting(
             u = s.program.variable("u", u_guesses[k - 1], model.u_low, model.u_high, model.u_high)
             after = s.program.variable("x", x_guess, low, limits.high, scale)
 
-            # The next state is where the interval leads; the limits hold on the way
-            step = interval.advance(x, u, h)
-            defect = s.program.hold((step.after - after) / casadi.DM(scale), 0.0, 0.0)
-            s.defects.append(defect)
-            _hold_rates(s.program, step.rates, limits)
-            interval.hold_spare(s.program, (x, after), u)
-            _hold_clear(s, (step.middle, after[POSITION]), x_guess, h_guess)
-
+            link = interval.connect(s.program, x, u, h, after)
+            s.defects.append(link.defect)
+            _hold_clear(s, (link.middle, after[POSITION]), x_guess, h_guess)
             x = after
             s.x.append(x)
             s.u.append(u)
@@ -271,13 +277,6 @@ def close(program: Program, first: Any, last: Any) -> None:
     w1, v1 = q1[0], q1[1:]
     program.hold(casadi.sumsqr(q0), 1.0, 1.0)
     program.hold(w0 * v1 - w1 * v0 - casadi.cross(v0, v1), 0.0, 0.0)
-
-
-def _hold_rates(program: Program, rates: Any, limits: Limits) -> None:
-    """Hold the body rates between the steps inside an interval."""
-    low = np.tile(limits.low[BODY_RATES], STEPS - 1)
-    high = np.tile(limits.high[BODY_RATES], STEPS - 1)
-    program.hold(rates, low, high)
 
 
 def _hold_at(s: Shooting, segment: Segment, x: Any, at_end: bool) -> None:

@@ -114,7 +114,8 @@ def test_obstacles_change_the_key_of_a_race_and_none_leave_it_as_it_was():
     for path in SOLUTIONS.glob("split_s_swift_swift_*_rotors_*.npz"):
         limit = load(path)
         assert (
-            path.name == LimitProblem(load_course("split_s_swift"), vehicle, limit.laps, "rotors").file_name
+            path.name
+            == LimitProblem(load_course("split_s_swift"), vehicle, limit.laps, "rotors").file_name
         )
 
 

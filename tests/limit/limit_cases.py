@@ -38,7 +38,7 @@ SPEED = 8.0
 
 @dataclass(frozen=True)
 class Waypoints:
-    """Way-points in order for a point, from rest at `start` to rest at the last, or a closed lap."""
+    """Way-points in order: from rest at `start` to rest at the last one, or a closed lap."""
 
     points: list[tuple[float, float, float]]
     tolerance: float
@@ -76,8 +76,7 @@ def solved(case: Waypoints, intervals: int) -> Solution:
             u_guess = guess.controls(t - 0.5 * h_guess)[0]
             u = program.variable("u", u_guess, model.u_low, model.u_high, model.u_high)
             after = program.variable("x", guess.states(t)[0], low, high, scale)
-            step = interval.advance(x, u, h)
-            defects.append(program.hold((step.after - after) / casadi.DM(scale), 0.0, 0.0))
+            defects.append(interval.connect(program, x, u, h, after).defect)
             states.append(after)
             controls.append(u)
             x = after

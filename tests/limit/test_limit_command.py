@@ -209,8 +209,6 @@ def test_what_is_known_is_kept_as_a_run_that_the_page_can_race(place, capsys):
 def test_without_a_known_limit_known_keeps_nothing(tmp_path, capsys):
     (tmp_path / "mine.yaml").write_text(COURSE)
     runs = tmp_path / "runs"
-    code, _, _ = run(
-        capsys, "limit", f"{tmp_path}/mine.yaml", "--known", "--runs-dir", str(runs)
-    )
+    code, _, _ = run(capsys, "limit", f"{tmp_path}/mine.yaml", "--known", "--runs-dir", str(runs))
     assert code == 1
     assert not runs.exists()

@@ -138,18 +138,14 @@ def test_what_another_process_or_a_user_has_there_is_not_removed(tmp_path):
 def test_root_that_cannot_be_written_is_one_line_before_the_flight(tmp_path, root):
     (tmp_path / "file").write_text("")
     (tmp_path / "dangling").symlink_to(tmp_path / "file" / "nowhere")
-    with pytest.raises(
-        RunError, match=f"^{tmp_path / root}: [^\n]+$"
-    ):
+    with pytest.raises(RunError, match=f"^{tmp_path / root}: [^\n]+$"):
         RunFolder.open(tmp_path / root, SPEC)
 
 
 def test_full_disk_is_one_line_and_nothing_looks_finished(tmp_path, monkeypatch):
     with RunFolder.open(tmp_path, SPEC) as folder, monkeypatch.context() as patch:
         patch.setattr("quadsim.files.atomic.os.fsync", full)
-        with pytest.raises(
-            RunError, match=r"telemetry\.npz: .*No space left on device$"
-        ):
+        with pytest.raises(RunError, match=r"telemetry\.npz: .*No space left on device$"):
             folder.save(two_laps())
     assert list(tmp_path.iterdir()) == []
 
