@@ -20,6 +20,7 @@ from controllers.sampled_trajectories import controls, sampled_trajectories
 from controllers.update import weights
 from quadsim import Colored, Gaussian, MPPIConfig, Spec
 from quadsim.dynamics.estimate import Estimate
+from quadsim.figures.course import gate_bar
 from quadsim.figures.style import STYLE
 from quadsim.palette import INK, MARK, NEXT, SPARE, style
 from quadsim.paper.double_integrator import double_integrator
@@ -141,9 +142,9 @@ def gates_in_the_rollout() -> Any:
                 label=f"towards gate {target + 1}",
             )
     for i, gate in enumerate(spec.course.gates):
-        inner, outer = gate.corners()[[0, 2]], gate.corners(gate.frame_width)[[0, 2]]
-        for bar in zip(inner, outer, strict=True):
-            axes.plot(*np.array(bar)[:, :2].T, color=INK, linewidth=3)
+        seen = gate_bar(gate)
+        for post in zip(seen.opening, seen.frame, strict=True):
+            axes.plot(*np.transpose(post), color=INK, linewidth=3)
         if i != 4:  # it stands above gate 1
             name = "gates 1 and 5" if i == 0 else f"gate {i + 1}"
             axes.annotate(

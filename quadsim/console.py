@@ -1,5 +1,7 @@
-"""Two streams: results on stdout, progress and errors on stderr; what they need; and the one look
-of tables."""
+"""The two streams of a command, and the look of its tables.
+
+Results go to stdout, progress and errors to stderr.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +13,17 @@ import sys
 import warnings
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from math import isfinite
 from typing import Any
 
 from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
+from quadsim.files.json_values import without_nan
+
+# Control characters, but not the colours of rich
 CONTROL = re.compile(r"(?!\x1b\[[\d;]*m)[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+COLOUR = re.compile("\x1b[^m]*m")
 COMPILING = "compiling the planner for this machine, once: some 20 s"
 
 
@@ -27,98 +32,122 @@ class UsageError(ValueError):
 
 
 def prepare_process() -> None:
-    """Streams that can be written to, warnings of one line, and no window."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # like Ctrl-C
-    # `>&-` closes one: the next file to be opened would take its place, and the output
+    """Make streams that can be written to, warnings of one line, and no window."""
+    # SIGTERM ends a command like Ctrl-C
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    _open_closed_streams()
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            # It lives to the end of the process
+            stream = open(os.devnull, "w")  # noqa: SIM115
+            setattr(sys, name, stream)
+        # An ASCII terminal gets question marks
+        stream.reconfigure(errors="replace")
+    # Figures are files; matplotlib cannot be loaded with a backend it does not know
+    os.environ["MPLBACKEND"] = "agg"
+    warnings.showwarning = _show_warning
+
+
+def _open_closed_streams() -> None:
+    """Open what the shell has closed with `>&-`: the next file would take its number."""
     for handle in range(3):
         try:
             os.fstat(handle)
         except OSError:
             os.dup2(os.open(os.devnull, os.O_RDWR), handle)
-    for name in ("stdout", "stderr"):
-        stream = getattr(sys, name) or open(os.devnull, "w")  # noqa: SIM115 (it lives to the end)
-        stream.reconfigure(errors="replace")  # an ASCII terminal gets question marks
-        setattr(sys, name, stream)
-    # figures are files; matplotlib cannot be loaded with a backend it does not know
-    os.environ["MPLBACKEND"] = "agg"
-    warnings.showwarning = _show_warning
 
 
 def _show_warning(message: Any, *_: object) -> None:
-    """Its first line, without colours."""
+    """Write the first line of a warning, without colours."""
     if sys.stderr:
-        plain = re.sub("\x1b[^m]*m", "", str(message)).strip()
-        sys.stderr.write(f"warning: {plain.splitlines()[0]}\n")
+        text = COLOUR.sub("", str(message)).strip()
+        sys.stderr.write(f"warning: {text.splitlines()[0]}\n")
 
 
 def emit(*parts: RenderableType) -> None:
-    """Print results. As one string, so that a reader who leaves early is one BrokenPipeError, not
-    rich's exit."""
+    """Print results.
+
+    They are written as one string, so that a reader who leaves early is one BrokenPipeError, not an
+    exit by rich.
+    """
     console = Console(file=sys.stdout, highlight=False)
     with console.capture() as captured:
         for part in parts:
             console.print(part, soft_wrap=isinstance(part, str))
-    sys.stdout.write(
-        "".join(line.rstrip() + "\n" for line in plain(captured.get()).split("\n")[:-1])
-    )
+    lines = plain(captured.get()).split("\n")[:-1]
+    sys.stdout.write("".join(line.rstrip() + "\n" for line in lines))
     sys.stdout.flush()
 
 
 def progress_console() -> Console:
-    """stderr, for what moves: only in a terminal, though FORCE_COLOR may ask for colours in a file
-    too."""
+    """Return stderr for a line that moves.
+
+    It counts as a terminal only where it is one, though FORCE_COLOR may ask for colours in a file.
+    """
     return Console(stderr=True, highlight=False, force_terminal=sys.stderr.isatty())
 
 
 def width() -> int:
-    """Columns of the terminal; 80 where stdout is none, unless COLUMNS says otherwise."""
+    """Return the columns of the terminal; 80 without one, unless COLUMNS names another number."""
     return Console(file=sys.stdout).width
 
 
 def plain_table(*heads: str, left: Collection[int] = (), no_wrap: bool = False) -> Table:
-    """Without lines, the head dimmed; the columns `left` are of text, the others of numbers."""
+    """Return an empty table without lines, with a dimmed head.
+
+    Args:
+        heads: of the columns.
+        left: indices of the columns of text; the others are of numbers.
+        no_wrap: keep each cell on one line.
+    """
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0), pad_edge=False)
     for i, head in enumerate(heads):
-        table.add_column(escape(head), justify="left" if i in left else "right", no_wrap=no_wrap)
+        justify = "left" if i in left else "right"
+        table.add_column(escape(head), justify=justify, no_wrap=no_wrap)
     return table
 
 
 def emit_json(value: object) -> None:
-    sys.stdout.write(json.dumps(_without_nan(value), indent=1, allow_nan=False) + "\n")
+    """Print a result as JSON, null for nan and infinity."""
+    sys.stdout.write(json.dumps(without_nan(value), indent=1, allow_nan=False) + "\n")
     sys.stdout.flush()
 
 
-def _without_nan(value: object) -> object:
-    """JSON has no nan and no infinity: null."""
-    if isinstance(value, dict):
-        return {k: _without_nan(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_nan(v) for v in value]
-    return None if isinstance(value, float) and not isfinite(value) else value
-
-
 def complain(line: str) -> None:
+    """Write a line to stderr."""
     sys.stderr.write(plain(line) + "\n")
     sys.stderr.flush()
 
 
 def plain(text: str) -> str:
-    """Control characters of names and files escaped, so that none reaches the terminal; colours of
-    rich stay."""
-    return CONTROL.sub(lambda found: repr(found[0])[1:-1], text)
+    """Return a text whose control characters are escaped, so that none reaches the terminal.
+
+    They may come from names and files. The colours of rich stay.
+    """
+    return CONTROL.sub(_escaped, text)
+
+
+def _escaped(found: re.Match[str]) -> str:
+    return repr(found[0])[1:-1]
 
 
 @contextmanager
 def uninterrupted() -> Iterator[list[int]]:
-    """Ctrl-C and SIGTERM wait until what is inside is done: then KeyboardInterrupt comes. Gives
-    those that wait."""
-    came: list[int] = []
-    signals = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(s, lambda number, _: came.append(number)) for s in signals]
+    """Let Ctrl-C and SIGTERM wait until what is inside is done; then raise KeyboardInterrupt.
+
+    It gives the list of the signals that wait.
+    """
+    waiting: list[int] = []
+
+    def note(number: int, _: object) -> None:
+        waiting.append(number)
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield came
+        yield waiting
     finally:
-        for s, handler in zip(signals, before, strict=True):
-            signal.signal(s, handler)
-    if came:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if waiting:
         raise KeyboardInterrupt

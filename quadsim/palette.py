@@ -1,7 +1,7 @@
 """One colour and one line style for each sampler, the same on every page, figure and table.
 
-Okabe and Ito's colours, which people with any kind of colour vision tell apart; the dashes tell
-them apart in grey.
+The colours are Okabe and Ito's, which people with any kind of colour vision tell apart; the dashes
+tell them apart in grey.
 """
 
 from __future__ import annotations
@@ -13,12 +13,18 @@ from itertools import cycle
 
 @dataclass(frozen=True)
 class Style:
-    colour: str  # "#rrggbb"
-    dash: tuple[int, ...]  # lengths of stroke and gap [px]; (): solid
+    """A colour and a line style."""
+
+    # "#rrggbb"
+    colour: str
+    # Lengths of stroke and gap [px]; () is solid
+    dash: tuple[int, ...]
 
     @property
     def rgb(self) -> tuple[int, int, int]:
-        return int(self.colour[1:3], 16), int(self.colour[3:5], 16), int(self.colour[5:7], 16)
+        """Red, green and blue, each from 0 to 255."""
+        red, green, blue = bytes.fromhex(self.colour.removeprefix("#"))
+        return red, green, blue
 
 
 STYLES = {
@@ -28,7 +34,8 @@ STYLES = {
     "smooth": Style("#cc79a7", (9, 3, 2, 3)),
     "smooth_star": Style("#f0e442", (9, 3)),
 }
-SPARE = (  # for variants that are no sampler: what is left of the eight, then three of Paul Tol's
+# For variants that are no sampler: the rest of the eight colours, then three of Paul Tol's
+SPARE = (
     Style("#0072b2", ()),
     Style("#d55e00", (6, 3)),
     Style("#000000", (2, 3)),
@@ -37,30 +44,36 @@ SPARE = (  # for variants that are no sampler: what is left of the eight, then t
     Style("#332288", (4, 4)),
 )
 OTHER = Style("#b0b0b0", (4, 4))
-# next gate, collisions, best of all, faster
-NEXT, HIT, BEST, FASTER = "#009e73", "#d55e00", "#b07cff", "#2fbf71"
-# on white paper
-INK, MARK, FRAME, LIMIT, GRID, FINE = (
-    "#202020",
-    "#606060",
-    "#9a9a9a",
-    "#b0b0b0",
-    "#e6e6e6",
-    "#f2f2f2",
-)
+
+# Meanings: the next gate, collisions, best of all, faster than before
+NEXT = "#009e73"
+HIT = "#d55e00"
+BEST = "#b07cff"
+FASTER = "#2fbf71"
+
+# On white paper
+INK = "#202020"
+MARK = "#606060"
+FRAME = "#9a9a9a"
+LIMIT = "#b0b0b0"
+GRID = "#e6e6e6"
+FINE = "#f2f2f2"
 
 
 def style(sampler: str) -> Style:
+    """Return the style of a sampler by its name, OTHER for one that has none."""
     return STYLES.get(sampler, OTHER)
 
 
 def styles(variants: Sequence[str]) -> list[Style]:
-    """Of what is compared in one figure: a sampler by its name has its own, any other variant the
-    next spare one."""
+    """Return the styles of variants that are compared in one figure.
+
+    A sampler by its name has its own, any other variant the next spare one.
+    """
     spare = cycle(SPARE)
     return [STYLES[name] if name in STYLES else next(spare) for name in variants]
 
 
 def dotted(s: Style) -> Style:
-    """For the same sampler once more in one figure, with other numbers."""
+    """Return the style of the same sampler once more in one figure, with other numbers."""
     return replace(s, dash=(1, 1))

@@ -19,7 +19,7 @@ from quadsim.course import Course, parse_course
 from quadsim.palette import Style, dotted, style
 from quadsim.race.events import Event
 from quadsim.record.archive import load_run
-from quadsim.record.limits import LIMITS, Limit, limit_of
+from quadsim.record.limits import LIMITS, StoredSolution, limit_of
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.run import INTERACTIVE, Run, RunError
 from web.flight_factory import numbers_of
@@ -78,7 +78,7 @@ class Competitor:
     folder: Path | None = None
     start_numbers: Mapping[str, float] = field(default_factory=dict)  # of web.flight_factory.RANGES
     again: bool = False  # another competitor before it has the same sampler
-    limit: Limit | None = None  # the best known of its race
+    limit: StoredSolution | None = None  # the best known of its race
     corners: Corners | None = None  # of gates, found in its camera's last picture, while it flies
 
     @cached_property

@@ -15,9 +15,9 @@ from functools import lru_cache
 from hashlib import sha256
 from typing import NotRequired, TypedDict
 
-from quadsim.record.metrics import accumulated_cost, chatter
+from quadsim.record.metrics import chatter
 from quadsim.record.provenance import provenance
-from quadsim.record.run import PlanTime, Recorder, Run, canonical, system_of
+from quadsim.record.run import PlanTime, Recorder, Run, canonical
 from quadsim.record.turning_back import TurnedBack, turned_back
 from quadsim.spec.build import build, launch
 from quadsim.spec.spec import Spec
@@ -128,7 +128,6 @@ def result(flown: Flown) -> Result:
         "laps": run.laps,
         "crash": _crash(run) if run.outcome == "crashed" else None,
         "fault": flown.fault,
-        "cost": accumulated_cost(run),
         **of_telemetry(run),
         "plan_ms": run.wall["plan_ms"],
         "real_time_factor": run.wall["real_time_factor"],
@@ -147,8 +146,6 @@ class OfTelemetry(TypedDict):
 
 def of_telemetry(run: Run) -> OfTelemetry:
     """See OfTelemetry."""
-    if system_of(run.spec) != "quadrotor":  # only a quadrotor commands thrust
-        return {"thrust_tv": None, "rates_tv": None, "turned_back": []}
     commanded, delivered = (chatter(run)[of] for of in ("commanded", "delivered"))
     return {
         "thrust_tv": {"commanded": commanded["thrust_tv"], "delivered": delivered["thrust_tv"]},

@@ -2,86 +2,83 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import NamedTuple
 
 from rich.console import RenderableType
-from rich.markup import escape
 
 from quadsim.console import plain_table
-from quadsim.record.run import system_of
 
-UNITS = {  # of a quadrotor's numbers
-    **dict.fromkeys(("rate_lag", "motor_lag", "latency"), "s"),
+UNITS = {
+    "rate_lag": "s",
+    "motor_lag": "s",
+    "latency": "s",
     "drag": "1/s",
     "rate_limit": "rad/s",
     "thrust_limit": "m/s^2",
 }
-Number = float | list[float]  # one, or one for each axis
+# One number, or one for each axis
+Number = float | list[float]
+
+
+class Pair(NamedTuple):
+    """A parameter of the model and the same of the vehicle."""
+
+    model: Number
+    vehicle: Number
 
 
 def model_table(spec: dict) -> RenderableType:
-    """A row for each parameter that differs, or a line that none does."""
-    rows, meanings = differing(spec), _meanings(spec)
-    flies = system_of(spec) == "quadrotor"
-    adapts = flies and spec["planner"]["mppi"].get("adapt")
+    """Return a row for each parameter that differs, or a line that none does."""
+    rows = differing(spec)
+    adapts = spec["planner"]["mppi"].get("adapt")
+    if not rows and adapts:
+        estimated = "thrust gain, drag and maximum thrust are estimated in flight"
+        return f"[dim]model[/]  starts from the vehicle's nominal parameters; {estimated}"
     if not rows:
-        if adapts:
-            estimated = "thrust gain, drag and maximum thrust are estimated in flight"
-            return f"[dim]model[/]  starts from the vehicle's nominal parameters; {estimated}"
         return "[dim]model[/]  the planner's model has the vehicle's nominal parameters"
-    table = plain_table(
-        "model", "planner's, at first" if adapts else "planner's", "vehicle's", "", left=range(4)
-    )
-    for name, sides in rows.items():
-        texts = (" ".join(f"{x:g}" for x in sides[side]) for side in ("model", "vehicle"))
-        table.add_row(name.replace("_", " "), *texts, f"[dim]{escape(meanings.get(name, ''))}[/]")
+    planners = "planner's, at first" if adapts else "planner's"
+    table = plain_table("model", planners, "vehicle's", "", left=range(4))
+    for name, row in rows.items():
+        model = " ".join(f"{x:g}" for x in row["model"])
+        vehicle = " ".join(f"{x:g}" for x in row["vehicle"])
+        table.add_row(name.replace("_", " "), model, vehicle, f"[dim]{UNITS[name]}[/]")
     return table
 
 
 def differing(spec: dict) -> dict[str, dict[str, list[float]]]:
-    """Name -> {model, vehicle}: one number for all axes that share it."""
-    compared = (
-        _quadrotor(spec)
-        if system_of(spec) == "quadrotor"
-        else _fields(spec["model"], spec["vehicle"])
-    )
-    rows = {name: {"model": _axes(m), "vehicle": _axes(v)} for name, (m, v) in compared.items()}
-    return {name: row for name, row in rows.items() if row["model"] != row["vehicle"]}
+    """Return the parameters that differ, name -> {model, vehicle}.
+
+    Each is a list: of one number for all axes that share it, else of one for each axis.
+    """
+    found = {}
+    for name, pair in _compared(spec).items():
+        model = _axes(pair.model)
+        vehicle = _axes(pair.vehicle)
+        if model != vehicle:
+            found[name] = {"model": model, "vehicle": vehicle}
+    return found
 
 
-def _quadrotor(spec: dict) -> dict[str, tuple[Number, Number]]:
-    """Its model and its vehicle describe the same by other numbers."""
-    model, vehicle = spec["model"], spec["vehicle"]
+def _compared(spec: dict) -> dict[str, Pair]:
+    """Return what both have: model and vehicle describe the same by other numbers."""
+    model = spec["model"]
+    vehicle = spec["vehicle"]
     rotors = vehicle["rotors"]
     return {
-        "rate_lag": (model["rate_tau"], vehicle["rate_tau"]),
-        "motor_lag": (model["motor_tau"], rotors["tau"] if rotors else 0.0),
-        "latency": (0.0, vehicle["latency"]),
-        "drag": (model["drag"], vehicle["drag"]),
-        "rate_limit": (model["rate_max"], vehicle["rate_max"]),
-        "thrust_limit": (model["thrust_max"], vehicle["thrust_max"]),
+        "rate_lag": Pair(model["rate_tau"], vehicle["rate_tau"]),
+        "motor_lag": Pair(model["motor_tau"], rotors["tau"] if rotors else 0.0),
+        "latency": Pair(0.0, vehicle["latency"]),
+        "drag": Pair(model["drag"], vehicle["drag"]),
+        "rate_limit": Pair(model["rate_max"], vehicle["rate_max"]),
+        "thrust_limit": Pair(model["thrust_max"], vehicle["thrust_max"]),
     }
-
-
-def _fields(
-    model: Mapping[str, Any], vehicle: Mapping[str, Any]
-) -> dict[str, tuple[Number, Number]]:
-    """The numbers that both have."""
-    return {
-        name: (value, vehicle[name])
-        for name, value in model.items()
-        if isinstance(value, int | float) and isinstance(vehicle.get(name), int | float)
-    }
-
-
-def _meanings(spec: dict) -> dict[str, str]:
-    """Name -> unit."""
-    return UNITS if system_of(spec) in (None, "quadrotor") else {}
 
 
 def _axes(numbers: Number) -> list[float]:
-    """One number where all axes have the same. Rounded: a mean of three may differ in its last
-    digit."""
-    values = [float(f"{x:.9g}") for x in (numbers if isinstance(numbers, list) else [numbers])]
-    return values[:1] if len(set(values)) == 1 else values
+    """Return one number where all axes have the same.
+
+    Numbers are rounded: a mean of three may differ in its last digit.
+    """
+    values = numbers if isinstance(numbers, list) else [numbers]
+    rounded = [float(f"{value:.9g}") for value in values]
+    return rounded[:1] if len(set(rounded)) == 1 else rounded

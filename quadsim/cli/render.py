@@ -22,7 +22,7 @@ from quadsim.files.extras import needs_extra
 from quadsim.files.yaml_words import did_you_mean
 from quadsim.physics.plant import has_bullet
 from quadsim.record.archive import find_run, load_run
-from quadsim.record.run import RunError, system_of
+from quadsim.record.run import RunError
 from quadsim.render.folder import annotate, film, settle, whole
 from quadsim.render.frames import Pictures, make_frames
 from quadsim.render.look import VARIED
@@ -173,10 +173,6 @@ def _asked(
             raise UsageError(str(error)) from None
         return Pictures(course.name, course.text, poses="drawn", **more), poses
     run = load_run(_run_folder(target, runs_dir))
-    if (system := system_of(run.spec)) != "quadrotor":
-        raise UsageError(
-            f"expected the run of a quadrotor, got one of the system {system or run.spec['system']}"
-        )
     poses = flown_poses(run.telemetry, camera.rate)[:frames]
     return Pictures(run.spec["course"], run.spec["course_text"], poses=run.digest(), **more), poses
 

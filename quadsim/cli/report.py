@@ -1,5 +1,4 @@
-"""The report of a run, as text or as one JSON object: printed after a flight and, from the disk, by
-`race show`."""
+"""The report of a run, as text or as JSON: printed after a flight and by `race show`."""
 
 from __future__ import annotations
 
@@ -12,113 +11,179 @@ from rich.markup import escape
 from rich.padding import Padding
 
 from quadsim.cli.model_differences import differing, model_table
-from quadsim.cli.report_systems import report_of
+from quadsim.cli.report_tables import chatter_table, incident_table, lap_tables, published_table
 from quadsim.console import emit, emit_json, width
+from quadsim.course import parse_course
 from quadsim.record.estimate_metrics import sensing_numbers
-from quadsim.record.limits import LIMITS, Limit, limit_of
+from quadsim.record.limits import StoredSolution, limit_of, limits_folder
 from quadsim.record.metrics import chatter, missed_deadlines, splits
-from quadsim.record.run import INTERACTIVE, Run, flown_with, not_comparable, own_parts, system_of
+from quadsim.record.run import INTERACTIVE, Run, flown_with, not_comparable, own_parts
 from quadsim.record.turning_back import turned_back
 
-COLOUR = {"finished": "green", "crashed": "red"}  # of an outcome; any other is yellow
-SILENT = 1.0  # [s] without a pose or a corner after which the report says so
+# Colour of an outcome; any other is yellow
+COLOUR = {"finished": "green", "crashed": "red"}
+# Time without a pose or a corner after which the report says so [s]
+SILENT = 1.0
+# Columns by which the parts below the head are indented
+INDENT = 2
 
 
-def present(run: Run, folder: Path | None, as_json: bool) -> None:
-    """folder: where the run was stored, None if it could not be."""
+def present(
+    run: Run, folder: Path | None, as_json: bool, runs_dir: str | Path | None = None
+) -> None:
+    """Print the report of a run.
+
+    Args:
+        run: to report.
+        folder: where the run is stored, None if it could not be.
+        as_json: one JSON object in place of text.
+        runs_dir: see `known_limit`.
+    """
     if as_json:
-        emit_json(summary(run, folder))
+        emit_json(summary(run, folder, runs_dir))
     else:
-        emit(*report(run, folder, width()))
+        emit(*report(run, folder, width(), runs_dir))
 
 
-def report(run: Run, folder: Path | None, columns: int) -> Iterator[RenderableType]:
-    system = report_of(run)
-    yield from _head(run, system.progress(run), known_limit(run, folder))
-    parts = [*system.results(run, columns - 2), system.chatter(run), _planning(run)]
-    if seen := _sensing(run):
-        parts.append(seen)
-    if system_of(run.spec) and not run.spec.get("pilot"):
-        parts.append(model_table(run.spec))
-    if own := own_parts(run.spec):
-        named = ", ".join(f"{role} {escape(name)}" for role, name in own.items())
-        parts.append(f"[dim]own parts[/]  {named}: run.json alone cannot fly it again")
-    for part in (*parts, *system.comparison(run)):
+def known_limit(
+    run: Run, folder: Path | None, runs_dir: str | Path | None = None
+) -> StoredSolution | None:
+    """Return the best known limit of a run's race.
+
+    It is looked for in the project, beside the run and in the folder of runs.
+
+    Args:
+        run: whose race is asked for.
+        folder: where the run is stored.
+        runs_dir: folder of runs that the command was given.
+    """
+    places = [folder.parent] if folder else []
+    if runs_dir is not None:
+        places.append(Path(runs_dir))
+    return limit_of(run.spec, *(limits_folder(place) for place in places))
+
+
+def report(
+    run: Run, folder: Path | None, columns: int, runs_dir: str | Path | None = None
+) -> Iterator[RenderableType]:
+    """Yield the parts of the report of a run.
+
+    Args:
+        run: to report.
+        folder: where the run is stored, None if it could not be.
+        columns: of the terminal.
+        runs_dir: see `known_limit`.
+    """
+    yield from _head(run, known_limit(run, folder, runs_dir))
+    for part in _parts(run, columns - INDENT):
         yield ""
-        yield Padding(part, (0, 0, 0, 2), expand=False)
+        yield Padding(part, (0, 0, 0, INDENT), expand=False)
     yield ""
     yield f"stored in {escape(str(folder))}" if folder else "[red]not stored[/]"
 
 
-def known_limit(run: Run, folder: Path | None) -> Limit | None:
-    """The best known limit of the run's race, of those that come with the project and those kept
-    beside the run."""
-    return limit_of(run.spec, *([folder.parent / LIMITS] if folder else []))
-
-
-def _head(run: Run, progress: str, limit: Limit | None) -> Iterator[str]:
-    spec, colour = run.spec, COLOUR.get(run.outcome, "yellow")
-    reached = f"{progress}, {run.duration:.3f} s" if progress else f"{run.duration:.3f} s"
-    yield f"[bold]{escape(spec['course'])}[/]  [bold {colour}]{run.outcome}[/]  {reached}"
-    randomized = f", randomized {spec['randomize']:g}" if spec.get("randomize") else ""
-    displaced = (
-        f", gates up to {spec['displace_gates']:g} m off the map"
-        if spec.get("displace_gates")
-        else ""
-    )
-    yield escape(flown_with(spec)) + randomized + displaced
+def _head(run: Run, limit: StoredSolution | None) -> Iterator[str]:
+    spec = run.spec
+    colour = COLOUR.get(run.outcome, "yellow")
+    laps = f"{len(run.laps)} of {spec['laps']} laps"
+    course = escape(spec["course"])
+    yield f"[bold]{course}[/]  [bold {colour}]{run.outcome}[/]  {laps}, {run.duration:.3f} s"
+    flown = [escape(flown_with(spec))]
+    if spec.get("randomize"):
+        flown.append(f"randomized {spec['randomize']:g}")
+    if spec.get("displace_gates"):
+        flown.append(f"gates up to {spec['displace_gates']:g} m off the map")
+    yield ", ".join(flown)
     if limit and run.outcome == "finished":
-        above = round(100.0 * limit.above(run.duration), 1) + 0.0  # no negative zero
+        # Adding 0.0 makes a negative zero a plain one
+        above = round(100.0 * limit.above(run.duration), 1) + 0.0
         yield f"[bold]{above:.1f} %[/] above the best known limit of {limit.time:.3f} s"
-    if remark := not_comparable(spec):
+    remark = not_comparable(spec)
+    if remark:
         yield f"[yellow]{remark}[/]"
 
 
+def _parts(run: Run, columns: int) -> Iterator[RenderableType]:
+    """Yield what stands below the head, for so many columns of the terminal."""
+    course = parse_course(run.spec["course_text"], run.spec["course"])
+    yield from lap_tables(run, len(course.gates), columns)
+    yield incident_table(run)
+    turns = turned_back(run)
+    if turns:
+        places = [f"gate {turn['gate']} (lap {turn['lap']}, {turn['t']:.2f} s)" for turn in turns]
+        yield f"[yellow]turned back[/] to {', '.join(places)}"
+    yield chatter_table(run)
+    yield _planning(run)
+    sensing = _sensing(run)
+    if sensing:
+        yield sensing
+    if not run.spec.get("pilot"):
+        yield model_table(run.spec)
+    own = own_parts(run.spec)
+    if own:
+        named = ", ".join(f"{role} {escape(name)}" for role, name in own.items())
+        yield f"[dim]own parts[/]  {named}: run.json alone cannot fly it again"
+    yield published_table(run, course)
+
+
 def _planning(run: Run) -> str:
-    ms, ess = run.wall["plan_ms"], run.telemetry["ess"]
-    median = float(np.median(ess)) if len(ess) else 0.0
-    wall = run.spec["clock"] == "wall"
-    missed = f", {missed_deadlines(run)} of {len(ess)} deadlines missed" if wall else ""
-    sampled = "" if run.spec.get("pilot") else f", median ESS {median:.0f}"
-    return (
-        f"[dim]{'planning' if sampled else 'pilot'}[/]  {ms['p50']:.1f} ms p50, {ms['p95']:.1f} ms p95"
-        f"{sampled}{missed}\n[dim]simulation[/]  {run.wall['real_time_factor']:.2f} x real time"
-    )
+    """Return how long planning took and how fast the simulation ran."""
+    plan_ms = run.wall["plan_ms"]
+    ess = run.telemetry["ess"]
+    name = "pilot"
+    parts = [f"{plan_ms['p50']:.1f} ms p50", f"{plan_ms['p95']:.1f} ms p95"]
+    if not run.spec.get("pilot"):
+        name = "planning"
+        median = float(np.median(ess)) if len(ess) else 0.0
+        parts.append(f"median ESS {median:.0f}")
+    if run.spec["clock"] == "wall":
+        parts.append(f"{missed_deadlines(run)} of {len(ess)} deadlines missed")
+    factor = f"{run.wall['real_time_factor']:.2f} x real time"
+    return f"[dim]{name}[/]  {', '.join(parts)}\n[dim]simulation[/]  {factor}"
 
 
 def _sensing(run: Run) -> str:
-    """How far the estimate was off the truth; empty where the planner was given the truth."""
+    """Return how far the estimate was off; empty where the planner was given the truth."""
     n = sensing_numbers(run)
     if n is None:
         return ""
-    at_gates = "" if n["at_gates"] is None else f", {100 * n['at_gates']:.1f} cm at gates"
+    position = [f"position {100 * n['position_rms']:.1f} cm RMS off"]
+    if n["at_gates"] is not None:
+        position.append(f"{100 * n['at_gates']:.1f} cm at gates")
+    position.append(f"{100 * n['position_max']:.1f} cm at most")
+    consistency = [f"NEES {n['nees']:.1f} of {n['nees_expected']} expected"]
+    if n["nis"] is not None:
+        consistency.append(f"NIS {n['nis']:.2f} of 1")
+        consistency.append(f"{100 * n['refused']:.1f} % refused as outliers")
     lines = [
-        f"[dim]sensing[/]  {escape(n['sensing'])}: position {100 * n['position_rms']:.1f} cm RMS off{at_gates}, "
-        f"{100 * n['position_max']:.1f} cm at most",
-        f"consistency: NEES {n['nees']:.1f} of {n['nees_expected']} expected"
-        + (
-            ""
-            if n["nis"] is None
-            else f", NIS {n['nis']:.2f} of 1, {100 * n['refused']:.1f} % refused as outliers"
-        ),
+        f"[dim]sensing[/]  {escape(n['sensing'])}: {', '.join(position)}",
+        f"consistency: {', '.join(consistency)}",
     ]
     if n["in_view"] is not None:
-        lines.append(
-            f"corners: {n['in_view']:.1f} in a picture that shows any, {100 * n['found']:.0f} % of them found"
-        )
+        share = f"{100 * n['found']:.0f} % of them found"
+        lines.append(f"corners: {n['in_view']:.1f} in a picture that shows any, {share}")
     if n["unaided"] >= SILENT:
         lines.append(f"[bold]no pose and no corner was used in the last {n['unaided']:.1f} s[/]")
     ms = n["estimate_ms"]
-    return "\n".join([*lines, f"estimate: {ms['p50']:.2f} ms p50, {ms['p95']:.2f} ms p95"])
+    lines.append(f"estimate: {ms['p50']:.2f} ms p50, {ms['p95']:.2f} ms p95")
+    return "\n".join(lines)
 
 
-def summary(run: Run, folder: Path | None) -> dict:
-    """Seconds, metres, m/s; `plan_ms` in milliseconds. limit: null where none is known.
-    run_dir is null when the run could not be stored."""
-    spec, finished, limit = run.spec, run.outcome == "finished", known_limit(run, folder)
+def summary(run: Run, folder: Path | None, runs_dir: str | Path | None = None) -> dict:
+    """Return the report as JSON, in seconds, metres and m/s; `plan_ms` in milliseconds.
+
+    limit is null where none is known, run_dir where the run could not be stored.
+
+    Args:
+        run: to report.
+        folder: where the run is stored, None if it could not be.
+        runs_dir: see `known_limit`.
+    """
+    spec = run.spec
     return {
-        "system": spec.get("system", "quadrotor"),
-        **{name: spec[name] for name in ("course", "sampler", "preset")},
+        "course": spec["course"],
+        "sampler": spec["sampler"],
+        "preset": spec["preset"],
         "vehicle": spec["vehicle"]["name"],
         "seed": spec["seed"],
         "outcome": run.outcome,
@@ -127,11 +192,9 @@ def summary(run: Run, folder: Path | None) -> dict:
         "penalties": run.penalties,
         "splits": splits(run),
         "gates": run.gates,
-        "limit": limit
-        and {"time": limit.time, "above": limit.above(run.duration) if finished else None},
+        "limit": _limit_summary(run, known_limit(run, folder, runs_dir)),
         "turned_back": turned_back(run),
-        "events": [e.record() for e in run.events],
-        **report_of(run).numbers(run),
+        "events": [event.record() for event in run.events],
         "chatter": chatter(run),
         "model_differs": differing(spec),
         "sensing": sensing_numbers(run),
@@ -143,3 +206,11 @@ def summary(run: Run, folder: Path | None) -> dict:
         "digest": run.digest(),
         "run_dir": None if folder is None else str(folder),
     }
+
+
+def _limit_summary(run: Run, limit: StoredSolution | None) -> dict | None:
+    """Return a limit as JSON; above: null where the race was not finished."""
+    if limit is None:
+        return None
+    above = limit.above(run.duration) if run.outcome == "finished" else None
+    return {"time": limit.time, "above": above}

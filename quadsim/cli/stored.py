@@ -1,5 +1,4 @@
-"""`race show`, `race plot` and `race export`: stored runs as a report, as figures, as files for
-others."""
+"""`race show`, `race plot` and `race export`: stored runs as reports, figures and files."""
 
 from __future__ import annotations
 
@@ -15,14 +14,14 @@ from quadsim.record.whole_files import write_whole
 
 
 def show(run: Stored = "last", /, *, runs_dir: RunsDir = "runs", json: Json = False) -> int:
-    """The report of a stored run, as `race fly` printed it.
+    """Show the report of a stored run, as `race fly` printed it.
 
     race show last
 
     race show 20261120T133511Z --json
     """
     folder = find_run(run, runs_dir)
-    present(load_run(folder), folder, json)
+    present(load_run(folder), folder, json, runs_dir)
     return 0
 
 
@@ -36,20 +35,23 @@ def plot(
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
-    """A stored run as a picture: path from above, states, controls, spectra.
+    """Draw a stored run: path from above, thrust, body rates, spectrum.
 
     race plot last --out race.png
     """
     folder = find_run(run, runs_dir)
     flown = load_run(folder)
-    from quadsim.figures.run_figure import draw  # here, so that --help does not load matplotlib
+    # Here, so that --help does not load matplotlib
+    from quadsim.figures.run_figure import draw
 
-    figure = draw(flown, known_limit(flown, folder))
-    if out and Path(out).suffix.lower() in PICTURES:
+    figure = draw(flown, known_limit(flown, folder, runs_dir))
+    if out is None:
+        paths = write_figure(figure, folder, "plot")
+    elif Path(out).suffix.lower() in PICTURES:
         paths = (save_figure(figure, Path(out)),)
     else:
-        paths = write_figure(figure, Path(out or folder), "plot" if out is None else folder.name)
-    _say([str(path) for path in paths], json)
+        paths = write_figure(figure, Path(out), folder.name)
+    _print_paths(paths, json)
     return 0
 
 
@@ -66,26 +68,27 @@ def export(
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
-    """Runs as a page that plays offline, as a table, as one file.
+    """Export runs as a page that plays offline, as a table, or as one file.
 
     race export last --html
 
     race export 20261120T133511Z 20261120T134914Z --html --out race.html
     """
-    asked = [kind for kind, said in (("html", html), ("csv", csv), ("zip", zip)) if said]
-    if len(asked) != 1:
-        raise UsageError(
-            f"expected one of --html, --csv, --zip, got {' and '.join(asked) or 'none'}"
-        )
+    given = {"html": html, "csv": csv, "zip": zip}
+    kinds = [kind for kind, wanted in given.items() if wanted]
+    if len(kinds) != 1:
+        got = " and ".join(kinds) or "none"
+        raise UsageError(f"expected one of --html, --csv, --zip, got {got}")
+    kind = kinds[0]
     folders = [find_run(run, runs_dir) for run in runs or ("last",)]
-    path = Path(out or f"{folders[0].name}.{asked[0]}")
-    data = _data(asked[0], folders)
-    write_whole(path, data)
-    _say([str(path)], json)
+    path = Path(out or f"{folders[0].name}.{kind}")
+    write_whole(path, _data(kind, folders))
+    _print_paths((path,), json)
     return 0
 
 
-def _say(names: list[str], json: bool) -> None:
+def _print_paths(paths: tuple[Path, ...], json: bool) -> None:
+    names = [str(path) for path in paths]
     if json:
         emit_json(names)
     else:
@@ -93,16 +96,24 @@ def _say(names: list[str], json: bool) -> None:
 
 
 def _data(kind: str, folders: list[Path]) -> bytes:
-    from web.competitor import named, stored_competitor  # here, so that --help does not load them
+    """Return the bytes of the file.
+
+    Raises:
+        UsageError: the runs of one page are of several courses.
+        RunError: a run is damaged.
+    """
+    # Here, so that --help does not load them
+    from web.competitor import named, stored_competitor
     from web.page.export import offline_page, telemetry_csv, zipped
 
     if kind == "csv":
         return telemetry_csv(folders)
     if kind == "zip":
         for folder in folders:
-            load_run(folder)  # raises RunError for a damaged run
+            load_run(folder)
         return zipped(folders)
     competitors = named([stored_competitor(folder) for folder in folders])
-    if len({entry.spec["course_text"] for entry in competitors}) > 1:
+    courses = {competitor.spec["course_text"] for competitor in competitors}
+    if len(courses) > 1:
         raise UsageError("--html: expected runs of one course, got several")
     return offline_page(competitors).encode()

@@ -1,1 +1,1 @@
-"""Figures of stored flights, the only place besides quadsim.paper that draws with matplotlib."""
+"""Figures of stored flights. Besides quadsim.paper, only these draw with matplotlib."""

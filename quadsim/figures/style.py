@@ -1,5 +1,4 @@
-"""What all figures share: matplotlib's settings, the palette as matplotlib takes it, and how they
-are written."""
+"""The look that all figures share: matplotlib's settings and lines; and how they are written."""
 
 from __future__ import annotations
 
@@ -11,9 +10,11 @@ from quadsim.palette import GRID, Style
 from quadsim.record.whole_files import write_whole
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure  # a command's --help does not wait for matplotlib
+    # A command's --help does not wait for matplotlib
+    from matplotlib.figure import Figure
 
-FORMATS = ("png", "svg")  # written unless a file is named
+# Formats that are written unless a file is named, and those that a file may have
+FORMATS = ("png", "svg")
 PICTURES = (".png", ".svg", ".pdf")
 STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -27,24 +28,35 @@ STYLE: dict[Any, Any] = {
     "axes.axisbelow": True,
     "legend.frameon": False,
     "legend.fontsize": 8,
-    "svg.hashsalt": "quadsim",  # the same run gives the same file
+    # The same run gives the same file
+    "svg.hashsalt": "quadsim",
 }
 
 
 def line(s: Style) -> dict[str, Any]:
-    """Arguments of `plot`: colour and line style. Dense signals take the colour alone: gaps would
-    look like chatter."""
+    """Return arguments of `plot`: colour and line style.
+
+    Dense signals take the colour alone: gaps would look like chatter.
+    """
     return {"color": s.colour, "linestyle": (0, s.dash) if s.dash else "-"}
 
 
 def write_figure(figure: Figure, folder: Path, stem: str) -> tuple[Path, ...]:
-    """PNG and SVG. Raises RunError where the folder cannot be written."""
+    """Write a figure as PNG and SVG and return the files.
+
+    Raises:
+        RunError: the folder cannot be written.
+    """
     return tuple(save_figure(figure, folder / f"{stem}.{kind}") for kind in FORMATS)
 
 
 def save_figure(figure: Figure, path: Path) -> Path:
-    """In the format that the path's end names. Raises RunError; ValueError for a format that
-    matplotlib lacks."""
+    """Write a figure in the format that the path's end names, and return the path.
+
+    Raises:
+        RunError: the file cannot be written.
+        ValueError: matplotlib lacks the format.
+    """
     data = BytesIO()
     figure.savefig(data, format=path.suffix[1:] or FORMATS[0])
     write_whole(path, data.getvalue())

@@ -1,9 +1,9 @@
-"""Ways around frames and boxes that a solution hits beside its targets: half-spaces for a few of
-its nodes.
+"""Detours around frames and boxes that a solution hits beside its gates.
 
-The space around a frame or a box is not convex. So a race is solved without them first; where the
-referee then finds a hit, the nodes in the frame's slab are held before, behind or beside it, those
-in a box beyond one of its faces, whichever is the shortest way out, and it is solved again.
+A detour holds a few nodes in a half-space. The space around a frame or a box is not convex. So a
+race is solved without them first; where the referee then finds a hit, the nodes in the frame's slab
+are held before, behind or beside it, those in a box beyond one of its faces, whichever is the
+shortest way out, and the race is solved again.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ import numpy as np
 
 from quadsim.course import Box, Gate
 from quadsim.course.opening import half_depth, outer_half_sizes
-from quadsim.limit.task import MARGIN, Segment, Task
+from quadsim.dynamics.quadrotor import POSITION
+from quadsim.limit.route import MARGIN, Route, Segment
 from quadsim.record.limits import Solution
 
-# axes of a gate's frame: the passage, left and up; of a box's: its x, y and z
+# Axes of a gate's frame: the passage, left and up; of a box's: its x, y and z
 ALONG, LEFT, UP = 0, 1, 2
 AXES = (ALONG, LEFT, UP)
 SIGNS = (1.0, -1.0)
@@ -30,18 +31,22 @@ SIGNS = (1.0, -1.0)
 class Side(NamedTuple):
     """One of the six sides of a box around the origin of a frame."""
 
-    axis: int  # of AXES
+    # One of AXES
+    axis: int
     sign: float
 
     def depth(self, local: np.ndarray, half: Sequence[float]) -> np.ndarray:
-        """Return how deep points (..., 3) lie behind this side of the box of these half extents
-        [m].  (...)"""
+        """Return how deep points (..., 3) lie behind this side of a box [m].  (...)
+
+        Args:
+            local: the points in the frame [m].
+            half: half extents of the box [m].
+        """
         return half[self.axis] - self.sign * local[..., self.axis]
 
 
 class Way(NamedTuple):
-    """Neighbouring nodes of a segment, from the first to the last, that are to be held outside a
-    side."""
+    """Neighbouring nodes of a segment, first to last, that are to be held outside a side."""
 
     first: int
     last: int
@@ -56,10 +61,12 @@ class Detour:
     """
 
     segment: int
-    part: tuple[float, float]  # of the segment's intervals, 0 to 1
+    # Of the segment's intervals, from 0 to 1
+    part: tuple[float, float]
     gate: Gate | Box
     side: Side
-    distance: float  # from the centre [m]
+    # From the centre [m]
+    distance: float
 
     def holds_at(self, segment: int, node: int, intervals: int) -> bool:
         """Return whether the detour constrains this node of a segment with that many intervals.
@@ -80,44 +87,56 @@ class Detour:
         return self.side.sign * local[self.side.axis] - self.distance
 
 
+class Hit(NamedTuple):
+    """A gate or a box that was hit, and when [s]."""
+
+    t: float
+    place: Gate | Box
+
+
 def detours(
-    solution: Solution, plan: list[Segment], task: Task, hits: list[tuple[float, Gate | Box]]
+    solution: Solution, plan: Sequence[Segment], route: Route, hits: Sequence[Hit]
 ) -> Iterator[Detour]:
     """Yield detours around what was hit.
 
     Args:
         solution: the one in which something was hit.
         plan: its segments.
-        task: what was to be flown.
-        hits: time [s], and gate or box, of each hit.
+        route: the gates and the sphere.
+        hits: see Hit.
     """
-    # index of the node where each segment begins
-    begins = np.cumsum([0, *(s.intervals for s in plan)])
+    # Index of the node where each segment begins
+    begins = np.cumsum([0, *(segment.intervals for segment in plan)])
     for t, place in hits:
         k = int(np.searchsorted(begins, np.searchsorted(solution.t, t))) - 1
         if plan[k].kind != "approach":
             continue
         # The nodes of the segment, seen from what was hit, and the one of them at which it was hit
         own = slice(begins[k], begins[k + 1])
-        # (nodes of the segment, 3)
-        local = (solution.x[own, :3] - place.position) @ np.array(place.axes).T
+        local = (solution.x[own, POSITION] - place.position) @ np.array(place.axes).T
         hit = min(int(np.searchsorted(solution.t[own], t)), len(local) - 1)
         if isinstance(place, Box):
-            half = [extent + task.radius for extent in place.half]
+            half = [extent + route.radius for extent in place.half]
             ways = [_way_out_of_a_box(local, hit, half)]
         else:
-            outer = outer_half_sizes(place.opening, place.frame_width, task.radius)
-            half = [half_depth(task.radius), outer.left, outer.up]
+            outer = outer_half_sizes(place.opening, place.frame_width, route.radius)
+            half = [half_depth(route.radius), outer.left, outer.up]
             ways = _ways_out_of_a_frame(local, hit, half)
+        intervals = plan[k].intervals
         for way in ways:
-            part = (way.first - 0.5) / plan[k].intervals, (way.last + 0.5) / plan[k].intervals
-            yield Detour(k, part, place, way.side, half[way.side.axis] + MARGIN)
+            yield Detour(
+                segment=k,
+                part=((way.first - 0.5) / intervals, (way.last + 0.5) / intervals),
+                gate=place,
+                side=way.side,
+                distance=half[way.side.axis] + MARGIN,
+            )
 
 
 def _ways_out_of_a_frame(local: np.ndarray, hit: int, half: Sequence[float]) -> Iterator[Way]:
     """Yield the ways out of a frame: for each run of nodes the side that is nearest to them.
 
-    Those are the slab's two faces and one edge of the frame, the nearest to all nodes in the slab.
+    The sides are the slab's two faces and the edge of the frame nearest to all nodes in the slab.
 
     Args:
         local: nodes of the segment in the gate's frame [m].  (nodes, 3)
@@ -137,7 +156,8 @@ def _ways_out_of_a_frame(local: np.ndarray, hit: int, half: Sequence[float]) -> 
     for i in range(len(nearest) - 1):
         on_faces = nearest[i].axis == nearest[i + 1].axis == ALONG
         if on_faces and nearest[i] != nearest[i + 1]:
-            nearest[i] = nearest[i + 1] = edge
+            nearest[i] = edge
+            nearest[i + 1] = edge
 
     for side, run in groupby(zip(nearest, nodes, strict=True), key=itemgetter(0)):
         found = [node for _, node in run]
@@ -145,8 +165,7 @@ def _ways_out_of_a_frame(local: np.ndarray, hit: int, half: Sequence[float]) -> 
 
 
 def _way_out_of_a_box(local: np.ndarray, hit: int, half: Sequence[float]) -> Way:
-    """Return the way out of a box: one side for all nodes in it, the one nearest to the deepest of
-    them.
+    """Return the way out of a box: one side for all nodes in it, the nearest to the deepest node.
 
     Args:
         local: nodes of the segment in the frame of the box [m].  (nodes, 3)
@@ -160,16 +179,21 @@ def _way_out_of_a_box(local: np.ndarray, hit: int, half: Sequence[float]) -> Way
 
 
 def _nearest_side(sides: Sequence[Side], local: np.ndarray, half: Sequence[float]) -> Side:
-    """Return the side behind which the deepest of the points (n, 3) is least deep; the first of
-    equal ones."""
+    """Return the side behind which the deepest of the points (n, 3) is least deep.
+
+    Of equal ones it is the first.
+    """
     deepest = [float(side.depth(local, half).max()) for side in sides]
     return sides[int(np.argmin(deepest))]
 
 
 def _within(inside: np.ndarray, node: int) -> tuple[int, int]:
-    """First and last of the neighbouring nodes around this one that are inside; itself where none
-    is."""
-    first = last = node
+    """Return first and last of the neighbouring nodes around this one that are inside.
+
+    Where none is, both are the node itself.
+    """
+    first = node
+    last = node
     while first > 0 and inside[first - 1]:
         first -= 1
     while last + 1 < len(inside) and inside[last + 1]:

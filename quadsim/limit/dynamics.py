@@ -1,14 +1,16 @@
 """x' = f(x, u) of a vehicle, for the optimiser and for the check of what it finds.
 
-rotors   the vehicle as the plant flies it: four rotor speeds behind their lag, thrust map, mixer,
-rigid body, drag rates    the planner's model: body rates and thrust behind first-order lags, by its
-own `step`
+rotors: the vehicle as the plant flies it, with four rotor speeds behind their lag, thrust map,
+mixer, rigid body and drag.
+
+rates: the planner's model, with body rates and thrust behind first-order lags, by its own `step`.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from math import ceil
 from typing import Any
@@ -34,127 +36,192 @@ from quadsim.physics.allocation import mixer
 from quadsim.rotation import quaternion_rate, to_body, to_world
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
-# CasADi 3.8 warns until it is told what to make of
+# CasADi 3.8 warns until it is told what to make of numpy's functions in `step`: CasADi's own
 if hasattr(casadi.GlobalOptions, "setNumpyMode"):
-    casadi.GlobalOptions.setNumpyMode(-1)  # the numpy functions in `step`: CasADi's own, as always
+    casadi.GlobalOptions.setNumpyMode(-1)
 
 # Every state begins with the RIGID_BODY of State. Where rotors lag, their four speeds follow, or
 # what they deliver.
-BODY = RIGID_BODY.stop  # how many numbers the rigid body has
+BODY = RIGID_BODY.stop
 ROTOR_SPEEDS = slice(BODY, BODY + 4)
-SPIN_UP_MAX = 1000.0  # [rad/s^2] of the body, beyond what any vehicle reaches
-# [rad/s] of a race to be flown: rotors near full thrust cannot yaw, which this problem leaves out
+# Of the body, beyond what any vehicle reaches [rad/s^2]
+SPIN_UP_MAX = 1000.0
+# In a race to be flown: rotors near full thrust cannot yaw, which this problem leaves out [rad/s]
 YAW_MAX = 0.5
-# longest step of the check, by Runge-Kutta and by the planner's step, of order 1 [s]
-FINE = 1e-3, 2e-4
+# Longest step of the check: by Runge-Kutta, and by the planner's step, which is of order 1 [s]
+FINE_RUNGE_KUTTA = 1e-3
+FINE_STEP = 2e-4
 
 
-@dataclass(frozen=True)
-class Dynamics:
-    """A model as the optimiser sees it; x and u are tuples of scalars, or of rows of numbers."""
+class Dynamics(ABC):
+    """A model as the optimiser sees it.
+
+    States x and controls u are tuples of scalars, numbers or CasADi's symbols, or of rows.
+    """
 
     name: str
-    rate: Callable[[Any, Any], tuple]  # x' of (x, u)
-    low: np.ndarray  # (n_x,) limits of the state; those of position and velocity are the task's
+    # Limits of the state (n_x,); those of position and velocity are the route's
+    low: np.ndarray
     high: np.ndarray
-    u_low: np.ndarray  # (n_u,)
+    # Limits of the control  (n_u,)
+    u_low: np.ndarray
     u_high: np.ndarray
-    # x, u of the same motion and thrust
-    of_flight: Callable[[State], tuple[np.ndarray, np.ndarray]]
-    # the states on the way, and at the end of so many seconds
-    fine: Callable[[Any, Any, float], Iterator[tuple]]
-    # of (x, u): what has to stay at or above 0
-    spare: Callable[[Any, Any], tuple] = lambda x, u: ()
+
+    @abstractmethod
+    def rate(self, x: Any, u: Any) -> tuple:
+        """Return x' of (x, u)."""
+
+    @abstractmethod
+    def fine(self, x: Any, u: Any, dt: float) -> Iterator[tuple]:
+        """Yield the states on the way, the last one after dt [s], in short steps."""
+
+    @abstractmethod
+    def of_flight(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Return x and u of the same motion and thrust as a state of the planner's model."""
+
+    def spare(self, x: Any, u: Any) -> tuple:
+        """Return what has to stay at or above 0."""
+        return ()
 
 
 def dynamics(vehicle: Vehicle, model: str, reserve: float = 0.0) -> Dynamics:
-    """reserve: share of the thrust that is left unused, for rates; then YAW_MAX holds too. Raises
-    ValueError for a vehicle that the model does not cover."""
+    """Return the model of a vehicle.
+
+    Args:
+        vehicle: its numbers.
+        model: "rotors" or "rates".
+        reserve: share of the thrust that is left unused, for rates; then YAW_MAX holds too.
+
+    Raises:
+        ValueError: the model does not cover the vehicle or the reserve.
+    """
     if model == "rates":
-        # YAW_MAX in its place: the problem stays smooth
+        # The limits of yaw are YAW_MAX or the vehicle's: without a cost the problem stays smooth
         params = replace(ModelParams.of(vehicle), yaw_cost=0.0)
         if reserve:
             roll, pitch, yaw = params.rate_max
-            thrust = (1.0 - reserve) * params.thrust_max
-            params = replace(params, rate_max=(roll, pitch, min(yaw, YAW_MAX)), thrust_max=thrust)
-        return rates(params)
+            params = replace(
+                params,
+                rate_max=(roll, pitch, min(yaw, YAW_MAX)),
+                thrust_max=(1.0 - reserve) * params.thrust_max,
+            )
+        return RateDynamics(params)
     if reserve:
         raise ValueError(
             f"--reserve: expected 0 for --model rotors, got {reserve:g}: take --model rates"
         )
     if vehicle.rotors is None:
         raise ValueError(f"--model: {vehicle.name} has no rotors: take rates")
-    return rotors(vehicle, vehicle.rotors)
+    return RotorDynamics(vehicle, vehicle.rotors)
 
 
-def rotors(vehicle: Vehicle, r: Rotors) -> Dynamics:
-    """u: commanded rotor speeds [rad/s], or thrusts [N] of rotors that follow at once and so have
-    no states."""
-    mass, inertia, mix = vehicle.mass, vehicle.inertia, mixer(r)
-    weakest, strongest = max(0.0, r.thrust(r.omega_min)), r.thrust(r.omega_max)
-    lags = r.tau > 0.0
-    idle, full = (r.speed(weakest), r.omega_max) if lags else (weakest, strongest)
+class RotorDynamics(Dynamics):
+    """A vehicle by its four rotors.
 
-    def rate(x, u):
-        v, q, omega = x[VELOCITY], x[ATTITUDE], x[BODY_RATES]
+    u: commanded rotor speeds [rad/s], or thrusts [N] of rotors that follow at once and so have no
+    states.
+    """
+
+    name = "rotors"
+
+    def __init__(self, vehicle: Vehicle, rotors: Rotors):
+        self._vehicle = vehicle
+        self._rotors = rotors
+        self._mixer = mixer(rotors)
+        self._lags = rotors.tau > 0.0
+        self._weakest = max(0.0, rotors.thrust(rotors.omega_min))
+        self._strongest = rotors.thrust(rotors.omega_max)
+        if self._lags:
+            idle = rotors.speed(self._weakest)
+            full = rotors.omega_max
+        else:
+            idle = self._weakest
+            full = self._strongest
+        self.u_low = np.full(4, idle)
+        self.u_high = np.full(4, full)
+        body = _body_limits(vehicle.rate_max)
+        self.low = np.append(-body, self.u_low if self._lags else [])
+        self.high = np.append(body, self.u_high if self._lags else [])
+
+    def rate(self, x: Any, u: Any) -> tuple:
+        """Return x' of (x, u)."""
+        vehicle = self._vehicle
+        v = x[VELOCITY]
+        q = x[ATTITUDE]
+        omega = x[BODY_RATES]
         speeds = x[ROTOR_SPEEDS]
-        thrusts = tuple(map(r.thrust, speeds)) if lags else u
-        force, *torque = (
-            a * thrusts[0] + b * thrusts[1] + c * thrusts[2] + d * thrusts[3] for a, b, c, d in mix
-        )
-        dx, dy, dz = (-d * b for d, b in zip(vehicle.drag, to_body(q, v), strict=True))
-        ax, ay, az = to_world(q, (dx, dy, dz + force / mass))
-        spin = (
-            (t - g) / j for t, g, j in zip(torque, gyroscopic(omega, inertia), inertia, strict=True)
-        )
-        lag = ((c - w) / r.tau for c, w in zip(u, speeds, strict=True)) if lags else ()
-        return (*v, ax, ay, az - GRAVITY, *_turn(q, omega), *spin, *lag)
 
-    def of_flight(state: State):
-        each = float(np.clip(0.25 * mass * state.thrust, weakest, strongest))
-        u = np.full(4, r.speed(each) if lags else each)
-        body = np.array(state)[RIGID_BODY]
-        return np.append(body, u if lags else []), u
+        # Force along the body's z axis and torque about its axes
+        thrusts = tuple(map(self._rotors.thrust, speeds)) if self._lags else u
+        t0, t1, t2, t3 = thrusts
+        force, *torque = (a * t0 + b * t1 + c * t2 + d * t3 for a, b, c, d in self._mixer)
 
-    def fine(x, u, dt):
-        steps = ceil(dt / FINE[0])
+        # Drag is linear in the body's axes
+        dx, dy, dz = (-d * w for d, w in zip(vehicle.drag, to_body(q, v), strict=True))
+        ax, ay, az = to_world(q, (dx, dy, dz + force / vehicle.mass))
+
+        turning = gyroscopic(omega, vehicle.inertia)
+        spin = [
+            (t - g) / inertia
+            for t, g, inertia in zip(torque, turning, vehicle.inertia, strict=True)
+        ]
+        lag = []
+        if self._lags:
+            tau = self._rotors.tau
+            lag = [(command - w) / tau for command, w in zip(u, speeds, strict=True)]
+        # q' = q x (0, omega) / 2
+        turn = quaternion_rate(q, tuple(0.5 * w for w in omega))
+        return (*v, ax, ay, az - GRAVITY, *turn, *spin, *lag)
+
+    def fine(self, x: Any, u: Any, dt: float) -> Iterator[tuple]:
+        """Yield the states on the way, the last one after dt [s]."""
+        steps = ceil(dt / FINE_RUNGE_KUTTA)
         for _ in range(steps):
-            x = runge_kutta(rate, x, u, dt / steps)
+            x = runge_kutta(self.rate, x, u, dt / steps)
             yield x
 
-    body, n = _body(vehicle.rate_max), 4 if lags else 0
-    return Dynamics(
-        name="rotors",
-        rate=rate,
-        low=np.append(-body, np.full(n, idle)),
-        high=np.append(body, np.full(n, full)),
-        u_low=np.full(4, idle),
-        u_high=np.full(4, full),
-        of_flight=of_flight,
-        fine=fine,
-    )
+    def of_flight(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Return x and u of the same motion, with the thrust shared by the four rotors."""
+        share = 0.25 * self._vehicle.mass * state.thrust
+        each = float(np.clip(share, self._weakest, self._strongest))
+        u = np.full(4, self._rotors.speed(each) if self._lags else each)
+        body = np.array(state)[RIGID_BODY]
+        return np.append(body, u if self._lags else []), u
 
 
-def rates(model: ModelParams) -> Dynamics:
-    """u: CONTROL, within what leaves the rotors the thrust they need to turn, so that `step` never
-    clips.
+class RateDynamics(Dynamics):
+    """The planner's model.
 
-    Without rotor lag, thrust and angular acceleration follow at once and are no states.
+    u: Control, within what leaves the rotors the thrust they need to turn, so that `step` never
+    clips. Without rotor lag, thrust and angular acceleration follow at once and are no states.
     """
-    tau, n = model.motor_tau, BODY + 4 if model.motor_tau > 0.0 else BODY
-    if min(model.rate_tau) <= 0.0:
-        raise ValueError(
-            "--model: rates needs a vehicle whose body rates lag (rate_tau > 0): take rotors"
-        )
 
-    def whole(x) -> State:
-        """Return the state with zeros for what is no state without rotor lag."""
-        missing = len(State._fields) - len(x)
-        return State(*x, *(0.0,) * missing)
+    name = "rates"
 
-    def rate(x, u):  # x' = d step / d dt at dt = 0, with a clip that never acts
+    def __init__(self, model: ModelParams):
+        """Take the planner's model.
+
+        Raises:
+            ValueError: its body rates do not lag.
+        """
+        if min(model.rate_tau) <= 0.0:
+            raise ValueError(
+                "--model: rates needs a vehicle whose body rates lag (rate_tau > 0): take rotors"
+            )
+        self._model = model
+        self._n = BODY + 4 if model.motor_tau > 0.0 else BODY
+        roll, pitch, yaw = model.rate_max
+        body = _body_limits(model.rate_max)
+        self.low = np.append(-body, [model.thrust_min, *[-SPIN_UP_MAX] * 3])[: self._n]
+        self.high = np.append(body, [model.thrust_max, *[SPIN_UP_MAX] * 3])[: self._n]
+        self.u_low = np.array(Control(-roll, -pitch, -yaw, model.thrust_min))
+        self.u_high = np.array(Control(roll, pitch, yaw, model.thrust_max))
+
+    def rate(self, x: Any, u: Any) -> tuple:
+        """Return x' = d step / d dt at dt = 0, with a clip that never acts."""
+        model = self._model
         dt = casadi.SX.sym("dt")
-        follow: Any = dt / tau if tau > 0.0 else 1.0
+        follow: Any = dt / model.motor_tau if model.motor_tau > 0.0 else 1.0
         tau_x, tau_y, tau_z = model.rate_tau
         p = Params(
             rate_gain_x=1.0 / tau_x,
@@ -168,70 +235,65 @@ def rates(model: ModelParams) -> Dynamics:
             yaw_per_room=UNLIMITED_YAW,
             thrust_max=2 * model.thrust_max,
         )
-        ahead = casadi.vertcat(*step(whole(x), Control(*u), p, dt)[:n])
-        return tuple(casadi.vertsplit(casadi.substitute(casadi.jacobian(ahead, dt), dt, 0.0)))
+        ahead = casadi.vertcat(*step(_whole(x), Control(*u), p, dt)[: self._n])
+        slope = casadi.substitute(casadi.jacobian(ahead, dt), dt, 0.0)
+        return tuple(casadi.vertsplit(slope))
 
-    def spare(x, u):
-        now, command = whole(x), Control(*u)
+    def spare(self, x: Any, u: Any) -> tuple:
+        """Return the thrust left to both of its limits after what roll and pitch need [m/s^2]."""
+        model = self._model
+        now = _whole(x)
+        command = Control(*u)
         tau_x, tau_y, _ = model.rate_tau
-        cx = (command.wx - now.wx) / tau_x
-        cy = (command.wy - now.wy) / tau_y
-        reserves = [
-            a * model.tilt_cost[0] * cx + b * model.tilt_cost[1] * cy
+        roll = (command.wx - now.wx) / tau_x
+        pitch = (command.wy - now.wy) / tau_y
+        # |roll| and |pitch| by all of their signs, which keeps the problem smooth
+        needs = [
+            a * model.tilt_cost[0] * roll + b * model.tilt_cost[1] * pitch
             for a, b in product((1, -1), repeat=2)
         ]
-        above = [model.thrust_max - command.thrust - s for s in reserves]
-        below = [command.thrust - model.thrust_min - s for s in reserves]
+        above = [model.thrust_max - command.thrust - need for need in needs]
+        below = [command.thrust - model.thrust_min - need for need in needs]
         return (*above, *below)
 
-    def of_flight(state: State):
-        limits = np.array(model.rate_max)
-        u = Control(*np.clip(state.body_rates, -limits, limits), thrust=state.thrust)
-        x = state._replace(bx=0.0, by=0.0, bz=0.0)
-        return np.array(x)[:n], np.array(u)
-
-    def fine(x, u, dt):
-        steps = ceil(dt / FINE[1])
-        system, state = quadrotor(model, dt / steps), whole(x)
+    def fine(self, x: Any, u: Any, dt: float) -> Iterator[tuple]:
+        """Yield the states on the way, the last one after dt [s]."""
+        steps = ceil(dt / FINE_STEP)
+        system = quadrotor(self._model, dt / steps)
+        state = _whole(x)
         for _ in range(steps):
             state = system.next(state, u)
-            yield state[:n]
+            yield state[: self._n]
 
-    body = _body(model.rate_max)
-    roll, pitch, yaw = model.rate_max
-    return Dynamics(
-        name="rates",
-        rate=rate,
-        low=np.append(-body, [model.thrust_min, *[-SPIN_UP_MAX] * 3])[:n],
-        high=np.append(body, [model.thrust_max, *[SPIN_UP_MAX] * 3])[:n],
-        u_low=np.array(Control(-roll, -pitch, -yaw, model.thrust_min)),
-        u_high=np.array(Control(roll, pitch, yaw, model.thrust_max)),
-        of_flight=of_flight,
-        fine=fine,
-        spare=spare,
-    )
+    def of_flight(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Return x and u of the same motion, without angular acceleration."""
+        limits = np.array(self._model.rate_max)
+        rates = np.clip(state.body_rates, -limits, limits)
+        u = Control(*rates, thrust=state.thrust)
+        x = state._replace(bx=0.0, by=0.0, bz=0.0)
+        return np.array(x)[: self._n], np.array(u)
 
 
-def runge_kutta(rate: Callable, x: Any, u: Any, h: Any) -> tuple:
-    """x after h [s] under a constant u, by one step of the classical method of order 4."""
-    a = rate(x, u)
-    b = rate(_plus(x, 0.5 * h, a), u)
-    c = rate(_plus(x, 0.5 * h, b), u)
-    d = rate(_plus(x, h, c), u)
-    return _plus(
-        x, h / 6, tuple(k1 + 2 * (k2 + k3) + k4 for k1, k2, k3, k4 in zip(a, b, c, d, strict=True))
-    )
+def runge_kutta(rate: Callable[[Any, Any], tuple], x: Any, u: Any, h: Any) -> tuple:
+    """Return x after h [s] under a constant u, by one step of the classical method of order 4."""
+    k1 = rate(x, u)
+    k2 = rate(_plus(x, 0.5 * h, k1), u)
+    k3 = rate(_plus(x, 0.5 * h, k2), u)
+    k4 = rate(_plus(x, h, k3), u)
+    slopes = tuple(a + 2 * (b + c) + d for a, b, c, d in zip(k1, k2, k3, k4, strict=True))
+    return _plus(x, h / 6, slopes)
 
 
 def _plus(x: Any, h: Any, rate: tuple) -> tuple:
     return tuple(y + h * r for y, r in zip(x, rate, strict=True))
 
 
-def _turn(q: Any, omega: Any) -> tuple:
-    """q' = q x (0, omega) / 2."""
-    return quaternion_rate(q, tuple(0.5 * w for w in omega))
+def _whole(x: Any) -> State:
+    """Return the state with zeros for what is no state without rotor lag."""
+    missing = len(State._fields) - len(x)
+    return State(*x, *(0.0,) * missing)
 
 
-def _body(rate_max: tuple[float, ...]) -> np.ndarray:
-    """Greatest position, velocity, attitude, body rates.  (13,)"""
+def _body_limits(rate_max: tuple[float, ...]) -> np.ndarray:
+    """Return the greatest position, velocity, attitude and body rates.  (13,)"""
     return np.array([np.inf] * 6 + [1.0] * 4 + [*rate_max])

@@ -1,121 +1,166 @@
-"""Where the optimiser starts from: straight lines at constant speed, a flight that was flown,
-another solution."""
+"""Guesses for the optimiser to start from: straight lines, a run, another solution."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import sqrt
+from itertools import pairwise
+from math import dist, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from quadsim.dynamics.quadrotor import ATTITUDE, STATE, VELOCITY, State
 from quadsim.limit.dynamics import Dynamics
-from quadsim.limit.task import INSIDE, Segment, Task, Waypoint, legs, reach, segments
+from quadsim.limit.route import INSIDE, Route, Segment, segments
 from quadsim.record.limits import Solution
 from quadsim.vehicle import GRAVITY
 
-SHORT = 0.2  # [s] that a leg takes at least
-SOON = 1e-6  # [s] between the two states at a corner
+# Least duration of a leg of straight lines [s]
+SHORT = 0.2
+# Between the two states at a corner of straight lines [s]
+SOON = 1e-6
+# Least duration of a segment [s]
+LEAST = 0.01
+# Shares of the speed that the vehicle could reach on a mean leg, for straight lines
+SHARES = (0.2, 0.3, 0.45)
+
+
+class Flight(NamedTuple):
+    """A flown run to start from."""
+
+    name: str
+    # Columns of the run
+    telemetry: dict[str, np.ndarray]
+    # When it passed each gate [s]
+    passes: list[float]
 
 
 @dataclass(frozen=True)
 class Guess:
-    """A flight, roughly: a model's states and controls over time, and when the task's points were
-    passed."""
+    """A rough flight: a model's states and controls over time, and when it passed each gate."""
 
     name: str
-    t: np.ndarray  # (n,) [s]
-    x: np.ndarray  # (n, n_x)
-    u: np.ndarray  # (n, n_u)
-    passes: np.ndarray  # (points - 1,) of each point but the first [s]
+    # Times [s]  (n,)
+    t: np.ndarray
+    # States  (n, n_x)
+    x: np.ndarray
+    # Controls  (n, n_u)
+    u: np.ndarray
+    # When it arrived at each point of the route but the first [s]  (points - 1,)
+    passes: np.ndarray
 
-    def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """States, their attitudes of unit length, and controls.  t (k,) -> (k, n_x), (k, n_u)"""
-        x, u = (
-            np.column_stack([np.interp(t, self.t, c) for c in rows.T])
-            for rows in (_continuous(self.x), self.u)
-        )
+    def states(self, t: np.ndarray) -> np.ndarray:
+        """Return states (k, n_x) at times t (k,), their attitudes of unit length."""
+        x = _interpolated(t, self.t, _continuous(self.x))
         x[:, ATTITUDE] /= np.linalg.norm(x[:, ATTITUDE], axis=1, keepdims=True)
-        return x, u
+        return x
 
-    def durations(self, plan: list[Segment], task: Task) -> list[float]:
-        """Of the segments [s]; a gate's entry and exit lie `reach` before and behind its plane."""
-        speeds = np.linalg.norm(self.at(self.passes)[0][:, VELOCITY], axis=1)
+    def controls(self, t: np.ndarray) -> np.ndarray:
+        """Return controls (k, n_u) at times t (k,)."""
+        return _interpolated(t, self.t, self.u)
+
+    def durations(self, plan: Sequence[Segment], route: Route) -> list[float]:
+        """Return the durations of a route's segments [s].
+
+        A gate's entry and exit lie `route.reach` before and behind its plane.
+        """
+        speeds = np.linalg.norm(self.states(self.passes)[:, VELOCITY], axis=1)
+        beyond_plane = {"approach": -route.reach, "inside": route.reach, "finish": 0.0}
         ends = [0.0]
-        for s in plan:
-            gate = s.target < len(task.targets) and not isinstance(task.targets[s.target], Waypoint)
-            aside = (
-                {"approach": -reach(task), "inside": reach(task)}.get(s.kind, 0.0) if gate else 0.0
-            )
-            ends.append(
-                max(self.passes[s.target] + aside / max(speeds[s.target], 1.0), ends[-1] + 0.01)
-            )
+        for segment in plan:
+            speed = max(speeds[segment.target], 1.0)
+            end = self.passes[segment.target] + beyond_plane[segment.kind] / speed
+            ends.append(max(end, ends[-1] + LEAST))
         return np.diff(ends).tolist()
 
 
-def speeds(task: Task, acceleration: float) -> list[float]:
-    """Of straight lines to start from [m/s]: shares of what this acceleration [m/s^2] gives on a
-    mean leg from rest."""
-    lengths = legs(task)
-    return [
-        round(share * sqrt(2.0 * acceleration * sum(lengths) / len(lengths)), 1)
-        for share in (0.2, 0.3, 0.45)
-    ]
+def line_speeds(route: Route, acceleration: float) -> list[float]:
+    """Return speeds of straight lines to start from [m/s].
+
+    They are SHARES of what this acceleration [m/s^2] gives on a mean leg from rest.
+    """
+    mean = sum(route.legs) / len(route.legs)
+    return [round(share * sqrt(2.0 * acceleration * mean), 1) for share in SHARES]
 
 
-def straight(task: Task, model: Dynamics, speed: float) -> Guess:
-    """Level from point to point, at a constant speed [m/s]."""
-    points = np.array(task.points)
-    lengths = [max(leg, SHORT * speed) for leg in legs(task)]
-    passes = np.cumsum(lengths) / speed
-    rows, t = [], []
-    for i, (leg, end) in enumerate(zip(np.array(lengths) / speed, passes, strict=True)):
-        v = (points[i + 1] - points[i]) / leg
-        for point in (points[i], points[i + 1]):
-            x = State.of(
-                position=point,
-                velocity=v,
+def straight(points: Sequence[Sequence[float]], model: Dynamics, speed: float) -> Guess:
+    """Return a level flight from point to point at a constant speed.
+
+    Args:
+        points: positions, see Route.points [m].
+        model: the model whose states and controls are wanted.
+        speed: of the flight [m/s].
+    """
+    states: list[State] = []
+    times: list[float] = []
+    passes: list[float] = []
+    lengths: list[float] = []
+    for before, after in pairwise(np.array(points)):
+        lengths.append(max(dist(before, after), SHORT * speed))
+        duration = lengths[-1] / speed
+        end = sum(lengths) / speed
+        # Two states a leg: a corner has those of both of its legs
+        for position in (before, after):
+            state = State.of(
+                position=position,
+                velocity=(after - before) / duration,
                 attitude=(1.0, 0.0, 0.0, 0.0),
                 body_rates=(0.0, 0.0, 0.0),
                 thrust=GRAVITY,
                 angular_acceleration=(0.0, 0.0, 0.0),
             )
-            rows.append(x)
-        t += [end - leg + SOON, end]
-    return _of_flight(
-        f"straight lines at {speed:g} m/s", model, np.array(t), np.array(rows), passes
-    )
+            states.append(state)
+        times += [end - duration + SOON, end]
+        passes.append(end)
+    name = f"straight lines at {speed:g} m/s"
+    return _of_states(name, model, np.array(times), np.array(states), np.array(passes))
 
 
-def flown(
-    name: str, model: Dynamics, telemetry: dict[str, np.ndarray], passes: list[float]
-) -> Guess:
-    """telemetry: columns of a run; passes: when it passed the gates [s]."""
-    rows = np.column_stack([telemetry[column] for column in STATE])
-    return _of_flight(name, model, telemetry["t"], rows, np.array(passes))
+def flown(flight: Flight, model: Dynamics) -> Guess:
+    """Return a run that was flown, as the model's states and controls."""
+    states = np.column_stack([flight.telemetry[column] for column in STATE])
+    passes = np.array(flight.passes)
+    return _of_states(flight.name, model, flight.telemetry["t"], states, passes)
 
 
-def solved(name: str, s: Solution, task: Task) -> Guess:
-    """A solution of the same task and model, for another mesh."""
+def solved(name: str, s: Solution, route: Route) -> Guess:
+    """Return a solution of the same route and model, for another mesh."""
     passes = []
-    for segment in (p for p in segments(task, [1] * len(task.points)) if p.kind != "approach"):
+    one_each = [1] * len(route.gates)
+    for segment in segments(route, one_each):
+        if segment.kind == "approach":
+            continue
         ends = s.t[1:][s.target == segment.target]
-        passes.append(
-            0.5 * (ends[-1] + ends[-1 - INSIDE]) if segment.kind == "inside" else ends[-1]
-        )
-    return Guess(name, s.t, s.x, np.vstack([s.u, s.u[-1:]]), np.array(passes))
+        if segment.kind == "inside":
+            # The plane lies in the middle between entry and exit
+            passes.append(0.5 * (ends[-1] + ends[-1 - INSIDE]))
+        else:
+            passes.append(ends[-1])
+    controls = np.vstack([s.u, s.u[-1:]])
+    return Guess(name, s.t, s.x, controls, np.array(passes))
 
 
-def _of_flight(
-    name: str, model: Dynamics, t: np.ndarray, rows: np.ndarray, passes: np.ndarray
+def _of_states(
+    name: str, model: Dynamics, t: np.ndarray, states: np.ndarray, passes: np.ndarray
 ) -> Guess:
-    """rows: states in the order of STATE.  (n, 17)"""
-    x, u = zip(*(model.of_flight(State(*row)) for row in rows), strict=True)
+    """Return a guess from states in the order of State (n, 17) at times t (n,)."""
+    x = []
+    u = []
+    for row in states:
+        state, control = model.of_flight(State(*row))
+        x.append(state)
+        u.append(control)
     return Guess(name, t, np.array(x), np.array(u), passes)
 
 
+def _interpolated(t: np.ndarray, known: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return rows (k, columns) at times t (k,), linear between those known at times (n,)."""
+    return np.column_stack([np.interp(t, known, column) for column in rows.T])
+
+
 def _continuous(x: np.ndarray) -> np.ndarray:
-    """The same attitudes, each with the sign that is nearer to the one before.  (n, n_x)"""
+    """Return states (n, n_x) whose attitudes have the sign that is nearer to the one before."""
     x = x.copy()
     same = (x[1:, ATTITUDE] * x[:-1, ATTITUDE]).sum(axis=1) >= 0.0
     x[1:, ATTITUDE] *= np.cumprod(np.where(same, 1.0, -1.0))[:, None]

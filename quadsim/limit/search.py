@@ -1,24 +1,37 @@
-"""Several starts on one mesh, the fastest once more on a finer one; the fastest that holds is the
-best known."""
+"""Search of a limit: several starts on one mesh, the fastest once more on a finer one.
+
+The fastest solution that holds is the best known.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from itertools import chain
-from typing import Any
+from typing import NamedTuple
 
-from quadsim.course import Box, Cylinder, Gate
-from quadsim.limit.detours import Detour, detours
+from quadsim.course import Cylinder
+from quadsim.limit.detours import Detour, Hit, detours
 from quadsim.limit.dynamics import dynamics
-from quadsim.limit.guess import Guess, flown, solved, speeds, straight
+from quadsim.limit.guess import Flight, Guess, flown, line_speeds, solved, straight
+from quadsim.limit.route import Route, segments
 from quadsim.limit.solve import NotSolvedError, Show, solve
-from quadsim.limit.task import mesh, race_task, segments
-from quadsim.limit.verify import Verified, verify
-from quadsim.record.limits import Race, Solution
+from quadsim.limit.verify import Verified, referee_of, verify
+from quadsim.race.events import Event, flown_laps
+from quadsim.record.limits import LimitProblem, Solution, StoredSolution
 
-ROUNDS = 6  # of detours at most
-FINER = 1.5  # intervals of the last mesh over those of the first
+# Makes a function that is told each iteration, from a start's name and the number of nodes
+Progress = Callable[[str, int], Show]
+# Rounds of detours, at most
+ROUNDS = 6
+# Intervals of the last mesh over those of the first
+FINER = 1.5
+
+
+class Solved(NamedTuple):
+    """A solution and what its check found."""
+
+    solution: Solution
+    verified: Verified
 
 
 @dataclass(frozen=True)
@@ -27,86 +40,148 @@ class Attempt:
 
     start: str
     nodes: int
-    time: float | None  # of the solution, where there is one [s]
-    broken: list[str]  # why it does not count, one line each
-    solved: tuple[Solution, Verified] | None = None
+    # One line for each reason why it does not count
+    broken: list[str]
+    # None where the optimiser gave up
+    solved: Solved | None = None
     around: tuple[Detour, ...] = ()
+
+    @property
+    def time(self) -> float | None:
+        """Duration of the race [s], None where there is no solution."""
+        return self.solved.solution.time if self.solved else None
 
 
 class Search:
-    """Of one race. Raises ValueError for a vehicle that the model does not cover."""
+    """The search of one problem."""
 
-    def __init__(self, race: Race, referee: Callable[[], Any], show: Callable[[str, int], Show]):
-        """referee: makes a new one, which lets a race go on after a hit, for each solution.
-        show: of a start's name and a number of nodes, gives what is told after each iteration."""
-        self.task = race_task(race.course, race.vehicle.radius, race.laps, race.closed, race.margin)
-        self.model = dynamics(race.vehicle, race.model, race.reserve)
-        self._gates, self._speeds = race.course.gates, speeds(self.task, race.vehicle.thrust_max)
-        self._referee, self._show = referee, show
+    def __init__(self, problem: LimitProblem):
+        """Prepare a search.
+
+        Raises:
+            ValueError: the model does not cover the vehicle, or the referee not the race.
+        """
+        referee_of(problem)
+        self._problem = problem
+        self._route = Route.of(problem)
+        self._model = dynamics(problem.vehicle, problem.model, problem.reserve)
 
     def attempts(
-        self, flights: Iterable[tuple[str, dict[str, Any], list[float]]], intervals: int
+        self, flights: Iterable[Flight], intervals: int, progress: Progress
     ) -> Iterator[Attempt]:
-        """From straight lines and from flights: name, telemetry, passes [s]. intervals: to a gate,
-        in the mean."""
-        lines = (straight(self.task, self.model, speed) for speed in self._speeds)
-        found = []
-        for guess in chain(
-            (flown(name, self.model, x, passes) for name, x, passes in flights), lines
-        ):
-            for attempt in self._rounds(guess, mesh(self.task, intervals), ()):
+        """Yield attempts: from flights, from straight lines, and the best on a finer mesh.
+
+        Args:
+            flights: runs to start from.
+            intervals: on the way to a gate, in the mean.
+            progress: see Progress.
+        """
+        found: list[Attempt] = []
+        mesh = self._route.mesh(intervals)
+        for guess in self._guesses(flights):
+            for attempt in self._rounds(guess, mesh, (), progress):
                 found.append(attempt)
                 yield attempt
-        fastest = best(found) or min(
-            (a for a in found if a.time), key=lambda a: len(a.broken), default=None
+        coarse = best(found) or _least_broken(found)
+        if coarse and coarse.solved:
+            name = f"{coarse.start}, refined"
+            guess = solved(name, coarse.solved.solution, self._route)
+            finer = self._route.mesh(FINER * intervals)
+            yield from self._rounds(guess, finer, coarse.around, progress)
+
+    def stored(self, attempts: Iterable[Attempt]) -> StoredSolution | None:
+        """Return the fastest of these attempts that holds as it is kept, None where none does."""
+        fastest = best(attempts)
+        if not fastest or not fastest.solved:
+            return None
+        problem = self._problem
+        solution, verified = fastest.solved
+        return StoredSolution(
+            course=problem.course.name,
+            vehicle=problem.vehicle.name,
+            laps=problem.laps,
+            closed=problem.closed,
+            lap_times=flown_laps(verified.events, problem.laps),
+            verified=verified.summary(),
+            solution=solution,
+            margin=problem.margin,
+            reserve=problem.reserve,
         )
-        if fastest and fastest.solved:
-            finer = solved(f"{fastest.start}, refined", fastest.solved[0], self.task)
-            yield from self._rounds(finer, mesh(self.task, FINER * intervals), fastest.around)
+
+    def _guesses(self, flights: Iterable[Flight]) -> Iterator[Guess]:
+        for flight in flights:
+            yield flown(flight, self._model)
+        for speed in line_speeds(self._route, self._problem.vehicle.thrust_max):
+            yield straight(self._route.points, self._model, speed)
 
     def _rounds(
-        self, guess: Guess, intervals: list[int], around: tuple[Detour, ...]
+        self, guess: Guess, mesh: list[int], around: tuple[Detour, ...], progress: Progress
     ) -> Iterator[Attempt]:
-        """One start; while frames beside the targets are hit, again with a detour around each."""
-        plan, name = segments(self.task, intervals), guess.name
+        """Yield attempts of one start: while frames are hit, again with a detour around each."""
+        plan = segments(self._route, mesh)
+        name = guess.name
         for k in range(ROUNDS):
-            attempt = self._attempt(guess, intervals, around)
+            attempt = self._attempt(guess, mesh, around, progress)
             yield attempt
-            hits = (
-                [e for e in attempt.solved[1].events if e.kind == "hit"] if attempt.solved else []
-            )
-            if not hits or not attempt.solved:
+            if not attempt.solved:
                 return
-            # cylinders alone, which a finer mesh keeps clear of
-            if not (hit := self._frames_and_boxes(hits)):
+            hits = self._hits(attempt.solved.verified.events)
+            if not hits:
                 return
-            around = (*around, *detours(attempt.solved[0], plan, self.task, hit))
-            guess = solved(f"{name}, around frames {k + 1}", attempt.solved[0], self.task)
+            solution = attempt.solved.solution
+            around = (*around, *detours(solution, plan, self._route, hits))
+            guess = solved(f"{name}, around frames {k + 1}", solution, self._route)
 
-    def _frames_and_boxes(self, hits: Iterable[Any]) -> list[tuple[float, Gate | Box]]:
-        """When was which hit [s]."""
-        places = [
-            (e.t, self.task.obstacles[e.obstacle - 1] if e.obstacle else self._gates[e.gate - 1])
-            for e in hits
-        ]
-        return [(t, place) for t, place in places if not isinstance(place, Cylinder)]
+    def _hits(self, events: Iterable[Event]) -> list[Hit]:
+        """Return the frames and boxes that were hit; a finer mesh keeps clear of cylinders."""
+        found = []
+        for event in events:
+            if event.kind != "hit":
+                continue
+            if event.obstacle:
+                place = self._route.obstacles[event.obstacle - 1]
+            else:
+                place = self._problem.course.gates[event.gate - 1]
+            if not isinstance(place, Cylinder):
+                found.append(Hit(event.t, place))
+        return found
 
-    def _attempt(self, guess: Guess, intervals: list[int], around: tuple[Detour, ...]) -> Attempt:
-        nodes = sum(s.intervals for s in segments(self.task, intervals)) + 1
+    def _attempt(
+        self, guess: Guess, mesh: list[int], around: tuple[Detour, ...], progress: Progress
+    ) -> Attempt:
+        plan = segments(self._route, mesh)
+        nodes = sum(segment.intervals for segment in plan) + 1
+        show = progress(guess.name, nodes)
         try:
-            solution = solve(
-                self.task, self.model, intervals, guess, self._show(guess.name, nodes), around
-            )
+            solution = solve(self._route, self._model, mesh, guess, show, around)
         except NotSolvedError as error:
-            return Attempt(guess.name, nodes, None, [f"optimiser: {error}"])
-        verified = verify(solution, self.model, self._referee())
+            return Attempt(guess.name, nodes, [f"optimiser: {error}"])
+        verified = verify(solution, self._model, referee_of(self._problem))
         return Attempt(
-            guess.name, nodes, solution.time, verified.broken, (solution, verified), around
+            start=guess.name,
+            nodes=nodes,
+            broken=verified.broken,
+            solved=Solved(solution, verified),
+            around=around,
         )
 
 
 def best(attempts: Iterable[Attempt]) -> Attempt | None:
-    """The fastest that holds, None where none does."""
-    return min(
-        (a for a in attempts if a.time and not a.broken), key=lambda a: a.time or 0.0, default=None
-    )
+    """Return the fastest attempt that holds, None where none does."""
+    fastest = None
+    for attempt in attempts:
+        if attempt.time is None or attempt.broken:
+            continue
+        if fastest is None or fastest.time is None or attempt.time < fastest.time:
+            fastest = attempt
+    return fastest
+
+
+def _least_broken(attempts: Iterable[Attempt]) -> Attempt | None:
+    """Return the solved attempt with the fewest faults, None where none is solved."""
+    found = [attempt for attempt in attempts if attempt.solved]
+    return min(found, key=_faults, default=None)
+
+
+def _faults(attempt: Attempt) -> int:
+    return len(attempt.broken)

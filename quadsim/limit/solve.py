@@ -1,4 +1,4 @@
-"""IPOPT on the program of a task."""
+"""IPOPT on the program of a route."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from quadsim.limit.detours import Detour
 from quadsim.limit.dynamics import Dynamics
 from quadsim.limit.guess import Guess
-from quadsim.limit.task import Task
-from quadsim.limit.transcription import Shooting, shooting, state_scale
+from quadsim.limit.route import Route
+from quadsim.limit.transcription import Program, Shooting, shooting, state_scale
 from quadsim.record.limits import Solution
 
 ITERATIONS = 1500
@@ -20,12 +20,14 @@ SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 OPTIONS = {
     "print_time": False,
     "ipopt.print_level": 0,
-    "ipopt.sb": "yes",  # no banner on stdout
+    # No banner on stdout
+    "ipopt.sb": "yes",
     "ipopt.max_iter": ITERATIONS,
     "ipopt.tol": 1e-5,
     "ipopt.mu_strategy": "adaptive",
 }
-Show = Callable[[int, float], None]  # iteration, time of the race so far [s]
+# Called after each iteration with its number and the time of the race so far [s]
+Show = Callable[[int, float], None]
 
 
 class NotSolvedError(Exception):
@@ -33,79 +35,123 @@ class NotSolvedError(Exception):
 
 
 class Watch(casadi.Callback):
-    """Tells after each iteration where the optimiser is; an exception in `show` stops it."""
+    """A callback that reports each iteration; an exception in `show` stops the optimiser."""
 
-    def __init__(self, n: int, m: int, show: Show):
+    def __init__(self, variables: int, constraints: int, show: Show):
         casadi.Callback.__init__(self)
-        self._shapes, self._show, self._count, self.raised = (n, m), show, 0, None
+        # Sizes of the outputs of a solver, which are the inputs of its callback
+        self._sizes = {
+            "x": variables,
+            "lam_x": variables,
+            "f": 1,
+            "g": constraints,
+            "lam_g": constraints,
+        }
+        self._show = show
+        self._count = 0
+        self.raised: BaseException | None = None
         self.construct("watch", {})
 
     def get_n_in(self) -> int:
+        """Return the number of inputs, as CasADi asks."""
         return casadi.nlpsol_n_out()
 
     def get_n_out(self) -> int:
+        """Return the number of outputs, as CasADi asks."""
         return 1
 
     def get_name_in(self, i: int) -> str:
+        """Return the name of an input, as CasADi asks."""
         return casadi.nlpsol_out(i)
 
     def get_sparsity_in(self, i: int) -> casadi.Sparsity:
-        n, m = self._shapes
-        size = {"x": n, "lam_x": n, "f": 1, "g": m, "lam_g": m}.get(casadi.nlpsol_out(i), 0)
+        """Return the shape of an input, as CasADi asks."""
+        size = self._sizes.get(casadi.nlpsol_out(i), 0)
         return casadi.Sparsity.dense(size, 1 if size else 0)
 
     def eval(self, arg: Sequence[Any]) -> list[int]:
+        """Report an iteration; return 1 to stop."""
+        time = float(arg[1])
         try:
-            self._show(self._count, float(arg[1]))
+            self._show(self._count, time)
             self._count += 1
-        except BaseException as error:  # through compiled code it would be lost
+        except BaseException as error:
+            # Through compiled code it would be lost
             self.raised = error
             return [1]
         return [0]
 
 
 def solve(
-    task: Task,
+    route: Route,
     model: Dynamics,
-    nodes: list[int],
+    intervals: Sequence[int],
     guess: Guess,
     show: Show | None = None,
     around: Sequence[Detour] = (),
 ) -> Solution:
-    """nodes: intervals on the way to each of `task.points` but the first; around: frames beside the
-    targets.
+    """Return the fastest flight along a route near a guess.
 
-    Raises NotSolvedError, and what `show` raises.
+    Args:
+        route: the gates.
+        model: of the vehicle.
+        intervals: on each of the route's legs.
+        guess: where the optimiser starts.
+        show: see Show.
+        around: detours around frames and boxes beside the route.
+
+    Raises:
+        NotSolvedError: the optimiser gave up.
+        BaseException: what `show` raises.
     """
-    s = shooting(task, model, nodes, guess, around)
-    lengths = np.array([segment.intervals for segment in s.plan])
-    z, g = casadi.vertcat(*s.program.z), casadi.vertcat(*s.program.g)
-    time = casadi.dot(casadi.DM(lengths), casadi.vertcat(*s.h))
-    watch = Watch(z.shape[0], g.shape[0], show or (lambda iteration, time: None))
+    s = shooting(route, model, intervals, guess, around)
+    in_segment = np.array([segment.intervals for segment in s.plan])
+    time = casadi.dot(casadi.DM(in_segment), casadi.vertcat(*s.lengths))
+    found = minimise(s.program, time, show)
+    return _read(s, found, in_segment)
+
+
+def minimise(program: Program, objective: casadi.MX, show: Show | None = None) -> dict:
+    """Return CasADi's solution of a program: x, g, lam_g and so on.
+
+    Raises:
+        NotSolvedError: the optimiser gave up.
+        BaseException: what `show` raises.
+    """
+    p = program
+    z = casadi.vertcat(*p.z)
+    g = casadi.vertcat(*p.g)
+    watch = Watch(z.shape[0], g.shape[0], show or _show_nothing)
     options = OPTIONS | {"iteration_callback": watch}
-    solver = casadi.nlpsol("limit", "ipopt", {"x": z, "f": time, "g": g}, options)
-    p = s.program
+    solver = casadi.nlpsol("limit", "ipopt", {"x": z, "f": objective, "g": g}, options)
     found = solver(x0=p.start, lbx=p.low, ubx=p.high, lbg=p.g_low, ubg=p.g_high)
     if watch.raised:
         raise watch.raised
-    if (status := solver.stats()["return_status"]) not in SOLVED:
+    status = solver.stats()["return_status"]
+    if status not in SOLVED:
         raise NotSolvedError(status.replace("_", " ").lower())
-    return _read(s, z, found, lengths)
+    return found
 
 
-def _read(s: Shooting, z: casadi.MX, found: dict, lengths: np.ndarray) -> Solution:
-    read = casadi.Function(
-        "read", [z], [casadi.horzcat(*s.x), casadi.horzcat(*s.u), casadi.vertcat(*s.h)]
-    )
-    x, u, h = (np.array(part) for part in read(found["x"]))
+def _show_nothing(iteration: int, time: float) -> None:
+    pass
+
+
+def _read(s: Shooting, found: dict, in_segment: np.ndarray) -> Solution:
+    """Return what the optimiser found; in_segment: intervals of each segment."""
+    z = casadi.vertcat(*s.program.z)
+    outputs = [casadi.horzcat(*s.x), casadi.horzcat(*s.u), casadi.vertcat(*s.lengths)]
+    read = casadi.Function("read", [z], outputs)
+    x, u, lengths = (np.array(part) for part in read(found["x"]))
+    # The multipliers of the continuity constraints are the costate, in the program's scale
     multipliers = np.array(found["lam_g"]).ravel()
-    costate = np.array([multipliers[d] for d in s.defects]) / state_scale(s.model)
-    t = np.append(0.0, np.cumsum(np.repeat(h.ravel(), lengths)))
+    costate = np.array([multipliers[defect] for defect in s.defects]) / state_scale(s.model)
+    each = np.repeat(lengths.ravel(), in_segment)
     return Solution(
-        s.model.name,
-        t,
-        x.T,
-        u.T,
-        costate,
-        np.repeat([segment.target for segment in s.plan], lengths),
+        model=s.model.name,
+        t=np.append(0.0, np.cumsum(each)),
+        x=x.T,
+        u=u.T,
+        costate=costate,
+        target=np.repeat([segment.target for segment in s.plan], in_segment),
     )

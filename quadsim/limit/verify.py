@@ -1,5 +1,4 @@
-"""Does a solution hold? Fine integration from every node, the limits on the way, and the referee's
-own test."""
+"""Check of a solution: fine integration from every node, limits on the way, the referee's test."""
 
 from __future__ import annotations
 
@@ -13,101 +12,155 @@ import numpy as np
 
 from quadsim.dynamics.quadrotor import ATTITUDE, BODY_RATES, POSITION
 from quadsim.limit.dynamics import Dynamics
-from quadsim.record.limits import Solution
+from quadsim.race.events import Event
+from quadsim.race.referee import Referee
+from quadsim.record.limits import LimitProblem, Solution
 
-RESIDUAL = 5e-3  # [m] between a node and where the interval before it leads
-WORTH = 1e-3  # of the race's time
-UNIT = 1e-3  # of |q|
-# Of the limit of a body rate, and [rad/s], which may come on top of it between two nodes. The limit
-# is one of commands: behind it the rates of a flown vehicle overshoot by up to 8 % (damping 0.62).
-RATE = 0.05, 0.06
+# Greatest distance between a node and where the interval before it leads [m]
+RESIDUAL = 5e-3
+# Greatest worth of all residuals, as a share of the race's time
+WORTH = 1e-3
+# Greatest error of |q|
+UNIT = 1e-3
+# A body rate may exceed its limit between two nodes by this share of it and by so many rad/s. The
+# limit is one of commands: behind it the rates of a flown vehicle overshoot by up to 8 %
+# (damping 0.62).
+RATE_SHARE = 0.05
+RATE_MORE = 0.06
+# Least room for the torque, rounding aside [m/s^2]
+SPARE = -1e-2
+# Of the limit of a control, for rounding
+CONTROL_SHARE = 1e-4
+# Events that a race without faults does not have
 FOUL = ("hit", "ground", "bounds", "timeout")
+# Of the referee; a solution has an end [s]
+TIMEOUT = 1e4
 
 
 @dataclass
 class Verified:
-    """What the check of a solution has found; it counts where nothing is broken."""
+    """Findings of the check of a solution; it counts where nothing is broken."""
 
-    residual: float = 0.0  # greatest distance from a node to where the interval before it leads [m]
-    worth: float = 0.0  # what all residuals are worth in time, |costate . residual| summed [s]
-    attitude: float = 0.0  # greatest | |q| - 1 |
-    body_rate: tuple[float, ...] = (0.0, 0.0, 0.0)  # greatest about x, y, z [rad/s]
-    outcome: str | None = None  # the referee's, where there is one
-    events: tuple = ()  # the referee's
-    broken: list[str] = field(default_factory=list)  # one line each
+    # Greatest distance from a node to where the interval before it leads [m]
+    residual: float = 0.0
+    # All residuals by their worth in time, |costate . residual| summed [s]
+    worth: float = 0.0
+    # Greatest | |q| - 1 |
+    attitude: float = 0.0
+    # Greatest about x, y and z [rad/s]
+    body_rate: tuple[float, ...] = (0.0, 0.0, 0.0)
+    # The referee's, where there is one
+    outcome: str | None = None
+    events: tuple[Event, ...] = ()
+    # One line for each fault
+    broken: list[str] = field(default_factory=list)
 
     def summary(self) -> dict[str, Any]:
-        """As JSON, the events counted by their kind."""
-        return asdict(replace(self, events=())) | {
-            "events": dict(Counter(e.kind for e in self.events))
-        }
+        """Return the findings as JSON, the events counted by their kind."""
+        counts = Counter(event.kind for event in self.events)
+        return asdict(replace(self, events=())) | {"events": dict(counts)}
 
 
-def verify(solution: Solution, model: Dynamics, referee: Any = None) -> Verified:
-    """referee: of quadsim.race.referee, in the mode that goes on after a hit; it sees every step of
-    the integration."""
+def referee_of(problem: LimitProblem) -> Referee:
+    """Return a new referee of a race, one that goes on after a hit and so reports all hits.
+
+    Raises:
+        ValueError: laps on an open course, or a gate too small for the vehicle.
+    """
+    radius = problem.vehicle.radius
+    return Referee(problem.course, radius, problem.laps, TIMEOUT, penalties=True)
+
+
+def verify(solution: Solution, model: Dynamics, referee: Referee | None = None) -> Verified:
+    """Return what a check of a solution finds.
+
+    Args:
+        solution: what the optimiser found.
+        model: the model that it was found with.
+        referee: a new one, see `referee_of`; it sees every step of the integration.
+    """
     found = Verified()
-    x, t = solution.x.tolist(), solution.t.tolist()
+    x = solution.x.tolist()
+    t = solution.t.tolist()
     for k, u in enumerate(solution.u.tolist()):
         path = list(model.fine(tuple(x[k]), tuple(u), t[k + 1] - t[k]))
+
+        # The gap at the node, in metres and in time
         residual = np.array(path[-1]) - solution.x[k + 1]
         found.residual = max(found.residual, float(np.linalg.norm(residual[POSITION])))
         found.worth += abs(float(solution.costate[k] @ residual))
+
+        # The greatest numbers on the way
         found.attitude = max(found.attitude, *(abs(hypot(*p[ATTITUDE]) - 1.0) for p in path))
-        found.body_rate = tuple(
-            np.abs([found.body_rate, *(p[BODY_RATES] for p in path)]).max(axis=0).tolist()
-        )
+        rates = np.abs([found.body_rate, *(p[BODY_RATES] for p in path)])
+        found.body_rate = tuple(rates.max(axis=0).tolist())
+
         if referee:
-            # what is left at the node is part of the last step
-            points = [x[k], *path[:-1], x[k + 1]]
+            # What is left at the node is part of the last step
+            points = [p[POSITION] for p in (x[k], *path[:-1], x[k + 1])]
             times = np.linspace(t[k], t[k + 1], len(points)).tolist()
             for i in range(len(path)):
-                before, after = tuple(points[i][POSITION]), tuple(points[i + 1][POSITION])
+                before = tuple(points[i])
+                after = tuple(points[i + 1])
                 referee.observe(times[i], before, times[i + 1], after)
     if referee:
         found.outcome = referee.outcome
         found.events = tuple(referee.events)
-    found.broken = [
-        *_broken(found, solution),
-        *_outside(found, solution, model),
-        *_incidents(referee),
-    ]
+    found.broken = [*_broken(found, solution), *_outside(found, solution, model)]
+    if referee:
+        found.broken += _incidents(referee)
     return found
 
 
 def _broken(found: Verified, solution: Solution) -> Iterator[str]:
+    """Yield a line for each way in which a solution does not follow the equations."""
     if found.residual > RESIDUAL:
-        yield f"nodes: expected at most {RESIDUAL:g} m from the finely integrated path, got {found.residual:.2g}"
-    if found.worth > WORTH * solution.time:
-        yield f"nodes: expected residuals worth at most {WORTH * solution.time:.2g} s, got {found.worth:.2g}"
+        yield (
+            f"nodes: expected at most {RESIDUAL:g} m from the finely integrated path, "
+            f"got {found.residual:.2g}"
+        )
+    most = WORTH * solution.time
+    if found.worth > most:
+        yield f"nodes: expected residuals worth at most {most:.2g} s, got {found.worth:.2g}"
     if found.attitude > UNIT:
-        yield f"attitude: expected |q| = 1 within {UNIT:g}, got a difference of {found.attitude:.2g}"
+        yield (
+            f"attitude: expected |q| = 1 within {UNIT:g}, got a difference of {found.attitude:.2g}"
+        )
 
 
 def _outside(found: Verified, solution: Solution, model: Dynamics) -> Iterator[str]:
-    """Of the vehicle's limits: of the controls at the nodes, where they hold to rounding, of the
-    body rates always."""
-    allowed = (1.0 + RATE[0]) * model.high[BODY_RATES] + RATE[1]
+    """Yield a line for each of the vehicle's limits that is not kept.
+
+    Controls are checked at the nodes, where their limits hold to rounding, body rates everywhere.
+    """
+    allowed = (1.0 + RATE_SHARE) * model.high[BODY_RATES] + RATE_MORE
     if (np.array(found.body_rate) > allowed).any():
-        asked, got = (", ".join(f"{w:.3g}" for w in rates) for rates in (allowed, found.body_rate))
-        yield f"body rates: expected at most {asked} rad/s, got {got}"
-    tolerance = 1e-4 * np.maximum(np.abs(model.u_high), np.abs(model.u_low))
-    if (solution.u < model.u_low - tolerance).any() or (
-        solution.u > model.u_high + tolerance
-    ).any():
+        yield (
+            f"body rates: expected at most {_rates_text(allowed)} rad/s, "
+            f"got {_rates_text(found.body_rate)}"
+        )
+    tolerance = CONTROL_SHARE * np.maximum(np.abs(model.u_high), np.abs(model.u_low))
+    below = solution.u < model.u_low - tolerance
+    above = solution.u > model.u_high + tolerance
+    if below.any() or above.any():
         yield "controls: expected all within the vehicle's limits, found one beyond"
-    spare = [
-        s
-        for x, u in zip(solution.x, solution.u, strict=False)
-        for s in model.spare(tuple(x), tuple(u))
-    ]
-    if min(spare, default=0.0) < -1e-2:
+    spare = []
+    for x, u in zip(solution.x[:-1], solution.u, strict=True):
+        spare += model.spare(tuple(x), tuple(u))
+    if min(spare, default=0.0) < SPARE:
         yield f"thrust: expected room for the torque [m/s^2], got {min(spare):.2g}"
 
 
-def _incidents(referee: Any) -> Iterator[str]:
-    for e in referee.events if referee else ():
-        if e.kind in FOUL:
-            yield f"referee: {e.kind.replace('_', ' ')}{f' at {e.place}' if e.place else ''}, t = {e.t:.3f} s"
-    if referee and referee.outcome != "finished":
-        yield f"referee: expected a finished race, got {referee.outcome or 'one that goes on'}"
+def _rates_text(rates: Any) -> str:
+    return ", ".join(f"{rate:.3g}" for rate in rates)
+
+
+def _incidents(referee: Referee) -> Iterator[str]:
+    """Yield a line for each fault that the referee found."""
+    for event in referee.events:
+        if event.kind in FOUL:
+            place = f" at {event.place}" if event.place else ""
+            yield f"referee: {event.kind}{place}, t = {event.t:.3f} s"
+    if referee.outcome != "finished":
+        outcome = referee.outcome or "one that goes on"
+        yield f"referee: expected a finished race, got {outcome}"

@@ -9,45 +9,67 @@ from quadsim.sensing.estimate_record import ERRORS
 
 
 def estimate_errors(run: Run) -> np.ndarray:
-    """Estimated less true position of every frame [m].  (frames, 3)"""
+    """Return estimated less true position of every frame [m].  (frames, 3)"""
     x = run.telemetry
     return np.column_stack([x[f"est_{name}"] - x[name] for name in ("px", "py", "pz")])
 
 
 def sensing_numbers(run: Run) -> dict | None:
-    """None where the planner was given the true state.
+    """Return numbers about the estimate, None where the planner was given the true state.
 
-    position_rms, position_max: distance between estimated and true position [m]; at_gates: the same
-    where gates were passed, RMS [m]; nees: mean, of `nees_expected` degrees of freedom; nis: per
-    degree of freedom of the measurements used; refused: share of the measurements taken for
-    outliers; in_view: mean number of corners in a picture that showed any; found: share of those
-    that was found; unaided: time at the end since the last measurement was used, inertial ones
-    aside [s]; estimate_ms: time of an estimate, wall clock [ms].
+    Returns:
+        sensing: name of the set of sensors.
+        position_rms, position_max: distance between estimated and true position [m].
+        at_gates: the same where gates were passed, RMS [m].
+        nees: mean normalised estimation error squared, of `nees_expected` degrees of freedom.
+        nis: normalised innovation squared per degree of freedom of the measurements used.
+        refused: share of the measurements taken for outliers.
+        in_view: mean number of corners in a picture that showed any.
+        found: share of those corners that was found.
+        unaided: time at the end since the last measurement was used, inertial ones aside [s].
+        estimate_ms: time that an estimate took, wall clock, p50 and p95 [ms].
     """
     x = run.telemetry
     if "est_px" not in x or not len(x["t"]):
         return None
-    distance = np.linalg.norm(estimate_errors(run), axis=1)  # (frames,)
-    passes = np.searchsorted(x["t"], [gate["t"] for gate in run.gates]).clip(max=len(distance) - 1)
-    aided = np.flatnonzero(x["nis_dof"])
-    used, refused, in_view = x["nis_dof"].sum(), x["refused"].sum(), x["in_view"]
+    distance = np.linalg.norm(estimate_errors(run), axis=1)
+    used = x["nis_dof"].sum()
+    measured = used + x["refused"].sum()
+    in_view = x["in_view"]
     return {
         "sensing": run.spec["sensing"]["name"],
         "position_rms": _rms(distance),
         "position_max": float(distance.max()),
-        "at_gates": _rms(distance[passes]) if len(passes) else None,
+        "at_gates": _at_gates(run, distance),
         "nees": float(x["nees"].mean()),
         "nees_expected": ERRORS,
         "nis": float(x["nis"].sum() / used) if used else None,
-        "refused": float(refused / (used + refused)) if used + refused else None,
+        "refused": float(x["refused"].sum() / measured) if measured else None,
         "in_view": float(in_view[in_view > 0].mean()) if in_view.any() else None,
         "found": float(x["found"].sum() / in_view.sum()) if in_view.any() else None,
-        "unaided": float(x["t"][-1] - x["t"][aided[-1] if len(aided) else 0]),
+        "unaided": _unaided(run),
         "estimate_ms": {
             "p50": float(np.median(x["estimate_ms"])),
             "p95": float(np.percentile(x["estimate_ms"], 95)),
         },
     }
+
+
+def _at_gates(run: Run, distance: np.ndarray) -> float | None:
+    """Return the RMS of the distances (frames,) where gates were passed, None without a pass."""
+    passes = [gate["t"] for gate in run.gates]
+    if not passes:
+        return None
+    frames = np.searchsorted(run.telemetry["t"], passes)
+    return _rms(distance[frames.clip(max=len(distance) - 1)])
+
+
+def _unaided(run: Run) -> float:
+    """Return the time from the last frame with a measurement to the end [s]."""
+    t = run.telemetry["t"]
+    aided = np.flatnonzero(run.telemetry["nis_dof"])
+    last = aided[-1] if len(aided) else 0
+    return float(t[-1] - t[last])
 
 
 def _rms(values: np.ndarray) -> float:

@@ -1,4 +1,9 @@
-"""Solutions: a race by its nodes; kept as npz, looked up by course, vehicle and laps."""
+"""Stored solutions of `race limit`: read and written as npz, found by course, vehicle and laps.
+
+The optimiser that finds them is quadsim.limit. A LimitProblem names a race; a StoredSolution is the
+fastest way known to fly it, with what its check found. Those that come with the project lie in
+SOLUTIONS, those found on this machine in the folder LIMITS among the runs.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +15,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -20,210 +25,271 @@ from quadsim.dynamics.quadrotor import BODY_RATES, POSITION, RIGID_BODY, VELOCIT
 from quadsim.files.strict_yaml import FileError
 from quadsim.vehicle import Vehicle
 
-SOLUTIONS = Path(__file__).parent / "solutions"  # those that come with the project
-LIMITS = "limits"  # folder among the runs, for those that are found here
+# Folder of the solutions that come with the project
+SOLUTIONS = Path(__file__).parent / "solutions"
+# Name of the folder among the runs for those that are found here
+LIMITS = "limits"
+
+# Of a file: arrays in single precision, and the fields of a StoredSolution beside its arrays
 ARRAYS = ("x", "u", "costate")
 FACTS = ("course", "vehicle", "laps", "closed", "lap_times", "verified", "margin", "reserve")
-# of a course or a vehicle: what changes no race
+# Fields of a course and of a vehicle that change no race
 NAMES = ("name", "source", "text", "published", "laps", "loop")
+
+ModelName = Literal["rotors", "rates"]
 
 
 class LimitError(FileError):
     """A solution that cannot be read. One line: the file, what is wrong."""
 
 
+def limits_folder(runs_dir: str | Path) -> Path:
+    """Return the folder of the solutions that are kept among these runs."""
+    return Path(runs_dir) / LIMITS
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A race by its nodes; from one to the next the control is constant."""
+    """A race by its nodes; from one node to the next the control is constant."""
 
-    model: str  # rotors, rates
-    t: np.ndarray  # (nodes,) [s]
-    x: np.ndarray  # (nodes, n_x) states of the model
-    u: np.ndarray  # (nodes - 1, n_u)
-    # (nodes - 1, n_x) how the time that is left changes with the state after the interval [s]
+    # "rotors" or "rates", see quadsim.limit.dynamics
+    model: str
+    # Times of the nodes [s]  (nodes,)
+    t: np.ndarray
+    # States of the model  (nodes, n_x)
+    x: np.ndarray
+    # Controls of the model  (nodes - 1, n_u)
+    u: np.ndarray
+    # Change of the time that is left with the state after each interval [s]  (nodes - 1, n_x)
     costate: np.ndarray
-    target: np.ndarray  # (nodes - 1,) index of the target that the interval leads to, from 0
+    # Index, from 0, of the target that each interval leads to  (nodes - 1,)
+    target: np.ndarray
 
     @property
     def time(self) -> float:
-        """[s]"""
+        """Duration of the race [s]."""
         return float(self.t[-1])
 
     def position(self, t: np.ndarray) -> np.ndarray:
-        """Cubic between the nodes, as they have velocities.  t (n,) [s] -> (n, 3) [m]"""
-        # here: reports load this module, scipy takes .3 s
+        """Return positions (n, 3) at times t (n,): cubic between nodes, which have velocities."""
+        # Here, as reports load this module and scipy takes .3 s
         from scipy.interpolate import CubicHermiteSpline
 
         return CubicHermiteSpline(self.t, self.x[:, POSITION], self.x[:, VELOCITY])(t)
 
 
 @dataclass(frozen=True, eq=False)
-class Limit:
-    """The best solution known of a race, and what its check has found."""
+class StoredSolution:
+    """The best solution known of a race, with the summary of its check."""
 
+    # Names of course and vehicle
     course: str
     vehicle: str
     laps: int
     closed: bool
-    lap_times: list[float]  # [s]
+    # By the referee [s]
+    lap_times: list[float]
+    # See quadsim.limit.verify.Verified.summary
     verified: dict
     solution: Solution
-    margin: float = 0.0  # as of the Race
+    # As in LimitProblem
+    margin: float = 0.0
     reserve: float = 0.0
 
     @property
     def time(self) -> float:
-        """Of the race, by the referee [s]."""
+        """Duration of the race by the referee [s]."""
         return sum(self.lap_times)
 
     def path(self, rate: float = 100.0) -> np.ndarray:
-        """Time [s] and position [m] so many times a second.  (n, 4)"""
-        t = self.solution.t
-        times = np.append(np.arange(0.0, t[-1] - 0.5 / rate, 1.0 / rate), t[-1])
+        """Return rows of time [s] and position [m] at this rate [Hz], the end included.  (n, 4)"""
+        end = self.solution.t[-1]
+        times = np.append(np.arange(0.0, end - 0.5 / rate, 1.0 / rate), end)
         return np.column_stack([times, self.solution.position(times)])
 
     def states(self, vehicle: Vehicle, t: np.ndarray) -> np.ndarray:
-        """STATE, linear between the nodes but for the position.  t (n,) -> (n, 17)"""
-        s, rotors = self.solution, vehicle.rotors
-        u = np.vstack([s.u, s.u[-1:]])
-        body = s.x[:, RIGID_BODY]
-        more = s.x[:, RIGID_BODY.stop :]  # what the model has beside the rigid body
-        if s.model == "rotors" and rotors:
-            thrusts = rotors.thrust(more) if rotors.tau > 0.0 else u  # pyright: ignore[reportArgumentType]
-            thrust = np.sum(thrusts, axis=1) / vehicle.mass
-        elif more.shape[1]:  # thrust and angular acceleration
-            thrust = State(*s.x.T).thrust
-        else:
-            thrust = Control(*u.T).thrust
+        """Return states in the order of State (n, 17) at times t (n,).
+
+        They are linear between the nodes, but for the position, which is cubic.
+        """
+        s = self.solution
+        thrust = self._thrust(vehicle)
         spin = np.gradient(s.x[:, BODY_RATES], s.t, axis=0)
-        whole = np.column_stack([body, thrust, spin])
-        x = np.column_stack([np.interp(t, s.t, column) for column in whole.T])
-        x[:, POSITION] = s.position(t)
-        return x
+        at_nodes = np.column_stack([s.x[:, RIGID_BODY], thrust, spin])
+        found = np.column_stack([np.interp(t, s.t, column) for column in at_nodes.T])
+        found[:, POSITION] = s.position(t)
+        return found
+
+    def _thrust(self, vehicle: Vehicle) -> np.ndarray:
+        """Return the mass-normalised thrust at the nodes [m/s^2].  (nodes,)"""
+        s = self.solution
+        controls = np.vstack([s.u, s.u[-1:]])
+        # What the model has beside the rigid body
+        lagging = s.x[:, RIGID_BODY.stop :]
+        rotors = vehicle.rotors
+        if s.model == "rotors" and rotors:
+            # The states are rotor speeds; without lag, the controls are thrusts
+            thrusts: Any = rotors.thrust(lagging) if rotors.tau > 0.0 else controls  # pyright: ignore[reportArgumentType]
+            return np.sum(thrusts, axis=1) / vehicle.mass
+        if lagging.shape[1]:
+            return State(*s.x.T).thrust  # pyright: ignore[reportReturnType]
+        return Control(*controls.T).thrust  # pyright: ignore[reportReturnType]
 
     def above(self, time: float) -> float:
-        """By how much a race's time [s] exceeds it, as a share."""
+        """Return by how much a race's time [s] exceeds this one, as a share."""
         return time / self.time - 1.0
 
 
 @dataclass(frozen=True)
-class Race:
-    """What a limit is the limit of."""
+class LimitProblem:
+    """A race whose least time is sought: the key under which its solutions are stored."""
 
     course: Course
     vehicle: Vehicle
     laps: int
-    model: str  # rotors, rates
-    closed: bool = False  # one lap that ends as it begins
-    margin: float = 0.0  # of a path to be flown: kept to the frames within openings [m]
-    reserve: float = 0.0  # and the share of the thrust that is left unused
+    model: ModelName
+    # Whether it is one lap that ends as it begins
+    closed: bool = False
+    # For a path to be flown: distance kept to the frames within openings [m]
+    margin: float = 0.0
+    # For a path to be flown: share of the thrust that is left unused
+    reserve: float = 0.0
 
     @classmethod
-    def of(cls, course: Course, vehicle: Vehicle, laps: int) -> Race:
-        """From a standing start, with the model by which the vehicle flies in the plant."""
+    def of(cls, course: Course, vehicle: Vehicle, laps: int) -> LimitProblem:
+        """Return the problem of a race from a standing start, by the vehicle's rotors if it has."""
         return cls(course, vehicle, laps, "rotors" if vehicle.rotors else "rates")
 
     @classmethod
-    def of_run(cls, spec: dict) -> Race | None:
-        """The race that a run's spec says; None for another system, for a plant with dynamics of
-        its own or other parts of a user's own, and for the timed mode."""
-        own = {"plant", "referee", "system"} & set(spec.get("own", {})) or spec.get(
-            "plant"
-        ) == "rotorpy"
-        if spec.get("system", "quadrotor") != "quadrotor" or own or spec.get("penalties"):
+    def of_run(cls, spec: dict) -> LimitProblem | None:
+        """Return the problem of a run's race, None where a limit would be that of another race.
+
+        That is so for a plant with dynamics of its own, for a user's own plant or referee, and for
+        the timed mode.
+        """
+        own = {"plant", "referee"} & set(spec.get("own", {}))
+        if own or spec.get("plant") == "rotorpy" or spec.get("penalties"):
             return None
         course = parse_course(spec["course_text"], spec["course"])
         return cls.of(course, msgspec.convert(spec["vehicle"], Vehicle), spec["laps"])
 
     @cached_property
     def key(self) -> str:
-        """sha256 [16 hex digits] of all that decides the limit."""
-        whole = {k: v for k, v in asdict(self).items() if k not in ("margin", "reserve") or v}
+        """The sha256 of all that decides the limit [16 hex digits]."""
+        decided = asdict(self)
+        # What is left at its default is no part of the key
+        for name in ("margin", "reserve"):
+            if not decided[name]:
+                del decided[name]
         for part in ("course", "vehicle"):
-            whole[part] = {
-                k: v for k, v in whole[part].items() if k not in NAMES and (k != "obstacles" or v)
-            }
-        return sha256(json.dumps(_rounded(whole), sort_keys=True).encode()).hexdigest()[:16]
+            for name in NAMES:
+                decided[part].pop(name, None)
+        if not decided["course"]["obstacles"]:
+            del decided["course"]["obstacles"]
+        text = json.dumps(_rounded(decided), sort_keys=True)
+        return sha256(text.encode()).hexdigest()[:16]
 
     @property
     def file_name(self) -> str:
-        parts = (
-            self.course.name,
-            self.vehicle.name,
-            str(self.laps),
-            *(["closed"] if self.closed else []),
-            self.model,
-        )
-        parts += (
-            (f"margin{self.margin:g}", f"reserve{self.reserve:g}")
-            if self.margin or self.reserve
-            else ()
-        )
-        return f"{re.sub(r'[^A-Za-z0-9_.-]', '-', '_'.join(parts))}_{self.key}.npz"
+        """Name of the file of its solution, with the key at the end."""
+        parts = [self.course.name, self.vehicle.name, str(self.laps)]
+        if self.closed:
+            parts.append("closed")
+        parts.append(self.model)
+        if self.margin or self.reserve:
+            parts += [f"margin{self.margin:g}", f"reserve{self.reserve:g}"]
+        readable = re.sub(r"[^A-Za-z0-9_.-]", "-", "_".join(parts))
+        return f"{readable}_{self.key}.npz"
 
-    def best_known(self, *folders: Path) -> Limit | None:
-        """The fastest solution that lies here or comes with the project. Raises LimitError."""
-        paths = (
-            path
-            for folder in (SOLUTIONS, *folders)
-            for path in sorted(folder.glob(f"*_{self.key}.npz"))
-        )
-        return min(map(load, paths), key=lambda limit: limit.time, default=None)
+    def best_known(self, *folders: Path) -> StoredSolution | None:
+        """Return the fastest solution in these folders or of the project, None where there is none.
+
+        Args:
+            folders: see `limits_folder`.
+
+        Raises:
+            LimitError: a file cannot be read.
+        """
+        fastest = None
+        for folder in (SOLUTIONS, *folders):
+            for path in sorted(folder.glob(f"*_{self.key}.npz")):
+                found = load(path)
+                if fastest is None or found.time < fastest.time:
+                    fastest = found
+        return fastest
 
 
-def limit_of(spec: dict, *folders: Path) -> Limit | None:
-    """The best known limit of the race that a run's spec says; None too where that or the limit's
-    file is damaged.
+def limit_of(spec: dict, *folders: Path) -> StoredSolution | None:
+    """Return the best solution known of a run's race, None where there is none.
 
-    folders: where else than in the project to look.
+    A damaged file, and a spec that names no race, count as none.
+
+    Args:
+        spec: the spec of the run.
+        folders: where to look, beside the project; see `limits_folder`.
     """
     with suppress(FileError, KeyError, msgspec.ValidationError):
-        race = Race.of_run(spec)
-        return race.best_known(*folders) if race else None
+        problem = LimitProblem.of_run(spec)
+        if problem:
+            return problem.best_known(*folders)
+    return None
 
 
-def dump(limit: Limit) -> bytes:
-    """As npz without pickles; states in single precision, whose rounding the check allows for."""
-    s = limit.solution
-    facts = {k: getattr(limit, k) for k in FACTS}
-    arrays: dict[str, Any] = {name: getattr(s, name).astype("<f4") for name in ARRAYS}
-    arrays |= {"t": s.t.astype("<f8"), "target": s.target.astype("<i2")}
+def dump(stored: StoredSolution) -> bytes:
+    """Return a solution as npz without pickles.
+
+    States are in single precision, whose rounding the check allows for.
+    """
+    solution = stored.solution
+    facts = {name: getattr(stored, name) for name in FACTS}
+    facts["model"] = solution.model
+    arrays: dict[str, Any] = {name: getattr(solution, name).astype("<f4") for name in ARRAYS}
+    arrays["t"] = solution.t.astype("<f8")
+    arrays["target"] = solution.target.astype("<i2")
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, facts=np.array(json.dumps(facts | {"model": s.model})), **arrays)
+    np.savez_compressed(buffer, facts=np.array(json.dumps(facts)), **arrays)
     return buffer.getvalue()
 
 
-def load(path: Path) -> Limit:
-    """Raises LimitError."""
+def load(path: Path) -> StoredSolution:
+    """Read a solution.
+
+    Raises:
+        LimitError: the file is damaged or no solution.
+    """
     try:
         with np.load(path, allow_pickle=False) as data:
             facts = json.loads(str(data["facts"]))
             arrays = {name: data[name].astype(float) for name in (*ARRAYS, "t")}
-            solution = Solution(facts.pop("model"), target=data["target"].astype(int), **arrays)
-        return _sound(Limit(**facts, solution=solution))
-    except Exception as error:  # a damaged zip fails in a dozen ways
+            target = data["target"].astype(int)
+        solution = Solution(model=facts.pop("model"), target=target, **arrays)
+        _check(solution)
+        return StoredSolution(**facts, solution=solution)
+    except Exception as error:
+        # A damaged zip fails in a dozen ways
         raise LimitError(f"{path}: expected the solution of a race: {error}") from error
 
 
-def _sound(limit: Limit) -> Limit:
-    s, n = limit.solution, len(limit.solution.t)
-    if n < 2 or len(s.x) != n or not len(s.u) == len(s.costate) == len(s.target) == n - 1:
+def _check(s: Solution) -> None:
+    """Raise ValueError unless the arrays fit each other and their numbers make sense."""
+    nodes = len(s.t)
+    intervals = (len(s.u), len(s.costate), len(s.target))
+    if nodes < 2 or len(s.x) != nodes or set(intervals) != {nodes - 1}:
         raise ValueError("its arrays are not of one length")
-    if (
-        not all(np.isfinite(part).all() for part in (s.t, s.x, s.u, s.costate))
-        or not (np.diff(s.t) > 0.0).all()
-    ):
+    finite = all(np.isfinite(part).all() for part in (s.t, s.x, s.u, s.costate))
+    if not finite or not (np.diff(s.t) > 0.0).all():
         raise ValueError("expected finite numbers and rising times")
-    return limit
 
 
 def _rounded(value: Any) -> Any:
-    """To 9 digits: the last bits of an angle in radians are no other course."""
+    """Round all numbers to 9 digits: the last bits of an angle in radians are no other course."""
     match value:
         case dict():
-            return {k: _rounded(v) for k, v in value.items()}
+            return {key: _rounded(inner) for key, inner in value.items()}
         case list() | tuple():
-            return [_rounded(v) for v in value]
-        case float() | int() if not isinstance(value, bool):
+            return [_rounded(inner) for inner in value]
+        case bool():
+            return value
+        case float() | int():
             return float(f"{value:.9g}")
     return value

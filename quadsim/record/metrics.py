@@ -1,7 +1,7 @@
-"""Metrics: what a report says, each a short pure function of a Run or of plain arrays.
+"""Metrics of a run: short pure functions of a Run or of plain arrays.
 
-Of a quadrotor, chatter is measured on the commanded thrust (held over each control period) and on
-the delivered one (the state); of any other system on each commanded control.
+Chatter is measured on the commanded thrust, which is held over each control period, and on the
+delivered one, which is part of the state.
 """
 
 from __future__ import annotations
@@ -10,54 +10,50 @@ from math import pi, sqrt
 
 import numpy as np
 
-from controllers.costs import evaluate
-from controllers.costs.quadratic import QuadraticWeights, quadratic_cost
-from quadsim.course.point_goal import parse_point_goal
 from quadsim.dynamics.first_order import remaining
-from quadsim.paper.double_integrator import State
 from quadsim.race.events import sector_times
-from quadsim.record.run import Run, system_of, units_of
+from quadsim.record.run import Run
 
-MOTOR_TAU = 0.033  # [s] a racing quadrotor's, for vehicles whose thrust acts at once
-WELCH_SEGMENT = 256  # samples
+# Lag of a racing quadrotor's motors, for vehicles whose thrust acts at once [s]
+MOTOR_TAU = 0.033
+# Length of a segment of Welch's method [samples]
+WELCH_SEGMENT = 256
 
 
 def chatter(run: Run) -> dict:
-    """Of a quadrotor {commanded: {...}, delivered: {...}}, and the motor lag [s] and corner [Hz]
-    they refer to.
+    """Return measures of how roughly a flight was controlled.
 
-    Of any other system {commanded: {control: {unit, tv, slew_max}}}, both in unit/s.
+    Returns:
+        commanded, delivered: measures of the commanded and of the delivered thrust and body rates,
+        name -> number.
+        motor_tau, motor_corner: the motor lag [s] and corner [Hz] that these refer to.
     """
     x = run.telemetry
-    if system_of(run.spec) != "quadrotor":
-        units = units_of(run.spec)[1].items()
-        return {
-            "commanded": {
-                name: {"unit": unit, **_variation(x["t"], x[name])} for name, unit in units
-            }
-        }
     tau = motor_tau(run.spec["vehicle"])
-    commanded = _chatter(x["t"], x["a_cmd"], _rows(x, "wx_cmd", "wy_cmd", "wz_cmd"), tau)
-    delivered = _chatter(x["t"], x["a"], _rows(x, "wx", "wy", "wz"), tau)
+    commanded_rates = np.stack([x["wx_cmd"], x["wy_cmd"], x["wz_cmd"]])
+    delivered_rates = np.stack([x["wx"], x["wy"], x["wz"]])
     return {
-        "commanded": commanded,
-        "delivered": delivered,
+        "commanded": _chatter(x["t"], x["a_cmd"], commanded_rates, tau),
+        "delivered": _chatter(x["t"], x["a"], delivered_rates, tau),
         "motor_tau": tau,
         "motor_corner": motor_corner(tau),
     }
 
 
-def _variation(t: np.ndarray, u: np.ndarray) -> dict[str, float]:
-    """Total variation and largest slew, both [unit of u / s]."""
-    slew = np.abs(np.diff(u)) / np.diff(t)  # (n - 1,)
-    return {"tv": total_variation(t, u), "slew_max": float(slew.max(initial=0.0))}
-
-
 def _chatter(t: np.ndarray, thrust: np.ndarray, rates: np.ndarray, tau: float) -> dict[str, float]:
-    """All zero for a flight too short to change anything."""
+    """Return the measures of one signal; all are zero for a flight too short to change anything.
+
+    Args:
+        t: times [s].  (n,)
+        thrust: mass-normalised [m/s^2].  (n,)
+        rates: body rates [rad/s].  (3, n)
+        tau: the motors' lag [s].
+    """
     if len(t) < 2:
-        t, thrust, rates = np.array([0.0, 1.0]), np.zeros(2), np.zeros((3, 2))
-    slew = np.diff(thrust) / np.diff(t)  # (n - 1,)
+        t = np.array([0.0, 1.0])
+        thrust = np.zeros(2)
+        rates = np.zeros((3, 2))
+    slew = np.diff(thrust) / np.diff(t)
     return {
         "thrust_tv": total_variation(t, thrust),
         "thrust_slew_rms": float(np.sqrt(np.mean(slew**2))),
@@ -70,38 +66,49 @@ def _chatter(t: np.ndarray, thrust: np.ndarray, rates: np.ndarray, tau: float) -
 
 
 def motor_tau(vehicle: dict) -> float:
-    """The motors' lag [s] in a spec's vehicle, MOTOR_TAU where it has none."""
+    """Return the motors' lag in a spec's vehicle, MOTOR_TAU where it has no rotors [s]."""
     rotors = vehicle.get("rotors")
     return float(rotors["tau"]) if rotors else MOTOR_TAU
 
 
 def motor_corner(tau: float) -> float:
-    """1 / (2 pi tau) [Hz]"""
+    """Return the corner frequency 1 / (2 pi tau) of a first-order lag [Hz]."""
     return 1.0 / (2.0 * pi * tau)
 
 
 def total_variation(t: np.ndarray, u: np.ndarray) -> float:
-    """sum |du| / T, summed over the rows of u [unit of u / s]."""
-    return float(np.abs(np.diff(u)).sum() / (t[-1] - t[0])) if len(t) > 1 else 0.0
+    """Return sum |du| / T, summed over the rows of u [unit of u / s].
+
+    Args:
+        t: times [s].  (n,)
+        u: one signal, or one a row.  (n,) or (signals, n)
+    """
+    if len(t) < 2:
+        return 0.0
+    return float(np.abs(np.diff(u)).sum() / (t[-1] - t[0]))
 
 
 def motor_residual(t: np.ndarray, u: np.ndarray, tau: float) -> float:
-    """RMS of u - lowpass_tau(u), the part no motor follows [unit of u].
+    """Return the RMS of u - lowpass_tau(u), the part that no motor follows [unit of u].
 
-    With u held over each period h the gap decays as e exp(-s/tau), so its mean square there is
+    With u held over each period h the gap e decays as e exp(-s/tau), so its mean square there is
     e^2 tau (1 - exp(-2h/tau)) / 2h: exact in continuous time, whatever the period.
     """
     h = (t[-1] - t[0]) / (len(t) - 1)
-    keep, y, total = remaining(tau, h), float(u[0]), 0.0
-    for v in u.tolist():
-        total += (v - y) ** 2
-        y = v + keep * (y - v)
-    return sqrt(total / len(u) * tau * (1.0 - keep * keep) / (2.0 * h))
+    keep = remaining(tau, h)
+    y = float(u[0])
+    squares = 0.0
+    for value in u.tolist():
+        squares += (value - y) ** 2
+        y = value + keep * (y - value)
+    return sqrt(squares / len(u) * tau * (1.0 - keep * keep) / (2.0 * h))
 
 
 def smoothness(t: np.ndarray, u: np.ndarray) -> float:
-    """2/(n f_s) sum M_i f_i over the n frequencies f_i > 0, amplitudes M_i (CAPS, Mysore et al.
-    2021) [unit of u]."""
+    """Return 2/(n f_s) sum M_i f_i over the n frequencies f_i > 0 with amplitudes M_i [unit of u].
+
+    The measure is that of CAPS (Mysore et al. 2021); f_s is the rate of the samples.
+    """
     rate = (len(t) - 1) / (t[-1] - t[0])
     frequencies = np.fft.rfftfreq(len(u), 1.0 / rate)[1:]
     amplitudes = 2.0 / len(u) * np.abs(np.fft.rfft(u))[1:]
@@ -109,53 +116,42 @@ def smoothness(t: np.ndarray, u: np.ndarray) -> float:
 
 
 def thrust_psd(t: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One-sided power spectral density by Welch: Hann windows, half overlapping, mean removed.
+    """Return the one-sided power spectral density by Welch's method.
 
-    f [Hz], psd [unit of u squared per Hz]; the integral over f is the variance, less what is slower
-    than a segment.
+    Windows are Hann's, half overlapping, with the mean removed. The integral over the frequency is
+    the variance, less what is slower than a segment.
+
+    Returns:
+        f: frequencies [Hz].
+        psd: density [unit of u squared per Hz].
     """
-    from scipy.signal import welch  # takes .7 s to import
+    # Here, as it takes .7 s to import
+    from scipy.signal import welch
 
     rate = (len(t) - 1) / (t[-1] - t[0])
-    # less u[0], so that a constant gives exact zeros
+    # Less u[0], so that a constant gives exact zeros
     return welch(u - u[0], rate, nperseg=min(len(u), WELCH_SEGMENT))
 
 
 def high_frequency_fraction(t: np.ndarray, u: np.ndarray, corner: float) -> float:
-    """Share of the power above a corner [Hz]; 0 for a constant."""
+    """Return the share of the power above a corner [Hz]; 0 for a constant."""
     f, psd = thrust_psd(t, u)
     total = float(psd[1:].sum())
-    return float(psd[f > corner].sum()) / total if total > 0.0 else 0.0
+    if total <= 0.0:
+        return 0.0
+    return float(psd[f > corner].sum()) / total
 
 
 def splits(run: Run) -> list[list[float]]:
-    """Flown seconds from gate to gate, one list a lap."""
+    """Return the flown times from gate to gate, one list a lap [s]."""
     return sector_times(run.events)
 
 
-def accumulated_cost(run: Run) -> float | None:
-    """Of a double integrator, over the states that were reached: Table II of Vlahov et al. 2024;
-    None of others."""
-    return sum(cost_terms(run).values()) if system_of(run.spec) == "double_integrator" else None
-
-
-def cost_terms(run: Run) -> dict[str, float]:
-    """The terms of a double integrator's quadratic cost, each summed over the states that were
-    reached."""
-    goal = parse_point_goal(run.spec["course_text"], run.spec["course"]).goal
-    cost = quadratic_cost(goal, QuadraticWeights(**run.spec["planner"]["cost"]))
-    x = State._make(run.telemetry[name][1:] for name in State._fields)  # the first state was given
-    terms = evaluate(cost, x, x, (), goal).terms
-    return {name: float(np.sum(term)) for name, term in terms.items()}
-
-
 def missed_deadlines(run: Run) -> int:
-    """Control periods that came late because a plan was not ready; none under the simulated
-    clock."""
+    """Return how many control periods came late because a plan was not ready.
+
+    Under the simulated clock none does.
+    """
     period = run.spec["planner"]["mppi"]["dt"]
     gaps = np.diff(run.telemetry["t"])
     return int(np.sum(gaps > period + 0.5 * run.spec["plant_dt"]))
-
-
-def _rows(x: dict[str, np.ndarray], *names: str) -> np.ndarray:
-    return np.stack([x[name] for name in names])  # (names, frames)

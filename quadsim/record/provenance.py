@@ -1,5 +1,7 @@
-"""Provenance: on what machine and with which versions a run was flown. None of it may change a
-flight."""
+"""Provenance: the machine and the versions that a run was flown with.
+
+None of it may change a flight.
+"""
 
 from __future__ import annotations
 
@@ -10,34 +12,39 @@ from importlib import metadata
 from pathlib import Path
 
 PACKAGES = ("quadsim", "numpy", "scipy", "pybullet", "numba", "rotorpy")
+# Print the commit alone, without the names of tags, and whether files differ from it
+DESCRIBE = ("describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
 
 
 def provenance() -> dict:
+    """Return versions, commit, CPU and command line of this process, as JSON."""
     return {"versions": versions(), "git": git_commit(), "cpu": cpu_name(), "argv": list(sys.argv)}
 
 
 def versions() -> dict[str, str | None]:
-    """From the installed metadata: importing all of them would cost a second."""
-    return {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}}
+    """Return the versions of Python and of PACKAGES, None for one that is not installed.
+
+    They are read from the installed metadata: importing all packages would cost a second.
+    """
+    found: dict[str, str | None] = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = None
+    return found
 
 
 def git_commit() -> str | None:
-    """The commit of the working copy this package lies in, with "-dirty" if files differ; None if
-    it is installed."""
+    """Return the commit of the working copy that this package lies in, None if it is installed.
+
+    It ends with "-dirty" if files differ from the commit.
+    """
     root = Path(__file__).resolve().parents[2]
-    # else git would name whatever repository an environment happens to lie in
+    # Else git would name whatever repository an environment happens to lie in
     if not (root / ".git").exists():
         return None
-    command = [
-        "git",
-        "-C",
-        str(root),
-        "describe",
-        "--always",
-        "--dirty",
-        "--abbrev=40",
-        "--exclude=*",
-    ]
+    command = ["git", "-C", str(root), *DESCRIBE]
     try:
         answer = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)
     except (OSError, subprocess.SubprocessError):
@@ -46,16 +53,12 @@ def git_commit() -> str | None:
 
 
 def cpu_name() -> str:
+    """Return the name of the processor, as precise as the system tells it."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
         lines = []
-    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(names, platform.processor() or platform.machine())
-
-
-def _version(package: str) -> str | None:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return None
+    for line in lines:
+        if line.startswith("model name"):
+            return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()

@@ -1,10 +1,9 @@
-"""Run: what a flight leaves behind. Frames go in, one Run comes out; every number of a report is
-read off it.
+"""Run: what a flight leaves behind. Frames go in, one Run comes out; reports read it.
 
-The spec is a JSON dict. Read here and in the archive: `system`, `course` and `sampler` (names),
-`course_text`, `seed`, `vehicle` (asdict(Vehicle)); `host` holds what must not change a flight
-(threads, folders); `interactive`, the changes made in flight, see `not_comparable`; `own`, the
-user's own parts. There may be more.
+The spec of a run is a JSON dict. This module and the archive read the keys `course` and `sampler`
+(names), `course_text`, `seed`, `vehicle` (asdict(Vehicle)); `host`, which holds what must not
+change a flight (threads, folders); `interactive`, the changes made in flight (see
+`not_comparable`); and `own`, the user's own parts. A spec may have more keys.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
-from itertools import takewhile
 from typing import Literal, TypedDict, get_args
 
 import numpy as np
@@ -25,60 +23,68 @@ from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.sensing.estimate_record import ESTIMATE_UNITS
 
-INTERACTIVE = "interactive"  # key of a spec: the planner's numbers that were changed while it flew
-COUNTS = ("passed", "lap")  # integer columns
-Outcome = Literal["finished", "crashed", "stuck", "timeout", "interrupted"]
-# columns that differ from flight to flight and are no part of the digest
+# Key of a spec: the planner's numbers that were changed while it flew
+INTERACTIVE = "interactive"
+# Telemetry column -> unit, in the order of the digest
+COLUMNS = {
+    "t": "s",
+    **STATE_UNITS,
+    **CONTROL_UNITS,
+    "passed": "1",
+    "lap": "1",
+    "ess": "1",
+    "temperature": "1",
+    "cost": "1",
+    "plan_ms": "ms",
+}
+# Integer columns
+COUNTS = ("passed", "lap")
+# Columns that differ from flight to flight and are no part of the digest
 WALL_CLOCK = ("plan_ms", "estimate_ms")
+FIRST_ROWS = 1024
+
+Outcome = Literal["finished", "crashed", "stuck", "timeout", "interrupted"]
 
 
 class PlanTime(TypedDict):
-    """Of a flight's plans: median and 95th percentile [ms]."""
+    """The median and the 95th percentile of a flight's planning times [ms]."""
 
     p50: float
     p95: float
-
-
-def system_of(spec: dict) -> str | None:
-    return "quadrotor"
-
-
-def telemetry_columns() -> dict[str, str]:
-    counted = dict.fromkeys(("passed", "lap", "ess", "temperature", "cost"), "1")
-    return {"t": "s", **STATE_UNITS, **CONTROL_UNITS, **counted, "plan_ms": "ms"}
-
-
-def units_of(spec: dict):
-    return STATE_UNITS, CONTROL_UNITS
-
-
-COLUMNS = telemetry_columns()
-
-
-def columns_of(spec: dict) -> dict[str, str]:
-    """Telemetry column -> unit, in order."""
-    return telemetry_columns() | (ESTIMATE_UNITS if spec.get("sensing") else {})
 
 
 class RunError(Exception):
     """A run that cannot be saved or read. One line: the path, what is wrong, what to do."""
 
 
+def columns_of(spec: dict) -> dict[str, str]:
+    """Return the telemetry columns of a run, name -> unit, in order; more where it has sensors."""
+    if spec.get("sensing"):
+        return COLUMNS | ESTIMATE_UNITS
+    return dict(COLUMNS)
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What a flight leaves behind. Laps, splits and penalties are read off the events, so they
-    cannot disagree."""
+    """A flight as it is kept and reported.
 
-    spec: dict  # resolved configuration, JSON
-    telemetry: dict[str, np.ndarray]  # the columns of its system, each  (frames,)
+    Laps, splits and penalties are read off the events, so that they cannot disagree.
+    """
+
+    # The resolved configuration, JSON
+    spec: dict
+    # The columns of `columns_of(spec)`, each (frames,)
+    telemetry: dict[str, np.ndarray]
     events: tuple[Event, ...]
-    outcome: str  # an Outcome
-    wall: dict  # wall clock: plan_ms {p50, p95}, real_time_factor
+    # An Outcome
+    outcome: str
+    # Wall clock: plan_ms {p50, p95}, real_time_factor
+    wall: dict
     snapshots: PlannerSnapshots | None = None
 
     @classmethod
     def from_frames(cls, spec: dict, frames: Iterable[Frame]) -> Run:
-        """Collect a flight."""
+        """Collect the frames of a flight."""
         recorder = Recorder()
         for frame in frames:
             recorder.add(frame)
@@ -86,59 +92,71 @@ class Run:
 
     @cached_property
     def laps(self) -> list[float]:
-        """Completed laps, penalties included [s]."""
-        return [
-            t + p
-            for t, p in zip(flown_laps(self.events, self._completed), self.penalties, strict=True)
-        ]
+        """Times of the completed laps, penalties included [s]."""
+        flown = flown_laps(self.events, self._completed)
+        return [t + penalty for t, penalty in zip(flown, self.penalties, strict=True)]
 
     @cached_property
     def penalties(self) -> list[float]:
-        """The part of each completed lap that was added for hits [s]."""
+        """Part of each completed lap's time that was added for hits [s]."""
         return lap_penalties(self.events, self._completed)
 
     @cached_property
     def gates(self) -> list[dict]:
-        """The gates passed, in order: gate and lap from 1, t [s], offset (left, up) of the centre
-        [m], speed [m/s]."""
-        keys = ("gate", "lap", "t", "offset", "speed")
-        return [{k: getattr(e, k) for k in keys} for e in self.events if e.kind == "pass"]
+        """Gates passed, in order, each a JSON dict.
+
+        gate and lap count from 1; t [s]; offset: left and up from the gate's centre [m];
+        speed [m/s].
+        """
+        passes = [event for event in self.events if event.kind == "pass"]
+        return [
+            {"gate": e.gate, "lap": e.lap, "t": e.t, "offset": e.offset, "speed": e.speed}
+            for e in passes
+        ]
 
     @cached_property
     def duration(self) -> float:
-        """Until the event that ended the flight; without one, until the last frame [s]."""
+        """Time until the event that ended the flight; without one, until the last frame [s]."""
         t = self.telemetry["t"]
         if not len(t):
             return 0.0
-        last = self.events[-1].t if self.events and self.outcome != "interrupted" else 0.0
-        return last if last >= t[-2:][0] else float(t[-1])
+        # The event that ended the flight happened within the last control period
+        previous = t[-2] if len(t) > 1 else t[-1]
+        if self.events and self.outcome != "interrupted" and self.events[-1].t >= previous:
+            return self.events[-1].t
+        return float(t[-1])
 
     @cached_property
     def _completed(self) -> int:
-        """Laps that were flown to their end, as far as a pass says when that was."""
+        """Number of laps flown to their end, as far as a pass tells when each ended."""
         laps = self.telemetry["lap"]
-        begun = int(laps[-1]) - 1 + (self.outcome == "finished") if len(laps) else 0
-        timed = {e.lap for e in self.events if e.kind == "pass"}
-        return sum(1 for _ in takewhile(timed.__contains__, range(1, begun + 1)))
+        if not len(laps):
+            return 0
+        finished = int(laps[-1]) - 1
+        if self.outcome == "finished":
+            finished += 1
+        timed = {event.lap for event in self.events if event.kind == "pass"}
+        completed = 0
+        while completed < finished and completed + 1 in timed:
+            completed += 1
+        return completed
 
     def digest(self) -> str:
-        """sha256 [hex] of all that a seed determines: no wall clock, no spec["host"], no
-        snapshots."""
-        events = [e.record() for e in self.events]
-        text = canonical(
-            {
-                "spec": hostless(self.spec),
-                "events": events,
-                "laps": self.laps,
-                "outcome": self.outcome,
-            }
-        )
-        columns = [
-            self.telemetry[name].astype("<f8").tobytes()
-            for name in columns_of(self.spec)
-            if name not in WALL_CLOCK
-        ]
-        return sha256(b"".join([text, *columns])).hexdigest()
+        """Return the sha256 [hex] of all that a seed determines.
+
+        The wall clock, spec["host"] and the snapshots are no part of it.
+        """
+        decided = {
+            "spec": hostless(self.spec),
+            "events": [event.record() for event in self.events],
+            "laps": self.laps,
+            "outcome": self.outcome,
+        }
+        found = sha256(canonical(decided))
+        for name in columns_of(self.spec):
+            if name not in WALL_CLOCK:
+                found.update(self.telemetry[name].astype("<f8").tobytes())
+        return found.hexdigest()
 
 
 def own_parts(spec: dict) -> dict[str, str]:
@@ -148,14 +166,10 @@ def own_parts(spec: dict) -> dict[str, str]:
     """
     parts = dict(spec.get("own", {}))
     terms = parts.pop("terms", [])
-    names = {
-        role: part.get("class", spec.get("system", "")).rpartition(".")[2]
-        for role, part in parts.items()
-    }
+    names = {role: part["class"].rpartition(".")[2] for role, part in parts.items()}
     if terms:
-        names["terms"] = ", ".join(
-            f"{term['name']} {weight_text(term['weight'])}" for term in terms
-        )
+        described = [f"{term['name']} {weight_text(term['weight'])}" for term in terms]
+        names["terms"] = ", ".join(described)
     return names
 
 
@@ -165,94 +179,125 @@ def weight_text(weight: float | list) -> str:
 
 
 def flown_with(spec: dict) -> str:
-    """What controlled it, with which numbers; the preset and the vehicle of a user's own system are
-    its own."""
-    own, pilot = own_parts(spec), spec.get("pilot")
-    sampled = f"pilot {pilot['name']}" if pilot else f"{spec['sampler']} sampling"
-    controlled = f"controller {own['controller']}" if "controller" in own else sampled
-    preset = "" if pilot else f", preset {spec['preset']}"
-    named = "" if "system" in own else f"{preset}, vehicle {spec['vehicle']['name']}"
-    # the others have the same dynamics
-    simulator = ", plant rotorpy" if spec.get("plant") == "rotorpy" else ""
-    return f"{controlled}{named}{simulator}, seed {spec['seed']}"
+    """Return in one line what controlled a flight: controller, preset, vehicle, plant and seed."""
+    own = own_parts(spec)
+    pilot = spec.get("pilot")
+    if "controller" in own:
+        controlled = f"controller {own['controller']}"
+    elif pilot:
+        controlled = f"pilot {pilot['name']}"
+    else:
+        controlled = f"{spec['sampler']} sampling"
+    parts = [controlled]
+    if not pilot:
+        parts.append(f"preset {spec['preset']}")
+    parts.append(f"vehicle {spec['vehicle']['name']}")
+    # The other plants have the same dynamics
+    if spec.get("plant") == "rotorpy":
+        parts.append("plant rotorpy")
+    parts.append(f"seed {spec['seed']}")
+    return ", ".join(parts)
 
 
 def hostless(spec: dict) -> dict:
-    """The part of a spec that decides a flight."""
-    return {k: v for k, v in spec.items() if k != "host"}
+    """Return the part of a spec that decides a flight."""
+    return {key: value for key, value in spec.items() if key != "host"}
 
 
 def not_comparable(spec: dict) -> str:
-    """What is to be said wherever a run stands beside others that was changed in flight; empty if
-    it was not."""
-    n = len(spec.get(INTERACTIVE, ()))
-    return f"interactive, not comparable: {n} change{'s' * (n > 1)} in flight" if n else ""
+    """Return a remark for a run whose planner was changed in flight, empty for any other run.
+
+    The remark is shown wherever the run stands beside others.
+    """
+    changes = len(spec.get(INTERACTIVE, ()))
+    if not changes:
+        return ""
+    plural = "s" if changes > 1 else ""
+    return f"interactive, not comparable: {changes} change{plural} in flight"
 
 
 def canonical(value: object) -> bytes:
-    """One JSON text for one value; raises ValueError on nan and TypeError on what JSON cannot
-    hold."""
+    """Return the one JSON text of a value.
+
+    Raises:
+        ValueError: the value holds a nan.
+        TypeError: the value holds what JSON cannot hold.
+    """
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
 
 
 class Recorder:
-    """Collects the frames of a flight, about 250 bytes each."""
+    """A collector of the frames of a flight, about 250 bytes each."""
 
     def __init__(self) -> None:
         self.last: Frame | None = None
         self.events: list[Event] = []
-        self._table = np.empty((0, 1))  # the system's columns, with room for more rows
+        # One row a frame, with room for more rows; as wide as the first frame says
+        self._table = np.empty((0, 1))
         self._frames = 0
         self._snapshots: list[tuple[int, PlannerSnapshot]] = []
 
-    def add(self, f: Frame) -> None:
-        if f.snapshot:
-            self._snapshots.append((len(self), f.snapshot))
+    def add(self, frame: Frame) -> None:
+        """Add the next frame of the flight."""
+        if frame.snapshot:
+            self._snapshots.append((len(self), frame.snapshot))
         row = (
-            f.t,
-            *f.x,
-            *f.u,
-            f.passed,
-            f.lap,
-            f.ess,
-            f.temperature,
-            f.cost,
-            f.plan_ms,
-            *f.estimate,
+            frame.t,
+            *frame.x,
+            *frame.u,
+            frame.passed,
+            frame.lap,
+            frame.ess,
+            frame.temperature,
+            frame.cost,
+            frame.plan_ms,
+            *frame.estimate,
         )
-        if len(self) == len(self._table):  # a new one, as views of the old one must not change
-            table = np.empty((2 * len(self) or 1024, len(row)))
-            table[: len(self)] = self._table
-            self._table = table
+        if len(self) == len(self._table):
+            self._grow(len(row))
         self._table[len(self)] = row
-        self.events += f.events
-        self.last = f
+        self.events += frame.events
+        self.last = frame
         self._frames += 1
 
     def __len__(self) -> int:
         return self._frames
 
+    def _grow(self, columns: int) -> None:
+        """Take a new, larger table: views of the old one must not change."""
+        table = np.empty((2 * len(self) or FIRST_ROWS, columns))
+        table[: len(self)] = self._table
+        self._table = table
+
     def views(self, columns: Iterable[str]) -> dict[str, np.ndarray]:
-        """The telemetry so far, not copied; a view stays valid while the flight goes on.  (frames,)
-        each"""
+        """Return the telemetry so far, not copied, each column (frames,).
+
+        A view stays valid while the flight goes on.
+
+        Args:
+            columns: the names of `columns_of`, in order.
+        """
         names = tuple(columns)
-        return dict(
-            zip(names, self._table[: len(self)].reshape(len(self), len(names)).T, strict=True)
-        )
+        rows = self._table[: len(self)].reshape(len(self), len(names))
+        return dict(zip(names, rows.T, strict=True))
 
     def run(self, spec: dict) -> Run:
-        """The flight so far, interrupted where its last frame has no outcome. Raises ValueError for
-        any other one."""
-        outcome = (self.last.outcome if self.last else None) or "interrupted"
+        """Return the flight so far, interrupted where its last frame has no outcome.
+
+        Raises:
+            ValueError: the referee's outcome is none of Outcome.
+        """
+        outcome = "interrupted"
+        if self.last and self.last.outcome:
+            outcome = self.last.outcome
         if outcome not in get_args(Outcome):
-            raise ValueError(
-                f"referee: expected an outcome of {', '.join(get_args(Outcome))}, got {outcome!r}"
-            )
-        # tuples become lists now, so that loading gives back the same
+            known = ", ".join(get_args(Outcome))
+            raise ValueError(f"referee: expected an outcome of {known}, got {outcome!r}")
+        # Tuples become lists now, so that loading gives back the same
         spec = json.loads(canonical(spec))
-        views = self.views(columns_of(spec))
         telemetry = {
-            name: column.astype(int if name in COUNTS else float) for name, column in views.items()
+            name: column.astype(int if name in COUNTS else float)
+            for name, column in self.views(columns_of(spec)).items()
         }
         return Run(
             spec=spec,
@@ -264,12 +309,12 @@ class Recorder:
         )
 
     def _wall(self, plan_ms: np.ndarray) -> dict:
-        """The real-time factor is simulated over wall-clock seconds."""
-        p50, p95 = (
-            (float(v) for v in np.percentile(plan_ms, [50, 95])) if len(plan_ms) else (0.0, 0.0)
-        )
-        timed = self.last is not None and self.last.elapsed > 0.0
-        return {
-            "plan_ms": {"p50": p50, "p95": p95},
-            "real_time_factor": self.last.t / self.last.elapsed if self.last and timed else 0.0,
-        }
+        """Return planning times [ms], and simulated seconds per second of wall clock."""
+        plan_time: PlanTime = {"p50": 0.0, "p95": 0.0}
+        if len(plan_ms):
+            plan_time["p50"] = float(np.percentile(plan_ms, 50))
+            plan_time["p95"] = float(np.percentile(plan_ms, 95))
+        factor = 0.0
+        if self.last and self.last.elapsed > 0.0:
+            factor = self.last.t / self.last.elapsed
+        return {"plan_ms": plan_time, "real_time_factor": factor}

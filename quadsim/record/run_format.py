@@ -1,30 +1,31 @@
-"""The bytes of a run folder's three files. Reading checks names, types, lengths and the digest."""
+"""The bytes of a run folder's three files. Reading checks names, types and lengths."""
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from hashlib import sha256
-from math import isfinite
 from typing import Any
 
 import msgspec
 import numpy as np
 
+from quadsim.files.csv_rows import csv_text
+from quadsim.files.json_values import without_nan
 from quadsim.race.events import Event
 from quadsim.record.metrics import chatter
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.run import COUNTS, Outcome, PlanTime, Run, RunError, columns_of, own_parts
 
 SCHEMA_VERSION = 1
+CSV_COLUMNS = ("t", "kind", "gate", "lap", "left", "up", "speed", "x", "y", "z", "obstacle")
 
 
 @dataclass(frozen=True)
 class Record:
-    """What is read back of run.json; the rest follows from it or is there to be read by people."""
+    """The part of run.json that is read back; the rest follows from it or is for people."""
 
     spec: dict[str, Any]
     outcome: Outcome
@@ -36,18 +37,21 @@ class Record:
 
 @dataclass(frozen=True)
 class Header:
+    """The key of run.json that says how to read the others."""
+
     schema_version: int
 
 
 def write_json(run: Run, provenance: dict) -> bytes:
+    """Return run.json."""
     record = {
         "schema_version": SCHEMA_VERSION,
         "outcome": run.outcome,
         "laps": run.laps,
         "penalties": run.penalties,
         "gates": run.gates,
-        "events": [e.record() for e in run.events],
-        "chatter": _finite(chatter(run)),
+        "events": [event.record() for event in run.events],
+        "chatter": without_nan(chatter(run)),
         **run.wall,
         "spec": run.spec,
         "course_sha256": sha256(run.spec["course_text"].encode()).hexdigest(),
@@ -60,14 +64,20 @@ def write_json(run: Run, provenance: dict) -> bytes:
 
 
 def read_json(data: bytes, path: object) -> Record:
+    """Read run.json.
+
+    Args:
+        data: the file's bytes.
+        path: named in errors.
+
+    Raises:
+        RunError: the file is damaged, or of another version.
+    """
     try:
         version = msgspec.json.decode(data, type=Header).schema_version
         if version != SCHEMA_VERSION:
-            advice = (
-                "it comes from a newer quadsim, update this one"
-                if version > SCHEMA_VERSION
-                else "it is damaged"
-            )
+            newer = "it comes from a newer quadsim, update this one"
+            advice = newer if version > SCHEMA_VERSION else "it is damaged"
             raise RunError(
                 f"{path}: expected schema_version {SCHEMA_VERSION}, got {version}; {advice}"
             )
@@ -77,53 +87,66 @@ def read_json(data: bytes, path: object) -> Record:
 
 
 def write_npz(run: Run) -> bytes:
+    """Return telemetry.npz: one array a column, and those of the planner's snapshots."""
+    arrays = dict(run.telemetry)
+    if run.snapshots:
+        arrays |= run.snapshots.arrays()
     buffer = io.BytesIO()
-    arrays: dict = run.telemetry | (run.snapshots.arrays() if run.snapshots else {})
-    np.savez_compressed(buffer, **arrays)
+    np.savez_compressed(buffer, **arrays)  # pyright: ignore[reportArgumentType]
     return buffer.getvalue()
 
 
 def read_npz(
     data: bytes, spec: dict, path: object
 ) -> tuple[dict[str, np.ndarray], PlannerSnapshots | None]:
-    """Telemetry by column, and the planner's snapshots where the run has them."""
+    """Read telemetry.npz.
+
+    Args:
+        data: the file's bytes.
+        spec: the run's spec, which says what columns there are.
+        path: named in errors.
+
+    Returns:
+        telemetry: column -> array.
+        snapshots: the planner's, None where the run has none.
+
+    Raises:
+        RunError: the file is damaged.
+    """
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
             columns = {name: arrays[name] for name in arrays.files}
-    except Exception as error:  # a damaged zip fails in a dozen ways
+    except Exception as error:
+        # A damaged zip fails in a dozen ways
         raise RunError(f"{path}: damaged: {error}") from error
     snapshots = PlannerSnapshots.taken_out_of(columns)
-    wanted = _wanted(spec, path)
-    _check(columns, wanted, path)
+    expected = columns_of(spec)
+    _check(columns, expected, path)
     try:
         if snapshots:
             snapshots.check(len(columns["t"]))
     except ValueError as error:
         raise RunError(f"{path}: {error}") from error
-    return {name: columns[name] for name in wanted}, snapshots
+    return {name: columns[name] for name in expected}, snapshots
 
 
 def write_csv(events: Iterable[Event]) -> bytes:
-    text = io.StringIO(newline="")
-    out = csv.writer(text)
-    out.writerow(["t", "kind", "gate", "lap", "left", "up", "speed", "x", "y", "z", "obstacle"])
-    out.writerows(
-        (e.t, e.kind, e.gate, e.lap, *e.offset, e.speed, *e.position, e.obstacle) for e in events
-    )
-    return text.getvalue().encode()
+    """Return events.csv, a row for each event."""
+    return csv_text([_csv_row(event) for event in events], CSV_COLUMNS).encode()
 
 
-def _wanted(spec: dict, path: object) -> dict[str, str]:
-    try:
-        return columns_of(spec)
-    except (KeyError, TypeError, AttributeError) as error:
-        raise RunError(f"{path}: run.json names no known system: {error}") from error
+def _csv_row(event: Event) -> dict[str, object]:
+    place = (event.t, event.kind, event.gate, event.lap)
+    values = (*place, *event.offset, event.speed, *event.position, event.obstacle)
+    return dict(zip(CSV_COLUMNS, values, strict=True))
 
 
-def _check(columns: dict[str, np.ndarray], wanted: dict[str, str], path: object) -> None:
-    if wrong := sorted(columns.keys() ^ wanted.keys()):
+def _check(columns: dict[str, np.ndarray], expected: dict[str, str], path: object) -> None:
+    """Raise RunError unless these are the expected columns, of their types and of one length."""
+    wrong = sorted(columns.keys() ^ expected.keys())
+    if wrong:
         raise RunError(
-            f"{path}: expected the columns of the run's system, missing or unknown: {', '.join(wrong)}"
+            f"{path}: expected the columns of its run, missing or unknown: {', '.join(wrong)}"
         )
     frames = columns["t"].shape
     for name, column in columns.items():
@@ -132,10 +155,3 @@ def _check(columns: dict[str, np.ndarray], wanted: dict[str, str], path: object)
             raise RunError(
                 f"{path}: {name}: expected {kind} {frames}, got {column.dtype} {column.shape}"
             )
-
-
-def _finite(value: object) -> object:
-    """JSON has no nan: a chatter of a plant that blew up becomes null."""
-    if isinstance(value, dict):
-        return {k: _finite(v) for k, v in value.items()}
-    return None if isinstance(value, float) and not isfinite(value) else value

@@ -1,5 +1,4 @@
-"""Files that are there whole or not at all, and what is said of a path before anything is
-written."""
+"""Files that are there whole or not at all, and checks of a path before anything is written."""
 
 from __future__ import annotations
 
@@ -7,14 +6,17 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from uuid import uuid4
 
-from quadsim.files.atomic import replace_file, unnamed_file
+from quadsim.files.atomic import replace_file
 from quadsim.record.run import RunError
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """See replace_file; its folder is made where it is missing. Raises RunError."""
+    """Write a file whole or not at all, see replace_file; make its folder where it is missing.
+
+    Raises:
+        RunError: the file cannot be written.
+    """
     expect_file(path)
     with one_line(path, "cannot write"):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -22,7 +24,7 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def expect_file(path: Path) -> None:
-    """Raises RunError unless a file may be written, or is, at this path."""
+    """Raise RunError unless a file is, or may be written, at this path."""
     with one_line(path, "cannot use"):
         if path.name and (not path.exists() or path.is_file()):
             return
@@ -31,26 +33,19 @@ def expect_file(path: Path) -> None:
 
 
 def expect_writable(folder: Path) -> None:
-    """Raises RunError where nothing can be written into the folder, or where it cannot be made."""
-    there = next(f for f in (folder, *folder.parents, Path()) if f.exists())
-    with one_line(folder, "cannot write here"):
-        probe = there / f"{uuid4().hex}.tmp"
-        with unnamed_file(there) or probe.open("xb"):
-            probe.unlink(missing_ok=True)
-
-
-def sync(folder: Path) -> None:
-    """Put a folder's own entries on the disk."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+    """Raise RunError where the folder, or the one it would be made in, cannot be written."""
+    above = [place for place in (folder, *folder.parents, Path()) if place.exists()]
+    nearest = above[0]
+    if not nearest.is_dir():
+        raise RunError(f"{folder}: cannot write here: {nearest} is not a folder")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise RunError(f"{folder}: cannot write here: no permission to write in {nearest}")
 
 
 @contextmanager
-def one_line(path: str | Path, what: str) -> Iterator[None]:
+def one_line(path: str | Path, problem: str) -> Iterator[None]:
+    """Turn an OSError inside into a RunError of one line that names the path and the problem."""
     try:
         yield
     except OSError as error:
-        raise RunError(f"{path}: {what}: {error.strerror or error}") from error
+        raise RunError(f"{path}: {problem}: {error.strerror or error}") from error

@@ -10,39 +10,57 @@ import numpy as np
 from controllers.costs.reference import Reference, ReferenceWeights
 from quadsim.course import Course
 from quadsim.files.strict_yaml import FileError
-from quadsim.record.limits import LIMITS, Limit, Race
+from quadsim.record.limits import LIMITS, LimitProblem, StoredSolution
 from quadsim.vehicle import Vehicle
 
 
 def stored_reference(
-    course: Course, vehicle: Vehicle, laps: int, weights: ReferenceWeights, runs_dir: str
-) -> Limit:
-    """The solution that comes with the project or lies in runs/limits. Raises FileError where there
-    is none."""
-    race = replace(
-        Race(course, vehicle, laps, "rates"), margin=weights.margin, reserve=weights.reserve
-    )
-    found = race.best_known(Path(runs_dir) / LIMITS)
+    course: Course, vehicle: Vehicle, laps: int, weights: ReferenceWeights, runs_dir: str | Path
+) -> StoredSolution:
+    """Return the fastest known solution of a race that a planner may follow.
+
+    Args:
+        course, vehicle, laps: the race.
+        weights: their margin and reserve are the solution's.
+        runs_dir: folder of runs; solutions are looked for there, beside those of the project.
+
+    Raises:
+        FileError: there is no solution of this race.
+    """
+    problem = LimitProblem(course, vehicle, laps, "rates")
+    problem = replace(problem, margin=weights.margin, reserve=weights.reserve)
+    found = problem.best_known(Path(runs_dir) / LIMITS)
     if found:
         return found
     name, _, ratio = vehicle.name.partition("-twr")
     flown = f"{name} --thrust-to-weight {ratio}" if ratio else name
-    said = (
-        f"{course.name} --vehicle {flown} --laps {laps} --model rates --margin {weights.margin:g}"
+    command = (
+        f"race limit {course.name} --vehicle {flown} --laps {laps} --model rates"
+        f" --margin {weights.margin:g} --reserve {weights.reserve:g}"
     )
-    how = f"race limit {said} --reserve {weights.reserve:g}"
-    raise FileError(
-        f"preset: expected a stored solution of this race to follow, got none: search it with {how}"
-    )
+    if str(runs_dir) != "runs":
+        command += f" --runs-dir {runs_dir}"
+    problem_text = "preset: expected a stored solution of this race to follow, got none"
+    raise FileError(f"{problem_text}: search it with {command}")
 
 
-def reference_of(limit: Limit, vehicle: Vehicle, dt: float) -> Reference:
-    """Its states and controls at every control period dt [s]."""
-    s = limit.solution
-    t = np.arange(0.0, s.t[-1], dt)
-    # the one around the period's middle
-    interval = np.clip(np.searchsorted(s.t, t + dt / 2) - 1, 0, len(s.u) - 1)
-    passes = [float(s.t[1:][s.target == k][-1]) for k in range(int(s.target.max()) + 1)]
-    return Reference.of(
-        limit.states(vehicle, t)[:, :6], s.u[interval], [round(at / dt) for at in passes], dt
-    )
+def reference_of(limit: StoredSolution, vehicle: Vehicle, dt: float) -> Reference:
+    """Return a solution's states and controls at every control period.
+
+    Args:
+        limit: the solution.
+        vehicle: that it was searched for.
+        dt: control period [s].
+    """
+    solution = limit.solution
+    t = np.arange(0.0, solution.t[-1], dt)
+
+    # The control of a period is that of the solution's interval around the period's middle.
+    middle = np.searchsorted(solution.t, t + dt / 2) - 1
+    interval = np.clip(middle, 0, len(solution.u) - 1)
+
+    # A gate is passed where the last interval that aims at it ends.
+    gates = range(int(solution.target.max()) + 1)
+    passes = [float(solution.t[1:][solution.target == gate][-1]) for gate in gates]
+    rows = [round(t_pass / dt) for t_pass in passes]
+    return Reference.of(limit.states(vehicle, t)[:, :6], solution.u[interval], rows, dt)

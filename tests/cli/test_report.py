@@ -1,5 +1,4 @@
-"""The report of a run: every lap, gate and incident is in it, in any width, and the same from
-memory and disk."""
+"""The report of a run: every lap, gate and incident is in it, in any width."""
 
 import re
 from dataclasses import replace
@@ -46,7 +45,20 @@ def run(gates=GATES * LAPS, outcome="finished", more=(), **model):
         lap = min(passed // GATES + 1, LAPS)
         x = dict.fromkeys(STATE, 0.0) | {"vx": 20.0 if lap == 2 else 10.0, "a": 9.81}
         u = (0.0, 0.0, 0.0, 9.81 + np.sin(20 * t))
-        frames.append(Frame(t, tuple(x.values()), u, passed, lap, 1, 50.0, 1.0, 2.0, 5.0, 2 * t))
+        frame = Frame(
+            t=t,
+            x=tuple(x.values()),
+            u=u,
+            passed=passed,
+            lap=lap,
+            gate=1,
+            ess=50.0,
+            temperature=1.0,
+            cost=2.0,
+            plan_ms=5.0,
+            elapsed=2 * t,
+        )
+        frames.append(frame)
     frames[-1] = replace(frames[-1], events=events, outcome=outcome)
     return Run.from_frames(spec(**model), frames)
 
@@ -150,3 +162,18 @@ def test_summary_has_what_programs_ask_for(tmp_path):
         == 0.0
     )
     assert summary(run(), None)["run_dir"] is None
+
+
+def test_a_user_s_own_parts_are_named_in_the_report_and_in_the_title():
+    part = {"class": "mine.drive.Straight", "parameters": {}}
+    for role, head in (("sampler", "Straight sampling"), ("controller", "controller Straight")):
+        flown = run()
+        flown.spec["own"] = {role: part}
+        if role == "sampler":
+            flown.spec["sampler"] = "Straight"
+        lines = [line.strip() for line in printed(flown).splitlines()]
+        assert any(line.startswith(f"own parts  {role} Straight") for line in lines)
+        assert lines[1].startswith(head)
+        assert head in title(flown)
+        assert summary(flown, None)["own_parts"] == {role: "Straight"}
+    assert "own parts" not in printed(run())

@@ -11,7 +11,7 @@ import pytest
 from quadsim.course import Box, Cylinder, load_course, parse_course
 from quadsim.course.swept_obstacles import SweptObstacle, SweptObstacles
 from quadsim.files.strict_yaml import FileError
-from quadsim.record.limits import SOLUTIONS, Race, load
+from quadsim.record.limits import SOLUTIONS, LimitProblem, load
 from quadsim.vehicle import load_vehicle
 
 PLAIN = """\
@@ -106,14 +106,15 @@ def test_obstacles_change_the_key_of_a_race_and_none_leave_it_as_it_was():
         parse_course(GOOD.replace("height: 5", "height: 3"), "mine.yaml"),
         load_vehicle("swift"),
     )
-    bare = Race(replace(course, obstacles=()), vehicle, 1, "rotors").key
-    assert bare == Race(parse_course(PLAIN, "mine.yaml"), vehicle, 1, "rotors").key
-    assert Race(course, vehicle, 1, "rotors").key != bare
+    bare = LimitProblem(replace(course, obstacles=()), vehicle, 1, "rotors").key
+    assert bare == LimitProblem(parse_course(PLAIN, "mine.yaml"), vehicle, 1, "rotors").key
+    assert LimitProblem(course, vehicle, 1, "rotors").key != bare
     # stored before courses had obstacles
     for path in SOLUTIONS.glob("split_s_swift_swift_*_rotors_*.npz"):
         limit = load(path)
         assert (
-            path.name == Race(load_course("split_s_swift"), vehicle, limit.laps, "rotors").file_name
+            path.name
+            == LimitProblem(load_course("split_s_swift"), vehicle, limit.laps, "rotors").file_name
         )
 
 

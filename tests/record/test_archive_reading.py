@@ -1,11 +1,12 @@
-"""Reading a run folder checks everything, and still reads what was written long ago."""
+"""Reading a run folder checks everything in it."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from run_cases import save, snapshot, two_laps
+from run_cases import save, two_laps
 
 from quadsim.record.archive import list_runs, load_run
 from quadsim.record.planner_snapshot import TERM
@@ -22,81 +23,63 @@ def edit_npz(path, **changes):
     np.savez(path / "telemetry.npz", **{k: v for k, v in columns.items() if v is not None})
 
 
-def test_snapshots_in_the_early_layout_a_row_a_frame_load_as_well(tmp_path):
-    run = two_laps(snapshot=snapshot())
-    path = save(tmp_path, run)
-    dense = np.full((61, *run.snapshots.best.shape[1:]), np.nan, np.float32)
-    dense[[3, 7]] = run.snapshots.best[:2]
-    terms = {
-        f"{TERM}{name}": np.where(np.isin(np.arange(61), [3, 7]), 1, np.nan)
-        for name in run.snapshots.terms
-    }
-    edit_npz(
-        path,
-        pictured=None,
-        best=dense,
-        **{name: column.astype(np.float32) for name, column in terms.items()},
-    )
-    old = load_run(path)
-    assert old.snapshots.frames.tolist() == [3, 7]
-    assert np.array_equal(old.snapshots.best, run.snapshots.best[:2])
-    assert old.snapshots.latest(6)[1].terms == dict.fromkeys(run.snapshots.terms, 1.0)
+SEEN = np.array([0, 10])
+BEST = np.zeros((2, 8, 5, 3), np.float32)
 
 
-SEEN, BEST = np.array([0, 10]), np.zeros((2, 8, 5, 3), np.float32)
+def cut_json(path):
+    (path / "run.json").write_text('{"schema_version": 1, "spec"')
+
+
+def binary_json(path):
+    (path / "run.json").write_bytes(b"\xff\x00")
+
+
+def empty_npz(path):
+    (path / "telemetry.npz").write_bytes(b"")
+
+
+def changed_json(**changes):
+    return partial(edit, **changes)
+
+
+def changed_npz(**changes):
+    return partial(edit_npz, **changes)
+
+
+# Name -> what harms the folder, and what the error names
 DAMAGE = {
-    "newer": (
-        lambda p: edit(p, schema_version=2),
-        "expected schema_version 1, got 2; it comes from a newer quadsim",
-    ),
-    "no version": (lambda p: edit(p, schema_version=None), "damaged: Expected `int`"),
-    "outcome": (lambda p: edit(p, outcome="won"), "damaged: Invalid enum value 'won'"),
-    "edited lap": (lambda p: edit(p, events=[]), "do not give the stored digest"),
-    "event": (
-        lambda p: edit(p, events=[{"t": "soon"}]),
-        r"damaged: Expected `float`, got `str` - at `\$.events\[0\].t`",
-    ),
-    "cut json": (
-        lambda p: (p / "run.json").write_text('{"schema_version": 1, "spec"'),
-        "damaged: ",
-    ),
-    "binary json": (lambda p: (p / "run.json").write_bytes(b"\xff\x00"), "damaged: "),
-    "no json": (lambda p: (p / "run.json").unlink(), "cannot read: No such file"),
-    "no npz": (lambda p: (p / "telemetry.npz").unlink(), "cannot read: No such file"),
-    "empty npz": (lambda p: (p / "telemetry.npz").write_bytes(b""), "damaged: "),
-    "column": (lambda p: edit_npz(p, vz=None), "missing or unknown: vz"),
-    "length": (
-        lambda p: edit_npz(p, vz=np.zeros(3)),
-        r"vz: expected float64 \(61,\), got float64 \(3,\)",
-    ),
-    "pickle": (lambda p: edit_npz(p, vz=np.array([{}])), "damaged: Object arrays cannot be loaded"),
-    "best": (
-        lambda p: edit_npz(p, pictured=SEEN, best=np.zeros((2, 8, 3))),
-        "best: expected float32",
-    ),
+    "newer": (changed_json(schema_version=2), "schema_version"),
+    "no version": (changed_json(schema_version=None), "damaged"),
+    "outcome": (changed_json(outcome="won"), "'won'"),
+    "edited lap": (changed_json(events=[]), "digest"),
+    "event": (changed_json(events=[{"t": "soon"}]), r"events\[0\].t"),
+    "cut json": (cut_json, "damaged"),
+    "binary json": (binary_json, "damaged"),
+    "no json": (lambda path: (path / "run.json").unlink(), "cannot read"),
+    "no npz": (lambda path: (path / "telemetry.npz").unlink(), "cannot read"),
+    "empty npz": (empty_npz, "damaged"),
+    "column": (changed_npz(vz=None), "missing or unknown: vz"),
+    "length": (changed_npz(vz=np.zeros(3)), "vz: "),
+    "pickle": (changed_npz(vz=np.array([{}])), "damaged"),
+    "best": (changed_npz(pictured=SEEN, best=np.zeros((2, 8, 3))), "best: "),
     "four states": (
-        lambda p: edit_npz(p, pictured=SEEN, best=np.zeros((2, 8, 5, 4), np.float32)),
-        "1 to 3",
+        changed_npz(pictured=SEEN, best=np.zeros((2, 8, 5, 4), np.float32)),
+        "best: ",
     ),
-    "pictured alone": (lambda p: edit_npz(p, pictured=SEEN), "missing or unknown: pictured"),
-    "no path": (lambda p: edit_npz(p, pictured=SEEN, best=BEST[:, :0]), "best: expected float32"),
-    "past the end": (
-        lambda p: edit_npz(p, pictured=SEEN + 60, best=BEST),
-        "pictured: expected rising frames below 61",
-    ),
-    "falling": (
-        lambda p: edit_npz(p, pictured=SEEN[::-1], best=BEST),
-        "pictured: expected rising frames below 61",
-    ),
+    "pictured alone": (changed_npz(pictured=SEEN), "missing or unknown: pictured"),
+    "no path": (changed_npz(pictured=SEEN, best=BEST[:, :0]), "best: "),
+    "past the end": (changed_npz(pictured=SEEN + 60, best=BEST), "pictured: "),
+    "falling": (changed_npz(pictured=SEEN[::-1], best=BEST), "pictured: "),
     "term": (
-        lambda p: edit_npz(p, pictured=SEEN, best=BEST, **{f"{TERM}crash": np.zeros(2)}),
-        r"cost.crash: expected float32 \(2,\), got float64 \(2,\)",
+        changed_npz(pictured=SEEN, best=BEST, **{f"{TERM}crash": np.zeros(2)}),
+        "cost.crash: ",
     ),
     "term alone": (
-        lambda p: edit_npz(p, **{f"{TERM}crash": np.zeros(61)}),
+        changed_npz(**{f"{TERM}crash": np.zeros(61)}),
         "missing or unknown: cost.crash",
     ),
-    "bit": (lambda p: edit_npz(p, vz=np.full(61, 1e-300)), "do not give the stored digest"),
+    "bit": (changed_npz(vz=np.full(61, 1e-300)), "digest"),
 }
 
 
@@ -127,7 +110,7 @@ def test_random_damage_never_gets_past_the_reader_unseen(tmp_path, name):
         assert loaded.digest() == run.digest()
 
 
-def test_missing_run_is_one_line():
-    with pytest.raises(RunError, match=r"^nowhere: expected a run folder, found nothing$"):
+def test_a_missing_run_is_an_error_that_names_it():
+    with pytest.raises(RunError, match=r"^nowhere: "):
         load_run(Path("nowhere"))
     assert list_runs("nowhere") == []

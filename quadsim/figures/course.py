@@ -1,0 +1,154 @@
+"""A course from above or from the side: the one drawing of it for figures.
+
+Gates are bars with an arrow along the passage, obstacles are filled outlines. `gate_bar` and the
+obstacles' own `outline` give the geometry in metres to drawings that matplotlib does not make.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
+
+from quadsim.course import Course, Gate
+from quadsim.course.opening import outer_half_sizes
+from quadsim.palette import FRAME, INK, MARK
+
+# World axes of a view: from above, x to the right and y up
+ABOVE = (0, 1)
+NUMBER: dict[str, Any] = {
+    "ha": "center",
+    "va": "center",
+    "weight": "bold",
+    "zorder": 6,
+    "path_effects": [withStroke(linewidth=2.5, foreground="white")],
+}
+ARROW: dict[str, Any] = {"arrowstyle": "->", "color": INK, "lw": 1.3}
+
+
+class Bar(NamedTuple):
+    """A gate from above, as line segments in metres.  (2, 2) each: ends, x and y"""
+
+    # The frame, from outer edge to outer edge
+    frame: np.ndarray
+    # The opening in it
+    opening: np.ndarray
+
+
+def gate_bar(gate: Gate) -> Bar:
+    """Return a gate as seen from above, its opening within its frame."""
+    # Diagonally opposite corners lie farthest apart, however the gate is turned
+    frame = gate.corners(gate.frame_width)[[0, 3]]
+    opening = gate.corners()[[0, 3]]
+    return Bar(frame[:, :2], opening[:, :2])
+
+
+def draw_course(axes: Axes, course: Course, *, bounds: bool = False, numbers: bool = True) -> None:
+    """Draw a course from above, north up and to scale: gates, obstacles and the start.
+
+    Args:
+        axes: of matplotlib.
+        course: to draw.
+        bounds: draw the bounds as well.
+        numbers: write each gate's number beside it.
+    """
+    scale = arrow_scale(course.points(frames=False)[:, :2])
+    draw_gates(axes, course, ABOVE, scale, numbers=numbers)
+    draw_obstacles(axes, course, ABOVE, scale)
+    if bounds:
+        (x_min, x_max), (y_min, y_max), _ = course.bounds
+        corners = [(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max), (x_min, y_min)]
+        axes.plot(*np.transpose(corners), color=FRAME, linestyle=":", linewidth=1.0, zorder=1)
+    draw_start(axes, np.array(course.start.position[:2]))
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    axes.set_aspect("equal", adjustable="datalim")
+
+
+def arrow_scale(points: np.ndarray) -> float:
+    """Return the length of arrows and distance of labels in a map of points (n, axes) [m]."""
+    return max(float(np.ptp(points, axis=0).max()) / 20.0, 0.3)
+
+
+def draw_start(axes: Axes, position: np.ndarray) -> None:
+    """Draw where a flight begins; position: in the view  (2,)."""
+    axes.plot(
+        *position,
+        marker="o",
+        color="white",
+        markeredgecolor="black",
+        markersize=6,
+        linestyle="none",
+        label="start",
+    )
+
+
+def draw_gates(
+    axes: Axes, course: Course, plane: tuple[int, int], scale: float, *, numbers: bool = True
+) -> None:
+    """Draw frame and opening of each gate, an arrow along the passage, and its number.
+
+    Args:
+        axes: of matplotlib.
+        course: whose gates to draw.
+        plane: world axes of the view.
+        scale: see arrow_scale [m].
+        numbers: write each gate's number beside it.
+    """
+    view = list(plane)
+    for number, gate in enumerate(course.gates, start=1):
+        _draw_ring(axes, gate.corners(gate.frame_width)[:, view], FRAME, width=4.0)
+        _draw_ring(axes, gate.corners()[:, view], INK, width=2.0)
+        x, y = np.array(gate.position)[view]
+        dx, dy = 1.2 * scale * gate.rotation[view, 0]
+        axes.annotate("", (x + dx, y + dy), (x, y), arrowprops=ARROW, zorder=3)
+        if numbers:
+            left, up = _label_position(gate, plane, scale)
+            axes.text(left, up, str(number), **NUMBER)
+
+
+def draw_obstacles(axes: Axes, course: Course, plane: tuple[int, int], scale: float) -> None:
+    """Draw the outlines of the obstacles, filled, and from above the number of each.
+
+    Args:
+        axes: of matplotlib.
+        course: whose obstacles to draw.
+        plane: world axes of the view.
+        scale: see arrow_scale [m].
+    """
+    for number, obstacle in enumerate(course.obstacles, start=1):
+        corners = obstacle.corners()[:, list(plane)]
+        x_min, y_min = corners.min(axis=0)
+        x_max, y_max = corners.max(axis=0)
+        outline = np.array([(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max)])
+        if plane == ABOVE:
+            outline = obstacle.outline()
+        axes.fill(*outline.T, facecolor=FRAME, edgecolor=MARK, linewidth=2.0, zorder=2.8)
+        if plane == ABOVE:
+            place = (x_max + 0.25 * scale, y_max)
+            axes.text(*place, str(number), color=MARK, fontsize=7, zorder=6)
+
+
+def _draw_ring(axes: Axes, corners: np.ndarray, colour: str, width: float) -> None:
+    """Draw the border through four corners (4, 2), in the order of Gate.corners."""
+    ring = corners[[0, 1, 3, 2, 0]]
+    axes.plot(*ring.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=3)
+
+
+def _label_position(gate: Gate, plane: tuple[int, int], scale: float) -> np.ndarray:
+    """Return where a gate's number stands, outside its frame.
+
+    From above it is before the gate and to its left; from the side above the gate, or before it
+    where its opening is seen edge on.
+    """
+    passage, left, _ = gate.rotation.T
+    outer = outer_half_sizes(gate.opening, gate.frame_width)
+    view = list(plane)
+    if plane == ABOVE:
+        beside = left * (outer.left + 0.5 * scale) - 0.5 * scale * passage
+    elif abs(passage[plane[0]]) > 0.9:
+        beside = -0.7 * scale * passage
+    else:
+        beside = np.array([0.0, 0.0, outer.up + 0.3])
+    return (gate.position + beside)[view]
