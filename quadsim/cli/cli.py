@@ -136,7 +136,7 @@ def _about(name: str, rest: list[str]) -> int:
     if name == COMPLETE:
         print(*(f"{word}\n" for word in candidates(rest, COMMANDS)), sep="", end="", flush=True)
         return 0
-    from quadsim.files.yaml_words import did_you_mean
+    from quadsim.files.yaml_errors import did_you_mean
 
     return _complain(f"race: no command {name!r}: {did_you_mean(name, COMMANDS)} (race --help)", 2)
 

@@ -21,7 +21,7 @@ from msgspec import inspect
 
 from controllers.samplers import SAMPLERS
 from quadsim.console import UsageError
-from quadsim.files.yaml_words import did_you_mean, expected
+from quadsim.files.yaml_errors import did_you_mean, expected
 from quadsim.spec.preset_file import load_planner
 from quadsim.spec.settings import FlightSettings, Setting, SettingError, bare, checked, settings_of
 from quadsim.spec.systems import SYSTEMS, SystemEntry, system_of_course

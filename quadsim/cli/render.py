@@ -19,7 +19,7 @@ from quadsim.cli.flags import Help, Json, RunsDir, Switch
 from quadsim.console import UsageError, complain, emit, emit_json, progress_console
 from quadsim.files.data_files import SUFFIXES as YAML
 from quadsim.files.extras import needs_extra
-from quadsim.files.yaml_words import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean
 from quadsim.physics.plant import has_bullet
 from quadsim.record.archive import find_run, load_run
 from quadsim.record.run import RunError, system_of

@@ -19,7 +19,7 @@ from controllers.learned.network import Adam
 from controllers.learned.observation import SIZE
 from quadsim.learn.lanes import LaneEnvironments
 from quadsim.learn.starts import hover_action
-from quadsim.learn.task import Task
+from quadsim.learn.task import LearningTask
 from quadsim.streams import training_stream
 
 ACTIONS = 4
@@ -65,7 +65,7 @@ class Batch:
 class PPO:
     """A policy, its value function and their optimisers, with the environments they learn in."""
 
-    def __init__(self, task: Task, config: PPOConfig, seed: int = 0):
+    def __init__(self, task: LearningTask, config: PPOConfig, seed: int = 0):
         self.task, self.config, self.seed = task, config, seed
         self.rng = np.random.default_rng(training_stream(seed))
         sizes = (SIZE, config.hidden, config.hidden)

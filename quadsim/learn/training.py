@@ -15,7 +15,7 @@ from controllers.learned.pilot import LAYERS, About, Pilot, pilot_bytes
 from quadsim.files.atomic import replace_file
 from quadsim.learn.checkpoint import checkpoint_bytes, restore
 from quadsim.learn.ppo import PPO, PPOConfig
-from quadsim.learn.task import Task
+from quadsim.learn.task import LearningTask
 from quadsim.race.events import flown_laps
 from quadsim.spec.build import flight_frames
 from quadsim.spec.spec import Spec
@@ -27,7 +27,7 @@ EVALUATION_SEED = 10_000  # the first of those that evaluations fly; a compariso
 class Training:
     """What is asked for."""
 
-    task: Task
+    task: LearningTask
     config: PPOConfig
     seed: int
     steps: int  # of the environments
@@ -121,7 +121,7 @@ def pilot_of(ppo: PPO, training: Training) -> Pilot:
 
 
 def evaluate(
-    pilot: Pilot, task: Task, flights: int, seed: int = EVALUATION_SEED
+    pilot: Pilot, task: LearningTask, flights: int, seed: int = EVALUATION_SEED
 ) -> dict[str, float]:
     """Races in the simulator with rotors, gusts and the referee: share finished, mean lap [s],
     share of the gates."""
@@ -141,7 +141,7 @@ def evaluate(
     }
 
 
-def _spec(course: Any, task: Task, seed: int) -> Spec:
+def _spec(course: Any, task: LearningTask, seed: int) -> Spec:
     laps = task.laps[task.courses.index(course)]
     spec = Spec.of(course, seed=seed, randomize=task.randomize, laps=laps, dt=task.dt)
     return replace(spec, vehicle=task.vehicle)

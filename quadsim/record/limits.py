@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
 from contextlib import suppress
@@ -17,12 +16,21 @@ import numpy as np
 
 from quadsim.course import Course, parse_course
 from quadsim.dynamics.quadrotor import BODY_RATES, POSITION, RIGID_BODY, VELOCITY, Control, State
+from quadsim.files.arrays import TEXT, Declared, npz_bytes, read_arrays, record_of
 from quadsim.files.strict_yaml import FileError
 from quadsim.vehicle import Vehicle
 
 SOLUTIONS = Path(__file__).parent / "solutions"  # those that come with the project
 LIMITS = "limits"  # folder among the runs, for those that are found here
-ARRAYS = ("x", "u", "costate")
+WHAT = "the solution of a race"
+ARRAYS = {
+    "facts": TEXT,
+    "t": Declared("float64", ("nodes",), finite=True),
+    "x": Declared("float32", ("nodes", "states"), finite=True),
+    "u": Declared("float32", ("intervals", "controls"), finite=True),
+    "costate": Declared("float32", ("intervals", "states"), finite=True),
+    "target": Declared("int16", ("intervals",)),
+}
 FACTS = ("course", "vehicle", "laps", "closed", "lap_times", "verified", "margin", "reserve")
 # of a course or a vehicle: what changes no race
 NAMES = ("name", "source", "text", "published", "laps", "loop")
@@ -183,38 +191,43 @@ def limit_of(spec: dict, *folders: Path) -> Limit | None:
 
 
 def dump(limit: Limit) -> bytes:
-    """As npz without pickles; states in single precision, whose rounding the check allows for."""
-    s = limit.solution
-    facts = {k: getattr(limit, k) for k in FACTS}
-    arrays: dict[str, Any] = {name: getattr(s, name).astype("<f4") for name in ARRAYS}
-    arrays |= {"t": s.t.astype("<f8"), "target": s.target.astype("<i2")}
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, facts=np.array(json.dumps(facts | {"model": s.model})), **arrays)
-    return buffer.getvalue()
+    """Return the content of a solution's file.
+
+    States are in single precision, whose rounding the check allows for.
+    """
+    facts = {name: getattr(limit, name) for name in FACTS} | {"model": limit.solution.model}
+    arrays = {"facts": np.array(json.dumps(facts))}
+    for name, declared in ARRAYS.items():
+        if name != "facts":
+            arrays[name] = getattr(limit.solution, name).astype(declared.dtype)
+    return npz_bytes(arrays, compressed=True)
 
 
 def load(path: Path) -> Limit:
-    """Raises LimitError."""
+    """Return the limit in a solution's file. Raises LimitError."""
     try:
-        with np.load(path, allow_pickle=False) as data:
-            facts = json.loads(str(data["facts"]))
-            arrays = {name: data[name].astype(float) for name in (*ARRAYS, "t")}
-            solution = Solution(facts.pop("model"), target=data["target"].astype(int), **arrays)
-        return _sound(Limit(**facts, solution=solution))
-    except Exception as error:  # a damaged zip fails in a dozen ways
-        raise LimitError(f"{path}: expected the solution of a race: {error}") from error
-
-
-def _sound(limit: Limit) -> Limit:
-    s, n = limit.solution, len(limit.solution.t)
-    if n < 2 or len(s.x) != n or not len(s.u) == len(s.costate) == len(s.target) == n - 1:
-        raise ValueError("its arrays are not of one length")
-    if (
-        not all(np.isfinite(part).all() for part in (s.t, s.x, s.u, s.costate))
-        or not (np.diff(s.t) > 0.0).all()
-    ):
-        raise ValueError("expected finite numbers and rising times")
+        arrays = read_arrays(path, ARRAYS, WHAT)
+        facts = record_of(arrays.pop("facts"), path, WHAT)
+    except FileError as error:
+        raise LimitError(str(error)) from None
+    target = arrays.pop("target").astype(int)
+    doubles = {name: array.astype(float) for name, array in arrays.items()}
+    try:
+        solution = Solution(facts.pop("model"), target=target, **doubles)
+        limit = Limit(**facts, solution=solution)
+        _check_nodes(limit.solution)
+    except (KeyError, TypeError, ValueError) as error:
+        raise LimitError(f"{path}: expected {WHAT}: {error}") from None
     return limit
+
+
+def _check_nodes(solution: Solution) -> None:
+    """Raise ValueError unless intervals lie between the nodes and times rise."""
+    intervals = len(solution.t) - 1
+    if intervals < 1 or len(solution.u) != intervals:
+        raise ValueError("its arrays are not of one length")
+    if not (np.diff(solution.t) > 0.0).all():
+        raise ValueError("expected rising times")
 
 
 def _rounded(value: Any) -> Any:

@@ -14,9 +14,11 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from quadsim.files.arrays import Declared, arrays_of, npz_bytes
+from quadsim.files.strict_yaml import FileError
 from quadsim.race.events import Event
 from quadsim.record.metrics import chatter
-from quadsim.record.planner_snapshot import PlannerSnapshots
+from quadsim.record.planner_snapshot import BEST, FRAMES, TERM, PlannerSnapshots
 from quadsim.record.run import COUNTS, Outcome, PlanTime, Run, RunError, columns_of, own_parts
 
 SCHEMA_VERSION = 1
@@ -77,30 +79,49 @@ def read_json(data: bytes, path: object) -> Record:
 
 
 def write_npz(run: Run) -> bytes:
-    buffer = io.BytesIO()
-    arrays: dict = run.telemetry | (run.snapshots.arrays() if run.snapshots else {})
-    np.savez_compressed(buffer, **arrays)
-    return buffer.getvalue()
+    """Return the content of telemetry.npz."""
+    snapshots = run.snapshots.arrays() if run.snapshots else {}
+    return npz_bytes(run.telemetry | snapshots, compressed=True)
 
 
 def read_npz(
     data: bytes, spec: dict, path: object
 ) -> tuple[dict[str, np.ndarray], PlannerSnapshots | None]:
-    """Telemetry by column, and the planner's snapshots where the run has them."""
+    """Return telemetry by column, and the planner's snapshots where the run has them.
+
+    Raises:
+        RunError: the content is damaged, or not what a run with this spec leaves behind.
+    """
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
-            columns = {name: arrays[name] for name in arrays.files}
-    except Exception as error:  # a damaged zip fails in a dozen ways
-        raise RunError(f"{path}: damaged: {error}") from error
+        wanted = columns_of(spec)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise RunError(f"{path}: run.json names no known system: {error}") from error
+    try:
+        columns = arrays_of(data, _declared(wanted), path, "the telemetry of a run")
+    except FileError as error:
+        raise RunError(str(error)) from None
     snapshots = PlannerSnapshots.taken_out_of(columns)
-    wanted = _wanted(spec, path)
-    _check(columns, wanted, path)
-    try:
-        if snapshots:
+    unknown = sorted(columns.keys() - wanted.keys())
+    if unknown:
+        raise RunError(f"{path}: arrays missing or unknown: {', '.join(unknown)}")
+    if snapshots:
+        try:
             snapshots.check(len(columns["t"]))
-    except ValueError as error:
-        raise RunError(f"{path}: {error}") from error
+        except ValueError as error:
+            raise RunError(f"{path}: {error}") from error
     return {name: columns[name] for name in wanted}, snapshots
+
+
+def _declared(wanted: Iterable[str]) -> dict[str, Declared]:
+    """Return the arrays that telemetry.npz may hold: these columns and the planner's snapshots."""
+    declared = {
+        name: Declared("int64" if name in COUNTS else "float64", ("frames",)) for name in wanted
+    }
+    return declared | {
+        FRAMES: Declared("int64", ("snapshots",), required=False),
+        BEST: Declared("float32", ("snapshots", "paths", "points", "states"), required=False),
+        f"{TERM}*": Declared("float32", ("snapshots",), required=False),
+    }
 
 
 def write_csv(events: Iterable[Event]) -> bytes:
@@ -111,27 +132,6 @@ def write_csv(events: Iterable[Event]) -> bytes:
         (e.t, e.kind, e.gate, e.lap, *e.offset, e.speed, *e.position, e.obstacle) for e in events
     )
     return text.getvalue().encode()
-
-
-def _wanted(spec: dict, path: object) -> dict[str, str]:
-    try:
-        return columns_of(spec)
-    except (KeyError, TypeError, AttributeError) as error:
-        raise RunError(f"{path}: run.json names no known system: {error}") from error
-
-
-def _check(columns: dict[str, np.ndarray], wanted: dict[str, str], path: object) -> None:
-    if wrong := sorted(columns.keys() ^ wanted.keys()):
-        raise RunError(
-            f"{path}: expected the columns of the run's system, missing or unknown: {', '.join(wrong)}"
-        )
-    frames = columns["t"].shape
-    for name, column in columns.items():
-        kind = np.dtype(np.int64 if name in COUNTS else np.float64)
-        if column.dtype != kind or column.ndim != 1 or column.shape != frames:
-            raise RunError(
-                f"{path}: {name}: expected {kind} {frames}, got {column.dtype} {column.shape}"
-            )
 
 
 def _finite(value: object) -> object:

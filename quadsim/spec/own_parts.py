@@ -13,7 +13,7 @@ import numpy as np
 from controllers.costs import Cost, Term
 from controllers.samplers import SAMPLERS, PlainSampler
 from quadsim.dynamics import System
-from quadsim.files.yaml_words import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean
 from quadsim.physics.plant import ModelPlant
 from quadsim.spec.settings import SettingError
 from quadsim.spec.systems import SYSTEMS, SystemEntry

@@ -19,7 +19,7 @@ from controllers.presets import Planner, Presets, faults, preset
 from controllers.samplers import SAMPLERS
 from quadsim.files.data_files import SUFFIXES, read_text
 from quadsim.files.strict_yaml import Document, parse, unit
-from quadsim.files.yaml_words import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean
 
 GROUPS = ("sampling", "mppi", "cost")
 

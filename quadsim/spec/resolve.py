@@ -20,7 +20,7 @@ from quadsim.course import Course
 from quadsim.course.corridor import Corridor
 from quadsim.course.point_goal import PointGoal
 from quadsim.dynamics import System
-from quadsim.files.yaml_words import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean
 from quadsim.physics.plant import default_plant
 from quadsim.race.flight import whole_multiple
 from quadsim.sensing import PERFECT, Sensing, load_sensing

@@ -21,7 +21,7 @@ from controllers.presets import Planner
 from controllers.samplers import SAMPLERS
 from quadsim.files.strict_yaml import setting
 from quadsim.files.yaml_values import Misfit, value
-from quadsim.files.yaml_words import NULL, TEXT, expected, unless_null
+from quadsim.files.yaml_errors import NULL, TEXT, expected, unless_null
 from quadsim.sensing import PERFECT
 from quadsim.spec.systems import SystemEntry
 

@@ -69,7 +69,7 @@ DAMAGE = {
         lambda p: edit_npz(p, vz=np.zeros(3)),
         r"vz: expected float64 \(61,\), got float64 \(3,\)",
     ),
-    "pickle": (lambda p: edit_npz(p, vz=np.array([{}])), "damaged: Object arrays cannot be loaded"),
+    "pickle": (lambda p: edit_npz(p, vz=np.array([{}])), "vz: expected float64"),
     "best": (
         lambda p: edit_npz(p, pictured=SEEN, best=np.zeros((2, 8, 3))),
         "best: expected float32",
@@ -90,7 +90,7 @@ DAMAGE = {
     ),
     "term": (
         lambda p: edit_npz(p, pictured=SEEN, best=BEST, **{f"{TERM}crash": np.zeros(2)}),
-        r"cost.crash: expected float32 \(2,\), got float64 \(2,\)",
+        r"cost.crash: expected float32 .*, got float64 \(2,\)",
     ),
     "term alone": (
         lambda p: edit_npz(p, **{f"{TERM}crash": np.zeros(61)}),
