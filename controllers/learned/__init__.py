@@ -1,1 +1,1 @@
-"""Learned controllers: what a pilot observes, the network that it is, and its file."""
+"""Learned controllers: what a pilot observes, and the pilot with its file."""

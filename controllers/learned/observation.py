@@ -1,11 +1,9 @@
-"""What a pilot observes: plain functions over scalars, like the systems, so that lanes and single
-flights share them.
+"""Observations of a pilot: plain functions over scalars, like the models.
 
-The state is told in the vehicle's own frame, so that it does not depend on where the course lies or
-which way it
-turns: velocity, direction of gravity, body rates, height, the corners of the next two gates, and
-the last action. Everything is divided by a fixed unit that brings it to the order of one; UNITS
-says by which.
+Lanes and single flights share them. The state is told in the vehicle's own frame, so that it does
+not depend on where the course lies or which way it turns: velocity, direction of gravity, body
+rates, height, the corners of the next two gates, and the last action. Every number is divided by a
+fixed unit that brings it to the order of one; UNITS names it.
 """
 
 from __future__ import annotations
@@ -82,12 +80,12 @@ FIELD_UNITS = {
 
 
 def _units() -> dict[str, str]:
-    """Observed number -> the unit it is given in, in the order of Observation."""
-    found = {}
+    """Return the unit of each observed number by its name, in the order of Observation."""
+    types = field_types(Observation)
+    found: dict[str, str] = {}
     for field, unit in FIELD_UNITS.items():
-        for name in flat_names(
-            NamedTuple(field, [(field, field_types(Observation)[field])]), between=" "
-        ):
+        alone = NamedTuple(field, [(field, types[field])])
+        for name in flat_names(alone, between=" "):
             found[name.replace("_", " ")] = unit
     return found | {f"last {name}": "1" for name in CONTROL}
 
@@ -98,9 +96,19 @@ GATE_NUMBERS = len(tuple(flat_names(GateNumbers)))
 
 
 def corners(p, axes, gate):
-    """Return the Corners of a gate's opening seen from the position p, in the frame of these body
-    axes, in LENGTH."""
-    dx, dy, dz = gate.centre.x - p[0], gate.centre.y - p[1], gate.centre.z - p[2]
+    """Return the Corners of a gate's opening as a vehicle sees them.
+
+    Args:
+        p: position of the vehicle [m].
+        axes: its body axes, which are those of the corners.
+        gate: GateNumbers.
+
+    Returns:
+        Corners, in LENGTH.
+    """
+    dx = gate.centre.x - p[0]
+    dy = gate.centre.y - p[1]
+    dz = gate.centre.z - p[2]
     centre = Vector(*along(axes, dx / LENGTH, dy / LENGTH, dz / LENGTH))
     left = Vector(*along(axes, gate.left.x / LENGTH, gate.left.y / LENGTH, gate.left.z / LENGTH))
     up = Vector(*along(axes, gate.up.x / LENGTH, gate.up.y / LENGTH, gate.up.z / LENGTH))
@@ -115,8 +123,13 @@ def corners(p, axes, gate):
 
 
 def observation(x, gates, last):
-    """Return the Observation at the State x, with the NextGates and the last action, a Control in
-    -1..1."""
+    """Return the Observation of a vehicle.
+
+    Args:
+        x: its State.
+        gates: NextGates.
+        last: the last action, a Control in -1..1.
+    """
     axes = body_axes(x.attitude)
     _, _, x_up, _, _, y_up, _, _, z_up = axes  # how far each of the body's axes points up
     return Observation(
@@ -135,41 +148,59 @@ def observe(
     gates: Sequence[float] | np.ndarray,
     last: Sequence[float] | np.ndarray,
 ) -> np.ndarray:
-    """Return what a pilot is given at a state (n_x,), with a row of `gate_rows` and the last
-    action.  (SIZE,)"""
+    """Return the Observation as an array.
+
+    Args:
+        x: state (n_x,).
+        gates: a row of `gate_rows`.
+        last: the last action (4,).
+
+    Returns:
+        (SIZE,) float32.
+    """
     seen = observation(State._make(x), unflat(NextGates, iter(gates)), Control._make(last))
     return np.array(list(flat(seen)), np.float32)
 
 
 def gate_rows(course: Course, laps: int) -> np.ndarray:
-    """The next two gates for each number of gates passed, up to all of them.  (laps * gates + 1,
-    18)"""
-    gates = [gate_numbers(g) for g in course.gates]
-    last, passage = np.array(gates[-1]), course.gates[-1].rotation[:, 0]
-    behind = [last + np.concatenate([k * AFTER_LAST * passage, np.zeros(6)]) for k in (1, 2)]
-    after = [gates[0], gates[1 % len(gates)]] if course.loop else behind
+    """Return the next two gates for each number of gates passed, up to all of them.
+
+    Returns:
+        (laps * gates + 1, 18), the GateNumbers of the next gate and of the one after it.
+    """
+    gates = [gate_numbers(gate) for gate in course.gates]
+    if course.loop:
+        after = [gates[0], gates[1 % len(gates)]]
+    else:
+        # behind the last gate of an open course, two more lie on its passage
+        last = np.array(gates[-1])
+        passage = course.gates[-1].rotation[:, 0]
+        after = [last + np.concatenate([k * AFTER_LAST * passage, np.zeros(6)]) for k in (1, 2)]
     rows = np.array([*gates * laps, *after])
     return np.hstack([rows[:-1], rows[1:]])
 
 
 def gate_numbers(gate: Gate) -> tuple[float, ...]:
-    """Centre, and the vectors to the middle of the left and the upper edge [m].  (9,)"""
+    """Return the GateNumbers of a gate as numbers of the world [m].  (9,)"""
     half = half_sizes(gate.opening)
-    left, up = half.left * gate.rotation[:, 1], half.up * gate.rotation[:, 2]
+    left = half.left * gate.rotation[:, 1]
+    up = half.up * gate.rotation[:, 2]
     return (*gate.position, *left.tolist(), *up.tolist())
 
 
 def normalised(
     u: Sequence[float] | np.ndarray, low: Sequence[float], high: Sequence[float]
 ) -> np.ndarray:
-    """A command as an action in -1..1."""
-    lower, upper = np.asarray(low), np.asarray(high)
+    """Return a command within its limits as an action in -1..1."""
+    lower = np.asarray(low)
+    upper = np.asarray(high)
     return 2 * (np.asarray(u) - lower) / (upper - lower) - 1
 
 
 def command(
     action: Sequence[float] | np.ndarray, low: Sequence[float], high: Sequence[float]
 ) -> np.ndarray:
-    """An action in -1..1 as a command: body rates [rad/s] and thrust [m/s^2]."""
-    lower, upper = np.asarray(low), np.asarray(high)
+    """Return an action in -1..1 as a command: body rates [rad/s] and thrust [m/s^2]."""
+    lower = np.asarray(low)
+    upper = np.asarray(high)
     return lower + (np.clip(action, -1, 1) + 1) / 2 * (upper - lower)

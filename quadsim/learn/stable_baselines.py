@@ -27,10 +27,12 @@ class RacingVecEnv(VecEnv):
 
     Args:
         num_envs: vehicles.
+        hold: steps of dt for which an action is held.
         settings: see RacingVectorEnv, without autoreset_mode.
     """
 
-    def __init__(self, num_envs: int = 1, **settings: Any):
+    def __init__(self, num_envs: int = 1, *, hold: int = 1, **settings: Any):
+        self.hold = hold
         self.envs = RacingVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **settings)
         self.render_mode = self.envs.render_mode
         observations = self.envs.single_observation_space
@@ -54,6 +56,18 @@ class RacingVecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict]]:
+        """Fly the steps of one action; return observations, summed rewards, dones and infos."""
+        obs, rewards, done, infos = self._fly_step()
+        for _ in range(self.hold - 1):
+            obs, reward, ended, more = self._fly_step()
+            # what follows an end belongs to the next episode
+            rewards += np.where(done, 0.0, reward)
+            for i in np.flatnonzero(ended & ~done):
+                infos[i] = more[i]
+            done |= ended
+        return obs, rewards, done, infos
+
+    def _fly_step(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict]]:
         """Fly one step of dt; return observations, rewards, dones and infos."""
         obs, reward, ended, cut, info = self.envs.step(self._actions)
         done = ended | cut
