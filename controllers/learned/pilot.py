@@ -166,7 +166,7 @@ def _about(path: Path, record: dict[str, Any]) -> About:
     """Return the checked record of a pilot's file. Raises FileError."""
     if record.pop("format", None) != FORMAT:
         raise FileError(f"{path}: expected format {FORMAT!r}: it was written by another version")
-    values = {k: tuple(v) if isinstance(v, list) else v for k, v in record.items()}
+    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in record.items()}
     try:
         about = About(**values)
         numbers = np.array([about.dt, about.hold, *about.low, *about.high], float)

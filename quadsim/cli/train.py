@@ -152,7 +152,7 @@ def _learn(
         raise UsageError(needs_extra("stable-baselines3", "train"))
     training = Training(
         task=task,
-        config=PPOConfig(**sizes),
+        config=PPOConfig(environments=sizes["environments"], hidden=sizes["hidden"]),
         seed=seed,
         steps=steps,
         out=out,

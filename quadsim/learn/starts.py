@@ -8,11 +8,12 @@ on (Song et al. 2021). The others stand.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from controllers.costs import Cost
+from controllers.costs.race import RaceParams
 from controllers.costs.race_targets import GateTarget
 from controllers.learned.observation import normalised
 from quadsim.course import Course
@@ -119,7 +120,7 @@ def in_flight(course: Course, cost: Cost, rng: np.random.Generator) -> StartInFl
         position = before + share * way
         heading = (1 - share) * out + share * direction
 
-    p = cost.params
+    p = cast(RaceParams, cost.params)
     low = np.array((p.x_low, p.y_low, p.floor))
     high = np.array((p.x_high, p.y_high, p.z_high))
     position = np.clip(position + rng.normal(0.0, AROUND, 3), low + 0.1, high - 0.1)

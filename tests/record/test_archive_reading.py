@@ -94,7 +94,7 @@ DAMAGE = {
     ),
     "term alone": (
         lambda p: edit_npz(p, **{f"{TERM}crash": np.zeros(61)}),
-        "missing or unknown: cost.crash",
+        "cost.crash: expected float32",
     ),
     "bit": (lambda p: edit_npz(p, vz=np.full(61, 1e-300)), "do not give the stored digest"),
 }
