@@ -247,11 +247,3 @@ def test_check_refuses_a_preset_whose_vehicle_does_not_exist(tmp_path, capsys):
         2,
         f"{tmp_path}/p.yaml:2:10: vehicle: no vehicle 'swft': did you mean 'swift'? (race vehicles lists them)",
     )
-
-
-def test_a_key_of_an_older_version_is_told_its_new_name(tmp_path, capsys):
-    (tmp_path / "p.yaml").write_text("base: race\nmppi: {ess: 3}\n")
-    assert (
-        "p.yaml:2:8: mppi.ess: unknown key, renamed to target_ess"
-        in outcome(f"check {tmp_path}/p.yaml", capsys)[2]
-    )
