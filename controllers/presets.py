@@ -15,7 +15,7 @@ from controllers.costs.race import RaceWeights
 from controllers.costs.reference import ReferenceWeights
 from controllers.samplers import Colored, Gaussian, LogNormal, Sampling, Smooth, SmoothStar
 from quadsim.files.strict_yaml import FileError
-from quadsim.files.yaml_words import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean
 
 STEPS_MAX = 10**8  # samples x horizon of one iteration: more than half a second on two fast cores
 

@@ -140,7 +140,7 @@ def test_what_is_drawn_from_streams_is_what_earlier_versions_drew():
     np.testing.assert_allclose(pose.p, [-4.15354248, -5.11554258, 1.66454520], rtol=1e-7)
     look = Pictures("split_s_swift", course.text, CAMERA, 5, ("textures", "light"), "drawn").look(3)
     assert look.ground.texture == 19
-    assert look.ambient == pytest.approx(0.28342326570537724)
+    assert look.light.ambient == pytest.approx(0.28342326570537724)
     digests = [sha256(made.text.encode()).hexdigest()[:16] for made in random_courses(3, 7)]
     assert digests == ["6b362820ce62af99", "f33213e2417a526a", "38fe59a6c008dd22"]
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from quadsim.spec.own_parts import plain
 
 from controllers import presets
 from controllers.plan import PlannerSnapshot, PlanStats
@@ -19,7 +20,6 @@ from quadsim.race.events import Frame
 from quadsim.race.flight import simulate
 from quadsim.sensing import PERFECT
 from quadsim.spec.build import build, navigation_of, planner_of
-from quadsim.spec.own_parts import plain
 from quadsim.spec.settings import Setting, settings_of
 from quadsim.spec.spec import Spec
 from quadsim.spec.systems import SYSTEMS

@@ -1,1 +1,1 @@
-"""Learned controllers: the observation of a pilot, its network, and its file."""
+"""Learned controllers: what a pilot observes, and the pilot with its file."""

@@ -1,9 +1,9 @@
-"""The observation of a pilot: plain functions over scalars, shared by lanes and single flights.
+"""Observations of a pilot: plain functions over scalars, like the models.
 
-The state is given in the vehicle's own frame, so that it does not depend on the place and the
-direction of the course: velocity, direction of gravity, body rates, height, the corners of the next
-two gates, and the last action. Every number is divided by a fixed unit, listed in UNITS, that
-brings it to the order of one.
+Lanes and single flights share them. The state is told in the vehicle's own frame, so that it does
+not depend on where the course lies or which way it turns: velocity, direction of gravity, body
+rates, height, the corners of the next two gates, and the last action. Every number is divided by a
+fixed unit that brings it to the order of one; UNITS names it.
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ from quadsim.rotation import along, body_axes
 SPEED = 10.0  # unit of velocities [m/s]
 RATE = 10.0  # unit of body rates [rad/s]
 LENGTH = 10.0  # unit of lengths [m]
-# Distance from the last gate of an open course to the gate that is shown after it [m]
-AFTER_LAST = 5.0
+AFTER_LAST = 5.0  # from the last gate of an open course to the gate that is shown after it [m]
 
 
 class Vector(NamedTuple):
@@ -81,9 +80,9 @@ FIELD_UNITS = {
 
 
 def _units() -> dict[str, str]:
-    """Return the unit of each observed number, in the order of Observation."""
+    """Return the unit of each observed number by its name, in the order of Observation."""
     types = field_types(Observation)
-    found = {}
+    found: dict[str, str] = {}
     for field, unit in FIELD_UNITS.items():
         alone = NamedTuple(field, [(field, types[field])])
         for name in flat_names(alone, between=" "):
@@ -97,12 +96,15 @@ GATE_NUMBERS = len(tuple(flat_names(GateNumbers)))
 
 
 def corners(p, axes, gate):
-    """Return the Corners of a gate's opening, seen in the vehicle's frame, in the unit LENGTH.
+    """Return the Corners of a gate's opening as a vehicle sees them.
 
     Args:
-        p: position of the vehicle.
-        axes: its body axes.
+        p: position of the vehicle [m].
+        axes: its body axes, which are those of the corners.
         gate: GateNumbers.
+
+    Returns:
+        Corners, in LENGTH.
     """
     dx = gate.centre.x - p[0]
     dy = gate.centre.y - p[1]
@@ -121,15 +123,15 @@ def corners(p, axes, gate):
 
 
 def observation(x, gates, last):
-    """Return the Observation.
+    """Return the Observation of a vehicle.
 
     Args:
-        x: the State.
-        gates: the NextGates.
+        x: its State.
+        gates: NextGates.
         last: the last action, a Control in -1..1.
     """
     axes = body_axes(x.attitude)
-    _, _, x_up, _, _, y_up, _, _, z_up = axes  # z components of the body's axes
+    _, _, x_up, _, _, y_up, _, _, z_up = axes  # how far each of the body's axes points up
     return Observation(
         velocity=Vector(*along(axes, x.vx / SPEED, x.vy / SPEED, x.vz / SPEED)),
         gravity=Vector(-x_up, -y_up, -z_up),
@@ -146,46 +148,40 @@ def observe(
     gates: Sequence[float] | np.ndarray,
     last: Sequence[float] | np.ndarray,
 ) -> np.ndarray:
-    """Return the observation as the array that a pilot is given.
+    """Return the Observation as an array.
 
     Args:
-        x: state  (n_x,).
+        x: state (n_x,).
         gates: a row of `gate_rows`.
-        last: the last action, in -1..1  (4,).
+        last: the last action (4,).
 
     Returns:
-        (SIZE,)
+        (SIZE,) float32.
     """
     seen = observation(State._make(x), unflat(NextGates, iter(gates)), Control._make(last))
     return np.array(list(flat(seen)), np.float32)
 
 
 def gate_rows(course: Course, laps: int) -> np.ndarray:
-    """Return the next two gates for each number of gates passed.
-
-    Behind the finish of a closed course they are its first two gates, behind that of an open one
-    two copies of the last gate, further along its passage.
+    """Return the next two gates for each number of gates passed, up to all of them.
 
     Returns:
-        (laps * gates + 1, 18)
+        (laps * gates + 1, 18), the GateNumbers of the next gate and of the one after it.
     """
     gates = [gate_numbers(gate) for gate in course.gates]
     if course.loop:
         after = [gates[0], gates[1 % len(gates)]]
     else:
+        # behind the last gate of an open course, two more lie on its passage
         last = np.array(gates[-1])
         passage = course.gates[-1].rotation[:, 0]
-        after = [last + np.append(k * AFTER_LAST * passage, np.zeros(6)) for k in (1, 2)]
+        after = [last + np.concatenate([k * AFTER_LAST * passage, np.zeros(6)]) for k in (1, 2)]
     rows = np.array([*gates * laps, *after])
     return np.hstack([rows[:-1], rows[1:]])
 
 
 def gate_numbers(gate: Gate) -> tuple[float, ...]:
-    """Return a gate's centre, and the vectors to the middle of its left and upper edge [m].
-
-    Returns:
-        (9,)
-    """
+    """Return the GateNumbers of a gate as numbers of the world [m].  (9,)"""
     half = half_sizes(gate.opening)
     left = half.left * gate.rotation[:, 1]
     up = half.up * gate.rotation[:, 2]
@@ -195,13 +191,7 @@ def gate_numbers(gate: Gate) -> tuple[float, ...]:
 def normalised(
     u: Sequence[float] | np.ndarray, low: Sequence[float], high: Sequence[float]
 ) -> np.ndarray:
-    """Return a command as an action in -1..1.
-
-    Args:
-        u: body rates [rad/s] and thrust [m/s^2]  (4,).
-        low: command at -1  (4,).
-        high: command at 1  (4,).
-    """
+    """Return a command within its limits as an action in -1..1."""
     lower = np.asarray(low)
     upper = np.asarray(high)
     return 2 * (np.asarray(u) - lower) / (upper - lower) - 1
@@ -210,16 +200,7 @@ def normalised(
 def command(
     action: Sequence[float] | np.ndarray, low: Sequence[float], high: Sequence[float]
 ) -> np.ndarray:
-    """Return an action in -1..1 as a command.
-
-    Args:
-        action: the action  (4,).
-        low: command at -1  (4,).
-        high: command at 1  (4,).
-
-    Returns:
-        Body rates [rad/s] and thrust [m/s^2]  (4,).
-    """
+    """Return an action in -1..1 as a command: body rates [rad/s] and thrust [m/s^2]."""
     lower = np.asarray(low)
     upper = np.asarray(high)
     return lower + (np.clip(action, -1, 1) + 1) / 2 * (upper - lower)

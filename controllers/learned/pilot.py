@@ -1,101 +1,96 @@
-"""A pilot: a learned policy in a file of numbers and JSON, flown by NumPy alone.
+"""A pilot: a learned policy in a file of numbers and JSON, flown by numpy alone.
 
-The file is an .npz, and nothing in it is executed. It holds the weights of each layer, and `about`,
-the JSON of an `About`: the pilot's observation and commands, the vehicle it was trained for, and
-the training.
+The file is an .npz: the weights of each layer, and `about`, the JSON of an `About`: what the pilot
+observes and commands, which vehicle it was trained for, and how. Nothing in it is executed.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from io import BytesIO
 from pathlib import Path
 from typing import Any
-from zlib import error as zlib_error
 
 import numpy as np
 
-from controllers.learned import network
 from controllers.learned.observation import SIZE, UNITS, command, gate_rows, normalised, observe
 from controllers.plan import PlanStats
 from quadsim.course import Course
 from quadsim.dynamics.control_periods import ControlPeriods
 from quadsim.dynamics.estimate import Estimate
+from quadsim.files.arrays import TEXT, Declared, arrays_of, npz_bytes, read_bytes, record_of
 from quadsim.files.strict_yaml import FileError
 
 PILOTS = Path(__file__).parent / "pilots"
 FORMAT = "quadsim pilot 1"
+WHAT = "a pilot as `race train` writes it"
 LARGEST = 50_000_000  # bytes of a file that is read
-LAYERS = 6  # arrays: weights and biases of three layers
-# Errors that NumPy raises for a damaged file
-DAMAGED = (
-    OSError,
-    ValueError,
-    KeyError,
-    EOFError,
-    NotImplementedError,
-    zipfile.BadZipFile,
-    zlib_error,
-)
+ACTIONS = 4
+# matrix (inputs, outputs) and bias of each of three layers
+LAYERS = {
+    "layer_0": Declared("float32", (SIZE, "first hidden"), finite=True),
+    "layer_1": Declared("float32", ("first hidden",), finite=True),
+    "layer_2": Declared("float32", ("first hidden", "second hidden"), finite=True),
+    "layer_3": Declared("float32", ("second hidden",), finite=True),
+    "layer_4": Declared("float32", ("second hidden", ACTIONS), finite=True),
+    "layer_5": Declared("float32", (ACTIONS,), finite=True),
+}
 
 
 @dataclass(frozen=True)
 class About:
-    """The purpose of a pilot and its training."""
+    """What a pilot was made for, and how."""
 
     vehicle: str
     dt: float  # control period [s]
     hold: int  # control periods for which an action is held
-    low: tuple[float, ...]  # command at an action of -1 [rad/s, m/s^2]
-    high: tuple[float, ...]  # command at an action of 1 [rad/s, m/s^2]
-    course: str  # the course that it was trained on
+    low: tuple[float, ...]  # commands at -1 [rad/s, m/s^2]
+    high: tuple[float, ...]  # commands at 1
+    course: str  # that it was trained on
     training: dict = field(default_factory=dict)  # seed, steps, time, settings, command
     observes: tuple[str, ...] = tuple(UNITS)
 
 
 @dataclass(frozen=True, eq=False)
 class Pilot:
-    """The weights of a policy's mean, and their purpose."""
+    """The weights of a policy's mean, and what they are for."""
 
     name: str
     about: About
-    weights: tuple[np.ndarray, ...]
+    weights: tuple[np.ndarray, ...]  # of LAYERS
     digest: str = ""  # sha256 of the file, hexadecimal
 
     def __call__(self, obs: np.ndarray) -> np.ndarray:
-        """Return the action in -1..1 for an observation.  (4,)"""
-        return np.clip(network.forward(list(self.weights), obs), -1.0, 1.0)
+        """Return the action in -1..1.
+
+        Args:
+            obs: (SIZE,), or rows of it.
+
+        Returns:
+            (4,), or rows of it.
+        """
+        return np.clip(forward(self.weights, obs), -1.0, 1.0)
 
     def check(self, vehicle: str, dt: float) -> None:
-        """Raise FileError unless the pilot is for this vehicle and control period dt [s]."""
-        about = self.about
-        if vehicle != about.vehicle:
-            raise FileError(
-                f"pilot {self.name}: expected the vehicle it was trained for, {about.vehicle}, "
-                f"got {vehicle}"
-            )
-        if dt != about.dt:
-            raise FileError(
-                f"pilot {self.name}: dt: expected the {about.dt:g} s it was trained for, got {dt:g}"
-            )
+        """Raise FileError unless the pilot is for this vehicle and control period."""
+        if vehicle != self.about.vehicle:
+            wanted = f"expected the vehicle it was trained for, {self.about.vehicle}"
+            raise FileError(f"pilot {self.name}: {wanted}, got {vehicle}")
+        if dt != self.about.dt:
+            wanted = f"expected the {self.about.dt:g} s it was trained for"
+            raise FileError(f"pilot {self.name}: dt: {wanted}, got {dt:g}")
 
     def record(self) -> dict[str, Any]:
-        """Return the pilot's name and digest, which a run keeps."""
+        """Return what a run keeps of the pilot."""
         return {"name": self.name, "sha256": self.digest}
 
 
 class PilotController:
-    """A pilot in one flight, which holds each action for as many periods as in its training.
+    """A pilot in one flight.
 
-    Args:
-        pilot: the pilot.
-        course: the course.
-        laps: number of laps.
-        rest: the control at rest  (n_u,).
+    It observes, and holds each action for as many control periods as in its training.
     """
 
     def __init__(self, pilot: Pilot, course: Course, laps: int, rest: Sequence[float]):
@@ -107,26 +102,39 @@ class PilotController:
         self._until_next = 0  # control periods until it observes again
 
     def control(self, estimate: Estimate) -> tuple[np.ndarray, PlanStats]:
-        """Return the command, see quadsim.race.flight.Controller.
+        """Return the command and statistics of zero, as there is no plan.
 
-        There is no plan, so its statistics are zero.
+        See quadsim.race.flight.Controller.
         """
+        about = self.pilot.about
         self._until_next -= self._periods.advance(estimate.t)
         if self._until_next <= 0:
             gates = self._gates[min(estimate.target, len(self._gates) - 1)]
             self._last = self.pilot(observe(estimate.x, gates, self._last))
-            self._until_next = self.pilot.about.hold
-        u = command(self._last, self.pilot.about.low, self.pilot.about.high)
-        return u, PlanStats(cost=0.0, ess=0.0, temperature=0.0)
+            self._until_next = about.hold
+        return command(self._last, about.low, about.high), PlanStats(0.0, 0.0, 0.0)
+
+
+def forward(weights: Sequence[np.ndarray], x: np.ndarray) -> np.ndarray:
+    """Return the outputs of a multilayer perceptron with tanh between its layers.
+
+    Args:
+        weights: matrix (inputs, outputs) and bias (outputs,) of each layer in turn.
+        x: inputs, (inputs,) or (rows, inputs).
+    """
+    *hidden, matrix, bias = weights
+    for k in range(0, len(hidden), 2):
+        x = np.tanh(x @ hidden[k] + hidden[k + 1])
+    return x @ matrix + bias
 
 
 def pilot_bytes(weights: Sequence[np.ndarray], about: About) -> bytes:
-    """Return the bytes of a pilot's file."""
-    buffer = BytesIO()
-    arrays = {f"layer_{k}": np.asarray(w, np.float32) for k, w in enumerate(weights)}
+    """Return the content of a pilot's file."""
     text = json.dumps({"format": FORMAT} | asdict(about), allow_nan=False)
-    np.savez(buffer, allow_pickle=False, about=np.array(text), **arrays)
-    return buffer.getvalue()
+    arrays = {"about": np.array(text)}
+    for name, layer in zip(LAYERS, weights, strict=True):
+        arrays[name] = np.asarray(layer, np.float32)
+    return npz_bytes(arrays)
 
 
 def pilot_names() -> tuple[str, ...]:
@@ -135,90 +143,42 @@ def pilot_names() -> tuple[str, ...]:
 
 
 def load_pilot(path: str | Path) -> Pilot:
-    """Read a pilot.
-
-    Args:
-        path: a file, or the name of a pilot that comes with the project.
+    """Read a pilot from its file, or one that comes with the project by its name.
 
     Raises:
-        FileError: the file is missing, cannot be read, or holds no pilot.
+        FileError: there is no such pilot, or its file is damaged.
     """
-    path = PILOTS / f"{path}.npz" if str(path) in pilot_names() else Path(path)
-    data = _read(path)
-    try:
-        with np.load(BytesIO(data), allow_pickle=False) as arrays:
-            written = json.loads(str(arrays["about"][()]))
-            weights = tuple(np.asarray(arrays[f"layer_{k}"], np.float32) for k in range(LAYERS))
-    except DAMAGED as error:
-        raise FileError(
-            f"{path}: expected a pilot as `race train` writes it, cannot be read: {error}"
-        ) from None
-    about = _about(path, written)
-    _check_weights(path, weights)
+    if str(path) in pilot_names():
+        path = PILOTS / f"{path}.npz"
+    path = Path(path)
+    if not path.exists():
+        names = ", ".join(pilot_names())
+        wanted = f"expected FILE.npz, or one that comes with quadsim: {names}"
+        raise FileError(f"no pilot {str(path)!r}: {wanted}")
+    data = read_bytes(path, WHAT, LARGEST)
+    arrays = arrays_of(data, {"about": TEXT} | LAYERS, path, WHAT, LARGEST)
+    about = _about(path, record_of(arrays["about"], path, WHAT))
+    weights = tuple(arrays[name] for name in LAYERS)
     return Pilot(path.stem, about, weights, hashlib.sha256(data).hexdigest())
 
 
-def _read(path: Path) -> bytes:
-    """Return the bytes of an .npz file. Raise FileError where there is none."""
-    try:
-        size = path.stat().st_size
-        if size > LARGEST:
-            raise FileError(f"{path}: expected a pilot of at most {LARGEST:,} bytes, got {size:,}")
-        data = path.read_bytes()
-    except FileNotFoundError:
-        names = ", ".join(pilot_names())
-        raise FileError(
-            f"no pilot {str(path)!r}: expected FILE.npz, or one that comes with quadsim: {names}"
-        ) from None
-    except OSError as error:
-        raise FileError(f"{path}: expected a pilot's file: {error.strerror}") from None
-    # NumPy's own error would be about pickle.
-    if not zipfile.is_zipfile(BytesIO(data)):
-        raise FileError(
-            f"{path}: expected a pilot as `race train` writes it, got a file that is no .npz"
-        )
-    return data
-
-
-def _about(path: Path, written: Any) -> About:
-    """Return the About of a file's JSON. Raise FileError where it does not fit."""
-    if not isinstance(written, dict) or written.pop("format", None) != FORMAT:
+def _about(path: Path, record: dict[str, Any]) -> About:
+    """Return the checked record of a pilot's file. Raises FileError."""
+    if record.pop("format", None) != FORMAT:
         raise FileError(f"{path}: expected format {FORMAT!r}: it was written by another version")
+    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in record.items()}
     try:
-        values: dict[str, Any] = {
-            k: tuple(v) if isinstance(v, list) else v for k, v in written.items()
-        }
         about = About(**values)
         numbers = np.array([about.dt, about.hold, *about.low, *about.high], float)
     except (TypeError, ValueError) as error:
-        raise FileError(f"{path}: about: expected the fields of a pilot: {error}") from None
+        raise FileError(f"{path}: expected {WHAT}: about: {error}") from None
     if about.observes != tuple(UNITS):
-        raise FileError(
-            f"{path}: expected a pilot that observes the {SIZE} numbers of this version"
-        )
-    fits = (
-        len(about.low) == len(about.high) == 4
-        and np.isfinite(numbers).all()
-        and about.dt > 0
-        and about.hold >= 1
-    )
-    if not fits or not isinstance(about.vehicle, str) or not isinstance(about.course, str):
-        raise FileError(f"{path}: about: expected limits, a control period, a vehicle and a course")
+        wanted = f"expected a pilot that observes the {SIZE} numbers of this version"
+        raise FileError(f"{path}: {wanted}, got other ones")
+    has_limits = len(about.low) == len(about.high) == ACTIONS
+    has_period = np.isfinite(numbers).all() and about.dt > 0 and about.hold >= 1
+    has_names = isinstance(about.vehicle, str) and isinstance(about.course, str)
+    if not (has_limits and has_period and has_names):
+        wanted = "limits, a control period and names"
+        raise FileError(f"{path}: expected {WHAT}: about: expected {wanted}")
     return about
-
-
-def _check_weights(path: Path, weights: Sequence[np.ndarray]) -> None:
-    """Raise FileError unless the layers fit together and are finite."""
-    width = SIZE
-    for k in range(0, LAYERS, 2):
-        matrix, bias = weights[k], weights[k + 1]
-        if matrix.ndim != 2 or matrix.shape[0] != width or bias.shape != matrix.shape[1:]:
-            raise FileError(
-                f"{path}: expected layer {k // 2 + 1} with {width} inputs, "
-                f"got shapes {matrix.shape} and {bias.shape}"
-            )
-        if not (np.isfinite(matrix).all() and np.isfinite(bias).all()):
-            raise FileError(f"{path}: expected finite weights in layer {k // 2 + 1}")
-        width = matrix.shape[1]
-    if width != 4:
-        raise FileError(f"{path}: expected 4 outputs, got {width}")

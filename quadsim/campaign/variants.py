@@ -22,7 +22,7 @@ from quadsim.campaign.attempt import planner_key
 from quadsim.cli.flags import Given, Help, run_command, settings_as_flags
 from quadsim.console import UsageError
 from quadsim.files.data_files import SUFFIXES
-from quadsim.files.yaml_words import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean
 from quadsim.spec.spec import Spec
 from quadsim.spec.systems import SYSTEMS
 

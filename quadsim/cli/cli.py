@@ -99,7 +99,7 @@ def _about(argv: list[str]) -> int:
         from quadsim.cli.parse import run
 
         return run(argv)
-    from quadsim.files.yaml_words import did_you_mean
+    from quadsim.files.yaml_errors import did_you_mean
 
     return _complain(f"race: no command {name!r}: {did_you_mean(name, COMMANDS)} (race --help)", 2)
 

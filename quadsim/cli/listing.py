@@ -20,7 +20,7 @@ from quadsim.dynamics.quadrotor import CONTROL_UNITS
 from quadsim.files.atomic import replace_file
 from quadsim.files.data_files import locate, read_text
 from quadsim.files.strict_yaml import FileError, parse
-from quadsim.files.yaml_words import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean
 from quadsim.record.whole_files import expect_writable
 from quadsim.sensing.config import RotorConfig
 from quadsim.sensing.sensing_file import (

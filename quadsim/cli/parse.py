@@ -13,7 +13,7 @@ from msgspec import inspect
 from quadsim.cli.commands import COMMANDS
 from quadsim.cli.flags import settings_as_flags
 from quadsim.console import UsageError
-from quadsim.files.yaml_words import expected
+from quadsim.files.yaml_errors import expected
 from quadsim.spec.settings import SETTINGS
 from quadsim.spec.values import checked
 

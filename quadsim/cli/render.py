@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future
 from difflib import get_close_matches
 from importlib.util import find_spec
+from itertools import islice
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from msgspec import Meta
 from rich.markup import escape
@@ -17,101 +18,100 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from quadsim.campaign.pool import Pool, finished, open_pool
 from quadsim.cli.flags import Help, Json, RunsDir, Switch
 from quadsim.console import UsageError, complain, emit, emit_json, progress_console
-from quadsim.files.data_files import SUFFIXES as YAML
+from quadsim.course import load_course
+from quadsim.course.course_file import course_names
+from quadsim.files.data_files import SUFFIXES
 from quadsim.files.extras import needs_extra
-from quadsim.files.yaml_words import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean
 from quadsim.physics.plant import has_bullet
 from quadsim.record.archive import find_run, load_run
 from quadsim.record.run import RunError
 from quadsim.render.folder import annotate, film, settle, whole
-from quadsim.render.frames import Pictures, make_frames
+from quadsim.render.frames import Job, Pictures, make_frames
 from quadsim.render.look import VARIED
 from quadsim.render.poses import Pose, drawn_poses, flown_poses
 from quadsim.sensing.camera import Camera, load_camera
-from quadsim.spec.systems import SYSTEMS, system_of_course
 
 DRAWN = 100  # pictures of a course, unless another number is asked for
 CHUNK = 4  # pictures a worker makes at a time
 
-Count = Annotated[
-    Annotated[int, Meta(ge=1, le=10**5)] | None,
-    Help("pictures; default: the flight's, 100 of a course"),
-]
-Seed = Annotated[
-    Annotated[int, Meta(ge=0, le=10**9)], Help("of a course's poses, and of what is varied")
-]
-Jobs = Annotated[
-    Annotated[int, Meta(ge=1)] | None, Help("worker processes; default: one for each core")
-]
+TARGET = "a run (its folder, a part of its name, last), or a course by name or as FILE.yaml"
+OUT = "folder for pictures and labels; a folder with pictures of the same settings is continued"
+VARY = "what is drawn for each picture: textures, light, background, joined by commas, or all"
+MP4 = "write a film of the pictures too, video.mp4; needs the extra render"
+Count = Annotated[int, Meta(ge=1, le=10**5)]
+Seed = Annotated[int, Meta(ge=0, le=10**9)]
+Workers = Annotated[int, Meta(ge=1)]
 
 
 def render(
-    target: Annotated[
-        str, Help("a run (its folder, a part of its name, last), or a course or FILE.yaml")
-    ] = "last",
+    target: Annotated[str, Help(TARGET)] = "last",
     /,
     *,
     camera: Annotated[str, Help("a camera by name, or a FILE.yaml")] = "aigp",
-    out: Annotated[
-        str, Help("folder for pictures and labels; one that has some is gone on with")
-    ] = "pictures",
-    frames: Count = None,
-    seed: Seed = 0,
-    vary: Annotated[
-        str | None, Help("draw for each picture: textures,light,background, or all")
+    out: Annotated[str, Help(OUT)] = "pictures",
+    frames: Annotated[
+        Count | None, Help("pictures; default: the flight's, 100 of a course")
     ] = None,
-    mp4: Annotated[
-        bool, Switch("a film of the pictures too, video.mp4; needs the extra render")
-    ] = False,
-    jobs: Jobs = None,
+    seed: Annotated[Seed, Help("random seed of a course's poses, and of what is varied")] = 0,
+    vary: Annotated[str | None, Help(VARY)] = None,
+    mp4: Annotated[bool, Switch(MP4)] = False,
+    jobs: Annotated[Workers | None, Help("worker processes; default: one for each core")] = None,
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
-    """Pictures for perception: what a camera on the vehicle sees in a flight, or along and around a
-    course. Colour, depth and segmentation, and as labels the corners of the gates in pixels and the
-    camera's pose (COCO-like JSON).
+    """Make pictures for perception: what a camera on the vehicle sees.
+
+    They show a flight, or a course from poses along and around it, as colour, depth and
+    segmentation. Labels are the corners of the gates in pixels and the camera's pose (COCO-like
+    JSON).
 
     race render last --camera aigp --out pictures --mp4
 
     race render split_s_swift --frames 1000 --seed 1 --vary all --out pictures
     """
     _check_extras(mp4)
-    seen = load_camera(camera)
-    pictures, poses = _asked(target, seen, frames, seed, _varied(vary), runs_dir)
+    asked = _asked(target, load_camera(camera), frames, seed, _varied(vary), runs_dir)
+    pictures = asked.pictures
     folder = Path(out)
     settle(folder, pictures)
-    kept, began = whole(folder, len(poses)), perf_counter()
-    missing = [(i, pose) for i, pose in enumerate(poses) if i not in kept]
+    count = len(asked.poses)
+    kept = whole(folder, count)
+    missing = [(i, pose) for i, pose in enumerate(asked.poses) if i not in kept]
+    began = perf_counter()
     try:
-        with open_pool(jobs) as pool, _Line(len(poses), len(kept), quiet=json) as line:
+        with open_pool(jobs) as pool, _ProgressLine(count, len(kept), quiet=json) as line:
             for made in make_all(pool, pictures, folder, missing):
                 line.advance(line.tasks[0].id, made)
     except BrokenExecutor:
-        raise UsageError(
-            "a worker process was killed; what is whole is kept: the same command goes on"
-        ) from None
+        kept_text = "whole pictures are kept: the same command goes on"
+        raise UsageError(f"a worker process was killed; {kept_text}") from None
     except KeyboardInterrupt:
-        there = f"{len(whole(folder, len(poses)))} of {len(poses)} pictures are whole"
-        raise KeyboardInterrupt(
-            f"race render: interrupted, {there}: the same command goes on"
-        ) from None
+        there = f"{len(whole(folder, count))} of {count} pictures are whole"
+        advice = "the same command goes on"
+        raise KeyboardInterrupt(f"race render: interrupted, {there}: {advice}") from None
     rate = len(missing) / (perf_counter() - began)
-    annotate(folder, pictures, len(poses))
+    annotate(folder, pictures, count)
     if mp4:
-        film(folder, pictures, len(poses))
-    _say(folder, len(poses), len(missing), rate, json)
+        film(folder, pictures, count)
+    _report(folder, count, len(missing), rate, json)
     return 0
 
 
 def make_all(
     pool: Pool, pictures: Pictures, out: Path, poses: Sequence[tuple[int, Pose]]
 ) -> Iterator[int]:
-    """Make these pictures; yields how many more are whole. Raises OSError, BrokenExecutor."""
+    """Make these pictures; yield the number of those that have become whole since the last.
+
+    Raises:
+        OSError: a picture cannot be written.
+        BrokenExecutor: a worker was killed.
+    """
     chunks = iter([poses[i : i + CHUNK] for i in range(0, len(poses), CHUNK)])
     running: set[Future] = set()
     while True:
-        while len(running) < 2 * pool.window and (chunk := next(chunks, None)):
-            running.add(pool.submit(make_frames, (pictures, out, chunk)))
+        for chunk in islice(chunks, 2 * pool.window - len(running)):
+            running.add(pool.submit(make_frames, Job(pictures, out, chunk)))
         if not running:
             return
         for future in finished(running):
@@ -119,80 +119,86 @@ def make_all(
             yield len(future.result())
 
 
-class _Line(Progress):
-    """A bar with the pictures a second; nothing where stderr is no terminal."""
+class _ProgressLine(Progress):
+    """A bar with the pictures a second. It is not shown where stderr is no terminal."""
 
     def __init__(self, total: int, kept: int, quiet: bool):
         if kept and not quiet:
             complain(f"{kept} of {total} pictures are kept from before")
         console = progress_console()
-        columns = (BarColumn(24), MofNCompleteColumn(), TextColumn("{task.speed:.1f} a second"))
         super().__init__(
-            *columns, console=console, transient=True, disable=quiet or not console.is_terminal
+            BarColumn(24),
+            MofNCompleteColumn(),
+            TextColumn("{task.speed:.1f} a second"),
+            console=console,
+            transient=True,
+            disable=quiet or not console.is_terminal,
         )
         self.add_task("", total=total, completed=kept)
 
 
 def _check_extras(mp4: bool) -> None:
-    """Raises UsageError."""
+    """Raise UsageError unless the packages are installed that are needed."""
     if not has_bullet():
         raise UsageError(needs_extra("pybullet", "bullet"))
     if mp4 and find_spec("imageio_ffmpeg") is None:
         raise UsageError(f"--mp4: {needs_extra('imageio-ffmpeg', 'render')}")
 
 
-def _varied(words: str | None) -> tuple[str, ...]:
-    """Of VARIED, in its order. Raises UsageError."""
-    said = (
-        VARIED
-        if words == "all"
-        else tuple(word.strip() for word in words.split(","))
-        if words
-        else ()
-    )
-    for word in said:
-        if word not in VARIED:
-            raise UsageError(f"--vary: no {word!r}: {did_you_mean(word, (*VARIED, 'all'))}")
-    return tuple(word for word in VARIED if word in said)
+def _varied(given: str | None) -> tuple[str, ...]:
+    """Return what is varied, in the order of VARIED. Raises UsageError."""
+    if not given:
+        return ()
+    if given == "all":
+        return VARIED
+    names = [name.strip() for name in given.split(",")]
+    for name in names:
+        if name not in VARIED:
+            raise UsageError(f"--vary: no {name!r}: {did_you_mean(name, (*VARIED, 'all'))}")
+    return tuple(name for name in VARIED if name in names)
+
+
+class _Asked(NamedTuple):
+    """The pictures that were asked for."""
+
+    pictures: Pictures
+    poses: list[Pose]
 
 
 def _asked(
     target: str, camera: Camera, frames: int | None, seed: int, vary: tuple[str, ...], runs_dir: str
-) -> tuple[Pictures, list[Pose]]:
-    """Raises UsageError, FileError, RunError."""
-    more = {"camera": camera, "seed": seed, "vary": vary}
-    if target.endswith(YAML) or any(target in entry.courses for entry in SYSTEMS.values()):
-        if (system := system_of_course(target)) != "quadrotor":
-            raise UsageError(
-                f"expected a course for a quadrotor, got {target!r} for the system {system}"
-            )
-        course = SYSTEMS["quadrotor"].load_course(target)
+) -> _Asked:
+    """Return the pictures of a course or of a run. Raises UsageError, FileError, RunError."""
+    if target.endswith(SUFFIXES) or target in course_names():
+        course = load_course(target)
         try:
             poses = drawn_poses(course, camera, frames or DRAWN, seed)
         except ValueError as error:
             raise UsageError(str(error)) from None
-        return Pictures(course.name, course.text, poses="drawn", **more), poses
+        return _Asked(Pictures(course.name, course.text, camera, seed, vary, "drawn"), poses)
     run = load_run(_run_folder(target, runs_dir))
     poses = flown_poses(run.telemetry, camera.rate)[:frames]
-    return Pictures(run.spec["course"], run.spec["course_text"], poses=run.digest(), **more), poses
+    name = run.spec["course"]
+    text = run.spec["course_text"]
+    return _Asked(Pictures(name, text, camera, seed, vary, run.digest()), poses)
 
 
 def _run_folder(target: str, runs_dir: str) -> Path:
-    """Raises UsageError for what is near a course's name, else RunError."""
+    """Return the folder of a run. Raises RunError, or UsageError where a course's name is near."""
     try:
         return find_run(target, runs_dir)
     except RunError:
-        near = get_close_matches(target, SYSTEMS["quadrotor"].courses, n=1)
+        near = get_close_matches(target, course_names(), n=1)
         if near:
             raise UsageError(f"no run or course {target!r}: did you mean {near[0]!r}?") from None
         raise
 
 
-def _say(out: Path, count: int, made: int, rate: float, as_json: bool) -> None:
+def _report(out: Path, count: int, made: int, rate: float, as_json: bool) -> None:
+    """Tell what was made."""
     if as_json:
-        emit_json(
-            {"out": str(out), "pictures": count, "made": made, "per_second": rate if made else None}
-        )
-    else:
-        speed = f", {rate:.1f} a second" if made else ""
-        emit(f"{count} pictures in {escape(str(out))}: {made} made{speed}, {count - made} kept")
+        per_second = rate if made else None
+        emit_json({"out": str(out), "pictures": count, "made": made, "per_second": per_second})
+        return
+    speed = f", {rate:.1f} a second" if made else ""
+    emit(f"{count} pictures in {escape(str(out))}: {made} made{speed}, {count - made} kept")

@@ -1,1 +1,4 @@
-"""Reading files strictly: every mistake is one line with its place, its unit and what was found."""
+"""Files read strictly and written whole.
+
+Every mistake in a file is one line with its place, its unit and what was found.
+"""

@@ -1,4 +1,4 @@
-"""Files written whole or not at all."""
+"""Files that are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ from uuid import uuid4
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Whole or not at all, and on the disk itself; several may write the same file at once. Raises
-    OSError.
+    """Write the file whole or not at all, and onto the disk itself.
 
-    What is there and is no file stays: a user with all rights would replace /dev/null itself.
+    Several processes may write the same file at once. A folder, a pipe or a device is refused: a
+    user with all rights would replace /dev/null itself.
+
+    Raises:
+        OSError: the file cannot be written, or the path is none of a regular file.
     """
     if path.exists() and not path.is_file():
-        raise OSError(
-            errno.EINVAL, "expected a file or a new name, found a folder, a pipe or a device"
-        )
+        problem = "expected a file or a new name, found a folder, a pipe or a device"
+        raise OSError(errno.EINVAL, problem)
     temporary = path.with_name(f"{path.name[:40]}.{uuid4().hex}.tmp")
     try:
         with unnamed_file(path.parent) or temporary.open("xb") as file:
@@ -26,18 +28,22 @@ def replace_file(path: Path, data: bytes) -> None:
             file.flush()
             os.fsync(file.fileno())
             if not temporary.exists():
-                os.link(
-                    f"/proc/self/fd/{file.fileno()}", temporary, src_dir_fd=0, follow_symlinks=True
-                )
+                # give the unnamed file a name, now that it is whole
+                descriptor = f"/proc/self/fd/{file.fileno()}"
+                os.link(descriptor, temporary, src_dir_fd=0, follow_symlinks=True)
         temporary.replace(path)
-    except BaseException:  # Ctrl-C too
+    # Ctrl-C too leaves no temporary file
+    except BaseException:
         temporary.unlink(missing_ok=True)
         raise
 
 
 def unnamed_file(folder: Path) -> BinaryIO | None:
-    """A new file that is gone when its writer is killed, until it gets a name; None where the
-    system has none."""
+    """Open a new file without a name, which vanishes when its writer is killed.
+
+    Returns:
+        The file, or None where the system has no such files.
+    """
     try:
         return os.fdopen(os.open(folder, os.O_TMPFILE | os.O_WRONLY, 0o666), "wb")
     except (OSError, AttributeError):

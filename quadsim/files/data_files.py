@@ -1,5 +1,4 @@
-"""Files by name or path: courses, vehicles and presets are folders of YAML, found and read in one
-way."""
+"""YAML files by name or path: folders of courses, vehicles and presets are read in one way."""
 
 from __future__ import annotations
 
@@ -7,36 +6,42 @@ import os
 from pathlib import Path
 
 from quadsim.files.strict_yaml import FileError
-from quadsim.files.yaml_words import did_you_mean, shown
+from quadsim.files.yaml_errors import did_you_mean, shown
 
 SUFFIXES = (".yaml", ".yml")
 SIZE_MAX = 1_000_000  # [bytes]; a course of a thousand gates has about 60 000
 
 
 def names(folder: Path) -> tuple[str, ...]:
-    """Stems of the folder's YAML files, sorted."""
+    """Return the stems of the folder's YAML files, sorted."""
     return tuple(_files(folder))
 
 
 def locate(name_or_path: str | Path, folder: Path, kind: str, listed: bool = True) -> Path:
-    """A bare name is looked up in the folder; anything with a separator or a YAML suffix is a path
-    as it stands.
+    """Return the path of a file that is given by its name in a folder or by its path.
 
-    Raises FileError for an unknown name. kind: what it is, "course"; listed: whether there is a
-    `race <kind>s`, else the error names all that are known.
+    Args:
+        name_or_path: anything with a separator or a YAML suffix is a path as it stands; a bare name
+            is looked up in the folder.
+        folder: the folder of the named files.
+        kind: the kind of file for error messages, such as "course".
+        listed: whether `race <kind>s` lists the names; otherwise the error lists them.
+
+    Raises:
+        FileError: the folder has no file of this name.
     """
     given = str(name_or_path)
     if given.endswith(SUFFIXES) or "/" in given or os.sep in given:
         return Path(given)
     known = _files(folder)
-    if given not in known:
-        near = did_you_mean(given, known)
-        if not listed:
-            raise FileError(f"no {kind} {shown(given)}: {near}, or a FILE.yaml")
-        # what else is known may be of another system
-        near = f": {near}" if near.startswith("did") else ""
-        raise FileError(f"no {kind} {shown(given)}{near} (race {kind}s lists them)")
-    return known[given]
+    if given in known:
+        return known[given]
+    near = did_you_mean(given, known)
+    if not listed:
+        raise FileError(f"no {kind} {shown(given)}: {near}, or a FILE.yaml")
+    # a long list of all names is left to `race <kind>s`
+    near = f": {near}" if near.startswith("did") else ""
+    raise FileError(f"no {kind} {shown(given)}{near} (race {kind}s lists them)")
 
 
 def _files(folder: Path) -> dict[str, Path]:
@@ -44,9 +49,13 @@ def _files(folder: Path) -> dict[str, Path]:
 
 
 def read_text(path: Path) -> str:
-    """The file's text. Raises FileError: missing, a folder, unreadable, too large, not UTF-8."""
+    """Return the text of a file.
+
+    Raises:
+        FileError: the file is missing, a folder, unreadable, too large or not UTF-8.
+    """
     try:
-        # nobody may ever write; <(command) is one in /dev/fd
+        # nothing may ever be written to a pipe; a shell's <(command) is one in /dev/fd
         if path.is_fifo() and path.parts[:2] != ("/", "dev"):
             raise FileError(f"{path}: expected a YAML file, got a pipe")
         with path.open("rb") as file:
@@ -63,7 +72,8 @@ def read_text(path: Path) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         before = data[: error.start].decode()
-        line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
-        raise FileError(
-            f"{path}:{line}:{column}: expected UTF-8, got byte 0x{data[error.start]:02x}"
-        ) from None
+        line = before.count("\n") + 1
+        column = len(before) - before.rfind("\n")
+        byte = data[error.start]
+        problem = f"expected UTF-8, got byte 0x{byte:02x}"
+        raise FileError(f"{path}:{line}:{column}: {problem}") from None

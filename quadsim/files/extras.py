@@ -1,4 +1,4 @@
-"""Optional packages: the extras of pyproject.toml, and what installs one that is missing."""
+"""Optional packages: the extras of pyproject.toml, and how to install one that is missing."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ from importlib import metadata
 
 
 def needs_extra(package: str, extra: str) -> str:
-    """The line that says what is missing and what installs it: packages by name, as no index has
-    this project.
+    """Return the line that says which package is missing and what installs it.
 
-    package: what could not be imported; named alone where this project's metadata does not know the
-    extra.
+    The command names packages and not the extra, as no package index has this project.
+
+    Args:
+        package: the package that could not be imported. It is installed alone where the metadata
+            of this project does not know the extra.
+        extra: a name among the optional dependencies of pyproject.toml.
     """
-    asked = [
-        r.partition(";")[0]
-        for r in metadata.requires("quadsim") or ()
-        if f"extra == '{extra}'" in r
-    ]
-    return f"{package} is not installed: {sys.executable} -m pip install {shlex.join(asked or [package])}"
+    marker = f"extra == '{extra}'"
+    requirements = metadata.requires("quadsim") or []
+    of_extra = [line.partition(";")[0] for line in requirements if marker in line]
+    packages = shlex.join(of_extra or [package])
+    return f"{package} is not installed: {sys.executable} -m pip install {packages}"

@@ -1,5 +1,4 @@
-"""YAML files read strictly: every error is one line that names file, line, column, key, unit and
-what was found.
+"""YAML files read strictly: every error is one line with its place and its unit.
 
     paper_flat.yaml:14:12: gates[3].yaw_deg: expected a number [deg], got 'north'
 
@@ -24,8 +23,11 @@ EXCERPT = 100  # columns of a source line worth showing
 
 
 class FileError(ValueError):
-    """A file that cannot be used. str() is one whole line; `excerpt` the source line with a caret
-    below, or ""."""
+    """A file cannot be used. Its str() is one whole line.
+
+    Attributes:
+        excerpt: the source line with a caret below, or "".
+    """
 
     def __init__(self, message: str, excerpt: str = "") -> None:
         super().__init__(message)
@@ -33,7 +35,12 @@ class FileError(ValueError):
 
 
 def unit(name: str, **bounds: Any) -> msgspec.Meta:
-    """For Annotated: the unit that errors name, and msgspec's bounds gt, ge, lt, le."""
+    """Return what a number of a schema says in Annotated: its unit and its range.
+
+    Args:
+        name: the unit, which errors show.
+        bounds: of msgspec, gt, ge, lt or le.
+    """
     return msgspec.Meta(extra={"unit": name}, **bounds)
 
 
@@ -51,36 +58,49 @@ def setting(text: str, unit: str = "", **bounds: Any) -> msgspec.Meta:
 
 @dataclass(frozen=True)
 class Document:
-    """One parsed file. It remembers where everything stands, so that checks after loading can point
-    there too."""
+    """One parsed file.
+
+    It remembers where everything stands, so that checks after loading can point there too.
+    """
 
     text: str
     file: str  # as the user gave it
     root: yaml.Node
 
     def fill(self, schema: type[Schema]) -> Schema:
-        """The document as a schema instance. Raises FileError."""
+        """Return the document as an instance of the schema. Raises FileError."""
+        kind = msgspec.inspect.type_info(schema)
         try:
-            return msgspec.convert(value(self.root, msgspec.inspect.type_info(schema)), schema)
+            return msgspec.convert(value(self.root, kind), schema)
         except Misfit as misfit:
             raise _error(self.text, self.file, misfit.mark, misfit.path, misfit.problem) from None
-        except msgspec.ValidationError as error:  # a ValueError of the schema's own __post_init__
+        # a ValueError of the schema's own __post_init__
+        except msgspec.ValidationError as error:
             problem, _, path = str(error).partition(" - at `$")
             raise self.error(path.strip(".`"), problem) from None
 
     def error(self, path: str, problem: str) -> FileError:
-        """An error at a key such as "gates[3].opening", for checks that a schema cannot say."""
-        return _error(self.text, self.file, descend(self.root, path).start_mark, path, problem)
+        """Return an error at a key such as "gates[3].opening", for checks beyond the schema."""
+        mark = descend(self.root, path).start_mark
+        return _error(self.text, self.file, mark, path, problem)
 
 
 def load(text: str, file: str, schema: type[Schema]) -> Schema:
-    """The YAML text as an instance of the schema; `file` is the name that errors show. Raises
-    FileError."""
+    """Return the YAML text as an instance of the schema.
+
+    Args:
+        text: a YAML document.
+        file: the name that errors show.
+        schema: a msgspec Struct or a dataclass.
+
+    Raises:
+        FileError: the text does not fit the schema.
+    """
     return parse(text, file).fill(schema)
 
 
 def parse(text: str, file: str) -> Document:
-    """The text as one document without aliases, anchors and tags. Raises FileError."""
+    """Return the text as one document without aliases, anchors and tags. Raises FileError."""
     try:
         root = _Composer(text).get_single_node()
     except Misfit as misfit:
@@ -89,22 +109,26 @@ def parse(text: str, file: str) -> Document:
         raise _error(text, file, error.problem_mark, "", _problem(error)) from None
     except yaml.reader.ReaderError as error:
         before = text[: error.position]
-        mark = yaml.Mark(file, 0, before.count("\n"), len(before) - before.rfind("\n") - 1, None, 0)
-        raise _error(
-            text, file, mark, "", f"unprintable character {chr(error.character)!r}"
-        ) from None
+        line = before.count("\n")
+        column = len(before) - before.rfind("\n") - 1
+        mark = yaml.Mark(file, 0, line, column, None, 0)
+        problem = f"unprintable character {chr(error.character)!r}"
+        raise _error(text, file, mark, "", problem) from None
     if root is None:
         raise FileError(f"{file}:1:1: empty file, expected a mapping (key: value)")
     return Document(text, file, root)
 
 
 class _Composer(yaml.SafeLoader):
-    """PyYAML up to its node tree, refusing what can hide, repeat or nest without end. Nothing is
-    constructed."""
+    """PyYAML up to its tree of nodes; nothing is constructed.
+
+    It refuses everything that can hide, repeat or nest without end.
+    """
 
     depth = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
+        """Return the node that the next events make. Raises Misfit."""
         event = self.peek_event()
         if event.anchor:
             raise Misfit(event.start_mark, "", "aliases are not allowed")
@@ -112,35 +136,34 @@ class _Composer(yaml.SafeLoader):
             raise Misfit(event.start_mark, "", "tags are not allowed")
         self.depth += 1
         if self.depth > DEPTH:
-            raise Misfit(
-                event.start_mark, "", f"expected at most {DEPTH} levels of nesting, got more"
-            )
+            problem = f"expected at most {DEPTH} levels of nesting, got more"
+            raise Misfit(event.start_mark, "", problem)
         node = super().compose_node(parent, index)
         self.depth -= 1
         return node
 
 
 def _problem(error: yaml.MarkedYAMLError) -> str:
-    """PyYAML's complaint on one line."""
+    """Return PyYAML's complaint on one line."""
     if error.problem == "but found another document":
         return "expected one document, found a second one"
     if r"'\t'" in str(error.problem):
         return "expected spaces, got a tab"
-    since = (
-        f" ({error.context}, line {error.context_mark.line + 1})"
-        if error.context and error.context_mark
-        else ""
-    )
+    since = ""
+    if error.context and error.context_mark:
+        since = f" ({error.context}, line {error.context_mark.line + 1})"
     return f"not YAML: {error.problem}{since}"
 
 
 def _error(text: str, file: str, mark: Any, path: str, problem: str) -> FileError:
-    """The one line, and the excerpt for a terminal. Line and column count from 1."""
-    lines = re.split(r"\r\n|[\n\r\x85\u2028\u2029]", text)  # where PyYAML breaks lines
+    """Return the error with its one line, and with its excerpt for a terminal."""
+    # PyYAML breaks lines here
+    lines = re.split(r"\r\n|[\n\r\x85\u2028\u2029]", text)
     line = lines[mark.line] if mark.line < len(lines) else ""
     first = max(0, mark.column - EXCERPT // 2)
-    # no escape codes
+    # a terminal gets no escape codes
     seen = "".join(c if c.isprintable() else " " for c in line[first : first + EXCERPT])
-    where = f"{path}: " if path else ""
     excerpt = f"{seen}\n{' ' * (mark.column - first)}^"
-    return FileError(f"{file}:{mark.line + 1}:{mark.column + 1}: {where}{problem}", excerpt)
+    key = f"{path}: " if path else ""
+    # lines and columns count from 1
+    return FileError(f"{file}:{mark.line + 1}:{mark.column + 1}: {key}{problem}", excerpt)

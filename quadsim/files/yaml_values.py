@@ -1,8 +1,8 @@
 """A YAML node as the plain value that a msgspec type asks for.
 
-The schema decides what a scalar means, never YAML 1.1: in a number's place `1e-3` is a number and
-`yes`, `012` (octal there) and `22:30` (base 60 there) are errors; in a text's place only what YAML
-reads as text is text.
+The schema decides what a scalar means, never YAML 1.1. Where a number belongs, `1e-3` is a number,
+and `yes`, `012` (octal there) and `22:30` (base 60 there) are errors. Where a text belongs, only a
+scalar that YAML reads as text is text.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from typing import Any
 import yaml
 from msgspec import inspect
 
-from quadsim.files.yaml_words import (
+from quadsim.files.yaml_errors import (
+    LONGEST,
     TEXT,
     did_you_mean,
     expected,
@@ -28,23 +29,34 @@ from quadsim.files.yaml_words import (
 )
 
 DECIMAL = re.compile(r"[-+]?((0|[1-9]\d*)(\.\d*)?|\.\d+)([eE][-+]?\d+)?", re.ASCII)
-RENAMED = {"ess": "target_ess"}  # keys of older versions
 WHOLE = re.compile(r"[-+]?(0|[1-9]\d*)", re.ASCII)
 
 
-class Misfit(Exception):  # noqa: N818 (strict_yaml turns it into a FileError, which knows the file's name)
-    """What stands at `mark` (line, column), under the key `path`, is not what was asked for."""
+class Misfit(Exception):  # noqa: N818 (strict_yaml makes a FileError of it, with the file's name)
+    """The node at `mark` (line, column), under the key `path`, is not what was asked for."""
 
     def __init__(self, mark: yaml.Mark, path: str, problem: str) -> None:
         super().__init__(problem)
-        self.mark, self.path, self.problem = mark, path, problem
+        self.mark = mark
+        self.path = path
+        self.problem = problem
 
 
 def value(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> Any:
-    """The node as what `kind` (of msgspec.inspect) asks for; a unit is handed down to the items.
-    Raises Misfit."""
+    """Return the node as the value that a type asks for.
+
+    Args:
+        node: a node of PyYAML's tree.
+        kind: a type of msgspec.inspect.
+        path: the key of the node, such as "gates[3].yaw_deg".
+        unit: the unit of its numbers; that of a list is handed down to its items.
+
+    Raises:
+        Misfit: the node is none of this type.
+    """
     text = node.value if isinstance(node, yaml.ScalarNode) else ""
-    unquoted = "" if getattr(node, "style", None) else text
+    is_quoted = isinstance(node, yaml.ScalarNode) and node.style
+    unquoted = "" if is_quoted else text
     match kind:
         case inspect.Metadata():
             return value(node, kind.type, path, unit_of(kind, unit))
@@ -68,8 +80,10 @@ def value(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> Any:
 
 
 def descend(node: yaml.Node, path: str) -> yaml.Node:
-    """The node at "gates[3].yaw_deg", or the nearest above it where the file leaves that key to its
-    default."""
+    """Return the node at a key such as "gates[3].yaw_deg".
+
+    Where the file leaves that key to its default, it is the nearest node above.
+    """
     for part in re.findall(r"[^.\[\]]+", path):
         if isinstance(node, yaml.MappingNode):
             children = {key.value: child for key, child in node.value}
@@ -82,61 +96,60 @@ def descend(node: yaml.Node, path: str) -> yaml.Node:
 
 
 def _within_range(number: float, node: yaml.Node, kind: Any, path: str, unit: str) -> float:
-    above = (kind.ge is None or number >= kind.ge) and (kind.gt is None or number > kind.gt)
-    below = (kind.le is None or number <= kind.le) and (kind.lt is None or number < kind.lt)
-    if not (above and below):
-        raise Misfit(
-            node.start_mark,
-            path,
-            f"expected {expected(kind, unit)} {limits(kind)}, got {node.value[:60]}",
-        )
+    """Return the number. Raises Misfit where it is out of its range."""
+    high_enough = (kind.ge is None or number >= kind.ge) and (kind.gt is None or number > kind.gt)
+    low_enough = (kind.le is None or number <= kind.le) and (kind.lt is None or number < kind.lt)
+    if not (high_enough and low_enough):
+        wanted = f"expected {expected(kind, unit)} {limits(kind)}"
+        raise Misfit(node.start_mark, path, f"{wanted}, got {node.value[:LONGEST]}")
     return number
 
 
 def _mapping(node: yaml.Node, kind: Any, path: str) -> dict[str, Any]:
+    """Return the values of a mapping by key. Raises Misfit."""
     if not isinstance(node, yaml.MappingNode):
         raise Misfit(node.start_mark, path, f"expected a mapping (key: value), got {found(node)}")
     fields = {f.encode_name: f for f in kind.fields}
     lines: dict[str, int] = {}
-    values = {}
+    values: dict[str, Any] = {}
     for key_node, value_node in node.value:
         key = _key(key_node, path, fields, lines)
         lines[key] = key_node.start_mark.line + 1
         values[key] = value(value_node, fields[key].type, _join(path, key))
     for name, field in fields.items():
         if field.required and name not in values:
-            raise Misfit(
-                node.start_mark, _join(path, name), f"missing, expected {expected(field.type)}"
-            )
+            problem = f"missing, expected {expected(field.type)}"
+            raise Misfit(node.start_mark, _join(path, name), problem)
     return values
 
 
 def _key(node: yaml.Node, path: str, known: Iterable[str], lines: dict[str, int]) -> str:
-    """The key, one of `known` and not among the `lines` read so far."""
+    """Return the key, which is one of `known` and not among the `lines` read so far."""
     if not isinstance(node, yaml.ScalarNode):
         raise Misfit(node.start_mark, path, f"expected a key, got {found(node)}")
     key = node.value
-    where = _join(path, key if key.isidentifier() and len(key) <= 60 else shown(key))
+    is_plain = key.isidentifier() and len(key) <= LONGEST
+    where = _join(path, key if is_plain else shown(key))
     if key not in known:
-        new = RENAMED.get(key, "")
-        advice = f"renamed to {new}" if new in known else did_you_mean(key, known)
-        raise Misfit(node.start_mark, where, f"unknown key, {advice}")
+        raise Misfit(node.start_mark, where, f"unknown key, {did_you_mean(key, known)}")
     if key in lines:
         raise Misfit(node.start_mark, where, f"duplicate key, first on line {lines[key]}")
     return key
 
 
-def _sequence(node: yaml.Node, kind: Any, path: str, unit: str) -> list[Any]:
-    if not isinstance(node, yaml.SequenceNode):
-        raise Misfit(node.start_mark, path, f"expected {expected(kind, unit)}, got {found(node)}")
+def _sequence(node: yaml.SequenceNode, kind: Any, path: str, unit: str) -> list[Any]:
+    """Return the items of a list. Raises Misfit."""
     count = len(node.value)
-    kinds = kind.item_types if isinstance(kind, inspect.TupleType) else (kind.item_type,) * count
-    if count != len(kinds) or count < (getattr(kind, "min_length", None) or 0):
+    if isinstance(kind, inspect.TupleType):
+        kinds = kind.item_types
+        fits = count == len(kinds)
+    else:
+        kinds = (kind.item_type,) * count
+        fits = count >= (kind.min_length or 0)
+    if not fits:
         raise Misfit(node.start_mark, path, f"expected {expected(kind, unit)}, got {count}")
-    return [
-        value(n, k, f"{path}[{i}]", unit)
-        for i, (n, k) in enumerate(zip(node.value, kinds, strict=True))
-    ]
+    items = enumerate(zip(node.value, kinds, strict=True))
+    return [value(item, of_item, f"{path}[{i}]", unit) for i, (item, of_item) in items]
 
 
 def _join(path: str, key: str) -> str:

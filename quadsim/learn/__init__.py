@@ -3,34 +3,37 @@
     import gymnasium
     import quadsim.learn
 
-    envs = gymnasium.make_vec("quadsim/Racing-v0", num_envs=4096, course="split_s_swift",
-    vehicle="swift")
+    envs = gymnasium.make_vec("quadsim/Racing-v0", num_envs=4096, course="split_s_swift")
 
-Importing this package registers them; an installed quadsim is found by Gymnasium without the
-import.
+Importing this package registers them. Gymnasium finds an installed quadsim without the import.
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
 
-RACING, BULLET = "quadsim/Racing-v0", "quadsim/RacingBullet-v0"
+RACING = "quadsim/Racing-v0"
+BULLET = "quadsim/RacingBullet-v0"
 
 
 def register_environments() -> None:
-    """Tell Gymnasium of the environments, once. Raises ImportError where it is not installed."""
+    """Register the environments with Gymnasium, unless they are registered.
+
+    Raises:
+        ImportError: Gymnasium is not installed.
+    """
     from gymnasium.envs import registration
 
     if RACING in registration.registry:
         return
-    home = "quadsim.learn"
     registration.register(
         RACING,
-        entry_point=f"{home}.single_env:RacingEnv",
-        vector_entry_point=f"{home}.vector_env:RacingVectorEnv",
+        entry_point="quadsim.learn.single_env:RacingEnv",
+        vector_entry_point="quadsim.learn.vector_env:RacingVectorEnv",
     )
-    registration.register(BULLET, entry_point=f"{home}.bullet_env:RacingBulletEnv")
+    registration.register(BULLET, entry_point="quadsim.learn.bullet_env:RacingBulletEnv")
 
 
-with suppress(ImportError):  # the lanes need no Gymnasium
+# the lanes need no Gymnasium
+with suppress(ImportError):
     register_environments()

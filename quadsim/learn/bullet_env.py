@@ -1,5 +1,7 @@
-"""`quadsim/RacingBullet-v0`: the same task in PyBullet, with rotors, allocation and the referee,
-for evaluation."""
+"""`quadsim/RacingBullet-v0`: the same task in PyBullet, for evaluation.
+
+It has rotors, control allocation, gusts and the referee.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from gymnasium.error import ResetNeeded
 from controllers.costs.race import progress
 from controllers.learned.observation import command, gate_rows, normalised, observe
 from quadsim.dynamics.quadrotor import POSE, Control
-from quadsim.learn.render import RENDER_MODES, Renderer
+from quadsim.learn.render import RENDER_MODES, Renderer, ViewerFactory
 from quadsim.learn.reward import reward as reward_of
 from quadsim.learn.spaces import ACTIONS, action_space, checked_actions, observation_space
 from quadsim.learn.task import task
@@ -24,50 +26,69 @@ from quadsim.spec.spec import Spec
 
 
 class RacingBulletEnv(Env):
-    """One race as `race fly` simulates it. Rewards as in Racing-v0, but those of the margin, which
-    it does not measure.
+    """A race as `race fly` simulates it.
+
+    Rewards are those of Racing-v0, but without the margin in gates, which is not measured here.
 
     Args:
-        course, vehicle, laps, reward, dt, randomize, time_limit: see quadsim.learn.task.task; one
-            course.
+        render_mode, viewer: see RacingVectorEnv.
         plant: "bullet" or "rigid"; None: bullet where PyBullet is installed.
+        settings: course, vehicle, laps, reward, dt, randomize, time_limit; see
+            quadsim.learn.task.task. There is one course.
 
     Raises:
-        SettingError, FileError: a value that does not fit (both are ValueError).
+        SettingError, FileError: a value does not fit (both are ValueError).
     """
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012
 
-    def __init__(self, render_mode: str | None = None, plant: str | None = None, **of_task: Any):
-        self.task, self.render_mode = task(**of_task), render_mode
-        t = self.task
-        if len(t.courses) != 1:
-            raise SettingError("course", f"expected one, got {len(t.courses)}")
-        if t.start != "standing":
-            raise SettingError(
-                "start", f"expected standing, got {t.start!r}: elsewhere Racing-v0 starts"
-            )
-        self._renderer = Renderer(render_mode, t.courses[0], 1, t.dt)
+    def __init__(
+        self,
+        render_mode: str | None = None,
+        viewer: ViewerFactory | None = None,
+        plant: str | None = None,
+        **settings: Any,
+    ):
+        self.task = task(**settings)
+        self.render_mode = render_mode
+        if len(self.task.courses) != 1:
+            raise SettingError("course", f"expected one, got {len(self.task.courses)}")
+        if self.task.start != "standing":
+            problem = f"expected standing, got {self.task.start!r}: elsewhere Racing-v0 starts"
+            raise SettingError("start", problem)
+        (course,) = self.task.courses
+        (laps,) = self.task.laps
+        self._renderer = Renderer(render_mode, viewer, course, 1, self.task.dt)
+        self._spec = self._make_spec(plant)
+        self._system = self.task.system
+        self._cost = self.task.cost(0)
+        self._gates = gate_rows(course, laps)
+        self._plant: Any = None
+        self.observation_space = observation_space()
+        self.action_space = action_space()
+
+    def _make_spec(self, plant: str | None) -> Spec:
+        """Return the specification of the flight, without its seed."""
         asked = {
-            "laps": t.laps[0],
-            "randomize": t.randomize,
-            "timeout": t.time_limit,
-            "dt": t.dt,
+            "laps": self.task.laps[0],
+            "randomize": self.task.randomize,
+            "timeout": self.task.time_limit,
+            "dt": self.task.dt,
             "plant": plant,
         }
         given = {name: value for name, value in asked.items() if value is not None}
-        self._spec = replace(
-            Spec.of(t.courses[0], controller=_Nobody(), **given), vehicle=t.vehicle
-        )
-        self._system = t.system
-        self._cost, self._gates = t.cost(0), gate_rows(t.courses[0], t.laps[0])
-        self._plant: Any = None
-        self.observation_space, self.action_space = observation_space(), action_space()
+        spec = Spec.of(self.task.courses[0], controller=_NoController(), **given)
+        return replace(spec, vehicle=self.task.vehicle)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start an episode; the seed decides what is randomized."""
+        """Start an episode and return its first observation (38,).
+
+        Args:
+            seed: decides what is randomized.
+            options: are not used.
+        """
         super().reset(seed=seed)
         self._close_plant()
         number = int(self.np_random.integers(10**9)) if seed is None else seed
@@ -78,21 +99,34 @@ class RacingBulletEnv(Env):
         return self._observed(), {}
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """One step of dt under an action (4,); see RacingVectorEnv.step. `crashed` is the referee's
-        word."""
+        """Fly one step of dt under an action (4,); see RacingVectorEnv.step.
+
+        `crashed` in the info is decided by the referee.
+        """
         chosen = np.clip(checked_actions(action, (ACTIONS,)), -1, 1).astype(float)
         if self._plant is None or self._referee.outcome is not None:
             raise ResetNeeded("RacingBullet-v0: step() before reset()")
         u = command(chosen, self._system.low, self._system.high)
-        before, way = self._referee.passed, self._way
-        until = self._plant.state.t + whole_multiple(self.task.dt, self._plant.dt) * self._plant.dt
+        plant_steps = whole_multiple(self.task.dt, self._plant.dt)
+        until = self._plant.state.t + plant_steps * self._plant.dt
+        passed_before = self._referee.passed
         events = apply_control(self._plant, self._referee, tuple(u.tolist()), until)
+
         outcome = self._referee.outcome
-        passed, crashed = self._referee.passed - before, outcome in ("crashed", "stuck")
+        passed = self._referee.passed - passed_before
+        crashed = outcome in ("crashed", "stuck")
+        finished = outcome == "finished"
+        way_before = self._way
         self._way = self._way_left()
-        weights, shortened = self.task.rewards.params, way - self._way
-        action, last = Control(*chosen), Control(*self._last)
-        paid = reward_of(shortened, 0.0, float(crashed), float(passed), action, last, weights)
+        paid = reward_of(
+            progress=way_before - self._way,
+            clearance=0.0,
+            crashed=float(crashed),
+            reached=float(passed),
+            action=Control(*chosen),
+            last=Control(*self._last),
+            p=self.task.rewards.params,
+        )
         self._last = chosen
         self._renderer.update(self._state_rows)
         info = {
@@ -101,37 +135,34 @@ class RacingBulletEnv(Env):
             "lap": self._referee.lap,
             "time": self._plant.state.t,
             "crashed": crashed,
-            "finished": outcome == "finished",
+            "finished": finished,
             "events": [event.kind for event in events],
         }
-        return (
-            self._observed(),
-            float(paid),
-            crashed or outcome == "finished",
-            outcome == "timeout",
-            info,
-        )
+        return self._observed(), float(paid), crashed or finished, outcome == "timeout", info
 
-    def _observed(self) -> np.ndarray:
-        return observe(self._plant.state.x, self._gates[self._referee.passed], self._last)
-
-    def _way_left(self) -> float:
-        """To the finish, as the racing cost measures it [m]."""
-        x = self._plant.state.x
-        row = self._cost.targets[min(self._referee.passed, len(self._cost.targets) - 1)]
-        return float(progress(x, x, self._system.rest, self._cost.row(*row), self._cost.params))
-
-    def _state_rows(self) -> np.ndarray:
-        """Position, velocity and attitude.  (1, 10)"""
-        return np.array(self._plant.state.x)[None, POSE]
-
-    def render(self) -> Any:
-        """With rgb_array a picture from above.  (height, width, 3) uint8"""
+    def render(self) -> np.ndarray | None:
+        """Return a picture from above where the mode is rgb_array.  (height, width, 3) uint8"""
         return self._renderer.picture(self._state_rows())
 
     def close(self) -> None:
+        """End the page of render_mode human, and the plant."""
         self._renderer.close()
         self._close_plant()
+
+    def _observed(self) -> np.ndarray:
+        """Return the observation.  (38,)"""
+        return observe(self._plant.state.x, self._gates[self._referee.passed], self._last)
+
+    def _way_left(self) -> float:
+        """Return the way to the finish as the racing cost measures it [m]."""
+        x = self._plant.state.x
+        targets = self._cost.targets
+        row = targets[min(self._referee.passed, len(targets) - 1)]
+        return float(progress(x, x, self._system.rest, self._cost.row(*row), self._cost.params))
+
+    def _state_rows(self) -> np.ndarray:
+        """Return position, velocity and attitude.  (1, 10)"""
+        return np.array(self._plant.state.x)[None, POSE]
 
     def _close_plant(self) -> None:
         if self._plant is not None:
@@ -139,8 +170,9 @@ class RacingBulletEnv(Env):
             self._plant = None
 
 
-class _Nobody:
-    """In the controller's place of a flight whose controls come from outside."""
+class _NoController:
+    """A stand-in for the controller of a flight whose controls come from outside."""
 
     def control(self, x: np.ndarray) -> np.ndarray:
+        """Never called: the actions of `step` take its place."""
         raise NotImplementedError

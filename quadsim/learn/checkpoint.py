@@ -1,74 +1,76 @@
-"""What a training needs to go on after a kill: weights, optimisers, random state, history; numbers
-and JSON alone."""
+"""Checkpoints of a training: the parameters of policy and value function, and its history.
+
+A training that goes on from a checkpoint draws new episodes and new exploration. The file holds
+numbers and JSON alone; nothing in it is executed.
+"""
 
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Mapping
-from io import BytesIO
 from pathlib import Path
-from typing import Any
-from zlib import error as zlib_error
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from quadsim.files.arrays import TEXT, Declared, npz_bytes, read_arrays, record_of
 from quadsim.files.strict_yaml import FileError
-from quadsim.learn.ppo import PPO
 
-FORMAT = "quadsim training 2"
+FORMAT = "quadsim training 3"
+WHAT = "a checkpoint of `race train` for this task"
 
 
-def checkpoint_bytes(ppo: PPO, identity: Mapping[str, Any], history: list[dict]) -> bytes:
-    """identity: what was asked for; a training goes on only where it is the same."""
+class Checkpoint(NamedTuple):
+    """A training up to an evaluation."""
+
+    parameters: dict[str, np.ndarray]  # of policy and value function
+    steps_done: int
+    history: list[dict]
+
+
+def checkpoint_bytes(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> bytes:
+    """Return the content of a checkpoint's file.
+
+    Args:
+        checkpoint: what is kept.
+        identity: what was asked for; a training goes on only where it is the same.
+    """
     state = {
         "format": FORMAT,
         "identity": dict(identity),
-        "updates": ppo.updates,
-        "rate": ppo.rate,
-        "reward": ppo.reward,
-        "steps": [ppo.adam.steps, ppo.value_adam.steps],
-        "random": ppo.rng.bit_generator.state,
-        "history": history,
+        "steps_done": checkpoint.steps_done,
+        "history": checkpoint.history,
     }
-    buffer = BytesIO()
-    arrays = {f"array_{k}": a for k, a in enumerate(_arrays(ppo))}
-    np.savez(buffer, allow_pickle=False, state=np.array(json.dumps(state)), **arrays)
-    return buffer.getvalue()
+    return npz_bytes({"state": np.array(json.dumps(state))} | checkpoint.parameters)
 
 
-def restore(ppo: PPO, path: Path, identity: Mapping[str, Any]) -> list[dict]:
-    """Fill ppo from the file; its history. Raises FileError where it is of another training or
-    damaged."""
-    try:
-        with np.load(path, allow_pickle=False) as found:
-            state = json.loads(str(found["state"][()]))
-            arrays = [found[f"array_{k}"] for k in range(len(_arrays(ppo)))]
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib_error) as error:
-        raise FileError(
-            f"{path}: expected a checkpoint of `race train`, cannot be read: {error}"
-        ) from None
+def read_checkpoint(
+    path: Path, parameters: Mapping[str, np.ndarray], identity: Mapping[str, Any]
+) -> Checkpoint:
+    """Return the checkpoint in a file.
+
+    Args:
+        path: the file.
+        parameters: arrays whose names, types and shapes the file has to have.
+        identity: what is asked for now.
+
+    Raises:
+        FileError: the file is damaged, or it is of another training.
+    """
+    declared = {
+        name: Declared(str(array.dtype), array.shape, finite=True)
+        for name, array in parameters.items()
+    }
+    arrays = read_arrays(path, declared | {"state": TEXT}, WHAT)
+    state = record_of(arrays.pop("state"), path, WHAT)
     if state.get("format") != FORMAT:
         raise FileError(f"{path}: expected format {FORMAT!r}: it was written by another version")
+    # as JSON holds it, lists in place of tuples
     asked = json.loads(json.dumps(dict(identity)))
-    if state["identity"] != asked:
-        differs = sorted(
-            k for k in asked | state["identity"] if asked.get(k) != state["identity"].get(k)
-        )
-        wanted = f"expected a training of the same {', '.join(differs)}"
-        raise FileError(f"{path}: {wanted}: take another --out, or remove the file to begin anew")
-    for own, stored in zip(_arrays(ppo), arrays, strict=True):
-        if own.shape != stored.shape or not np.isfinite(stored).all():
-            raise FileError(
-                f"{path}: expected finite numbers of shape {own.shape}, got {stored.shape}"
-            )
-        own[:] = stored
-    ppo.updates, ppo.rate, ppo.reward = state["updates"], state["rate"], state["reward"]
-    ppo.adam.steps, ppo.value_adam.steps = state["steps"]
-    ppo.rng.bit_generator.state = state["random"]
-    return state["history"]
-
-
-def _arrays(ppo: PPO) -> list[np.ndarray]:
-    adams = [a for adam in (ppo.adam, ppo.value_adam) for a in (*adam.first, *adam.second)]
-    return [*ppo.policy, *ppo.value, *adams]
+    stored = state["identity"]
+    if stored != asked:
+        names = sorted(k for k in asked | stored if asked.get(k) != stored.get(k))
+        wanted = f"expected a training of the same {', '.join(names)}"
+        advice = "take another --out, or remove the file to begin anew"
+        raise FileError(f"{path}: {wanted}: {advice}")
+    return Checkpoint(arrays, state["steps_done"], state["history"])

@@ -5,6 +5,8 @@ Arrays lie as in controllers.lanes.layout: environment i is lane i % LANES of bl
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from controllers.costs.race import clearance, progress
@@ -13,111 +15,222 @@ from controllers.lanes.layout import LANES, blocks
 from controllers.lanes.threads import threads
 from controllers.learned.observation import GATE_NUMBERS, SIZE, NextGates, observation
 from quadsim.learn.reward import RewardParams, RewardWeights, reward
-from quadsim.learn.task import Tables, Task, tables
+from quadsim.learn.task import LearningTask, Tables, tables
 from quadsim.spec.settings import SettingError
 from quadsim.streams import observation_noise_key
 
 
+class Episodes(NamedTuple):
+    """The running episodes. `begin` and `advance` of the compiled module both write them."""
+
+    states: np.ndarray  # (blocks, n_x, LANES)
+    rows: np.ndarray  # (blocks, n_row, LANES) row of the target
+    models: np.ndarray  # (blocks, n_p, LANES) parameters of the vehicles
+    actions_before: np.ndarray  # (blocks, n_u, LANES) last actions
+    way: np.ndarray  # (blocks, LANES) to the remaining gates [m]
+    room: np.ndarray  # (blocks, LANES) to the obstacles [m]
+    row: np.ndarray  # (blocks, LANES) number of the target's row
+    steps: np.ndarray  # (blocks, LANES) since the episode began
+    passes: np.ndarray  # (blocks, LANES) gates passed since the episode began
+    episode: np.ndarray  # (blocks, LANES) number of the episode
+    over: np.ndarray  # (blocks, LANES) whether it has ended and waits for its restart
+    obs: np.ndarray  # (blocks, SIZE, LANES)
+
+
+class Beginnings(NamedTuple):
+    """The numbers that decide how episodes begin."""
+
+    starts: np.ndarray  # (courses, starts, n_x + 1 + n_p + n_u)
+    targets: np.ndarray  # (courses, rows, n_row)
+    course: np.ndarray  # (blocks,)
+    seed: int
+
+
+class Outcome(NamedTuple):
+    """The results of a step, which `advance` writes."""
+
+    final: np.ndarray  # (blocks, SIZE, LANES) last observation of an episode that starts anew
+    reward_of: np.ndarray  # (blocks, LANES)
+    ended: np.ndarray  # (blocks, LANES)
+    cut: np.ndarray  # (blocks, LANES) whether the time limit has ended the episode
+    passed: np.ndarray  # (blocks, LANES) whether a gate was passed
+    crashed_now: np.ndarray  # (blocks, LANES)
+
+
+class Step(NamedTuple):
+    """The arguments of `advance` after those of the episodes and their beginnings, in its order."""
+
+    p_cost: np.ndarray  # (courses, n_q)
+    dt: np.float32  # [s]
+    actions: np.ndarray  # (blocks, n_u, LANES)
+    final: np.ndarray  # to `crashed_now`: see Outcome
+    reward_of: np.ndarray
+    ended: np.ndarray
+    cut: np.ndarray
+    passed: np.ndarray
+    crashed_now: np.ndarray
+    last_row: np.ndarray  # (courses,) row at which a race is finished
+    obstacles: np.ndarray  # (courses, obstacles, n_obstacle)
+    n_obstacles: np.ndarray  # (courses,)
+    low: np.ndarray  # (n_u,) commands at -1
+    half: np.ndarray  # (n_u,) half of their ranges
+    limit: np.int32  # steps of the longest episode
+    mode: int  # SAME_STEP, NEXT_STEP or DISABLED
+    p_reward: np.ndarray  # RewardParams as an array
+    noise: np.ndarray  # (SIZE,) standard deviations of the observation; negative: none
+    key: np.ndarray  # (2,) of the noise
+    call: int  # number of this step since the seed
+    parts: int  # into which the blocks are divided among threads
+
+
 class LaneEnvironments:
-    """`n` environments of a task. After each step: obs, reward, ended, cut, and what happened, all
-    in lanes.
+    """Environments of a task, in lanes.
+
+    Args:
+        task: what is flown.
+        n: number of environments.
+        seed: of their starts.
+        autoreset: when an episode that has ended starts anew: SAME_STEP, NEXT_STEP or DISABLED.
 
     Attributes:
-        X: states (blocks, n_x, LANES); row: of targets; steps and passes of the episode (blocks,
-            LANES).
-        obs: (blocks, SIZE, LANES); final: of episodes that ended in this step, where they start
-            anew in the same.
-        reward, ended, cut, hit, crashed: (blocks, LANES); cut: ended by the time limit; hit: a gate
-            was passed.
+        X: states (blocks, n_x, LANES).
+        row: numbers of the target rows (blocks, LANES).
+        steps, passes: of the episodes (blocks, LANES).
+        obs: observations (blocks, SIZE, LANES).
+        final: observations at the end of episodes that start anew in the same step.
+        reward, ended, cut, hit, crashed: of the last step (blocks, LANES); cut: ended by the time
+            limit; hit: a gate was passed.
     """
 
-    def __init__(self, task: Task, n: int, seed: int = 0, autoreset: int = DISABLED):
-        self.task, self.n, self.seed, self.autoreset = task, n, seed, autoreset
-        system, cost = task.system, task.cost(0)
-        assert cost.obstacles
-        B, f = blocks(n), np.float32
-        if len(task.courses) > B:
-            least = LANES * (len(task.courses) - 1) + 1
-            wanted = f"expected at least {least} environments for {len(task.courses)}"
-            raise SettingError("course", f"{LANES} environments share a course: {wanted}, got {n}")
-        tests = {
-            other.obstacles.touches
-            for other in map(task.cost, range(len(task.courses)))
-            if other.obstacles
-        }
-        if len(tests) > 1:
-            raise SettingError(
-                "course",
-                "expected courses that all have obstacles beside the gates, or none, got both",
-            )
+    def __init__(self, task: LearningTask, n: int, seed: int = 0, autoreset: int = DISABLED):
+        self.task = task
+        self.n = n
+        self.seed = seed
+        self.autoreset = autoreset
+        _check_courses(task, n)
         self.tables: Tables | None = None  # of the seed, made when episodes begin
-        n_x = len(system.states)
-        n_u = len(system.controls)
-        n_p = len(system.params)
-        n_row = cost.targets.shape[1] + 2 * GATE_NUMBERS
+        self._calls = 0
+
+        system = task.system
+        cost = task.cost(0)
         learning = Learning(observation, NextGates, reward, RewardParams, progress, clearance)
         self._module = environment_module(system, cost, learning)
-        self.X, self.A, self.P, self.last, self.obs, self.final = (
-            np.zeros((B, k, LANES), f) for k in (n_x, n_row, n_p, n_u, SIZE, SIZE)
+        self.rows_to_lanes = self._module.to_lanes
+        self.lanes_to_rows = self._module.to_rows
+
+        B = blocks(n)
+        numbers = {
+            "states": len(system.states),
+            "rows": cost.targets.shape[1] + 2 * GATE_NUMBERS,
+            "models": len(system.params),
+            "actions_before": len(system.controls),
+            "obs": SIZE,
+        }
+        self.episodes = Episodes(
+            **{name: np.zeros((B, k, LANES), np.float32) for name, k in numbers.items()},
+            way=np.zeros((B, LANES), np.float32),
+            room=np.zeros((B, LANES), np.float32),
+            row=np.zeros((B, LANES), np.int32),
+            steps=np.zeros((B, LANES), np.int32),
+            passes=np.zeros((B, LANES), np.int32),
+            episode=np.zeros((B, LANES), np.int32),
+            over=np.zeros((B, LANES), bool),
         )
-        self.way, self.room, self.reward = (np.zeros((B, LANES), f) for _ in range(3))
-        self.row, self.steps, self.passes, self.episode = (
-            np.zeros((B, LANES), np.int32) for _ in range(4)
-        )
-        self.over, self.ended, self.cut, self.hit, self.crashed = (
-            np.zeros((B, LANES), bool) for _ in range(5)
+        self._outcome = Outcome(
+            final=np.zeros((B, SIZE, LANES), np.float32),
+            reward_of=np.zeros((B, LANES), np.float32),
+            ended=np.zeros((B, LANES), bool),
+            cut=np.zeros((B, LANES), bool),
+            passed=np.zeros((B, LANES), bool),
+            crashed_now=np.zeros((B, LANES), bool),
         )
         self.course = (np.arange(B) % len(task.courses)).astype(np.int32)
-        low, high = np.array(system.low, f), np.array(system.high, f)
-        self._command = low, (high - low) / 2
-        self._noise = np.full(SIZE, task.noise if task.noise > 0 else -1.0, f)
-        self._limit, self._dt = np.int32(round(task.time_limit / task.dt)), f(task.dt)
+        self.X = self.episodes.states
+        self.last = self.episodes.actions_before
+        self.obs = self.episodes.obs
+        self.way = self.episodes.way
+        self.room = self.episodes.room
+        self.row = self.episodes.row
+        self.steps = self.episodes.steps
+        self.passes = self.episodes.passes
+        self.over = self.episodes.over
+        self.final = self._outcome.final
+        self.reward = self._outcome.reward_of
+        self.ended = self._outcome.ended
+        self.cut = self._outcome.cut
+        self.hit = self._outcome.passed
+        self.crashed = self._outcome.crashed_now
+
+        self._low = np.array(system.low, np.float32)
+        self._half = (np.array(system.high, np.float32) - self._low) / 2
+        self._noise = np.full(SIZE, task.noise if task.noise > 0 else -1.0, np.float32)
+        self._limit = np.int32(round(task.time_limit / task.dt))
+        self._dt = np.float32(task.dt)
         self.reward_by(task.rewards)
-        self._calls = 0
-        self.rows_to_lanes, self.lanes_to_rows = self._module.to_lanes, self._module.to_rows
 
     def reward_by(self, weights: RewardWeights) -> None:
-        """From now on; the margin of the task stays."""
-        self.rewards, self._rewards = weights, np.array(weights.params, np.float32)
+        """Weigh the reward by these from now on; the margin of the task stays."""
+        self.rewards = weights
+        self._rewards = np.array(weights.params, np.float32)
 
     def begin(self, seed: int | None = None, chosen: np.ndarray | None = None) -> None:
-        """Start episodes: of all environments, or of those chosen (blocks, LANES). A seed starts
-        the series anew."""
+        """Start episodes.
+
+        Args:
+            seed: starts the series of episodes anew.
+            chosen: the environments whose episodes start (blocks, LANES); None: all of them.
+        """
         if seed is not None or self.tables is None:
-            self.seed, self._calls = self.seed if seed is None else seed, 0
+            self.seed = self.seed if seed is None else seed
+            self._calls = 0
             self.tables = tables(self.task, self.seed)
-            self.episode[:] = 0
-        chosen = np.ones_like(self.over) if chosen is None else chosen
-        t = self.tables
-        self._module.begin(
-            *self._state, self.obs, t.starts, t.targets, self.course, self.seed, chosen
-        )
+            self.episodes.episode[:] = 0
+        if chosen is None:
+            chosen = np.ones_like(self.over)
+        self._module.begin(*self.episodes, *self._beginnings(self.tables), chosen)
 
     def step(self, actions: np.ndarray) -> None:
-        """One step of dt under actions (blocks, n_u, LANES) in -1..1, float32; what lies outside is
-        clipped."""
-        t, self._calls = self.tables, self._calls + 1
-        assert t is not None, "step before begin"
-        key = observation_noise_key(self.seed)
-        self._module.advance(
-            *self._state, self.obs, t.starts, t.targets, self.course, self.seed, t.p_cost, self._dt, actions,
-            self.final, self.reward, self.ended, self.cut, self.hit, self.crashed, t.final_row, t.obstacles,
-            t.n_obstacles, *self._command, self._limit, self.autoreset, self._rewards, self._noise, key, self._calls,
-            min(len(self.X), 4 * threads()),
-        )  # fmt: skip
+        """Fly one step of dt.
 
-    @property
-    def _state(self) -> tuple[np.ndarray, ...]:
-        return (
-            self.X,
-            self.A,
-            self.P,
-            self.last,
-            self.way,
-            self.room,
-            self.row,
-            self.steps,
-            self.passes,
-            self.episode,
-            self.over,
+        Args:
+            actions: (blocks, n_u, LANES) float32; what lies outside of -1..1 is clipped.
+        """
+        assert self.tables is not None, "step before begin"
+        self._calls += 1
+        step = Step(
+            self.tables.p_cost,
+            self._dt,
+            actions,
+            *self._outcome,
+            last_row=self.tables.final_row,
+            obstacles=self.tables.obstacles,
+            n_obstacles=self.tables.n_obstacles,
+            low=self._low,
+            half=self._half,
+            limit=self._limit,
+            mode=self.autoreset,
+            p_reward=self._rewards,
+            noise=self._noise,
+            key=observation_noise_key(self.seed),
+            call=self._calls,
+            parts=min(len(self.X), 4 * threads()),
         )
+        self._module.advance(*self.episodes, *self._beginnings(self.tables), *step)
+
+    def _beginnings(self, found: Tables) -> Beginnings:
+        return Beginnings(found.starts, found.targets, self.course, self.seed)
+
+
+def _check_courses(task: LearningTask, n: int) -> None:
+    """Raise SettingError unless n environments can fly the courses of the task side by side."""
+    count = len(task.courses)
+    if count > blocks(n):
+        least = LANES * (count - 1) + 1
+        wanted = f"expected at least {least} environments for {count}"
+        raise SettingError("course", f"{LANES} environments share a course: {wanted}, got {n}")
+    costs = [task.cost(k) for k in range(count)]
+    # the compiled module holds one test of obstacles
+    tests = {cost.obstacles.touches for cost in costs if cost.obstacles}
+    if len(tests) > 1:
+        wanted = "expected courses that all have obstacles beside the gates, or none"
+        raise SettingError("course", f"{wanted}, got both")

@@ -1,13 +1,12 @@
-"""What environments show: a page in the browser (human), or pictures of gates and vehicles from
-above (rgb_array)."""
+"""Views of an environment: a viewer's page (human), or pictures from above (rgb_array)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
-from typing import Any
+from typing import Protocol
 
 import numpy as np
+from PIL import Image, ImageDraw
 
 from quadsim.course import Course
 from quadsim.course.opening import outer_half_sizes
@@ -16,72 +15,126 @@ from quadsim.spec.settings import SettingError
 
 RENDER_MODES = ("human", "rgb_array")
 
-SIZE = (480, 640)  # height, width [pixels]
-FRAME, BACKGROUND = (70, 70, 80), (250, 250, 252)
+WIDTH = 640  # of a picture [pixels]
+HEIGHT = 480
+BORDER = 10  # around the course [pixels]
+FRAME = (70, 70, 80)
+BACKGROUND = (250, 250, 252)
 # colours of vehicles at the floor and at the ceiling
-LOW, HIGH = np.array((30, 90, 200)), np.array((220, 60, 30))
+LOW = np.array((30, 90, 200))
+HIGH = np.array((220, 60, 30))
+AHEAD = 0.1  # a vehicle's velocity is drawn as the way of so many seconds [s]
+RADIUS = 2.5  # of a vehicle [pixels]
+
+
+class Viewer(Protocol):
+    """A viewer shows the vehicles of an environment to a person."""
+
+    def show(self, states: np.ndarray) -> None:
+        """Show position, velocity and attitude (wxyz) of the vehicles.  (vehicles, 10)"""
+
+    def close(self) -> None:
+        """End the view."""
+
+
+# (course, vehicles, dt) -> Viewer; dt: duration of a step [s]
+ViewerFactory = Callable[[Course, int, float], Viewer]
 
 
 class Renderer:
-    """Shows the vehicles of an environment in its render_mode. Raises SettingError for one that
-    there is not."""
+    """The vehicles of an environment in its render_mode.
 
-    def __init__(self, mode: str | None, course: Course, vehicles: int, dt: float):
+    Args:
+        mode: None, "human" or "rgb_array".
+        viewer: what makes the viewer of mode human.
+        course: the course that is shown.
+        vehicles: their number.
+        dt: duration of a step [s].
+
+    Raises:
+        SettingError: there is no such mode, or mode human has no viewer.
+    """
+
+    def __init__(
+        self,
+        mode: str | None,
+        viewer: ViewerFactory | None,
+        course: Course,
+        vehicles: int,
+        dt: float,
+    ):
         if mode not in (None, *RENDER_MODES):
-            raise SettingError(
-                "render_mode", f"expected None, 'human' or 'rgb_array', got {mode!r}"
-            )
-        self._mode, self._of = mode, (course, vehicles, dt)
-        self._page: Any = None
+            wanted = "expected None, 'human' or 'rgb_array'"
+            raise SettingError("render_mode", f"{wanted}, got {mode!r}")
+        if mode == "human" and viewer is None:
+            wanted = "expected what makes a viewer for render_mode 'human', got None"
+            raise SettingError("viewer", f"{wanted}: take web.page.env_page.EnvPage")
+        self._mode = mode
+        self._factory = viewer
+        self._course = course
+        self._vehicles = vehicles
+        self._dt = dt
+        self._viewer: Viewer | None = None
 
     def update(self, states: Callable[[], np.ndarray]) -> None:
-        """Show the states on the page of mode human, after a reset and each step.  -> (vehicles,
-        10): p, v, q wxyz"""
-        if self._mode != "human":
+        """Show the states in mode human; called after a reset and after each step.
+
+        Args:
+            states: makes the array of Viewer.show.  (vehicles, 10)
+        """
+        if self._mode != "human" or self._factory is None:
             return
-        if self._page is None:  # imported by name: the page is a layer above, and loads viser
-            self._page = import_module("web.page.env_page").EnvPage(*self._of)
-        self._page.show(states())
+        if self._viewer is None:
+            self._viewer = self._factory(self._course, self._vehicles, self._dt)
+        self._viewer.show(states())
 
     def picture(self, states: np.ndarray) -> np.ndarray | None:
-        """Of render(): (height, width, 3) uint8 where the mode is rgb_array."""
-        return picture(self._of[0], states) if self._mode == "rgb_array" else None
+        """Return a picture from above where the mode is rgb_array.  (height, width, 3) uint8"""
+        return picture(self._course, states) if self._mode == "rgb_array" else None
 
     def close(self) -> None:
-        if self._page is not None:
-            self._page.close()
-            self._page = None
+        """Close the viewer, if there is one."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
 
 
 def picture(course: Course, states: np.ndarray) -> np.ndarray:
-    """states: (vehicles, 10), position, velocity, attitude. -> (height, width, 3) uint8"""
+    """Return a picture of gates and vehicles from above.
+
+    Args:
+        course: whose bounds fill the picture.
+        states: position, velocity and attitude of the vehicles.  (vehicles, 10)
+
+    Returns:
+        (height, width, 3) uint8.
+    """
     (x_low, x_high), (y_low, y_high), (z_low, z_high) = course.bounds
-    height, width = SIZE
-    scale = min((width - 20) / (x_high - x_low), (height - 20) / (y_high - y_low))  # [pixels/m]
-    found = np.full((height, width, 3), BACKGROUND, np.uint8)
+    across = (WIDTH - 2 * BORDER) / (x_high - x_low)
+    upwards = (HEIGHT - 2 * BORDER) / (y_high - y_low)
+    scale = min(across, upwards)  # [pixels/m]
 
-    def pixels(points: np.ndarray) -> np.ndarray:
-        columns = width / 2 + (points[..., 0] - (x_low + x_high) / 2) * scale
-        rows = height / 2 - (points[..., 1] - (y_low + y_high) / 2) * scale
-        return np.stack([np.clip(rows, 2, height - 3), np.clip(columns, 2, width - 3)], -1).astype(
-            int
-        )
+    def pixel(point: np.ndarray) -> tuple[float, float]:
+        """Return column and row of a point of the world, x to the right and y up."""
+        column = WIDTH / 2 + (point[0] - (x_low + x_high) / 2) * scale
+        row = HEIGHT / 2 - (point[1] - (y_low + y_high) / 2) * scale
+        return float(column), float(row)
 
-    def dots(points: np.ndarray, colour: np.ndarray, radius: int) -> None:
-        at = pixels(points)
-        for dr in range(-radius, radius + 1):
-            for dc in range(-radius, radius + 1):
-                found[at[:, 0] + dr, at[:, 1] + dc] = colour
-
+    image = Image.new("RGB", (WIDTH, HEIGHT), BACKGROUND)
+    draw = ImageDraw.Draw(image)
     for gate in course.gates:
-        left = outer_half_sizes(gate.opening, gate.frame_width).left * gate.rotation[:, 1]
-        dots(np.array(gate.position) + np.linspace(-1, 1, 60)[:, None] * left, np.array(FRAME), 1)
-    positions, velocities = states[:, POSITION], states[:, VELOCITY]
-    share = np.clip((positions[:, 2] - z_low) / (z_high - z_low), 0, 1)[:, None]
-    colours = (LOW + share * (HIGH - LOW)).astype(np.uint8)
-    # a tenth of a second of flight
-    ahead = positions + np.linspace(0, 0.1, 8)[:, None, None] * velocities
-    for points in ahead:
-        dots(points, colours, 0)
-    dots(positions, colours, 2)
-    return found
+        centre = np.array(gate.position)
+        half_width = outer_half_sizes(gate.opening, gate.frame_width).left
+        edge = half_width * gate.rotation[:, 1]
+        draw.line([pixel(centre - edge), pixel(centre + edge)], FRAME, width=3)
+
+    positions = states[:, POSITION]
+    velocities = states[:, VELOCITY]
+    heights = np.clip((positions[:, 2] - z_low) / (z_high - z_low), 0, 1)
+    colours = (LOW + heights[:, None] * (HIGH - LOW)).astype(int).tolist()
+    for position, velocity, colour in zip(positions, velocities, colours, strict=True):
+        shown = tuple(colour)
+        draw.line([pixel(position), pixel(position + AHEAD * velocity)], shown)
+        column, row = pixel(position)
+        draw.ellipse((column - RADIUS, row - RADIUS, column + RADIUS, row + RADIUS), shown)
+    return np.asarray(image)

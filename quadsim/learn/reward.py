@@ -1,11 +1,11 @@
 """The reward of a step: named terms with weights, and the plain function that the lanes inline.
 
-    r = progress d + gate g - crash c - clearance m - body_rates |w|^2 - action_change |a -
-    a_last|^2 - time
+    r = progress d + gate g - crash c - clearance m
+        - body_rates |w|^2 - action_change |a - a_last|^2 - time
 
-d is the way to the remaining gates that this step has shortened [m], measured as the racing cost
-measures it (controllers.costs.race), so that what a flight collects is its whole way whatever path
-it takes; the terms are those of Song et al. 2021, "Autonomous Drone Racing with Deep Reinforcement
+d is the way to the remaining gates that this step has shortened [m]. It is measured as the racing
+cost measures it (controllers.costs.race), so that a flight collects its whole way whatever path it
+takes. The terms are those of Song et al. 2021, "Autonomous Drone Racing with Deep Reinforcement
 Learning", and Kaufmann et al. 2023.
 """
 
@@ -13,6 +13,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import NamedTuple
+
+
+class RewardParams(NamedTuple):
+    """The weights of `reward`, named as in RewardWeights."""
+
+    progress: float
+    gate: float
+    crash: float
+    clearance: float
+    body_rates: float
+    action_change: float
+    time: float
 
 
 @dataclass(frozen=True)
@@ -31,20 +43,16 @@ class RewardWeights:
 
     @property
     def params(self) -> RewardParams:
-        """As `reward` takes them."""
-        return RewardParams(*(getattr(self, name) for name in RewardParams._fields))
-
-
-class RewardParams(NamedTuple):
-    """The weights of `reward`, named as in RewardWeights."""
-
-    progress: float
-    gate: float
-    crash: float
-    clearance: float
-    body_rates: float
-    action_change: float
-    time: float
+        """The weights as `reward` takes them."""
+        return RewardParams(
+            progress=self.progress,
+            gate=self.gate,
+            crash=self.crash,
+            clearance=self.clearance,
+            body_rates=self.body_rates,
+            action_change=self.action_change,
+            time=self.time,
+        )
 
 
 def reward(progress, clearance, crashed, reached, action, last, p):

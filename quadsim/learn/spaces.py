@@ -1,4 +1,4 @@
-"""What all environments share: spaces, and what they say of a wrong action."""
+"""Spaces of the environments, and the check of an action."""
 
 from __future__ import annotations
 
@@ -13,28 +13,33 @@ ACTIONS = 4
 
 
 def observation_space() -> Box:
-    """See controllers.learned.observation.UNITS."""
+    """Return the space of observations; see controllers.learned.observation.UNITS.  (SIZE,)"""
     return Box(-np.inf, np.inf, (SIZE,), np.float32)
 
 
 def action_space() -> Box:
-    """Body rates about x, y, z and thrust; -1 and 1 are the vehicle's limits."""
+    """Return the space of actions, body rates about x, y, z and thrust.  (4,)
+
+    -1 and 1 are the vehicle's limits.
+    """
     return Box(-1.0, 1.0, (ACTIONS,), np.float32)
 
 
 def checked_actions(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """float32 of this shape. Raises ValueError that says what came."""
+    """Return actions as float32 of this shape.
+
+    Raises:
+        ValueError: they are no numbers, of another shape, or not finite.
+    """
     try:
         found = np.asarray(actions, np.float32)
     except (TypeError, ValueError):
-        raise ValueError(
-            f"action: expected numbers in -1..1 of shape {shape}, got {type(actions).__name__}"
-        ) from None
+        wanted = f"expected numbers in -1..1 of shape {shape}"
+        raise ValueError(f"action: {wanted}, got {type(actions).__name__}") from None
     if found.shape != shape:
         raise ValueError(f"action: expected shape {shape}, got {found.shape}")
     if not np.isfinite(found).all():
-        where = np.argwhere(~np.isfinite(found))[0].tolist()
-        raise ValueError(
-            f"action{where}: expected a finite number in -1..1, got {found[tuple(where)]}"
-        )
+        first = np.argwhere(~np.isfinite(found))[0].tolist()
+        number = found[tuple(first)]
+        raise ValueError(f"action{first}: expected a finite number in -1..1, got {number}")
     return found

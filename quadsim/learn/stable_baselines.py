@@ -1,8 +1,9 @@
-"""Racing-v0 as a vector environment of stable-baselines3 (2.3 or later), which this module alone
-imports.
+"""Racing-v0 as a vector environment of stable-baselines3, 2.3 or later.
 
-from quadsim.learn.stable_baselines import RacingVecEnv
-PPO("MlpPolicy", RacingVecEnv(256, course="split_s_swift", start="anywhere")).learn(1_000_000)
+    from quadsim.learn.stable_baselines import RacingVecEnv
+    PPO("MlpPolicy", RacingVecEnv(256, course="split_s_swift", start="anywhere")).learn(1_000_000)
+
+Only this module imports stable-baselines3.
 """
 
 from __future__ import annotations
@@ -18,74 +19,99 @@ from quadsim.learn.vector_env import RacingVectorEnv
 
 
 class RacingVecEnv(VecEnv):
-    """Arguments as of RacingVectorEnv, without autoreset_mode: episodes start anew in the same
-    step.
+    """Races of many vehicles, whose episodes start anew in the step in which they end.
 
-    `infos` hold Gymnasium's `passed`, `gates`, `lap`, `time`, `crashed`, `finished` where an
-    episode has ended, with `terminal_observation` and `TimeLimit.truncated`; elsewhere they are
-    empty, as making thousands takes time.
+    `infos` hold Gymnasium's `passed`, `gates`, `lap`, `time`, `crashed` and `finished` where an
+    episode has ended, with `terminal_observation` and `TimeLimit.truncated`. Elsewhere they are
+    empty, as making thousands of them takes time.
+
+    Args:
+        num_envs: vehicles.
+        hold: steps of dt for which an action is held.
+        settings: see RacingVectorEnv, without autoreset_mode.
     """
 
-    def __init__(self, num_envs: int = 1, **settings: Any):
+    def __init__(self, num_envs: int = 1, *, hold: int = 1, **settings: Any):
+        self.hold = hold
         self.envs = RacingVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **settings)
         self.render_mode = self.envs.render_mode
-        super().__init__(
-            num_envs, self.envs.single_observation_space, self.envs.single_action_space
-        )
+        observations = self.envs.single_observation_space
+        actions = self.envs.single_action_space
+        super().__init__(num_envs, observations, actions)
         self._actions: np.ndarray | None = None
 
     def reset(self) -> np.ndarray:
-        """Observations (num_envs, 38); the seed is that of the last `seed`, for one reset."""
+        """Start all episodes and return observations (num_envs, 38).
+
+        The seed of the last call of `seed` serves for one reset.
+        """
         seed = self._seeds[0]
         self._reset_seeds()
         self._reset_options()
-        return self.envs.reset(seed=seed)[0]
+        observations, _ = self.envs.reset(seed=seed)
+        return observations
 
     def step_async(self, actions: np.ndarray) -> None:
+        """Keep the actions for `step_wait`.  (num_envs, 4)"""
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict]]:
-        obs, reward, ended, cut, told = self.envs.step(self._actions)
+        """Fly the steps of one action; return observations, summed rewards, dones and infos."""
+        obs, rewards, done, infos = self._fly_step()
+        for _ in range(self.hold - 1):
+            obs, reward, ended, more = self._fly_step()
+            # what follows an end belongs to the next episode
+            rewards += np.where(done, 0.0, reward)
+            for i in np.flatnonzero(ended & ~done):
+                infos[i] = more[i]
+            done |= ended
+        return obs, rewards, done, infos
+
+    def _fly_step(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict]]:
+        """Fly one step of dt; return observations, rewards, dones and infos."""
+        obs, reward, ended, cut, info = self.envs.step(self._actions)
         done = ended | cut
         infos: list[dict] = [{} for _ in range(self.num_envs)]
+        numbers = {name: values for name, values in info.items() if "final_obs" not in name}
         for i in np.flatnonzero(done):
-            infos[i] = {
-                name: values[i].item()
-                for name, values in told.items()
-                if values.ndim == 1 and name[0] != "_"
-            }
-            infos[i] |= {
-                "terminal_observation": told["final_obs"][i],
-                "TimeLimit.truncated": bool(cut[i]),
-            }
+            infos[i] = {name: values[i].item() for name, values in numbers.items()}
+            infos[i]["terminal_observation"] = info["final_obs"][i]
+            infos[i]["TimeLimit.truncated"] = bool(cut[i])
         return obs, reward, done, infos
 
     def close(self) -> None:
+        """End the page of render_mode human."""
         self.envs.close()
 
     def get_images(self) -> Sequence[np.ndarray | None]:
+        """Return one picture of all vehicles, or None."""
         return self.envs.render() or [None]
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        return [
-            getattr(self.envs if hasattr(self.envs, attr_name) else self, attr_name)
-        ] * self._count(indices)
+        """Return an attribute, the same for each of the environments asked for."""
+        owner = self.envs if hasattr(self.envs, attr_name) else self
+        return [getattr(owner, attr_name)] * self._count(indices)
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Raises ValueError unless for all environments: they share their settings."""
+        """Set an attribute of all environments, which share their settings.
+
+        Raises:
+            ValueError: only some of the environments are asked for.
+        """
         if self._count(indices) != self.num_envs:
-            raise ValueError(
-                f"{attr_name}: expected to be set for all {self.num_envs} environments at once"
-            )
+            wanted = f"expected to be set for all {self.num_envs} environments at once"
+            raise ValueError(f"{attr_name}: {wanted}")
         setattr(self.envs, attr_name, value)
 
     def env_method(
         self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
     ) -> list[Any]:
-        """Called once, for all environments."""
-        return [getattr(self.envs, method_name)(*args, **kwargs)] * self._count(indices)
+        """Call a method once for all environments; return its result for each asked for."""
+        result = getattr(self.envs, method_name)(*args, **kwargs)
+        return [result] * self._count(indices)
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """Return False for each of the environments asked for."""
         return [False] * self._count(indices)
 
     def _count(self, indices: Any) -> int:

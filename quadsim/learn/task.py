@@ -1,5 +1,7 @@
-"""What is flown in an environment: courses, vehicle, rewards and starts, and the tables of numbers
-that lanes read."""
+"""What is flown in an environment: courses, vehicle, rewards and starts.
+
+`tables` turns a task into the arrays of numbers that the lanes read.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +17,7 @@ from controllers.costs.race import RaceWeights, race_cost
 from controllers.learned.observation import gate_rows
 from quadsim.course import Course, load_course
 from quadsim.course.swept import SweptGates
+from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import ModelParams, quadrotor
 from quadsim.learn.reward import RewardWeights
 from quadsim.learn.starts import start_rows
@@ -25,11 +28,18 @@ from quadsim.streams import start_stream
 from quadsim.vehicle import Vehicle, load_vehicle
 
 STARTS = ("standing", "anywhere")
+# setting of a task -> its lowest and its highest value
+RANGES = {
+    "dt": (1e-3, 0.05),
+    "randomize": (0.0, 3.0),
+    "time_limit": (0.1, 1e4),
+    "noise": (0.0, 10.0),
+}
 
 
 @dataclass(frozen=True)
-class Task:
-    """A race to be learnt. Build with `task`, which resolves names and checks."""
+class LearningTask:
+    """A race to be learnt. `task` makes one: it looks names up and checks values."""
 
     courses: tuple[Course, ...]
     vehicle: Vehicle
@@ -43,12 +53,15 @@ class Task:
     rewards: RewardWeights = field(default_factory=RewardWeights)
 
     @property
-    def system(self) -> Any:
+    def system(self) -> System:
+        """The model of the nominal vehicle."""
         return quadrotor(ModelParams.of(self.vehicle), self.dt)
 
     def cost(self, k: int) -> Cost:
-        """Return the racing cost of course k, which measures progress and tests the gates; the
-        reward weighs it."""
+        """Return the racing cost of course k.
+
+        It measures progress and tests the gates; the weights are those of the reward.
+        """
         weights = RaceWeights(margin=self.rewards.margin)
         return race_cost(self.courses[k], self.vehicle.radius, weights, self.laps[k])
 
@@ -65,20 +78,28 @@ class Tables:
     starts: np.ndarray  # (courses, starts, ...)
 
 
-def tables(task: Task, seed: int) -> Tables:
-    """Starts are drawn from the seed."""
-    costs = [task.cost(k) for k in range(len(task.courses))]
-    rows = [
-        np.hstack([cost.targets, gate_rows(course, laps)])
-        for cost, course, laps in zip(costs, task.courses, task.laps, strict=True)
-    ]
-    obstacles = [cost.obstacles.rows for cost in costs if cost.obstacles]
-    starts = [
-        start_rows(
-            course, cost, task.vehicle, task.dt, task.start, task.randomize, start_stream(seed, k)
+def tables(task: LearningTask, seed: int) -> Tables:
+    """Return the numbers of a task's courses, with starts drawn from the seed."""
+    costs: list[Cost] = []
+    rows: list[np.ndarray] = []
+    obstacles: list[np.ndarray] = []
+    starts: list[np.ndarray] = []
+    for k, course in enumerate(task.courses):
+        cost = task.cost(k)
+        costs.append(cost)
+        rows.append(np.hstack([cost.targets, gate_rows(course, task.laps[k])]))
+        if cost.obstacles:
+            obstacles.append(cost.obstacles.rows)
+        of_course = start_rows(
+            course,
+            cost,
+            task.vehicle,
+            task.dt,
+            task.start,
+            task.randomize,
+            seeds=start_stream(seed, k),
         )
-        for k, (course, cost) in enumerate(zip(task.courses, costs, strict=True))
-    ]
+        starts.append(of_course)
     return Tables(
         targets=_padded(rows),
         final_row=np.array([len(r) - 1 for r in rows], np.int32),
@@ -90,11 +111,10 @@ def tables(task: Task, seed: int) -> Tables:
 
 
 def _padded(arrays: Sequence[np.ndarray]) -> np.ndarray:
-    """One array of them all, the last row repeated.  (n, most rows, columns) float32"""
+    """Return one array of all, with the last row repeated.  (n, most rows, columns) float32"""
     most = max(map(len, arrays))
-    return np.array(
-        [np.pad(a, ((0, most - len(a)), (0, 0)), mode="edge") for a in arrays], np.float32
-    )
+    padded = [np.pad(a, ((0, most - len(a)), (0, 0)), mode="edge") for a in arrays]
+    return np.array(padded, np.float32)
 
 
 def task(
@@ -102,72 +122,73 @@ def task(
     vehicle: Any = "swift",
     laps: int | None = None,
     reward: Any = None,
-    **more: Any,
-) -> Task:
-    """A Task; names of courses and vehicles are looked up.
+    **settings: Any,
+) -> LearningTask:
+    """Return a task; names of courses and vehicles are looked up.
 
     Args:
         course: a name, a FILE.yaml, a Course, or a list of these.
         vehicle: a name, a FILE.yaml or a Vehicle.
         laps: of every course; None: its own.
         reward: RewardWeights, or {term: weight} that differ from its own.
-        more: dt [s], start, randomize, time_limit [s], noise.
+        settings: dt [s], start, randomize, time_limit [s], noise.
 
     Raises:
-        SettingError: a value that does not fit, a ValueError of one line.
-        FileError: a course or vehicle that cannot be read.
+        SettingError: a value does not fit. It is a ValueError of one line.
+        FileError: a course or a vehicle cannot be read.
     """
-    several = course if isinstance(course, list | tuple) else [course]
-    courses = tuple(
-        c if isinstance(c, Course) else load_course(_path("course", c)) for c in several
-    )
+    given = course if isinstance(course, list | tuple) else [course]
+    courses = tuple(_course(one) for one in given)
     if not courses:
         raise SettingError("course", "expected at least one, got none")
-    flown = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(_path("vehicle", vehicle))
-    of_each = tuple(_count("laps", laps) if laps is not None else c.laps for c in courses)
-    _check(more)
-    for c, n in zip(courses, of_each, strict=True):
-        check(c, n, SweptGates(c.gates, flown.radius).all, flown.radius)
-    if more.get("time_limit") is None:
-        more["time_limit"] = max(
-            SYSTEMS["quadrotor"].timeout(c, n) for c, n in zip(courses, of_each, strict=True)
-        )
-    return Task(courses, flown, of_each, rewards=_weights(reward), **more)
+    if not isinstance(vehicle, Vehicle):
+        vehicle = load_vehicle(_path("vehicle", vehicle))
+    if laps is None:
+        laps_of_each = tuple(course.laps for course in courses)
+    else:
+        laps_of_each = (_count("laps", laps),) * len(courses)
+    _check_settings(settings)
+    for one, count in zip(courses, laps_of_each, strict=True):
+        check(one, count, SweptGates(one.gates, vehicle.radius).all, vehicle.radius)
+    if settings.get("time_limit") is None:
+        timeout = SYSTEMS["quadrotor"].timeout
+        longest = max(timeout(c, n) for c, n in zip(courses, laps_of_each, strict=True))
+        settings["time_limit"] = longest
+    return LearningTask(courses, vehicle, laps_of_each, rewards=_weights(reward), **settings)
 
 
-def _check(more: dict[str, Any]) -> None:
-    """Raises SettingError."""
-    known = {
-        "dt": (1e-3, 0.05),
-        "randomize": (0.0, 3.0),
-        "time_limit": (0.1, 1e4),
-        "noise": (0.0, 10.0),
-    }
-    for name, value in more.items():
+def _course(given: Any) -> Course:
+    return given if isinstance(given, Course) else load_course(_path("course", given))
+
+
+def _check_settings(settings: Mapping[str, Any]) -> None:
+    """Raise SettingError unless all settings are known and within their ranges."""
+    for name, value in settings.items():
         if name == "start":
             if value not in STARTS:
-                raise SettingError("start", f"expected one of {', '.join(STARTS)}, got {value!r}")
-        elif name not in known:
-            names = ", ".join(("course", "vehicle", "laps", "reward", "start", *known))
-            raise SettingError(name, f"no such setting of an environment, known are {names}")
+                wanted = f"expected one of {', '.join(STARTS)}"
+                raise SettingError("start", f"{wanted}, got {value!r}")
+        elif name not in RANGES:
+            names = ", ".join(("course", "vehicle", "laps", "reward", "start", *RANGES))
+            problem = f"no such setting of an environment, known are {names}"
+            raise SettingError(name, problem)
         elif value is not None:
-            low, high = known[name]
-            if (
-                isinstance(value, bool)
-                or not isinstance(value, int | float)
-                or not low <= value <= high
-            ):
+            low, high = RANGES[name]
+            is_number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not is_number or not low <= value <= high:
                 raise SettingError(name, f"expected a number in {low:g} .. {high:g}, got {value!r}")
 
 
 def _weights(given: Any) -> RewardWeights:
-    if given is None or isinstance(given, RewardWeights):
-        return given or RewardWeights()
+    """Return the weights that were given. Raises SettingError."""
+    if given is None:
+        return RewardWeights()
+    if isinstance(given, RewardWeights):
+        return given
     names = [f.name for f in fields(RewardWeights)]
     if not isinstance(given, Mapping) or not set(given) <= set(names):
-        raise SettingError(
-            "reward", f"expected RewardWeights or weights of {', '.join(names)}, got {given!r}"
-        )
+        wanted = f"expected RewardWeights or weights of {', '.join(names)}"
+        raise SettingError("reward", f"{wanted}, got {given!r}")
     return RewardWeights(**given)
 
 
@@ -179,7 +200,6 @@ def _count(name: str, given: Any) -> int:
 
 def _path(name: str, given: Any) -> str | Path:
     if not isinstance(given, str | Path):
-        raise SettingError(
-            name, f"expected a name, a FILE.yaml or an object of this kind, got {given!r}"
-        )
+        wanted = "expected a name, a FILE.yaml or an object of this kind"
+        raise SettingError(name, f"{wanted}, got {given!r}")
     return given

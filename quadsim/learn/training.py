@@ -1,33 +1,62 @@
-"""A training from the first step to the pilot: updates, flights that evaluate, checkpoints; the
-best pilot is kept."""
+"""A training from the first step to the pilot: updates, evaluations in the simulator, checkpoints.
+
+The best pilot of all evaluations is kept.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from controllers.learned.pilot import LAYERS, About, Pilot, pilot_bytes
+from controllers.learned.pilot import About, Pilot, pilot_bytes
+from quadsim.course import Course
 from quadsim.files.atomic import replace_file
-from quadsim.learn.checkpoint import checkpoint_bytes, restore
-from quadsim.learn.ppo import PPO, PPOConfig
-from quadsim.learn.task import Task
+from quadsim.learn.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
+from quadsim.learn.task import LearningTask
 from quadsim.race.events import flown_laps
 from quadsim.spec.build import flight_frames
 from quadsim.spec.spec import Spec
+
+if TYPE_CHECKING:
+    from quadsim.learn.ppo import Learner
 
 EVALUATION_SEED = 10_000  # the first of those that evaluations fly; a comparison's seeds begin at 0
 
 
 @dataclass(frozen=True)
-class Training:
-    """What is asked for."""
+class PPOConfig:
+    """Numbers of the algorithm."""
 
-    task: Task
+    environments: int = 1024
+    steps: int = 32  # actions of each environment between two updates
+    hold: int = 2  # steps of the environment for which an action is held
+    epochs: int = 4
+    minibatch: int = 4096
+    discount: float = 0.99
+    gae: float = 0.95  # lambda of generalised advantage estimation
+    clip: float = 0.2
+    entropy: float = 0.001
+    first_rate: float = 1e-3  # learning rate at the start
+    last_rate: float = 1e-4  # and at the end; in between it falls in proportion to the steps
+    hidden: int = 64  # neurons of each of two hidden layers
+    log_std: float = -1.0  # of actions in -1..1, at the start
+    # Share of a crash's weight at the start. A policy that fears crashes from the
+    # start learns to hover.
+    first_crash: float = 0.2
+    # reward per second flown at which the share begins to grow, and at which it is 1
+    crash_grows: tuple[float, float] = (4.0, 7.0)
+
+
+@dataclass(frozen=True)
+class Training:
+    """A training as it was asked for."""
+
+    task: LearningTask
     config: PPOConfig
     seed: int
     steps: int  # of the environments
@@ -38,102 +67,150 @@ class Training:
 
     @property
     def checkpoint(self) -> Path:
+        """The file of the checkpoint, beside the pilot."""
         return self.out.with_suffix(".checkpoint.npz")
 
     @property
     def identity(self) -> dict[str, Any]:
-        """All that decides the numbers; steps may grow."""
-        t = self.task
-        named = {
-            "courses": [c.text for c in t.courses],
-            "vehicle": t.vehicle.name,
+        """All that decides the numbers but the steps, which may grow."""
+        task = self.task
+        return {
+            "courses": [course.text for course in task.courses],
+            "vehicle": task.vehicle.name,
             "seed": self.seed,
+            "laps": task.laps,
+            "dt": task.dt,
+            "start": task.start,
+            "randomize": task.randomize,
+            "time_limit": task.time_limit,
+            "noise": task.noise,
+            "rewards": asdict(task.rewards),
+            "ppo": asdict(self.config),
         }
-        of_task = {
-            k: getattr(t, k) for k in ("laps", "dt", "start", "randomize", "time_limit", "noise")
-        }
-        return named | of_task | {"rewards": asdict(t.rewards)} | {"ppo": asdict(self.config)}
 
 
-def train(training: Training, say: Callable[[dict], None] = lambda row: None) -> list[dict]:
-    """Learn, evaluate and keep the best pilot; what happened, an entry for each evaluation.
+class Score(NamedTuple):
+    """How good a pilot was in its evaluation. A greater one is better, the first number first."""
 
-    Goes on from the checkpoint beside the pilot, where there is one of the same settings. Raises
-    FileError, OSError.
+    finished: float  # share of the races
+    speed: float  # negative lap time [s]; 0 without a finished race
+    gates: float  # share of the gates
+
+    @classmethod
+    def of(cls, row: dict) -> Score:
+        """Return the score of an evaluation in the history."""
+        speed = -row["lap"] if row["finished"] else 0.0
+        return cls(row["finished"], speed, row["gates"])
+
+
+def train(training: Training, report: Callable[[dict], None] = lambda row: None) -> list[dict]:
+    """Learn, evaluate and keep the best pilot.
+
+    A training goes on from the checkpoint beside the pilot, where there is one.
+
+    Args:
+        training: what is asked for.
+        report: is called after each evaluation with its row of the history.
+
+    Returns:
+        A row for each evaluation: steps, reward per second, finished, lap, gates, seconds.
+
+    Raises:
+        FileError: the checkpoint is damaged or of another training.
+        ImportError: stable-baselines3 is not installed.
+        OSError: a file cannot be written.
     """
-    ppo = PPO(training.task, training.config, training.seed)
+    # PyTorch is an extra, and takes seconds to load
+    from quadsim.learn.ppo import Learner
+
+    config = training.config
+    learner = Learner(training.task, config, training.seed)
     history: list[dict] = []
     if training.checkpoint.exists():
-        history = restore(ppo, training.checkpoint, training.identity)
-    began = perf_counter() - (history[-1]["seconds"] if history else 0.0)
-    seen: list[dict] = []
-    while ppo.steps_done < training.steps:
-        seen.append(ppo.learn())
+        found = read_checkpoint(training.checkpoint, learner.parameters(), training.identity)
+        learner.restore(found.parameters, found.steps_done)
+        history = found.history
+    seconds_before = history[-1]["seconds"] if history else 0.0
+    began = perf_counter()
+    reward = history[-1]["reward"] if history else 0.0
+    rewards: list[float] = []
+    while learner.steps_done < training.steps:
+        done = learner.steps_done / training.steps
+        learner.rate = config.first_rate + done * (config.last_rate - config.first_rate)
+        reward = learner.learn(crash_share(reward, config))
+        rewards.append(reward)
         due = (len(history) + 1) * training.every * training.steps
-        if ppo.steps_done < min(due, training.steps):
+        if learner.steps_done < min(due, training.steps):
             continue
-        row = {k: float(np.mean([s[k] for s in seen])) for k in seen[0]} | {"steps": ppo.steps_done}
-        pilot = pilot_of(ppo, training)
-        row |= evaluate(pilot, training.task, training.flights) | {
-            "seconds": perf_counter() - began
-        }
-        if not history or score(row) >= max(map(score, history)):
-            replace_file(training.out, pilot_bytes(pilot.weights, told(pilot, history, row)))
+
+        row = {"steps": learner.steps_done, "reward": float(np.mean(rewards))}
+        pilot = pilot_of(learner, training)
+        row |= evaluate(pilot, training.task, training.flights)
+        row["seconds"] = seconds_before + perf_counter() - began
+        if Score.of(row) >= max(map(Score.of, history), default=Score.of(row)):
+            record = {"evaluated": row, "evaluations": len(history) + 1}
+            about = replace(pilot.about, training=pilot.about.training | record)
+            replace_file(training.out, pilot_bytes(pilot.weights, about))
         history.append(row)
-        seen = []
-        replace_file(training.checkpoint, checkpoint_bytes(ppo, training.identity, history))
-        say(row)
+        rewards = []
+        checkpoint = Checkpoint(learner.parameters(), learner.steps_done, history)
+        replace_file(training.checkpoint, checkpoint_bytes(checkpoint, training.identity))
+        report(row)
     return history
 
 
-def told(pilot: Pilot, history: list[dict], row: dict) -> About:
-    """What the file says, with the evaluation that chose it."""
-    return replace(
-        pilot.about,
-        training=pilot.about.training | {"evaluated": row, "evaluations": len(history) + 1},
-    )
+def crash_share(reward: float, config: PPOConfig) -> float:
+    """Return the share of a crash's weight for a policy that earns this reward [1/s]."""
+    begins, ends = config.crash_grows
+    grown = float(np.clip((reward - begins) / (ends - begins), 0.0, 1.0))
+    return config.first_crash + (1.0 - config.first_crash) * grown
 
 
-def score(row: dict) -> tuple[float, float, float]:
-    """What of two evaluations is better: more finished, then faster, else more gates passed."""
-    return row["finished"], -row["lap"] if row["finished"] else 0.0, row["gates"]
-
-
-def pilot_of(ppo: PPO, training: Training) -> Pilot:
-    """The policy's mean as a pilot."""
-    t, system = training.task, training.task.system
+def pilot_of(learner: Learner, training: Training) -> Pilot:
+    """Return the policy's mean as a pilot."""
+    task = training.task
+    system = task.system
     about = About(
-        vehicle=t.vehicle.name,
-        dt=t.dt,
+        vehicle=task.vehicle.name,
+        dt=task.dt,
         hold=training.config.hold,
         low=system.low,
         high=system.high,
-        course=", ".join(c.name for c in t.courses),
+        course=", ".join(course.name for course in task.courses),
         training={
             "seed": training.seed,
-            "steps": ppo.steps_done,
+            "steps": learner.steps_done,
             "command": training.command,
-            "rewards": asdict(t.rewards),
+            "rewards": asdict(task.rewards),
             "ppo": asdict(training.config),
         },
     )
-    return Pilot(training.out.stem, about, tuple(w.copy() for w in ppo.policy[:LAYERS]))
+    return Pilot(training.out.stem, about, tuple(learner.pilot_weights()))
 
 
 def evaluate(
-    pilot: Pilot, task: Task, flights: int, seed: int = EVALUATION_SEED
+    pilot: Pilot, task: LearningTask, flights: int, seed: int = EVALUATION_SEED
 ) -> dict[str, float]:
-    """Races in the simulator with rotors, gusts and the referee: share finished, mean lap [s],
-    share of the gates."""
-    finished, laps, gates = [], [], []
+    """Fly races in the simulator with rotors, gusts and the referee.
+
+    Returns:
+        finished: the share of races finished; lap: the mean lap of these [s], 0 without one;
+        gates: the mean share of gates passed.
+    """
+    finished: list[bool] = []
+    laps: list[float] = []
+    gates: list[float] = []
     for number in range(flights):
         course = task.courses[number % len(task.courses)]
-        spec = replace(_spec(course, task, seed + number), pilot=pilot, sampler="pilot")
+        flight = _spec(course, task, seed + number)
+        spec = replace(flight, pilot=pilot, sampler="pilot")
         frames = list(flight_frames(spec))
         done = frames[-1].outcome == "finished"
         finished.append(done)
         gates.append(frames[-1].passed / (len(course.gates) * spec.laps))
-        laps += flown_laps([e for f in frames for e in f.events], spec.laps) if done else []
+        if done:
+            events = [event for frame in frames for event in frame.events]
+            laps.extend(flown_laps(events, spec.laps))
     return {
         "finished": float(np.mean(finished)),
         "lap": float(np.mean(laps)) if laps else 0.0,
@@ -141,20 +218,8 @@ def evaluate(
     }
 
 
-def _spec(course: Any, task: Task, seed: int) -> Spec:
+def _spec(course: Course, task: LearningTask, seed: int) -> Spec:
+    """Return the specification of a race of the task."""
     laps = task.laps[task.courses.index(course)]
     spec = Spec.of(course, seed=seed, randomize=task.randomize, laps=laps, dt=task.dt)
     return replace(spec, vehicle=task.vehicle)
-
-
-def rows_of(history: list[dict]) -> Iterator[tuple[float, ...]]:
-    """(million steps, reward [1/s], share finished, lap [s], share of the gates) of each
-    evaluation."""
-    for row in history:
-        yield (
-            row["steps"] / 1e6,
-            row["reward"],
-            row["finished"],
-            row["lap"] or float("nan"),
-            row["gates"],
-        )

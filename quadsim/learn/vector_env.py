@@ -15,8 +15,7 @@ from controllers.lanes.threads import use_threads
 from controllers.learned.observation import SIZE
 from quadsim.dynamics.quadrotor import POSE
 from quadsim.learn.lanes import LaneEnvironments
-from quadsim.learn.recycled import Recycled
-from quadsim.learn.render import RENDER_MODES, Renderer
+from quadsim.learn.render import RENDER_MODES, Renderer, ViewerFactory
 from quadsim.learn.spaces import ACTIONS, action_space, checked_actions, observation_space
 from quadsim.learn.task import task
 from quadsim.spec.settings import SettingError
@@ -30,18 +29,22 @@ MODES = {
 
 
 class RacingVectorEnv(VectorEnv):
-    """Races of many vehicles. Same seed, same rollout to the last bit, for any number of threads.
+    """Races of many vehicles.
+
+    The same seed gives the same rollout to the last bit, for any number of threads.
 
     Args:
         num_envs: vehicles. LANES = 64 in a row share a course.
-        course, vehicle, laps, reward, dt, start, randomize, time_limit, noise: see
+        autoreset_mode: when an episode that has ended starts anew.
+        threads: CPU threads of this process; None leaves them as they are.
+        render_mode: None, "human" or "rgb_array".
+        viewer: what makes the viewer of mode human from the course, the number of vehicles and the
+            duration of a step [s], such as web.page.env_page.EnvPage.
+        settings: course, vehicle, laps, reward, dt, start, randomize, time_limit and noise; see
             quadsim.learn.task.task.
-        autoreset_mode: when an episode that has ended starts anew; NEXT_STEP unless asked
-            otherwise.
-        threads: CPU threads of this process; None: as they are.
 
     Raises:
-        SettingError, FileError: a value that does not fit (both are ValueError).
+        SettingError, FileError: a value does not fit (both are ValueError).
     """
 
     metadata = {  # noqa: RUF012 (Gymnasium declares it so)
@@ -57,56 +60,51 @@ class RacingVectorEnv(VectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
         render_mode: str | None = None,
-        **of_task: Any,
+        viewer: ViewerFactory | None = None,
+        **settings: Any,
     ):
-        if isinstance(num_envs, bool) or not isinstance(num_envs, int | np.integer) or num_envs < 1:
-            raise SettingError(
-                "num_envs", f"expected a whole number of at least 1, got {num_envs!r}"
-            )
-        try:
-            mode = AutoresetMode(autoreset_mode)
-        except ValueError:
-            names = ", ".join(m.value for m in AutoresetMode)
-            raise SettingError(
-                "autoreset_mode", f"expected one of {names}, got {autoreset_mode!r}"
-            ) from None
+        is_whole = isinstance(num_envs, int | np.integer) and not isinstance(num_envs, bool)
+        if not is_whole or num_envs < 1:
+            wanted = "expected a whole number of at least 1"
+            raise SettingError("num_envs", f"{wanted}, got {num_envs!r}")
+        mode = _mode(autoreset_mode)
         if threads is not None:
             use_threads(threads)
-        self.num_envs, self.render_mode = int(num_envs), render_mode
-        self.task = task(**of_task)
-        self._renderer = Renderer(render_mode, self.task.courses[0], self.num_envs, self.task.dt)
-        self.metadata = self.metadata | {
-            "autoreset_mode": mode,
-            "render_fps": round(1 / self.task.dt),
-        }
-        self.single_observation_space, self.single_action_space = (
-            observation_space(),
-            action_space(),
-        )
+        self.num_envs = int(num_envs)
+        self.render_mode = render_mode
+        self.task = task(**settings)
+        dt = self.task.dt
+        course = self.task.courses[0]
+        self._renderer = Renderer(render_mode, viewer, course, self.num_envs, dt)
+        self.metadata = self.metadata | {"autoreset_mode": mode, "render_fps": round(1 / dt)}
+        self.single_observation_space = observation_space()
+        self.single_action_space = action_space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.lanes = LaneEnvironments(self.task, self.num_envs, 0, MODES[mode])
         self._actions = np.zeros((len(self.lanes.X), ACTIONS, LANES), np.float32)
-        self._spare, self._begun = Recycled((self.num_envs, SIZE)), False
+        gates = [len(course.gates) for course in self.task.courses]
+        # of the course that each block flies, as a column beside its lanes
+        self._gates_per_lap = np.array(gates, np.int32)[self.lanes.course][:, None]
+        self._begun = False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start episodes; of those in options["reset_mask"] (num_envs,) alone, if it is given."""
+        """Start episodes and return observations (num_envs, 38).
+
+        Args:
+            seed: starts the series of episodes anew.
+            options: "reset_mask", booleans (num_envs,), names the environments to reset. Without
+                it all of them are.
+        """
         if seed is None and not self._begun:
             seed = fresh_seed()
         super().reset(seed=seed)
-        mask = (options or {}).get("reset_mask")
-        if mask is not None and (
-            np.shape(mask) != (self.num_envs,) or np.asarray(mask).dtype != bool
-        ):
-            wanted = f"expected booleans of shape ({self.num_envs},)"
-            raise ValueError(
-                f"reset_mask: {wanted}, got {np.asarray(mask).dtype} of shape {np.shape(mask)}"
-            )
         chosen = np.ones_like(self.lanes.over)
+        mask = (options or {}).get("reset_mask")
         if mask is not None:
-            chosen.ravel()[: self.num_envs] = mask
+            chosen.ravel()[: self.num_envs] = self._checked_mask(mask)
         self.lanes.begin(None if seed is None else int(seed), chosen)
         self._begun = True
         self._renderer.update(self._state_rows)
@@ -115,7 +113,10 @@ class RacingVectorEnv(VectorEnv):
     def step(
         self, actions: Any
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """One step of dt; actions (num_envs, 4), what lies outside of -1..1 is clipped.
+        """Fly one step of dt.
+
+        Args:
+            actions: (num_envs, 4); what lies outside of -1..1 is clipped.
 
         Returns:
             Observations (num_envs, 38), rewards, terminations, truncations (num_envs,), and info:
@@ -128,64 +129,89 @@ class RacingVectorEnv(VectorEnv):
             gymnasium.error.ResetNeeded: before the first reset; without autoreset, after an episode
                 has ended.
         """
-        e, n = self.lanes, self.num_envs
+        e = self.lanes
         if not self._begun:
             raise ResetNeeded("Racing-v0: step() before reset()")
-        if e.autoreset == DISABLED and e.over.ravel()[:n].any():
-            ended = int(np.flatnonzero(e.over.ravel()[:n])[0])
-            raise ResetNeeded(
-                f"Racing-v0: the episode of environment {ended} has ended: reset it by reset_mask"
-            )
-        e.rows_to_lanes(checked_actions(actions, (n, ACTIONS)), self._actions)
-        before = e.steps.copy(), e.passes.copy(), e.row.copy()
+        if e.autoreset == DISABLED and self._used(e.over).any():
+            ended = int(np.flatnonzero(self._used(e.over))[0])
+            problem = f"the episode of environment {ended} has ended: reset it by reset_mask"
+            raise ResetNeeded(f"Racing-v0: {problem}")
+        e.rows_to_lanes(checked_actions(actions, (self.num_envs, ACTIONS)), self._actions)
+        steps = e.steps.copy()
+        passes = e.passes.copy()
+        row = e.row.copy()
         e.step(self._actions)
         self._renderer.update(self._state_rows)
-        of_step = before[0] + 1, before[1] + e.hit, before[2]
-        info = (
-            self._info(*of_step)
-            if e.autoreset == SAME_STEP
-            else self._info(e.steps, e.passes, e.row)
-        )
-        return self._rows(e.obs), self._one(e.reward), self._one(e.ended), self._one(e.cut), info
-
-    def _info(self, steps: np.ndarray, gates: np.ndarray, row: np.ndarray) -> dict[str, Any]:
-        """Of the episode that this step belongs to, also where the next one has begun."""
-        e = self.lanes
-        number = np.array([len(c.gates) for c in self.task.courses], np.int32)[e.course][:, None]
-        info = {
-            "passed": self._one(e.hit),
-            "gates": self._one(gates),
-            "lap": self._one(row // number + 1),
-            "time": self._one(steps) * np.float32(self.task.dt),
-            "crashed": self._one(e.crashed),
-            "finished": self._one(e.ended & ~e.crashed),
-        }
         if e.autoreset == SAME_STEP:
-            done = self._one(e.ended | e.cut)
-            if done.any():
-                info |= {"final_obs": self._rows(e.final), "_final_obs": done}
-        return info
+            # info tells of the episode that this step belongs to, also where the next has begun
+            info = self._info(steps + 1, passes + e.hit, row)
+        else:
+            info = self._info(e.steps, e.passes, e.row)
+        reward = self._used(e.reward).copy()
+        ended = self._used(e.ended).copy()
+        cut = self._used(e.cut).copy()
+        return self._rows(e.obs), reward, ended, cut, info
 
-    def render(self) -> Any:
-        """With rgb_array a picture of all vehicles on the first course: (height, width, 3) uint8,
-        in a tuple."""
+    def render(self) -> tuple[np.ndarray] | None:
+        """Return a picture of all vehicles on the first course where the mode is rgb_array.
+
+        Returns:
+            A tuple of one picture (height, width, 3) uint8, or None.
+        """
         found = self._renderer.picture(self._state_rows())
         return None if found is None else (found,)
 
     def close_extras(self, **kwargs: Any) -> None:
-        """The page of render_mode human ends."""
+        """End the page of render_mode human."""
         self._renderer.close()
 
-    def _state_rows(self) -> np.ndarray:
-        """Position, velocity and attitude.  (num_envs, 10)"""
-        shown = self.lanes.X[:, POSE].transpose(0, 2, 1)  # (blocks, LANES, 10)
-        return shown.reshape(-1, shown.shape[2])[: self.num_envs]
+    def _checked_mask(self, mask: Any) -> np.ndarray:
+        """Return the mask. Raises ValueError unless it is booleans (num_envs,)."""
+        found = np.asarray(mask)
+        if found.shape != (self.num_envs,) or found.dtype != bool:
+            wanted = f"expected booleans of shape ({self.num_envs},)"
+            raise ValueError(f"reset_mask: {wanted}, got {found.dtype} of shape {found.shape}")
+        return found
 
-    def _one(self, lanes: np.ndarray) -> np.ndarray:
-        """One number for each environment, a copy."""
-        return lanes.ravel()[: self.num_envs].copy()
+    def _info(self, steps: np.ndarray, passes: np.ndarray, row: np.ndarray) -> dict[str, Any]:
+        """Return the info of a step from counts of its episode.  (blocks, LANES) each"""
+        e = self.lanes
+        info = {
+            "passed": self._used(e.hit).copy(),
+            "gates": self._used(passes).copy(),
+            "lap": self._used(row // self._gates_per_lap + 1),
+            "time": self._used(steps) * np.float32(self.task.dt),
+            "crashed": self._used(e.crashed).copy(),
+            "finished": self._used(e.ended & ~e.crashed),
+        }
+        if e.autoreset == SAME_STEP:
+            done = self._used(e.ended | e.cut)
+            if done.any():
+                info["final_obs"] = self._rows(e.final)
+                info["_final_obs"] = done
+        return info
+
+    def _state_rows(self) -> np.ndarray:
+        """Return position, velocity and attitude of each vehicle.  (num_envs, 10)"""
+        by_lane = self.lanes.X[:, POSE].transpose(0, 2, 1)  # (blocks, LANES, 10)
+        return by_lane.reshape(-1, by_lane.shape[2])[: self.num_envs]
+
+    def _used(self, lanes: np.ndarray) -> np.ndarray:
+        """Return a view of one number for each environment.  (blocks, LANES) -> (num_envs,)"""
+        return lanes.ravel()[: self.num_envs]
 
     def _rows(self, lanes: np.ndarray) -> np.ndarray:
-        rows = self._spare.take()
+        """Return observations by environment, in new memory.  (num_envs, 38)"""
+        rows = np.empty((self.num_envs, SIZE), np.float32)
         self.lanes.lanes_to_rows(lanes, rows)
         return rows
+
+
+def _mode(given: AutoresetMode | str) -> AutoresetMode:
+    """Return the mode of this name. Raises SettingError."""
+    try:
+        return AutoresetMode(given)
+    except ValueError:
+        names = ", ".join(mode.value for mode in AutoresetMode)
+        problem = f"expected one of {names}, got {given!r}"
+        raise SettingError("autoreset_mode", problem) from None

@@ -7,7 +7,6 @@ SOLUTIONS, those found on this machine in the folder LIMITS among the runs.
 
 from __future__ import annotations
 
-import io
 import json
 import re
 from contextlib import suppress
@@ -22,6 +21,7 @@ import numpy as np
 
 from quadsim.course import Course, parse_course
 from quadsim.dynamics.quadrotor import BODY_RATES, POSITION, RIGID_BODY, VELOCITY, Control, State
+from quadsim.files.arrays import TEXT, Declared, npz_bytes, read_arrays, record_of
 from quadsim.files.strict_yaml import FileError
 from quadsim.vehicle import Vehicle
 
@@ -29,9 +29,16 @@ from quadsim.vehicle import Vehicle
 SOLUTIONS = Path(__file__).parent / "solutions"
 # Name of the folder among the runs for those that are found here
 LIMITS = "limits"
-
+WHAT = "the solution of a race"
 # Of a file: arrays in single precision, and the fields of a StoredSolution beside its arrays
-ARRAYS = ("x", "u", "costate")
+ARRAYS = {
+    "facts": TEXT,
+    "t": Declared("float64", ("nodes",), finite=True),
+    "x": Declared("float32", ("nodes", "states"), finite=True),
+    "u": Declared("float32", ("intervals", "controls"), finite=True),
+    "costate": Declared("float32", ("intervals", "states"), finite=True),
+    "target": Declared("int16", ("intervals",)),
+}
 FACTS = ("course", "vehicle", "laps", "closed", "lap_times", "verified", "margin", "reserve")
 # Fields of a course and of a vehicle that change no race
 NAMES = ("name", "source", "text", "published", "laps", "loop")
@@ -236,49 +243,47 @@ def limit_of(spec: dict, *folders: Path) -> StoredSolution | None:
 
 
 def dump(stored: StoredSolution) -> bytes:
-    """Return a solution as npz without pickles.
+    """Return the content of a solution's file.
 
     States are in single precision, whose rounding the check allows for.
     """
-    solution = stored.solution
-    facts = {name: getattr(stored, name) for name in FACTS}
-    facts["model"] = solution.model
-    arrays: dict[str, Any] = {name: getattr(solution, name).astype("<f4") for name in ARRAYS}
-    arrays["t"] = solution.t.astype("<f8")
-    arrays["target"] = solution.target.astype("<i2")
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, facts=np.array(json.dumps(facts)), **arrays)
-    return buffer.getvalue()
+    facts = {name: getattr(stored, name) for name in FACTS} | {"model": stored.solution.model}
+    arrays = {"facts": np.array(json.dumps(facts))}
+    for name, declared in ARRAYS.items():
+        if name != "facts":
+            arrays[name] = getattr(stored.solution, name).astype(declared.dtype)
+    return npz_bytes(arrays, compressed=True)
 
 
 def load(path: Path) -> StoredSolution:
-    """Read a solution.
+    """Read a solution's file.
 
     Raises:
         LimitError: the file is damaged or no solution.
     """
     try:
-        with np.load(path, allow_pickle=False) as data:
-            facts = json.loads(str(data["facts"]))
-            arrays = {name: data[name].astype(float) for name in (*ARRAYS, "t")}
-            target = data["target"].astype(int)
-        solution = Solution(model=facts.pop("model"), target=target, **arrays)
-        _check(solution)
-        return StoredSolution(**facts, solution=solution)
-    except Exception as error:
-        # A damaged zip fails in a dozen ways
-        raise LimitError(f"{path}: expected the solution of a race: {error}") from error
+        arrays = read_arrays(path, ARRAYS, WHAT)
+        facts = record_of(arrays.pop("facts"), path, WHAT)
+    except FileError as error:
+        raise LimitError(str(error)) from None
+    target = arrays.pop("target").astype(int)
+    doubles = {name: array.astype(float) for name, array in arrays.items()}
+    try:
+        solution = Solution(facts.pop("model"), target=target, **doubles)
+        stored = StoredSolution(**facts, solution=solution)
+        _check_nodes(solution)
+    except (KeyError, TypeError, ValueError) as error:
+        raise LimitError(f"{path}: expected {WHAT}: {error}") from None
+    return stored
 
 
-def _check(s: Solution) -> None:
-    """Raise ValueError unless the arrays fit each other and their numbers make sense."""
-    nodes = len(s.t)
-    intervals = (len(s.u), len(s.costate), len(s.target))
-    if nodes < 2 or len(s.x) != nodes or set(intervals) != {nodes - 1}:
+def _check_nodes(solution: Solution) -> None:
+    """Raise ValueError unless intervals lie between the nodes and times rise."""
+    intervals = len(solution.t) - 1
+    if intervals < 1 or len(solution.u) != intervals:
         raise ValueError("its arrays are not of one length")
-    finite = all(np.isfinite(part).all() for part in (s.t, s.x, s.u, s.costate))
-    if not finite or not (np.diff(s.t) > 0.0).all():
-        raise ValueError("expected finite numbers and rising times")
+    if not (np.diff(solution.t) > 0.0).all():
+        raise ValueError("expected rising times")
 
 
 def _rounded(value: Any) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,11 +11,13 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from quadsim.files.arrays import Declared, arrays_of, npz_bytes
 from quadsim.files.csv_rows import csv_text
 from quadsim.files.json_values import without_nan
+from quadsim.files.strict_yaml import FileError
 from quadsim.race.events import Event
 from quadsim.record.metrics import chatter
-from quadsim.record.planner_snapshot import PlannerSnapshots
+from quadsim.record.planner_snapshot import BEST, FRAMES, TERM, PlannerSnapshots
 from quadsim.record.run import COUNTS, Outcome, PlanTime, Run, RunError, columns_of, own_parts
 
 SCHEMA_VERSION = 1
@@ -87,47 +88,49 @@ def read_json(data: bytes, path: object) -> Record:
 
 
 def write_npz(run: Run) -> bytes:
-    """Return telemetry.npz: one array a column, and those of the planner's snapshots."""
-    arrays = dict(run.telemetry)
-    if run.snapshots:
-        arrays |= run.snapshots.arrays()
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)  # pyright: ignore[reportArgumentType]
-    return buffer.getvalue()
+    """Return the content of telemetry.npz."""
+    snapshots = run.snapshots.arrays() if run.snapshots else {}
+    return npz_bytes(run.telemetry | snapshots, compressed=True)
 
 
 def read_npz(
     data: bytes, spec: dict, path: object
 ) -> tuple[dict[str, np.ndarray], PlannerSnapshots | None]:
-    """Read telemetry.npz.
-
-    Args:
-        data: the file's bytes.
-        spec: the run's spec, which says what columns there are.
-        path: named in errors.
-
-    Returns:
-        telemetry: column -> array.
-        snapshots: the planner's, None where the run has none.
+    """Return telemetry by column, and the planner's snapshots where the run has them.
 
     Raises:
-        RunError: the file is damaged.
+        RunError: the content is damaged, or not what a run with this spec leaves behind.
     """
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
-            columns = {name: arrays[name] for name in arrays.files}
-    except Exception as error:
-        # A damaged zip fails in a dozen ways
-        raise RunError(f"{path}: damaged: {error}") from error
-    snapshots = PlannerSnapshots.taken_out_of(columns)
-    expected = columns_of(spec)
-    _check(columns, expected, path)
+        wanted = columns_of(spec)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise RunError(f"{path}: run.json names no known system: {error}") from error
     try:
-        if snapshots:
+        columns = arrays_of(data, _declared(wanted), path, "the telemetry of a run")
+    except FileError as error:
+        raise RunError(str(error)) from None
+    snapshots = PlannerSnapshots.taken_out_of(columns)
+    unknown = sorted(columns.keys() - wanted.keys())
+    if unknown:
+        raise RunError(f"{path}: arrays missing or unknown: {', '.join(unknown)}")
+    if snapshots:
+        try:
             snapshots.check(len(columns["t"]))
-    except ValueError as error:
-        raise RunError(f"{path}: {error}") from error
-    return {name: columns[name] for name in expected}, snapshots
+        except ValueError as error:
+            raise RunError(f"{path}: {error}") from error
+    return {name: columns[name] for name in wanted}, snapshots
+
+
+def _declared(wanted: Iterable[str]) -> dict[str, Declared]:
+    """Return the arrays that telemetry.npz may hold: these columns and the planner's snapshots."""
+    declared = {
+        name: Declared("int64" if name in COUNTS else "float64", ("frames",)) for name in wanted
+    }
+    return declared | {
+        FRAMES: Declared("int64", ("snapshots",), required=False),
+        BEST: Declared("float32", ("snapshots", "paths", "points", "states"), required=False),
+        f"{TERM}*": Declared("float32", ("snapshots",), required=False),
+    }
 
 
 def write_csv(events: Iterable[Event]) -> bytes:

@@ -1,1 +1,1 @@
-"""Pictures for perception: what a camera on the vehicle sees of a course, with labels."""
+"""Pictures for perception: a course as a camera on the vehicle sees it, with labels."""

@@ -1,8 +1,7 @@
-"""Labels of a picture, as COCO has them for key points (Lin et al. 2014): gates, their corners, the
-camera's pose.
+"""Labels of pictures as COCO has them for key points (Lin et al. 2014).
 
-Pixels are those of quadsim.sensing.camera, as COCO's: from the picture's top left corner. A key
-point is u, v and its
+They name the gates, their corners and the pose of the camera. Pixels are those of
+quadsim.sensing.camera, as COCO's: from the picture's top left corner. A key point is u, v and its
 visibility: 0 not in the picture (u = v = 0), 1 in it but behind another gate's frame or an
 obstacle, 2 seen.
 """
@@ -30,8 +29,12 @@ CATEGORY = {
 
 
 def label(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray) -> dict:
-    """The camera and the gates of one picture, as JSON. segmentation: (height, width), gate numbers
-    from 1."""
+    """Return the camera and the gates of one picture as JSON holds them.
+
+    Args:
+        course, camera, pose: what is seen, by what and from where.
+        segmentation: (height, width), gate numbers from 1.
+    """
     position, axes = camera.pose(pose.p, pose.q)
     return {
         "t": pose.t,
@@ -42,21 +45,23 @@ def label(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray) 
 
 
 def _gates(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray) -> Iterator[dict]:
-    """Of every gate of which a corner or a pixel is in the picture."""
+    """Yield the label of every gate of which a corner or a pixel is in the picture."""
+    # each once, however often a lap leads through it
     gates = tuple(dict.fromkeys(course.gates))
     pixels, depth = camera.gate_corners(gates, pose.p, pose.q)
-    behind = hidden_corners(gates, camera.pose(pose.p, pose.q)[0], course.obstacles)
+    eye, _ = camera.pose(pose.p, pose.q)
+    behind = hidden_corners(gates, eye, course.obstacles)
     for k, gate in enumerate(gates):
         inside = camera.in_picture(pixels[k])
         number = course.gates.index(gate) + 1
         rows, columns = np.nonzero(segmentation == number)
         if not (inside.any() or len(rows)):
             continue
-        seen = np.where(inside, np.where(behind[k], 1, 2), 0)
+        visibility = np.where(inside, np.where(behind[k], 1, 2), 0)
         corners = np.where(inside[:, None], pixels[k], 0.0)
         yield {
             "gate": number,
-            "keypoints": np.column_stack([corners, seen]).ravel().tolist(),
+            "keypoints": np.column_stack([corners, visibility]).ravel().tolist(),
             # of the corners, along the optical axis [m]; negative: behind the camera
             "depth": depth[k].tolist(),
             "bbox": _box(rows, columns),
@@ -65,43 +70,57 @@ def _gates(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray)
 
 
 def _box(rows: np.ndarray, columns: np.ndarray) -> list[int]:
-    """x, y, width, height of what is seen of the frame [px]; zeros where nothing is."""
+    """Return x, y, width and height of what is seen of a frame [px]; zeros where nothing is."""
     if not len(rows):
         return [0, 0, 0, 0]
-    x, y = int(columns.min()), int(rows.min())
+    x = int(columns.min())
+    y = int(rows.min())
     return [x, y, int(columns.max()) + 1 - x, int(rows.max()) + 1 - y]
 
 
 def coco(course: Course, camera: Camera, labels: Iterable[dict]) -> dict:
-    """All labels as one document; `labels`: of `label`, with `name` and `files` of the picture."""
-    images, annotations = [], []
+    """Return all labels as one document.
+
+    Args:
+        course, camera: of all pictures.
+        labels: results of `label`, with the `files` of the picture.
+    """
+    images: list[dict] = []
+    annotations: list[dict] = []
     for i, one in enumerate(labels):
-        size = {"width": camera.width, "height": camera.height}
         files = {f"{kind}_file": path for kind, path in one["files"].items()}
-        images.append({"id": i, "file_name": files.pop("rgb_file"), **files, **size})
-        images[-1] |= {key: one[key] for key in ("t", "body", "camera")}
+        image = {
+            "id": i,
+            "file_name": files.pop("rgb_file"),
+            **files,
+            "width": camera.width,
+            "height": camera.height,
+            "t": one["t"],
+            "body": one["body"],
+            "camera": one["camera"],
+        }
+        images.append(image)
         for gate in one["gates"]:
-            counted = sum(v > 0 for v in gate["keypoints"][2::3])
-            kept = {
+            visibilities = gate["keypoints"][2::3]
+            annotation = {
                 "id": len(annotations),
                 "image_id": i,
                 "category_id": 1,
                 "iscrowd": 0,
-                "num_keypoints": counted,
+                "num_keypoints": sum(visibility > 0 for visibility in visibilities),
             }
-            annotations.append(kept | gate)
-    info = {
-        "course": course.name,
-        "camera": asdict(camera),
-        "gates": [_where(course, k) for k in _numbers(course)],
-    }
+            annotations.append(annotation | gate)
+    info = {"course": course.name, "camera": asdict(camera), "gates": _gates_of(course)}
     return {"info": info, "categories": [CATEGORY], "images": images, "annotations": annotations}
 
 
-def _numbers(course: Course) -> list[int]:
-    return [course.gates.index(gate) for gate in dict.fromkeys(course.gates)]
+def _gates_of(course: Course) -> list[dict]:
+    """Return each gate's number, and the corners of its opening in the world [m].
 
-
-def _where(course: Course, k: int) -> dict:
-    """The corners of a gate's opening in the world [m], in the order of the key points."""
-    return {"gate": k + 1, "corners": course.gates[k].corners().tolist()}
+    Corners are in the order of the key points.
+    """
+    found: list[dict] = []
+    for gate in dict.fromkeys(course.gates):
+        number = course.gates.index(gate) + 1
+        found.append({"gate": number, "corners": gate.corners().tolist()})
+    return found

@@ -1,4 +1,4 @@
-"""How a scene looks: paint of ground and gates, light, sky. The same always, or drawn from a seed.
+"""Looks of a scene: paint of ground and gates, light and sky, always the same or drawn from a seed.
 
 Textures are made here, of noise: nothing is loaded. Noise of several octaves is a sum of grids of
 random numbers, each twice as fine and half as strong as the one before (Perlin 1985), interpolated
@@ -20,82 +20,115 @@ from quadsim.streams import LookStreams, texture_stream
 VARIED = ("textures", "light", "background")  # what can be drawn from a seed
 SIZE = 128  # pixels of a texture's edge
 CLOUDS = 512  # of the sky's
-FLAT, CHEQUERED, TEXTURES = 0, 1, 24  # numbers of the first two textures, and how many there are
-ORANGE, GREY, DARK = (0.9, 0.43, 0.1), (0.55, 0.58, 0.53), (0.3, 0.33, 0.42)
-HORIZON, ZENITH = (214, 226, 236), (96, 150, 214)
+TEXTURES = 24  # number of textures, of which the first two are not drawn
+FLAT = 0
+CHEQUERED = 1
+# colours, 0 to 1
+ORANGE = (0.9, 0.43, 0.1)
+GREY = (0.55, 0.58, 0.53)
+DARK = (0.3, 0.33, 0.42)
+WHITE = (1.0, 1.0, 1.0)
+# colours of the plain sky, 0 to 255
+HORIZON = (214, 226, 236)
+ZENITH = (96, 150, 214)
+
+# directions in the world, unit length (n, 3) -> colours (n, 3) uint8
+Sky = Callable[[np.ndarray], np.ndarray]
 
 
 class Paint(NamedTuple):
-    """The colour of a body times a texture."""
+    """Paint is a colour times a texture."""
 
     texture: int  # of `textures`
     colour: Vec3  # 0 to 1
 
 
+class Light(NamedTuple):
+    """The light of the sun."""
+
+    towards: Vec3  # direction of the sun
+    colour: Vec3  # 0 to 1
+    ambient: float  # shares of the light
+    diffuse: float
+    specular: float
+
+
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What a picture shows beside the shapes."""
+    """Everything that a picture shows beside the shapes."""
 
     ground: Paint
     gates: tuple[Paint, ...]  # of the gates in turn
     obstacles: Paint
-    light: Vec3  # towards the sun
-    light_colour: Vec3  # 0 to 1
-    ambient: float  # shares of the light
-    diffuse: float
-    specular: float
-    # of directions in the world, unit length (n, 3) -> colours (n, 3) uint8
-    sky: Callable[[np.ndarray], np.ndarray]
+    light: Light
+    sky: Sky
 
 
 def plain_look() -> Look:
-    """Orange gates and dark obstacles on a chequered grey ground under a blue sky, the sun high."""
-    sun, white = (0.4, 0.3, 1.0), (1.0, 1.0, 1.0)
-    paints = Paint(CHEQUERED, GREY), (Paint(FLAT, ORANGE),), Paint(FLAT, DARK)
-    return Look(*paints, sun, white, 0.6, 0.35, 0.05, _gradient(HORIZON, ZENITH))
+    """Return orange gates and dark obstacles on chequered grey ground under a blue sky."""
+    return Look(
+        ground=Paint(CHEQUERED, GREY),
+        gates=(Paint(FLAT, ORANGE),),
+        obstacles=Paint(FLAT, DARK),
+        light=Light(
+            towards=(0.4, 0.3, 1.0),
+            colour=WHITE,
+            ambient=0.6,
+            diffuse=0.35,
+            specular=0.05,
+        ),
+        sky=_gradient(HORIZON, ZENITH),
+    )
 
 
 def drawn_look(streams: LookStreams, vary: Collection[str]) -> Look:
-    """Return the plain look with what is in `vary` (of VARIED) drawn anew. The same streams give
-    the same look."""
+    """Return the plain look with what is in `vary` (of VARIED) drawn anew.
+
+    The same streams give the same look.
+    """
     look = plain_look()
     if "textures" in vary:
         rng = np.random.default_rng(streams.textures)
         ground, obstacles, *gates = (_paint(rng) for _ in range(5))
         look = replace(look, ground=ground, obstacles=obstacles, gates=tuple(gates))
     if "light" in vary:
-        look = replace(look, **_light(np.random.default_rng(streams.light)))
+        look = replace(look, light=_light(np.random.default_rng(streams.light)))
     if "background" in vary:
         look = replace(look, sky=_clouds(np.random.default_rng(streams.background)))
     return look
 
 
 def textures() -> list[np.ndarray]:
-    """The same ones always, as a renderer loads each once.  TEXTURES of (SIZE, SIZE, 3) uint8"""
+    """Return all textures, which are always the same, as a renderer loads each once.
+
+    Returns:
+        TEXTURES arrays (SIZE, SIZE, 3) uint8.
+    """
     rng = np.random.default_rng(texture_stream())
+    flat = np.full((SIZE, SIZE, 3), 255, np.uint8)
     squares = (np.indices((SIZE, SIZE)) // (SIZE // 2)).sum(axis=0)[..., None] % 2
-    flat, chequered = (
-        np.full((SIZE, SIZE, 3), 255, np.uint8),
-        np.where(squares, 255, 215).astype(np.uint8),
-    )
-    chequered = np.repeat(chequered, 3, axis=2)
+    chequered = np.repeat(np.where(squares, 255, 215).astype(np.uint8), 3, axis=2)
     return [flat, chequered, *(_texture(rng) for _ in range(TEXTURES - 2))]
 
 
 def noise(rng: np.random.Generator, size: int, octaves: int = 4) -> np.ndarray:
-    """Smooth periodic noise between 0 and 1.  (size, size)"""
+    """Return smooth periodic noise between 0 and 1.  (size, size)"""
     total = np.zeros((size, size))
     for octave in range(octaves):
         n = 4 * 2**octave
-        grid, at = rng.random((n, n)), np.arange(size) * n / size
-        cell, share = at.astype(int), at % 1.0
-        rows = grid[cell] + share[:, None] * (grid[(cell + 1) % n] - grid[cell])
-        total += 0.5**octave * (rows[:, cell] + share * (rows[:, (cell + 1) % n] - rows[:, cell]))
+        grid = rng.random((n, n))
+        # the cell of each pixel, the next one, and how far between them the pixel lies
+        at = np.arange(size) * n / size
+        cell = at.astype(int)
+        following = (cell + 1) % n
+        share = at % 1.0
+        rows = grid[cell] + share[:, None] * (grid[following] - grid[cell])
+        total += 0.5**octave * (rows[:, cell] + share * (rows[:, following] - rows[:, cell]))
     return (total - total.min()) / np.ptp(total)
 
 
 def _texture(rng: np.random.Generator) -> np.ndarray:
-    """Two random colours, mixed by noise, or by stripes with some."""
+    """Return two random colours, mixed by noise or by noisy stripes.  (SIZE, SIZE, 3)"""
     first, second = rng.integers(40, 256, (2, 3))
     mix = noise(rng, SIZE)
     if rng.random() < 0.5:
@@ -106,28 +139,32 @@ def _texture(rng: np.random.Generator) -> np.ndarray:
 
 
 def _paint(rng: np.random.Generator) -> Paint:
+    """Draw a colour and a texture."""
     red, green, blue = rng.uniform(0.2, 1.0, 3).tolist()
     return Paint(int(rng.integers(TEXTURES)), (red, green, blue))
 
 
-def _light(rng: np.random.Generator) -> dict:
-    """A sun anywhere 15 degrees or more above the horizon, of a colour near white; contrast weak to
-    strong."""
-    azimuth, elevation = rng.uniform(0.0, 2 * pi), rng.uniform(pi / 12, pi / 2)
-    sun = (cos(azimuth) * cos(elevation), sin(azimuth) * cos(elevation), sin(elevation))
+def _light(rng: np.random.Generator) -> Light:
+    """Draw a sun 15 degrees or more above the horizon, near white, with weak to strong contrast."""
+    azimuth = rng.uniform(0.0, 2 * pi)
+    elevation = rng.uniform(pi / 12, pi / 2)
     ambient = rng.uniform(0.25, 0.75)
-    colour = tuple(rng.uniform(0.75, 1.0, 3).tolist())
-    diffuse, specular = rng.uniform(0.3, 0.9 - 0.4 * ambient), rng.uniform(0.0, 0.4)
-    return {
-        "light": sun,
-        "light_colour": colour,
-        "ambient": ambient,
-        "diffuse": diffuse,
-        "specular": specular,
-    }
+    red, green, blue = rng.uniform(0.75, 1.0, 3).tolist()
+    return Light(
+        towards=(
+            cos(azimuth) * cos(elevation),
+            sin(azimuth) * cos(elevation),
+            sin(elevation),
+        ),
+        colour=(red, green, blue),
+        ambient=ambient,
+        diffuse=rng.uniform(0.3, 0.9 - 0.4 * ambient),
+        specular=rng.uniform(0.0, 0.4),
+    )
 
 
-def _gradient(horizon: Vec3, zenith: Vec3) -> Callable[[np.ndarray], np.ndarray]:
+def _gradient(horizon: Vec3, zenith: Vec3) -> Sky:
+    """Return a sky whose colour changes from the horizon to the zenith."""
     colours = np.linspace(horizon, zenith, 256).astype(np.uint8)
 
     def sky(directions: np.ndarray) -> np.ndarray:
@@ -137,12 +174,11 @@ def _gradient(horizon: Vec3, zenith: Vec3) -> Callable[[np.ndarray], np.ndarray]
     return sky
 
 
-def _clouds(rng: np.random.Generator) -> Callable[[np.ndarray], np.ndarray]:
-    """Random colours of horizon and zenith, and noise of a third colour that stands still in the
-    world.
+def _clouds(rng: np.random.Generator) -> Sky:
+    """Draw a sky: colours of horizon and zenith, and noise of a third colour.
 
-    The noise lies on the picture of the sky by stereographic projection from below: x / (1 + z), y
-    / (1 + z).
+    The noise stands still in the world. It lies on the picture of the sky by stereographic
+    projection from below: x / (1 + z), y / (1 + z).
     """
     horizon, zenith, cloud = rng.integers(0, 256, (3, 3))
     below = _gradient(horizon, zenith)
@@ -150,10 +186,10 @@ def _clouds(rng: np.random.Generator) -> Callable[[np.ndarray], np.ndarray]:
     cloud = cloud.astype(np.float32)
 
     def sky(directions: np.ndarray) -> np.ndarray:
-        half = np.float32((CLOUDS - 1) / 2) / (np.float32(1.0) + np.maximum(directions[:, 2], 0.0))
-        row, column = (
-            ((CLOUDS - 1) / 2 + half * directions[:, axis]).astype(np.intp) for axis in (0, 1)
-        )
+        middle = (CLOUDS - 1) / 2
+        half = np.float32(middle) / (np.float32(1.0) + np.maximum(directions[:, 2], 0.0))
+        row = (middle + half * directions[:, 0]).astype(np.intp)
+        column = (middle + half * directions[:, 1]).astype(np.intp)
         share = cover[row, column][:, None]
         return ((1.0 - share) * below(directions) + share * cloud).astype(np.uint8)
 

@@ -1,5 +1,4 @@
-"""From where the pictures are taken: the poses of a stored flight, or poses drawn along and around
-a course."""
+"""Poses from which pictures are taken: those of a stored flight, or poses drawn around a course."""
 
 from __future__ import annotations
 
@@ -16,15 +15,18 @@ from quadsim.streams import pose_stream
 
 # standard deviation of the distance from the straight lines between the gates, per axis [m]
 ASIDE = 1.0
-# standard deviations about the way to the next gate
-TURN, PITCH, ROLL = radians(25), radians(12), radians(25)
-CLEAR, LOWEST = 0.3, 0.3  # [m] from frames and obstacles, and from the ground
+# standard deviations about the way to the next gate [rad]
+TURN = radians(25)
+PITCH = radians(12)
+ROLL = radians(25)
+CLEAR = 0.3  # least distance from frames and obstacles [m]
+LOWEST = 0.3  # least height [m]
 TRIES = 1000  # draws for one pose
 
 
 @dataclass(frozen=True)
 class Pose:
-    """The vehicle's, not the camera's."""
+    """The pose of the vehicle, not of the camera."""
 
     t: float | None  # in the flight [s]; None: of no flight
     p: Vec3  # [m]
@@ -32,10 +34,14 @@ class Pose:
 
 
 def flown_poses(telemetry: Mapping[str, np.ndarray], rate: float) -> list[Pose]:
-    """A flight at `rate` [Hz], between its control steps interpolated: positions linearly,
-    attitudes on the sphere.
+    """Return the poses of a flight at a rate.
 
-    At 20 m/s and 4 g half way between two steps of 10 ms the position is off by 0.5 mm.
+    Between the control steps positions are interpolated linearly and attitudes on the sphere. At
+    20 m/s and 4 g, half way between two steps of 10 ms, the position is off by 0.5 mm.
+
+    Args:
+        telemetry: columns of a run, (frames,) each.
+        rate: poses a second [Hz].
     """
     t = telemetry["t"]
     at = np.arange(0.0, t[-1] + 1e-9, 1.0 / rate)
@@ -46,30 +52,33 @@ def flown_poses(telemetry: Mapping[str, np.ndarray], rate: float) -> list[Pose]:
     q[1:] *= turns[:, None]
     q = np.column_stack([np.interp(at, t, column) for column in q.T])
     q /= np.linalg.norm(q, axis=1, keepdims=True)
-    return [
-        Pose(*pose)
-        for pose in zip(at.tolist(), map(tuple, p.tolist()), map(tuple, q.tolist()), strict=True)
-    ]
+    rows = zip(at.tolist(), p.tolist(), q.tolist(), strict=True)
+    return [Pose(time, (*position,), (*attitude,)) for time, position, attitude in rows]
 
 
 def drawn_poses(course: Course, camera: Camera, count: int, seed: int) -> list[Pose]:
-    """`count` poses along and around the course; pose i depends on the seed and on i alone.
+    """Draw poses along and around the course; pose i depends on the seed and on i alone.
 
     Each is near the straight line to a gate, with the optical axis near the direction to that gate.
-    Raises ValueError for a course without room.
+
+    Raises:
+        ValueError: the course has no room.
     """
-    return [
-        _draw(course, camera, np.random.default_rng(pose_stream(seed, i))) for i in range(count)
-    ]
+    rngs = (np.random.default_rng(pose_stream(seed, i)) for i in range(count))
+    return [_draw(course, camera, rng) for rng in rngs]
 
 
 def _draw(course: Course, camera: Camera, rng: np.random.Generator) -> Pose:
+    """Draw one pose. Raises ValueError for a course without room."""
     ends = [np.array(gate.position) for gate in course.gates]
-    starts = [ends[-1] if course.loop else np.array(course.start.position), *ends[:-1]]
+    first = ends[-1] if course.loop else np.array(course.start.position)
+    starts = [first, *ends[:-1]]
+    # a leg is drawn in proportion to its length
     lengths = np.array([np.linalg.norm(b - a) for a, b in zip(starts, ends, strict=True)]) + 0.1
     for _ in range(TRIES):
         k = rng.choice(len(ends), p=lengths / lengths.sum())
-        p = starts[k] + rng.random() * (ends[k] - starts[k]) + ASIDE * rng.standard_normal(3)
+        on_leg = starts[k] + rng.random() * (ends[k] - starts[k])
+        p = on_leg + ASIDE * rng.standard_normal(3)
         if _free(course, p):
             ahead = course.gates[k].corners().mean(axis=0) - p
             return Pose(None, tuple(p.tolist()), _looking(ahead, camera, rng))
@@ -77,11 +86,12 @@ def _draw(course: Course, camera: Camera, rng: np.random.Generator) -> Pose:
 
 
 def _free(course: Course, p: np.ndarray) -> bool:
-    within = all(low <= x <= high for x, (low, high) in zip(p, course.bounds, strict=True))
+    """Return whether a position is within the bounds and clear of everything."""
     x, y, z = p.tolist()
-    frames = (gate.frame_distance((x, y, z)) for gate in course.gates)
-    away = (*frames, *(obstacle.distance((x, y, z)) for obstacle in course.obstacles))
-    return within and z > LOWEST and min(away) > CLEAR
+    within = all(low <= x <= high for x, (low, high) in zip(p, course.bounds, strict=True))
+    to_frames = [gate.frame_distance((x, y, z)) for gate in course.gates]
+    to_obstacles = [obstacle.distance((x, y, z)) for obstacle in course.obstacles]
+    return within and z > LOWEST and min(to_frames + to_obstacles) > CLEAR
 
 
 def _looking(ahead: np.ndarray, camera: Camera, rng: np.random.Generator) -> Quaternion:

@@ -1,32 +1,38 @@
-"""A course as PyBullet's TinyRenderer draws it: colour, depth, and which gate stands in each
-pixel."""
+"""A course drawn by PyBullet's TinyRenderer: colour, depth, and the gate in each pixel."""
 
 from __future__ import annotations
 
 import tempfile
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image
 
 from quadsim.course import Course, Gate
 from quadsim.course.obstacles import Cylinder, Obstacle
-from quadsim.physics.world import bullet  # its only importer
-from quadsim.render.look import TEXTURES, Look, textures
+from quadsim.physics.world import bullet
+from quadsim.render.look import TEXTURES, Look, Paint, textures
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.sensing.camera import Camera
 
-NEAR, FAR = 0.05, 400.0  # planes between which something is drawn [m]
+# planes between which something is drawn [m]
+NEAR = 0.05
+FAR = 400.0
 GROUND = 600.0  # half the ground's edge [m]
 TILE = 8.0  # one picture of the ground's texture covers [m]
-SKY, OBSTACLE, GROUND_ID = 0, 254, 255  # in the segmentation; a gate has its number, from 1
+# numbers in the segmentation, where a gate has its own, from 1
+SKY = 0
+OBSTACLE = 254
+GROUND_ID = 255
 LAST_GATE = OBSTACLE - 1
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """What the camera sees."""
+    """A picture of the camera."""
 
     rgb: np.ndarray  # (height, width, 3) uint8
     depth: np.ndarray  # (height, width) float32, along the optical axis [m]; inf: sky
@@ -34,12 +40,24 @@ class Picture:
     segmentation: np.ndarray
 
 
+class _Body(NamedTuple):
+    """A body of the scene."""
+
+    number: int  # in PyBullet
+    links: set[int]  # those with a visual shape
+
+
 class Scene:
-    """The gates, the obstacles and the ground of a course, in a PyBullet client of its own. close()
-    frees it."""
+    """The gates, the obstacles and the ground of a course, in a PyBullet client of its own.
+
+    close() frees the client.
+
+    Raises:
+        ValueError: the course has more gates than a picture of 8 bits tells apart.
+    """
 
     def __init__(self, course: Course, camera: Camera):
-        """Raises ValueError for more gates than a picture of 8 bits tells apart."""
+        self.course = course
         # each once, however often a lap leads through it
         gates = tuple(dict.fromkeys(course.gates))
         if len(gates) > LAST_GATE:
@@ -47,24 +65,24 @@ class Scene:
         self._camera = camera
         self._client = bullet.connect(bullet.DIRECT)
         self._at: dict[str, int] = {"physicsClientId": self._client}
-        bodies = [
-            self._add_ground(),
-            *map(self._add_gate, gates),
-            *map(self._add_obstacle, course.obstacles),
-        ]
-        self._count = len(gates), len(course.obstacles)
-        self._bodies = [
-            (body, {s[1] for s in bullet.getVisualShapeData(body, **self._at)}) for body in bodies
-        ]
-        numbers = (course.gates.index(gate) + 1 for gate in gates)
-        ids = [GROUND_ID, *numbers, *[OBSTACLE] * len(course.obstacles), SKY]
-        self._ids = np.array(ids, np.uint8)  # of the bodies 0, 1, ..., and of -1, nothing
+        self._ground = self._body(self._add_ground())
+        self._gates = [self._body(self._add_gate(gate)) for gate in gates]
+        self._obstacles = [self._body(self._add_obstacle(one)) for one in course.obstacles]
+        # in the segmentation, of the bodies 0, 1, ..., and of -1, which is nothing
+        gate_ids = [course.gates.index(gate) + 1 for gate in gates]
+        obstacle_ids = [OBSTACLE] * len(course.obstacles)
+        self._ids = np.array([GROUND_ID, *gate_ids, *obstacle_ids, SKY], np.uint8)
         self._textures = self._load_textures()
         self._rays = _rays(camera)
 
     def shoot(self, p: Vec3, q: Quaternion, look: Look) -> Picture:
-        """The picture of a vehicle's camera: the vehicle at p [m] with the attitude q (wxyz).
-        Itself it is not seen."""
+        """Return the picture of a vehicle's camera. The vehicle itself is not seen.
+
+        Args:
+            p: position of the vehicle [m].
+            q: its attitude, wxyz.
+            look: paint, light and sky.
+        """
         self._dress(look)
         position, axes = self._camera.pose(p, q)
         answer = bullet.getCameraImage(
@@ -72,36 +90,51 @@ class Scene:
             self._camera.height,
             _view(position, axes),
             _projection(self._camera),
-            lightDirection=look.light,
-            lightColor=look.light_colour,
-            lightAmbientCoeff=look.ambient,
-            lightDiffuseCoeff=look.diffuse,
-            lightSpecularCoeff=look.specular,
+            lightDirection=look.light.towards,
+            lightColor=look.light.colour,
+            lightAmbientCoeff=look.light.ambient,
+            lightDiffuseCoeff=look.light.diffuse,
+            lightSpecularCoeff=look.light.specular,
             shadow=0,  # TinyRenderer's are too coarse for gates on wide ground
             renderer=bullet.ER_TINY_RENDERER,
             **self._at,
         )
+        _, _, colours, depth_buffer, bodies = answer
         shape = (self._camera.height, self._camera.width)
-        rgb = np.reshape(answer[2], (*shape, 4))[..., :3].astype(np.uint8)
-        segmentation = self._ids[np.reshape(answer[4], shape)]
-        depth = np.float32(FAR * NEAR) / (
-            np.float32(FAR) - np.float32(FAR - NEAR) * np.reshape(answer[3], shape)
-        )
+        rgb = np.reshape(colours, (*shape, 4))[..., :3].astype(np.uint8)
+        segmentation = self._ids[np.reshape(bodies, shape)]
+        # OpenGL's depth buffer, 0 at NEAR and 1 at FAR, as a distance
+        buffer = np.reshape(depth_buffer, shape)
+        depth = np.float32(FAR * NEAR) / (np.float32(FAR) - np.float32(FAR - NEAR) * buffer)
+
+        # TinyRenderer draws no sky
         sky = segmentation == SKY
         depth[sky] = np.inf
         rgb[sky] = look.sky(self._rays[sky] @ axes.T.astype(np.float32))
         return Picture(rgb, depth, segmentation)
 
     def close(self) -> None:
+        """End the PyBullet client, once."""
         if bullet.isConnected(**self._at):
             bullet.disconnect(**self._at)
 
+    def _body(self, number: int) -> _Body:
+        """Return the body of this number."""
+        shapes = bullet.getVisualShapeData(number, **self._at)
+        return _Body(number, {link for _, link, *_ in shapes})
+
     def _add_ground(self) -> int:
-        edge, tiles = GROUND, 2 * GROUND / TILE
-        corners = [[-edge, -edge, 0.0], [edge, -edge, 0.0], [edge, edge, 0.0], [-edge, edge, 0.0]]
+        """Add a square at height 0 and return its number."""
+        edge = GROUND
+        tiles = 2 * GROUND / TILE
         square = bullet.createVisualShape(
             bullet.GEOM_MESH,
-            vertices=corners,
+            vertices=[
+                [-edge, -edge, 0.0],
+                [edge, -edge, 0.0],
+                [edge, edge, 0.0],
+                [-edge, edge, 0.0],
+            ],
             indices=[0, 1, 2, 0, 2, 3],
             uvs=[[0, 0], [tiles, 0], [tiles, tiles], [0, tiles]],
             normals=[[0, 0, 1]] * 4,
@@ -110,11 +143,11 @@ class Scene:
         return bullet.createMultiBody(0.0, -1, square, **self._at)
 
     def _add_gate(self, gate: Gate) -> int:
-        centres, halves = map(list, zip(*gate.bars, strict=True))
+        """Add the four bars of a frame and return their number."""
         frame = bullet.createVisualShapeArray(
             shapeTypes=[bullet.GEOM_BOX] * 4,
-            halfExtents=halves,
-            visualFramePositions=centres,
+            halfExtents=[half for _, half in gate.bars],
+            visualFramePositions=[centre for centre, _ in gate.bars],
             **self._at,
         )
         attitude = bullet.getQuaternionFromEuler([gate.roll, gate.pitch, gate.yaw], **self._at)
@@ -123,23 +156,28 @@ class Scene:
         )
 
     def _add_obstacle(self, obstacle: Obstacle) -> int:
+        """Add an obstacle and return its number."""
         if isinstance(obstacle, Cylinder):
-            kind, size, yaw = (
+            yaw = 0.0
+            shape = bullet.createVisualShape(
                 bullet.GEOM_CYLINDER,
-                {"radius": obstacle.radius, "length": obstacle.height},
-                0.0,
+                radius=obstacle.radius,
+                length=obstacle.height,
+                **self._at,
             )
         else:
-            kind, size, yaw = bullet.GEOM_BOX, {"halfExtents": obstacle.half}, obstacle.yaw
-        shape = bullet.createVisualShape(kind, **size, **self._at)
+            yaw = obstacle.yaw
+            shape = bullet.createVisualShape(bullet.GEOM_BOX, halfExtents=obstacle.half, **self._at)
         attitude = bullet.getQuaternionFromEuler([0.0, 0.0, yaw], **self._at)
         return bullet.createMultiBody(
             0.0, -1, shape, basePosition=obstacle.centre, baseOrientation=attitude, **self._at
         )
 
     def _load_textures(self) -> list[int]:
-        """Each once, as PyBullet reads a texture from a file, and never drops it; those in use do
-        not change."""
+        """Load each texture once, and return their numbers.
+
+        PyBullet reads a texture from a file and never drops it.
+        """
         with tempfile.TemporaryDirectory() as folder:
             paths = [Path(folder) / f"{i}.png" for i in range(TEXTURES)]
             for path, pixels in zip(paths, textures(), strict=True):
@@ -147,45 +185,59 @@ class Scene:
             return [bullet.loadTexture(str(path), **self._at) for path in paths]
 
     def _dress(self, look: Look) -> None:
-        """Put the look's paint on."""
-        gates, obstacles = self._count
-        paints = [
-            look.ground,
-            *(look.gates[k % len(look.gates)] for k in range(gates)),
-            *[look.obstacles] * obstacles,
-        ]
-        for (body, links), (texture, colour) in zip(self._bodies, paints, strict=True):
-            for link in links:
-                worn = {"textureUniqueId": self._textures[texture], "rgbaColor": (*colour, 1.0)}
-                bullet.changeVisualShape(body, link, **worn, **self._at)
+        """Put the look's paint on all bodies."""
+        self._paint(self._ground, look.ground)
+        for gate, paint in zip(self._gates, cycle(look.gates), strict=False):
+            self._paint(gate, paint)
+        for obstacle in self._obstacles:
+            self._paint(obstacle, look.obstacles)
+
+    def _paint(self, body: _Body, paint: Paint) -> None:
+        """Put paint on a body."""
+        for link in body.links:
+            bullet.changeVisualShape(
+                body.number,
+                link,
+                textureUniqueId=self._textures[paint.texture],
+                rgbaColor=(*paint.colour, 1.0),
+                **self._at,
+            )
 
 
 def _rays(camera: Camera) -> np.ndarray:
-    """Directions through the centres of the pixels, of length 1, in the camera frame.  (height,
-    width, 3)"""
-    u, v = np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5
+    """Return unit directions through the centres of the pixels, in the camera frame.
+
+    Returns:
+        (height, width, 3) float32.
+    """
+    u = np.arange(camera.width) + 0.5
+    v = np.arange(camera.height) + 0.5
     x, y = np.meshgrid((u - camera.width / 2) / camera.fx, (v - camera.height / 2) / camera.fy)
     rays = np.stack([x, y, np.ones_like(x)], axis=-1)
     return (rays / np.linalg.norm(rays, axis=-1, keepdims=True)).astype(np.float32)
 
 
 def _view(position: np.ndarray, axes: np.ndarray) -> list[float]:
-    """OpenGL's view matrix, by columns: its camera frame has y up and looks along -z."""
+    """Return OpenGL's view matrix by columns: its camera frame has y up and looks along -z."""
     turn = np.diag([1.0, -1.0, -1.0]) @ axes.T
     view = np.eye(4)
-    view[:3, :3], view[:3, 3] = turn, -turn @ position
+    view[:3, :3] = turn
+    view[:3, 3] = -turn @ position
     return view.T.ravel().tolist()
 
 
 def _projection(camera: Camera) -> list[float]:
-    """OpenGL's projection matrix, by columns.
+    """Return OpenGL's projection matrix by columns.
 
-    TinyRenderer samples pixel (i, j) at u = j, v = i + 1; half a pixel more each way and it does at
-    the pixel's centre.
+    TinyRenderer samples pixel (i, j) at u = j, v = i + 1. The matrix shifts the picture by half a
+    pixel each way, so that a sample lies in the pixel's centre.
     """
     matrix = np.zeros((4, 4))
-    matrix[0, 0], matrix[0, 2] = 2.0 * camera.fx / camera.width, 1.0 / camera.width
-    matrix[1, 1], matrix[1, 2] = 2.0 * camera.fy / camera.height, 1.0 / camera.height
-    matrix[2, 2], matrix[2, 3] = -(FAR + NEAR) / (FAR - NEAR), -2.0 * FAR * NEAR / (FAR - NEAR)
+    matrix[0, 0] = 2.0 * camera.fx / camera.width
+    matrix[0, 2] = 1.0 / camera.width
+    matrix[1, 1] = 2.0 * camera.fy / camera.height
+    matrix[1, 2] = 1.0 / camera.height
+    matrix[2, 2] = -(FAR + NEAR) / (FAR - NEAR)
+    matrix[2, 3] = -2.0 * FAR * NEAR / (FAR - NEAR)
     matrix[3, 2] = -1.0
     return matrix.T.ravel().tolist()

@@ -1,4 +1,4 @@
-"""Pictures as a film: H.264 in an MP4 file, by the ffmpeg that imageio-ffmpeg brings."""
+"""Films of pictures: H.264 in an MP4 file, by the ffmpeg that imageio-ffmpeg brings."""
 
 from __future__ import annotations
 
@@ -12,16 +12,30 @@ from PIL import Image
 
 
 def write_video(pictures: Iterable[Path], size: tuple[int, int], rate: float, path: Path) -> None:
-    """PNG files of width x height [px] as one film at `rate` [Hz]; whole or not at all.
+    """Write PNG files as one film, whole or not at all.
 
-    Raises ImportError without imageio-ffmpeg, OSError where it cannot be written.
+    Args:
+        pictures: the files in order.
+        size: their width and height [px].
+        rate: pictures a second [Hz].
+        path: of the film.
+
+    Raises:
+        ImportError: imageio-ffmpeg, of the extra `render`, is not installed.
+        OSError: the film cannot be written.
     """
-    import imageio_ffmpeg  # of the extra `render`
+    import imageio_ffmpeg
 
     temporary = path.with_name(f"{uuid4().hex}.tmp.mp4")
-    fps: Any = rate  # the library says int and takes any number
+    # the library's annotation is int; it takes any number
+    fps: Any = rate
     writer = imageio_ffmpeg.write_frames(
-        str(temporary), size, fps=fps, macro_block_size=2, quality=7, ffmpeg_log_level="error"
+        str(temporary),
+        size,
+        fps=fps,
+        macro_block_size=2,
+        quality=7,
+        ffmpeg_log_level="error",
     )
     try:
         writer.send(None)

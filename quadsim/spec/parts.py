@@ -16,7 +16,7 @@ import numpy as np
 
 from controllers.costs import Term
 from controllers.samplers import SAMPLERS, PlainSampler, Sampling
-from quadsim.files.yaml_words import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean
 from quadsim.spec.settings import SettingError
 
 Json = Any  # what JSON holds

@@ -21,7 +21,7 @@ from controllers.samplers import SAMPLERS
 from quadsim.dynamics.quadrotor import Control
 from quadsim.files.data_files import SUFFIXES, read_text
 from quadsim.files.strict_yaml import Document, parse, unit
-from quadsim.files.yaml_words import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean
 from quadsim.spec.settings import CONTROL_UNITS
 
 GROUPS = ("sampling", "mppi", "cost")  # of a Planner, and of a preset file

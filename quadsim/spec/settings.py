@@ -20,7 +20,7 @@ from controllers.samplers import SAMPLERS
 from quadsim.dynamics.quadrotor import Control, ModelParams
 from quadsim.dynamics.records import units_of
 from quadsim.files.strict_yaml import setting, unit
-from quadsim.files.yaml_words import unless_null
+from quadsim.files.yaml_errors import unless_null
 from quadsim.physics.plant import PlantName
 from quadsim.sensing import PERFECT
 

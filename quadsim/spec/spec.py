@@ -14,7 +14,7 @@ from controllers.presets import Planner, faults
 from controllers.samplers import SAMPLERS
 from quadsim.course import Course, load_course
 from quadsim.dynamics.quadrotor import Control, ModelParams
-from quadsim.files.yaml_words import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean
 from quadsim.physics.domain_randomization import displaced, draw
 from quadsim.physics.plant import Plant, default_plant
 from quadsim.race.flight import ControlLaw, Controller, RefereeProtocol, whole_multiple

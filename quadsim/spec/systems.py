@@ -29,7 +29,7 @@ from quadsim.course.point_goal import GOALS, load_point_goal, parse_point_goal
 from quadsim.dynamics import System, quadrotor
 from quadsim.files.data_files import names, read_text
 from quadsim.files.strict_yaml import FileError
-from quadsim.files.yaml_words import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean
 from quadsim.paper import double_integrator, offroad
 from quadsim.paper.referees import CorridorReferee, DurationReferee
 from quadsim.physics.domain_randomization import draw, gusts

@@ -9,8 +9,8 @@ from typing import TypeVar
 import numpy as np
 from msgspec import inspect
 
+from quadsim.files.yaml_errors import expected, limits
 from quadsim.files.yaml_values import DECIMAL, WHOLE
-from quadsim.files.yaml_words import expected, limits
 from quadsim.spec.settings import Kind, SettingError, bare, is_optional
 
 Number = TypeVar("Number", int, float)

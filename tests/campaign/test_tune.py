@@ -9,6 +9,8 @@ import pytest
 
 pytest.importorskip("optuna", reason="extra 'tune'")
 
+from quadsim.spec.preset_file import parse_planner
+
 from controllers.presets import PRESETS
 from quadsim.campaign.search import (
     STARTUP,
@@ -22,7 +24,6 @@ from quadsim.campaign.search import (
 from quadsim.campaign.summary_stats import variant_stats
 from quadsim.cli.cli import race
 from quadsim.record.run import RunError
-from quadsim.spec.preset_file import parse_planner
 from tests.campaign_cases import FLIGHT, row
 
 ONE_GATE = """

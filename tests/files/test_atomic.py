@@ -15,16 +15,17 @@ def test_a_file_is_replaced_whole_and_nothing_else_is_left(tmp_path):
     assert os.listdir(tmp_path) == ["f"]
 
 
-@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir, lambda path: os.symlink("/dev/null", path)])
+def link_to_a_device(path):
+    os.symlink("/dev/null", path)
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir, link_to_a_device])
 def test_a_pipe_a_folder_and_a_device_stay_what_they_are(make, tmp_path):
-    """As `--out /dev/null` by a user with all rights would otherwise end with a file in the place
-    of the device."""
+    """By a user with all rights, `--out /dev/null` would put a file in the place of the device."""
     path = tmp_path / "special"
     make(path)
     before = os.lstat(path)
-    with pytest.raises(
-        OSError, match="expected a file or a new name, found a folder, a pipe or a device"
-    ):
+    with pytest.raises(OSError, match="expected a file"):
         replace_file(path, b"data")
     assert os.lstat(path) == before
     assert os.listdir(tmp_path) == ["special"]

@@ -1,7 +1,7 @@
-"""Every mistake in a file gets one line with place, key, unit and what was found."""
+"""Every mistake in a file is one line with place, key, unit and what was found."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import pytest
 from msgspec import Meta, Struct
@@ -44,160 +44,377 @@ class Preset:
 
 
 GOOD = "points:\n  - at: [0, 1.5, -2e0]\n"
+
+
+class Mistake(NamedTuple):
+    """A text with a mistake, and what its error names."""
+
+    text: str
+    place: str  # line, column and key
+    names: tuple[str, ...]  # unit, what was expected, what was found
+
+
 BAD = {
-    "unknown key": (
+    "unknown key": Mistake(
         "points:\n  - at: [0, 0, 0]\n    yaw: 3\n",
-        "3:5: points[0].yaw: unknown key, did you mean 'yaw_deg'?",
+        "3:5: points[0].yaw:",
+        ("'yaw_deg'",),
     ),
-    "nothing near": (
+    "nothing near": Mistake(
         GOOD + "q: 3\n",
-        "3:1: q: unknown key, known are points, laps, loop, name, law, box",
+        "3:1: q:",
+        ("points, laps, loop",),
     ),
-    "duplicate key": (GOOD + "laps: 1\nlaps: 2\n", "4:1: laps: duplicate key, first on line 3"),
-    "missing key": (
+    "duplicate key": Mistake(
+        GOOD + "laps: 1\nlaps: 2\n",
+        "4:1: laps:",
+        (
+            "duplicate",
+            "line 3",
+        ),
+    ),
+    "missing key": Mistake(
         "points:\n  - {yaw_deg: 3}\n",
-        "2:5: points[0].at: missing, expected 3 numbers [m]",
+        "2:5: points[0].at:",
+        (
+            "missing",
+            "3 numbers [m]",
+        ),
     ),
-    "missing list": ("laps: 2\n", "1:1: points: missing, expected 1 or more mappings with at"),
-    "no items": ("points: []\n", "1:9: points: expected 1 or more mappings with at, got 0"),
-    "not a list": ("points: 3\n", "1:9: points: expected 1 or more mappings with at, got '3'"),
-    "not a mapping": ("points: [3]\n", "1:10: points[0]: expected a mapping (key: value), got '3'"),
-    "wrong length": (
+    "missing list": Mistake(
+        "laps: 2\n",
+        "1:1: points:",
+        (
+            "missing",
+            "1 or more",
+        ),
+    ),
+    "no items": Mistake(
+        "points: []\n",
+        "1:9: points:",
+        (
+            "1 or more",
+            "got 0",
+        ),
+    ),
+    "not a list": Mistake(
+        "points: 3\n",
+        "1:9: points:",
+        ("'3'",),
+    ),
+    "not a mapping": Mistake(
+        "points: [3]\n",
+        "1:10: points[0]:",
+        (
+            "mapping",
+            "'3'",
+        ),
+    ),
+    "wrong length": Mistake(
         "points: [{at: [1, 2]}]\n",
-        "1:15: points[0].at: expected 3 numbers [m], got 2",
+        "1:15: points[0].at:",
+        (
+            "3 numbers [m]",
+            "got 2",
+        ),
     ),
-    "nested length": (
+    "nested length": Mistake(
         GOOD + "box: [[1, 2]]\n",
-        "3:6: box: expected 2 lists of 2 numbers [m], got 1",
+        "3:6: box:",
+        (
+            "2 lists of 2 numbers [m]",
+            "got 1",
+        ),
     ),
-    "word": (
+    "word": Mistake(
         "points: [{at: [1, 2, up]}]\n",
-        "1:22: points[0].at[2]: expected a number [m], got 'up'",
+        "1:22: points[0].at[2]:",
+        (
+            "[m]",
+            "'up'",
+        ),
     ),
-    "list for a number": (
+    "list for a number": Mistake(
         GOOD + "    yaw_deg: [1]\n",
-        "3:14: points[0].yaw_deg: expected a number [deg], got a list of 1",
+        "3:14: points[0].yaw_deg:",
+        (
+            "[deg]",
+            "list of 1",
+        ),
     ),
-    "nothing": (
+    "nothing": Mistake(
         GOOD + "    yaw_deg:\n",
-        "3:13: points[0].yaw_deg: expected a number [deg], got nothing",
+        "3:13: points[0].yaw_deg:",
+        (
+            "[deg]",
+            "nothing",
+        ),
     ),
-    "quoted": (
+    "quoted": Mistake(
         GOOD + "    yaw_deg: '3'\n",
-        "3:14: points[0].yaw_deg: expected a number [deg], got the quoted text '3'",
+        "3:14: points[0].yaw_deg:",
+        (
+            "[deg]",
+            "quoted",
+            "'3'",
+        ),
     ),
-    "nan": (
+    "nan": Mistake(
         GOOD + "    yaw_deg: .nan\n",
-        "3:14: points[0].yaw_deg: expected a number [deg], got '.nan' (not finite)",
+        "3:14: points[0].yaw_deg:",
+        (
+            "[deg]",
+            "not finite",
+        ),
     ),
-    "inf": (
+    "inf": Mistake(
         GOOD + "    yaw_deg: -.inf\n",
-        "3:14: points[0].yaw_deg: expected a number [deg], got '-.inf' (not finite)",
+        "3:14: points[0].yaw_deg:",
+        (
+            "[deg]",
+            "not finite",
+        ),
     ),
-    "overflow": (
+    "overflow": Mistake(
         GOOD + "    yaw_deg: 1e999\n",
-        "3:14: points[0].yaw_deg: expected a number [deg], got '1e999'",
+        "3:14: points[0].yaw_deg:",
+        (
+            "[deg]",
+            "'1e999'",
+        ),
     ),
-    "zero": (GOOD + "    size: 0\n", "3:11: points[0].size: expected a number [m] > 0, got 0"),
-    "negative": (
+    "zero": Mistake(
+        GOOD + "    size: 0\n",
+        "3:11: points[0].size:",
+        (
+            "[m] > 0",
+            "got 0",
+        ),
+    ),
+    "negative": Mistake(
         GOOD + "    size: -2\n",
-        "3:11: points[0].size: expected a number [m] > 0, got -2",
+        "3:11: points[0].size:",
+        (
+            "[m] > 0",
+            "got -2",
+        ),
     ),
-    "yes for a number": (
+    "yes for a number": Mistake(
         GOOD + "    yaw_deg: yes\n",
-        "3:14: points[0].yaw_deg: expected a number [deg], got 'yes' (YAML reads it as true or false)",
+        "3:14: points[0].yaw_deg:",
+        (
+            "[deg]",
+            "'yes'",
+            "true or false",
+        ),
     ),
-    "octal": (
+    "octal": Mistake(
         GOOD + "    yaw_deg: 012\n",
-        "3:14: points[0].yaw_deg: expected a number [deg], got '012' (YAML reads it as octal: drop the leading zero)",
+        "3:14: points[0].yaw_deg:",
+        (
+            "[deg]",
+            "'012'",
+            "octal",
+        ),
     ),
-    "base 60": (
+    "base 60": Mistake(
         GOOD + "    yaw_deg: 22:30\n",
-        "3:14: points[0].yaw_deg: expected a number [deg], got '22:30' (YAML reads it in base 60)",
+        "3:14: points[0].yaw_deg:",
+        (
+            "[deg]",
+            "'22:30'",
+            "base 60",
+        ),
     ),
-    "hexadecimal": (
+    "hexadecimal": Mistake(
         GOOD + "    yaw_deg: 0x1F\n",
-        "3:14: points[0].yaw_deg: expected a number [deg], got '0x1F'",
+        "3:14: points[0].yaw_deg:",
+        (
+            "[deg]",
+            "'0x1F'",
+        ),
     ),
-    "underscores": (GOOD + "laps: 1_0\n", "3:7: laps: expected a whole number, got '1_0'"),
-    "fraction": (GOOD + "laps: 2.5\n", "3:7: laps: expected a whole number, got '2.5'"),
-    "huge": (
+    "underscores": Mistake(
+        GOOD + "laps: 1_0\n",
+        "3:7: laps:",
+        ("'1_0'",),
+    ),
+    "fraction": Mistake(
+        GOOD + "laps: 2.5\n",
+        "3:7: laps:",
+        ("'2.5'",),
+    ),
+    "huge": Mistake(
         GOOD + f"laps: {'9' * 5000}\n",
-        f"3:7: laps: expected a whole number, got '{'9' * 57}...'",
+        "3:7: laps:",
+        (
+            "whole number",
+            "...",
+        ),
     ),
-    "yes for a truth": (
+    "yes for a truth": Mistake(
         GOOD + "loop: yes\n",
-        "3:7: loop: expected true or false, got 'yes' (YAML reads it as true or false)",
+        "3:7: loop:",
+        ("'yes'",),
     ),
-    "on for a text": (
+    "on for a text": Mistake(
         GOOD + "name: on\n",
-        "3:7: name: expected text, got 'on' (YAML reads it as true or false; put it in quotes)",
+        "3:7: name:",
+        (
+            "'on'",
+            "true or false",
+            "quotes",
+        ),
     ),
-    "number for a text": (
+    "number for a text": Mistake(
         GOOD + "name: 12\n",
-        "3:7: name: expected text, got '12' (YAML reads it as int; put it in quotes)",
+        "3:7: name:",
+        (
+            "'12'",
+            "int",
+            "quotes",
+        ),
     ),
-    "date for a text": (
+    "date for a text": Mistake(
         GOOD + "name: 2024-01-31\n",
-        "3:7: name: expected text, got '2024-01-31' (YAML reads it as timestamp; put it in quotes)",
+        "3:7: name:",
+        (
+            "timestamp",
+            "quotes",
+        ),
     ),
-    "no such choice": (GOOD + "law: exakt\n", "3:6: law: expected 'exact' or 'paper', got 'exakt'"),
-    "number as key": (
+    "no such choice": Mistake(
+        GOOD + "law: exakt\n",
+        "3:6: law:",
+        (
+            "'exact'",
+            "'paper'",
+            "'exakt'",
+        ),
+    ),
+    "number as key": Mistake(
         GOOD + "1: 2\n",
-        "3:1: '1': unknown key, known are points, laps, loop, name, law, box",
+        "3:1: '1':",
+        ("unknown",),
     ),
-    "list as key": (GOOD + "? [1, 2]\n: 3\n", "3:3: expected a key, got a list of 2"),
-    "merge key": (
+    "list as key": Mistake(
+        GOOD + "? [1, 2]\n: 3\n",
+        "3:3:",
+        (
+            "key",
+            "list of 2",
+        ),
+    ),
+    "merge key": Mistake(
         GOOD + "<<: {laps: 2}\n",
-        "3:1: '<<': unknown key, known are points, laps, loop, name, law, box",
+        "3:1: '<<':",
+        ("unknown",),
     ),
-    "key that would break the line": (
+    "key that would break the line": Mistake(
         GOOD + '"a\\nb\\e[31m": 1\n',
-        "3:1: 'a\\nb\\x1b[31m': unknown key, known are points, laps, loop, name, law, box",
+        "3:1: 'a\\nb\\x1b[31m':",
+        ("unknown",),
     ),
-    "empty": ("", "1:1: empty file, expected a mapping (key: value)"),
-    "comments only": ("# nothing\n\n", "1:1: empty file, expected a mapping (key: value)"),
-    "list as document": ("- 1\n- 2\n", "1:1: expected a mapping (key: value), got a list of 2"),
-    "text as document": ("hello\n", "1:1: expected a mapping (key: value), got 'hello'"),
-    "two documents": (GOOD + "---\n" + GOOD, "3:1: expected one document, found a second one"),
-    "alias": ("points: &p [{at: [0, 0, 0]}]\nname: *p\n", "1:9: aliases are not allowed"),
-    "alias alone": (GOOD + "name: *p\n", "3:7: aliases are not allowed"),
-    "tag": (GOOD + "name: !!python/object/apply:os.getcwd []\n", "3:7: tags are not allowed"),
-    "depth": ("points: " + "[" * 5000, "1:20: expected at most 12 levels of nesting, got more"),
-    "tab": ("points:\n\t- at: [0, 0, 0]\n", "2:1: expected spaces, got a tab"),
-    "unclosed": (
+    "empty": Mistake(
+        "",
+        "1:1:",
+        ("empty",),
+    ),
+    "comments only": Mistake(
+        "# nothing\n\n",
+        "1:1:",
+        ("empty",),
+    ),
+    "list as document": Mistake(
+        "- 1\n- 2\n",
+        "1:1:",
+        (
+            "mapping",
+            "list of 2",
+        ),
+    ),
+    "text as document": Mistake(
+        "hello\n",
+        "1:1:",
+        (
+            "mapping",
+            "'hello'",
+        ),
+    ),
+    "two documents": Mistake(
+        GOOD + "---\n" + GOOD,
+        "3:1:",
+        ("one document",),
+    ),
+    "alias": Mistake(
+        "points: &p [{at: [0, 0, 0]}]\nname: *p\n",
+        "1:9:",
+        ("aliases",),
+    ),
+    "alias alone": Mistake(
+        GOOD + "name: *p\n",
+        "3:7:",
+        ("aliases",),
+    ),
+    "tag": Mistake(
+        GOOD + "name: !!python/object/apply:os.getcwd []\n",
+        "3:7:",
+        ("tags",),
+    ),
+    "depth": Mistake(
+        "points: " + "[" * 5000,
+        "1:20:",
+        ("at most 12",),
+    ),
+    "tab": Mistake(
+        "points:\n\t- at: [0, 0, 0]\n",
+        "2:1:",
+        ("tab",),
+    ),
+    "unclosed": Mistake(
         "points: [{at: [0, 0, 0]}\nlaps: 1\n",
-        "2:1: not YAML: expected ',' or ']', but got '<scalar>' (while parsing a flow sequence, line 1)",
+        "2:1:",
+        (
+            "not YAML",
+            "line 1",
+        ),
     ),
-    "control character": (GOOD + "name: a\x07b\n", "3:8: unprintable character '\\x07'"),
+    "control character": Mistake(
+        GOOD + "name: a\x07b\n",
+        "3:8:",
+        ("'\\x07'",),
+    ),
 }
 
 
-@pytest.mark.parametrize("name", BAD)
-def test_each_mistake_has_its_one_line(name):
-    text, message = BAD[name]
+def error_of(text):
     with pytest.raises(FileError) as error:
         load(text, "my.yaml", TextTable)
-    assert str(error.value) == f"my.yaml:{message}"
+    return error.value
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_each_mistake_is_one_line_with_its_place(name):
+    mistake = BAD[name]
+    line = str(error_of(mistake.text))
+    assert line.startswith(f"my.yaml:{mistake.place} ")
+    assert line.isprintable()
+    for expected in mistake.names:
+        assert expected in line
 
 
 @pytest.mark.parametrize("name", BAD)
 def test_excerpt_puts_the_caret_under_the_named_column(name):
-    text, message = BAD[name]
-    with pytest.raises(FileError) as error:
-        load(text, "my.yaml", TextTable)
-    line, column = (int(n) for n in message.split(":")[:2])
-    if error.value.excerpt and column <= 50:
-        source, caret = error.value.excerpt.split("\n")
-        assert caret == " " * (column - 1) + "^"
-        assert (
-            [*text.split("\n"), ""][line - 1]
-            .replace("\t", " ")
-            .replace("\x07", " ")
-            .startswith(source)
-        )
-    else:
-        assert "empty file" in message
+    mistake = BAD[name]
+    excerpt = error_of(mistake.text).excerpt
+    line, column = (int(number) for number in mistake.place.split(":")[:2])
+    if "empty" in mistake.names:
+        assert excerpt == ""
+        return
+    source, caret = excerpt.split("\n")
+    assert caret == " " * (column - 1) + "^"
+    written = [*mistake.text.split("\n"), ""][line - 1]
+    assert written.replace("\t", " ").replace("\x07", " ").startswith(source)
 
 
 @pytest.mark.parametrize("text", ["1e-3", "1.0e-3", ".001", "+0.001", "1E-3", "0.1e-2"])

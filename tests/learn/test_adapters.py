@@ -1,86 +1,89 @@
-"""Other libraries' ways to hold many environments: same flights, their rules. Run where those
-libraries are."""
+"""stable-baselines3's way to hold many environments: the same flights under its rules."""
 
 import numpy as np
 import pytest
 
 pytest.importorskip("gymnasium", reason="the extra rl is not installed")
+pytest.importorskip("stable_baselines3", reason="the extra train is not installed")
 
+from quadsim.learn.ppo import Learner
+from quadsim.learn.stable_baselines import RacingVecEnv
+from quadsim.learn.starts import hover_action
+from quadsim.learn.task import task
+from quadsim.learn.training import PPOConfig, pilot_of
+from quadsim.learn.training import Training as Asked
 from quadsim.learn.vector_env import RacingVectorEnv
 
-N, SETTINGS = 70, {"start": "anywhere", "randomize": 0.5}
+N = 70
+SETTINGS = {"start": "anywhere", "randomize": 0.5}
 ACTIONS = np.random.default_rng(0).normal(0, 0.3, (150, N, 4)).astype(np.float32)
 
 
-@pytest.fixture
-def envs():
-    """What the adapters adapt, from the same seed."""
-    found = RacingVectorEnv(N, autoreset_mode="SameStep", **SETTINGS)
-    found.first = found.reset(seed=5)[0]
-    return found
-
-
-def test_stable_baselines_sees_the_same_flights_and_where_they_ended(envs):
-    pytest.importorskip("stable_baselines3")
-    from quadsim.learn.stable_baselines import RacingVecEnv
-
-    adapted = RacingVecEnv(N, **SETTINGS)
+@pytest.mark.parametrize("hold", [1, 2])
+def test_stable_baselines_sees_the_same_flights_and_where_they_ended(hold):
+    envs = RacingVectorEnv(N, autoreset_mode="SameStep", **SETTINGS)
+    first, _ = envs.reset(seed=5)
+    adapted = RacingVecEnv(N, hold=hold, **SETTINGS)
     adapted.seed(5)
-    np.testing.assert_array_equal(adapted.reset(), envs.first)
+    np.testing.assert_array_equal(adapted.reset(), first)
     ends = 0
     for actions in ACTIONS:
         obs, reward, done, infos = adapted.step(actions)
-        expected, rewards, ended, cut, told = envs.step(actions)
+        expected_reward = np.zeros(N, np.float32)
+        ended_before = np.zeros(N, bool)
+        for _ in range(hold):
+            expected, rewards, ended, cut, info = envs.step(actions)
+            expected_reward += np.where(ended_before, 0.0, rewards)
+            for i in np.flatnonzero((ended | cut) & ~ended_before):
+                final = info["final_obs"][i]
+                np.testing.assert_array_equal(infos[i]["terminal_observation"], final)
+                assert infos[i]["TimeLimit.truncated"] == cut[i]
+                assert infos[i]["crashed"] == info["crashed"][i]
+            ended_before |= ended | cut
         np.testing.assert_array_equal(obs, expected)
-        np.testing.assert_array_equal(reward, rewards)
-        np.testing.assert_array_equal(done, ended | cut)
+        np.testing.assert_array_equal(reward, expected_reward)
+        np.testing.assert_array_equal(done, ended_before)
         assert [bool(info) for info in infos] == done.tolist()
-        for i in np.flatnonzero(done):
-            np.testing.assert_array_equal(infos[i]["terminal_observation"], told["final_obs"][i])
-            assert infos[i]["TimeLimit.truncated"] == cut[i]
-            assert infos[i]["crashed"] == told["crashed"][i]
         ends += done.sum()
     assert ends > 10
 
 
-def test_stable_baselines_learns_in_it():
-    sb3 = pytest.importorskip("stable_baselines3")
+def test_settings_are_those_of_all_environments():
     from stable_baselines3.common.vec_env import VecMonitor
-
-    from quadsim.learn.stable_baselines import RacingVecEnv
 
     adapted = RacingVecEnv(8, **SETTINGS)
     assert adapted.get_attr("num_envs") == [8] * 8
     assert adapted.env_is_wrapped(VecMonitor, indices=[0, 1]) == [False, False]
-    with pytest.raises(ValueError, match="for all 8 environments at once"):
+    with pytest.raises(ValueError, match="x:"):
         adapted.set_attr("x", 1, indices=0)
-    model = sb3.PPO(
-        "MlpPolicy",
-        VecMonitor(adapted),
-        n_steps=16,
-        batch_size=64,
-        n_epochs=1,
-        device="cpu",
-        seed=0,
-    )
-    before = [p.detach().clone() for p in model.policy.parameters()]
-    model.learn(256)
-    assert any((a != b).any() for a, b in zip(before, model.policy.parameters(), strict=True))
 
 
-def test_tensors_are_the_arrays_themselves(envs, monkeypatch):
-    torch = pytest.importorskip("torch")
-    from quadsim.learn.tensors import RacingTensors
+def test_a_learner_hovers_at_first_and_its_pilot_does_what_its_policy_means(tmp_path):
+    import torch
 
-    adapted = RacingTensors(N, **SETTINGS)
-    given, rows = [], adapted.envs._rows
-    monkeypatch.setattr(adapted.envs, "_rows", lambda lanes: given.append(rows(lanes)) or given[-1])
-    obs = adapted.reset(seed=5)
-    np.testing.assert_array_equal(obs.numpy(), envs.first)
-    assert obs.data_ptr() == given[-1].ctypes.data
-    for actions in ACTIONS[:50]:
-        *found, info = adapted.step(torch.from_numpy(actions).requires_grad_())
-        *expected, told = envs.step(actions)
-        for tensor, array in zip(found, expected, strict=True):
-            np.testing.assert_array_equal(tensor.numpy(), array)
-        assert set(info) == set(told)
+    asked = task("split_s_swift", start="anywhere", time_limit=10.0)
+    config = PPOConfig(environments=64, hidden=8, steps=8)
+    learner = Learner(asked, config, seed=0)
+    before = learner.parameters()
+    hover = hover_action(asked.vehicle, asked.dt)
+    np.testing.assert_allclose(learner.pilot_weights()[-1], hover, rtol=1e-6)
+    learner.learn(crash_share=0.2)
+    assert learner.steps_done == 64 * 8 * config.hold
+    after = learner.parameters()
+    assert any((before[name] != after[name]).any() for name in before)
+
+    pilot = pilot_of(learner, Asked(asked, config, 0, 1, tmp_path / "p.npz"))
+    obs = np.random.default_rng(0).normal(size=(5, 38)).astype(np.float32)
+    distribution = learner._model.policy.get_distribution(torch.from_numpy(obs))
+    mean = distribution.mode().detach().numpy()
+    np.testing.assert_allclose(pilot(obs), np.clip(mean, -1, 1), rtol=1e-5, atol=1e-6)
+
+
+def test_a_learner_that_is_restored_has_the_same_numbers():
+    asked = task("split_s_swift", start="anywhere", time_limit=10.0)
+    config = PPOConfig(environments=64, hidden=8, steps=8)
+    first, second = (Learner(asked, config, seed) for seed in (0, 1))
+    second.restore(first.parameters(), steps_done=12)
+    assert second.steps_done == 12
+    for name, array in first.parameters().items():
+        np.testing.assert_array_equal(second.parameters()[name], array)

@@ -1,5 +1,6 @@
-"""Racing-v0 and RacingBullet-v0: the planner's own physics in every lane, Gymnasium's rules, one
-line for wrong use."""
+"""Racing-v0 and RacingBullet-v0: the planner's physics in every lane under Gymnasium's rules."""
+
+import inspect
 
 import numpy as np
 import pytest
@@ -14,9 +15,18 @@ from controllers.lanes.threads import use_threads  # noqa: E402
 from controllers.learned.observation import SIZE, UNITS, command, gate_rows, observe  # noqa: E402
 from quadsim.dynamics.quadrotor import Control, Params, State, step  # noqa: E402
 from quadsim.learn import BULLET, RACING  # noqa: E402
-from quadsim.learn.lanes import LaneEnvironments  # noqa: E402
+from quadsim.learn.lanes import (  # noqa: E402
+    Beginnings,
+    Episodes,
+    LaneEnvironments,
+    Outcome,
+    Step,
+)
+from quadsim.learn.render import FRAME, HEIGHT, HIGH, LOW, WIDTH, picture  # noqa: E402
 from quadsim.learn.task import task  # noqa: E402
 from quadsim.learn.vector_env import RacingVectorEnv  # noqa: E402
+
+FULL_THRUST = np.array([0.0, 0.0, 0.0, 1.0], np.float32)
 
 
 def made(n=70, **settings):
@@ -24,8 +34,9 @@ def made(n=70, **settings):
 
 
 def flown(envs, steps, seed=5, spread=0.2):
-    """Everything that comes back, under random actions around hover."""
-    rng, found = np.random.default_rng(seed), [envs.reset(seed=3)[0]]
+    """Return everything that comes back, under random actions around hover."""
+    rng = np.random.default_rng(seed)
+    found = [envs.reset(seed=3)[0]]
     for _ in range(steps):
         actions = rng.normal(0, spread, (envs.num_envs, 4)).astype(np.float32)
         *arrays, _info = envs.step(actions)
@@ -36,45 +47,105 @@ def flown(envs, steps, seed=5, spread=0.2):
 @pytest.mark.parametrize("env_id", [RACING, BULLET])
 @pytest.mark.filterwarnings("ignore:.*observation space m.*value is.*infinity")
 def test_gymnasiums_own_check_passes(env_id):
-    env = gymnasium.make(env_id, randomize=0.5, render_mode="rgb_array")
+    # the check makes an environment in each render mode, with the same viewer
+    env = gymnasium.make(env_id, randomize=0.5, render_mode="rgb_array", viewer=RecordingViewer)
     check_env(env.unwrapped)
     assert env.observation_space.shape == (SIZE,) == (len(UNITS),)
     env.close()
 
 
+class RecordingViewer:
+    """A viewer that keeps what it is shown."""
+
+    def __init__(self, course, vehicles, dt):
+        self.course, self.vehicles, self.dt = course, vehicles, dt
+        self.shown = []
+        self.closed = False
+
+    def show(self, states):
+        self.shown.append(states.copy())
+
+    def close(self):
+        self.closed = True
+
+
 @pytest.mark.parametrize("env_id", [RACING, BULLET])
-def test_human_rendering_shows_the_vehicle_on_a_page_of_this_machine(env_id, caplog):
-    env = gymnasium.make(env_id, render_mode="human")
+def test_human_rendering_shows_every_step_to_the_viewer(env_id):
+    viewers = []
+
+    def viewer(*args):
+        viewers.append(RecordingViewer(*args))
+        return viewers[-1]
+
+    env = gymnasium.make(env_id, render_mode="human", viewer=viewer)
     env.reset(seed=1)
-    page = env.unwrapped._renderer if env_id == BULLET else env.unwrapped._envs._renderer
+    for _ in range(9):
+        env.step(FULL_THRUST)
+    env.close()
+    (seen,) = viewers
+    course = env.unwrapped.task.courses[0]
+    assert (seen.course, seen.vehicles, seen.dt) == (course, 1, 0.01)
+    assert np.shape(seen.shown) == (10, 1, 10)
+    assert seen.shown[0][0, :2] == pytest.approx(course.start.position[:2], abs=0.2)
+    assert seen.shown[-1][0, 2] > seen.shown[0][0, 2]
+    assert seen.closed
+
+
+def test_the_page_shows_the_vehicle_on_this_machine(caplog):
+    from web.page.env_page import EnvPage
+
+    env = gymnasium.make(RACING, render_mode="human", viewer=EnvPage)
+    env.reset(seed=1)
+    page = env.unwrapped._envs._renderer._viewer
     assert "http://127.0.0.1:" in caplog.text
     for _ in range(9):  # two pictures are at least 40 ms apart
-        env.step(np.array([0.0, 0.0, 0.0, 1.0], np.float32))
-    (frame,) = page._page._frames
+        env.step(FULL_THRUST)
+    (frame,) = page._frames
     start = env.unwrapped.task.courses[0].start.position
     assert frame.position[:2] == pytest.approx(start[:2], abs=0.2)
-    assert frame.position[2] > start[2] + 1e-4  # full thrust
+    assert frame.position[2] > start[2] + 1e-4
     assert env.render() is None
     env.close()
-    assert page._page is None
 
 
-def test_another_render_mode_is_refused_in_a_line():
-    with pytest.raises(
-        ValueError, match=r"render_mode: expected None, 'human' or 'rgb_array', got 'film'"
-    ):
+def test_a_page_without_a_viewer_is_refused():
+    with pytest.raises(ValueError, match="viewer: "):
+        RacingVectorEnv(1, render_mode="human")
+
+
+def test_a_picture_shows_gates_and_each_vehicle_where_it_is():
+    course = task("split_s_swift").courses[0]
+    (x_low, x_high), (y_low, y_high), (z_low, z_high) = course.bounds
+    middle = np.array([(x_low + x_high) / 2, (y_low + y_high) / 2, z_high])
+    states = np.zeros((2, 10))
+    states[:, :3] = middle, (x_high, y_high, z_low)
+    seen = picture(course, states)
+    assert seen.shape == (HEIGHT, WIDTH, 3)
+    assert tuple(seen[HEIGHT // 2, WIDTH // 2]) == tuple(HIGH)
+    rows, columns = np.nonzero((seen == LOW).all(axis=2))
+    assert rows.max() < HEIGHT / 2
+    assert columns.min() > WIDTH / 2
+    assert (seen == FRAME).all(axis=2).sum() > 20 * len(set(course.gates))
+
+
+def test_another_render_mode_is_refused():
+    with pytest.raises(ValueError, match="render_mode: "):
         RacingVectorEnv(1, render_mode="film")
 
 
 def test_every_lane_flies_the_step_of_the_planners_model():
-    """Half a second of random flight against quadrotor.step in float64, each vehicle with its own
-    parameters."""
+    """Half a second of random flight is that of quadrotor.step in float64.
+
+    Each vehicle has its own parameters.
+    """
     envs = made(start="anywhere", randomize=1.0, autoreset_mode="Disabled").unwrapped
     envs.reset(seed=1)
-    e, system, rng = envs.lanes, envs.task.system, np.random.default_rng(0)
+    e = envs.lanes
+    system = envs.task.system
+    rng = np.random.default_rng(0)
     lanes = [0, 17, 63]
     expected = {k: State(*e.X[0, :, k].astype(float)) for k in lanes}
-    params = {k: Params(*e.P[0, :, k].astype(float)) for k in lanes}
+    params = {k: Params(*e.episodes.models[0, :, k].astype(float)) for k in lanes}
     assert len(set(params.values())) == len(lanes)
     for _ in range(50):
         actions = rng.uniform(-0.4, 0.4, (envs.num_envs, 4)).astype(np.float32)
@@ -102,23 +173,21 @@ def test_observations_are_those_of_a_single_flight():
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_the_same_seed_gives_the_same_rollout_for_any_number_of_threads(mode):
     steps = 5 if mode == AutoresetMode.DISABLED else 120
+    settings = {"start": "anywhere", "randomize": 1.0, "autoreset_mode": mode}
     runs = []
     for threads in (1, None):
         use_threads(threads)
-        runs.append(
-            flown(
-                made(200, start="anywhere", randomize=1.0, noise=0.01, autoreset_mode=mode), steps
-            )
-        )
+        runs.append(flown(made(200, noise=0.01, **settings), steps))
     assert all(np.array_equal(a, b) for a, b in zip(*runs, strict=True))
-    other = made(200, start="anywhere", randomize=1.0, autoreset_mode=mode).reset(seed=4)[0]
+    other = made(200, **settings).reset(seed=4)[0]
     assert not np.array_equal(other, runs[0][0])
 
 
 def test_an_episode_starts_anew_when_its_mode_says():
-    same, following = (made(start="anywhere", autoreset_mode=m) for m in ("SameStep", "NextStep"))
-    for envs in (same, following):
-        envs.reset(seed=0)
+    same = made(start="anywhere", autoreset_mode="SameStep")
+    following = made(start="anywhere", autoreset_mode="NextStep")
+    same.reset(seed=0)
+    following.reset(seed=0)
     still = np.full((70, 4), -1.0)  # no thrust: everything falls
     for _ in range(400):
         obs, reward, ended, cut, info = same.step(still)
@@ -156,15 +225,26 @@ def test_without_autoreset_an_ended_episode_has_to_be_reset_by_its_mask():
     assert np.allclose(info["time"][~ended], time[~ended] + 0.01)
 
 
-def test_observations_that_are_kept_stay_as_they_were_and_others_are_reused():
+def test_observations_that_are_kept_stay_as_they_were():
     envs = made(start="anywhere", autoreset_mode="SameStep")
-    kept = [envs.reset(seed=0)[0][1:3]]  # a view
+    kept = [envs.reset(seed=0)[0]]
     kept += [envs.step(np.zeros((70, 4)))[0] for _ in range(20)]
-    copies = [obs.copy() for obs in kept]
-    assert all(np.array_equal(a, b) for a, b in zip(kept, copies, strict=True))
-    assert len({obs.ctypes.data for obs in kept}) == 21
-    del kept
-    assert len({envs.step(np.zeros((70, 4)))[0].ctypes.data for _ in range(20)}) < 4
+    copies = [obs.copy() for obs in kept[:-1]]
+    envs.step(np.ones((70, 4)))
+    assert all(np.array_equal(a, b) for a, b in zip(kept, copies, strict=False))
+
+
+def test_the_compiled_functions_take_their_arguments_by_the_names_of_the_records():
+    module = LaneEnvironments(task(), 64)._module
+    beginning = (*Episodes._fields, *Beginnings._fields)
+    assert len(arguments(module.begin)) == len((*beginning, "chosen"))
+    assert arguments(module.advance) == (*beginning, *Step._fields)
+    first = Step._fields.index(Outcome._fields[0])
+    assert Step._fields[first : first + len(Outcome._fields)] == Outcome._fields
+
+
+def arguments(compiled):
+    return tuple(inspect.signature(compiled).parameters)
 
 
 def test_rewards_of_progress_add_up_to_the_way_flown():
@@ -182,9 +262,8 @@ def test_rewards_of_progress_add_up_to_the_way_flown():
     assert collected != 0
 
 
-def test_a_gate_is_passed_as_the_referee_sees_it_and_pybullet_flies_the_same():
-    """The model against PyBullet with actuators over .5 s of the same random commands: within .15
-    m, 1 m/s."""
+def test_pybullet_flies_nearly_as_the_model_does():
+    """Over .5 s of the same random commands, PyBullet is within .15 m and 1 m/s of the model."""
     lanes, bullet = gymnasium.make(RACING), gymnasium.make(BULLET)
     lanes.reset(seed=0)
     bullet.reset(seed=0)
@@ -193,10 +272,8 @@ def test_a_gate_is_passed_as_the_referee_sees_it_and_pybullet_flies_the_same():
         action = np.clip(rng.normal([0, 0, 0, -0.3], 0.15), -1, 1).astype(np.float32)
         lanes.step(action)
         bullet.step(action)
-    ours, theirs = (
-        lanes.unwrapped._envs.lanes.X[0, :6, 0],
-        np.array(bullet.unwrapped._plant.state.x[:6]),
-    )
+    ours = lanes.unwrapped._envs.lanes.X[0, :6, 0]
+    theirs = np.array(bullet.unwrapped._plant.state.x[:6])
     assert np.abs(ours[:3] - theirs[:3]).max() < 0.15
     assert np.abs(ours[3:] - theirs[3:]).max() < 1.0
     assert np.abs(theirs[3:]).max() > 0.5  # it moved
@@ -214,11 +291,9 @@ def test_several_courses_fly_side_by_side():
 
 
 def test_a_vehicle_far_from_every_obstacle_misses_none():
-    """Who looks at the obstacles only where the room to them is used up crashes as who looks at
-    each step."""
-    every, some, none = (
-        LaneEnvironments(task("split_s_swift", "swift", start="anywhere"), 640) for _ in range(3)
-    )
+    """Obstacles tested only where the room to them is used up are hit as if tested every step."""
+    anywhere = task("split_s_swift", "swift", start="anywhere")
+    every, some, none = (LaneEnvironments(anywhere, 640) for _ in range(3))
     actions = np.random.default_rng(0).normal(0, 0.15, every.last.shape).astype(np.float32)
     actions[:, 3] -= 0.4
     for envs in (every, some, none):
@@ -233,53 +308,50 @@ def test_a_vehicle_far_from_every_obstacle_misses_none():
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    ("settings", "problem"),
     [
         ({"course": "nowhere"}, "nowhere"),
         ({"vehicle": "swifd"}, "swift"),
-        ({"num_envs": 0}, "num_envs: expected a whole number of at least 1, got 0"),
-        ({"start": "inside"}, "start: expected one of standing, anywhere"),
-        ({"laps": 0}, "laps: expected a whole number"),
-        ({"course": "paper_flat", "laps": 2}, "expected 1 lap"),
-        ({"reward": {"speed": 1}}, "reward: expected RewardWeights or weights of progress"),
-        ({"gravity": 3}, "gravity: no such setting of an environment"),
-        ({"randomize": -1}, r"randomize: expected a number in 0 \.\. 3"),
-        ({"autoreset_mode": "soon"}, "autoreset_mode: expected one of NextStep"),
-        (
-            {"course": ["figure8", "split_s_swift", "alphapilot"]},
-            "expected at least 129 environments for 3",
-        ),
+        ({"n": 0}, "num_envs: .* got 0"),
+        ({"start": "inside"}, "start: .*standing, anywhere"),
+        ({"laps": 0}, "laps: .* got 0"),
+        ({"course": "paper_flat", "laps": 2}, "1 lap"),
+        ({"reward": {"speed": 1}}, "reward: .*speed"),
+        ({"gravity": 3}, "gravity: "),
+        ({"randomize": -1}, "randomize: .* got -1"),
+        ({"autoreset_mode": "soon"}, "autoreset_mode: .*NextStep"),
+        ({"course": ["figure8", "split_s_swift", "alphapilot"]}, "course: .*129 environments"),
     ],
 )
-def test_a_wrong_setting_is_one_line(settings, said):
-    with pytest.raises(ValueError, match=said) as error:
-        made(**({"n": settings.pop("num_envs")} if "num_envs" in settings else {}), **settings)
+def test_a_wrong_setting_is_one_line(settings, problem):
+    with pytest.raises(ValueError, match=problem) as error:
+        made(**settings)
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("actions", "said"),
+    ("actions", "problem"),
     [
-        (np.zeros((3, 4)), r"action: expected shape \(70, 4\), got \(3, 4\)"),
-        (np.full((70, 4), np.nan), r"action\[0, 0\]: expected a finite number in -1..1, got nan"),
-        ("hover", "action: expected numbers"),
+        (np.zeros((3, 4)), r"action: .*\(70, 4\), got \(3, 4\)"),
+        (np.full((70, 4), np.nan), r"action\[0, 0\]: .* got nan"),
+        ("hover", "action: .* got str"),
     ],
 )
-def test_a_wrong_action_is_one_line(actions, said):
+def test_a_wrong_action_is_one_line(actions, problem):
     envs = made()
     envs.reset(seed=0)
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=problem):
         envs.step(actions)
 
 
 @pytest.mark.parametrize("env_id", [RACING, BULLET])
 @pytest.mark.parametrize(
-    ("action", "said"),
-    [(np.zeros(3), r"expected shape \(4,\), got \(3,\)"), (np.full(4, np.nan), "got nan")],
+    ("action", "problem"),
+    [(np.zeros(3), r"\(4,\), got \(3,\)"), (np.full(4, np.nan), "got nan")],
 )
-def test_a_wrong_action_of_one_vehicle_is_one_line(env_id, action, said):
+def test_a_wrong_action_of_one_vehicle_is_one_line(env_id, action, problem):
     env = gymnasium.make(env_id, disable_env_checker=True)
     env.reset(seed=0)
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=problem):
         env.step(action)
     env.close()

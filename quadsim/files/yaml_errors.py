@@ -1,5 +1,4 @@
-"""The words of an error in a file: what a msgspec type asks for, what a YAML node holds, which name
-is near."""
+"""Texts of errors in a file: what a type asks for, what a YAML node holds, which name is near."""
 
 from __future__ import annotations
 
@@ -11,19 +10,27 @@ from typing import Any
 import yaml
 from msgspec import inspect
 
-TEXT, NULL = "tag:yaml.org,2002:str", "tag:yaml.org,2002:null"
+TEXT = "tag:yaml.org,2002:str"
+NULL = "tag:yaml.org,2002:null"
 TRAPS = (
     (re.compile(r"[-+]?0\d+"), "YAML reads it as octal: drop the leading zero"),
     (re.compile(r"[-+]?\d+(:\d+)+(\.\d*)?"), "YAML reads it in base 60"),
     (re.compile(r"(?i)[-+]?\.(inf|nan)"), "not finite"),
     (re.compile(r"(?i)yes|no|on|off|true|false"), "YAML reads it as true or false"),
 )
+LONGEST = 60  # characters of a text that an error shows
 
 
 def expected(kind: Any, unit: str = "", count: str = "") -> str:
-    """What `kind` (of msgspec.inspect) asks for, with its unit: "3 numbers [m]"; `count` of them
-    where given."""
-    noun, rest = "mapping", ""
+    """Return a text for what a type asks for, such as "3 numbers [m]".
+
+    Args:
+        kind: a type of msgspec.inspect.
+        unit: the unit of its numbers.
+        count: the number of such values; "" for a single one.
+    """
+    noun = "mapping"
+    rest = ""
     match kind:
         case inspect.Metadata():
             return expected(kind.type, unit_of(kind, unit), count)
@@ -41,8 +48,11 @@ def expected(kind: Any, unit: str = "", count: str = "") -> str:
         case inspect.StrType():
             rest = f" like {kind.pattern}" if kind.pattern else ""
             return f"{count} texts{rest}" if count else f"text{rest}"
-        case inspect.FloatType() | inspect.IntType():
-            noun = "number" if isinstance(kind, inspect.FloatType) else "whole number"
+        case inspect.FloatType():
+            noun = "number"
+            rest = f" [{unit}]" if unit else ""
+        case inspect.IntType():
+            noun = "whole number"
             rest = f" [{unit}]" if unit else ""
         case inspect.StructType() | inspect.DataclassType():
             required = ", ".join(f.encode_name for f in kind.fields if f.required)
@@ -51,51 +61,53 @@ def expected(kind: Any, unit: str = "", count: str = "") -> str:
 
 
 def limits(kind: Any) -> str:
-    """The range of a number: "> 0 and <= 100"."""
+    """Return the range of a number, such as "> 0 and <= 100"."""
     signs = ((">=", kind.ge), (">", kind.gt), ("<=", kind.le), ("<", kind.lt))
     return " and ".join(f"{sign} {bound:g}" for sign, bound in signs if bound is not None)
 
 
 def found(node: yaml.Node, kind: Any = None) -> str:
-    """What stands there, and the trap of YAML 1.1 that it fell into."""
+    """Return a text for what a node holds, with the trap of YAML 1.1 that it fell into."""
+    if isinstance(node, yaml.SequenceNode):
+        return f"a list of {len(node.value)}"
     if not isinstance(node, yaml.ScalarNode):
-        return (
-            f"a list of {len(node.value)}" if isinstance(node, yaml.SequenceNode) else "a mapping"
-        )
+        return "a mapping"
     if is_null(node):
         return "nothing"
     if node.style:
         return f"the quoted text {shown(node.value)}"
     traps = [why for pattern, why in TRAPS if pattern.fullmatch(node.value)]
     if isinstance(kind, inspect.StrType) and node.tag != TEXT:
-        traps = [
-            *(traps or [f"YAML reads it as {node.tag.rpartition(':')[2]}"]),
-            "put it in quotes",
-        ]
-    return shown(node.value) + (f" ({'; '.join(traps)})" if traps else "")
+        if not traps:
+            traps = [f"YAML reads it as {node.tag.rpartition(':')[2]}"]
+        traps.append("put it in quotes")
+    remark = f" ({'; '.join(traps)})" if traps else ""
+    return shown(node.value) + remark
 
 
 def shown(text: str) -> str:
-    """The text in quotes, on one line, control characters escaped, cut to a readable length."""
-    return repr(text if len(text) <= 60 else text[:57] + "...")
+    """Return the text in quotes, on one line, with escaped control characters, cut where long."""
+    return repr(text if len(text) <= LONGEST else text[: LONGEST - 3] + "...")
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`did you mean 'yaw_deg'?`, or all that is known where nothing is near."""
+    """Return "did you mean 'yaw_deg'?", or the list of all known names where none is near."""
     names = list(known)
     near = get_close_matches(word, names, n=1, cutoff=0.5)
     return f"did you mean {near[0]!r}?" if near else f"known are {', '.join(names)}"
 
 
 def unit_of(kind: inspect.Metadata, outer: str) -> str:
+    """Return the unit that an annotation names, or the outer one where it names none."""
     return (kind.extra or {}).get("unit", outer)
 
 
 def unless_null(kind: inspect.UnionType) -> Any:
-    """X of `X | None`, the only union that these files know."""
+    """Return X of `X | None`, the only union that these files know."""
     (inner,) = (k for k in kind.types if not isinstance(k, inspect.NoneType))
     return inner
 
 
 def is_null(node: yaml.Node) -> bool:
+    """Return whether the node is YAML's null, written without quotes."""
     return isinstance(node, yaml.ScalarNode) and not node.style and node.tag == NULL
