@@ -11,12 +11,13 @@ import sys
 import warnings
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from math import isfinite
 from typing import Any
 
 from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.table import Table
+
+from quadsim.files.json_values import without_nan
 
 CONTROL = re.compile(r"(?!\x1b\[[\d;]*m)[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 COMPILING = "compiling the planner for this machine, once: some 20 s"
@@ -84,17 +85,8 @@ def plain_table(*heads: str, left: Collection[int] = (), no_wrap: bool = False) 
 
 
 def emit_json(value: object) -> None:
-    sys.stdout.write(json.dumps(_without_nan(value), indent=1, allow_nan=False) + "\n")
+    sys.stdout.write(json.dumps(without_nan(value), indent=1, allow_nan=False) + "\n")
     sys.stdout.flush()
-
-
-def _without_nan(value: object) -> object:
-    """JSON has no nan and no infinity: null."""
-    if isinstance(value, dict):
-        return {k: _without_nan(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_nan(v) for v in value]
-    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def complain(line: str) -> None:

@@ -35,14 +35,14 @@ COMMANDS = {  # name -> module and function, what it does
         "the least time in which a vehicle can fly a course, by optimisation",
     ),
     "compare": (
-        "quadsim.campaign.compare:compare_command",
+        "quadsim.cli.compare:compare",
         "compare variants over many flights, paired by seed",
     ),
-    "results": ("quadsim.campaign.results:results", "stored comparisons: list, filter, compare"),
-    "tune": ("quadsim.campaign.tune:tune", "search planner parameters for the fastest safe lap"),
+    "results": ("quadsim.cli.results:results", "stored comparisons: list, filter, compare"),
+    "tune": ("quadsim.cli.tune:tune", "search planner parameters for the fastest safe lap"),
     "train": ("quadsim.cli.train:train", "learn a pilot for a course, flown by race fly --pilot"),
     "regress": (
-        "quadsim.campaign.regress:regress",
+        "quadsim.cli.regress:regress",
         "regression test for lap times, success and chatter",
     ),
     "bench": (

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from hashlib import sha256
-from math import isfinite
 from typing import Any
 
 import msgspec
 import numpy as np
 
+from quadsim.files.csv_rows import csv_text
+from quadsim.files.json_values import without_nan
 from quadsim.race.events import Event
 from quadsim.record.metrics import chatter
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.run import COUNTS, Outcome, PlanTime, Run, RunError, columns_of, own_parts
 
 SCHEMA_VERSION = 1
+CSV_COLUMNS = ("t", "kind", "gate", "lap", "left", "up", "speed", "x", "y", "z", "obstacle")
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ def write_json(run: Run, provenance: dict) -> bytes:
         "penalties": run.penalties,
         "gates": run.gates,
         "events": [e.record() for e in run.events],
-        "chatter": _finite(chatter(run)),
+        "chatter": without_nan(chatter(run)),
         **run.wall,
         "spec": run.spec,
         "course_sha256": sha256(run.spec["course_text"].encode()).hexdigest(),
@@ -104,13 +105,14 @@ def read_npz(
 
 
 def write_csv(events: Iterable[Event]) -> bytes:
-    text = io.StringIO(newline="")
-    out = csv.writer(text)
-    out.writerow(["t", "kind", "gate", "lap", "left", "up", "speed", "x", "y", "z", "obstacle"])
-    out.writerows(
-        (e.t, e.kind, e.gate, e.lap, *e.offset, e.speed, *e.position, e.obstacle) for e in events
-    )
-    return text.getvalue().encode()
+    """Return events.csv, a row for each event."""
+    return csv_text([_csv_row(event) for event in events], CSV_COLUMNS).encode()
+
+
+def _csv_row(event: Event) -> dict[str, object]:
+    place = (event.t, event.kind, event.gate, event.lap)
+    values = (*place, *event.offset, event.speed, *event.position, event.obstacle)
+    return dict(zip(CSV_COLUMNS, values, strict=True))
 
 
 def _wanted(spec: dict, path: object) -> dict[str, str]:
@@ -132,10 +134,3 @@ def _check(columns: dict[str, np.ndarray], wanted: dict[str, str], path: object)
             raise RunError(
                 f"{path}: {name}: expected {kind} {frames}, got {column.dtype} {column.shape}"
             )
-
-
-def _finite(value: object) -> object:
-    """JSON has no nan: a chatter of a plant that blew up becomes null."""
-    if isinstance(value, dict):
-        return {k: _finite(v) for k, v in value.items()}
-    return None if isinstance(value, float) and not isfinite(value) else value

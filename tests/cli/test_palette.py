@@ -10,7 +10,7 @@ from test_report import run
 
 from quadsim.campaign.summary_stats import Section, variant_stats
 from quadsim.course import load_course
-from quadsim.figures import comparison
+from quadsim.campaign import figure as comparison
 from quadsim.figures.run_figure import draw
 from quadsim.palette import OTHER, SPARE, STYLES, dotted, style, styles
 from quadsim.paper import table2
