@@ -1,7 +1,7 @@
-"""An attempt is one flight of a campaign, known by the hash of all that decides it; any process can
-fly it.
+"""An attempt is one flight of a campaign, and any process can fly it.
 
-That is its specification, and the versions of the libraries that it is computed with.
+Its key is the hash of all that decides the flight: the specification, and the versions of the
+libraries that it is computed with.
 """
 
 from __future__ import annotations
@@ -23,17 +23,19 @@ from quadsim.spec.build import build, launch
 from quadsim.spec.spec import Spec
 
 LABELS = ("host", "preset")  # keys of a spec's record that do not decide the flight
-DRAWN = ("seed", "variation")
-# Libraries whose versions decide a flight; the attempt's commit stands beside its key
+DRAWN = ("seed", "variation")  # keys that differ between the attempts of one variant
+# Libraries whose versions decide a flight. The commit of this project stands beside the key.
 LIBRARIES = ("numpy", "numba", "pybullet")
-OF_PLANT = {"rotorpy": ("rotorpy", "scipy")}  # more of them, by plant
-this_provenance = lru_cache(provenance)  # of the code in this process, as it was loaded
-CRASHES = ("hit", "ground", "bounds", "wall")
+LIBRARIES_OF_PLANT = {"rotorpy": ("rotorpy", "scipy")}
+CRASHES = ("hit", "ground", "bounds", "wall")  # kinds of events that may end a flight
+
+# The provenance of this process: of the code as it was loaded.
+this_provenance = lru_cache(provenance)
 
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """What a worker returns."""
+    """An attempt that a worker has flown."""
 
     run: Run
     provenance: dict  # of the worker: versions, commit, cpu
@@ -41,38 +43,47 @@ class Flown:
 
 
 def attempt_key(record: dict, versions: Mapping[str, str | None] | None = None) -> str:
-    """sha256 [hex] of the full specification, its seed, and the libraries' versions; left out: of
-    this process.
+    """Return the sha256 [hex] of a full specification, its seed and the libraries' versions.
 
-    record: of a Spec.
+    Args:
+        record: of a Spec.
+        versions: of libraries by name; None: those of this process.
     """
     used = this_provenance()["versions"] if versions is None else versions
-    libraries = (*LIBRARIES, *OF_PLANT.get(record.get("plant", ""), ()))
-    return _hash(record | {"libraries": {name: used.get(name) for name in libraries}})
+    names = LIBRARIES + LIBRARIES_OF_PLANT.get(record["plant"], ())
+    return _hash(record | {"libraries": {name: used.get(name) for name in names}})
 
 
 def variant_key(record: dict, versions: Mapping[str, str | None] | None = None) -> str:
-    """The same for all seeds of a variant."""
-    return attempt_key({k: v for k, v in record.items() if k not in DRAWN}, versions)
+    """Return what `attempt_key` returns, but the same for all seeds of a variant."""
+    return attempt_key(_without_seed(record), versions)
 
 
 def planner_key(record: dict) -> str:
-    """The same for all seeds and libraries."""
-    return _hash({k: v for k, v in record.items() if k not in DRAWN})
+    """Return a hash that is the same for all seeds and all versions of libraries."""
+    return _hash(_without_seed(record))
+
+
+def _without_seed(record: dict) -> dict:
+    return {name: value for name, value in record.items() if name not in DRAWN}
 
 
 def _hash(record: dict) -> str:
-    return sha256(canonical({k: v for k, v in record.items() if k not in LABELS})).hexdigest()
+    deciding = {name: value for name, value in record.items() if name not in LABELS}
+    return sha256(canonical(deciding)).hexdigest()
 
 
 def fly_attempt(spec: Spec) -> Flown:
-    """One flight, in a worker on one thread. A planner that raises an error in flight counts as a
-    crash."""
+    """Fly an attempt, in a worker process on one thread.
+
+    A planner that raises an error in flight has crashed.
+    """
     if mp.parent_process() or "distributed.worker" in sys.modules:
         from controllers.lanes.threads import use_threads  # here: it loads the compiler
 
         use_threads(1)
-    flown_by = this_provenance()  # before the flight: of the code that flies
+    # Before the flight, as this names the code that flies.
+    flown_by = this_provenance()
     plant, controller, referee = build(spec)
     recorder = Recorder()
     fault = None
@@ -85,7 +96,9 @@ def fly_attempt(spec: Spec) -> Flown:
                 raise
             fault = str(error)
     run = recorder.run(spec.record())
-    return Flown(replace(run, outcome="crashed") if fault else run, flown_by, fault)
+    if fault is not None:
+        run = replace(run, outcome="crashed")
+    return Flown(run, flown_by, fault)
 
 
 class Crash(TypedDict):
@@ -93,13 +106,13 @@ class Crash(TypedDict):
 
     kind: str  # of CRASHES, or planner
     gate: int  # 0: none
-    obstacle: NotRequired[int]  # of a hit of one
+    obstacle: NotRequired[int]  # the one that was hit
     lap: int
-    position: list[float]  # [m]; two coordinates in the plane
+    position: list[float]  # [m]
 
 
 class Variation(TypedDict):
-    """Total variation per second [m/s^2/s]."""
+    """The total variation of a control in a second."""
 
     commanded: float
     delivered: float
@@ -111,10 +124,9 @@ class Result(TypedDict):
     laps: list[float]  # [s]
     crash: Crash | None
     fault: str | None  # the planner's error
-    cost: NotRequired[float | None]  # accumulated, a double integrator's
-    thrust_tv: Variation | None
-    rates_tv: NotRequired[Variation | None]  # of the body rates [rad/s^2]
-    turned_back: NotRequired[list[TurnedBack]]
+    thrust_tv: Variation  # [m/s^2/s]
+    rates_tv: Variation  # of the body rates [rad/s^2]
+    turned_back: list[TurnedBack]
     plan_ms: PlanTime
     real_time_factor: float
     cpu: str
@@ -122,13 +134,24 @@ class Result(TypedDict):
 
 
 def result(flown: Flown) -> Result:
-    """See Result."""
+    """Return the numbers of an attempt that a campaign keeps."""
     run = flown.run
+    varied = chatter(run)
+    commanded = varied["commanded"]
+    delivered = varied["delivered"]
     return {
         "laps": run.laps,
         "crash": _crash(run) if run.outcome == "crashed" else None,
         "fault": flown.fault,
-        **of_telemetry(run),
+        "thrust_tv": {
+            "commanded": commanded["thrust_tv"],
+            "delivered": delivered["thrust_tv"],
+        },
+        "rates_tv": {
+            "commanded": commanded["body_rates_tv"],
+            "delivered": delivered["body_rates_tv"],
+        },
+        "turned_back": turned_back(run),
         "plan_ms": run.wall["plan_ms"],
         "real_time_factor": run.wall["real_time_factor"],
         "cpu": flown.provenance["cpu"],
@@ -136,39 +159,20 @@ def result(flown: Flown) -> Result:
     }
 
 
-class OfTelemetry(TypedDict):
-    """The part of a Result that stored telemetry gives as well."""
-
-    thrust_tv: Variation | None
-    rates_tv: Variation | None
-    turned_back: list[TurnedBack]
-
-
-def of_telemetry(run: Run) -> OfTelemetry:
-    """See OfTelemetry."""
-    commanded, delivered = (chatter(run)[of] for of in ("commanded", "delivered"))
-    return {
-        "thrust_tv": {"commanded": commanded["thrust_tv"], "delivered": delivered["thrust_tv"]},
-        "rates_tv": {
-            "commanded": commanded["body_rates_tv"],
-            "delivered": delivered["body_rates_tv"],
-        },
-        "turned_back": turned_back(run),
-    }
-
-
 def _crash(run: Run) -> Crash:
-    x, last = run.telemetry, run.events[-1] if run.events else None
-    lap = int(x["lap"][-1])
-    if last and last.kind in CRASHES:
-        where: Crash = {
-            "kind": last.kind,
-            "gate": last.gate,
-            "lap": lap,
-            "position": list(last.position),
-        }
-        if last.obstacle:
-            where["obstacle"] = last.obstacle
-        return where
-    here = [float(x[p][-1]) for p in ("px", "py", "pz") if p in x]
-    return {"kind": "planner", "gate": 0, "lap": lap, "position": here}
+    columns = run.telemetry
+    lap = int(columns["lap"][-1])
+    last = run.events[-1] if run.events else None
+    if last is None or last.kind not in CRASHES:
+        # No event ended the flight: the planner raised an error.
+        position = [float(columns[axis][-1]) for axis in ("px", "py", "pz")]
+        return {"kind": "planner", "gate": 0, "lap": lap, "position": position}
+    crash: Crash = {
+        "kind": last.kind,
+        "gate": last.gate,
+        "lap": lap,
+        "position": list(last.position),
+    }
+    if last.obstacle:
+        crash["obstacle"] = last.obstacle
+    return crash

@@ -1,9 +1,10 @@
-"""A baseline file: lap times and chatter as they were, and the verdict on those flown now.
+"""Baseline files guard lap times: what was flown once, and whether it is flown worse now.
 
-    flight: figure8 --laps 1 --randomize 1      # what `race fly` would fly, any flag
-    attempts: 20                                # consecutive seeds
+    course: figure8
+    variant: race+laps=1+randomize=1   # as in --variants: presets, samplers and settings
+    attempts: 20                       # consecutive seeds
     effects: {lap: 0.03, success: 0.2, thrust_tv: 0.25}   # what must not get worse by as much
-    stored: ...                                 # written by race regress --regen
+    stored: ...                        # written by race regress --regen
 
 A number passes when its worsening is below its effect with 95 % confidence. So a racer that is
 worse by the effect fails with probability 95 %, however many attempts; their number decides how
@@ -23,16 +24,25 @@ import yaml
 from msgspec import Meta, Struct, to_builtins
 from msgspec.structs import replace
 
+from quadsim.campaign.attempt import Flown, result
+from quadsim.campaign.pool import Pool
+from quadsim.campaign.runner import Attempt, Tally, fly_attempts
+from quadsim.campaign.store import code_of
+from quadsim.campaign.summary_stats import FINISHED
+from quadsim.campaign.variants import Settings, Variant, parse_parts, resolve
 from quadsim.files.data_files import read_text
 from quadsim.files.strict_yaml import load, unit
+from quadsim.record.run import RunError
 from quadsim.record.statistics import false_alarm, proportion_difference, upper_bound
 
 CONFIDENCE = 0.95
 Share = Annotated[float, Meta(gt=0, le=10)]
+Lap = Annotated[float, unit("s", gt=0)]
+ThrustVariation = Annotated[float, unit("m/s^2/s", ge=0)]
 
 
 class Effects(Struct, frozen=True):
-    """What must be caught."""
+    """By how much a number must not get worse."""
 
     lap: Share = 0.03  # relative
     success: Annotated[float, Meta(gt=0, le=1)] = 0.2  # points of the share that finishes
@@ -40,61 +50,123 @@ class Effects(Struct, frozen=True):
 
 
 class Stored(Struct, frozen=True):
-    """One number an attempt, by seed."""
+    """How a baseline was flown: one number an attempt, by seed."""
 
     commit: str
     cpu: str
-    laps: Annotated[
-        tuple[Annotated[float, unit("s", gt=0)] | None, ...], Meta(min_length=1)
-    ]  # mean [s]; null: none
-    thrust_tv: Annotated[
-        tuple[Annotated[float, unit("m/s^2/s", ge=0)], ...], Meta(min_length=1)
-    ]  # commanded
+    laps: Annotated[tuple[Lap | None, ...], Meta(min_length=1)]  # mean lap; null: not finished
+    thrust_tv: Annotated[tuple[ThrustVariation, ...], Meta(min_length=1)]  # commanded
 
 
 class Baseline(Struct, frozen=True, kw_only=True):
     """A baseline file."""
 
-    flight: str
+    course: str
+    variant: str
     attempts: Annotated[int, Meta(ge=4, le=10_000)] = 20
     effects: Effects = Effects()
     stored: Stored | None = None
 
 
+def load_baseline(path: Path) -> Baseline:
+    """Read a baseline file. Raises FileError."""
+    return load(read_text(path), str(path), Baseline)
+
+
+def baseline_text(baseline: Baseline, stored: Stored) -> str:
+    """Return the text of a baseline file with new numbers."""
+    values = to_builtins(replace(baseline, stored=stored))
+    return yaml.safe_dump(values, default_flow_style=None, sort_keys=False, width=120)
+
+
+def baseline_variant(name: str, baseline: Baseline, settings: Settings) -> Variant:
+    """Return what a baseline flies.
+
+    Args:
+        name: of the variant.
+        baseline: whose course and variant are flown.
+        settings: put on top of the variant's own.
+
+    Raises:
+        SettingError: an invalid setting.
+        FileError: a course, a vehicle or a preset that cannot be read.
+        ValueError: course, laps and vehicle do not fit together.
+    """
+    own = parse_parts(baseline.variant)
+    return Variant(name, resolve(baseline.course, own | dict(settings)))
+
+
+def fly_baselines(pool: Pool, variants: Sequence[Variant], attempts: Sequence[int]) -> list[Stored]:
+    """Fly every attempt of every variant, and return how they went.
+
+    Args:
+        pool: that flies.
+        variants: of the baselines.
+        attempts: the number of attempts of each variant.
+
+    Raises:
+        RunError: an attempt was lost twice with its worker.
+    """
+    wanted = [
+        [Attempt(variant, spec) for spec in variant.attempts(number)]
+        for variant, number in zip(variants, attempts, strict=True)
+    ]
+    todo = [attempt for of_variant in wanted for attempt in of_variant]
+    with Tally(len(todo)) as tally:
+        flown = {id(spec): flight for _, spec, flight in fly_attempts(pool, todo, tally)}
+    lost = len(todo) - len(flown)
+    if lost:
+        raise RunError(f"{lost} of {len(todo)} attempts were lost with their workers")
+    return [_stored([flown[id(spec)] for _, spec in of_variant]) for of_variant in wanted]
+
+
+def _stored(flights: Sequence[Flown]) -> Stored:
+    """Return the numbers of these attempts, lap times to a tenth of a millisecond."""
+    results = [result(flight) for flight in flights]
+    return Stored(
+        commit=code_of(flights[0].provenance),
+        cpu=flights[0].provenance["cpu"],
+        laps=tuple(_lap(flight) for flight in flights),
+        thrust_tv=tuple(round(r["thrust_tv"]["commanded"], 2) for r in results),
+    )
+
+
+def _lap(flight: Flown) -> float | None:
+    finished = flight.run.outcome == FINISHED
+    return round(fmean(flight.run.laps), 4) if finished else None
+
+
 @dataclass(frozen=True)
 class Verdict:
-    """On one number: relative worsening for lap and chatter, points for success; positive is
-    worse."""
+    """The verdict on one number.
+
+    `worse` is relative for lap and thrust_tv, and points for success; positive is worse.
+    """
 
     name: str  # lap, success, thrust_tv
     stored: float
     now: float
     worse: float
-    bound: float  # below this with 95 % confidence; nan: too few attempts
+    bound: float  # `worse` is below this with 95 % confidence; nan: too few attempts
     effect: float
-    # how often this many attempts of an unchanged racer on another machine would
+    # Probability at most that as many attempts of an unchanged racer, on another machine, fail.
     unchanged_fails: float
 
     @property
     def ok(self) -> bool:
+        """Return whether the number passes."""
         return self.bound < self.effect
 
 
-def load_baseline(path: Path) -> Baseline:
-    """Raises FileError."""
-    return load(read_text(path), str(path), Baseline)
-
-
-def baseline_text(baseline: Baseline, stored: Stored) -> str:
-    """The file with new numbers."""
-    values = to_builtins(replace(baseline, stored=stored))
-    return yaml.safe_dump(values, default_flow_style=None, sort_keys=False, width=120)
-
-
 def judge(then: Stored, now: Stored, effects: Effects) -> list[Verdict]:
-    """Paired by seed, over the seeds that both have."""
+    """Return the verdicts on success, lap and thrust variation.
+
+    Laps and thrust variation are paired by seed, over the seeds that both have.
+    """
     laps = [
-        (a, b) for a, b in zip(then.laps, now.laps, strict=False) if a is not None and b is not None
+        (before, after)
+        for before, after in zip(then.laps, now.laps, strict=False)
+        if before is not None and after is not None
     ]
     chatter = list(zip(then.thrust_tv, now.thrust_tv, strict=False))
     return [
@@ -105,22 +177,45 @@ def judge(then: Stored, now: Stored, effects: Effects) -> list[Verdict]:
 
 
 def _relative(name: str, pairs: Sequence[tuple[float, float]], effect: float) -> Verdict:
-    """Relative to the stored mean, so that one unusual seed cannot dominate."""
-    a, b = zip(*pairs, strict=True) if pairs else ((), ())
-    if len(pairs) < 2 or not any(a):
-        return Verdict(name, nan, nan, nan, nan, effect, 1.0)
-    differences = [(y - x) / fmean(a) for x, y in pairs]
-    sd = sqrt(2) * stdev(a) / fmean(a)  # of a difference, if the seeds shared nothing
-    alarm = false_alarm(sd, len(a), effect, CONFIDENCE)
-    bound = upper_bound(differences, CONFIDENCE)
-    return Verdict(name, fmean(a), fmean(b), fmean(differences), bound, effect, alarm)
+    """Judge a number relative to its stored mean, so that no unusual seed can dominate."""
+    before = [then for then, _ in pairs]
+    after = [now for _, now in pairs]
+    if len(pairs) < 2 or not any(before):
+        return Verdict(name, nan, nan, nan, nan, effect, unchanged_fails=1.0)
+    mean = fmean(before)
+    differences = [(now - then) / mean for then, now in pairs]
+    # The standard deviation of a difference, if the seeds shared nothing.
+    sd = sqrt(2) * stdev(before) / mean
+    return Verdict(
+        name,
+        stored=mean,
+        now=fmean(after),
+        worse=fmean(differences),
+        bound=upper_bound(differences, CONFIDENCE),
+        effect=effect,
+        unchanged_fails=false_alarm(sd, len(pairs), effect, CONFIDENCE),
+    )
 
 
 def _success(then: Sequence[float | None], now: Sequence[float | None], effect: float) -> Verdict:
-    """p_then - p_now. With so few flights that even all of them finishing shows too little, it
-    never passes."""
-    (k, n), (k0, n0) = ((sum(t is not None for t in laps), len(laps)) for laps in (now, then))
-    two_sided = 2 * CONFIDENCE - 1  # its upper limit is the one-sided bound
-    bound = proportion_difference(k, n, k0, n0, two_sided)[1]
-    best = proportion_difference(k0, n0, k0, n0, two_sided)[1]
-    return Verdict("success", k0 / n0, k / n, k0 / n0 - k / n, bound, effect, float(best >= effect))
+    """Judge the share that finishes.
+
+    With so few flights that even all of them finishing shows too little, it never passes.
+    """
+    finished_then = sum(lap is not None for lap in then)
+    finished_now = sum(lap is not None for lap in now)
+    # The upper limit of a two-sided interval is the one-sided bound of another confidence.
+    two_sided = 2 * CONFIDENCE - 1
+    _, bound = proportion_difference(finished_now, len(now), finished_then, len(then), two_sided)
+    _, best = proportion_difference(finished_then, len(then), finished_then, len(then), two_sided)
+    stored = finished_then / len(then)
+    share = finished_now / len(now)
+    return Verdict(
+        "success",
+        stored=stored,
+        now=share,
+        worse=stored - share,
+        bound=bound,
+        effect=effect,
+        unchanged_fails=float(best >= effect),
+    )

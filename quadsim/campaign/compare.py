@@ -1,5 +1,4 @@
-"""`race compare` and quadsim.compare: variants against each other on courses, paired by seed, with
-intervals."""
+"""Comparisons: variants against each other on courses, paired by seed, with intervals."""
 
 from __future__ import annotations
 
@@ -8,9 +7,8 @@ from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING
 
-from msgspec import Meta
 from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.padding import Padding
@@ -27,73 +25,17 @@ from quadsim.campaign.summary_stats import (
     lap_limit,
     variant_stats,
 )
-from quadsim.campaign.tables import as_markdown, as_table, comparison_tables, notes
-from quadsim.campaign.variants import (
-    CAMPAIGN,
-    Campaign,
-    Jobs,
-    Scheduler,
-    Variant,
-    make_variants,
-    parse_variants,
-)
-from quadsim.cli.flags import Given, Help, Json, Switch
-from quadsim.console import UsageError, emit, emit_json
+from quadsim.campaign.tables import INDENT, as_markdown, as_table, comparison_tables, notes
+from quadsim.campaign.variants import Place, Settings, Variant, make_variants
 from quadsim.figures.style import save_figure, write_figure
-from quadsim.record.run import RunError, canonical
-from quadsim.record.whole_files import expect_file, expect_writable, write_whole
+from quadsim.record.run import canonical
+from quadsim.record.whole_files import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-def compare_command(
-    *courses: Annotated[str, Help("see `race courses`, or FILE.yaml")],
-    variants: Annotated[
-        str, Help("samplers, or NAME=preset+flag=value+...", alias="--arms")
-    ] = "gaussian,colored",
-    attempts: Annotated[int, Meta(ge=1, le=100_000), Help("of each variant on each course")] = 10,
-    jobs: Jobs = None,
-    scheduler: Scheduler = None,
-    campaign: Campaign = CAMPAIGN,
-    this_commit: Annotated[bool, Switch("count only attempts that this commit has flown")] = False,
-    out: Annotated[
-        str | None, Help("folder of Markdown and figures; default: beside the campaign")
-    ] = None,
-    json: Json = False,
-    settings: Given = None,
-) -> int:
-    """Fly variants against each other and report which is faster, safer, smoother, and by how much.
-
-    Attempt i of every variant flies seed --seed + i: the same start, gusts and vehicle under
-    --randomize. Every flag of `race fly` holds for all variants. What has been flown before is not
-    flown again.
-
-    race compare paper_flat --preset paper --variants gaussian,colored --attempts 100 --randomize 1
-
-    race compare split_s_swift --variants
-    colored,soft=race+target-ess=200,wild=gaussian+sigma=3:3:.6:6
-    """
-    if not courses:
-        raise UsageError("expected one COURSE or more, got none (race courses lists them)")
-    made = make_variants(courses, parse_variants(variants), settings or {})
-    path = Path(campaign)
-    expect_file(path)
-    report = Path(out) if out else path.with_name(f"{path.stem}.report")
-    expect_writable(report)
-    with Runner(path, jobs, scheduler, this_commit) as runner:
-        rows = runner(made, attempts)
-    comparison = Comparison(sections(made, rows, path.parent))
-    if not comparison.sections:
-        raise RunError("no attempt was flown: nothing to compare")
-    if json:
-        emit_json(comparison.as_json() | {"campaign": campaign})
-    else:
-        emit(*comparison.renderables())
-    written = write(comparison.sections, report, _identity(made, attempts))
-    if not json:
-        emit("", *(f"[dim]{escape(str(file))}[/]" for file in written))
-    return 0 if all(len(flown) == attempts for flown in rows) else 1
+ID_DIGITS = 6  # hex digits of a comparison in the names of its files
+NAME_LENGTH = 120  # characters of the courses and variants there
 
 
 @dataclass(frozen=True)
@@ -105,23 +47,28 @@ class Comparison:
 
     @property
     def variants(self) -> list[VariantStats]:
-        """The numbers of each variant on each course."""
-        return [v for s in self.sections for v in s.variants]
+        """Return the numbers of each variant on each course."""
+        return [variant for section in self.sections for variant in section.variants]
 
     @property
     def pairs(self) -> list[PairStats]:
-        """The differences of each two variants on each course, with intervals."""
-        return [p for s in self.sections for p in s.pairs]
+        """Return the differences of each two variants on each course, with intervals."""
+        return [pair for section in self.sections for pair in section.pairs]
 
     def as_json(self) -> dict[str, list[dict]]:
+        """Return the numbers of variants and pairs as plain dictionaries."""
         return {
-            "variants": [asdict(v) for v in self.variants],
-            "pairs": [asdict(p) for p in self.pairs],
+            "variants": [asdict(variant) for variant in self.variants],
+            "pairs": [asdict(pair) for pair in self.pairs],
         }
 
     def plot(self, path: str | Path | None = None) -> Figure:
-        """Laps, success, chatter and paths on one page; written to `path` where given."""
-        from quadsim.figures.comparison import draw  # which loads matplotlib
+        """Draw laps, success, chatter and paths on one page.
+
+        Args:
+            path: a file to write: .png, .svg or .pdf; None writes nothing.
+        """
+        from quadsim.campaign.figure import draw  # which loads matplotlib
 
         figure = draw(self.sections)
         if path is not None:
@@ -129,8 +76,13 @@ class Comparison:
         return figure
 
     def renderables(self) -> list[RenderableType]:
-        """For the terminal."""
-        return [part for s in self.sections for part in _shown(s)]
+        """Return what prints the comparison in a terminal."""
+        return [part for section in self.sections for part in _shown(section)]
+
+    def markdown(self, picture: str) -> str:
+        """Return the report, with a link to the file of its picture."""
+        parts = [part for section in self.sections for part in _written(section)]
+        return "\n\n".join([*parts, f"![]({picture})"]) + "\n"
 
     def __str__(self) -> str:
         console = Console(width=100, color_system=None, highlight=False)
@@ -140,88 +92,129 @@ class Comparison:
 
 
 def compare(
-    courses: Any,
-    variants: Mapping[str, Mapping[str, Any]] | Sequence[str],
+    courses: Place | list[Place] | tuple[Place, ...],
+    variants: Mapping[str, Settings] | Sequence[str],
     attempts: int,
     jobs: int | None,
     campaign: str | Path | None,
-    settings: Mapping[str, Any],
+    settings: Settings,
 ) -> Comparison:
-    """See quadsim.compare."""
-    said = variants if isinstance(variants, Mapping) else {name: {} for name in variants}
-    each = {
-        name: ({"sampler": name} if name in SAMPLERS else {}) | dict(own)
-        for name, own in said.items()
-    }
+    """Compare variants, see `quadsim.compare`."""
+    named = variants if isinstance(variants, Mapping) else {name: {} for name in variants}
     several = courses if isinstance(courses, list | tuple) else [courses]
-    made = make_variants(several, each, settings)
+    made = make_variants(
+        several, {name: _with_sampler(name, own) for name, own in named.items()}, settings
+    )
     folder = None if campaign else TemporaryDirectory(prefix="quadsim-")
-    path = Path(campaign) if campaign else Path(str(folder and folder.name)) / "campaign.sqlite"
+    path = Path(folder.name) / "campaign.sqlite" if folder else Path(campaign or "")
     with Runner(path, jobs or 0) as runner:
         rows = runner(made, attempts)
-    return Comparison(sections(made, rows, path.parent), folder)
+    return comparison(made, rows, path.parent, folder)
 
 
-def sections(
-    variants: Sequence[Variant], rows: Sequence[Sequence[Row]], home: Path
-) -> list[Section]:
-    """One for each course; variants without an attempt are left out."""
-    flown: dict[str, list[tuple[Variant, Sequence[Row]]]] = {}
+def _with_sampler(name: str, settings: Settings) -> Settings:
+    """Return the settings of a variant, whose name may be that of its sampler."""
+    return {"sampler": name, **settings} if name in SAMPLERS else settings
+
+
+def comparison(
+    variants: Sequence[Variant],
+    rows: Sequence[Sequence[Row]],
+    home: Path,
+    folder: TemporaryDirectory | None = None,
+) -> Comparison:
+    """Return the comparison of what was flown.
+
+    Args:
+        variants: on one course or several; those without an attempt are left out.
+        rows: the attempts of each variant.
+        home: the folder that their telemetry is relative to.
+        folder: one to keep as long as the comparison.
+    """
+    by_course: dict[str, list[tuple[Variant, Sequence[Row]]]] = {}
     for variant, of_variant in zip(variants, rows, strict=True):
         if of_variant:
-            flown.setdefault(variant.course, []).append((variant, of_variant))
-    return [_section(of_course, home) for of_course in flown.values()]
+            by_course.setdefault(variant.course, []).append((variant, of_variant))
+    return Comparison([_section(flown, home) for flown in by_course.values()], folder)
 
 
 def _section(flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path) -> Section:
-    variants, rows = zip(*flown, strict=True)
-    specs = [variant.spec.record() for variant in variants]
-    stats = [
-        variant_stats(variant.name, r, lap_limit(spec), best_known_time(spec))
-        for variant, r, spec in zip(variants, rows, specs, strict=True)
-    ]
-    spec = variants[0].spec
-    seeds = sorted({r.seed for of_variant in rows for r in of_variant})
-    vehicles = ", ".join(dict.fromkeys(r[0].vehicle for r in rows))
-    laps = f"{spec.laps} lap" + "s" * (spec.laps > 1)
-    setting = f"{laps}, vehicle {vehicles}, seeds {seeds[0]} to {seeds[-1]}, randomized {spec.randomize:g}"
-    pairs = all_pairs([variant.name for variant in variants], rows)
-    return Section(spec.course, setting, lap_limit(spec.record()), stats, pairs, list(rows), home)
-
-
-def _identity(variants: Sequence[Variant], attempts: int) -> str:
-    """Digits of a comparison that no other one has, whatever its flags."""
-    specs = [{"name": v.name} | v.spec.record() for v in variants]
-    return sha256(canonical([attempts, specs])).hexdigest()[:6]
-
-
-def write(found: Sequence[Section], folder: Path, identity: str) -> list[Path]:
-    """Markdown, PNG and SVG, named after courses and variants. Raises RunError."""
-    from quadsim.figures.comparison import draw  # here, so that --help does not load matplotlib
-
-    names = dict.fromkeys(a.name for s in found for a in s.variants)
-    stem = (
-        "_".join([*(s.course.name for s in found), *names])[:120].replace("/", "-") + f"_{identity}"
+    rows = [of_variant for _, of_variant in flown]
+    stats = []
+    for variant, of_variant in flown:
+        record = variant.spec.record()
+        limits = lap_limit(record), best_known_time(record)
+        stats.append(variant_stats(variant.name, of_variant, *limits))
+    first, _ = flown[0]
+    return Section(
+        course=first.spec.course,
+        setting=_setting(first, rows),
+        limit=lap_limit(first.spec.record()),
+        variants=stats,
+        pairs=all_pairs([variant.name for variant, _ in flown], rows),
+        rows=rows,
+        home=home,
     )
-    text = folder / f"{stem}.md"
-    figures = write_figure(draw(found), folder, stem)
-    write_whole(text, markdown(found, figures[0].name).encode())
-    return [text, *figures]
 
 
-def markdown(found: Sequence[Section], picture: str) -> str:
-    parts = []
-    for s in found:
-        parts += [f"## {s.course.name}", f"{s.setting[0].upper()}{s.setting[1:]}."]
-        parts += [as_markdown(table) for table in comparison_tables(s.variants, s.pairs)]
-        parts += [f"* {note}" for note in notes(s.variants, s.pairs, s.limit)]
-    return "\n\n".join([*parts, f"![]({picture})"]) + "\n"
+def _setting(variant: Variant, rows: Sequence[Sequence[Row]]) -> str:
+    """Return under which conditions the variants of a course flew."""
+    spec = variant.spec
+    laps = f"{spec.laps} lap" + "s" * (spec.laps > 1)
+    vehicles = ", ".join(dict.fromkeys(of_variant[0].vehicle for of_variant in rows))
+    seeds = {row.seed for of_variant in rows for row in of_variant}
+    return (
+        f"{laps}, vehicle {vehicles}, seeds {min(seeds)} to {max(seeds)}, "
+        f"randomized {spec.randomize:g}"
+    )
 
 
-def _shown(s: Section) -> list[RenderableType]:
+def _shown(section: Section) -> list[RenderableType]:
     tables = [
-        Padding(as_table(t), (1, 0, 0, 2), expand=False)
-        for t in comparison_tables(s.variants, s.pairs)
+        Padding(as_table(table), (1, 0, 0, INDENT), expand=False)
+        for table in comparison_tables(section.variants, section.pairs)
     ]
-    remarks = [f"  [dim]{escape(note)}[/]" for note in notes(s.variants, s.pairs, s.limit)]
-    return [f"[bold]{escape(s.course.name)}[/]  {escape(s.setting)}", *tables, "", *remarks, ""]
+    remarks = [
+        f"  [dim]{escape(note)}[/]"
+        for note in notes(section.variants, section.pairs, section.limit)
+    ]
+    head = f"[bold]{escape(section.course.name)}[/]  {escape(section.setting)}"
+    return [head, *tables, "", *remarks, ""]
+
+
+def _written(section: Section) -> list[str]:
+    """Return the paragraphs of a course's Markdown."""
+    setting = section.setting[0].upper() + section.setting[1:]
+    return [
+        f"## {section.course.name}",
+        f"{setting}.",
+        *(as_markdown(table) for table in comparison_tables(section.variants, section.pairs)),
+        *(f"* {note}" for note in notes(section.variants, section.pairs, section.limit)),
+    ]
+
+
+def identity(variants: Sequence[Variant], attempts: int) -> str:
+    """Return digits that no comparison with other flags has."""
+    specs = [{"name": variant.name} | variant.spec.record() for variant in variants]
+    return sha256(canonical([attempts, specs])).hexdigest()[:ID_DIGITS]
+
+
+def write_report(comparison: Comparison, folder: Path, identity: str) -> list[Path]:
+    """Write a comparison as Markdown, PNG and SVG.
+
+    Args:
+        comparison: at least one section.
+        folder: where the files are put, named after courses and variants.
+        identity: ends the files' names.
+
+    Raises:
+        RunError: the folder cannot be written.
+    """
+    courses = [section.course.name for section in comparison.sections]
+    variants = dict.fromkeys(variant.name for variant in comparison.variants)
+    names = "_".join([*courses, *variants])[:NAME_LENGTH].replace("/", "-")
+    stem = f"{names}_{identity}"
+    figures = write_figure(comparison.plot(), folder, stem)
+    text = folder / f"{stem}.md"
+    write_whole(text, comparison.markdown(figures[0].name).encode())
+    return [text, *figures]

@@ -1,4 +1,4 @@
-"""Where attempts are flown: worker processes of this machine, or the workers of a Dask cluster."""
+"""Pools fly attempts: in this process, in worker processes, or in the workers of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -10,27 +10,32 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from socket import create_connection
 from threading import Thread
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 from urllib.parse import urlsplit
 
 from quadsim.campaign.attempt import Flown, fly_attempt
-from quadsim.console import UsageError
 from quadsim.files.extras import needs_extra
+from quadsim.record.run import RunError
 from quadsim.spec.spec import Spec
 
-# [s] how long the main thread waits before it looks for a signal that another thread received
+# How long the main thread waits before it looks for a signal that another thread received [s].
 WAKE = 0.5
+NO_LIMIT = 10**6
+ANSWER = 5.0  # how long a Dask scheduler may take to answer [s]
 
 
 class Pool:
-    """This process, one attempt after the other, each on every thread: for a script or a
-    notebook."""
+    """This process flies one attempt after the other, each on every thread.
+
+    It is for scripts and notebooks.
+    """
 
     size = 1  # workers
     window = 1  # attempts to submit at once
     lost: tuple[type[BaseException], ...] = ()  # what the future of a worker that died raises
 
     def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
+        """Begin one job. Return the future of what `fly` returns."""
         done: Future = Future()
         done.set_result(fly(job))
         return done
@@ -46,125 +51,168 @@ class Pool:
 
 
 class Processes(Pool):
-    """Worker processes of this machine, each with one thread of the compiled loop. They end with
-    their parent."""
+    """Worker processes of this machine, each with one thread of the compiled loop.
+
+    They end with their parent.
+    """
 
     lost = (BrokenExecutor,)
 
     def __init__(self, jobs: int | None = None):
-        # Linux, others
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-        self.size = self.window = jobs or cores or 1
+        """Start so many workers; None: one for each core."""
+        self.size = jobs or _cores()
+        self.window = self.size
         self._executor = self._start()
 
     def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
+        """Begin one job in a worker."""
         try:
             return self._executor.submit(fly, job)
-        except BrokenExecutor:  # after one worker is lost the executor cannot be used any more
+        except BrokenExecutor:
+            # After one worker is lost the executor cannot be used any more.
             self.close()
             self._executor = self._start()
             return self._executor.submit(fly, job)
 
     def _start(self) -> ProcessPoolExecutor:
-        # else the workers' BLAS threads compete for the cores
+        # The workers' BLAS threads would compete for the cores.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        # else Python looks for its own modules in the current folder first
+        # Python would look for its own modules in the current folder first.
         os.environ["PYTHONSAFEPATH"] = "1"
-        # a fork would inherit the locks of threads that it does not have
+        # A fork would inherit the locks of threads that it does not have.
         spawn = mp.get_context("spawn")
-        return ProcessPoolExecutor(self.window, mp_context=spawn, initializer=_prepare_worker)
+        return ProcessPoolExecutor(self.size, mp_context=spawn, initializer=_prepare_worker)
 
     def close(self) -> None:
-        for worker in list((self._executor._processes or {}).values()):
+        """End the workers at once; what they have not finished is lost."""
+        workers = self._executor._processes or {}
+        for worker in list(workers.values()):
             worker.terminate()
         self._executor.shutdown(wait=True, cancel_futures=True)
 
 
-class Cluster(Pool):
-    """Workers of a Dask scheduler; Dask itself flies an attempt again whose worker is lost."""
+def _cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):  # Linux
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
-    window = 10**6  # the scheduler queues them, also for workers that join later
+
+class Cluster(Pool):
+    """Workers of a Dask scheduler. Dask itself flies an attempt again whose worker is lost."""
+
+    window = NO_LIMIT  # the scheduler queues them, also for workers that join later
 
     def __init__(self, address: str):
+        """Connect to tcp://HOST:PORT. Raises RunError."""
         try:
             from distributed import Client, KilledWorker
         except ImportError:
-            raise UsageError(f"--scheduler: {needs_extra('distributed', 'cluster')}") from None
+            raise RunError(needs_extra("distributed", "cluster")) from None
         try:
             _check_reachable(address)
-            self._client: Any = Client(address, timeout=10, set_as_default=False)
+            self._client: Any = Client(address, timeout=2 * ANSWER, set_as_default=False)
         except (OSError, ValueError) as error:
-            raise UsageError(f"--scheduler: no Dask scheduler at {address!r}: {error}") from None
+            raise RunError(f"no Dask scheduler at {address!r}: {error}") from None
         self.lost = (KilledWorker,)
         self._executor: Any = self._client.get_executor(pure=False)
 
     @property
     def size(self) -> int:
-        """Workers now."""
+        """Return the number of workers now."""
         return max(1, sum(self._client.ncores().values()))
 
     def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
+        """Hand one job to the scheduler."""
         return self._executor.submit(fly, job)
 
     def close(self) -> None:
+        """Leave the cluster; what its workers have not finished is lost."""
         self._executor.shutdown(wait=False)
         self._client.close()
 
 
+def _check_reachable(address: str) -> None:
+    """Raise OSError or ValueError at once where no scheduler listens.
+
+    Dask's client would try for its whole timeout.
+    """
+    where = urlsplit(address)
+    if not where.hostname or not where.port:
+        raise ValueError("expected tcp://HOST:PORT")
+    create_connection((where.hostname, where.port), timeout=ANSWER).close()
+
+
 def open_pool(jobs: int | None = None, scheduler: str | None = None) -> Pool:
-    """A Dask cluster, worker processes (jobs None: one for each core), or with 0 this process.
-    Raises UsageError."""
+    """Return a pool.
+
+    Args:
+        jobs: the number of worker processes; None: one for each core, 0: fly in this process.
+        scheduler: tcp://HOST:PORT of a Dask cluster, which is used then.
+
+    Raises:
+        RunError: there is no such cluster.
+    """
     if scheduler:
         return Cluster(scheduler)
     return Pool() if jobs == 0 else Processes(jobs)
 
 
+class _Job(NamedTuple):
+    """An attempt to fly."""
+
+    spec: Spec
+    again: bool  # its worker was lost once
+
+
 def fly_all(pool: Pool, specs: Iterable[Spec]) -> Iterator[tuple[Spec, Flown | None]]:
-    """Attempts as they finish. One whose worker dies is flown once more, alone; None if lost again.
+    """Yield attempts as they finish.
 
-    Raises what the attempt raises.
+    An attempt whose worker dies is flown once more, alone. It is None if its worker is lost again.
+
+    Raises:
+        Exception: what an attempt raises.
     """
-    waiting = deque((spec, False) for spec in specs)
-    running: dict[Future, tuple[Spec, bool]] = {}
+    waiting = deque(_Job(spec, again=False) for spec in specs)
+    running: dict[Future, _Job] = {}
     while waiting or running:
-        while waiting and _may_submit(pool, running, waiting[0][1]):
-            spec, again = waiting.popleft()
-            running[pool.submit(fly_attempt, spec)] = spec, again
+        while waiting and _may_submit(pool, running, waiting[0]):
+            job = waiting.popleft()
+            running[pool.submit(fly_attempt, job.spec)] = job
         for future in finished(running):
-            spec, again = running.pop(future)
+            job = running.pop(future)
             if not isinstance(future.exception(), pool.lost):
-                yield spec, future.result()
-            elif again:
-                yield spec, None
+                yield job.spec, future.result()
+            elif job.again:
+                yield job.spec, None
             else:
-                waiting.append((spec, True))
+                waiting.append(_Job(job.spec, again=True))
 
 
-def _may_submit(pool: Pool, running: dict[Future, tuple[Spec, bool]], again: bool) -> bool:
-    """One that is flown again runs alone: if it kills its worker, all that run beside it are lost
-    too."""
-    alone = again or any(a for _, a in running.values())
-    return len(running) < (1 if alone else pool.window)
+def _may_submit(pool: Pool, running: dict[Future, _Job], job: _Job) -> bool:
+    """Return whether the pool has room for a job.
+
+    A job that is flown again runs alone: if it kills its worker, all that run beside it are lost
+    too.
+    """
+    if job.again or any(other.again for other in running.values()):
+        return not running
+    return len(running) < pool.window
 
 
 def finished(futures: Iterable[Future]) -> set[Future]:
-    """Those that have ended, at least one; Ctrl-C ends the wait."""
-    while not (done := wait(futures, WAKE, FIRST_COMPLETED).done):
-        pass
-    return done
+    """Wait until at least one future has ended, and return those that have.
 
-
-def _check_reachable(address: str) -> None:
-    """OSError or ValueError at once where no scheduler listens: the client would try for its whole
-    timeout."""
-    where = urlsplit(address)
-    if not where.hostname or not where.port:
-        raise ValueError("expected tcp://HOST:PORT")
-    create_connection((where.hostname, where.port), timeout=5).close()
+    Ctrl-C ends the wait.
+    """
+    while True:
+        done = wait(futures, WAKE, FIRST_COMPLETED).done
+        if done:
+            return done
 
 
 def _prepare_worker() -> None:
-    """The parent answers Ctrl-C; a worker ends when its parent has ended, by SIGKILL too."""
+    """Leave Ctrl-C to the parent, and end with it, after its SIGKILL too."""
     from controllers.lanes.threads import use_threads
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)

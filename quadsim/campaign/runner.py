@@ -1,12 +1,15 @@
-"""Flies the missing attempts of a campaign, keeps each as soon as it has finished, and shows the
-progress on stderr."""
+"""The runner flies the missing attempts of a campaign and keeps each as soon as it has finished.
+
+It shows its progress on stderr.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -19,14 +22,34 @@ from quadsim.record.run import RunError
 from quadsim.spec.spec import Spec
 
 
-class Tally(Progress):
-    """`with Tally(total, kept) as tally`: a bar; where stderr is no terminal, one line for each
-    attempt.
+class Attempt(NamedTuple):
+    """One flight of a variant that is to be flown."""
 
-    kept: of the total, flown before.
+    variant: Variant
+    spec: Spec
+
+
+class FlownAttempt(NamedTuple):
+    """One flight of a variant that has been flown."""
+
+    variant: Variant
+    spec: Spec
+    flown: Flown
+
+
+class Tally(Progress):
+    """A bar that counts attempts: `with Tally(10) as tally: tally.count("seed 0")`.
+
+    Where stderr is no terminal, it is one line for each attempt.
     """
 
     def __init__(self, total: int, kept: int = 0):
+        """Begin a tally.
+
+        Args:
+            total: the number of attempts.
+            kept: how many of them were flown before.
+        """
         if kept:
             complain(f"{kept} of {total} attempts are kept from before")
         console = progress_console()
@@ -40,33 +63,40 @@ class Tally(Progress):
         self.add_task("", total=total, completed=kept)
 
     def count(self, note: str) -> None:
+        """Count one attempt; the note says which, and how it ended."""
         (task,) = self.tasks
         self.advance(task.id)
-        note += f", {task.time_remaining:.0f} s left" if task.time_remaining else ""
+        if task.time_remaining:
+            note += f", {task.time_remaining:.0f} s left"
         self.update(task.id, description=note)
         if self.disable:
             complain(f"{task.completed:.0f}/{task.total:.0f} {note}")
 
 
-def fly_variants(
-    pool: Pool, attempts: Sequence[tuple[Variant, Spec]], tally: Tally | None
-) -> Iterator[tuple[Variant, Spec, Flown]]:
-    """Attempts as they finish. One that is lost twice with its worker is reported and left out."""
-    variant_of = {id(spec): variant for variant, spec in attempts}
-    for spec, flown in fly_all(pool, [spec for _, spec in attempts]):
-        variant = variant_of[id(spec)]
+def fly_attempts(
+    pool: Pool, attempts: Sequence[Attempt], tally: Tally | None
+) -> Iterator[FlownAttempt]:
+    """Yield attempts as they finish.
+
+    One that is lost twice with its worker is reported and left out.
+    """
+    variants = {id(attempt.spec): attempt.variant for attempt in attempts}
+    for spec, flown in fly_all(pool, [attempt.spec for attempt in attempts]):
+        variant = variants[id(spec)]
         label = f"{variant.course} {variant.name} seed {spec.seed}"
         if flown is None:
             complain(f"{label}: lost twice with its worker, not flown")
             continue
-        yield variant, spec, flown
+        yield FlownAttempt(variant, spec, flown)
         if tally:
             tally.count(f"{label}: {flown.run.outcome}")
 
 
 class Runner:
-    """`with Runner(...) as runner: rows = runner(variants, attempts)`; the first missing attempt
-    starts the workers."""
+    """Flies what a campaign lacks: `with Runner(path) as runner: rows = runner(variants, 10)`.
+
+    The first missing attempt starts the workers.
+    """
 
     def __init__(
         self,
@@ -76,10 +106,21 @@ class Runner:
         this_commit: bool = False,
         telemetry: bool = True,
     ):
-        """this_commit: count only what this commit has flown; telemetry: keep it; the workers: see
-        open_pool."""
-        self.campaign, self._workers, self._this_commit = campaign, (jobs, scheduler), this_commit
-        self._telemetry, self._kept = telemetry, 0
+        """Prepare to fly.
+
+        Args:
+            campaign: the SQLite file.
+            jobs: the number of workers, see `open_pool`.
+            scheduler: of a Dask cluster, see `open_pool`.
+            this_commit: count only what this commit has flown.
+            telemetry: keep the telemetry of what is flown.
+        """
+        self.campaign = campaign
+        self._jobs = jobs
+        self._scheduler = scheduler
+        self._this_commit = this_commit
+        self._telemetry = telemetry
+        self._kept = 0  # attempts that are in the campaign
         self._open = ExitStack()
 
     def __enter__(self) -> Runner:
@@ -88,7 +129,7 @@ class Runner:
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self._open.close()
-        if not error or not self._kept:
+        if error is None or not self._kept:
             return
         kept = f"what has been flown is kept in {self.campaign}: the same command goes on there"
         if isinstance(error, KeyboardInterrupt):
@@ -97,47 +138,68 @@ class Runner:
 
     @cached_property
     def pool(self) -> Pool:
-        return self._open.enter_context(open_pool(*self._workers))
+        """Return the workers, which the first access starts. Raises RunError."""
+        return self._open.enter_context(open_pool(self._jobs, self._scheduler))
 
     def __call__(
         self, variants: Sequence[Variant], attempts: int, quiet: bool = False
     ) -> list[list[Row]]:
-        """Rows of every variant by seed, without lost attempts. Raises RunError, UsageError,
-        KeyboardInterrupt."""
-        keys = [
-            {attempt_key(s.record()): (variant, s) for s in variant.attempts(attempts)}
+        """Return the attempts of every variant, and fly what is missing.
+
+        Args:
+            variants: of one comparison or search.
+            attempts: the number of consecutive seeds.
+            quiet: show no progress.
+
+        Returns:
+            The rows of each variant by seed, without lost attempts.
+
+        Raises:
+            RunError: the campaign cannot be read or written, or a worker has other libraries.
+            KeyboardInterrupt: what has been flown until then is kept.
+        """
+        wanted = [
+            {attempt_key(s.record()): Attempt(variant, s) for s in variant.attempts(attempts)}
             for variant in variants
         ]
-        # seed by seed
-        wanted = dict(
-            pair for seed in zip(*(k.items() for k in keys), strict=True) for pair in seed
-        )
-        rows = self._rows_by_key(wanted)
+        # Seed by seed, so that an interrupted campaign has pairs to compare.
+        by_seed = zip(*(of_variant.items() for of_variant in wanted), strict=True)
+        in_order = dict(pair for of_seed in by_seed for pair in of_seed)
+
+        rows = self._rows(in_order)
         self._kept += len(rows)
-        missing = [pair for key, pair in wanted.items() if key not in rows]
+        missing = [attempt for key, attempt in in_order.items() if key not in rows]
         if missing:
-            with nullcontext() if quiet else Tally(len(wanted), len(rows)) as tally:
-                for variant, spec, flown in fly_variants(self.pool, missing, tally):
+            with nullcontext() if quiet else Tally(len(in_order), len(rows)) as tally:
+                for variant, spec, flown in fly_attempts(self.pool, missing, tally):
                     with uninterrupted():
                         self._store.add(spec, variant.name, flown, self._telemetry)
                     self._kept += 1
                     _expect_same_libraries(flown.provenance["versions"])
-            rows = self._rows_by_key(wanted)
-        return [[rows[k] for k in of_variant if k in rows] for of_variant in keys]
+            rows = self._rows(in_order)
+        return [[rows[key] for key in of_variant if key in rows] for of_variant in wanted]
 
-    def _rows_by_key(self, keys: dict[str, tuple[Variant, Spec]]) -> dict[str, Row]:
-        """What is stored, and counts: of several commits this one, else the latest."""
+    def _rows(self, keys: Iterable[str]) -> dict[str, Row]:
+        """Return what is stored and counts, by key.
+
+        Of several commits that flew an attempt this one counts, else the latest.
+        """
         code = code_of(this_provenance())
-        rows = [r for r in self._store.rows(keys) if r.code == code or not self._this_commit]
-        # `rows` are oldest first
-        return {r.key: r for r in sorted(rows, key=lambda r: r.code == code)}
+        found: dict[str, Row] = {}
+        for row in self._store.rows(keys):  # oldest first
+            before = found.get(row.key)
+            if row.code != code and (self._this_commit or (before and before.code == code)):
+                continue
+            found[row.key] = row
+        return found
 
 
 def _expect_same_libraries(theirs: Mapping[str, str | None]) -> None:
-    """A worker of a cluster may have others: what it flies is another attempt. Raises RunError."""
+    """Raise RunError where a worker has other libraries: what it flies is another attempt."""
     ours = this_provenance()["versions"]
     for name in LIBRARIES:
         if theirs.get(name) != ours.get(name):
             raise RunError(
-                f"a worker flies with {name} {theirs.get(name)}, here is {ours.get(name)}: install the same"
+                f"a worker flies with {name} {theirs.get(name)}, this process has "
+                f"{ours.get(name)}: install the same version"
             )

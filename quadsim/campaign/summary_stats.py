@@ -13,7 +13,6 @@ from itertools import combinations
 from math import nan
 from pathlib import Path
 from statistics import fmean, median
-from typing import Literal
 
 from quadsim.campaign.store import Row
 from quadsim.course import Course
@@ -33,41 +32,41 @@ FINISHED = "finished"
 
 @dataclass(frozen=True)
 class VariantStats:
-    """One variant on one course. Seconds, m/s^2/s, ms; lap: an attempt's mean lap; nan: not
-    known."""
+    """The numbers of one variant on one course; nan where a number is not known.
+
+    A lap is an attempt's mean lap.
+    """
 
     course: str
     name: str
     attempts: int
     finished: int
     success_ci: tuple[float, float]
-    lap_mean: float
+    lap_mean: float  # [s], as all times but the planner's
     lap_sd: float
     lap_min: float  # the fastest single lap
     race_median: float  # all laps from the standing start
     flying_median: float  # all laps but the first
     above_limit: float  # of race_median, over the best known limit of the race, a share
     penalised_mean: float  # lap_mean with the time limit's lap for each attempt that did not finish
-    cost: Mean  # accumulated, of those that finished: a double integrator's; nan for other systems
-    thrust_tv: float  # commanded, mean of all attempts
-    thrust_tv_delivered: float
-    # of the commanded body rates [rad/s^2], mean of all attempts; nan: an older campaign's
-    rates_tv: float
-    turned_back: int | None  # attempts that overshot a gate and returned; None: not known
-    plan_ms: float  # median of the attempts' medians
+    thrust_tv: float  # [m/s^2/s] commanded, mean of all attempts
+    thrust_tv_delivered: float  # [m/s^2/s]
+    rates_tv: float  # [rad/s^2] commanded body rates, mean of all attempts
+    turned_back: int  # attempts that overshot a gate and returned
+    plan_ms: float  # [ms] median of the attempts' medians
     crashes: dict[str, int]  # "gate 3", "ground", "bounds", "planner", "timeout"
     commits: tuple[str, ...]  # that flew them
 
 
 @dataclass(frozen=True)
 class PairStats:
-    """b against a on one course; differences are b - a."""
+    """The numbers of variant b against variant a on one course; differences are b - a."""
 
     course: str
     a: str
     b: str
-    lap_difference: Mean  # over the seeds that both finish [s]
-    detectable: float  # true difference that so many pairs detect with power 80 % [s]
+    lap_difference: Mean  # [s] over the seeds that both finish
+    detectable: float  # [s] true difference that so many pairs detect with a power of 80 %
     only_a: int  # seeds that only a finished
     only_b: int
     success_p: float  # McNemar's exact p over the shared seeds, Fisher's where there are none
@@ -80,7 +79,7 @@ class Section:
     """All variants of one course."""
 
     course: Course
-    setting: str
+    setting: str  # laps, vehicle, seeds and randomization, for people
     limit: float  # [s] a lap
     variants: list[VariantStats]
     pairs: list[PairStats]
@@ -91,13 +90,20 @@ class Section:
 def variant_stats(
     name: str, rows: Sequence[Row], limit: float, best_known: float = nan
 ) -> VariantStats:
-    """limit: time limit of the flight for each lap [s]; every variant of a comparison has the same.
+    """Return the numbers of one variant.
 
-    best_known: see `best_known_time`.
+    Args:
+        name: of the variant.
+        rows: its attempts, at least one.
+        limit: time limit of the flight for each lap [s]; the same for all variants of a comparison.
+        best_known: limit of the race [s], see `best_known_time`.
     """
-    done = [r for r in rows if r.outcome == FINISHED]
+    done = [r for r in rows if _finished(r)]
     laps = [mean_lap(r) for r in done]
-    lap, races = mean_interval(laps), _median([sum(r.result["laps"]) for r in done])
+    lap = mean_interval(laps)
+    race_median = _median([sum(r.result["laps"]) for r in done])
+    flying = [r.result["laps"][1:] for r in done if len(r.result["laps"]) > 1]
+    ends = Counter(_where_it_ended(r) for r in rows if not _finished(r))
     return VariantStats(
         course=rows[0].course,
         name=name,
@@ -107,34 +113,43 @@ def variant_stats(
         lap_mean=lap.mean,
         lap_sd=lap.sd,
         lap_min=min((t for r in done for t in r.result["laps"]), default=nan),
-        race_median=races,
-        above_limit=races / best_known - 1.0,
-        flying_median=_median(
-            [fmean(r.result["laps"][1:]) for r in done if len(r.result["laps"]) > 1]
-        ),
+        race_median=race_median,
+        flying_median=_median([fmean(of_flight) for of_flight in flying]),
+        above_limit=race_median / best_known - 1.0,
         penalised_mean=fmean([*laps, *[limit] * (len(rows) - len(done))]),
-        cost=mean_interval([cost for r in done if (cost := r.result.get("cost")) is not None]),
-        thrust_tv=fmean(thrust_tv(r) for r in rows),
-        thrust_tv_delivered=fmean(thrust_tv(r, "delivered") for r in rows),
-        rates_tv=fmean(tv["commanded"] if (tv := r.result.get("rates_tv")) else nan for r in rows),
-        turned_back=_turned_back(rows),
+        thrust_tv=fmean(commanded_tv(r) for r in rows),
+        thrust_tv_delivered=fmean(r.result["thrust_tv"]["delivered"] for r in rows),
+        rates_tv=fmean(r.result["rates_tv"]["commanded"] for r in rows),
+        turned_back=sum(1 for r in rows if r.result["turned_back"]),
         plan_ms=median(r.result["plan_ms"]["p50"] for r in rows),
-        crashes=dict(
-            Counter(_where_it_ended(r) for r in rows if r.outcome != FINISHED).most_common()
-        ),
+        crashes=dict(ends.most_common()),
         commits=tuple(sorted({r.code for r in rows})),
     )
 
 
 def pair_stats(a: str, b: str, rows_a: Sequence[Row], rows_b: Sequence[Row]) -> PairStats:
-    of_a, of_b = ({r.seed: r for r in rows} for rows in (rows_a, rows_b))
+    """Return the numbers of variant b against variant a, paired by seed.
+
+    Args:
+        a: name of the first variant.
+        b: name of the second variant.
+        rows_a: attempts of the first variant, at least one.
+        rows_b: attempts of the second variant, at least one.
+    """
+    of_a = {r.seed: r for r in rows_a}
+    of_b = {r.seed: r for r in rows_b}
     pairs = [(of_a[seed], of_b[seed]) for seed in of_a if seed in of_b]
-    laps = mean_interval(
-        [mean_lap(y) - mean_lap(x) for x, y in pairs if x.outcome == y.outcome == FINISHED]
-    )
-    only_a = sum(x.outcome == FINISHED != y.outcome for x, y in pairs)
-    only_b = sum(y.outcome == FINISHED != x.outcome for x, y in pairs)
-    k_a, k_b = (sum(r.outcome == FINISHED for r in rows) for rows in (rows_a, rows_b))
+
+    both = [(x, y) for x, y in pairs if _finished(x) and _finished(y)]
+    laps = mean_interval([mean_lap(y) - mean_lap(x) for x, y in both])
+    only_a = sum(_finished(x) and not _finished(y) for x, y in pairs)
+    only_b = sum(_finished(y) and not _finished(x) for x, y in pairs)
+    if pairs:
+        success_p = mcnemar(only_a, only_b)
+    else:
+        success_p = fisher(
+            sum(map(_finished, rows_a)), len(rows_a), sum(map(_finished, rows_b)), len(rows_b)
+        )
     return PairStats(
         course=rows_a[0].course,
         a=a,
@@ -143,36 +158,47 @@ def pair_stats(a: str, b: str, rows_a: Sequence[Row], rows_b: Sequence[Row]) -> 
         detectable=detectable(laps.sd, laps.n),
         only_a=only_a,
         only_b=only_b,
-        success_p=mcnemar(only_a, only_b) if pairs else fisher(k_a, len(rows_a), k_b, len(rows_b)),
-        thrust_tv_ratio=ratio_interval([(thrust_tv(x), thrust_tv(y)) for x, y in pairs]),
+        success_p=success_p,
+        thrust_tv_ratio=ratio_interval([(commanded_tv(x), commanded_tv(y)) for x, y in pairs]),
         seeds=len(pairs),
     )
 
 
 def all_pairs(names: Sequence[str], rows: Sequence[Sequence[Row]]) -> list[PairStats]:
-    """Every two variants of one course."""
-    variants = zip(names, rows, strict=True)
-    return [pair_stats(a, b, x, y) for (a, x), (b, y) in combinations(variants, 2) if x and y]
+    """Return the numbers of every two variants of one course.
+
+    Args:
+        names: of the variants.
+        rows: the attempts of each variant; variants without attempts are left out.
+    """
+    flown = [(name, of_variant) for name, of_variant in zip(names, rows, strict=True) if of_variant]
+    return [pair_stats(a, b, rows_a, rows_b) for (a, rows_a), (b, rows_b) in combinations(flown, 2)]
+
+
+def _finished(row: Row) -> bool:
+    return row.outcome == FINISHED
 
 
 def mean_lap(row: Row) -> float:
-    """[s]; nan for a flight without laps."""
+    """Return the mean lap of an attempt [s]; nan for a flight without laps."""
     return fmean(row.result["laps"] or [nan])
 
 
-def thrust_tv(row: Row, of: Literal["commanded", "delivered"] = "commanded") -> float:
-    """[m/s^2/s]; nan for a system without thrust. of: commanded, delivered"""
-    return row.result["thrust_tv"][of] if row.result["thrust_tv"] else nan
+def commanded_tv(row: Row) -> float:
+    """Return the total variation of the commanded thrust of an attempt [m/s^2/s]."""
+    return row.result["thrust_tv"]["commanded"]
 
 
 def lap_limit(spec: dict) -> float:
-    """What a flight that does not finish counts as, a lap [s]; spec: the record of one."""
-    return spec["timeout"] / (spec.get("laps") or 1)
+    """Return what a flight that does not finish counts as, a lap [s], from the record of a Spec."""
+    return spec["timeout"] / spec["laps"]
 
 
 def best_known_time(spec: dict) -> float:
-    """The best known limit of a race from the record of one flight, of its nominal vehicle [s];
-    nan: not known."""
+    """Return the best known limit of a race [s], from the record of a Spec; nan: not known.
+
+    It is the limit of the nominal vehicle.
+    """
     limit = limit_of(spec, Path("runs") / LIMITS)
     return limit.time if limit else nan
 
@@ -181,14 +207,9 @@ def _where_it_ended(row: Row) -> str:
     crash = row.result["crash"]
     if crash is None:
         return row.outcome
-    if obstacle := crash.get("obstacle"):
-        return f"obstacle {obstacle}"
+    if "obstacle" in crash:
+        return f"obstacle {crash['obstacle']}"
     return f"gate {crash['gate']}" if crash["gate"] else crash["kind"]
-
-
-def _turned_back(rows: Sequence[Row]) -> int | None:
-    known = [turns for r in rows if (turns := r.result.get("turned_back")) is not None]
-    return sum(1 for turns in known if turns) if len(known) == len(rows) else None
 
 
 def _median(values: Sequence[float]) -> float:

@@ -1,11 +1,11 @@
-"""A comparison as tables of text, printed or written as Markdown from the same cells."""
+"""Tables of text: printed to a terminal, or written as Markdown from the same cells."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from typing import Self, TypeVar
 
 from rich.console import Group, RenderableType
 from rich.markup import escape
@@ -14,91 +14,115 @@ from quadsim.campaign.summary_stats import PairStats, VariantStats
 from quadsim.console import plain_table, width
 from quadsim.record.statistics import Mean
 
-SHOWN = 7  # hex digits of a commit
-# of a table; between its columns; least width of a text that wraps [terminal columns]
-INDENT, GAP, TEXT = 2, 2, 24
+COMMIT_DIGITS = 7  # hex digits of a commit that are shown
+DIRTY = "-dirty"  # ends the name of a commit whose files had been changed
+# Columns of the terminal: left of a table, between its columns, and the least width of a text that
+# wraps.
+INDENT = 2
+GAP = 2
+TEXT = 24
+
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
 class TextTable:
-    """Texts to the left, numbers to the right."""
+    """A table of text: columns of text to the left, columns of numbers to the right."""
 
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    folds: tuple[int, ...] = (0,)  # columns of text; those but the first of them may wrap at spaces
+    texts: tuple[int, ...] = (0,)  # columns of text; those but the first may wrap at spaces
 
     @classmethod
     def of(
         cls,
-        items: Sequence,
-        columns: Mapping[str, Callable[[Any], str]],
-        folds: tuple[int, ...] = (0,),
-    ):
-        """One row for each item; columns: head -> cell of an item."""
-        return cls(
-            tuple(columns),
-            tuple(tuple(cell(item) for cell in columns.values()) for item in items),
-            folds,
-        )
+        items: Sequence[Item],
+        columns: Mapping[str, Callable[[Item], str]],
+        texts: tuple[int, ...] = (0,),
+    ) -> Self:
+        """Return a table with one row for each item.
+
+        Args:
+            items: what the rows are about.
+            columns: head of each column, and the function that returns its cell for an item.
+            texts: the columns of text.
+        """
+        rows = tuple(tuple(cell(item) for cell in columns.values()) for item in items)
+        return cls(tuple(columns), rows, texts)
 
 
-def as_table(texts: TextTable, columns: int | None = None) -> Group:
-    """One table, or where that is too wide several below each other, each with the first column. No
-    word is broken.
+def as_table(table: TextTable, columns: int | None = None) -> Group:
+    """Return what prints a table.
 
-    columns: of the terminal; None: of this one.
+    Where it is too wide, it is several tables below each other, each with the first column. No word
+    is broken.
+
+    Args:
+        table: what to print.
+        columns: the width of the terminal; None: of this one.
     """
     room = (width() if columns is None else columns) - INDENT
-    name, *others = (_least_width(texts, i) for i in range(len(texts.head)))
-    # only a longer name is broken
-    widths = [min(name, max(TEXT, room - GAP - max(others))), *others]
-    parts = [[0]]
-    for i in range(1, len(widths)):
-        if len(parts[-1]) > 1 and sum(widths[k] + GAP for k in (*parts[-1], i)) - GAP > room:
-            parts.append([0])
-        parts[-1].append(i)
+    widths = [_least_width(table, i) for i in range(len(table.head))]
+    # The first column has a name, which is broken where it leaves no room for another column.
+    widths[0] = min(widths[0], max(TEXT, room - GAP - max(widths[1:])))
     shown: list[RenderableType] = []
-    for part in parts:
-        table = plain_table()
-        for i in part:
-            text, head = i in texts.folds, escape(texts.head[i])
-            side = "left" if text else "right"
-            table.add_column(
-                head, justify=side, no_wrap=not text, overflow="fold", min_width=widths[i]
-            )
-        for row in texts.rows:
-            table.add_row(*(escape(row[i]) for i in part))
-        shown += ["", table]
+    for part in _parts(widths, room):
+        shown += ["", _part_of(table, part, widths)]
     return Group(*shown[1:])
 
 
-def _least_width(table: TextTable, i: int) -> int:
-    """Columns of the terminal that column i takes: its longest line, less where it is a text that
-    wraps."""
-    texts = [*table.head[i].split("\n"), *(row[i] for row in table.rows)]
-    whole = max(map(len, texts))
-    if i not in table.folds[1:]:
-        return whole
-    return min(whole, max(TEXT, *(len(word) for text in texts for word in text.split())))
+def _least_width(table: TextTable, column: int) -> int:
+    """Return how wide a column has to be, so that no word is broken."""
+    cells = [row[column] for row in table.rows]
+    lines = [*table.head[column].split("\n"), *cells]
+    longest = max(map(len, lines))
+    if column not in table.texts[1:]:
+        return longest
+    words = [len(word) for line in lines for word in line.split()]
+    return min(longest, max(TEXT, *words))
+
+
+def _parts(widths: Sequence[int], room: int) -> list[list[int]]:
+    """Return the columns of each part, which all begin with the first column."""
+    parts = [[0]]
+    for column in range(1, len(widths)):
+        needed = sum(widths[k] + GAP for k in (*parts[-1], column)) - GAP
+        if len(parts[-1]) > 1 and needed > room:
+            parts.append([0])
+        parts[-1].append(column)
+    return parts
+
+
+def _part_of(table: TextTable, part: Sequence[int], widths: Sequence[int]) -> RenderableType:
+    shown = plain_table()
+    for column in part:
+        text = column in table.texts
+        shown.add_column(
+            escape(table.head[column]),
+            justify="left" if text else "right",
+            no_wrap=not text,
+            overflow="fold",
+            min_width=widths[column],
+        )
+    for row in table.rows:
+        shown.add_row(*(escape(row[column]) for column in part))
+    return shown
 
 
 def as_markdown(table: TextTable) -> str:
-    lines = [table.head, ("---", *["---:"] * (len(table.head) - 1)), *table.rows]
-    return "\n".join(
-        "| " + " | ".join(cell.replace("\n", " ") for cell in line) + " |" for line in lines
-    )
+    """Return a table as Markdown."""
+    rule = ("---", *["---:"] * (len(table.head) - 1))
+    lines = [[cell.replace("\n", " ") for cell in row] for row in (table.head, rule, *table.rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def comparison_tables(
     variants: Sequence[VariantStats], pairs: Sequence[PairStats]
 ) -> Iterator[TextTable]:
-    """Of one course."""
-    yield TextTable.of(
-        variants, LAPS | (ABOVE if any(isfinite(a.above_limit) for a in variants) else {})
-    )
-    if any(a.cost.n for a in variants):
-        yield TextTable.of(variants, COSTS)
-    yield TextTable.of(variants, CHATTER, folds=(0, len(CHATTER) - 1))
+    """Yield the tables of one course: laps, chatter and pairs."""
+    above_limit = ABOVE if _limit_known(variants) else {}
+    yield TextTable.of(variants, LAPS | above_limit)
+    yield TextTable.of(variants, CHATTER, texts=(0, len(CHATTER) - 1))
     if pairs:
         yield TextTable.of(pairs, PAIRS)
 
@@ -106,67 +130,99 @@ def comparison_tables(
 def notes(
     variants: Sequence[VariantStats], pairs: Sequence[PairStats], limit: float
 ) -> Iterator[str]:
-    """What the tables must not be read without."""
-    if any(a.finished < a.attempts for a in variants):
-        yield f"Laps: of attempts that finished. Penalised: the others count as the time limit, {limit:.1f} s a lap."
-    if any(a.turned_back for a in variants):
+    """Yield what has to be read with the tables of one course.
+
+    Args:
+        variants: of the course.
+        pairs: of these variants.
+        limit: time limit of a lap [s].
+    """
+    if any(v.finished < v.attempts for v in variants):
+        yield (
+            "Laps: of attempts that finished. Penalised: the others count as the time limit, "
+            f"{limit:.1f} s a lap."
+        )
+    if any(v.turned_back for v in variants):
         yield "Turned back: attempts that overshot a gate and returned to it."
-    if known := [p for p in pairs if isfinite(p.detectable)]:
+    known = [p for p in pairs if isfinite(p.detectable)]
+    if known:
         each = ", ".join(f"{p.b} - {p.a} {p.detectable:.3f} s" for p in known)
         yield f"Lap differences that so many pairs detect with power 80 %: {each}."
-    if any(isfinite(a.above_limit) for a in variants):
-        yield "Above the limit: the median race over the best known limit of the same, nominal vehicle (race limit)."
-    commits = sorted({c for a in variants for c in a.commits})
+    if _limit_known(variants):
+        yield (
+            "Above the limit: the median race over the best known limit of the same, nominal "
+            "vehicle (race limit)."
+        )
+    commits = {c for v in variants for c in v.commits}
     if len(commits) > 1:
-        each = "; ".join(f"{a.name}: {', '.join(map(short, a.commits))}" for a in variants)
-        yield f"MIXED COMMITS: {each}. --this-commit counts only the present one's flights."
-    if any(c.endswith("-dirty") for c in commits):
-        yield "Flown from files that differ from their commit (+): the flights cannot be reproduced from it."
+        each = "; ".join(f"{v.name}: {', '.join(map(short, v.commits))}" for v in variants)
+        yield (f"MIXED COMMITS: {each}. --this-commit counts only flights of the present commit.")
+    if any(c.endswith(DIRTY) for c in commits):
+        yield (
+            "Flown from files that differ from their commit (+): the flights cannot be reproduced "
+            "from it."
+        )
 
 
-def short(commit: str) -> str:
-    """A commit's first digits, with a + where files differed from it; a version as it is."""
-    digits, dirty, _ = commit.partition("-dirty")
-    return digits[: None if " " in digits else SHOWN] + ("+" if dirty else "")
+def _limit_known(variants: Sequence[VariantStats]) -> bool:
+    return any(isfinite(v.above_limit) for v in variants)
+
+
+def short(code: str) -> str:
+    """Return a commit's first digits, with a + where its files had been changed.
+
+    A version, which has a space in it, is returned as it is.
+    """
+    digits, dirty, _ = code.partition(DIRTY)
+    if " " not in digits:
+        digits = digits[:COMMIT_DIGITS]
+    return f"{digits}+" if dirty else digits
 
 
 def number(value: float, form: str = ".3f") -> str:
-    """A dash for nan."""
+    """Return a number as text, a dash for nan."""
     return f"{value:{form}}" if isfinite(value) else "-"
 
 
-def interval(m: Mean, form: str) -> str:
-    """mean [low, high], as far as they are known."""
-    return number(m.mean, form) + (f" [{m.low:{form}}, {m.high:{form}}]" if isfinite(m.low) else "")
+def interval(mean: Mean, form: str) -> str:
+    """Return "mean [low, high]" as far as they are known."""
+    text = number(mean.mean, form)
+    if isfinite(mean.low):
+        text += f" [{mean.low:{form}}, {mean.high:{form}}]"
+    return text
+
+
+def _ends(variant: VariantStats) -> str:
+    return ", ".join(f"{n} {where}" for where, n in variant.crashes.items()) or "-"
+
+
+def _success_interval(variant: VariantStats) -> str:
+    low, high = variant.success_ci
+    return f"{100 * low:.0f}-{100 * high:.0f}"
 
 
 LAPS: dict[str, Callable[[VariantStats], str]] = {
-    "variant": lambda a: a.name,
-    "done": lambda a: f"{a.finished}/{a.attempts}",
-    "CI\n[%]": lambda a: "{:.0f}-{:.0f}".format(*(100 * p for p in a.success_ci)),
-    "lap\n[s]": lambda a: number(a.lap_mean),
-    "sd": lambda a: number(a.lap_sd),
-    "best": lambda a: number(a.lap_min),
-    "race": lambda a: number(a.race_median),
-    "flying": lambda a: number(a.flying_median),
-    "penalised": lambda a: number(a.penalised_mean),
+    "variant": lambda v: v.name,
+    "done": lambda v: f"{v.finished}/{v.attempts}",
+    "CI\n[%]": _success_interval,
+    "lap\n[s]": lambda v: number(v.lap_mean),
+    "sd": lambda v: number(v.lap_sd),
+    "best": lambda v: number(v.lap_min),
+    "race": lambda v: number(v.race_median),
+    "flying": lambda v: number(v.flying_median),
+    "penalised": lambda v: number(v.penalised_mean),
 }
 ABOVE: dict[str, Callable[[VariantStats], str]] = {
-    "above the\nlimit [%]": lambda a: number(100.0 * a.above_limit, ".1f"),
-}
-COSTS: dict[str, Callable[[VariantStats], str]] = {
-    "variant": lambda a: a.name,
-    "accumulated cost": lambda a: interval(a.cost, ".0f"),
-    "sd": lambda a: number(a.cost.sd, ".0f"),
+    "above the\nlimit [%]": lambda v: number(100.0 * v.above_limit, ".1f"),
 }
 CHATTER: dict[str, Callable[[VariantStats], str]] = {
-    "variant": lambda a: a.name,
-    "thrust [m/s^2/s]": lambda a: number(a.thrust_tv, ".1f"),
-    "delivered": lambda a: number(a.thrust_tv_delivered, ".1f"),
-    "body rates [rad/s^2]": lambda a: number(a.rates_tv, ".1f"),
-    "plan [ms]": lambda a: f"{a.plan_ms:.1f}",
-    "turned back": lambda a: "-" if a.turned_back is None else str(a.turned_back),
-    "ended at": lambda a: ", ".join(f"{n} {where}" for where, n in a.crashes.items()) or "-",
+    "variant": lambda v: v.name,
+    "thrust [m/s^2/s]": lambda v: number(v.thrust_tv, ".1f"),
+    "delivered": lambda v: number(v.thrust_tv_delivered, ".1f"),
+    "body rates [rad/s^2]": lambda v: number(v.rates_tv, ".1f"),
+    "plan [ms]": lambda v: f"{v.plan_ms:.1f}",
+    "turned back": lambda v: str(v.turned_back),
+    "ended at": _ends,
 }
 PAIRS: dict[str, Callable[[PairStats], str]] = {
     "pair": lambda p: f"{p.b} - {p.a}",

@@ -1,180 +1,186 @@
-"""`race tune`: search a planner's parameters for the fastest lap that is still safe."""
+"""Tuning: the fastest planner that is still safe, searched and confirmed on fresh seeds.
+
+This module needs the extra `tune`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from math import inf
 from pathlib import Path
-from typing import Annotated
 
-from msgspec import Meta
-from rich.markup import escape
-
+from quadsim.campaign.parameters import Parameter, Values, with_parameters
 from quadsim.campaign.runner import Runner
-from quadsim.campaign.search import (
-    GROUPS,
-    Group,
-    Search,
-    objective,
-    parameters,
-    preset_text,
-    with_parameters,
-)
+from quadsim.campaign.search import FlownTrial, Search, TrialStats
 from quadsim.campaign.store import Row
 from quadsim.campaign.summary_stats import VariantStats, lap_limit, variant_stats
-from quadsim.campaign.tables import TextTable, as_table
-from quadsim.campaign.variants import CAMPAIGN, Campaign, Jobs, Scheduler, Variant, resolve
-from quadsim.cli.flags import Given, Help, Json
-from quadsim.console import UsageError, complain, emit, emit_json
-from quadsim.record.whole_files import expect_file, expect_writable, write_whole
+from quadsim.campaign.variants import Variant
+from quadsim.console import complain
 
-# of the search, flown again on fresh seeds: the best of many trials is also one with lucky seeds
+# The best of many trials is also one with lucky seeds: the best few are flown again on fresh ones.
 FINALISTS = 3
-FRESH = 10**6  # offset of their seeds
+FRESH = 10**6  # offset of the fresh seeds
 REPEAT = 4  # times the attempts of a trial
 
 
-def tune(
-    course: Annotated[str, Help("see `race courses`, or a FILE.yaml")] = "split_s_swift",
-    /,
-    *,
-    trials: Annotated[
-        int, Meta(ge=1, le=100_000), Help("planners to try, the one to start from included")
-    ] = 50,
-    attempts: Annotated[int, Meta(ge=1, le=1000), Help("flights of each")] = 4,
-    floor: Annotated[float, Meta(ge=0, le=1), Help("share of the attempts that must finish")] = 1.0,
-    search: Annotated[
-        tuple[Group, ...], Help("groups of parameters", consume_multiple=True)
-    ] = GROUPS,
-    out: Annotated[str, Help("FILE.yaml of the preset, for race fly --preset")] = "tuned.yaml",
-    jobs: Jobs = None,
-    scheduler: Scheduler = None,
-    campaign: Campaign = CAMPAIGN,
-    json: Json = False,
-    settings: Given = None,
-) -> int:
-    """Search for the fastest mean lap at a success of at least --floor; below it, attempts that do
-    not finish count as their time limit. The best few fly again on fresh seeds, the best of those
-    becomes the preset file. Every flag of `race fly` holds. The same command goes on where it was;
-    more --trials go on from there.
+@dataclass(frozen=True)
+class Goal:
+    """What a search looks for."""
 
-    race tune split_s_swift --trials 200 --attempts 4 --randomize 1 --out fast.yaml
-
-    race tune paper_flat --preset paper --sampler gaussian --search sigma temperature
-    """
-    expect_file(Path(out))
-    expect_writable(Path(out).parent)
-    base = Variant("base", resolve(course, settings))
-    if base.spec.system != "quadrotor":
-        raise UsageError(
-            f"expected a course for a quadrotor, got {course!r} for the system {base.spec.system}"
-        )
-    found = list(parameters(base.spec.planner, base.spec.sampler, search))
-    if not found:
-        raise UsageError(
-            f"--search: {' '.join(search)}: nothing to search for {base.spec.sampler} sampling"
-        )
-    identity = f"{base.key[:16]}-{'-'.join(search)}-{attempts}-{floor:g}-{base.spec.seed}"
-    journal = Search(Path(campaign).with_suffix(".journal"), identity, found)
-    tuner = Tuner(course, trials, attempts, floor, out, journal, base)
-    with Runner(Path(campaign), jobs, scheduler) as runner:
-        tuner.search(runner)
-        finals = tuner.finals(runner)
-    if not finals or not finals[0][0].finished:
-        complain(f"race tune: no attempt finished on fresh seeds: {out} is not written")
-        return 1
-    tuner.present(finals, json)
-    return 0
+    trials: int  # planners to try, the one that the search begins with included
+    attempts: int  # flights of each trial
+    floor: float  # share of them that must finish
 
 
 @dataclass(frozen=True)
-class Tuner:
-    """One search."""
+class Finalist:
+    """One of the best trials, flown again on fresh seeds."""
 
-    course: str
+    stats: VariantStats
+    parameters: Values
+
+    def as_json(self) -> dict:
+        """Return the numbers as a plain dictionary."""
+        return asdict(self.stats) | {"params": dict(self.parameters)}
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """What a search has found."""
+
+    finals: list[Finalist]  # best first
+    front: list[FlownTrial]  # that no other dominates, see `pareto_front`
     trials: int
-    attempts: int
-    floor: float
-    out: str
-    journal: Search
-    base: Variant
 
-    def search(self, runner: Runner) -> None:
-        """As many trials at once as keep the workers busy."""
-        while self.journal.done < self.trials:
-            trials = self.journal.ask(
-                max(1, min(runner.pool.size // self.attempts, self.trials - self.journal.done))
-            )
-            variants = [_variant(t.number, self.base, t.params) for t in trials]
-            flown = runner(variants, self.attempts, quiet=True)
-            for trial, variant, rows in zip(trials, variants, flown, strict=True):
-                if len(rows) < self.attempts:
-                    self.journal.fail(trial)
-                    continue
-                stats = _stats(variant, rows)
-                self.journal.tell(trial, stats, self.floor)
-                complain(f"{self.journal.done}/{self.trials} {_line(stats)}")
 
-    def finals(self, runner: Runner) -> list[tuple[VariantStats, dict]]:
-        """The search's best on fresh seeds, best first."""
-        fresh = replace(self.base, spec=replace(self.base.spec, seed=self.base.spec.seed + FRESH))
-        best = self.journal.best(FINALISTS)
-        variants = [_variant(number, fresh, params) for number, params in best]
-        flown = zip(variants, runner(variants, REPEAT * self.attempts), best, strict=True)
-        finals = [(_stats(variant, rows), params) for variant, rows, (_, params) in flown if rows]
-        return sorted(finals, key=lambda pair: objective(pair[0], self.floor))
+def tune(
+    base: Variant,
+    parameters: Sequence[Parameter],
+    goal: Goal,
+    campaign: Path,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+) -> Tuned:
+    """Search, or continue the search of the same arguments; more trials go on from there.
 
-    def present(self, finals: list[tuple[VariantStats, dict]], json: bool) -> None:
-        best, params = finals[0]
-        sampler = self.base.spec.sampler
-        comment = (
-            f"race tune {self.course}, {sampler} sampling: {best.name} of {self.journal.done}.\n"
-        )
-        comment += f"On fresh seeds {_line(best)}; randomized {self.base.spec.randomize:g}."
-        planner = with_parameters(self.base.spec.planner, params)
-        write_whole(Path(self.out), preset_text(planner, self.base.spec.preset, comment).encode())
-        front = self.journal.front()
-        if json:
-            finalists = [asdict(n) | {"params": p} for n, p in finals]
-            emit_json(
-                {
-                    "preset": self.out,
-                    "finals": finalists,
-                    "pareto": front,
-                    "trials": self.journal.done,
-                }
-            )
-            return
-        columns = {
-            "trial": lambda n: str(n["trial"]),
-            "finished": lambda n: f"{n['finished']}/{self.attempts}",
-            "lap [s]": lambda n: f"{n['lap']:.3f}",
-            "thrust": lambda n: f"{n['thrust_tv']:.1f}",
-            "parameters": lambda n: ", ".join(f"{name} {x:.3g}" for name, x in n["params"].items()),
-        }
-        emit("Pareto front of the trials: lap time, success, thrust variation", "")
-        emit(as_table(TextTable.of(front, columns, folds=(4,))))
-        emit(
-            "", "The best trials on fresh seeds:", *(f"  {escape(_line(n))}" for n, _ in finals), ""
-        )
-        emit(
-            f"{escape(self.out)}: race fly {self.course} --preset {escape(self.out)} --sampler {sampler}"
+    Args:
+        base: what the search begins with.
+        parameters: what is searched.
+        goal: what the search looks for.
+        campaign: the SQLite file that keeps attempts and trials.
+        jobs: the number of workers, see `open_pool`.
+        scheduler: of a Dask cluster, see `open_pool`.
+
+    Raises:
+        RunError: the campaign cannot be read or written, or a worker has other libraries.
+        KeyboardInterrupt: what has been flown until then is kept.
+    """
+    names = "-".join(p.name for p in parameters)
+    seed = base.spec.seed
+    identity = f"{base.key[:16]}-{names}-{goal.attempts}-{goal.floor:g}-{seed}"
+    with (
+        Runner(campaign, jobs, scheduler) as runner,
+        Search(campaign, identity, parameters) as search,
+    ):
+        _search(search, base, goal, runner)
+        return Tuned(
+            finals=_finals(search, base, goal, runner),
+            front=pareto_front(search.flown()),
+            trials=search.done,
         )
 
 
-def _variant(trial: int, base: Variant, params: dict) -> Variant:
-    """The model stays: a search changes the planner, not what it is told of the vehicle."""
-    return Variant(
-        f"trial {trial}", replace(base.spec, planner=with_parameters(base.spec.planner, params))
-    )
+def _search(search: Search, base: Variant, goal: Goal, runner: Runner) -> None:
+    """Fly trials, as many at once as keep the workers busy."""
+    while search.done < goal.trials:
+        at_once = min(runner.pool.size // goal.attempts, goal.trials - search.done)
+        trials = search.ask(max(1, at_once))
+        variants = [_variant(trial.number, base, trial.params) for trial in trials]
+        flown = runner(variants, goal.attempts, quiet=True)
+        for trial, variant, rows in zip(trials, variants, flown, strict=True):
+            if len(rows) < goal.attempts:
+                search.give_up(trial)
+                continue
+            stats = _stats(variant, rows)
+            lap = stats.lap_mean if stats.finished else None
+            told = TrialStats(lap, stats.finished, stats.thrust_tv)
+            search.tell(trial, objective(stats, goal.floor), told)
+            complain(f"{search.done}/{goal.trials} {summary(stats)}")
+
+
+def _finals(search: Search, base: Variant, goal: Goal, runner: Runner) -> list[Finalist]:
+    """Fly the search's best on fresh seeds. Return them best first."""
+    fresh = replace(base, spec=replace(base.spec, seed=base.spec.seed + FRESH))
+    best = search.best(FINALISTS)
+    variants = [_variant(trial.number, fresh, trial.parameters) for trial in best]
+    flown = runner(variants, REPEAT * goal.attempts)
+    finals = [
+        Finalist(_stats(variant, rows), trial.parameters)
+        for variant, rows, trial in zip(variants, flown, best, strict=True)
+        if rows
+    ]
+    return sorted(finals, key=lambda finalist: objective(finalist.stats, goal.floor))
+
+
+def _variant(trial: int, base: Variant, values: Values) -> Variant:
+    """Return the variant of a trial: another planner, with the same model of the vehicle."""
+    planner = with_parameters(base.spec.planner, values)
+    return Variant(f"trial {trial}", replace(base.spec, planner=planner))
 
 
 def _stats(variant: Variant, rows: Sequence[Row]) -> VariantStats:
     return variant_stats(variant.name, rows, lap_limit(variant.spec.record()))
 
 
-def _line(n: VariantStats) -> str:
-    low, high = n.success_ci
-    laps = f"lap {n.lap_mean:.3f} s" if n.finished else "no lap"
-    success = f"{n.finished}/{n.attempts} ({100 * low:.0f}-{100 * high:.0f} %)"
-    return f"{n.name}: {success}, {laps}, thrust {n.thrust_tv:.0f} m/s^2/s"
+def objective(stats: VariantStats, floor: float) -> float:
+    """Return what is minimised [s].
+
+    It is the mean lap of the attempts that finish if enough of them do. Otherwise each attempt that
+    does not finish counts as the time limit.
+
+    Args:
+        stats: of a trial.
+        floor: share of the attempts that must finish.
+    """
+    enough = stats.finished and stats.finished >= floor * stats.attempts
+    return stats.lap_mean if enough else stats.penalised_mean
+
+
+def pareto_front(trials: Sequence[FlownTrial]) -> list[FlownTrial]:
+    """Return the trials with a lap that no other dominates, fastest first.
+
+    Trials are compared in lap time, success and thrust variation.
+    """
+    with_lap = [trial for trial in trials if trial.stats.lap is not None]
+    points = [_point(trial.stats) for trial in with_lap]
+    front = [with_lap[i] for i in pareto(points)]
+    return sorted(front, key=lambda trial: _point(trial.stats))
+
+
+def _point(stats: TrialStats) -> tuple[float, ...]:
+    """Return what a trial is compared in; less is better."""
+    lap = inf if stats.lap is None else stats.lap
+    return lap, -stats.finished, stats.thrust_tv
+
+
+def pareto(points: Sequence[tuple[float, ...]]) -> list[int]:
+    """Return the indices of the points that no other point dominates.
+
+    A point dominates another one if it is nowhere larger and somewhere smaller.
+    """
+
+    def dominates(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+        return a != b and all(x <= y for x, y in zip(a, b, strict=True))
+
+    return [
+        i for i, point in enumerate(points) if not any(dominates(other, point) for other in points)
+    ]
+
+
+def summary(stats: VariantStats) -> str:
+    """Return the numbers of a trial in one line."""
+    low, high = stats.success_ci
+    lap = f"lap {stats.lap_mean:.3f} s" if stats.finished else "no lap"
+    success = f"{stats.finished}/{stats.attempts} ({100 * low:.0f}-{100 * high:.0f} %)"
+    return f"{stats.name}: {success}, {lap}, thrust {stats.thrust_tv:.0f} m/s^2/s"

@@ -7,10 +7,8 @@ Control", IEEE RA-L 2024.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from io import StringIO
 from math import isnan, nan
 from pathlib import Path
 
@@ -23,6 +21,7 @@ from quadsim.campaign.store import Row
 from quadsim.campaign.summary_stats import variant_stats
 from quadsim.campaign.variants import Variant
 from quadsim.console import complain, plain_table
+from quadsim.files.csv_rows import csv_text
 from quadsim.record.archive import load_run
 from quadsim.record.run import Run, RunError
 from quadsim.record.whole_files import write_whole
@@ -93,11 +92,7 @@ def _load(row: Row, spec: Spec, folder: Path) -> Run:
 
 def write_csv(path: Path, rows: Sequence[dict]) -> Path:
     """Rows of equal keys. Raises RunError."""
-    text = StringIO(newline="")
-    writer = csv.DictWriter(text, rows[0])
-    writer.writeheader()
-    writer.writerows(rows)
-    write_whole(path, text.getvalue().encode())
+    write_whole(path, csv_text(rows).encode())
     return path
 
 

@@ -142,19 +142,3 @@ def _csv_row(event: Event) -> dict[str, object]:
     place = (event.t, event.kind, event.gate, event.lap)
     values = (*place, *event.offset, event.speed, *event.position, event.obstacle)
     return dict(zip(CSV_COLUMNS, values, strict=True))
-
-
-def _check(columns: dict[str, np.ndarray], expected: dict[str, str], path: object) -> None:
-    """Raise RunError unless these are the expected columns, of their types and of one length."""
-    wrong = sorted(columns.keys() ^ expected.keys())
-    if wrong:
-        raise RunError(
-            f"{path}: expected the columns of its run, missing or unknown: {', '.join(wrong)}"
-        )
-    frames = columns["t"].shape
-    for name, column in columns.items():
-        kind = np.dtype(np.int64 if name in COUNTS else np.float64)
-        if column.dtype != kind or column.ndim != 1 or column.shape != frames:
-            raise RunError(
-                f"{path}: {name}: expected {kind} {frames}, got {column.dtype} {column.shape}"
-            )

@@ -1,9 +1,9 @@
 """The store: one row for each attempt, telemetry before the row, two writers at once, one line for
 every error."""
 
-import math
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from threading import Barrier
@@ -12,19 +12,16 @@ import pytest
 
 from quadsim.campaign import attempt
 from quadsim.campaign.attempt import attempt_key, fly_attempt, result
-from quadsim.campaign.store import Store
-from quadsim.campaign.summary_stats import variant_stats
-from quadsim.campaign.tables import as_markdown, comparison_tables
+from quadsim.campaign.store import SCHEMA_VERSION, Store
 from quadsim.record.archive import RunFolder, list_runs, load_run
-from quadsim.record.run import Run, RunError
-from tests.campaign_cases import row, specs
+from quadsim.record.run import RunError
+from tests.campaign_cases import specs
 
 
-@pytest.fixture(scope="module")
-def flown():
-    """One attempt, flown once for all tests here."""
-    (spec,) = specs(1)
-    return spec, fly_attempt(spec)
+def change(path, statement, *values):
+    """Change a campaign's file past the program."""
+    with closing(sqlite3.connect(path)) as db, db:
+        db.execute(statement, values)
 
 
 def test_a_stored_attempt_is_read_back_with_its_telemetry(tmp_path, flown):
@@ -59,18 +56,31 @@ def test_many_may_make_the_same_campaign_at_once(tmp_path):
             return store.rows()
 
     with ThreadPoolExecutor(4) as makers:
-        for i in range(20):
+        for i in range(10):
             assert list(makers.map(make, [tmp_path / f"{i}.sqlite"] * 4)) == [[]] * 4
-    with sqlite3.connect(tmp_path / "0.sqlite") as db:
+    with closing(sqlite3.connect(tmp_path / "0.sqlite")) as db:
         assert db.execute("PRAGMA journal_mode").fetchone() == ("wal",)
 
 
 def test_an_attempt_may_be_kept_without_its_telemetry(tmp_path, flown):
+    spec, flight = flown
     with Store(tmp_path / "c.sqlite") as store:
-        assert store.add(flown[0], "mine", flown[1], telemetry=False)
+        assert store.add(spec, "mine", flight, telemetry=False)
         (kept,) = store.rows()
-    assert (kept.folder, kept.result["digest"]) == ("", flown[1].run.digest())
+    assert (kept.folder, kept.result["digest"]) == ("", flight.run.digest())
     assert not (tmp_path / "c.flights").exists()
+
+
+def test_stored_numbers_can_be_asked_for_in_sql(tmp_path, flown):
+    spec, flight = flown
+    with Store(tmp_path / "c.sqlite") as store:
+        store.add(spec, "mine", flight, telemetry=False)
+    query = """SELECT sampler, seed, result ->> '$.thrust_tv.commanded', spec ->> '$.laps'
+        FROM attempts WHERE outcome = 'timeout'"""
+    with closing(sqlite3.connect(tmp_path / "c.sqlite")) as db:
+        found = db.execute(query).fetchall()
+    commanded = result(flight)["thrust_tv"]["commanded"]
+    assert found == [("gaussian", 0, pytest.approx(commanded), spec.laps)]
 
 
 DAMAGED = {  # column -> values that no flight has written
@@ -84,62 +94,42 @@ DAMAGED = {  # column -> values that no flight has written
     ("column", "value"), [(c, v) for c, values in DAMAGED.items() for v in values]
 )
 def test_a_damaged_row_is_named_and_flown_again(tmp_path, flown, capsys, column, value):
+    spec, flight = flown
     path = tmp_path / "c.sqlite"
     with Store(path) as store:
-        store.add(flown[0], "mine", flown[1])
+        store.add(spec, "mine", flight, telemetry=False)
         (kept,) = store.rows()
-    with sqlite3.connect(path) as db:
-        db.execute(f"UPDATE attempts SET {column} = ?", (value,))
+    change(path, f"UPDATE attempts SET {column} = ?", value)
     with Store(path) as store:
         assert store.rows() == store.rows([kept.key]) == []
-        assert store.add(*flown[:1], "mine", flown[1])
+        assert store.add(spec, "mine", flight, telemetry=False)
         assert [r.result for r in store.rows()] == [kept.result]
-    said = capsys.readouterr().err
-    assert said.startswith(f"{path}: row 1, the attempt mine seed ")
-    assert said.count("\n") == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"{path}: row 1, the attempt mine seed ")
 
 
-@pytest.mark.parametrize("key", ["laps", "crash", "fault", "thrust_tv", "plan_ms", "digest"])
-def test_a_row_that_lacks_a_number_is_damaged_one_of_an_older_version_is_not(
-    tmp_path, flown, capsys, key
-):
+@pytest.mark.parametrize("key", sorted(attempt.Result.__required_keys__))
+def test_a_row_that_lacks_a_number_is_damaged(tmp_path, flown, capsys, key):
+    spec, flight = flown
     with Store(tmp_path / "c.sqlite") as store:
-        store.add(flown[0], "mine", flown[1])
-        for missing, rows in (("cost", 1), (key, 0)):
-            store._db.execute(f"UPDATE attempts SET result = json_remove(result, '$.{missing}')")
-            assert len(store.rows()) == rows
+        store.add(spec, "mine", flight, telemetry=False)
+        change(store.path, "UPDATE attempts SET result = json_remove(result, ?)", f"$.{key}")
+        assert not store.rows()
     assert key in capsys.readouterr().err
 
 
 def test_a_kill_between_row_and_folder_loses_nothing(tmp_path, flown):
     """The next campaign that is opened gives the folder its name; what has no row is removed."""
+    spec, flight = flown
     with Store(tmp_path / "c.sqlite") as store, pytest.MonkeyPatch.context() as patch:
         patch.setattr(RunFolder, "finish", lambda folder: None)
-        store.add(flown[0], "mine", flown[1])
+        store.add(spec, "mine", flight)
         (tmp_path / "c.flights" / "20260101T000000Z_x.part").mkdir()
         (kept,) = store.rows()
     assert list_runs(tmp_path / "c.flights") == []
     with Store(tmp_path / "c.sqlite"):
         assert [p.name for p in (tmp_path / "c.flights").iterdir()] == [Path(kept.folder).name]
-    assert load_run(tmp_path / kept.folder).digest() == flown[1].run.digest()
-
-
-def test_the_result_of_a_system_without_thrust_has_no_thrust_variation(flown, monkeypatch):
-    """A vehicle in the plane: two coordinates and no thrust command."""
-    _, flight = flown
-    telemetry = {name: x for name, x in flight.run.telemetry.items() if name not in ("pz", "a_cmd")}
-    spec = flight.run.spec | {"system": "offroad"}
-    planar = replace(
-        flight, run=replace(flight.run, spec=spec, telemetry=telemetry, outcome="crashed")
-    )
-    monkeypatch.setattr(Run, "digest", lambda run: "")
-    numbers = result(planar)
-    assert numbers["thrust_tv"] is None
-    assert numbers["crash"]["position"] == [telemetry["px"][-1], telemetry["py"][-1]]
-    n = variant_stats("planar", [row(0, tv=None)], 20.0)
-    assert (n.lap_mean, math.isnan(n.thrust_tv)) == (4.5, True)
-    table = as_markdown(list(comparison_tables([n], []))[1])
-    assert "| planar | - | - | - | 1.0 | - | - |" in table
+    assert load_run(tmp_path / kept.folder).digest() == flight.run.digest()
 
 
 def test_an_attempt_is_the_same_run_wherever_it_flies(flown):
@@ -162,25 +152,26 @@ def test_a_planner_that_raises_an_error_in_flight_is_a_crash_with_its_reason(mon
     assert result(flight)["crash"]["kind"] == "planner"
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (b"not a database" * 100, "file is not a database"),
-        (b"", None),
-        (None, "version 4 or older, got 99"),
-    ],
-)
-def test_a_file_that_is_no_campaign_is_one_line(tmp_path, content, said):
+def test_an_empty_file_is_an_empty_campaign(tmp_path):
+    (tmp_path / "c.sqlite").write_bytes(b"")
+    with Store(tmp_path / "c.sqlite") as store:
+        assert store.rows() == []
+
+
+def test_a_file_that_is_no_campaign_is_one_line(tmp_path):
     path = tmp_path / "c.sqlite"
-    if content is None:
-        with sqlite3.connect(path) as db:
-            db.execute("PRAGMA user_version = 99")
-    else:
-        path.write_bytes(content)
-    if said is None:  # an empty file is an empty database
-        with Store(path) as store:
-            assert store.rows() == []
-        return
-    with pytest.raises(RunError, match=said) as error:
+    path.write_bytes(b"not a database" * 100)
+    with pytest.raises(RunError, match="not a database") as error:
         Store(path)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("version", [1, SCHEMA_VERSION - 1, SCHEMA_VERSION + 1])
+def test_a_campaign_of_another_version_is_refused_in_one_line_and_left_alone(tmp_path, version):
+    path = tmp_path / "c.sqlite"
+    change(path, f"PRAGMA user_version = {version}")
+    before = path.read_bytes()
+    with pytest.raises(RunError, match=f"version {SCHEMA_VERSION}, got {version}") as error:
+        Store(path)
+    assert "\n" not in str(error.value)
+    assert path.read_bytes() == before

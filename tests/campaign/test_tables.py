@@ -4,22 +4,23 @@ from io import StringIO
 from math import nan
 
 import pytest
-from campaign_cases import row
 from rich.console import Console
 from rich.padding import Padding
 
-from quadsim.campaign.results import Group, results_table
+from quadsim.campaign.results import Group
 from quadsim.campaign.summary_stats import all_pairs, variant_stats
 from quadsim.campaign.tables import TextTable, as_markdown, as_table, comparison_tables
+from quadsim.cli.results import results_table
+from tests.campaign_cases import row
 
 NAMES = ("log_normal", "smooth_star", "gaussian", "colored")
 COURSE = "split_s_swift"
 NUMBERS = ("5.555", "-0.743 [-0.890, -0.597]", "x 0.65 [0.55, 0.77]")
 
 
-def printed(sheet, columns=80):
+def printed(table, columns=80):
     console = Console(file=StringIO(), width=columns, highlight=False)
-    console.print(Padding(as_table(sheet, columns), (0, 0, 0, 2), expand=False))
+    console.print(Padding(as_table(table, columns), (0, 0, 0, 2), expand=False))
     return "\n".join(line.rstrip() for line in console.file.getvalue().splitlines())
 
 
@@ -39,17 +40,17 @@ def comparison(outcome="finished"):
 
 @pytest.mark.parametrize("k", range(3))
 def test_a_comparison_of_80_columns_has_every_name_whole_in_the_first_column(k):
-    sheet = comparison("crashed")[k]
-    lines = printed(sheet).splitlines()
+    table = comparison("crashed")[k]
+    lines = printed(table).splitlines()
     assert max(map(len, lines)) <= 80
-    for cells in sheet.rows:
+    for cells in table.rows:
         of_row = [line[2:] for line in lines if line[2:].startswith(f"{cells[0]} ")]
         assert of_row
         assert all(cell in " ".join(of_row) for cell in cells)
 
 
 def test_laps_of_a_hundred_attempts_are_one_table_and_pairs_are_two():
-    laps, _, pairs = (printed(sheet) for sheet in comparison())
+    laps, _, pairs = (printed(table) for table in comparison())
     assert "\n\n" not in laps
     first, second = pairs.split("\n\n")
     assert "lap difference" in first
@@ -59,18 +60,18 @@ def test_laps_of_a_hundred_attempts_are_one_table_and_pairs_are_two():
 
 @pytest.mark.parametrize("columns", [60, 80, 200])
 def test_no_word_of_any_table_is_broken(columns):
-    sheet = TextTable(
+    table = TextTable(
         ("id", "variant", "course", "lap [s]", "lap difference [s]", "thrust", "ended at"),
         tuple(
             (f"id{i}", name, COURSE, *NUMBERS, ", ".join(f"{n} gate {n}" for n in range(9)))
             for i, name in enumerate(NAMES)
         ),
-        folds=(1, 2, 6),
+        texts=(1, 2, 6),
     )
-    text = printed(sheet, columns)
+    text = printed(table, columns)
     assert max(map(len, text.splitlines())) <= columns
     assert {*text.split()} == {
-        word for cells in (sheet.head, *sheet.rows) for cell in cells for word in cell.split()
+        word for cells in (table.head, *table.rows) for cell in cells for word in cell.split()
     }
 
 

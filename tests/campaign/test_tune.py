@@ -1,60 +1,81 @@
 """The search: the preset file is the planner that flew, a kill loses no trial, no point of the
 front is dominated."""
 
-import errno
 import json
+import multiprocessing as mp
 import os
+import random
+import signal
+import sqlite3
+import time
+from contextlib import closing
+from dataclasses import fields, replace
 
 import pytest
 
 pytest.importorskip("optuna", reason="extra 'tune'")
 
-from quadsim.spec.preset_file import parse_planner
-
+from controllers.costs.race import RaceWeights
 from controllers.presets import PRESETS
-from quadsim.campaign.search import (
-    STARTUP,
-    Search,
-    objective,
+from quadsim.campaign import search as search_module
+from quadsim.campaign.attempt import fly_attempt
+from quadsim.campaign.parameters import (
+    GROUPS,
     parameters,
-    pareto,
     preset_text,
+    weights_of,
     with_parameters,
 )
+from quadsim.campaign.pool import Pool
+from quadsim.campaign.search import Search, TrialStats
 from quadsim.campaign.summary_stats import variant_stats
+from quadsim.campaign.tune import objective, pareto
 from quadsim.cli.cli import race
+from quadsim.race.events import Event
 from quadsim.record.run import RunError
-from tests.campaign_cases import FLIGHT, row
+from quadsim.spec.presets import parse_planner
+from quadsim.spec.spec import Spec
+from tests.campaign_cases import COURSE, FLIGHT, row
 
-ONE_GATE = """
-opening: [1.6, 1.6]
-start: {position: [0, 0, 1.5], yaw_deg: 0}
-gates:
-  - {position: [1.5, 0, 1.5], yaw_deg: 0}
-"""
-GROUPS = ("sigma", "gamma", "temperature", "cost", "margin", "horizon")
+COLORED = PRESETS["race"]["colored"]
+MARGINS = list(parameters(COLORED, ["margin"]))
 
 
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("sampler", ["gaussian", "colored"])
-def test_preset_file_is_the_planner_that_flew_and_its_own_parameters_change_nothing(
-    preset, sampler
-):
+def test_the_preset_file_is_the_planner_that_flew(preset, sampler):
     base = PRESETS[preset][sampler]
-    found = list(parameters(base, sampler, GROUPS))
-    assert with_parameters(base, {p.name: p.base for p in found}) == base
-    planner = with_parameters(
-        base, {p.name: int(p.high) if p.step else (0.7 * p.low + 0.3 * p.high) for p in found}
-    )
+    values = {
+        p.name: int(p.high) if p.step else 0.7 * p.low + 0.3 * p.high
+        for p in parameters(base, GROUPS)
+    }
+    planner = with_parameters(base, values)
     assert planner != base
-    assert (
-        parse_planner(preset_text(planner, preset, "two\nlines"), "tuned.yaml", sampler, PRESETS)
-        == planner
-    )
+    text = preset_text(planner, preset, "two\nlines")
+    assert parse_planner(text, "tuned.yaml", sampler, PRESETS) == planner
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("sampler", ["gaussian", "colored"])
+def test_a_planner_s_own_parameters_change_nothing(preset, sampler):
+    base = PRESETS[preset][sampler]
+    own = {p.name: p.base for p in parameters(base, GROUPS)}
+    assert with_parameters(base, own) == base
 
 
 def test_gaussian_noise_has_no_exponents_to_search():
-    assert not list(parameters(PRESETS["race"]["gaussian"], "gaussian", ["gamma"]))
+    assert not list(parameters(PRESETS["race"]["gaussian"], ["gamma"]))
+
+
+def test_every_group_of_a_colored_planner_has_parameters():
+    for group in GROUPS:
+        assert list(parameters(COLORED, [group])), group
+
+
+def test_weights_are_searched_and_other_numbers_of_the_cost_are_not():
+    found = set(weights_of(RaceWeights()))
+    assert {"crash", "clearance", "heading"} <= found < {f.name for f in fields(RaceWeights)}
+    assert not found & {"progress", "margin", "desired_speed", "opening"}
 
 
 def test_the_front_is_the_points_that_no_other_dominates():
@@ -70,149 +91,174 @@ def test_the_front_is_the_points_that_no_other_dominates():
 
 def test_below_the_floor_attempts_that_do_not_finish_count():
     safe = variant_stats("safe", [row(s, laps=(6.0,)) for s in range(4)], 20.0)
-    wild = variant_stats(
-        "wild", [row(s, "finished" if s else "crashed", laps=(5.0,)) for s in range(4)], 20.0
-    )
-    assert objective(safe, 1.0) < objective(wild, 1.0)
-    assert objective(wild, 0.75) < objective(safe, 0.75), (
-        "with a floor of three in four the fast one wins"
-    )
+    rows = [row(s, "finished" if s else "crashed", laps=(5.0,)) for s in range(4)]
+    fast = variant_stats("fast", rows, 20.0)
+    assert objective(safe, floor=1.0) < objective(fast, floor=1.0)
+    assert objective(fast, floor=0.75) < objective(safe, floor=0.75)
+
+
+def opened(path, space=MARGINS):
+    return Search(path, "s", space)
+
+
+def value_of(params):
+    """What stands for flying a trial."""
+    return 5.0 + sum(params.values())
+
+
+def tell(search, trial):
+    value = value_of(trial.params)
+    search.tell(trial, value, TrialStats(lap=value, finished=1, thrust_tv=10.0))
+
+
+def test_the_first_trial_is_the_planner_that_the_search_begins_with(tmp_path):
+    with opened(tmp_path / "c.sqlite") as search:
+        (first,) = search.ask(1)
+    assert first.params == {"margin": COLORED.cost.margin, "tighten": COLORED.mppi.tighten}
+
+
+def test_a_search_lies_in_the_file_of_any_name(tmp_path):
+    with opened(tmp_path / "a?b%20{c}#d.sqlite") as search:
+        tell(search, *search.ask(1))
+    assert [path.name for path in tmp_path.iterdir()] == ["a?b%20{c}#d.sqlite"]
+    with opened(tmp_path / "a?b%20{c}#d.sqlite") as search:
+        assert search.done == 1
 
 
 def test_trials_that_a_kill_left_open_are_tried_again(tmp_path):
-    planner = PRESETS["race"]["colored"]
-    found = list(parameters(planner, "colored", ["margin"]))
-    search = Search(tmp_path / "s.journal", "s", found)
-    first, second = search.ask(2)
-    own = {"margin": planner.cost.margin, "tighten": planner.mppi.tighten}
-    assert first.params == own, "the first trial is the planner that the search begins with"
-    search.tell(first, variant_stats("a", [row(0)], 20.0), 1.0)
-    again = Search(tmp_path / "s.journal", "s", found)
-    assert again.done == 1
-    (retried,) = again.ask(1)
-    assert retried.params == second.params
+    with opened(tmp_path / "c.sqlite") as search:
+        first, second = search.ask(2)
+        tell(search, first)
+    with opened(tmp_path / "c.sqlite") as search:
+        assert search.done == 1
+        (again,) = search.ask(1)
+        assert again.params == second.params
 
 
-@pytest.mark.parametrize("stopped", ["told", "asked", "failed"])
-def test_a_search_that_was_stopped_proposes_what_it_would_have(tmp_path, stopped):
-    found = list(parameters(PRESETS["race"]["colored"], "colored", ["sigma", "margin"]))
+def test_a_search_that_was_stopped_proposes_what_it_would_have(tmp_path, monkeypatch):
+    """It is stopped after a trial was told, after one was asked, and after one was lost."""
+    monkeypatch.setattr(search_module, "STARTUP", 3)
 
-    def proposals(name, stop):
-        search, proposed = Search(tmp_path / f"{name}.journal", "s", found), []
-        for k in range(STARTUP + 4):
+    def proposals(path, stops):
+        search, proposed = opened(path), []
+        for k in range(6):
             (trial,) = search.ask(1)
-            if k in stop and stopped == "asked":
-                search = Search(tmp_path / f"{name}.journal", "s", found)
+            if stops and k == 2:
+                search = opened(path)
                 (trial,) = search.ask(1)
             proposed.append(trial.params)
-            if k == 3 and stopped == "failed":
-                search.fail(trial)
+            if k == 3:
+                search.give_up(trial)
             else:
-                lap = 5.0 + trial.params["sigma_thrust"]
-                search.tell(trial, variant_stats("a", [row(0, laps=(lap,))], 20.0), 1.0)
-            if k in stop and stopped != "asked":
-                search = Search(tmp_path / f"{name}.journal", "s", found)
+                tell(search, trial)
+            if stops and k in (0, 3, 4):
+                search = opened(path)
         return proposed
 
-    whole = proposals("whole", ())
-    assert proposals("stopped", (0, 3, STARTUP + 1)) == whole
+    whole = proposals(tmp_path / "whole.sqlite", stops=False)
+    assert proposals(tmp_path / "stopped.sqlite", stops=True) == whole
     assert len({str(params) for params in whole}) == len(whole), "no proposal twice"
 
 
-def test_tune_stopped_and_started_again_ends_where_it_would_have(tmp_path, capsys, monkeypatch):
+def search_for_ever(path, log):
+    """A process that asks two trials at a time, and notes each that it has told."""
+    with opened(path) as search, log.open("a") as told:
+        while True:
+            for trial in search.ask(2):
+                time.sleep(0.002)
+                tell(search, trial)
+                told.write(f"{trial.number}\n")
+                told.flush()
+
+
+def test_a_search_that_is_killed_at_any_moment_loses_no_trial(tmp_path):
+    path, log = tmp_path / "c.sqlite", tmp_path / "told"
+    log.touch()
+    rng = random.Random(0)
+    for _ in range(6):
+        process = mp.get_context("fork").Process(target=search_for_ever, args=(path, log))
+        process.start()
+        process.join(rng.uniform(0.05, 0.6))
+        os.kill(process.pid, signal.SIGKILL)
+        process.join()
+    with opened(path) as search:
+        flown = search.flown()
+        assert {int(number) for number in log.read_text().split()} <= {t.number for t in flown}
+        assert all(t.value == value_of(t.parameters) for t in flown)
+        assert len({str(t.parameters) for t in flown}) == len(flown), "no proposal twice"
+        (trial,) = search.ask(1)
+        tell(search, trial)
+        assert search.done == len(flown) + 1
+    with closing(sqlite3.connect(path)) as db:
+        assert db.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+
+
+@pytest.mark.parametrize(
+    "statement",
+    ["UPDATE trials SET state = 'x'", "UPDATE trial_params SET distribution_json = '{'", None],
+)
+def test_a_damaged_search_is_one_line(tmp_path, statement):
+    path = tmp_path / "c.sqlite"
+    with opened(path) as search:
+        for trial in search.ask(2):
+            tell(search, trial)
+    if statement is None:
+        path.write_bytes(b"no database" * 1000)
+    else:
+        with closing(sqlite3.connect(path)) as db, db:
+            db.execute(statement)
+    with pytest.raises(RunError) as error, opened(path) as search:
+        search.flown()
+    assert str(error.value).startswith(f"{path}: ")
+    assert "\n" not in str(error.value)
+
+
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """Attempts fly here instead of in workers."""
+    monkeypatch.setattr("quadsim.campaign.runner.open_pool", lambda *_: Pool())
+
+
+@pytest.fixture
+def all_finish(monkeypatch, in_this_process):
+    """Every attempt counts as finished after a lap of 4 s."""
+
+    def finish(spec):
+        flight = fly_attempt(spec)
+        gates = len(spec.course.gates)
+        passes = tuple(
+            Event(4.0 * gate / gates, "pass", gate, 1, (0.0, 0.0), 8.0, (0.0, 0.0, 1.0))
+            for gate in range(1, gates + 1)
+        )
+        return replace(flight, run=replace(flight.run, outcome="finished", events=passes))
+
+    monkeypatch.setattr("quadsim.campaign.pool.fly_attempt", finish)
+
+
+def test_tune_started_again_with_more_trials_goes_on(tmp_path, capsys, monkeypatch, all_finish):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "near.yaml").write_text(ONE_GATE)
-    argv = [
-        "tune",
-        "near.yaml",
-        "--samples",
-        "128",
-        "--horizon",
-        "40",
-        "--iterations",
-        "1",
-        "--timeout",
-        "3",
-    ]
-    argv += ["--attempts", "1", "--search", "sigma", "--jobs", "1", "--json"]
+    monkeypatch.setattr("quadsim.campaign.tune.FINALISTS", 1)
+    monkeypatch.setattr("quadsim.campaign.tune.REPEAT", 2)
+    argv = ["tune", *FLIGHT, "--attempts", "1", "--search", "sigma", "--json"]
     assert race([*argv, "--trials", "2"]) == 0
     capsys.readouterr()
     assert race([*argv, "--trials", "3"]) == 0
     out, err = capsys.readouterr()
-    said = json.loads(out)
-    assert said["trials"] == 3
+    found = json.loads(out)
+    assert found["trials"] == 3
     assert err.startswith("3/3 trial 2: "), "the first two are kept"
-    assert {f["attempts"] for f in said["finals"]} == {4}
-    assert race(["check", "tuned.yaml"]) == 0
+    assert {(f["attempts"], f["lap_mean"]) for f in found["finals"]} == {(2, 4.0)}
+    assert found["pareto"]
+    assert Spec.of(COURSE, preset="tuned.yaml").planner.sampling
 
 
-def searched(path, trials=3):
-    """A journal with so many trials, and how the search with it begins."""
-    found = list(parameters(PRESETS["race"]["colored"], "colored", ["margin"]))
-    search = Search(path, "s", found)
-    for _ in range(trials):
-        search.tell(search.ask(1)[0], variant_stats("a", [row(0)], 20.0), 1.0)
-    return lambda: Search(path, "s", found)
-
-
-@pytest.mark.parametrize("torn", [1, 30, -1])
-def test_half_a_line_at_the_end_is_cut_and_said_and_the_search_goes_on(tmp_path, capsys, torn):
-    path = tmp_path / "s.journal"
-    again = searched(path)
-    whole = path.read_bytes()
-    path.write_bytes(whole + whole.splitlines()[-1][:torn])
-    assert again().done == 3
-    (said,) = capsys.readouterr().err.splitlines()
-    assert said.startswith(f"{path}: the last line was not written to its end and is removed: ")
-    assert again().done == 3
-    assert capsys.readouterr().err == ""
-
-
-@pytest.mark.parametrize(
-    "text", [b"{", b"null", b"\x00\xff", b'{"op_code":4}', b'{"op_code":99}', b"{}"]
-)
-def test_damage_further_up_names_file_and_line_and_what_to_do(tmp_path, text):
-    path = tmp_path / "s.journal"
-    again = searched(path)
-    lines = path.read_bytes().splitlines()
-    lines[4] = text
-    path.write_bytes(b"\n".join(lines) + b"\n")
-    with pytest.raises(RunError) as error:
-        again()
-    assert str(error.value).startswith(f"{path}:5: damaged: ")
-    assert str(error.value).endswith(
-        "; cut the file before this line, or move it away to search anew"
-    )
-    assert "\n" not in str(error.value)
-    path.write_bytes(b"\n".join(lines[:4]) + b"\n")
-    assert again().done == 0
-
-
-def test_a_full_disk_in_mid_search_is_one_line_and_costs_no_trial(tmp_path, monkeypatch):
-    path = tmp_path / "s.journal"
-    again = searched(path)
-    whole, search = path.read_bytes(), again()
-
-    def full(handle):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    with monkeypatch.context() as patch:
-        patch.setattr("quadsim.campaign.journal.os.fsync", full)
-        with pytest.raises(
-            RunError, match=r"s\.journal: cannot keep the search here: No space left on device$"
-        ):
-            search.ask(1)
-    assert path.read_bytes().startswith(whole)
-    assert path.read_bytes().endswith(b"\n")
-    assert again().done == 3
-
-
-def test_a_search_that_finished_nothing_writes_no_preset(tmp_path, capsys, monkeypatch):
+def test_a_search_that_finished_nothing_writes_no_preset(
+    tmp_path, capsys, monkeypatch, in_this_process
+):
     monkeypatch.chdir(tmp_path)
-    argv = ["tune", *FLIGHT, "--attempts", "1", "--search", "sigma", "--jobs", "1", "--trials", "1"]
+    argv = ["tune", *FLIGHT, "--attempts", "1", "--search", "sigma", "--trials", "1"]
     assert race(argv) == 1
-    said = capsys.readouterr().err.splitlines()
-    assert said[-1] == "race tune: no attempt finished on fresh seeds: tuned.yaml is not written"
+    assert "tuned.yaml" in capsys.readouterr().err.splitlines()[-1]
     assert not (tmp_path / "tuned.yaml").exists()
 
 

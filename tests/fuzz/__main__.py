@@ -16,7 +16,7 @@ from tests.fuzz.base import base, campaign_base
 from tests.fuzz.harness import Case, run
 
 CASES = {  # kind -> how many
-    "flags": 300, "yamls": 300, "runs": 200, "caches": 100, "databases": 120, "journals": 30, "exports": 60,
+    "flags": 300, "yamls": 300, "runs": 200, "caches": 100, "databases": 150, "exports": 60,
     "disks": 60, "environments": 60,
 }  # fmt: skip
 LOADED = (
@@ -61,7 +61,7 @@ def main() -> int:
     places = [(k, i, said.seed) for k, n in numbers.items() for i in range(n)]
     if said.only is not None:
         places = [(k, said.only, said.seed) for k in said.kinds]
-    (campaign_base if {"databases", "journals", "disks"} & {*said.kinds} else base)()
+    (campaign_base if {"databases", "disks"} & {*said.kinds} else base)()
     if "caches" in said.kinds:  # before the processes of the cases are forked
         _ = base().small_cache, said.first or base().cache
     ran, failed, seconds = Counter(), Counter(), Counter()

@@ -1,5 +1,5 @@
-"""Campaigns with damage: to the file, to the table, to the JSON in a row; listed, compared, gone on
-with."""
+"""Campaigns with damage to the file, to a table or to the JSON in a row are listed, compared and
+continued, with their searches."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import closing, suppress
 from functools import partial
 from pathlib import Path
 
-from tests.fuzz.base import COMPARE, campaign_base
+from tests.fuzz.base import COMPARE, TUNE, campaign_base
 from tests.fuzz.damage import VALUES, damaged_bytes, damaged_json
 from tests.fuzz.harness import Case
 
@@ -19,6 +19,7 @@ TABLE = (
     "PRAGMA user_version = 0", "ALTER TABLE attempts RENAME COLUMN result TO results",
     "ALTER TABLE attempts RENAME TO flown", "ALTER TABLE attempts ADD COLUMN more TEXT",
     "DROP TABLE attempts; CREATE TABLE attempts (key TEXT)", "UPDATE attempts SET seed = 0",
+    "DROP TABLE trials", "DELETE FROM trial_params", "UPDATE trials SET state = 'x'", "DELETE FROM alembic_version",
 )  # fmt: skip
 
 
@@ -27,8 +28,8 @@ def databases(rng: random.Random) -> Case:
     argv = rng.choice(
         (("results",), ("results", "--json"), ("results", *ids), ("results", *ids, "--json"))
     )
-    if rng.random() < 0.1:
-        argv = COMPARE
+    if rng.random() < 0.3:
+        argv = rng.choice((COMPARE, TUNE, TUNE))
     return Case("databases", f"seed {seed}: {' '.join(argv)}", argv, partial(_damage, seed))
 
 

@@ -24,7 +24,7 @@ class State:
     rows: dict[tuple, str]  # (variant, seed) -> digest of each attempt kept
     twice: list[tuple]  # attempts that are there more than once
     loose: list[str]  # folders of telemetry without a row, rows without a folder
-    trials: int
+    trials: int  # of searches, finished
 
     @classmethod
     def of(cls, folder: Path) -> State:
@@ -44,7 +44,7 @@ class State:
             rows={row[:2]: row[3] for row in rows},
             twice=[row for row, n in counts.items() if n > 1],
             loose=sorted(named ^ there),
-            trials=sum(p.read_text().count('"state":1') for p in folder.rglob("*.journal")),
+            trials=sum(_trials(path) for path in folder.rglob("*.sqlite")),
         )
 
 
@@ -58,6 +58,16 @@ def _rows(path: Path) -> list[tuple]:
         (variant, seed, folder, json.loads(result)["digest"])
         for variant, seed, folder, result in found
     ]
+
+
+def _trials(path: Path) -> int:
+    """Return the number of finished trials of the searches in a campaign."""
+    query = "SELECT COUNT(*) FROM trials WHERE state = 'COMPLETE'"
+    try:
+        with closing(sqlite3.connect(path)) as db:
+            return db.execute(query).fetchone()[0]
+    except sqlite3.OperationalError:  # no search yet
+        return 0
 
 
 def _general(path: Path) -> str:

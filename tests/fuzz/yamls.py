@@ -14,7 +14,8 @@ from tests.fuzz.harness import Case
 
 PRESET = "base: race\nmppi: {samples: 128, horizon: 20, target_ess: 20}\ncost: {progress: 2.0}\nsampling: {gamma: 0.5}\n"
 SHORT = tuple(word for pair in TINY.items() for word in pair)
-BASELINE = f"flight: figure8 {' '.join(SHORT)}\nattempts: 2\n"
+VARIANT = "+".join(f"{name[2:]}={value}" for name, value in TINY.items())
+BASELINE = f"course: figure8\nvariant: {VARIANT}\nattempts: 4\n"
 
 
 def texts() -> dict[str, list[str]]:

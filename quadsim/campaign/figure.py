@@ -1,0 +1,178 @@
+"""The figure of a comparison, one row for each course.
+
+A row shows lap times, success, chatter, and a map with the crashes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
+
+from quadsim.campaign.store import Row
+from quadsim.campaign.summary_stats import FINISHED, Section, mean_lap
+from quadsim.figures.course import arrow_scale, draw_gates, draw_obstacles
+from quadsim.figures.style import STYLE, line
+from quadsim.palette import Style, styles
+from quadsim.record.archive import load_run
+from quadsim.record.run import RunError
+from quadsim.record.statistics import mean_interval
+
+PATHS = 6  # of each variant on the map
+JITTER = 0.1  # vertical, of the dots of a variant
+QUARTILES = (25, 50, 75)  # [%]
+PLANE = (0, 1)  # x and y: the map is seen from above
+
+
+def draw(sections: Sequence[Section]) -> Figure:
+    """Draw a comparison.
+
+    Args:
+        sections: one for each course.
+    """
+    with rc_context(STYLE):
+        tallest = max(len(section.variants) for section in sections)
+        figure = Figure(
+            figsize=(17, (2.6 + 0.75 * tallest) * len(sections)), dpi=110, layout="constrained"
+        )
+        rows = figure.subfigures(len(sections), 1, squeeze=False, hspace=0.04)
+        for row, section in zip(rows[:, 0], sections, strict=True):
+            _draw_course(row, section)
+    return figure
+
+
+def _draw_course(figure: SubFigure, section: Section) -> None:
+    names = [variant.name for variant in section.variants]
+    looks = styles(names)
+    laps, success, chatter, above = figure.subplots(1, 4, width_ratios=(2.1, 1.0, 1.1, 1.7))
+    _draw_laps(laps, section, looks)
+    _draw_success(success, section, looks)
+    _draw_chatter(chatter, section, looks)
+    _draw_map(above, section, looks)
+    for axes in (laps, success, chatter):
+        axes.set(yticks=range(len(names)), yticklabels=[], ylim=(len(names) - 0.4, -0.6))
+        axes.grid(visible=False, axis="y")
+        axes.tick_params(axis="y", length=0)
+    laps.set_yticklabels(names)
+    figure.suptitle(f"{section.course.name}: {section.setting}", x=0.008, ha="left", fontsize=11)
+
+
+def _draw_laps(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
+    """Draw every attempt's mean lap, a box of the quartiles, and the mean with its interval."""
+    for y, (rows, look) in enumerate(zip(section.rows, looks, strict=True)):
+        laps = np.array([mean_lap(r) for r in rows if r.outcome == FINISHED and r.result["laps"]])
+        if len(laps):
+            _draw_laps_of_variant(axes, y, laps, look)
+        else:
+            _write_across(axes, y, "none finished", look)
+    # Sticky edges of the boxes would cut a point at the edge.
+    axes.use_sticky_edges = False
+    axes.margins(x=0.08)
+    axes.set_title("mean lap of an attempt [s]: dots, quartiles, mean with 95 % interval")
+
+
+def _draw_laps_of_variant(axes: Axes, y: float, laps: np.ndarray, look: Style) -> None:
+    """Draw the laps of one variant: dots below y, the box and the mean above it.  (attempts,)"""
+    spread = np.random.default_rng(0).uniform(-JITTER, JITTER, len(laps))
+    dots = {"color": look.colour, "markersize": 4, "alpha": 0.55, "markeredgewidth": 0}
+    axes.plot(laps, y + 0.16 + spread, "o", **dots)
+
+    box = y - 0.16
+    low, middle, high = np.percentile(laps, QUARTILES)
+    axes.barh(box, high - low, left=low, height=0.2, color=look.colour, alpha=0.25)
+    axes.plot([middle, middle], [box - 0.1, box + 0.1], color=look.colour, linewidth=2)
+
+    mean = mean_interval(laps.tolist())
+    if mean.n > 1:
+        axes.plot([mean.low, mean.high], [box, box], color="black", linewidth=1.6)
+    axes.plot(mean.mean, box, "D", color="black", markersize=5)
+    above = (mean.mean, y - 0.3)
+    axes.annotate(f"{mean.mean:.3f}", above, ha="center", va="bottom", fontsize=9)
+
+
+def _write_across(axes: Axes, y: float, text: str, look: Style) -> None:
+    """Write a text in the middle of a variant's row."""
+    transform = axes.get_yaxis_transform()
+    axes.text(0.5, y, text, transform=transform, ha="center", color=look.colour)
+
+
+def _draw_success(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
+    for y, (variant, look) in enumerate(zip(section.variants, looks, strict=True)):
+        low, high = variant.success_ci
+        share = 100 * variant.finished / variant.attempts
+        axes.barh(y, share, height=0.34, color=look.colour, alpha=0.75)
+        axes.plot([100 * low, 100 * high], [y, y], color="black", linewidth=1.6)
+        axes.text(2, y - 0.3, f"{variant.finished} of {variant.attempts}", va="center", fontsize=9)
+    axes.set(xlim=(0, 103), title="finished [%], 95 % interval")
+
+
+def _draw_chatter(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
+    """Draw thrust variation on a logarithmic axis, as samplers differ by factors."""
+    numbers = []
+    for y, (variant, look) in enumerate(zip(section.variants, looks, strict=True)):
+        commanded = variant.thrust_tv
+        delivered = variant.thrust_tv_delivered
+        numbers += [number for number in (commanded, delivered) if number > 0]
+        axes.plot([delivered, commanded], [y, y], **line(look), linewidth=2.5, alpha=0.5)
+        axes.plot(commanded, y, "o", color=look.colour, markersize=9)
+        hollow = {"color": "white", "markeredgecolor": look.colour, "markersize": 8}
+        axes.plot(delivered, y, "o", **hollow)
+        above = (commanded, y - 0.16)
+        axes.annotate(f"{commanded:.1f}", above, ha="center", va="bottom", fontsize=9)
+    axes.set_xscale("log")
+    if numbers:
+        axes.set_xlim(min(numbers) / 1.5, max(numbers) * 1.5)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(ScalarFormatter())
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_title("thrust variation [m/s$^2$/s]\nfull: commanded, hollow: delivered")
+
+
+def _draw_map(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
+    """Draw the course from above, some paths of each variant and the places of all crashes."""
+    points = section.course.points(frames=False)[:, :2]
+    scale = arrow_scale(points)
+    draw_gates(axes, section.course, PLANE, scale)
+    draw_obstacles(axes, section.course, PLANE, scale)
+    start = {"color": "white", "markeredgecolor": "black", "markersize": 5, "zorder": 6}
+    axes.plot(*points[0], "o", **start)
+    for rows, look, variant in zip(section.rows, looks, section.variants, strict=True):
+        for path in _paths(section, rows):
+            axes.plot(*path.T, **line(look), linewidth=0.8, alpha=0.5, zorder=1)
+        crashes = [r.result["crash"] for r in rows]
+        places = [crash["position"][:2] for crash in crashes if crash is not None]
+        label = f"{variant.name}: {len(places)} crashed"
+        _draw_crashes(axes, np.array(places).reshape(-1, 2), look, label)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_title("from above [m]: some paths, crosses where flights crashed")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.05), ncols=2, fontsize=8)
+
+
+def _draw_crashes(axes: Axes, places: np.ndarray, look: Style, label: str) -> None:
+    """Draw a cross at each place.  (crashes, 2)"""
+    axes.plot(
+        *places.T,
+        "X",
+        color=look.colour,
+        markersize=9,
+        label=label,
+        markeredgecolor="white",
+        markeredgewidth=0.8,
+        alpha=0.9,
+        zorder=7,
+    )
+
+
+def _paths(section: Section, rows: Sequence[Row]) -> Iterator[np.ndarray]:
+    """Yield the paths of the first attempts, finished ones before others.  (frames, 2)"""
+    finished_first = sorted(rows, key=lambda r: (r.outcome != FINISHED, r.seed))
+    for row in finished_first[:PATHS]:
+        # Telemetry may have been removed, or never been kept.
+        with suppress(RunError):
+            columns = load_run(section.home / row.folder).telemetry
+            yield np.column_stack([columns["px"], columns["py"]])

@@ -1,0 +1,83 @@
+"""`race compare`: variants against each other, and the flags that all campaigns share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from msgspec import Meta
+from rich.markup import escape
+
+from quadsim.campaign.compare import comparison, identity, write_report
+from quadsim.campaign.runner import Runner
+from quadsim.campaign.variants import make_variants, parse_variants
+from quadsim.cli.flags import Given, Help, Json, Switch, settings_as_flags
+from quadsim.console import UsageError, emit, emit_json
+from quadsim.record.run import RunError
+from quadsim.record.whole_files import expect_file, expect_writable
+
+CAMPAIGN = "campaigns/race.sqlite"
+Campaign = Annotated[str, Help("FILE.sqlite where attempts are kept")]
+Jobs = Annotated[
+    Annotated[int, Meta(ge=1)] | None, Help("attempts at once; default: one for each core")
+]
+Scheduler = Annotated[
+    str | None, Help("tcp://HOST:PORT of a Dask cluster; default: processes of this machine")
+]
+
+
+def compare(
+    *courses: Annotated[str, Help("a name (see `race courses`) or a FILE.yaml")],
+    variants: Annotated[
+        str, Help("samplers, or NAME=preset+flag=value+..., joined by commas")
+    ] = "gaussian,colored",
+    attempts: Annotated[
+        int, Meta(ge=1, le=100_000), Help("flights of each variant on each course")
+    ] = 10,
+    jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    campaign: Campaign = CAMPAIGN,
+    this_commit: Annotated[bool, Switch("count only attempts that this commit has flown")] = False,
+    out: Annotated[
+        str | None, Help("folder of Markdown and figures; default: beside the campaign")
+    ] = None,
+    json: Json = False,
+    settings: Given = None,
+) -> int:
+    """Fly variants against each other and report differences with intervals.
+
+    Which one is faster, safer, smoother, and by how much? Attempt i of every
+    variant flies seed --seed + i: the same start, gusts and vehicle under
+    --randomize. Every flag of `race fly` holds for all variants. What has been
+    flown before is not flown again.
+
+    race compare paper_flat --preset paper --attempts 100 --randomize 1
+
+    race compare split_s_swift
+    --variants colored,soft=race+target-ess=200,wild=gaussian+sigma=3:3:.6:6
+    """
+    if not courses:
+        raise UsageError("expected one COURSE or more, got none (race courses lists them)")
+    with settings_as_flags():
+        made = make_variants(courses, parse_variants(variants), settings or {})
+    path = Path(campaign)
+    expect_file(path)
+    report = Path(out) if out else path.with_name(f"{path.stem}.report")
+    expect_writable(report)
+
+    with Runner(path, jobs, scheduler, this_commit) as runner:
+        rows = runner(made, attempts)
+    found = comparison(made, rows, path.parent)
+    if not found.sections:
+        raise RunError("no attempt was flown: nothing to compare")
+
+    # What was found is printed first, as drawing may take some seconds.
+    if json:
+        emit_json(found.as_json() | {"campaign": campaign})
+    else:
+        emit(*found.renderables())
+    files = write_report(found, report, identity(made, attempts))
+    if not json:
+        emit("", *(f"[dim]{escape(str(file))}[/]" for file in files))
+    complete = all(len(of_variant) == attempts for of_variant in rows)
+    return 0 if complete else 1

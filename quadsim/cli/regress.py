@@ -1,0 +1,127 @@
+"""`race regress`: fly a baseline's flights again and report whether the racer got worse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import fmean
+from typing import Annotated
+
+from rich.markup import escape
+
+from quadsim.campaign.baseline import (
+    Baseline,
+    Stored,
+    Verdict,
+    baseline_text,
+    baseline_variant,
+    fly_baselines,
+    judge,
+    load_baseline,
+)
+from quadsim.campaign.pool import open_pool
+from quadsim.campaign.tables import TextTable, as_table
+from quadsim.campaign.variants import Settings, Variant
+from quadsim.cli.compare import Jobs, Scheduler
+from quadsim.cli.flags import Given, Help, Json, Switch, settings_as_flags
+from quadsim.console import UsageError, emit, emit_json
+from quadsim.record.whole_files import write_whole
+
+COLUMNS: dict[str, Callable[[Verdict], str]] = {
+    "": lambda v: v.name,
+    "then": lambda v: f"{v.stored:.4g}",
+    "now": lambda v: f"{v.now:.4g}",
+    "worse by": lambda v: f"{100 * v.worse:+.2f} %",
+    "at most (95 %)": lambda v: f"{100 * v.bound:+.2f} %",
+    "allowed": lambda v: f"{100 * v.effect:.3g} %",
+    "false alarms <": lambda v: f"{100 * v.unchanged_fails:.2g} %",
+}
+
+
+@dataclass(frozen=True)
+class Found:
+    """How one baseline was flown now."""
+
+    path: Path
+    baseline: Baseline
+    now: Stored
+    verdicts: list[Verdict]  # none where nothing was stored yet
+
+
+def regress(
+    *baselines: Annotated[str, Help("FILE.yaml")],
+    regen: Annotated[bool, Switch("store what is flown now, and print what changed")] = False,
+    jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    json: Json = False,
+    settings: Given = None,
+) -> int:
+    """Fly what baseline files describe, and fail where the racer got worse.
+
+    It fails where success, lap time or chatter is worse by more than the
+    file's effects. Flags of `race fly` are added: does this change make it
+    slower?
+
+    race regress tests/lap_times/*.yaml
+
+    race regress mine.yaml --preset tuned.yaml
+
+    A new baseline: write FILE.yaml with two lines, course: figure8 and
+    variant: race+laps=1, then race regress FILE.yaml --regen
+    """
+    if not baselines:
+        raise UsageError("expected one FILE.yaml or more, got none")
+    paths = [Path(name) for name in baselines]
+    files = [load_baseline(path) for path in paths]
+    variants = [
+        _variant(path, baseline, settings or {})
+        for path, baseline in zip(paths, files, strict=True)
+    ]
+    for path, baseline in zip(paths, files, strict=True):
+        if baseline.stored is None and not regen:
+            raise UsageError(f"{path}: nothing stored yet: race regress {path} --regen")
+    with open_pool(jobs, scheduler) as pool:
+        flown = fly_baselines(pool, variants, [baseline.attempts for baseline in files])
+
+    found = []
+    for path, baseline, now in zip(paths, files, flown, strict=True):
+        verdicts = judge(baseline.stored, now, baseline.effects) if baseline.stored else []
+        found.append(Found(path, baseline, now, verdicts))
+    if json:
+        emit_json([_as_json(one) for one in found])
+    else:
+        for one in found:
+            _print(one)
+    if regen:
+        for one in found:
+            write_whole(one.path, baseline_text(one.baseline, one.now).encode())
+        return 0
+    worse = [verdict for one in found for verdict in one.verdicts if not verdict.ok]
+    return 1 if worse else 0
+
+
+def _variant(path: Path, baseline: Baseline, settings: Settings) -> Variant:
+    """Return what a file flies. Raises UsageError, which names the file."""
+    try:
+        with settings_as_flags():
+            return baseline_variant(path.stem, baseline, settings)
+    except ValueError as error:
+        raise UsageError(f"{path}: {error}") from None
+
+
+def _as_json(found: Found) -> dict:
+    verdicts = [asdict(verdict) | {"ok": verdict.ok} for verdict in found.verdicts]
+    return {"file": str(found.path), "verdicts": verdicts}
+
+
+def _print(found: Found) -> None:
+    baseline = found.baseline
+    emit(f"[bold]{escape(str(found.path))}[/]  {escape(f'{baseline.course} {baseline.variant}')}")
+    if found.verdicts:
+        marks = [f"{v.name} {'[green]ok[/]' if v.ok else '[red]WORSE[/]'}" for v in found.verdicts]
+        emit(as_table(TextTable.of(found.verdicts, COLUMNS)), " ".join(marks), "")
+        return
+    finished = [lap for lap in found.now.laps if lap is not None]
+    lap = f", lap {fmean(finished):.3f} s" if finished else ""
+    emit(f"new: {len(finished)}/{len(found.now.laps)} finished{lap}", "")

@@ -1,0 +1,120 @@
+"""`race results`: what campaigns have stored, listed, filtered and compared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from fnmatch import fnmatch
+from itertools import combinations
+from math import isfinite
+from typing import Annotated
+
+from rich.console import RenderableType
+from rich.markup import escape
+
+from quadsim.campaign.results import Group, find, stored
+from quadsim.campaign.summary_stats import PairStats, pair_stats
+from quadsim.campaign.tables import PAIRS, TextTable, as_table, number, short
+from quadsim.cli.compare import CAMPAIGN
+from quadsim.cli.flags import Help, Json
+from quadsim.console import UsageError, emit, emit_json
+
+ABOVE_LIMIT = "above [%]"  # the median race, above the best known limit
+COLUMNS: dict[str, Callable[[Group], str]] = {
+    "id": lambda g: g.id,
+    "variant": lambda g: g.first.name,
+    "course": lambda g: g.first.course,
+    "vehicle": lambda g: g.first.vehicle,
+    "rnd": lambda g: f"{g.first.randomize:g}",
+    "seeds": lambda g: g.seeds,
+    "done": lambda g: f"{g.stats.finished}/{g.stats.attempts}",
+    "lap [s]": lambda g: number(g.stats.lap_mean),
+    ABOVE_LIMIT: lambda g: number(100.0 * g.stats.above_limit, ".1f"),
+    "thrust": lambda g: number(g.stats.thrust_tv, ".1f"),
+    "commit": lambda g: short(g.first.code),
+}
+TEXTS = ("variant", "course", "vehicle")  # columns of text
+# Columns that stand above the table where all groups share the cell, with their names there.
+SHARED = {"course": "course", "vehicle": "vehicle", "rnd": "randomized", "commit": "commit"}
+
+
+def results(
+    *ids: Annotated[str, Help("first digits of variants; ID@COMMIT is one commit's")],
+    campaigns: Annotated[tuple[str, ...], Help("files to look in", consume_multiple=True)] = (
+        CAMPAIGN,
+    ),
+    course: Annotated[str, Help("pattern of the courses to list")] = "*",
+    sampler: Annotated[str, Help("pattern of the samplers to list")] = "*",
+    vehicle: Annotated[str, Help("pattern of the vehicles to list")] = "*",
+    commit: Annotated[str, Help("first digits of the commit that flew")] = "",
+    json: Json = False,
+) -> int:
+    """List what is stored, one line for each variant and the commit that flew it.
+
+    Two or more ids compare them.
+
+    race results --course 'split_s*' --sampler colored
+
+    race results 3fa91c 8b02d7 --campaigns monday.sqlite campaigns/race.sqlite
+    """
+    groups = [
+        group
+        for group in stored(campaigns)
+        if fnmatch(group.first.course, course)
+        and fnmatch(group.first.sampler, sampler)
+        and fnmatch(group.first.vehicle, vehicle)
+        and fnmatch(group.first.code, f"{commit}*")
+    ]
+    pairs: list[PairStats] = []
+    if ids:
+        groups = [_find(groups, wanted) for wanted in ids]
+        pairs = [
+            pair_stats(a.label, b.label, a.rows, b.rows)
+            for a, b in combinations(groups, 2)
+            if a.first.course == b.first.course
+        ]
+    if json:
+        variants = [asdict(g.stats) | {"id": g.id, "seeds": g.seeds} for g in groups]
+        found = {"variants": variants, "pairs": [asdict(pair) for pair in pairs]}
+        emit_json(found | {"campaigns": list(campaigns)})
+        return 0
+    emit(*results_table(groups))
+    if pairs:
+        emit("", as_table(TextTable.of(pairs, PAIRS)))
+        if len({group.first.code for group in groups}) > 1:
+            emit("", escape("MIXED COMMITS: " + ", ".join(group.label for group in groups)))
+    return 0
+
+
+def _find(groups: Sequence[Group], wanted: str) -> Group:
+    try:
+        return find(groups, wanted)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+
+
+def results_table(groups: Sequence[Group], width: int | None = None) -> Iterator[RenderableType]:
+    """Yield one table, and above it what all groups share, so that the table is not so wide.
+
+    Args:
+        groups: a row for each.
+        width: columns of the terminal; None: of this one.
+    """
+    if not groups:
+        yield "no stored attempt matches"
+        return
+    left_out = set()
+    above = []
+    for head, name in SHARED.items():
+        cells = {COLUMNS[head](group) for group in groups}
+        if len(cells) == 1:
+            left_out.add(head)
+            above.append(f"{name} {cells.pop()}")
+    if above:
+        yield escape(", ".join(above))
+        yield ""
+    if not any(isfinite(group.stats.above_limit) for group in groups):
+        left_out.add(ABOVE_LIMIT)
+    columns = {head: cell for head, cell in COLUMNS.items() if head not in left_out}
+    texts = tuple(i for i, head in enumerate(columns) if head in TEXTS)
+    yield as_table(TextTable.of(groups, columns, texts), width)

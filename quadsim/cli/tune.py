@@ -1,0 +1,119 @@
+"""`race tune`: search a planner's parameters for the fastest lap that is still safe."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from msgspec import Meta
+from rich.console import RenderableType
+from rich.markup import escape
+
+from quadsim.campaign.parameters import GROUPS, Group, parameters, preset_text, with_parameters
+from quadsim.campaign.tables import TextTable, as_table
+from quadsim.campaign.variants import Variant, resolve
+from quadsim.cli.compare import CAMPAIGN, Campaign, Jobs, Scheduler
+from quadsim.cli.flags import Given, Help, Json, settings_as_flags
+from quadsim.console import UsageError, complain, emit, emit_json
+from quadsim.files.extras import needs_extra
+from quadsim.record.whole_files import expect_file, expect_writable, write_whole
+
+if TYPE_CHECKING:  # these load optuna, for which --help does not wait
+    from quadsim.campaign.search import FlownTrial
+    from quadsim.campaign.tune import Tuned
+
+
+def tune(
+    course: Annotated[str, Help("a name (see `race courses`) or a FILE.yaml")] = "split_s_swift",
+    /,
+    *,
+    trials: Annotated[
+        int, Meta(ge=1, le=100_000), Help("planners to try, the one to start from included")
+    ] = 50,
+    attempts: Annotated[int, Meta(ge=1, le=1000), Help("flights of each trial")] = 4,
+    floor: Annotated[float, Meta(ge=0, le=1), Help("share of the attempts that must finish")] = 1.0,
+    search: Annotated[
+        tuple[Group, ...], Help("groups of parameters", consume_multiple=True)
+    ] = GROUPS,
+    out: Annotated[str, Help("FILE.yaml of the preset, for race fly --preset")] = "tuned.yaml",
+    jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    campaign: Campaign = CAMPAIGN,
+    json: Json = False,
+    settings: Given = None,
+) -> int:
+    """Search for the fastest mean lap at a success of at least --floor.
+
+    Below the floor, attempts that do not finish count as their time limit. The
+    best few trials fly again on fresh seeds, and the best of those becomes the
+    preset file. Every flag of `race fly` holds. The same command goes on where
+    it was; more --trials go on from there.
+
+    race tune split_s_swift --trials 200 --randomize 1 --out fast.yaml
+
+    race tune paper_flat --preset paper --search sigma temperature
+    """
+    expect_file(Path(out))
+    expect_writable(Path(out).parent)
+    with settings_as_flags():
+        base = Variant("base", resolve(course, settings or {}))
+    sampler = base.spec.sampler
+    space = list(parameters(base.spec.planner, search))
+    if not space:
+        raise UsageError(f"--search: {' '.join(search)}: nothing to search for {sampler} sampling")
+    if find_spec("optuna") is None:
+        raise UsageError(needs_extra("optuna", "tune"))
+    from quadsim.campaign.tune import Goal, summary
+    from quadsim.campaign.tune import tune as run_search
+
+    goal = Goal(trials, attempts, floor)
+    tuned = run_search(base, space, goal, Path(campaign), jobs, scheduler)
+    if not tuned.finals or not tuned.finals[0].stats.finished:
+        complain(f"race tune: no attempt finished on fresh seeds: {out} is not written")
+        return 1
+
+    best = tuned.finals[0]
+    planner = with_parameters(base.spec.planner, best.parameters)
+    comment = (
+        f"race tune {course}, {sampler} sampling: {best.stats.name} of {tuned.trials}.\n"
+        f"On fresh seeds {summary(best.stats)}; randomized {base.spec.randomize:g}."
+    )
+    write_whole(Path(out), preset_text(planner, base.spec.preset, comment).encode())
+    if json:
+        emit_json(_as_json(tuned, out))
+        return 0
+    emit("Pareto front of the trials: lap time, success, thrust variation", "")
+    emit(_front_table(tuned.front, attempts))
+    finals = [f"  {escape(summary(finalist.stats))}" for finalist in tuned.finals]
+    emit("", "The best trials on fresh seeds:", *finals, "")
+    emit(f"{escape(out)}: race fly {course} --preset {escape(out)} --sampler {sampler}")
+    return 0
+
+
+def _as_json(tuned: Tuned, out: str) -> dict:
+    front = [
+        {"trial": trial.number, **asdict(trial.stats), "params": trial.parameters}
+        for trial in tuned.front
+    ]
+    return {
+        "preset": out,
+        "finals": [finalist.as_json() for finalist in tuned.finals],
+        "pareto": front,
+        "trials": tuned.trials,
+    }
+
+
+def _front_table(front: list[FlownTrial], attempts: int) -> RenderableType:
+    def given(trial: FlownTrial) -> str:
+        return ", ".join(f"{name} {value:.3g}" for name, value in trial.parameters.items())
+
+    columns = {
+        "trial": lambda t: str(t.number),
+        "finished": lambda t: f"{t.stats.finished}/{attempts}",
+        "lap [s]": lambda t: f"{t.stats.lap:.3f}",
+        "thrust": lambda t: f"{t.stats.thrust_tv:.1f}",
+        "parameters": given,
+    }
+    return as_table(TextTable.of(front, columns, texts=(4,)))
