@@ -15,7 +15,7 @@ from functools import lru_cache
 from hashlib import sha256
 from typing import NotRequired, TypedDict
 
-from quadsim.record.metrics import accumulated_cost, chatter
+from quadsim.record.metrics import chatter
 from quadsim.record.provenance import provenance
 from quadsim.record.run import PlanTime, Recorder, Run, canonical, system_of
 from quadsim.record.turning_back import TurnedBack, turned_back
@@ -111,7 +111,6 @@ class Result(TypedDict):
     laps: list[float]  # [s]
     crash: Crash | None
     fault: str | None  # the planner's error
-    cost: NotRequired[float | None]  # accumulated, a double integrator's
     thrust_tv: Variation | None
     rates_tv: NotRequired[Variation | None]  # of the body rates [rad/s^2]
     turned_back: NotRequired[list[TurnedBack]]
@@ -128,7 +127,6 @@ def result(flown: Flown) -> Result:
         "laps": run.laps,
         "crash": _crash(run) if run.outcome == "crashed" else None,
         "fault": flown.fault,
-        "cost": accumulated_cost(run),
         **of_telemetry(run),
         "plan_ms": run.wall["plan_ms"],
         "real_time_factor": run.wall["real_time_factor"],

@@ -46,10 +46,10 @@ COMMANDS = {  # name -> module and function, what it does
         "regression test for lap times, success and chatter",
     ),
     "bench": (
-        "quadsim.bench.bench:bench",
+        "quadsim.cli.bench:bench",
         "planning time on this machine; compare with pytorch-mppi and JAX",
     ),
-    "paper": ("quadsim.paper.command:paper", "reproduce the paper's tables and figures"),
+    "paper": ("quadsim.cli.paper:paper", "reproduce the paper's tables and figures"),
 }
 HELP = """usage: race COMMAND [FLAGS]
 

@@ -80,7 +80,7 @@ def _names(kind: str, words: Sequence[str]) -> Iterable[str]:
 
         return ["last", *(run.name for run in list_runs(last_said(words, "--runs-dir", "runs")))]
     if kind == "experiments":
-        from quadsim.paper.command import NAMES
+        from quadsim.cli.paper import NAMES
 
         return NAMES
     from controllers.presets import PRESETS

@@ -12,12 +12,13 @@ from rich.markup import escape
 from rich.padding import Padding
 
 from quadsim.cli.model_differences import differing, model_table
-from quadsim.cli.report_systems import report_of
+from quadsim.cli.report_tables import chatter_table, incident_table, lap_tables, published_table
 from quadsim.console import emit, emit_json, width
+from quadsim.course import parse_course
 from quadsim.record.estimate_metrics import sensing_numbers
 from quadsim.record.limits import LIMITS, Limit, limit_of
 from quadsim.record.metrics import chatter, missed_deadlines, splits
-from quadsim.record.run import INTERACTIVE, Run, flown_with, not_comparable, own_parts, system_of
+from quadsim.record.run import INTERACTIVE, Run, flown_with, not_comparable, own_parts
 from quadsim.record.turning_back import turned_back
 
 COLOUR = {"finished": "green", "crashed": "red"}  # of an outcome; any other is yellow
@@ -33,17 +34,21 @@ def present(run: Run, folder: Path | None, as_json: bool) -> None:
 
 
 def report(run: Run, folder: Path | None, columns: int) -> Iterator[RenderableType]:
-    system = report_of(run)
-    yield from _head(run, system.progress(run), known_limit(run, folder))
-    parts = [*system.results(run, columns - 2), system.chatter(run), _planning(run)]
+    course = parse_course(run.spec["course_text"], run.spec["course"])
+    yield from _head(run, known_limit(run, folder))
+    parts = [*lap_tables(run, len(course.gates), columns - 2), incident_table(run)]
+    if turns := _turned_back(run):
+        parts.append(turns)
+    parts += [chatter_table(run), _planning(run)]
     if seen := _sensing(run):
         parts.append(seen)
-    if system_of(run.spec) and not run.spec.get("pilot"):
+    if not run.spec.get("pilot"):
         parts.append(model_table(run.spec))
     if own := own_parts(run.spec):
         named = ", ".join(f"{role} {escape(name)}" for role, name in own.items())
         parts.append(f"[dim]own parts[/]  {named}: run.json alone cannot fly it again")
-    for part in (*parts, *system.comparison(run)):
+    parts.append(published_table(run, course))
+    for part in parts:
         yield ""
         yield Padding(part, (0, 0, 0, 2), expand=False)
     yield ""
@@ -56,9 +61,17 @@ def known_limit(run: Run, folder: Path | None) -> Limit | None:
     return limit_of(run.spec, *([folder.parent / LIMITS] if folder else []))
 
 
-def _head(run: Run, progress: str, limit: Limit | None) -> Iterator[str]:
+def _turned_back(run: Run) -> str:
+    """Where the vehicle overshot a gate and returned; empty where it never did."""
+    places = [
+        f"gate {turn['gate']} (lap {turn['lap']}, {turn['t']:.2f} s)" for turn in turned_back(run)
+    ]
+    return f"[yellow]turned back[/] to {', '.join(places)}" if places else ""
+
+
+def _head(run: Run, limit: Limit | None) -> Iterator[str]:
     spec, colour = run.spec, COLOUR.get(run.outcome, "yellow")
-    reached = f"{progress}, {run.duration:.3f} s" if progress else f"{run.duration:.3f} s"
+    reached = f"{len(run.laps)} of {spec['laps']} laps, {run.duration:.3f} s"
     yield f"[bold]{escape(spec['course'])}[/]  [bold {colour}]{run.outcome}[/]  {reached}"
     randomized = f", randomized {spec['randomize']:g}" if spec.get("randomize") else ""
     displaced = (
@@ -117,7 +130,6 @@ def summary(run: Run, folder: Path | None) -> dict:
     run_dir is null when the run could not be stored."""
     spec, finished, limit = run.spec, run.outcome == "finished", known_limit(run, folder)
     return {
-        "system": spec.get("system", "quadrotor"),
         **{name: spec[name] for name in ("course", "sampler", "preset")},
         "vehicle": spec["vehicle"]["name"],
         "seed": spec["seed"],
@@ -131,7 +143,6 @@ def summary(run: Run, folder: Path | None) -> dict:
         and {"time": limit.time, "above": limit.above(run.duration) if finished else None},
         "turned_back": turned_back(run),
         "events": [e.record() for e in run.events],
-        **report_of(run).numbers(run),
         "chatter": chatter(run),
         "model_differs": differing(spec),
         "sensing": sensing_numbers(run),

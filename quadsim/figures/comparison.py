@@ -16,10 +16,8 @@ from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from quadsim.campaign.store import Row
 from quadsim.campaign.summary_stats import FINISHED, Section
-from quadsim.course import Course
 from quadsim.figures.run_figure import arrow_scale, draw_gates, draw_obstacles
 from quadsim.figures.style import STYLE, line
-from quadsim.figures.system_figure import draw_place
 from quadsim.palette import Style, styles
 from quadsim.record.archive import load_run
 from quadsim.record.run import RunError
@@ -154,13 +152,10 @@ def _draw_chatter(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
 
 def _draw_map(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     """The course from above, with some paths of each variant and the places of all crashes."""
-    if isinstance(section.course, Course):
-        points = section.course.points(frames=False)[:, :2]
-        draw_gates(axes, section.course, (0, 1), arrow_scale(points))
-        draw_obstacles(axes, section.course, (0, 1), arrow_scale(points))
-        axes.plot(*points[0], "o", color="white", markeredgecolor="black", markersize=5, zorder=6)
-    else:
-        draw_place(axes, section.course)
+    points = section.course.points(frames=False)[:, :2]
+    draw_gates(axes, section.course, (0, 1), arrow_scale(points))
+    draw_obstacles(axes, section.course, (0, 1), arrow_scale(points))
+    axes.plot(*points[0], "o", color="white", markeredgecolor="black", markersize=5, zorder=6)
     for rows, look, variant in zip(section.rows, looks, section.variants, strict=True):
         for path in _paths(section, rows):
             axes.plot(*path.T, **line(look), linewidth=0.8, alpha=0.5, zorder=1)
@@ -186,5 +181,4 @@ def _paths(section: Section, rows: Sequence[Row]) -> Iterator[np.ndarray]:
     for row in sorted(rows, key=lambda r: (r.outcome != FINISHED, r.seed))[:PATHS]:
         with suppress(RunError):  # telemetry may have been removed
             x = load_run(section.home / row.folder).telemetry
-            if {"px", "py"} <= x.keys():
-                yield np.column_stack([x["px"], x["py"]])
+            yield np.column_stack([x["px"], x["py"]])

@@ -1,46 +1,58 @@
-"""A run on one page; a quadrotor's path from above and from the side, thrust, body rates, the
-thrust's spectrum."""
+"""A run on one page: the path from above and from the side, thrust, body rates, and spectrum."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patheffects import withStroke
 
 from quadsim.course import Course, Gate, parse_course
 from quadsim.course.opening import outer_half_sizes
 from quadsim.figures.style import STYLE, line
-from quadsim.figures.system_figure import (
-    COMMANDED,
-    FEWEST,
-    draw_events,
-    draw_path,
-    draw_system,
-    title,
-)
-from quadsim.palette import FINE, FRAME, INK, LIMIT, MARK, style
+from quadsim.palette import FINE, FRAME, HIT, INK, LIMIT, MARK, style
 from quadsim.record.limits import Limit
 from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
-from quadsim.record.run import Run, system_of
+from quadsim.record.run import Run, flown_with, not_comparable
 
 NUMBER: dict[str, Any] = {"ha": "center", "va": "center", "weight": "bold", "zorder": 6}
 NUMBER["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]
-DELIVERED = 0.8  # width of lines, less than COMMANDED: both are seen where they agree
+COMMANDED = 2.0  # width of lines
+DELIVERED = 0.8  # less than COMMANDED: both are seen where they agree
+FEWEST = 16  # frames of a spectrum
+LAPS_IN_TITLE = 6
+
+
+class Mark(NamedTuple):
+    """How the events of a kind are drawn."""
+
+    marker: str
+    colour: str
+    label: str
+    size: int = 11
+
+
+MARKS = {  # by kind of event
+    "hit": Mark("X", HIT, "hit"),
+    "ground": Mark("P", HIT, "ground"),
+    "bounds": Mark("s", HIT, "out of bounds"),
+    "stuck": Mark("s", HIT, "stuck"),
+    "miss": Mark("v", INK, "miss"),
+    "wrong_way": Mark("<", INK, "wrong way"),
+    "pass": Mark(".", INK, "passed", size=7),
+}
 
 
 def draw(run: Run, limit: Limit | None = None) -> Figure:
     """limit: the best known one of the run's race, whose path is drawn as well."""
     with rc_context(STYLE):
         figure = Figure(figsize=(15, 9.5), dpi=130, layout="constrained")
-        if system_of(run.spec) == "quadrotor":
-            _draw_race(figure, run, limit)
-        else:
-            draw_system(figure, run)
+        _draw_race(figure, run, limit)
         figure.suptitle(title(run), x=0.012, ha="left", fontsize=12)
     return figure
 
@@ -88,6 +100,64 @@ def draw_views(figure: SubFigure, run: Run, course: Course, limit: Limit | None 
     below.axhline(0.0, color=MARK, linewidth=1.0)
     below.set_ylim(-0.3, float(extent[:, 2].max()) + 0.8)
     figure.colorbar(lines, ax=[top, below], label="speed [m/s]", aspect=50, pad=0.01)
+
+
+def title(run: Run) -> str:
+    """Return the title of a run: its outcome and laps, and what it was flown with."""
+    shown = [f"{t:.3f} s" for t in run.laps[:LAPS_IN_TITLE]]
+    if len(run.laps) > LAPS_IN_TITLE:
+        shown.append("...")
+    laps = f", laps {', '.join(shown)}" if shown else ""
+    lines = (
+        f"{run.spec['course']}: {run.outcome}{laps}",
+        flown_with(run.spec),
+        not_comparable(run.spec),
+    )
+    return "\n".join(line for line in lines if line)
+
+
+def draw_path(axes: Axes, points: np.ndarray, speed: np.ndarray) -> LineCollection:
+    """Draw a path coloured by speed, fast is bright, with one scale for all laps.
+
+    Args:
+        axes: to draw on.
+        points: places [m]  (frames, 2).
+        speed: at these places [m/s]  (frames,).
+
+    Returns:
+        The lines, for a bar of colours.
+    """
+    segments = np.stack([points[:-1], points[1:]], axis=1)  # (frames - 1, 2, 2)
+    lines = LineCollection(list(segments), cmap="plasma", linewidths=1.8, capstyle="round")
+    lines.set_array(speed[:-1])
+    lines.set_clim(0.0, max(float(speed.max(initial=0.0)), 1.0))
+    axes.add_collection(lines)
+    axes.plot(
+        *points[:1].T,
+        marker="o",
+        color="white",
+        markeredgecolor="black",
+        markersize=6,
+        label="start",
+    )
+    return lines
+
+
+def draw_events(axes: Axes, run: Run, plane: tuple[int, int]) -> None:
+    """Draw a mark at each event. plane: world axes."""
+    for kind, mark in MARKS.items():
+        places = np.array([event.position for event in run.events if event.kind == kind])
+        if not len(places):
+            continue
+        axes.plot(
+            *places[:, plane].T,
+            mark.marker,
+            color=mark.colour,
+            label=mark.label,
+            markersize=mark.size,
+            markeredgecolor="white",
+            zorder=5,
+        )
 
 
 def arrow_scale(points: np.ndarray) -> float:

@@ -10,11 +10,7 @@ from math import pi, sqrt
 
 import numpy as np
 
-from controllers.costs import evaluate
-from controllers.costs.quadratic import QuadraticWeights, quadratic_cost
-from quadsim.course.point_goal import parse_point_goal
 from quadsim.dynamics.first_order import remaining
-from quadsim.paper.double_integrator import State
 from quadsim.race.events import sector_times
 from quadsim.record.run import Run, system_of, units_of
 
@@ -131,22 +127,6 @@ def high_frequency_fraction(t: np.ndarray, u: np.ndarray, corner: float) -> floa
 def splits(run: Run) -> list[list[float]]:
     """Flown seconds from gate to gate, one list a lap."""
     return sector_times(run.events)
-
-
-def accumulated_cost(run: Run) -> float | None:
-    """Of a double integrator, over the states that were reached: Table II of Vlahov et al. 2024;
-    None of others."""
-    return sum(cost_terms(run).values()) if system_of(run.spec) == "double_integrator" else None
-
-
-def cost_terms(run: Run) -> dict[str, float]:
-    """The terms of a double integrator's quadratic cost, each summed over the states that were
-    reached."""
-    goal = parse_point_goal(run.spec["course_text"], run.spec["course"]).goal
-    cost = quadratic_cost(goal, QuadraticWeights(**run.spec["planner"]["cost"]))
-    x = State._make(run.telemetry[name][1:] for name in State._fields)  # the first state was given
-    terms = evaluate(cost, x, x, (), goal).terms
-    return {name: float(np.sum(term)) for name, term in terms.items()}
 
 
 def missed_deadlines(run: Run) -> int:

@@ -12,11 +12,9 @@ import numpy as np
 
 from controllers.costs import Cost, Term
 from controllers.samplers import SAMPLERS, PlainSampler
-from quadsim.dynamics import System
 from quadsim.files.yaml_words import did_you_mean
-from quadsim.physics.plant import ModelPlant
 from quadsim.spec.settings import SettingError
-from quadsim.spec.systems import SYSTEMS, SystemEntry
+from quadsim.spec.systems import SystemEntry
 
 # what such an object has
 OWN = {"cost": "terms", "plant": "step", "controller": "control", "referee": "observe"}
@@ -196,26 +194,3 @@ def plain(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
     return _name(value if _is_maker(value) else type(value))
-
-
-@dataclass(frozen=True)
-class Task:
-    """The place where a system of the user's own is controlled."""
-
-    name: str
-    text: str = ""
-    laps = 1
-
-
-def own_system(system: System, start: tuple[float, ...]) -> SystemEntry:
-    """The entry of a system of the user's own, which is its own world from the state `start` on."""
-    return replace(
-        SYSTEMS["double_integrator"],
-        name=system.name,
-        states=dict.fromkeys(system.states, "1"),
-        controls=dict.fromkeys(system.controls, "1"),
-        system=lambda model, dt: replace(system, dt=dt),
-        cost=lambda spec: spec.own.cost,
-        start=lambda spec: start,
-        plant=lambda spec, streams: ModelPlant(replace(system, dt=spec.plant_dt), start),
-    )

@@ -10,27 +10,19 @@ from typing import Any
 
 from msgspec import inspect
 
-from controllers.config import MPPIConfig
-from controllers.costs import Cost
 from controllers.costs.reference import ReferenceWeights
 from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner, faults
 from controllers.samplers import SAMPLERS
 from quadsim.course import Course
-from quadsim.course.corridor import Corridor
-from quadsim.course.point_goal import PointGoal
-from quadsim.dynamics import System
 from quadsim.files.yaml_words import did_you_mean
 from quadsim.physics.plant import default_plant
 from quadsim.race.flight import whole_multiple
 from quadsim.sensing import PERFECT, Sensing, load_sensing
 from quadsim.spec.own_parts import (
-    Task,
     own_parts,
-    own_system,
     sampler_name,
     sampler_object,
-    with_sample,
 )
 from quadsim.spec.preset_file import load_planner
 from quadsim.spec.reference import stored_reference
@@ -46,8 +38,6 @@ def resolve(course: Any = None, **given: Any) -> dict[str, Any]:
     course: a name, a FILE.yaml, or a course object. A sampler, cost, system, plant, controller or
     referee may be an object of the user's own. Raises SettingError, FileError.
     """
-    if isinstance(given.get("system"), System):
-        return _of_own_system(**given)
     own = own_parts(given)
     sampling = sampler_object(given["sampler"]) if "sampler" in given else None
     if sampling is not None:
@@ -172,39 +162,6 @@ def _sensing(f: FlightSettings, system: str) -> Sensing | None:
     return None if sensing.exact else sensing
 
 
-def _of_own_system(
-    system: System, sampler: Any = None, start: Any = (), **given: Any
-) -> dict[str, Any]:
-    """A system of the user's own, which is its own world; the flight ends after `timeout` [s]."""
-    own = own_parts(given)
-    if not isinstance(own.cost, Cost):
-        raise SettingError(
-            "cost", f"expected a controllers.costs.Cost for a system of one's own, got {own.cost!r}"
-        )
-    one_each = inspect.TupleType((inspect.FloatType(),) * len(system.states))
-    entry, place = own_system(system, checked(one_each, "start", start)), Task(system.name)
-    f = _flight_settings(given)
-    if f.timeout is None:
-        raise SettingError("timeout", "expected a number [s] for a system of one's own, got None")
-    planner, _ = _planned(
-        Planner(system.name, with_sample(sampler), MPPIConfig(dt=system.dt), None), (), given, entry
-    )
-    return _as_given(f) | {
-        "system": system.name,
-        "course": place,
-        "vehicle": place,
-        "sampler": sampler_name(sampler),
-        "preset": "own",
-        "planner": planner,
-        "model": system,
-        "laps": 1,
-        "timeout": f.timeout,
-        "penalties": False,
-        "plant_dt": f.plant_dt or system.dt,
-        "own": replace(own, system=entry),
-    }
-
-
 def _flight_settings(given: dict[str, Any]) -> FlightSettings:
     """Those of `given`, which are taken out of it."""
     kinds = {f.name: f.type for f in inspect.type_info(FlightSettings).fields}  # pyright: ignore
@@ -222,7 +179,7 @@ def _as_given(f: FlightSettings) -> dict[str, Any]:
 def _system_of(course: Any) -> str:
     if isinstance(course, str | Path):
         return system_of_course(str(course))
-    systems = {Course: "quadrotor", Corridor: "offroad", PointGoal: "double_integrator"}
+    systems = {Course: "quadrotor"}
     if type(course) not in systems:
         raise SettingError("course", f"expected a name, a FILE.yaml or a Course, got {course!r}")
     return systems[type(course)]

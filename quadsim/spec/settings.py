@@ -42,7 +42,7 @@ class FlightSettings:
 
     system: (
         Annotated[
-            Literal["quadrotor", "offroad", "double_integrator"],
+            Literal["quadrotor"],
             setting("default: the one the course is for"),
         ]
         | None

@@ -8,35 +8,24 @@ serve every system. A new system is a file in quadsim/dynamics, a cost, presets 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from controllers.costs import Cost
-from controllers.costs.corridor import corridor_cost
-from controllers.costs.quadratic import quadratic_cost
 from controllers.costs.race import race_cost
 from controllers.costs.race_view import with_view
 from controllers.costs.reference import ReferenceWeights, reference_cost
-from controllers.paper_presets import DOUBLE_INTEGRATOR, OFFROAD
 from controllers.presets import PRESETS, Planner
 from quadsim.course import COURSES, load_course, parse_course
-from quadsim.course.corridor import CORRIDORS, load_corridor, parse_corridor
-from quadsim.course.point_goal import GOALS, load_point_goal, parse_point_goal
 from quadsim.dynamics import System, quadrotor
 from quadsim.files.data_files import names, read_text
-from quadsim.files.strict_yaml import FileError
-from quadsim.files.yaml_words import did_you_mean
-from quadsim.paper import double_integrator, offroad
-from quadsim.paper.referees import CorridorReferee, DurationReferee
 from quadsim.physics.domain_randomization import draw, gusts
-from quadsim.physics.plant import PLANTS, ModelPlant, Plant, diffusion, start_state
+from quadsim.physics.plant import PLANTS, Plant, start_state
 from quadsim.race.referee import Referee
 from quadsim.spec.reference import reference_of, stored_reference
-from quadsim.streams import Streams, double_integrator_streams, offroad_streams, quadrotor_streams
+from quadsim.streams import Streams, quadrotor_streams
 from quadsim.vehicle import load_vehicle, vehicle_names
 
 
@@ -122,41 +111,6 @@ def _race_timeout(course: Any, laps: int) -> float:
     return 10.0 + laps * course.lap_length / 2.0
 
 
-def _drive_start(spec: Any) -> tuple[float, ...]:
-    """Standing at the corridor's start, heading along its first leg."""
-    return (*spec.course.points[0], *spec.course.directions[0].tolist(), 0.0, 0.0, 0.0, 0.0)
-
-
-def _drive_plant(spec: Any, streams: Streams) -> Plant:
-    """The vehicle's own numbers with a random disturbance, in finer steps than the planner's
-    model."""
-    system = offroad.offroad(spec.vehicle, spec.plant_dt)
-    std = tuple(spec.randomize * offroad.DISTURBANCE.get(name, 0.0) for name in system.states)
-    rng = np.random.default_rng(streams.gusts)
-    return ModelPlant(system, _drive_start(spec), diffusion(std, spec.plant_dt, rng))
-
-
-def _point_start(spec: Any) -> tuple[float, ...]:
-    return (*spec.course.start, *spec.course.velocity)
-
-
-def _point_plant(spec: Any, streams: Streams) -> Plant:
-    system = double_integrator.double_integrator(spec.plant_dt, spec.vehicle)
-    return ModelPlant(system, _point_start(spec))
-
-
-def _only(kind: str, *known: Any) -> Callable[[str], Any]:
-    """A lookup by name among vehicles that are no files."""
-    by_name = {vehicle.name: vehicle for vehicle in known}
-
-    def find(name: str) -> Any:
-        if name not in by_name:
-            raise FileError(f"no {kind} {name!r}: {did_you_mean(name, by_name)}")
-        return by_name[name]
-
-    return find
-
-
 SYSTEMS: dict[str, SystemEntry] = {
     "quadrotor": SystemEntry(
         name="quadrotor",
@@ -182,54 +136,6 @@ SYSTEMS: dict[str, SystemEntry] = {
         ),
         timeout=_race_timeout,
         streams=quadrotor_streams,
-    ),
-    "offroad": SystemEntry(
-        name="offroad",
-        states=offroad.STATE_UNITS,
-        controls=offroad.CONTROL_UNITS,
-        folder=CORRIDORS,
-        key="points",
-        default_course="zigzag",
-        default_preset="paper",
-        plant_dt=0.005,
-        presets=OFFROAD,
-        load_course=load_corridor,
-        parse_course=parse_corridor,
-        vehicles=lambda: (offroad.DRIVEN.name,),
-        load_vehicle=_only("off-road vehicle", offroad.DRIVEN),
-        model_of=lambda vehicle: offroad.NOMINAL,
-        system=offroad.offroad,
-        cost=lambda s: corridor_cost(
-            s.course, s.vehicle.half_width, s.planner.cost, s.planner.mppi.dt
-        ),
-        start=_drive_start,
-        plant=_drive_plant,
-        referee=lambda spec: CorridorReferee(spec.course, spec.vehicle.half_width, spec.timeout),
-        timeout=lambda course, laps: 40.0,
-        streams=offroad_streams,
-    ),
-    "double_integrator": SystemEntry(
-        name="double_integrator",
-        states=double_integrator.STATE_UNITS,
-        controls=double_integrator.CONTROL_UNITS,
-        folder=GOALS,
-        key="goal",
-        default_course="table2",
-        default_preset="paper",
-        plant_dt=None,
-        presets=DOUBLE_INTEGRATOR,
-        load_course=load_point_goal,
-        parse_course=parse_point_goal,
-        vehicles=lambda: (double_integrator.POINT.name,),
-        load_vehicle=_only("point mass", double_integrator.POINT),
-        model_of=lambda vehicle: replace(vehicle),
-        system=lambda model, dt: double_integrator.double_integrator(dt, model),
-        cost=lambda spec: quadratic_cost(spec.course.goal, spec.planner.cost),
-        start=_point_start,
-        plant=_point_plant,
-        referee=lambda spec: DurationReferee(spec.timeout),
-        timeout=lambda course, laps: course.duration,
-        streams=double_integrator_streams,
     ),
 }
 
