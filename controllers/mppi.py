@@ -71,8 +71,7 @@ class MPPI:
 
     >>> import numpy as np
     >>> from quadsim import MPPI, Gaussian, MPPIConfig
-    >>> from quadsim.paper.double_integrator import double_integrator
-    >>> from controllers.costs.quadratic import quadratic_cost
+    >>> from quadsim.paper.integrator import double_integrator, quadratic_cost
     >>> system, cost = double_integrator(dt=0.05), quadratic_cost(goal=(0.0, 0.0))
     >>> mppi = MPPI(system, cost, Gaussian(sigma=(1.0, 1.0)), MPPIConfig(samples=512, horizon=40,
     dt=0.05)) >>> x = np.array([2.0, -1.0, 0.0, 0.0])

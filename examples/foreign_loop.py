@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from controllers.costs.quadratic import quadratic_cost
 from quadsim import MPPI, Colored, MPPIConfig
-from quadsim.paper.double_integrator import double_integrator
+from quadsim.paper.integrator import double_integrator, quadratic_cost
 
 DT = 0.05
 system = double_integrator(DT)

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.costs.quadratic import quadratic_cost
 from quadsim.cli.cli import race
-from quadsim.paper.double_integrator import double_integrator
+from quadsim.paper.integrator import double_integrator, quadratic_cost
 
 SMALL = {"samples": 256, "horizon": 50, "iterations": 1, "laps": 1, "timeout": 0.3}
 FLAGS = [word for name, number in SMALL.items() for word in (f"--{name}", str(number))]
@@ -85,10 +84,6 @@ WRONG = {  # setting -> value, what the message must say
     "model.dragg": (1, "model.dragg: no such setting, did you mean 'model.drag'?"),
     "sampels": (3, "sampels: no such setting, did you mean 'samples'?"),
     "sampler": ("colred", "sampler: no sampler 'colred': did you mean 'colored'?"),
-    "system": (
-        "quadroter",
-        "system: expected 'double_integrator' or 'offroad' or 'quadrotor', got 'quadroter'",
-    ),
     "plant": ("bulet", "plant: expected 'bullet' or 'rigid' or 'rotorpy', got 'bulet'"),
     "cost": (3, "cost: expected an object with 'terms', or a function that makes one, got 3"),
     "terms": (

@@ -62,7 +62,7 @@ class DriveTask:
     sampling: Sampling
     config: MPPIConfig
     seed: int
-    timeout: float = TIMEOUT  # [s]
+    timeout: float  # [s]
 
 
 class Drive(NamedTuple):
@@ -126,10 +126,11 @@ def drive(task: DriveTask) -> Drive:
 
 def make(runs: int, folder: Path) -> Result:
     """Drive so many times with each sampler, and a quarter as often at the lower temperature."""
+    quarter = ceil(runs / 4)
     tasks = {
-        "gaussian": [DriveTask(GAUSSIAN, CONFIG, seed) for seed in range(runs)],
-        "colored": [DriveTask(COLORED, CONFIG, seed) for seed in range(runs)],
-        "gaussian_cold": [DriveTask(GAUSSIAN, COLD, seed) for seed in range(ceil(runs / 4))],
+        "gaussian": [DriveTask(GAUSSIAN, CONFIG, seed, TIMEOUT) for seed in range(runs)],
+        "colored": [DriveTask(COLORED, CONFIG, seed, TIMEOUT) for seed in range(runs)],
+        "gaussian_cold": [DriveTask(GAUSSIAN, COLD, seed, TIMEOUT) for seed in range(quarter)],
     }
     every = [task for of_variant in tasks.values() for task in of_variant]
     driven = iter(kept_runs(every, drive, Drive, folder))

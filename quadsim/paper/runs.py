@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import closing, contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -72,9 +73,14 @@ def kept_runs(
 
 def run_key(task: object) -> str:
     """Return the key of a run: what decides it, and the libraries that it is computed with."""
+    return f"{task!r} {libraries()}"
+
+
+@cache
+def libraries() -> str:
+    """Return the versions of the libraries that decide a run."""
     used = versions()
-    libraries = " ".join(f"{name} {used[name]}" for name in LIBRARIES)
-    return f"{task!r} {libraries}"
+    return " ".join(f"{name} {used[name]}" for name in LIBRARIES)
 
 
 def _computed(

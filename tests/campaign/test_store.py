@@ -1,7 +1,6 @@
 """The store: one row for each attempt, telemetry before the row, two writers at once, one line for
 every error."""
 
-import math
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -13,11 +12,9 @@ import pytest
 from quadsim.campaign import attempt
 from quadsim.campaign.attempt import attempt_key, fly_attempt, result
 from quadsim.campaign.store import Store
-from quadsim.campaign.summary_stats import variant_stats
-from quadsim.campaign.tables import as_markdown, comparison_tables
 from quadsim.record.archive import RunFolder, list_runs, load_run
-from quadsim.record.run import Run, RunError
-from tests.campaign_cases import row, specs
+from quadsim.record.run import RunError
+from tests.campaign_cases import specs
 
 
 @pytest.fixture(scope="module")
@@ -122,24 +119,6 @@ def test_a_kill_between_row_and_folder_loses_nothing(tmp_path, flown):
     with Store(tmp_path / "c.sqlite"):
         assert [p.name for p in (tmp_path / "c.flights").iterdir()] == [Path(kept.folder).name]
     assert load_run(tmp_path / kept.folder).digest() == flown[1].run.digest()
-
-
-def test_the_result_of_a_system_without_thrust_has_no_thrust_variation(flown, monkeypatch):
-    """A vehicle in the plane: two coordinates and no thrust command."""
-    _, flight = flown
-    telemetry = {name: x for name, x in flight.run.telemetry.items() if name not in ("pz", "a_cmd")}
-    spec = flight.run.spec | {"system": "offroad"}
-    planar = replace(
-        flight, run=replace(flight.run, spec=spec, telemetry=telemetry, outcome="crashed")
-    )
-    monkeypatch.setattr(Run, "digest", lambda run: "")
-    numbers = result(planar)
-    assert numbers["thrust_tv"] is None
-    assert numbers["crash"]["position"] == [telemetry["px"][-1], telemetry["py"][-1]]
-    n = variant_stats("planar", [row(0, tv=None)], 20.0)
-    assert (n.lap_mean, math.isnan(n.thrust_tv)) == (4.5, True)
-    table = as_markdown(list(comparison_tables([n], []))[1])
-    assert "| planar | - | - | - | 1.0 | - | - |" in table
 
 
 def test_an_attempt_is_the_same_run_wherever_it_flies(flown):

@@ -57,7 +57,6 @@ WRONG = {  # command line -> what the one line must say
     "results --campaigns .": "'.': expected the name of a file, got a folder",
     "results --campaigns /dev/null": "'/dev/null': expected the name of a file, got a pipe or a device",
     "check no\x1b[2J.yaml": "no\\x1b[2J.yaml: no such file",
-    "fly zigzg": "no course 'zigzg': did you mean 'zigzag'?",
     "fly --vehicle swft": "no vehicle 'swft': did you mean 'swift'?",
     "fly --sampler colred": "--sampler: no sampler 'colred': did you mean 'colored'?",
     "fly --preset rac": "no preset 'rac': did you mean 'race'?",

@@ -14,7 +14,7 @@ from quadsim.cli.flags import flag, flight_settings
 
 PROPOSED = {  # typed so far -> some of what is proposed
     "fl": {"fly"},
-    "fly ": {"split_s_swift", "figure8", "zigzag", "table2"},
+    "fly ": {"split_s_swift", "figure8"},
     "fly split_s_": {"split_s_swift", "split_s_song"},
     "fly --vehicle ": {"swift", "kingfisher"},
     "fly --vehicle sw": {"swift", "swift_40ms"},

@@ -14,7 +14,6 @@ SMALL = "width: 64\nheight: 36\nfx: 32\nfy: 32\ntilt_deg: 20\n"
 MISTAKES = {
     "render split_s_swfit": "no run or course 'split_s_swfit': did you mean 'split_s_swift'?",
     "render nothing": "no runs in 'runs': fly one, or say --runs-dir",
-    "render zigzag": "expected a course for a quadrotor, got 'zigzag' for the system offroad",
     "render split_s_swift --vary light,texture": "--vary: no 'texture': did you mean 'textures'?",
     "render split_s_swift --camera agp": "no camera 'agp': did you mean 'aigp'?, or a FILE.yaml",
     "render split_s_swift --frames 0": "--frames: expected a whole number >= 1 and <= 100000, got 0",

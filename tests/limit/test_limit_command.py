@@ -122,7 +122,6 @@ def test_a_slower_solution_does_not_replace_a_faster_one(place, tmp_path, capsys
 
 
 WRONG = {
-    "limit zigzag": "expected a course for a quadrotor, got 'zigzag' for the system offroad",
     "limit alphapilot --laps 2": "expected 1 lap, as the course is open, got 2",
     "limit alphapilot --closed": "--closed: expected a course whose last gate leads to the first, alphapilot is open",
     "limit paper_flat --vehicle paper": "--model: paper has no rotors: take rates",
