@@ -98,8 +98,7 @@ def offroad_streams(seed: int) -> Streams:
 
 
 def double_integrator_streams(seed: int) -> Streams:
-    """Return the streams of the double integrator and of systems of a user's own, where the planner
-    alone is random."""
+    """Return the streams of the double integrator, where the planner alone is random."""
     root = SeedSequence(seed)
     return Streams(
         planner=root,

@@ -1,4 +1,7 @@
-"""Figure 7: state, control and spectrum of the best run of each sampler at sigma 1.5."""
+"""This experiment makes Figure 7: state, control and spectrum of the best runs of Table II.
+
+They are those of each of the paper's samplers at sigma 1.5.
+"""
 
 from __future__ import annotations
 

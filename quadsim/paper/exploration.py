@@ -1,4 +1,4 @@
-"""Figure 2: sampled trajectories of the off-road vehicle, and how far they spread."""
+"""This experiment makes Figure 2: how far sampled trajectories of the off-road vehicle spread."""
 
 from __future__ import annotations
 

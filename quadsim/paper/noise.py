@@ -1,4 +1,4 @@
-"""Figure 3: samples of Gaussian noise, and of colored noise with growing exponents."""
+"""This experiment makes Figure 3: samples of Gaussian noise and of colored noise."""
 
 from __future__ import annotations
 

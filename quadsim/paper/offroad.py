@@ -1,6 +1,6 @@
-"""Table I, off-road rows, in simulation: who gets through the corridor, and how fast.
+"""This experiment makes the off-road rows of Table I, in simulation, and Figures 4 and 5.
 
-With the paths and the controls of each sampler, Figures 4 and 5 of the paper.
+They show which sampler gets through the corridor, how fast, on which paths and by which controls.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from quadsim.streams import offroad_streams
 CONFIG = MPPIConfig(samples=6144, horizon=250, iterations=3, dt=0.02, temperature=0.1, smooth=True)
 GAUSSIAN = Gaussian(sigma=(0.8, 0.8))
 COLORED = Colored(sigma=(0.8, 0.8), gamma=(10.0, 4.0))
-COLD = replace(CONFIG, temperature=0.02)  # is it the temperature that holds Gaussian back?
+COLD = replace(CONFIG, temperature=0.02)  # to see whether the temperature holds Gaussian back
 
 PLANT_DT = 0.005  # step of the vehicle that is driven [s]
 TIMEOUT = 40.0  # [s]
@@ -57,12 +57,21 @@ START = State(
 
 @dataclass(frozen=True)
 class DriveTask:
-    """One drive: what is planned with, and the seed of the planner and of the disturbance."""
+    """All that decides one drive."""
 
     sampling: Sampling
     config: MPPIConfig
-    seed: int
+    seed: int  # of the planner and of the disturbance
     timeout: float  # [s]
+
+
+class Step(NamedTuple):
+    """One control step of a drive."""
+
+    t: float  # [s]
+    x: State
+    u: Control
+    plan_ms: float
 
 
 class Drive(NamedTuple):
@@ -72,7 +81,7 @@ class Drive(NamedTuple):
     time: float  # at which it ended [s]
     legs: int  # driven to their end lines
     plan_ms: float  # median time of a plan
-    t: np.ndarray  # [s]  (steps,)
+    t: np.ndarray  # of the control steps, and of the end [s]  (steps,)
     x: np.ndarray  # states, in the order of State  (steps, 8)
     u: np.ndarray  # controls from t on, in the order of Control  (steps, 2)
 
@@ -92,45 +101,44 @@ def drive(task: DriveTask) -> Drive:
     referee = DriveReferee(ZIGZAG, DRIVEN.half_width, task.timeout)
 
     x = START
-    steps = 0  # of the vehicle
-    rows = []
-    plan_ms = []
+    plant_steps = 0
+    steps: list[Step] = []
     while referee.outcome is None:
-        t = steps * PLANT_DT
+        t = plant_steps * PLANT_DT
         began = perf_counter()
         control, _ = mppi.control(Estimate(t, np.array(x), referee.legs))
-        plan_ms.append(1e3 * (perf_counter() - began))
+        plan_ms = 1e3 * (perf_counter() - began)
         u = Control(*control.tolist())
-        rows.append((t, x, u))
+        steps.append(Step(t, x, u, plan_ms))
 
         # The vehicle moves in finer steps than the planner's model, each with a disturbance.
         for _ in range(round(task.config.dt / PLANT_DT)):
             x = disturbed(vehicle.next(x, u), PLANT_DT, disturbance)
-            steps += 1
-            referee.observe(steps * PLANT_DT, np.array([x.px, x.py]))
+            plant_steps += 1
+            referee.observe(plant_steps * PLANT_DT, np.array([x.px, x.py]))
             if referee.outcome:
                 break
-    rows.append((steps * PLANT_DT, x, u))
+    end = steps[-1]._replace(t=plant_steps * PLANT_DT, x=x)  # under the last control
 
-    times, states, controls = zip(*rows, strict=True)
+    every = [*steps, end]
     return Drive(
         outcome=referee.outcome,
-        time=steps * PLANT_DT,
+        time=end.t,
         legs=referee.legs,
-        plan_ms=float(np.median(plan_ms)),
-        t=np.array(times),
-        x=np.array(states),
-        u=np.array(controls),
+        plan_ms=float(np.median([step.plan_ms for step in steps])),
+        t=np.array([step.t for step in every]),
+        x=np.array([step.x for step in every]),
+        u=np.array([step.u for step in every]),
     )
 
 
 def make(runs: int, folder: Path) -> Result:
     """Drive so many times with each sampler, and a quarter as often at the lower temperature."""
-    quarter = ceil(runs / 4)
+    cold_runs = ceil(runs / 4)
     tasks = {
         "gaussian": [DriveTask(GAUSSIAN, CONFIG, seed, TIMEOUT) for seed in range(runs)],
         "colored": [DriveTask(COLORED, CONFIG, seed, TIMEOUT) for seed in range(runs)],
-        "gaussian_cold": [DriveTask(GAUSSIAN, COLD, seed, TIMEOUT) for seed in range(quarter)],
+        "gaussian_cold": [DriveTask(GAUSSIAN, COLD, seed, TIMEOUT) for seed in range(cold_runs)],
     }
     every = [task for of_variant in tasks.values() for task in of_variant]
     driven = iter(kept_runs(every, drive, Drive, folder))

@@ -1,6 +1,6 @@
-"""Table I, quadrotor rows: the paper's settings on a course of ours, with Figure 6.
+"""This experiment makes the quadrotor rows of Table I, on a course of ours, and Figure 6.
 
-The attempts are ordinary flights, kept as those of a comparison are.
+The attempts are ordinary flights, and they are kept as those of a comparison are.
 """
 
 from __future__ import annotations

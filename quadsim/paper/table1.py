@@ -1,4 +1,4 @@
-"""Table I: success and times of our attempts beside the published ones; and paths as drawn."""
+"""Rows of Table I: success and times of our attempts beside the published ones; and paths."""
 
 from __future__ import annotations
 

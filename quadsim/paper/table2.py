@@ -1,6 +1,6 @@
-"""Table II: the accumulated cost of the double integrator under six samplers.
+"""This experiment makes Table II: the cost of the double integrator under six samplers.
 
-Six rows more than the paper has show what its choices do, see docs/paper.md.
+Six more rows show what the paper's choices do, see docs/paper.md.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ PAPER_SAMPLERS = ("gaussian", "smooth", "smooth_star", "log_normal", "colored_1"
 
 @dataclass(frozen=True)
 class MotionTask:
-    """One run: the sampler with its numbers, the budget, and a seed."""
+    """All that decides one run."""
 
     sampling: Sampling
     seed: int
