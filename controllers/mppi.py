@@ -77,8 +77,7 @@ class MPPI:
 
     >>> import numpy as np
     >>> from quadsim import MPPI, Gaussian, MPPIConfig
-    >>> from quadsim.paper.double_integrator import double_integrator
-    >>> from controllers.costs.quadratic import quadratic_cost
+    >>> from quadsim.paper.integrator import double_integrator, quadratic_cost
     >>> system = double_integrator(dt=0.05)
     >>> cost = quadratic_cost(goal=(0.0, 0.0))
     >>> config = MPPIConfig(samples=512, horizon=40, dt=0.05)

@@ -13,7 +13,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import quadsim
-from controllers.costs.quadratic import quadratic_cost
 from controllers.costs.race_targets import GateTarget
 from controllers.mppi import MPPI
 from controllers.sampled_trajectories import controls, sampled_trajectories
@@ -23,7 +22,7 @@ from quadsim.dynamics.estimate import Estimate
 from quadsim.figures.course import gate_bar
 from quadsim.figures.style import STYLE
 from quadsim.palette import INK, MARK, NEXT, SPARE, style
-from quadsim.paper.double_integrator import double_integrator
+from quadsim.paper.integrator import double_integrator, quadratic_cost
 from quadsim.spec.build import build, launch, navigation_of
 
 FOLDER = Path(__file__).parent

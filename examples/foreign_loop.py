@@ -3,8 +3,7 @@
 import numpy as np
 
 from controllers import MPPI, Colored, MPPIConfig
-from controllers.costs.quadratic import quadratic_cost
-from quadsim.paper.double_integrator import double_integrator
+from quadsim.paper.integrator import double_integrator, quadratic_cost
 
 DT = 0.05
 system = double_integrator(DT)

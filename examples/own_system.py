@@ -1,24 +1,25 @@
-"""A system and a cost of one's own: swing a pendulum on a cart up."""
+"""A system and a cost of one's own: MPPI swings a pendulum on a cart up."""
 
 from typing import NamedTuple
 
+import matplotlib.pyplot as plt
 import numpy as np
 from numpy import sqrt
 
-import quadsim
-from quadsim import Colored, Cost, System, Term
+from quadsim import MPPI, Colored, Cost, MPPIConfig, System, Term
 
 
+# A system is a step function over named scalars.
 class State(NamedTuple):
-    pos: float  # of the cart [m]
-    v: float  # [m/s]
-    cos: float  # of the angle from upright
+    position: float  # of the cart [m]
+    velocity: float  # [m/s]
+    cos: float  # of the pendulum's angle from upright
     sin: float
-    w: float  # angular rate [rad/s]
+    rate: float  # [rad/s]
 
 
 class Control(NamedTuple):
-    a_cmd: float  # acceleration of the cart [m/s^2]
+    acceleration: float  # of the cart [m/s^2]
 
 
 class Params(NamedTuple):
@@ -26,16 +27,25 @@ class Params(NamedTuple):
     length: float  # [m]
 
 
-class Middle(NamedTuple):
-    pos: float  # where the cart should stand [m]
-
-
 def step(x, u, p, dt):
-    w = x.w + (p.gravity * x.sin - u.a_cmd * x.cos) / p.length * dt
-    c = x.cos - x.sin * w * dt
-    s = x.sin + x.cos * w * dt
-    norm = sqrt(c * c + s * s)
-    return State(pos=x.pos + x.v * dt, v=x.v + u.a_cmd * dt, cos=c / norm, sin=s / norm, w=w)
+    torque = (p.gravity * x.sin - u.acceleration * x.cos) / p.length
+    rate = x.rate + torque * dt
+    cos = x.cos - x.sin * rate * dt
+    sin = x.sin + x.cos * rate * dt
+    norm = sqrt(cos * cos + sin * sin)
+    position = x.position + x.velocity * dt
+    velocity = x.velocity + u.acceleration * dt
+    return State(position, velocity, cos / norm, sin / norm, rate)
+
+
+params = Params(gravity=9.81, length=0.5)
+limits = {"low": (-20.0,), "high": (20.0,), "rest": (0.0,)}
+cart = System("cart_pole", State, Control, step, params, dt=0.02, **limits)
+
+
+# A cost is a sum of weighted terms. They are told the target: here the middle of the rail.
+class Middle(NamedTuple):
+    position: float  # [m]
 
 
 def upright(x, x_next, u, middle, p):
@@ -43,43 +53,28 @@ def upright(x, x_next, u, middle, p):
 
 
 def in_the_middle(x, x_next, u, middle, p):
-    return (x_next.pos - middle.pos) ** 2
+    return (x_next.position - middle.position) ** 2
 
 
 def calm(x, x_next, u, middle, p):
-    return x_next.w**2 + x_next.v**2
+    return x_next.rate**2 + x_next.velocity**2
 
 
-cart = System(
-    name="cart_pole",
-    state=State,
-    control=Control,
-    step=step,
-    params=Params(gravity=9.81, length=0.5),
-    dt=0.02,
-    low=(-20.0,),
-    high=(20.0,),
-    rest=(0.0,),
-)
-cost = Cost(
-    name="swing_up",
-    terms=(Term(upright, 10.0), Term(in_the_middle, 1.0), Term(calm, 0.05)),
-    row=Middle,
-    targets=np.zeros((1, 1)),
-)
-run = quadsim.fly(
-    system=cart,
-    cost=cost,
-    sampler=Colored((8.0,), (1.0,)),
-    start=State(pos=0.0, v=0.0, cos=-1.0, sin=0.0, w=0.1),
-    timeout=5.0,
-    samples=2048,
-    horizon=75,
-    target_ess=50.0,
-)
-print(
-    run.outcome,
-    "angle from upright at the end:",
-    np.degrees(np.arccos(run.telemetry["cos"][-1])).round(1),
-    "deg",
-)
+terms = (Term(upright, 10.0), Term(in_the_middle, 1.0), Term(calm, 0.05))
+cost = Cost("swing_up", terms, Middle, targets=np.array([[0.0]]))
+
+# The planner, and the loop: plan, then step. In place of cart.next stands your own simulator.
+config = MPPIConfig(samples=2048, horizon=75, dt=cart.dt, target_ess=50.0)
+mppi = MPPI(cart, cost, Colored(sigma=(8.0,), gamma=(1.0,)), config)
+x = State(position=0.0, velocity=0.0, cos=-1.0, sin=0.0, rate=0.1)
+angles = []
+for _ in range(250):
+    u, stats = mppi.control(np.array(x))
+    x = cart.next(x, u)
+    angles.append(np.degrees(np.arctan2(x.sin, x.cos)))
+print(f"angle from upright at the end: {abs(angles[-1]):.1f} deg")
+
+plt.plot(cart.dt * np.arange(len(angles)), angles)
+plt.xlabel("t [s]")
+plt.ylabel("angle from upright [deg]")
+plt.savefig("swing_up.png")

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.costs.quadratic import quadratic_cost
 from quadsim.cli.cli import race
-from quadsim.paper.double_integrator import double_integrator
+from quadsim.paper.integrator import double_integrator, quadratic_cost
 
 SMALL = {"samples": 256, "horizon": 50, "iterations": 1, "laps": 1, "timeout": 0.3}
 FLAGS = [word for name, number in SMALL.items() for word in (f"--{name}", str(number))]

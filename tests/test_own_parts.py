@@ -1,25 +1,42 @@
-"""Objects of the user's own in every role: sampler, cost, system, plant, controller, referee."""
+"""Objects of the user's own in every role: sampler, cost, plant, controller, referee."""
 
 import json
 import os
 import subprocess
 import sys
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 import quadsim
-from controllers.costs import Term
 from controllers.plan import PlanStats
 from quadsim.dynamics.quadrotor import State, quadrotor
-from quadsim.paper.referees import DurationReferee
 from quadsim.physics.plant import PlantState
+from quadsim.race.events import Event
 
 SMALL = {"samples": 256, "horizon": 50, "iterations": 1, "laps": 1, "timeout": 0.3}
 FLAGS = [word for name, number in SMALL.items() for word in (f"--{name}", str(number))]
 SIGMA = (0.8, 0.8, 0.5, 4.0)
+
+
+class Timed:
+    """A referee: a flight has finished after so many seconds."""
+
+    lap = 1
+    next_gate = 0
+
+    def __init__(self, duration):
+        self.outcome = None
+        self.passed = 0
+        self.duration = duration
+
+    def observe(self, t0, p0, t1, p1, contacts=()):
+        if t1 < self.duration - 1e-9:
+            return []
+        self.outcome = "finished"
+        self.passed = 1
+        return [Event(t1, "pass", 1, 1, (0.0, 0.0), 0.0, p1)]
 
 
 @dataclass(frozen=True)
@@ -72,9 +89,9 @@ OWN = {  # role -> the part, what a run says of it
     "plant": (Free, "Free", {}),
     "controller": (Hover(10.5), "Hover", {"thrust": 10.5, "rest": [0.0, 0.0, 0.0, 10.5]}),
     "referee": (
-        DurationReferee(0.1),
-        "DurationReferee",
-        {"outcome": None, "passed": 0, "_duration": 0.1},
+        Timed(0.1),
+        "Timed",
+        {"outcome": None, "passed": 0, "duration": 0.1},
     ),
 }
 
@@ -140,72 +157,10 @@ def test_a_plant_whose_state_has_too_few_numbers_ends_in_one_line():
 
 
 def test_ones_own_controller_and_referee_have_the_say():
-    run = quadsim.fly(
-        "figure8", **SMALL, controller=Hover(10.5), referee=lambda spec: DurationReferee(0.1)
-    )
+    run = quadsim.fly("figure8", **SMALL, controller=Hover(10.5), referee=lambda spec: Timed(0.1))
     assert (run.telemetry["a_cmd"] == 10.5).all()
     assert run.telemetry["t"][-1] == pytest.approx(0.1)
     assert run.outcome == "finished"
-
-
-class Slide(NamedTuple):
-    """A mass on a line: position, velocity, force."""
-
-    s: float
-    v: float
-    f: float
-
-
-class Control(NamedTuple):
-    """The commanded force, which the force follows with a lag."""
-
-    f_cmd: float
-
-
-class Params(NamedTuple):
-    mass: float
-    lag: float
-
-
-class Zero(NamedTuple):
-    s: float
-
-
-def slide(x, u, p, dt):
-    return Slide(s=x.s + x.v * dt, v=x.v + x.f / p.mass * dt, f=x.f + (u.f_cmd - x.f) * dt / p.lag)
-
-
-def position(x, x_next, u, zero, p):
-    return (x_next.s - zero.s) * (x_next.s - zero.s)
-
-
-def velocity(x, x_next, u, zero, p):
-    return x_next.v * x_next.v
-
-
-MASS = {
-    "system": quadsim.System(
-        "mass", Slide, Control, slide, Params(mass=2.0, lag=0.1), 0.05, (-9.0,), (9.0,), (0.0,)
-    ),
-    "cost": quadsim.Cost(
-        "near zero", (Term(position), Term(velocity, 0.1)), Zero, np.zeros((1, 1))
-    ),
-    "sampler": quadsim.Gaussian((3.0,)),
-    "start": (1.0, 0.0, 0.0),
-    "timeout": 3.0,
-    "samples": 256,
-    "horizon": 30,
-}
-
-
-def test_a_system_of_ones_own_is_driven_to_its_goal_and_kept(tmp_path):
-    run = quadsim.fly(**MASS)
-    assert (run.outcome, run.telemetry["s"][0]) == ("finished", 1.0)
-    assert abs(run.telemetry["s"][-1]) < 0.15
-    assert run.spec["own"]["system"] == {"states": ["s", "v", "f"], "controls": ["f_cmd"]}
-    folder = quadsim.save_run(run, tmp_path)
-    assert quadsim.load_run(folder).digest() == run.digest()
-    assert quadsim.fly(**MASS).digest() == run.digest(), "as repeatable as any"
 
 
 def test_a_sampler_of_ones_own_on_the_command_line_lies_in_the_current_folder(tmp_path, capsys):
@@ -256,26 +211,3 @@ def test_compare_with_a_sampler_of_ones_own_gives_pairs_tables_and_a_picture(tmp
         text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text"))
     ]
     assert {"gaussian", "held"} <= set(labels)
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (
-            {"cost": None},
-            "cost: expected a controllers.costs.Cost for a system of one's own, got None",
-        ),
-        (
-            {"sampler": "colored"},
-            "sampler: expected a sampler: an object with sample(rng, samples, horizon, controls)",
-        ),
-        ({"sampler": quadsim.Gaussian((1.0, 1.0))}, "sigma: expected 1 numbers"),
-        ({"start": (1.0,)}, "start: expected 3 numbers, got 1"),
-        ({"timeout": None}, "timeout: expected a number [s] for a system of one's own, got None"),
-        ({"gates": 3}, "gates: no such setting"),
-    ],
-)
-def test_a_wrong_setting_of_ones_own_system_is_named_too(change, said):
-    with pytest.raises(quadsim.SettingError) as caught:
-        quadsim.fly(**MASS | change)
-    assert said in str(caught.value)

@@ -1,2 +1,4 @@
-"""`race bench`: how long a control step takes, where the time goes, and how others do on the same
-model."""
+"""Measurements of speed: control steps and their parts, flights along gates, environments, peers.
+
+`race bench` prints them as tables.
+"""

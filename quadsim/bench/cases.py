@@ -1,38 +1,69 @@
-"""The cases of `race bench`: whole control steps, from the noise to the updated plan, of every
-system."""
+"""The cases of `race bench`: whole control steps, from the noise to the updated plan."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
+from controllers.config import MPPIConfig
 from controllers.lanes.threads import use_threads
 from controllers.mppi import MPPI
-from controllers.samplers import SAMPLERS
-from quadsim.bench.machine import Machine, floor_ns, work
+from controllers.presets import preset
+from controllers.samplers import SAMPLERS, Colored, Gaussian, Sampling
+from quadsim.paper import offroad, table2
+from quadsim.physics.plant_state import start_state
 from quadsim.spec.build import planner_of
 from quadsim.spec.spec import Spec
-from quadsim.spec.systems import SYSTEMS
 
 SAMPLES = (256, 1024, 4096, 16384, 65536)
 HORIZONS = (25, 75, 150, 300)
-# samplers that are timed beyond the quadrotor at the paper's budget
+# Samplers that are timed beyond the quadrotor at the paper's budget.
 SWEPT = ("gaussian", "colored")
 WARM_UP = 3  # calls that are not timed
 LEAST = 15  # calls that are timed, however long they take
-PRESET = "paper"
-TIMED = tuple(name for name, entry in SYSTEMS.items() if PRESET in entry.presets)  # systems
-COURSES = {"quadrotor": "paper_flat"}  # where it is not the system's default
+QUADROTOR = "quadrotor"
+PRESET = "paper"  # of the quadrotor
+COURSE = "paper_flat"
+
+
+class PaperSystem(NamedTuple):
+    """One of the paper's other systems, with the paper's numbers."""
+
+    planner: Callable[[Sampling, MPPIConfig], MPPI]
+    config: MPPIConfig
+    start: tuple[float, ...]
+    samplings: Mapping[str, Sampling]  # of SWEPT
+
+
+PAPER_SYSTEMS = {
+    "offroad": PaperSystem(
+        planner=offroad.planner,
+        config=offroad.CONFIG,
+        start=offroad.START,
+        samplings={"gaussian": offroad.GAUSSIAN, "colored": offroad.COLORED},
+    ),
+    "double_integrator": PaperSystem(
+        planner=table2.planner,
+        config=table2.CONFIG,
+        start=table2.START,
+        samplings={
+            "gaussian": Gaussian(sigma=(1.5, 1.5)),
+            "colored": Colored(sigma=(1.5, 1.5), gamma=(1.0, 1.0)),
+        },
+    ),
+}
+TIMED = (QUADROTOR, *PAPER_SYSTEMS)
 
 
 @dataclass(frozen=True)
 class Case:
     """One control step."""
 
-    system: str
+    system: str  # of TIMED
     sampler: str
     samples: int
     horizon: int
@@ -41,10 +72,12 @@ class Case:
 
     @property
     def size(self) -> str:
+        """The budget as text: samples x horizon x iterations."""
         return f"{self.samples} x {self.horizon} x {self.iterations}"
 
     @property
     def name(self) -> str:
+        """The system and the budget as text."""
         return f"{self.system} {self.size}"
 
     @property
@@ -53,79 +86,112 @@ class Case:
         return self.samples * self.horizon * self.iterations
 
 
+class CaseTime(NamedTuple):
+    """The time that a case takes."""
+
+    name: str
+    system: str
+    sampler: str
+    samples: int
+    horizon: int
+    iterations: int
+    threads: int
+    ms_p50: float  # median of the control steps
+    ms_p95: float  # 95th percentile
+    steps_per_s: float  # of one sample, by the median
+
+
+class Start(NamedTuple):
+    """A planner, and the state that it plans from."""
+
+    mppi: MPPI
+    x: np.ndarray  # (n_x,)
+
+
 def paper_case(system: str, sampler: str) -> Case:
-    """At the paper's budget, on all threads."""
-    c = SYSTEMS[system].presets[PRESET]["gaussian"].mppi
-    return Case(system, sampler, c.samples, c.horizon, c.iterations)
+    """Return the case at the paper's budget, on all threads."""
+    if system == QUADROTOR:
+        config = preset(PRESET, "gaussian").mppi
+    else:
+        config = PAPER_SYSTEMS[system].config
+    return Case(system, sampler, config.samples, config.horizon, config.iterations)
 
 
 def cases(most: int) -> Iterator[Case]:
-    """The paper's budgets, then sweeps over samples and horizon; each on one thread, then on
-    `most`."""
+    """Yield the paper's budgets, then sweeps over samples and horizon.
+
+    Each is timed on one thread, then on `most`.
+    """
     for case in _sizes():
         for threads in sorted({1, most}):
             yield replace(case, threads=threads)
 
 
 def _sizes() -> Iterator[Case]:
-    yield from (paper_case("quadrotor", sampler) for sampler in SAMPLERS)
-    yield from (
-        paper_case(system, sampler)
-        for system in TIMED
-        if system != "quadrotor"
-        for sampler in SWEPT
-    )
+    for sampler in SAMPLERS:
+        yield paper_case(QUADROTOR, sampler)
+    for system in PAPER_SYSTEMS:
+        for sampler in SWEPT:
+            yield paper_case(system, sampler)
     for sampler in SWEPT:
-        paper = paper_case("quadrotor", sampler)
-        yield from (replace(paper, samples=m) for m in SAMPLES if m != paper.samples)
-        yield from (replace(paper, horizon=t) for t in HORIZONS if t != paper.horizon)
+        paper = paper_case(QUADROTOR, sampler)
+        for samples in SAMPLES:
+            if samples != paper.samples:
+                yield replace(paper, samples=samples)
+        for horizon in HORIZONS:
+            if horizon != paper.horizon:
+                yield replace(paper, horizon=horizon)
 
 
-def controller(case: Case) -> tuple[MPPI, np.ndarray]:
-    """At this budget with the paper's other settings, and the start state (n_x,) that it plans
-    from."""
-    course = COURSES.get(case.system, SYSTEMS[case.system].default_course)
+def starting(case: Case) -> Start:
+    """Return the planner at this budget, with the paper's other settings, and its start state."""
     budget = {"samples": case.samples, "horizon": case.horizon, "iterations": case.iterations}
-    spec = Spec.of(course, preset=PRESET, sampler=case.sampler, **budget)
-    return planner_of(spec, spec.streams.planner), np.array(spec.entry.start(spec))
+    if case.system == QUADROTOR:
+        spec = Spec.of(COURSE, preset=PRESET, sampler=case.sampler, **budget)
+        x = start_state(spec.course.start, spec.vehicle.radius)
+        return Start(planner_of(spec, spec.streams.planner), np.array(x))
+    system = PAPER_SYSTEMS[case.system]
+    config = replace(system.config, **budget)
+    return Start(system.planner(system.samplings[case.sampler], config), np.array(system.start))
 
 
-def measure(case: Case, seconds: float, machine: Machine) -> dict:
-    """{name, system, sampler, samples, horizon, iterations, threads, ms_p50, ms_p95, steps_per_s,
-    roofline}
-
-    roofline: the least time that this machine's arithmetic and memory need on so many threads, as a
-    share of ms_p50.
-    """
+def measure(case: Case, seconds: float) -> CaseTime:
+    """Time the control steps of a case for about so many seconds."""
     threads = use_threads(case.threads)
-    mppi, x = controller(case)
-    p50, p95 = (
-        float(ms) for ms in np.percentile(times_ms(lambda: mppi.control(x), seconds), [50, 95])
+    start = starting(case)
+    times = times_ms(lambda: start.mppi.control(start.x), seconds)
+    p50, p95 = np.percentile(times, [50, 95]).tolist()
+    return CaseTime(
+        name=case.name,
+        system=case.system,
+        sampler=case.sampler,
+        samples=case.samples,
+        horizon=case.horizon,
+        iterations=case.iterations,
+        threads=threads,
+        ms_p50=p50,
+        ms_p95=p95,
+        steps_per_s=1e3 * case.steps / p50,
     )
-    floor_ms = (
-        1e-6
-        * case.steps
-        * sum(floor_ns(part, machine) for part in work(mppi, case.sampler).values())
-    )
-    row = {"name": case.name, **asdict(case), "threads": threads, "ms_p50": p50, "ms_p95": p95}
-    return row | {
-        "steps_per_s": 1e3 * case.steps / p50,
-        "roofline": floor_ms * machine.threads / threads / p50,
-    }
 
 
 def times_ms(call: Callable[[], object], seconds: float) -> np.ndarray:
-    """Wall-clock time of each call, for about so many seconds after the warm-up [ms].  (calls,)"""
+    """Return the wall-clock time of each call, for about so many seconds after the warm-up [ms].
+
+    Returns:
+        (calls,)
+    """
     for _ in range(WARM_UP):
         call()
-    taken: list[float] = []
+    times: list[float] = []
     until = perf_counter() + seconds
-    while len(taken) < LEAST or perf_counter() < until:
+    while len(times) < LEAST or perf_counter() < until:
         began = perf_counter()
         call()
-        taken.append(1e3 * (perf_counter() - began))
-    return np.array(taken)
+        times.append(1e3 * (perf_counter() - began))
+    return np.array(times)
 
 
 def median_ms(call: Callable[[], object], seconds: float) -> float:
+    """Return the median time of a call, over about so many seconds [ms]."""
     return float(np.median(times_ms(call, seconds)))

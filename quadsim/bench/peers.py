@@ -1,7 +1,7 @@
-"""The same model and cost, without gates, through pytorch-mppi and through JAX, timed in the same
-run as ours.
+"""The same model and cost, without gates, through pytorch-mppi and through JAX.
 
-Nothing is timed before a library has found the same costs as ours for the same noise.
+They are timed in the same run as ours. Nothing is timed before a library has found the same costs
+as ours for the same noise.
 """
 
 from __future__ import annotations
@@ -22,52 +22,70 @@ from controllers.lanes.layout import LANES
 from controllers.lanes.threads import threads
 from controllers.mppi import MPPI
 from controllers.presets import preset
-from quadsim.bench.cases import controller, median_ms, paper_case
+from quadsim.bench.cases import median_ms, paper_case, starting
 from quadsim.console import UsageError
 from quadsim.files.extras import needs_extra
 
 AGREEMENT = 1e-3  # relative, of float32 costs over 150 steps
-# of the noise that the other libraries draw [rad/s, rad/s, rad/s, m/s^2]
+# Of the noise that the other libraries draw [rad/s, rad/s, rad/s, m/s^2].
 SIGMA = (0.3, 0.3, 0.3, 3.5)
 POINT = (50.0, 0.0, 2.0)  # [m]
 
 
+class PeerTime(NamedTuple):
+    """The time of a control step through another library, beside ours."""
+
+    name: str
+    ms_p50: float
+    ours_ms: float
+    ratio: float  # of the two
+    largest_difference: float  # of its costs from ours for the same noise, relative
+
+
 def require_peers() -> None:
-    """Raises UsageError where the extra is not installed, before minutes of timing."""
-    if missing := [name for name in ("torch", "pytorch_mppi", "jax") if find_spec(name) is None]:
+    """Raise UsageError where the extra is not installed, before minutes of timing."""
+    missing = [name for name in ("torch", "pytorch_mppi", "jax") if find_spec(name) is None]
+    if missing:
         raise UsageError(f"--peers: {needs_extra(' and '.join(missing), 'peers')}")
 
 
-def compare(seconds: float) -> list[dict]:
-    """One row for each library: {name, ms_p50, ours_ms, ratio, largest_difference}."""
-    mppi, x = controller(paper_case("quadrotor", "gaussian"))
+def compare(seconds: float) -> list[PeerTime]:
+    """Time each library, and ours beside it, for about so many seconds each."""
+    mppi, x = starting(paper_case("quadrotor", "gaussian"))
     config = replace(mppi.config, rest_fraction=0.0)
     ours = MPPI(mppi.system, point_cost(), preset("paper", "gaussian").sampling, config)
     rows = []
     for name, load in PEERS.items():
         peer = load(ours)
         difference = largest_difference(ours, peer.costs, x)
-        ours_ms, peer_ms = (
-            median_ms(partial(planner.control, x), seconds) for planner in (ours, peer)
-        )
-        row = {"name": name, "ms_p50": peer_ms, "ours_ms": ours_ms, "ratio": peer_ms / ours_ms}
-        rows.append(row | {"largest_difference": difference})
+        ours_ms = median_ms(partial(ours.control, x), seconds)
+        peer_ms = median_ms(partial(peer.control, x), seconds)
+        rows.append(PeerTime(name, peer_ms, ours_ms, peer_ms / ours_ms, difference))
     return rows
 
 
 def largest_difference(ours: MPPI, costs: Callable, x: np.ndarray) -> float:
-    """Between their costs(x, v) and ours for the same noise, relative. Raises ValueError beyond
-    AGREEMENT."""
+    """Return the largest relative difference of their costs from ours for the same noise.
+
+    Args:
+        ours: our planner.
+        costs: theirs: (x, v) -> J (M,), with controls v (M, T, n_u).
+        x: state to start from (n_x,).
+
+    Raises:
+        ValueError: the difference is beyond AGREEMENT.
+    """
     z = ours.sampler.sample(7).copy()  # (blocks, n_u, T, LANES)
     mine = np.empty((len(z), LANES), np.float32)
     Rollout(ours.system, ours.cost)(x, ours.plan, z, 0, mine)
-    # (M, T, n_u)
-    v = z.transpose(0, 3, 2, 1).reshape(-1, z.shape[2], z.shape[1]) + ours.plan.astype(np.float32)
+    samples = z.transpose(0, 3, 2, 1).reshape(-1, z.shape[2], z.shape[1])  # (M, T, n_u)
+    v = samples + ours.plan.astype(np.float32)
     theirs = costs(x, np.clip(v, np.float32(ours.low), np.float32(ours.high)))
     difference = float(np.max(np.abs(theirs - mine.ravel()) / np.abs(mine.ravel())))
     if difference > AGREEMENT:
         raise ValueError(
-            f"bench: expected equal costs for equal noise, got a relative difference of {difference:g}"
+            "bench: expected equal costs for equal noise,"
+            f" got a relative difference of {difference:g}"
         )
     return difference
 
@@ -87,8 +105,10 @@ class Desired(NamedTuple):
 
 
 def point_cost() -> Cost:
-    """Return eq. (8) without gates: fly to a point at a height and a speed; it is never reached,
-    nothing crashes."""
+    """Return eq. (8) without gates: fly to a point at a height and a speed.
+
+    The point is never reached, and nothing crashes.
+    """
     terms = (
         Term(progress, 8.0),
         Term(heading, 40.0),
@@ -134,30 +154,41 @@ def stabilize(x, x_next, u, point, p):
 
 
 def array_backend(library: ModuleType) -> dict[str, Callable]:
-    """Name -> the library's own function, for every function of NumPy that a step or a term here
-    calls."""
+    """Return a library's functions in place of NumPy's, by name, as far as they are called here."""
     functions = {name: getattr(library, name) for name in ("minimum", "maximum", "sqrt", "where")}
     if library.__name__ == "torch":  # whose minimum and maximum take no plain numbers
-        functions |= {
-            name: _of_tensors(library, functions[name]) for name in ("minimum", "maximum")
-        }
+        for name in ("minimum", "maximum"):
+            functions[name] = _of_tensors(library, functions[name])
     return functions
 
 
 def _of_tensors(torch: ModuleType, choose: Callable) -> Callable:
-    return lambda a, b: choose(torch.as_tensor(a), torch.as_tensor(b))
+    """Return torch's minimum or maximum, of plain numbers too."""
+
+    def chosen(a: Any, b: Any) -> Any:
+        return choose(torch.as_tensor(a), torch.as_tensor(b))
+
+    return chosen
 
 
 def rebind(function: Callable, backend: dict[str, Callable]) -> FunctionType:
-    """The same function with the backend's functions in place of those of the same name."""
+    """Return the function with the backend's functions in place of those of the same name."""
     assert isinstance(function, FunctionType)
     return FunctionType(function.__code__, {**function.__globals__, **backend})
 
 
-def model(ours: MPPI, library: ModuleType) -> tuple[Callable, Callable]:
-    """(x, u) -> the next state; (x, u) -> the cost of x. Both take and return sequences with one
-    array a component."""
-    system, cost, backend = ours.system, ours.cost, array_backend(library)
+class Model(NamedTuple):
+    """Our model and cost in another library. States and controls are sequences of arrays."""
+
+    step: Callable  # (x, u) -> the next state
+    cost: Callable  # (x, u) -> the cost of x
+
+
+def model(ours: MPPI, library: ModuleType) -> Model:
+    """Return our model and cost with the library's functions."""
+    system = ours.system
+    cost = ours.cost
+    backend = array_backend(library)
     step = rebind(system.step, backend)
     terms = [(term.weight, rebind(term.function, backend)) for term in cost.terms]
     point = Point(*POINT)
@@ -169,23 +200,32 @@ def model(ours: MPPI, library: ModuleType) -> tuple[Callable, Callable]:
         state = system.state(*x)
         return sum(weight * term(None, state, u, point, cost.params) for weight, term in terms)
 
-    return next_state, state_cost
+    return Model(next_state, state_cost)
 
 
 class TorchPeer:
-    """pytorch_mppi.MPPI as its users call it: float32, batched dynamics, as many threads as
-    ours."""
+    """pytorch_mppi.MPPI as its users call it: float32, batched dynamics, and our threads."""
 
     def __init__(self, ours: MPPI):
+        """ours: the planner whose model, cost and budget it has."""
         import pytorch_mppi
         import torch
 
         torch.set_num_threads(threads())
-        system, config = ours.system, ours.config
-        step, state_cost = model(ours, torch)
-        self._torch, self._config = torch, config
-        self._dynamics = lambda x, u: torch.stack(step(x.unbind(1), u.unbind(1)), dim=1)
-        self._cost = lambda x, u: state_cost(x.unbind(1), u.unbind(1))
+        system = ours.system
+        config = ours.config
+        in_torch = model(ours, torch)
+
+        def dynamics(x: Any, u: Any) -> Any:
+            return torch.stack(in_torch.step(x.unbind(1), u.unbind(1)), dim=1)
+
+        def cost(x: Any, u: Any) -> Any:
+            return in_torch.cost(x.unbind(1), u.unbind(1))
+
+        self._torch = torch
+        self._config = config
+        self._dynamics = dynamics
+        self._cost = cost
         self._mppi = pytorch_mppi.MPPI(
             self._dynamics,
             self._cost,
@@ -200,14 +240,17 @@ class TorchPeer:
         )
 
     def control(self, x: np.ndarray) -> object:
+        """Return the control at the state x (n_x,)."""
         state = self._torch.tensor(x, dtype=self._torch.float32)
         for i in range(self._config.iterations):
             u = self._mppi.command(state, shift_nominal_trajectory=i == 0)
         return u
 
     def costs(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """x (n_x,), v (M, T, n_u) -> J (M,), the mean over the states that the steps lead to, as
-        ours counts it."""
+        """Return the costs J (M,) of controls v (M, T, n_u) from the state x (n_x,).
+
+        As ours, they are the mean over the states that the steps lead to.
+        """
         torch = self._torch
         state = torch.tensor(x, dtype=torch.float32).expand(len(v), -1)
         total = torch.zeros(len(v))
@@ -219,10 +262,10 @@ class TorchPeer:
 
 
 class JaxPeer:
-    """The same algorithm in JAX: one compiled function, a scan over the horizon, rows of
-    samples."""
+    """The same algorithm in JAX: one compiled function, a scan over the horizon."""
 
     def __init__(self, ours: MPPI):
+        """ours: the planner whose model, cost and budget it has."""
         import jax
 
         self._jax = jax
@@ -233,21 +276,22 @@ class JaxPeer:
         self._step = jax.jit(jax_control(jax, rollout, ours))
 
     def control(self, x: np.ndarray) -> object:
+        """Return the plan at the state x (n_x,)."""
         self._plan, self._key = self._step(np.float32(x), self._plan, self._key)
         return self._jax.block_until_ready(self._plan)
 
     def costs(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """x (n_x,), v (M, T, n_u) -> J (M,)"""
+        """Return the costs J (M,) of controls v (M, T, n_u) from the state x (n_x,)."""
         return np.asarray(self._costs(np.float32(x), v.transpose(1, 2, 0)))
 
 
 def jax_rollout(jax: ModuleType, ours: MPPI) -> Callable:
-    """x (n_x,), v (T, n_u, M) -> J (M,)"""
-    step, state_cost = model(ours, jax.numpy)
+    """Return the function (x (n_x,), v (T, n_u, M)) -> J (M,)."""
+    in_jax = model(ours, jax.numpy)
 
     def advance(x, u):
-        x_next = step(x, tuple(u))
-        return x_next, state_cost(x_next, tuple(u))
+        x_next = in_jax.step(x, tuple(u))
+        return x_next, in_jax.cost(x_next, tuple(u))
 
     def rollout(x, v):
         start = ours.system.state(*(jax.numpy.full(v.shape[2], xi) for xi in x))
@@ -257,9 +301,12 @@ def jax_rollout(jax: ModuleType, ours: MPPI) -> Callable:
 
 
 def jax_control(jax: ModuleType, rollout: Callable, ours: MPPI) -> Callable:
-    """(x, plan, key) -> (plan, key): shift, then the iterations of Algorithm 1."""
-    jnp, system, config = jax.numpy, ours.system, ours.config
-    low, high, rest = (jnp.float32(jnp.array(a)) for a in (system.low, system.high, system.rest))
+    """Return the function (x, plan, key) -> (plan, key) of one control step."""
+    jnp = jax.numpy
+    config = ours.config
+    low = jnp.float32(jnp.array(ours.system.low))
+    high = jnp.float32(jnp.array(ours.system.high))
+    rest = jnp.float32(jnp.array(ours.system.rest))
     sigma = jnp.array(SIGMA)
 
     def control(x, plan, key):
@@ -267,7 +314,7 @@ def jax_control(jax: ModuleType, rollout: Callable, ours: MPPI) -> Callable:
         for _ in range(config.iterations):
             key, now = jax.random.split(key)
             z = sigma[:, None] * jax.random.normal(
-                now, (config.horizon, len(system.low), config.samples)
+                now, (config.horizon, len(SIGMA), config.samples)
             )
             v = jnp.clip(plan[:, :, None] + z, low[:, None], high[:, None])
             J = rollout(x, v)

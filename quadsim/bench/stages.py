@@ -1,5 +1,4 @@
-"""Where the time of a control step goes, beside the least time that this machine needs for each
-part."""
+"""The parts of a control step: where its time goes."""
 
 from __future__ import annotations
 
@@ -7,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from time import perf_counter
+from typing import NamedTuple
 from unittest.mock import patch
 
 import numpy as np
@@ -15,59 +15,68 @@ from controllers import mppi as algorithm
 from controllers.lanes.layout import chunks
 from controllers.lanes.normals import fill_normals
 from controllers.mppi import MPPI
-from quadsim.bench.cases import Case, controller, median_ms, times_ms
-from quadsim.bench.machine import Machine, floor_ns, work
+from quadsim.bench.cases import Case, Start, median_ms, starting, times_ms
 
 
-def stages(case: Case, seconds: float, machine: Machine) -> Iterator[dict]:
-    """{name, sampler, part, ms, operations, bytes, roofline} of each part of one iteration, and of
-    the whole."""
-    mppi, x = controller(case)
-    todo = work(mppi, case.sampler)
-    for part, ms in parts_ms(mppi, x, case.sampler, seconds).items():
-        row = {"name": case.name, "sampler": case.sampler, "part": part, "ms": ms}
-        if part in todo:
-            floor_ms = 1e-6 * case.samples * case.horizon * floor_ns(todo[part], machine)
-            row |= {
-                "operations": todo[part].operations,
-                "bytes": todo[part].bytes,
-                "roofline": floor_ms / ms,
-            }
-        yield row
+class PartTime(NamedTuple):
+    """The time that a part of one iteration takes."""
+
+    name: str  # of the case
+    sampler: str
+    part: str
+    ms: float
 
 
-def parts_ms(mppi: MPPI, x: np.ndarray, sampler: str, seconds: float) -> dict[str, float]:
-    """Of one iteration, medians. `rest` is the whole less its parts; below zero where their medians
-    do not agree.
+def stages(case: Case, seconds: float) -> list[PartTime]:
+    """Return the time of each part of one iteration, and of the whole."""
+    parts = parts_ms(starting(case), case.sampler, seconds)
+    return [PartTime(case.name, case.sampler, part, ms) for part, ms in parts.items()]
 
-    Colored noise is made in one loop: the time of as many normals alone is given as `normals`, the
-    rest of the loop's time as `transform`.
+
+def parts_ms(start: Start, sampler: str, seconds: float) -> dict[str, float]:
+    """Return the median time of each part of one iteration [ms].
+
+    `rest` is the whole less its parts; it is below zero where their medians do not agree. Colored
+    noise is made in one loop: the time of as many normals alone is given as `normals`, the rest of
+    the loop's time as `transform`.
     """
-    normals = {"normals": normals_ms(mppi, seconds)} if sampler == "colored" else {}
+    mppi = start.mppi
+    noise_of_colored = {}
+    if sampler == "colored":
+        noise_of_colored["normals"] = normals_ms(mppi, seconds)
+
+    # Time the parts in whole control steps, with the caches as they are there.
     taken: list[list[float]] = []
     with timed_parts(mppi) as parts:
 
         def control() -> None:
             parts.update(dict.fromkeys(parts, 0.0))
-            mppi.control(x)
+            mppi.control(start.x)
             taken.append(list(parts.values()))
 
         whole = times_ms(control, seconds)
-    medians = np.median(taken[-len(whole) :], axis=0) / mppi.config.iterations
+
+    # The warm-up calls come first and do not count.
+    iterations = mppi.config.iterations
+    medians = np.median(taken[-len(whole) :], axis=0) / iterations
     ms = dict(zip(parts, medians.tolist(), strict=True))
-    noise, total = ms.pop("noise"), float(np.median(whole)) / mppi.config.iterations
-    noise_ms = (
-        normals | {"transform": noise - normals["normals"]} if normals else {"normals": noise}
-    )
-    return noise_ms | ms | {"rest": total - noise - sum(ms.values()), "whole": total}
+    total = float(np.median(whole)) / iterations
+    rest = total - sum(ms.values())
+
+    # Split the noise of colored sampling in two.
+    noise = ms.pop("noise")
+    if noise_of_colored:
+        noise_parts = noise_of_colored | {"transform": noise - noise_of_colored["normals"]}
+    else:
+        noise_parts = {"normals": noise}
+    return noise_parts | ms | {"rest": rest, "whole": total}
 
 
 @contextmanager
 def timed_parts(mppi: MPPI) -> Iterator[dict[str, float]]:
-    """The time spent in each part since the dictionary's values were last set to 0 [ms].
+    """Time the functions of an iteration where they are called, over all its chunks.
 
-    The functions are timed where an iteration calls them: over all its chunks, with the caches as
-    they are there.
+    Yields the time spent in each part since the dictionary's values were last set to 0 [ms].
     """
     ms: dict[str, float] = {}
 
@@ -96,13 +105,19 @@ def timed_parts(mppi: MPPI) -> Iterator[dict[str, float]]:
 
 
 def normals_ms(mppi: MPPI, seconds: float) -> float:
-    """As many normals as one iteration's noise has numbers, chunk after chunk in the sampler's own
-    memory.
+    """Return the time of as many normals as one iteration's noise has numbers [ms].
 
-    Method exact: two series of n = 2 T steps come from 2 n normals a channel.
+    They are drawn chunk after chunk in the sampler's own memory. Method exact: two series of n = 2T
+    steps come from 2n normals a channel.
     """
-    key, parts = np.zeros(2, np.uint32), chunks(mppi.samples)
+    key = np.zeros(2, np.uint32)
+    parts = chunks(mppi.samples)
     noise = [mppi.sampler.sample(0, part.start, part.stop - part.start) for part in parts]
     rows = [z.reshape(len(z), -1, z.shape[-1]) for z in noise]  # views
     scale = np.ones(rows[0].shape[1], np.float32)
-    return median_ms(lambda: [fill_normals(out, scale, key, 0, 0) for out in rows], seconds)
+
+    def fill() -> None:
+        for out in rows:
+            fill_normals(out, scale, key, 0, 0)
+
+    return median_ms(fill, seconds)

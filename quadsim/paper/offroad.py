@@ -1,167 +1,234 @@
-"""An off-road vehicle on flat ground: a simulated stand-in for the paper's hardware, not a model of
-it.
+"""This experiment makes the off-road rows of Table I, in simulation, and Figures 4 and 5.
 
-    steer' = clip((steer_cmd - steer) / tau_s, +-rate)      the steering wheel: lag, and about 2 s
-    lock to lock drive' = (drive_cmd - drive) / tau_d                    throttle (> 0) and brake (<
-    0) in one v' = a_x,  a_x = (accel or brake) drive - drag v        never backwards
-    a_y = clip(v^2 kappa steer, +-sqrt(grip^2 - a_x^2))     what the tyres give
-    r' = (a_y / v - r) / tau_r                              yaw rate
-    p' = v (heading turned by -slip v r)                    tyres run beside their heading
-
-A bicycle whose tyres saturate. The heading is a unit vector, so that no step needs a sine.
+They show which sampler gets through the corridor, how fast, on which paths and by which controls.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import ceil
+from pathlib import Path
+from time import perf_counter
+from typing import NamedTuple
 
-from numpy import maximum, minimum, sqrt, where
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 
-from quadsim.dynamics import System
-from quadsim.dynamics.first_order import response
-from quadsim.dynamics.records import units_of
+from controllers.config import MPPIConfig
+from controllers.mppi import MPPI
+from controllers.samplers import Colored, Gaussian, Sampling
+from quadsim.dynamics.estimate import Estimate
+from quadsim.figures.style import STYLE, line, write_figure
+from quadsim.palette import HIT, INK, LIMIT, style
+from quadsim.paper.car import DRIVEN, NOMINAL, Control, State, car, disturbed
+from quadsim.paper.corridor import ZIGZAG, DriveReferee
+from quadsim.paper.corridor_cost import corridor_cost
+from quadsim.paper.result import Result, write_csv
+from quadsim.paper.runs import kept_runs
+from quadsim.paper.table1 import Attempt, draw_paths, table1, table1_row
+from quadsim.streams import offroad_streams
 
+# Section IV-A: "I = 3 iterations, M = 6144 samples, lambda = 0.1, dt = 0.02 s, and T = 250"; "the
+# control standard deviations were both set to 0.8, the combined throttle and brake exponent was 10,
+# and the steering exponent was 4".
+CONFIG = MPPIConfig(samples=6144, horizon=250, iterations=3, dt=0.02, temperature=0.1, smooth=True)
+GAUSSIAN = Gaussian(sigma=(0.8, 0.8))
+COLORED = Colored(sigma=(0.8, 0.8), gamma=(10.0, 4.0))
+COLD = replace(CONFIG, temperature=0.02)  # to see whether the temperature holds Gaussian back
 
-class State(NamedTuple):
-    """Position, heading as a unit vector, speed and yaw rate, and where steering wheel and pedals
-    are."""
-
-    px: Annotated[float, "m"]
-    py: Annotated[float, "m"]
-    hx: Annotated[float, "1"]
-    hy: Annotated[float, "1"]
-    v: Annotated[float, "m/s"]
-    r: Annotated[float, "rad/s"]
-    steer: Annotated[float, "1"]
-    drive: Annotated[float, "1"]
-
-
-class Control(NamedTuple):
-    """Throttle (> 0) or brake (< 0), and steering, both in -1..1."""
-
-    drive_cmd: Annotated[float, "1"]
-    steer_cmd: Annotated[float, "1"]
-
-
-class Params(NamedTuple):
-    """The numbers of `step`: those of OffroadVehicle, lags as the share that is made up in one
-    step."""
-
-    steer_response: float
-    steer_rate: float  # [1/s]
-    drive_response: float
-    accel: float  # [m/s^2]
-    brake: float  # [m/s^2]
-    drag: float  # [1/s]
-    curvature: float  # [1/m]
-    grip: float  # [m/s^2]
-    yaw_response: float
-    slip: float  # [rad s^2/m]
-
-
-STATE_UNITS, CONTROL_UNITS = units_of(State), units_of(Control)
-# standard deviation after 1 s of it [1, m/s, rad/s]
-DISTURBANCE = {"hx": 0.01, "hy": 0.01, "v": 0.2, "r": 0.04}
-
-
-def step(x, u, p, dt):
-    """Return the State after dt [s] from the State x under the Control u, with Params p."""
-    # Steering wheel and pedals lag behind their commands.
-    turned = p.steer_rate * dt
-    steer = x.steer + minimum(maximum((u.steer_cmd - x.steer) * p.steer_response, -turned), turned)
-    drive = x.drive + (u.drive_cmd - x.drive) * p.drive_response
-
-    # Forwards: throttle, brake and drag; the vehicle never rolls back.
-    ax = where(drive > 0.0, p.accel, p.brake) * drive - p.drag * x.v
-    v = maximum(x.v + ax * dt, 0.0)
-
-    # Sideways: what is left of the tyres' grip.
-    room = sqrt(maximum(p.grip * p.grip - ax * ax, 1.0))
-    ay = minimum(maximum(v * v * p.curvature * steer, -room), room)
-    r = x.r + (ay / maximum(v, 0.1) - x.r) * p.yaw_response
-
-    # The heading turns; one Newton step on 1 / |h| renormalises.
-    turn = 0.5 * (x.r + r) * dt
-    hx = x.hx - x.hy * turn
-    hy = x.hy + x.hx * turn
-    scale = 1.5 - 0.5 * (hx * hx + hy * hy)
-    hx = hx * scale
-    hy = hy * scale
-
-    # The position moves beside the heading by the sideslip.
-    beta = p.slip * v * r
-    way = 0.5 * (x.v + v) * dt
-    return State(
-        px=x.px + (hx + beta * hy) * way,
-        py=x.py + (hy - beta * hx) * way,
-        hx=hx,
-        hy=hy,
-        v=v,
-        r=r,
-        steer=steer,
-        drive=drive,
-    )
-
-
-@dataclass(frozen=True)
-class OffroadVehicle:
-    """A side-by-side vehicle of about 3 m; plausible numbers, not measured."""
-
-    name: str = "side_by_side"
-    half_width: float = 0.8  # [m]
-    steer_tau: float = 0.15  # lag of the steering wheel [s]
-    steer_rate: float = 1.0  # of the steering wheel [1/s]
-    drive_tau: float = 0.4  # lag of throttle and brake [s]
-    accel: float = 3.5  # at full throttle [m/s^2]
-    brake: float = 6.0  # at full brake [m/s^2]
-    drag: float = 0.15  # [1/s]
-    curvature: float = 0.18  # at full lock, without slip [1/m]
-    grip: float = 6.0  # of the tyres, in any direction [m/s^2]
-    yaw_tau: float = 0.15  # lag of the yaw rate [s]
-    slip: float = 0.0  # sideslip per lateral acceleration [rad s^2/m]
-
-    def params(self, dt: float) -> Params:
-        """Return the numbers of `step` for steps of dt [s]."""
-        return Params(
-            steer_response=response(self.steer_tau, dt),
-            steer_rate=self.steer_rate,
-            drive_response=response(self.drive_tau, dt),
-            accel=self.accel,
-            brake=self.brake,
-            drag=self.drag,
-            curvature=self.curvature,
-            grip=self.grip,
-            yaw_response=response(self.yaw_tau, dt),
-            slip=self.slip,
-        )
-
-
-# The vehicle that is driven responds more slowly, slides, and grips less than the planner's nominal
-# model.
-NOMINAL = OffroadVehicle()
-DRIVEN = OffroadVehicle(
-    steer_tau=0.2,
-    steer_rate=0.95,
-    drive_tau=0.5,
-    accel=3.2,
-    curvature=0.17,
-    grip=5.5,
-    yaw_tau=0.2,
-    slip=0.01,
+PLANT_DT = 0.005  # step of the vehicle that is driven [s]
+TIMEOUT = 40.0  # [s]
+SECONDS_SHOWN = 8.0  # of the controls in the figure, as in the paper
+START = State(
+    px=ZIGZAG.points[0][0],
+    py=ZIGZAG.points[0][1],
+    hx=float(ZIGZAG.directions[0, 0]),
+    hy=float(ZIGZAG.directions[0, 1]),
+    v=0.0,
+    r=0.0,
+    steer=0.0,
+    drive=0.0,
 )
 
 
-def offroad(vehicle: OffroadVehicle, dt: float) -> System:
-    """Return the system at control period dt [s]."""
-    return System(
-        name="offroad",
-        state=State,
-        control=Control,
-        step=step,
-        params=vehicle.params(dt),
-        dt=dt,
-        low=Control(-1.0, -1.0),
-        high=Control(1.0, 1.0),
-        rest=Control(0.0, 0.0),
+@dataclass(frozen=True)
+class DriveTask:
+    """All that decides one drive."""
+
+    sampling: Sampling
+    config: MPPIConfig
+    seed: int  # of the planner and of the disturbance
+    timeout: float  # [s]
+
+
+class Step(NamedTuple):
+    """One control step of a drive."""
+
+    t: float  # [s]
+    x: State
+    u: Control
+    plan_ms: float
+
+
+class Drive(NamedTuple):
+    """A drive that has ended, with a number for each control step."""
+
+    outcome: str  # finished, crashed, stuck or timeout
+    time: float  # at which it ended [s]
+    legs: int  # driven to their end lines
+    plan_ms: float  # median time of a plan
+    t: np.ndarray  # of the control steps, and of the end [s]  (steps,)
+    x: np.ndarray  # states, in the order of State  (steps, 8)
+    u: np.ndarray  # controls from t on, in the order of Control  (steps, 2)
+
+
+def planner(sampling: Sampling, config: MPPIConfig, seed: int | np.random.SeedSequence = 0) -> MPPI:
+    """Return the planner, which has the nominal model of the vehicle."""
+    cost = corridor_cost(ZIGZAG, NOMINAL.half_width, config.dt)
+    return MPPI(car(NOMINAL, config.dt), cost, sampling, config, seed)
+
+
+def drive(task: DriveTask) -> Drive:
+    """Drive the disturbed vehicle along the corridor until the referee ends the drive."""
+    streams = offroad_streams(task.seed)
+    mppi = planner(task.sampling, task.config, streams.planner)
+    vehicle = car(DRIVEN, PLANT_DT)
+    disturbance = np.random.default_rng(streams.gusts)
+    referee = DriveReferee(ZIGZAG, DRIVEN.half_width, task.timeout)
+
+    x = START
+    plant_steps = 0
+    steps: list[Step] = []
+    while referee.outcome is None:
+        t = plant_steps * PLANT_DT
+        began = perf_counter()
+        control, _ = mppi.control(Estimate(t, np.array(x), referee.legs))
+        plan_ms = 1e3 * (perf_counter() - began)
+        u = Control(*control.tolist())
+        steps.append(Step(t, x, u, plan_ms))
+
+        # The vehicle moves in finer steps than the planner's model, each with a disturbance.
+        for _ in range(round(task.config.dt / PLANT_DT)):
+            x = disturbed(vehicle.next(x, u), PLANT_DT, disturbance)
+            plant_steps += 1
+            referee.observe(plant_steps * PLANT_DT, np.array([x.px, x.py]))
+            if referee.outcome:
+                break
+    end = steps[-1]._replace(t=plant_steps * PLANT_DT, x=x)  # under the last control
+
+    every = [*steps, end]
+    return Drive(
+        outcome=referee.outcome,
+        time=end.t,
+        legs=referee.legs,
+        plan_ms=float(np.median([step.plan_ms for step in steps])),
+        t=np.array([step.t for step in every]),
+        x=np.array([step.x for step in every]),
+        u=np.array([step.u for step in every]),
     )
+
+
+def make(runs: int, folder: Path) -> Result:
+    """Drive so many times with each sampler, and a quarter as often at the lower temperature."""
+    cold_runs = ceil(runs / 4)
+    tasks = {
+        "gaussian": [DriveTask(GAUSSIAN, CONFIG, seed, TIMEOUT) for seed in range(runs)],
+        "colored": [DriveTask(COLORED, CONFIG, seed, TIMEOUT) for seed in range(runs)],
+        "gaussian_cold": [DriveTask(GAUSSIAN, COLD, seed, TIMEOUT) for seed in range(cold_runs)],
+    }
+    every = [task for of_variant in tasks.values() for task in of_variant]
+    driven = iter(kept_runs(every, drive, Drive, folder))
+    drives = {name: [next(driven) for _ in of_variant] for name, of_variant in tasks.items()}
+
+    table = [row(name, of_variant) for name, of_variant in drives.items()]
+    files = [
+        write_csv(folder / "offroad.csv", table),
+        *write_figure(draw_drives(drives), folder, "offroad_paths"),
+        *write_figure(draw_drive_controls(drives), folder, "offroad_controls"),
+    ]
+    for name, of_variant in drives.items():
+        steps = [
+            {"attempt": i} | step
+            for i, of_attempt in enumerate(of_variant)
+            for step in csv_rows(of_attempt)
+        ]
+        files.append(write_csv(folder / f"offroad_{name}.csv", steps))
+    return Result({"variants": table}, (table1(table, "legs", "mean_legs"),), tuple(files))
+
+
+def row(name: str, drives: Sequence[Drive]) -> dict:
+    """Return a row of Table I, with the legs driven, and how drives ended that did not finish."""
+    attempts = [
+        Attempt(drive.time if drive.outcome == "finished" else None, drive.plan_ms)
+        for drive in drives
+    ]
+    outcomes = [drive.outcome for drive in drives]
+    return {
+        **table1_row("offroad", name, attempts),
+        "mean_legs": float(np.mean([drive.legs for drive in drives])),
+        "crashed": outcomes.count("crashed"),
+        "stuck": outcomes.count("stuck"),
+        "timeout": outcomes.count("timeout"),
+    }
+
+
+def csv_rows(of_attempt: Drive) -> list[dict]:
+    """Return a row for each control step, to five decimals."""
+    names = ("t", *State._fields, *Control._fields)
+    table = np.column_stack([of_attempt.t, of_attempt.x, of_attempt.u])
+    return [
+        {name: round(number, 5) for name, number in zip(names, numbers, strict=True)}
+        for numbers in table.tolist()
+    ]
+
+
+def draw_drives(drives: Mapping[str, Sequence[Drive]]) -> Figure:
+    """Draw every attempt from above, coloured by the time since its start."""
+    with rc_context(STYLE):
+        figure = Figure(figsize=(13, 5), dpi=110, layout="constrained")
+        columns = figure.subplots(1, len(drives), sharey=True)
+        for axes, (name, of_variant) in zip(columns, drives.items(), strict=True):
+            lines = _draw_variant(axes, name, of_variant)
+        figure.colorbar(lines, ax=figure.axes, label="t [s]", pad=0.01)
+    return figure
+
+
+def _draw_variant(axes: Axes, name: str, drives: Sequence[Drive]) -> LineCollection:
+    """Draw the corridor and the paths in it, with a cross where one ended before the goal."""
+    for wall in ZIGZAG.walls():
+        axes.plot(*wall.T, color=INK, linewidth=1.5)
+    paths = [drive.x[:, :2] for drive in drives]
+    lines = draw_paths(axes, paths, [drive.t for drive in drives], "viridis", top=20.0)
+
+    lost = [drive for drive in drives if drive.outcome != "finished"]
+    ends_x = [drive.x[-1, 0] for drive in lost]
+    ends_y = [drive.x[-1, 1] for drive in lost]
+    axes.plot(ends_x, ends_y, "x", color=HIT, markersize=6, zorder=4)
+    axes.plot(*ZIGZAG.points[0], "o", color=INK, zorder=5)
+    axes.set_title(f"{name}: {len(drives) - len(lost)} of {len(drives)} reach the goal")
+    return lines
+
+
+def draw_drive_controls(drives: Mapping[str, Sequence[Drive]]) -> Figure:
+    """Draw the commands in the first seconds of the first attempts."""
+    titles = ("throttle and brake", "steering")
+    with rc_context(STYLE):
+        figure = Figure(figsize=(9, 5), dpi=110, layout="constrained")
+        rows = figure.subplots(2, 1, sharex=True)
+        for channel, (axes, title) in enumerate(zip(rows, titles, strict=True)):
+            for name in ("gaussian", "colored"):
+                first = drives[name][0]
+                early = first.t <= SECONDS_SHOWN
+                look = line(style(name))
+                axes.plot(
+                    first.t[early], first.u[early, channel], **look, linewidth=1.1, label=name
+                )
+            axes.axhline(0.0, color=LIMIT, linewidth=0.8)
+            axes.set(title=title, ylim=(-1.05, 1.05))
+        rows[0].legend(loc="lower right", ncols=2)
+        rows[-1].set_xlabel("t [s]")
+    return figure

@@ -13,7 +13,7 @@ from quadsim.campaign.summary_stats import Section, variant_stats
 from quadsim.course import load_course
 from quadsim.figures.run_figure import draw
 from quadsim.palette import OTHER, SPARE, STYLES, dotted, style, styles
-from quadsim.paper import table2
+from quadsim.paper import double_integrator
 
 ROOT = Path(__file__).parents[2]
 
@@ -72,7 +72,8 @@ def test_the_picture_of_a_run_draws_what_was_commanded_in_its_sampler_s_colour()
 
 def test_the_paper_s_best_runs_are_drawn_in_their_samplers_colours():
     t = np.linspace(0.0, 4.5, 301)
-    figure = table2.draw(dict.fromkeys(table2.LOOKS, (t, np.zeros(301), t)))
+    track = double_integrator.Track(t=t, p=np.zeros(301), u=t)
+    figure = double_integrator.draw(dict.fromkeys(double_integrator.LOOKS, track))
     found = {x.get_label(): to_hex(x.get_color()) for x in figure.axes[0].get_lines()}
-    for name in table2.LOOKS:
+    for name in double_integrator.LOOKS:
         assert found[name] == style(re.sub(r"_\d$", "", name)).colour

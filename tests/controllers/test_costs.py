@@ -16,14 +16,21 @@ from point import POINT
 
 from controllers.config import MPPIConfig
 from controllers.costs import Cost, Term, crash, evaluate
-from controllers.costs.quadratic import Goal, distance, quadratic_cost, speed
 from controllers.lanes.lanes import LANES, Rollout, compiled_module
 from controllers.lanes.planner_loops import module_source
 from controllers.lanes.trace import TraceError
 from controllers.mppi import MPPI
 from controllers.samplers import Gaussian
 from quadsim.dynamics.estimate import Estimate
-from quadsim.paper.double_integrator import Control, State, double_integrator
+from quadsim.paper.integrator import (
+    Control,
+    Goal,
+    State,
+    distance,
+    double_integrator,
+    quadratic_cost,
+    speed,
+)
 
 SYSTEM = double_integrator(0.05)
 START = np.array([-1.0, 0.5, 0.4, 0.2])

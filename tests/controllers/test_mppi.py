@@ -23,12 +23,11 @@ from scipy.signal import savgol_coeffs
 
 from controllers import mppi as algorithm
 from controllers.config import MPPIConfig
-from controllers.costs.quadratic import quadratic_cost
 from controllers.mppi import MPPI
 from controllers.samplers import SAMPLERS, Gaussian
 from controllers.update import SAVITZKY_GOLAY, savitzky_golay
 from quadsim.dynamics.estimate import Estimate
-from quadsim.paper.double_integrator import double_integrator
+from quadsim.paper.integrator import double_integrator, quadratic_cost
 
 EVERY = [*SAMPLERS, White((0.8, 0.5))]
 NAMES = [*SAMPLERS, "own"]

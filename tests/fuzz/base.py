@@ -26,7 +26,7 @@ def twice(x):
 """
 
 SHORT = tuple(word for pair in TINY.items() for word in pair)
-FLIGHTS = (("paper_flat", "--sampler", "colored"), ("zigzag",), ("table2",))
+FLIGHTS = (("paper_flat", "--sampler", "colored"),)
 CAMPAIGN = ("paper_flat", *SHORT, "--attempts", "2", "--jobs", "1")
 COMPARE = ("compare", *CAMPAIGN)
 TUNE = (

@@ -22,8 +22,6 @@ TINY = {
 COURSES = (
     "paper_flat",
     "split_s_swift",
-    "zigzag",
-    "table2",
     "split_s_swfit",
     "",
     ".",

@@ -8,7 +8,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tests.fuzz.children import Child, start
@@ -21,7 +21,7 @@ gates:
   - {position: [1.5, 0, 1.5], yaw_deg: 0}
 """
 SMALL = ("--samples", "128", "--horizon", "20", "--iterations", "1", "--jobs", "1", "--timeout")
-COMMAND_MODULES = ("fly", "campaign.compare", "campaign.tune", "paper.table1")
+COMMAND_MODULES = ("fly", "campaign.compare", "campaign.tune", "paper")
 LIBRARIES = (
     "controllers.lanes.lanes",
     "pybullet",
@@ -65,13 +65,11 @@ def run(command: str, folder: Path) -> Child:
 
 def smaller() -> None:
     """The paper's experiment with a small planner and for a moment only."""
-    from functools import partial
-    from types import SimpleNamespace
+    from quadsim.paper import offroad
 
-    from quadsim.paper import table1
-
-    of = partial(table1.Spec.of, samples=128, horizon=20, iterations=1, timeout=0.3)
-    table1.Spec = SimpleNamespace(of=of)
+    offroad.CONFIG = replace(offroad.CONFIG, samples=128, horizon=20, iterations=1)
+    offroad.COLD = replace(offroad.CONFIG, temperature=0.02)
+    offroad.TIMEOUT = 0.3
 
 
 @dataclass(frozen=True)

@@ -1,104 +1,185 @@
-"""`race paper`: runs are flown once and kept, an interrupted command goes on, numbers and files
-come out."""
+"""`race paper`: runs are computed once and kept; numbers and files come out."""
 
 import csv
 import json
+import math
+import sqlite3
+from concurrent.futures import Future
+from dataclasses import replace
 from functools import partial
-from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from campaign_cases import row
 
-from controllers.plan import PlanStats
 from quadsim.campaign import runner
-from quadsim.campaign.attempt import attempt_key, fly_attempt
-from quadsim.campaign.attempt import result as attempt_result
 from quadsim.campaign.pool import Pool
-from quadsim.campaign.variants import Variant
 from quadsim.cli.cli import race
-from quadsim.paper import table2
-from quadsim.paper.command import EXPERIMENTS
-from quadsim.paper.result import flown, load_runs, table1_row
-from quadsim.paper.table2 import TABLE2
-from quadsim.record.archive import list_runs
-from quadsim.record.metrics import accumulated_cost
+from quadsim.cli.paper import EXPERIMENTS
+from quadsim.paper import double_integrator, offroad, quadrotor, runs, table2
+from quadsim.paper.offroad import Drive, DriveTask
+from quadsim.paper.runs import as_bytes, from_bytes, kept_runs, run_key
+from quadsim.paper.table1 import Attempt, table1_row
+from quadsim.paper.table2 import (
+    GOAL,
+    SIGMAS,
+    TABLE2,
+    MotionTask,
+    Score,
+    accumulated_cost,
+    move,
+    samplings,
+    score,
+)
 from quadsim.record.run import RunError
 from quadsim.spec.spec import Spec
 
-SMALL = {"samples": 128, "horizon": 20, "timeout": 0.15}
+SMALL = replace(table2.CONFIG, samples=128, horizon=20)
+TASKS = [MotionTask(samplings(1.5)["gaussian"], seed, SMALL, steps=10) for seed in range(3)]
+
+
+class Counted:
+    """A function of a task that counts its calls."""
+
+    def __init__(self, function):
+        self.function = function
+        self.calls = []
+
+    def __call__(self, task):
+        self.calls.append(task)
+        return self.function(task)
 
 
 @pytest.fixture
 def here(monkeypatch):
-    """Attempts in this process instead of workers."""
+    """Runs in this process instead of workers."""
+    monkeypatch.setattr(runs, "open_pool", lambda *_: Pool())
     monkeypatch.setattr(runner, "open_pool", lambda *_: Pool())
 
 
-def small(sampler="gaussian"):
-    return Variant(sampler, Spec.of("table2", sampler=sampler, **SMALL))
+@pytest.fixture
+def small(here, monkeypatch):
+    """Experiments with a small planner and for a moment only."""
+    drive = replace(offroad.CONFIG, samples=128, horizon=20, iterations=1)
+    few = partial(Spec.of, samples=128, horizon=20, iterations=1, timeout=0.3)
+    task = partial(MotionTask, config=SMALL, steps=100)
+    monkeypatch.setattr(offroad, "CONFIG", drive)
+    monkeypatch.setattr(offroad, "COLD", replace(drive, temperature=0.02))
+    monkeypatch.setattr(offroad, "TIMEOUT", 0.3)
+    monkeypatch.setattr(quadrotor, "Spec", SimpleNamespace(of=few))
+    monkeypatch.setattr(table2, "MotionTask", task)
+    monkeypatch.setattr(double_integrator, "MotionTask", task)
 
 
-def test_a_finished_run_is_never_made_twice(here, tmp_path, capsys):
-    first = flown([small()], 2, tmp_path)
-    assert "2/2 table2 gaussian seed 1: finished" in capsys.readouterr().err
-    assert flown([small()], 2, tmp_path) == first
-    assert capsys.readouterr().err == ""
-    assert flown([small()], 3, tmp_path)["gaussian"][:2] == first["gaussian"]
-    assert "2 of 3 attempts are kept from before" in capsys.readouterr().err
+def test_a_finished_run_is_never_made_twice_and_more_of_them_are_added(here, tmp_path):
+    counted = Counted(score)
+    first = kept_runs(TASKS[:2], counted, Score, tmp_path)
+    assert kept_runs(TASKS[:2], counted, Score, tmp_path) == first
+    assert kept_runs(TASKS, counted, Score, tmp_path)[:2] == first
+    assert counted.calls == TASKS
 
 
-def test_the_accumulated_cost_is_that_of_the_states_reached_and_kept_with_the_attempt(
-    here, tmp_path
-):
-    attempts = flown([small()], 2, tmp_path)
-    (rows,), (flights,) = attempts.values(), load_runs([small()], attempts, tmp_path).values()
-    for kept, run in zip(rows, flights, strict=True):
-        px, py, vx, vy = (run.telemetry[name][1:] for name in ("px", "py", "vx", "vy"))
-        total = np.sum(5.0 * ((px + 4.0) ** 2 + (py + 4.0) ** 2) + 0.5 * (vx**2 + vy**2))
-        assert kept.result["cost"] == accumulated_cost(run) == pytest.approx(total, rel=1e-12)
-    assert rows[0].result["cost"] != rows[1].result["cost"]
+def test_a_command_that_is_killed_keeps_every_run_that_has_ended(here, tmp_path):
+    def killed(task):
+        if task == TASKS[2]:
+            raise KeyboardInterrupt
+        return score(task)
+
+    with pytest.raises(KeyboardInterrupt, match=r"2 runs are kept in .*runs.sqlite"):
+        kept_runs(TASKS, killed, Score, tmp_path)
+    counted = Counted(score)
+    kept_runs(TASKS, counted, Score, tmp_path)
+    assert counted.calls == TASKS[2:]
 
 
-def test_telemetry_that_is_not_kept_or_damaged_is_flown_again_and_the_same(here, tmp_path, capsys):
-    kept = flown([small()], 1, tmp_path)
-    (row,) = kept["gaussian"]
-    (flight,) = load_runs([small()], kept, tmp_path)["gaussian"]
-    bare = flown([small()], 1, tmp_path / "bare", telemetry=False)
-    assert not list((tmp_path / "bare").glob("*.flights"))
-    (tmp_path / row.folder / "telemetry.npz").write_bytes(b"half")
-    capsys.readouterr()
-    for attempts, folder in ((bare, tmp_path / "bare"), (kept, tmp_path)):
-        (again,) = load_runs([small()], attempts, folder)["gaussian"]
-        assert again.digest() == flight.digest()
-    (said,) = capsys.readouterr().err.splitlines()
-    assert said.startswith(f"{tmp_path / row.folder / 'telemetry.npz'}: damaged: ")
-    assert said.endswith("; flown again")
+def test_a_row_that_is_half_written_when_the_power_fails_is_not_there(here, tmp_path):
+    kept_runs(TASKS[:1], score, Score, tmp_path)
+    database = sqlite3.connect(tmp_path / runs.FILE)
+    database.execute("INSERT INTO runs VALUES (?, ?)", (run_key(TASKS[1]), b"half"))
+    database.close()  # without a commit
+    counted = Counted(score)
+    kept_runs(TASKS[:2], counted, Score, tmp_path)
+    assert counted.calls == TASKS[1:2]
 
 
-@pytest.mark.parametrize(("flags", "folders"), [([], 0), (["--telemetry"], 12)])
-def test_only_a_flag_keeps_the_telemetry_of_table2(here, tmp_path, monkeypatch, flags, folders):
-    monkeypatch.setattr(table2, "Spec", SimpleNamespace(of=partial(Spec.of, **SMALL)))
-    monkeypatch.setattr(table2, "SIGMAS", (0.5,))
-    assert race(["paper", "table2", "--runs", "1", "--runs-dir", str(tmp_path), *flags]) == 0
-    assert len(list_runs(tmp_path / "paper" / "campaign.flights")) == folders
+def test_a_run_is_known_by_all_that_decides_it():
+    drives = [DriveTask(offroad.GAUSSIAN, offroad.CONFIG, seed, 40.0) for seed in range(2)]
+    drives.append(replace(drives[0], config=offroad.COLD))
+    drives.append(replace(drives[0], sampling=offroad.COLORED))
+    motions = [
+        MotionTask(sampling, 0) for sigma in SIGMAS for sampling in samplings(sigma).values()
+    ]
+    assert len({run_key(task) for task in (*drives, *motions)}) == 4 + 36
+    assert run_key(drives[0]) == run_key(replace(drives[0]))
+    assert f"numpy {np.__version__}" in run_key(drives[0])
 
 
-class FullThrottle:
-    """A driver that does not steer."""
+def test_a_result_comes_back_from_the_file_to_the_last_bit():
+    t = np.array([0.0, 0.1])
+    drive = Drive("stuck", math.pi, 2, 1 / 3, t, np.ones((2, 8)) / 3, np.zeros((2, 2)))
+    back = from_bytes(as_bytes(drive), Drive)
+    assert back[:4] == drive[:4]
+    assert [type(x) for x in back] == [type(x) for x in drive]
+    for one, other in zip(back[4:], drive[4:], strict=True):
+        np.testing.assert_array_equal(one, other)
 
-    rest = np.zeros(2)
 
-    def control(self, estimate):
-        return np.array([1.0, 0.0]), PlanStats(0.0, 1.0, 1.0)
+def test_a_worker_that_dies_is_one_line_and_other_runs_are_kept(monkeypatch, tmp_path):
+    class Dying(Pool):
+        lost = (OSError,)
+
+        def submit(self, fly, job):
+            if job == TASKS[1]:
+                dead = Future()
+                dead.set_exception(OSError())
+                return dead
+            return super().submit(fly, job)
+
+    monkeypatch.setattr(runs, "open_pool", Dying)
+    with pytest.raises(RunError, match="worker"):
+        kept_runs(TASKS, score, Score, tmp_path)
+    monkeypatch.setattr(runs, "open_pool", Pool)
+    counted = Counted(score)
+    kept_runs(TASKS, counted, Score, tmp_path)
+    assert counted.calls == TASKS[1:]
 
 
-def test_a_drive_that_ends_at_a_wall_has_no_cost_and_says_where_it_ended():
-    found = attempt_result(fly_attempt(Spec.of("zigzag", controller=FullThrottle())))
-    assert found["cost"] is None
-    assert found["crash"]["kind"] == "wall"
-    assert found["crash"]["position"][0] > 20.0
+@pytest.mark.parametrize("damage", ["a folder", "text"])
+def test_a_file_that_cannot_be_used_is_one_line_with_its_path(damage, tmp_path):
+    path = tmp_path / runs.FILE
+    if damage == "a folder":
+        path.mkdir()
+    else:
+        path.write_text("no database " * 100)
+    with pytest.raises(RunError) as error:
+        kept_runs(TASKS, score, Score, tmp_path)
+    assert str(error.value).startswith(f"{path}: ")
+    assert "\n" not in str(error.value)
+
+
+def test_the_accumulated_cost_is_that_of_the_states_reached():
+    motion = move(TASKS[0])
+    px, py, vx, vy = motion.x[1:].T
+    square = (px - GOAL.x) ** 2 + (py - GOAL.y) ** 2
+    total = np.sum(5.0 * square + 0.5 * (vx**2 + vy**2))
+    assert accumulated_cost(motion) == pytest.approx(total, rel=1e-12)
+    assert score(TASKS[0]).cost == accumulated_cost(motion) != score(TASKS[1]).cost
+
+
+def test_a_drive_ends_at_a_wall_and_the_same_seed_is_the_same_drive(monkeypatch):
+    """With a driver that does not steer, in place of the planner."""
+    straight = SimpleNamespace(control=lambda estimate: (np.array([1.0, 0.0]), None))
+    monkeypatch.setattr(offroad, "planner", lambda *_: straight)
+    task = DriveTask(offroad.GAUSSIAN, offroad.CONFIG, seed=0, timeout=40.0)
+    drive = offroad.drive(task)
+    again = offroad.drive(task)
+    other = offroad.drive(replace(task, seed=1))
+    assert (drive.outcome, drive.legs) == ("crashed", 1)
+    assert drive.x[-1, 0] > 20.0
+    assert drive.time == drive.t[-1]
+    np.testing.assert_array_equal(again.x, drive.x)
+    assert not np.array_equal(other.x[:100], drive.x[:100]), "another disturbance"
 
 
 @pytest.mark.parametrize(
@@ -109,56 +190,28 @@ def test_a_drive_that_ends_at_a_wall_has_no_cost_and_says_where_it_ended():
         ("offroad", "variants", {"offroad", "offroad_paths", "offroad_controls"}),
     ],
 )
-def test_an_experiment_flies_and_leaves_numbers_and_figures(
-    name, key, files, here, tmp_path, monkeypatch, capsys
+def test_an_experiment_leaves_numbers_and_figures_and_is_not_computed_again(
+    name, key, files, small, tmp_path, monkeypatch, capsys
 ):
-    """With a small planner and for a moment only."""
-    module = import_module(f"quadsim.paper.{EXPERIMENTS[name][0]}")
-    few = partial(Spec.of, samples=128, horizon=20, iterations=1, timeout=0.3)
-    monkeypatch.setattr(module, "Spec", SimpleNamespace(of=few))
     assert race(["paper", name, "--runs", "1", "--json", "--runs-dir", str(tmp_path)]) == 0
     assert key in json.loads(capsys.readouterr().out)
-    assert files <= {
-        path.stem for path in (tmp_path / "paper").iterdir() if path.suffix in (".csv", ".png")
-    }
-    monkeypatch.setattr(runner, "fly_all", None)  # all is there
+    made = (tmp_path / "paper").iterdir()
+    assert files <= {path.stem for path in made if path.suffix in (".csv", ".png")}
+    monkeypatch.setattr(runner, "open_pool", None)
+    monkeypatch.setattr(runs, "open_pool", None)
     assert race(["paper", name, "--runs", "1", "--runs-dir", str(tmp_path)]) == 0
     assert f"{name}.csv" in capsys.readouterr().out
 
 
-def test_an_attempt_that_is_lost_with_its_worker_is_one_line(here, tmp_path, monkeypatch):
-    monkeypatch.setattr(runner, "fly_all", lambda pool, specs: [(spec, None) for spec in specs])
-    with pytest.raises(RunError, match="lost twice; the same command goes on"):
-        flown([small()], 1, tmp_path)
-
-
-def test_a_campaign_that_cannot_be_kept_is_one_line(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(RunError, match="cannot keep the campaign here"):
-        flown([small()], 1, tmp_path / "file")
-
-
-def test_no_two_cells_are_one_variant_and_no_two_seeds_one_attempt():
-    cells = [table2.variant(name, sigma) for name in table2.CHOICES for sigma in table2.SIGMAS]
-    assert len({cell.key for cell in cells}) == len({cell.name for cell in cells}) == 36
-    assert len({attempt_key(spec.record()) for spec in cells[0].attempts(3)}) == 3
-    assert cells[0].key == table2.variant("gaussian", 0.5).key
-
-
 def test_table2_has_every_cell_of_the_paper_and_six_rows_more(tmp_path, monkeypatch, capsys):
     """With runs that a stand-in has made."""
-    one = row(result={"cost": 100.0, "plan_ms": {"p50": 1.0}})
-    monkeypatch.setattr(
-        table2, "flown", lambda variants, runs, *_: {v.name: [one] * runs for v in variants}
-    )
+    one = Score(cost=100.0, plan_ms=1.0)
+    monkeypatch.setattr(table2, "kept_runs", lambda tasks, *_: [one] * len(tasks))
     assert race(["paper", "table2", "--runs", "2", "--json", "--runs-dir", str(tmp_path)]) == 0
     cells = json.loads(capsys.readouterr().out)["cells"]
     assert {(c["sampler"], c["sigma"]) for c in cells if c["paper_mean"]} == set(TABLE2)
     assert len(TABLE2) == 18
     assert len(cells) == 36
-    assert {"sampler", "sigma", "runs", "mean", "sd", "paper_mean", "paper_sd", "ms"} <= set(
-        cells[0]
-    )
     with (tmp_path / "paper" / "table2.csv").open() as file:
         assert [r["mean"] for r in csv.DictReader(file)] == ["100.0"] * 36
     assert race(["paper", "table2", "--runs", "2", "--runs-dir", str(tmp_path)]) == 0
@@ -175,64 +228,84 @@ def test_figures_come_as_png_and_svg_with_their_numbers(tmp_path, capsys, name):
     assert (tmp_path / "paper" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_an_interrupted_command_says_where_the_runs_are(here, tmp_path, monkeypatch, capsys):
-    def stopped(pool, specs, flights=runner.fly_all):
-        yield from flights(pool, specs[:flown_before])
+def test_an_interrupted_command_names_the_file_and_ends_with_130(
+    small, tmp_path, monkeypatch, capsys
+):
+    scored = iter([score])
+
+    def stopped(task):
+        for function in scored:
+            return function(task)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(runner, "fly_all", stopped)
-    flown_before = 0
+    monkeypatch.setattr(table2, "score", stopped)
     assert race(["paper", "table2", "--runs-dir", str(tmp_path)]) == 130
-    assert capsys.readouterr().err == "race paper: interrupted, nothing to keep\n"
-    flown_before = 1
-    assert race(["paper", "table2", "--runs-dir", str(tmp_path)]) == 130
-    err = capsys.readouterr().err
-    assert str(tmp_path / "paper" / "campaign.sqlite") in err
-    assert "the same command goes on there" in err
+    assert str(tmp_path / "paper" / runs.FILE) in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    ("argv", "said"),
-    [
-        ("paper tabel2", "no experiment 'tabel2': did you mean 'table2'?"),
-        ("paper table2 --runs 0", "--runs: expected a whole number >= 1"),
-    ],
+    ("argv", "named"), [("paper tabel2", "'table2'"), ("paper table2 --runs 0", "--runs")]
 )
-def test_a_mistake_is_one_line(argv, said, capsys):
+def test_a_mistake_is_one_line_that_names_it(argv, named, capsys):
     assert race(argv.split()) == 2
     err = capsys.readouterr().err
-    assert said in err
+    assert named in err
     assert err.count("\n") == 1
 
 
-def test_all_stands_for_every_experiment():
-    assert set(EXPERIMENTS) == {
-        "noise",
-        "exploration",
-        "table2",
-        "double_integrator",
-        "quadrotor",
-        "offroad",
-    }
+def test_all_makes_every_experiment(monkeypatch, tmp_path, capsys):
+    made = []
+
+    def module(name):
+        def make(runs, folder):
+            made.append((name, runs))
+            return SimpleNamespace(numbers={}, shown=(), files=())
+
+        return SimpleNamespace(make=make)
+
+    monkeypatch.setattr("quadsim.cli.paper.import_module", module)
+    assert race(["paper", "all", "--json", "--runs-dir", str(tmp_path)]) == 0
+    assert list(json.loads(capsys.readouterr().out)) == list(EXPERIMENTS)
+    assert made == [(f"quadsim.paper.{name}", e.runs) for name, e in EXPERIMENTS.items()]
+
+
+def test_telemetry_of_a_lap_that_is_damaged_is_flown_again_and_the_same(small, tmp_path, capsys):
+    quadrotor.make(1, tmp_path)
+    spec = quadrotor.Spec.of("paper_flat", preset="paper", sampler="gaussian")
+    variant = quadrotor.Variant("gaussian", spec)
+    (kept,) = quadrotor.flown([variant], 1, tmp_path)["gaussian"]
+    digest = quadrotor.load_flight(kept, spec, tmp_path).digest()
+    (tmp_path / kept.folder / "telemetry.npz").write_bytes(b"half")
+    capsys.readouterr()
+    assert quadrotor.load_flight(kept, spec, tmp_path).digest() == digest
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"{tmp_path / kept.folder / 'telemetry.npz'}: ")
+
+
+def test_a_lap_that_is_lost_with_its_worker_is_one_line(here, tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, "fly_all", lambda pool, specs: [(spec, None) for spec in specs])
+    variant = quadrotor.Variant("gaussian", Spec.of("paper_flat", preset="paper"))
+    with pytest.raises(RunError, match="lost"):
+        quadrotor.flown([variant], 1, tmp_path)
 
 
 def test_times_are_those_of_the_attempts_that_finished():
-    ends = [("finished", 8.0), ("crashed", 1.0), ("finished", 9.0), ("timeout", 40.0)]
     numbers = table1_row(
-        "quadrotor", "colored", [row(i, outcome, (t,)) for i, (outcome, t) in enumerate(ends)]
+        "quadrotor",
+        "colored",
+        [Attempt(8.0, 1.0), Attempt(None, 2.0), Attempt(9.0, 3.0), Attempt(None, 5.0)],
     )
-    assert (numbers["finished"], numbers["attempts"], numbers["mean"], numbers["min"]) == (
-        2,
-        4,
-        8.5,
-        8.0,
-    )
+    assert (numbers["finished"], numbers["attempts"]) == (2, 4)
+    assert (numbers["mean"], numbers["min"], numbers["ms"]) == (8.5, 8.0, 2.5)
     assert numbers["sd"] == pytest.approx(0.5**0.5)
     assert 0 < numbers["success_low"] < 0.5 < numbers["success_high"] < 1
-    assert (numbers["paper_mean"], numbers["paper_valid"], numbers["paper_attempts"]) == (
-        8.691,
-        9,
-        21,
-    )
-    none = table1_row("offroad", "gaussian", [row(outcome="stuck")])
+    assert numbers["paper_mean"] == 8.691
+    assert (numbers["paper_valid"], numbers["paper_attempts"]) == (9, 21)
+    none = table1_row("offroad", "gaussian", [Attempt(None, 1.0)])
     assert (none["finished"], none["mean"], none["sd"], none["min"]) == (0, None, None, None)
+
+
+def test_a_lap_counts_where_the_flight_finished():
+    finished = row(0, "finished", (8.0,))
+    assert quadrotor.attempt(finished).time == 8.0
+    assert quadrotor.attempt(row(0, "crashed", (8.0,))).time is None

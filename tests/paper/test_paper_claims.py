@@ -1,45 +1,56 @@
-"""What the paper claims, on few runs: each sentence a test. The full tables: `race paper all`,
-docs/paper.md."""
+"""The claims of the paper, on few runs: each sentence a test.
 
+The full tables are made by `race paper all`, see docs/paper.md.
+"""
+
+from dataclasses import replace
 from functools import cache
 
 import pytest
-from point import make_sampler
 
-from quadsim.paper.sampled import SAMPLES, paths, perturbations
-from quadsim.paper.table1 import drive
-from quadsim.paper.table2 import TABLE2, psd, variant
-from quadsim.record.metrics import accumulated_cost, chatter
+from controllers.samplers import Colored, Gaussian
+from quadsim.paper import offroad
+from quadsim.paper.car import State
+from quadsim.paper.double_integrator import psd
+from quadsim.paper.exploration import SAMPLES, paths
+from quadsim.paper.noise import perturbations
+from quadsim.paper.offroad import DriveTask
+from quadsim.paper.table2 import TABLE2, Motion, MotionTask, accumulated_cost, move, samplings
+from quadsim.record.metrics import chatter
 from quadsim.record.run import Run
 from quadsim.spec.build import flight_frames
 from quadsim.spec.spec import Spec
 
 
-def fly(spec: Spec) -> Run:
-    return Run.from_frames(spec.record(), flight_frames(spec))
-
-
 @cache
-def flight(name, sigma) -> Run:
-    return fly(variant(name, sigma).spec)
+def motion(name, sigma) -> Motion:
+    return move(MotionTask(samplings(sigma)[name], seed=0))
 
 
 @cache
 def cost(name, sigma) -> float:
-    return accumulated_cost(flight(name, sigma)) or 0.0
+    return accumulated_cost(motion(name, sigma))
 
 
-def track(name):
-    """Position and control of one axis at sigma 1.5."""
-    x = flight(name, 1.5).telemetry
-    return x["px"], x["ax_cmd"]
+def position(name):
+    """Return the position of one axis at sigma 1.5 [m]."""
+    return motion(name, 1.5).x[:, 0]
 
 
-def spread(name, sigma):
-    """Sampled paths of the off-road vehicle.  (samples, steps + 1, 2) [m]"""
-    return paths(perturbations(make_sampler(name, sigma=(sigma, sigma), gamma=(4.0, 4.0)), SAMPLES))
+def control(name):
+    """Return the control of one axis at sigma 1.5 [m/s^2]."""
+    return motion(name, 1.5).u[:, 0]
 
 
+@cache
+def ends(sampling):
+    """Return where sampled paths of the off-road vehicle end [m].  (samples, 2)"""
+    return paths(perturbations(sampling, SAMPLES))[:, -1]
+
+
+COLORED = Colored((0.4, 0.4), (4.0, 4.0))
+GAUSSIAN = Gaussian((0.4, 0.4))
+RAISED = Gaussian((2.0, 2.0))
 CELLS = [
     ("gaussian", 0.5),
     ("gaussian", 3.0),
@@ -68,43 +79,36 @@ def test_colored_costs_less_than_gaussian_at_the_same_sigma():
 
 def test_log_mppi_needs_far_larger_controls_and_colored_reaches_the_goal_without():
     """At sigma 1.5; the goal counts as reached within 1 m of it after 1.5 s."""
-    largest = {
-        name: abs(track(name)[1]).max()
-        for name in ("log_normal", "colored_1", "colored_2", "gaussian")
-    }
-    assert largest["log_normal"] > 3 * max(largest["colored_1"], largest["colored_2"])
-    assert all(
-        abs(track(name)[0][100] + 4.0) < 1.0 for name in ("log_normal", "colored_1", "colored_2")
-    )
-    assert largest["gaussian"] < min(largest["colored_1"], largest["colored_2"])
+    colored = ("colored_1", "colored_2")
+    largest = {name: abs(control(name)).max() for name in ("log_normal", "gaussian", *colored)}
+    assert largest["log_normal"] > 3 * max(largest[name] for name in colored)
+    assert largest["gaussian"] < min(largest[name] for name in colored)
+    for name in ("log_normal", *colored):
+        assert abs(position(name)[100] + 4.0) < 1.0
 
 
 def test_gaussian_overshoots_and_colored_does_not():
-    assert (
-        track("gaussian")[0].max()
-        > -3.9
-        > max(track("colored_1")[0].max(), track("colored_2")[0].max())
-    )
+    assert position("gaussian").max() > -3.9
+    assert position("colored_1").max() < -3.9
+    assert position("colored_2").max() < -3.9
 
 
 def test_smooth_mppi_barely_reaches_the_goal_in_the_time():
-    assert track("smooth")[0][200] < -5.0
-    assert abs(track("smooth")[1]).max() < 2.0 < abs(track("gaussian")[1]).max()
+    assert position("smooth")[200] < -5.0
+    assert abs(control("smooth")).max() < 2.0 < abs(control("gaussian")).max()
 
 
 def test_smooth_star_oscillates_at_rest_more_than_colored():
-    resting = {
-        name: track(name)[1][-67:].std()
-        for name in ("smooth_star", "colored_1", "colored_2", "gaussian")
-    }
-    assert resting["smooth_star"] > 5 * max(
-        resting["colored_1"], resting["colored_2"], resting["gaussian"]
-    )
+    def resting(name):
+        return control(name)[-67:].std()
+
+    others = ("colored_1", "colored_2", "gaussian")
+    assert resting("smooth_star") > 5 * max(resting(name) for name in others)
 
 
 def test_colored_has_less_power_above_20_hz_than_gaussian():
     def high(name):
-        f, power = psd(flight(name, 1.5).telemetry["t"], track(name)[1])
+        f, power = psd(motion(name, 1.5).t, control(name))
         return power[f > 20.0].sum()
 
     assert high("colored_2") < 0.5 * high("gaussian") < high("log_normal")
@@ -112,39 +116,39 @@ def test_colored_has_less_power_above_20_hz_than_gaussian():
 
 
 def test_colored_explores_farther_at_the_same_sigma():
-    colored, gaussian = (spread(name, 0.4)[:, -1] for name in ("colored", "gaussian"))
+    colored = ends(COLORED)
+    gaussian = ends(GAUSSIAN)
     assert colored[:, 0].var() > 10 * gaussian[:, 0].var()
     assert abs(colored[:, 1]).max() > 3 * abs(gaussian[:, 1]).max()
 
 
 def test_raising_sigma_does_not_make_gaussian_reach_as_far():
-    colored, gaussian, raised = (
-        spread(*case)[:, -1] for case in (("colored", 0.4), ("gaussian", 0.4), ("gaussian", 2))
-    )
-    assert raised[:, 0].var() > 2 * gaussian[:, 0].var(), "it does reach farther"
+    colored = ends(COLORED)
+    raised = ends(RAISED)
+    assert raised[:, 0].var() > 2 * ends(GAUSSIAN)[:, 0].var(), "it does reach farther"
     assert colored[:, 0].var() > 3 * raised[:, 0].var()
     assert abs(colored[:, 1]).max() > 2 * abs(raised[:, 1]).max()
 
 
 def test_colored_thrust_varies_less_than_gaussian():
-    """The quadrotor with the paper's settings, a quarter of the samples, 1.5 s from the start of
-    paper_flat."""
+    """The quadrotor with the paper's settings, a quarter of the samples, for 1.5 s."""
 
     def variation(sampler):
-        run = fly(Spec.of("paper_flat", preset="paper", sampler=sampler, samples=1024, timeout=1.5))
+        spec = Spec.of("paper_flat", preset="paper", sampler=sampler, samples=1024, timeout=1.5)
+        run = Run.from_frames(spec.record(), flight_frames(spec))
         return chatter(run)["commanded"]["thrust_tv"]
 
     assert variation("colored") < 0.3 * variation("gaussian")
 
 
 def test_colored_turns_where_gaussian_cannot():
-    """The off-road stand-in for 8 s, with a sixth of the samples and one iteration: colored is
-    round the first bend."""
-    reduced = {"samples": 1024, "iterations": 1, "timeout": 8.0}
-    colored, gaussian = (
-        fly(drive(sampler=name, **reduced)).telemetry for name in ("colored", "gaussian")
-    )
-    assert colored["passed"][-1] >= 1
-    assert colored["py"][-1] > 8.0, "up the second leg [m]"
-    assert gaussian["py"][-1] < 4.0
-    assert max(abs(gaussian["steer"])) < 0.5 < max(abs(colored["steer"]))
+    """The off-road stand-in for 8 s, with a sixth of the samples and one iteration."""
+    reduced = replace(offroad.CONFIG, samples=1024, iterations=1)
+    colored = offroad.drive(DriveTask(offroad.COLORED, reduced, seed=0, timeout=8.0))
+    gaussian = offroad.drive(DriveTask(offroad.GAUSSIAN, reduced, seed=0, timeout=8.0))
+    y = State._fields.index("py")
+    steer = State._fields.index("steer")
+    assert colored.legs >= 1
+    assert colored.x[-1, y] > 8.0, "up the second leg [m]"
+    assert gaussian.x[-1, y] < 4.0
+    assert abs(gaussian.x[:, steer]).max() < 0.5 < abs(colored.x[:, steer]).max()

@@ -2,6 +2,7 @@
 
 from contextlib import closing
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,6 @@ from quadsim.course import EstimatedGate, load_course
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import Control, ModelParams, State
 from quadsim.files.strict_yaml import FileError
-from quadsim.paper.referees import DurationReferee
 from quadsim.physics.domain_randomization import displaced
 from quadsim.physics.plant import RigidPlant
 from quadsim.record.estimate_metrics import estimate_errors, sensing_numbers
@@ -159,9 +159,7 @@ def test_exact_knowledge_is_the_true_state_and_the_referees_count():
     plant, controller, _ = build(spec)
     plant.close()
     assert not {"sensing", "displace_gates"} & spec.record().keys()
-    counted = DurationReferee(1.0)
-    counted.passed = 3
-    at_once = navigation_of(spec, plant, controller, counted)
+    at_once = navigation_of(spec, plant, controller, SimpleNamespace(passed=3))
     estimate = at_once.estimate(0.0)
     assert (tuple(estimate.x), estimate.target, estimate.course) == (plant.state.x, 3, None)
     assert at_once.record(plant.state) == ()
@@ -173,8 +171,7 @@ def test_where_commands_act_late_the_state_is_predicted_and_gates_are_counted_on
     """By latency, or by the planner's own time on the wall clock."""
     spec = Spec.of("split_s_swift", **SMALL | change)
     plant, controller, _ = build(spec)
-    counted = DurationReferee(1.0)
-    counted.passed = 3
+    counted = SimpleNamespace(passed=3)
     with closing(plant):
         navigation = navigation_of(spec, plant, controller, counted)
         x = tuple(plant.state.x)

@@ -1,18 +1,24 @@
-"""The double integrator and its quadratic cost: explicit Euler as published, and the lanes against
-the oracle."""
+"""The double integrator and its cost: explicit Euler, and the lanes against the oracle."""
 
 import numpy as np
 import pytest
 from oracle import fly_rows, to_lanes
 
 from controllers.costs import evaluate
-from controllers.costs.quadratic import quadratic_cost
 from controllers.lanes.lanes import LANES, Rollout
-from quadsim.paper.double_integrator import UNLIMITED, Control, PointMass, State, double_integrator
+from quadsim.paper.integrator import (
+    UNLIMITED,
+    Control,
+    State,
+    double_integrator,
+    quadratic_cost,
+)
 
-SYSTEM, COST = double_integrator(0.015), quadratic_cost((-4.0, -4.0))
+SYSTEM = double_integrator(0.015)
+COST = quadratic_cost((-4.0, -4.0))
 START = (-9.0, -9.0, 0.1, 0.1)
-M, T = 200, 65
+M = 200  # samples
+T = 65  # steps
 
 
 def controls(seed=0, spread=3.0):
@@ -27,9 +33,10 @@ def fly_lanes(U, z, dtype=np.float32, system=SYSTEM):
 
 
 def test_constant_control_goes_as_the_sums_of_explicit_euler():
-    """n steps of u: v = v0 + n u dt, p = p0 + n v0 dt + n (n - 1) / 2 u dt^2, the position with the
-    old velocity."""
-    x, n, dt = START, 40, SYSTEM.dt
+    """n steps of u: v = v0 + n u dt, p = p0 + n v0 dt + n (n - 1) / 2 u dt^2."""
+    n = 40
+    dt = SYSTEM.dt
+    x = START
     for _ in range(n):
         x = SYSTEM.next(x, (2.0, -1.0))
     np.testing.assert_allclose(x[2:], (0.1 + n * 2 * dt, 0.1 - n * dt))
@@ -50,7 +57,7 @@ def test_cost_is_five_per_square_metre_and_a_half_per_square_metre_per_second():
 @pytest.mark.parametrize(("dtype", "rtol"), [(np.float32, 2e-5), (np.float64, 1e-12)])
 def test_lanes_agree_with_the_oracle(dtype, rtol):
     U, z = controls()
-    stronger = double_integrator(SYSTEM.dt, PointMass(gain=1.05))
+    stronger = double_integrator(SYSTEM.dt, gain=1.05)
     oracle, wrong = (fly_rows(system, COST, START, U, z).J for system in (SYSTEM, stronger))
     np.testing.assert_allclose(fly_lanes(U, z, dtype), oracle, rtol=rtol)
     assert np.mean(abs(wrong / oracle - 1) > rtol) > 0.9

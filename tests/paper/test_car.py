@@ -1,5 +1,4 @@
-"""The off-road stand-in: what its equations promise, and the lanes against the oracle in the
-corridor."""
+"""The off-road stand-in: its equations, and the lanes against the oracle in the corridor."""
 
 from dataclasses import replace
 
@@ -7,16 +6,17 @@ import numpy as np
 import pytest
 from oracle import fly_rows, to_lanes
 
-from controllers.costs.corridor import CorridorWeights, corridor_cost
 from controllers.lanes.lanes import LANES, Rollout
-from quadsim.course.corridor import load_corridor
-from quadsim.paper.offroad import DRIVEN, NOMINAL, OffroadVehicle, State, offroad
-from quadsim.physics.plant import ModelPlant, diffusion
+from quadsim.paper.car import DRIVEN, NOMINAL, OffroadVehicle, State, car, disturbed
+from quadsim.paper.corridor import ZIGZAG
+from quadsim.paper.corridor_cost import corridor_cost
 
-M, T, DT = 300, 250, 0.02
-SYSTEM = offroad(NOMINAL, DT)
+M = 300  # samples
+T = 250  # steps
+DT = 0.02  # [s]
+SYSTEM = car(NOMINAL, DT)
 STATES = SYSTEM.states
-COST = corridor_cost(load_corridor("zigzag"), 0.8, CorridorWeights(), DT)
+COST = corridor_cost(ZIGZAG, half_width=0.8, dt=DT)
 
 
 def state(**values):
@@ -24,8 +24,9 @@ def state(**values):
 
 
 def drive(x, u, seconds, vehicle=NOMINAL, dt=DT):
-    """All states.  (steps + 1, n_x)"""
-    system, states = offroad(vehicle, dt), [x]
+    """Return all states.  (steps + 1, n_x)"""
+    system = car(vehicle, dt)
+    states = [x]
     for _ in range(round(seconds / dt)):
         states.append(system.next(states[-1], u))
     return np.array(states, float)
@@ -91,17 +92,17 @@ def test_driven_vehicle_slips_out_of_the_turn_that_the_nominal_one_makes():
     assert beside == pytest.approx(-0.02 * slipping[-1, 4] * slipping[-1, 5], rel=0.05)
 
 
-def test_plant_drifts_by_its_disturbance_alone():
-    """LapTiming, its speed moves by .2 m/s in 1 s; without the disturbance not at all."""
-    std = tuple(0.2 if name == "r" else 0.0 for name in STATES)
-    free = OffroadVehicle(yaw_tau=1e9)
+def test_the_disturbed_vehicle_drifts_by_its_disturbance_alone():
+    """Its yaw rate moves by 0.2 rad/s in 1 s; without the disturbance not at all."""
+    std = State(*[0.2 if name == "r" else 0.0 for name in STATES])
+    free = car(OffroadVehicle(yaw_tau=1e9), 0.05)
     ends = []
     for seed in range(200):
-        disturb = diffusion(std, 0.05, np.random.default_rng(seed))
-        plant = ModelPlant(offroad(free, 0.05), state(), disturb)
+        rng = np.random.default_rng(seed)
+        x = state()
         for _ in range(20):
-            plant.step((0.0, 0.0))
-        ends.append(plant.state.x[STATES.index("r")])
+            x = disturbed(free.next(x, (0.0, 0.0)), 0.05, rng, std)
+        ends.append(x.r)
     assert np.std(ends) == pytest.approx(0.2, rel=0.2)
     assert drive(state(), (0.0, 0.0), 1.0)[-1].tolist() == list(state())
 
@@ -135,6 +136,6 @@ def test_lanes_agree_with_the_oracle(dtype, rtol, graze):
     assert 0.2 < np.mean(oracle.reached > 0) < 0.98, "some take the bend, some do not"
     J = fly_lanes(U, z, dtype)
     np.testing.assert_allclose(J[clear], oracle.J[clear], rtol=rtol, atol=0.02 * rtol)
-    other = offroad(replace(NOMINAL, grip=5.0, curvature=0.175), DT)
+    other = car(replace(NOMINAL, grip=5.0, curvature=0.175), DT)
     wrong = fly_rows(other, COST, state(px=14.0, v=5.0), U, z).J
     assert np.mean(abs(wrong / oracle.J - 1) > rtol) > 0.8

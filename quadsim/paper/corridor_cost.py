@@ -11,38 +11,33 @@ its bend; a sample that crosses it goes on along the next leg.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy import maximum, sqrt
 
 from controllers.costs import Cost, Term
-from quadsim.course.corridor import Corridor
-from quadsim.files.strict_yaml import setting
+from quadsim.paper.corridor import Corridor
 
 RUN_OUT = 100.0  # [m] a last leg behind the goal, so that plans do not end there
 
 
 @dataclass(frozen=True)
 class CorridorWeights:
-    """Weights a_0..a_3, and the numbers they refer to."""
+    """The weights a_0..a_3, and the numbers they refer to; all of them are ours."""
 
-    to_go: Annotated[float, setting("per metre still to drive")] = 0.2
-    lethal: Annotated[
-        float, setting("per metre travelled at a wall; falls linearly to none at the margin")
-    ] = 500.0
-    rollover: Annotated[
-        float,
-        setting("per metre travelled and (m/s^2)^2 of lateral acceleration above lateral_max"),
-    ] = 10.0
-    speed: Annotated[float, setting("per metre travelled and (m/s)^2 above speed_max")] = 2.0
-    lateral_max: Annotated[float, setting("[m/s^2]")] = 4.0
-    speed_max: Annotated[float, setting("[m/s]")] = 7.0
-    margin: Annotated[float, setting("of the vehicle's side to a wall [m]")] = 0.5
+    to_go: float = 0.2  # per metre still to drive
+    lethal: float = 500.0  # per metre travelled at a wall; falls linearly to none at the margin
+    # per metre travelled and (m/s^2)^2 of lateral acceleration above lateral_max
+    rollover: float = 10.0
+    speed: float = 2.0  # per metre travelled and (m/s)^2 above speed_max
+    lateral_max: float = 4.0  # [m/s^2]
+    speed_max: float = 7.0  # [m/s]
+    margin: float = 0.5  # of the vehicle's side to a wall [m]
 
 
 class LegTarget(NamedTuple):
-    """The target row: the end of a leg and its end line, and the way that is left behind it."""
+    """The target row: the end of a leg, its end line, and the distance that is left behind it."""
 
     x: float  # end [m]
     y: float
@@ -64,12 +59,12 @@ class CorridorParams(NamedTuple):
 
 
 def off_end(x_next, leg):
-    """Return the way from the leg's end to the vehicle [m].  (2,)"""
+    """Return the vector from the leg's end to the vehicle [m].  (2,)"""
     return x_next.px - leg.x, x_next.py - leg.y
 
 
 def travelled(x_next, p):
-    """Return the way of one step [m]."""
+    """Return the distance travelled in one step [m]."""
     return x_next.v * p.dt
 
 
@@ -86,53 +81,69 @@ def to_go(x, x_next, u, leg, p):
 
 
 def lethal(x, x_next, u, leg, p):
-    """Return the way travelled in the margin of a wall, times how deep in it, 1 at the wall [m]."""
+    """Return the distance travelled times the depth in the margin of a wall, 1 at the wall [m]."""
     dx, dy = off_end(x_next, leg)
     beyond = maximum(abs(leg.ex * dy - leg.ey * dx) - p.room, 0.0) / p.margin
     return travelled(x_next, p) * beyond
 
 
 def rollover(x, x_next, u, leg, p):
-    """Return the way travelled times the square of the lateral acceleration above its limit."""
+    """Return the distance travelled times the square of lateral acceleration above its limit."""
     lateral = maximum(abs(x_next.v * x_next.r) - p.lateral_max, 0.0)
     return travelled(x_next, p) * lateral * lateral
 
 
 def speed(x, x_next, u, leg, p):
-    """Return the way travelled times the square of the speed above its limit."""
+    """Return the distance travelled times the square of the speed above its limit."""
     fast = maximum(x_next.v - p.speed_max, 0.0)
     return travelled(x_next, p) * fast * fast
 
 
-CORRIDOR_TERMS = (to_go, lethal, rollover, speed)
-TERMS = tuple(term.__name__ for term in CORRIDOR_TERMS)
-
-
 def corridor_cost(
-    corridor: Corridor, half_width: float, weights: CorridorWeights, dt: float
+    corridor: Corridor,
+    half_width: float,
+    dt: float,
+    weights: CorridorWeights = CorridorWeights(),
 ) -> Cost:
-    """Return the cost for a vehicle of this half width [m] and steps of dt [s].
+    """Return the cost of driving along a corridor. Nothing is latched: a wall costs by the metre.
 
-    Nothing is latched, as a wall costs by the metre.
+    Args:
+        corridor: to drive along.
+        half_width: of the vehicle [m].
+        dt: control period [s].
+        weights: of the terms, and what they refer to.
     """
-    w = weights
-    room = corridor.width / 2 - half_width - w.margin
+    terms = (
+        Term(to_go, weights.to_go),
+        Term(lethal, weights.lethal),
+        Term(rollover, weights.rollover),
+        Term(speed, weights.speed),
+    )
+    params = CorridorParams(
+        room=corridor.width / 2 - half_width - weights.margin,
+        margin=weights.margin,
+        lateral_max=weights.lateral_max,
+        speed_max=weights.speed_max,
+        dt=dt,
+    )
     return Cost(
         name="corridor",
-        terms=tuple(Term(function, getattr(w, function.__name__)) for function in CORRIDOR_TERMS),
+        terms=terms,
         row=LegTarget,
         targets=targets(corridor),
-        params=CorridorParams(room, w.margin, w.lateral_max, w.speed_max, dt),
+        params=params,
         reached=reached,
     )
 
 
 def targets(corridor: Corridor) -> np.ndarray:
     """Return a LegTarget for each leg, and one for a last leg behind the goal.  (legs + 1, 7)"""
-    directions, normals = corridor.directions, corridor.ends
+    directions = corridor.directions
     ends = np.array(corridor.points[1:])
+    legs = np.column_stack([ends, directions, corridor.ends])
     run_out = np.concatenate([ends[-1] + RUN_OUT * directions[-1], directions[-1], directions[-1]])
+
+    # The distance behind each leg's end is the sum of all legs after it, summed from the last one.
     after = np.append(corridor.lengths[1:], RUN_OUT)
-    to_go = np.append(np.cumsum(after[::-1])[::-1], 0.0)
-    legs = np.column_stack([ends, directions, normals])
-    return np.column_stack([np.vstack([legs, run_out]), to_go])
+    left = np.append(np.cumsum(after[::-1])[::-1], 0.0)
+    return np.column_stack([np.vstack([legs, run_out]), left])

@@ -1,19 +1,16 @@
-"""The corridor: what its file may say, its walls, its cost, its referee."""
+"""The corridor: its walls, its cost, its referee."""
 
 import numpy as np
 import pytest
 
 from controllers.costs import evaluate
-from controllers.costs.corridor import RUN_OUT, CorridorWeights, corridor_cost
-from quadsim.course import course_names
-from quadsim.course.corridor import Corridor, load_corridor
-from quadsim.files.strict_yaml import FileError
-from quadsim.paper.offroad import Control, State
-from quadsim.paper.referees import STUCK, CorridorReferee
+from quadsim.paper.car import Control, State
+from quadsim.paper.corridor import STUCK, ZIGZAG, Corridor, DriveReferee
+from quadsim.paper.corridor_cost import RUN_OUT, CorridorWeights, corridor_cost
 
 # one bend, 90 degrees left
-CORNER = Corridor(name="corner", width=6.0, points=((0.0, 0.0), (20.0, 0.0), (20.0, 20.0)))
-COST = corridor_cost(CORNER, 0.8, CorridorWeights(margin=0.5), 0.02)
+CORNER = Corridor(width=6.0, points=((0.0, 0.0), (20.0, 0.0), (20.0, 20.0)))
+COST = corridor_cost(CORNER, half_width=0.8, dt=0.02, weights=CorridorWeights(margin=0.5))
 
 
 def at(px, py, v=5.0, r=0.0):
@@ -26,41 +23,18 @@ def terms(x, leg=0):
 
 
 def driven(*places, referee=None, dt=0.1):
-    referee = referee or CorridorReferee(CORNER, 0.8, 60.0)
-    for i, (x, y) in enumerate(places):
-        referee.observe(i * dt, (0.0, 0.0, 0.0), (i + 1) * dt, (x, y, 0.0))
+    referee = referee or DriveReferee(CORNER, 0.8, 60.0)
+    for i, place in enumerate(places, start=1):
+        referee.observe(i * dt, np.array(place))
     return referee
 
 
-def test_corridors_are_no_race_courses():
-    assert load_corridor("zigzag").width == 9.0
-    assert "zigzag" not in course_names()
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("width: 0\npoints: [[0, 0], [9, 0]]\n", "1:8: width: expected a number [m] > 0"),
-        ("width: 4\npoints: [[0, 0]]\n", "points: expected "),
-        ("width: 4\npoints: [[0, 0], [9, 0], [9, 0]]\n", "expected points that differ"),
-        (
-            "width: 8\npoints: [[0, 0], [9, 0], [9, 6], [0, 6]]\n",
-            "expected a leg longer than its bends take",
-        ),
-        (
-            "width: 4\npoints: [[0, 0], [9, 0], [1, 0.1]]\n",
-            "expected a leg longer than its bends take",
-        ),
-        ("width: 4\ngates: []\n", "unknown key"),
-    ],
-)
-def test_mistake_in_a_file_is_one_line_that_names_the_place(tmp_path, text, said):
-    path = tmp_path / "bad.yaml"
-    path.write_text(text)
-    with pytest.raises(FileError, match=r"points|width|gates") as error:
-        load_corridor(path)
-    assert said in str(error.value)
-    assert "\n" not in str(error.value)
+def test_every_leg_of_the_zigzag_is_longer_than_its_bends_take():
+    directions = ZIGZAG.directions
+    turns = np.arccos((directions[1:] * directions[:-1]).sum(axis=1))
+    np.testing.assert_allclose(np.degrees(turns), [112, 101, 101, 101], atol=0.6)
+    mitre = 0.5 * ZIGZAG.width * np.tan(turns / 2)  # taken from both legs of a bend [m]
+    assert np.all(ZIGZAG.lengths > np.append(mitre, 0) + np.insert(mitre, 0, 0))
 
 
 def test_walls_run_beside_the_legs_and_meet_at_the_bend():
@@ -108,7 +82,7 @@ def test_referee_sees_the_goal_the_wall_and_each_bend():
     along = [(x, 0.0) for x in range(2, 20, 2)]
     up = [(20.0, y) for y in range(1, 20, 2)]
     assert driven(*along).outcome is None
-    assert driven(*along, *up).passed == 1
+    assert driven(*along, *up).legs == 1
     assert driven(*along, *up, (20.0, 20.5)).outcome == "finished"
     assert driven((5.0, 2.1)).outcome is None
     assert driven((5.0, 2.3)).outcome == "crashed", "the vehicle's side is .8 m from its middle"
@@ -121,4 +95,4 @@ def test_referee_ends_a_drive_that_stands_or_lasts():
     assert driven(*standing).outcome == "stuck"
     creeping = [(0.05 * i, 0.0) for i in range(100)]
     assert driven(*creeping).outcome is None
-    assert driven(*creeping, referee=CorridorReferee(CORNER, 0.8, 9.0)).outcome == "timeout"
+    assert driven(*creeping, referee=DriveReferee(CORNER, 0.8, 9.0)).outcome == "timeout"

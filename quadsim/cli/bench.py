@@ -1,0 +1,131 @@
+"""`race bench`: control steps timed, as tables or as JSON.
+
+A step is one step of one sample in one iteration.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta
+from rich.progress import track
+
+from controllers.lanes.planner_loops import module_source
+from controllers.lanes.threads import use_threads
+from quadsim.bench.cases import QUADROTOR, SWEPT, cases, measure, paper_case
+from quadsim.bench.envs import measure_envs, measure_plants
+from quadsim.bench.gates import measure_gates
+from quadsim.bench.peers import compare, require_peers
+from quadsim.bench.stages import stages
+from quadsim.bench.tables import (
+    case_tables,
+    envs_table,
+    gates_table,
+    other_simulators,
+    peer_lines,
+    stages_table,
+)
+from quadsim.cli.flags import Help, Json, Switch
+from quadsim.console import emit, emit_json, progress_console
+from quadsim.record.provenance import cpu_name
+from quadsim.spec.build import planner_of
+from quadsim.spec.spec import Spec
+
+
+def bench(
+    *,
+    seconds: Annotated[float, Meta(gt=0, le=600), Help("time for each case [s]")] = 1.0,
+    peers: Annotated[bool, Switch("also time pytorch-mppi and JAX (extra: peers)")] = False,
+    gates: Annotated[bool, Switch("only flights along 10 and along 200 gates")] = False,
+    envs: Annotated[
+        bool, Switch("only environments for learning, in lanes and in arrays (extra: rl)")
+    ] = False,
+    show_code: Annotated[
+        bool, Switch("print the loops that are compiled for the default race, and time nothing")
+    ] = False,
+    json: Json = False,
+) -> int:
+    """Time whole control steps on this machine, which should do nothing else meanwhile.
+
+    Every system is timed at the paper's budget, then the quadrotor with other samples and horizons.
+
+    race bench --peers     the same model through pytorch-mppi and JAX, in the same run
+
+    race bench --gates     does a control step take longer on a course with more gates?
+
+    race bench --envs      steps of learning environments a second, over vehicles and threads
+
+    race bench --show-code the compiled loops as text: model and cost, inlined into a loop over
+    samples
+    """
+    if show_code:
+        print(planner_code())
+    elif envs:
+        _bench_envs(seconds, json)
+    elif gates:
+        _bench_gates(json)
+    else:
+        _bench_planner(seconds, peers, json)
+    return 0
+
+
+def planner_code() -> str:
+    """Return the text of the loops that are compiled for the default race."""
+    spec = Spec.of()
+    mppi = planner_of(spec, spec.streams.planner)
+    return module_source(mppi.model, mppi.cost, np.float32)
+
+
+def _bench_planner(seconds: float, peers: bool, json: bool) -> None:
+    """Time control steps and their parts, and the other libraries where they are asked for."""
+    if peers:
+        require_peers()
+    most = use_threads(None)
+    every = track(
+        list(cases(most)),
+        "timing, the first time also compiling",
+        console=progress_console(),
+        transient=True,
+    )
+    times = [measure(case, seconds) for case in every]
+    use_threads(None)
+    parts = [part for sampler in SWEPT for part in stages(paper_case(QUADROTOR, sampler), seconds)]
+    others = compare(seconds) if peers else []
+    if json:
+        result = {
+            "cases": [row._asdict() for row in times],
+            "stages": [row._asdict() for row in parts],
+            "machine": {"cpu": cpu_name(), "threads": most},
+        }
+        if peers:
+            result["peers"] = [row._asdict() for row in others]
+        emit_json(result)
+        return
+    emit(
+        *case_tables(times, most),
+        "",
+        stages_table(parts, most),
+        "",
+        f"{cpu_name()}, {most} threads",
+        *peer_lines(others),
+    )
+
+
+def _bench_gates(json: bool) -> None:
+    """Time flights along few and along many gates."""
+    rows = measure_gates()
+    if json:
+        emit_json({"gates": [row._asdict() for row in rows]})
+    else:
+        emit(gates_table(rows))
+
+
+def _bench_envs(seconds: float, json: bool) -> None:
+    """Time learning environments, and simulators of one vehicle."""
+    rows = measure_envs(seconds)
+    plants = measure_plants(seconds)
+    if json:
+        emit_json({"envs": [row._asdict() for row in rows], "plants": plants})
+    else:
+        emit(envs_table(rows), *other_simulators(plants))

@@ -1,0 +1,121 @@
+"""Corridor: two walls along a bent centre line, and the rules of a drive along it.
+
+At a bend the legs meet at the line that halves the angle: there one leg ends and the next one
+begins.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+STUCK = 5.0  # [s] within a metre of one place, after which a drive is over
+
+
+@dataclass(frozen=True)
+class Corridor:
+    """A corridor in the plane."""
+
+    width: float  # between the walls [m]
+    # centre line from the start to the goal [m]; every leg is longer than its bends take
+    points: tuple[tuple[float, float], ...]
+
+    @cached_property
+    def directions(self) -> np.ndarray:
+        """The unit vectors along the legs.  (legs, 2)"""
+        legs = np.diff(np.array(self.points), axis=0)
+        return legs / np.linalg.norm(legs, axis=1, keepdims=True)
+
+    @cached_property
+    def lengths(self) -> np.ndarray:
+        """The lengths of the legs [m].  (legs,)"""
+        return np.linalg.norm(np.diff(np.array(self.points), axis=0), axis=1)
+
+    @cached_property
+    def ends(self) -> np.ndarray:
+        """The unit normals of the lines at which legs end.  (legs, 2)
+
+        They point forwards, at a bend half-way between the directions of both legs.
+        """
+        before = self.directions
+        after = np.vstack([before[1:], before[-1:]])
+        both = before + after
+        return both / np.linalg.norm(both, axis=1, keepdims=True)
+
+    def offset(self, leg: int, p: np.ndarray) -> float:
+        """Return how far a point is off the centre line of a leg, positive to the left [m].
+
+        Args:
+            leg: index, from 0.
+            p: point (2,) [m].
+        """
+        ex, ey = self.directions[leg]
+        dx, dy = p - self.points[leg + 1]
+        return float(ex * dy - ey * dx)
+
+    def is_beyond(self, leg: int, p: np.ndarray) -> bool:
+        """Return whether a point (2,) [m] is beyond the line that ends the leg."""
+        return bool((p - self.points[leg + 1]) @ self.ends[leg] >= 0)
+
+    def walls(self) -> np.ndarray:
+        """Return the left and the right wall as polylines that bend with it.  (2, points, 2)"""
+        directions = np.vstack([self.directions[:1], self.directions])
+        normals = np.vstack([self.directions[:1], self.ends])
+        # At each point the walls stand on a line across, longer where it crosses them askew.
+        across = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
+        reach = 0.5 * self.width / (normals * directions).sum(axis=1, keepdims=True)
+        return np.stack([self.points + reach * across, self.points - reach * across])
+
+
+# A zig-zag in the spirit of the paper's off-road experiment, whose own corridor is not published:
+# legs of 21 m between turns of 101 to 112 degrees to alternate sides, so that the wheel has to be
+# held near its lock for seconds and turned to the other lock on the next leg.
+ZIGZAG = Corridor(
+    width=9.0,
+    points=(
+        (6.0, 0.0),
+        (20.0, 0.0),  # then 112 degrees left
+        (12.0, 20.0),  # 101 right
+        (33.0, 24.0),  # 101 left
+        (25.0, 44.0),  # 101 right
+        (40.0, 46.9),
+    ),
+)
+
+
+class DriveReferee:
+    """Judges a drive along a corridor.
+
+    A drive has finished at the goal. It has crashed where the vehicle's side touches a wall, it is
+    stuck after STUCK seconds within a metre of one place, and it times out.
+    """
+
+    def __init__(self, corridor: Corridor, half_width: float, timeout: float):
+        """half_width: of the vehicle [m]; timeout [s]"""
+        self.outcome: str | None = None  # None while the drive goes on
+        self.legs = 0  # driven to their end lines
+        self._corridor = corridor
+        self._timeout = timeout
+        self._most_offset = corridor.width / 2 - half_width
+        # Time and place at which the last metre was made.
+        self._moved_at = 0.0
+        self._moved_to = np.array(corridor.points[0])
+
+    def observe(self, t: float, p: np.ndarray) -> None:
+        """Judge the place p (2,) [m] that is reached at t [s], at the end of a physics step."""
+        if self._corridor.is_beyond(self.legs, p):
+            self.legs += 1
+        if np.linalg.norm(p - self._moved_to) > 1.0:
+            self._moved_at = t
+            self._moved_to = p
+
+        if self.legs == len(self._corridor.lengths):
+            self.outcome = "finished"
+        elif abs(self._corridor.offset(self.legs, p)) > self._most_offset:
+            self.outcome = "crashed"
+        elif t - self._moved_at > STUCK:
+            self.outcome = "stuck"
+        elif t >= self._timeout:
+            self.outcome = "timeout"
