@@ -84,12 +84,12 @@ def fly_attempt(spec: Spec) -> Flown:
         use_threads(1)
     # Before the flight, as this names the code that flies.
     flown_by = this_provenance()
-    plant, controller, referee = build(spec)
+    parts = build(spec)
     recorder = Recorder()
     fault = None
-    with closing(plant):
+    with closing(parts.plant):
         try:
-            for frame in launch(spec, plant, controller, referee):
+            for frame in launch(spec, parts):
                 recorder.add(replace(frame, snapshot=None))
         except (ValueError, FloatingPointError) as error:
             if not len(recorder):

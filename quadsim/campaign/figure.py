@@ -16,7 +16,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from quadsim.campaign.store import Row
 from quadsim.campaign.summary_stats import FINISHED, Section, mean_lap
-from quadsim.figures.course import arrow_scale, draw_gates, draw_obstacles
+from quadsim.figures.run_figure import arrow_scale, draw_gates, draw_obstacles
 from quadsim.figures.style import STYLE, line
 from quadsim.palette import Style, styles
 from quadsim.record.archive import load_run

@@ -141,8 +141,8 @@ def test_an_attempt_is_the_same_run_wherever_it_flies(flown):
 def test_a_planner_that_raises_an_error_in_flight_is_a_crash_with_its_reason(monkeypatch):
     (spec,) = specs(1)
 
-    def stall(spec, plant, controller, referee):
-        yield from flights(spec, plant, controller, referee)
+    def stall(spec, parts):
+        yield from flights(spec, parts)
         raise FloatingPointError("no finite cost")
 
     flights = attempt.launch

@@ -52,7 +52,7 @@ def test_the_preset_file_is_the_planner_that_flew(preset, sampler):
     planner = with_parameters(base, values)
     assert planner != base
     text = preset_text(planner, preset, "two\nlines")
-    assert parse_planner(text, "tuned.yaml", sampler, PRESETS) == planner
+    assert parse_planner(text, "tuned.yaml", sampler) == replace(planner, preset="tuned.yaml")
 
 
 @pytest.mark.parametrize("preset", PRESETS)
