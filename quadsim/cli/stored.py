@@ -93,8 +93,10 @@ def _say(names: list[str], json: bool) -> None:
 
 
 def _data(kind: str, folders: list[Path]) -> bytes:
-    from web.competitor import named, stored_competitor  # here, so that --help does not load them
+    # imported here, so that --help does not load them
+    from web.competitor import named
     from web.page.export import offline_page, telemetry_csv, zipped
+    from web.stored_runs import stored_competitor
 
     if kind == "csv":
         return telemetry_csv(folders)

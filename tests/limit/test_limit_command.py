@@ -18,7 +18,7 @@ from quadsim.course import parse_course
 from quadsim.record.archive import load_run
 from quadsim.record.limits import LIMITS, LimitError, Race, dump, load
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
-from web.competitor import stored_competitor
+from web.stored_runs import stored_competitor
 
 COURSE = """opening: [1.5, 1.5]
 start: {position: [0, 0, 2], yaw_deg: 0}
