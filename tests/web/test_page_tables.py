@@ -5,25 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from web_cases import COURSE, Glider, choices
+from web_cases import COURSE, competitor
 
 from quadsim.course import load_course
 from quadsim.palette import BEST, FASTER, STYLES
 from quadsim.record.limits import limit_of
-from quadsim.record.run import Run
-from web.competitor import Competitor, Legs, named, run_competitor
-from web.lap_timing import gap, lap_timings, order, time_at
-from web.page.charts import marked
+from web.competitor import named
+from web.lap_timing import Way, gap, lap_timings, order, time_at
+from web.legs import Legs
+from web.page.charts import mark_line, with_mark
 from web.page.course_map import Map, timeline
 from web.page.html import RED, label
 from web.page.laps import chatter, laps, splits
 from web.page.timing import events, hud, planner, tower
 from web.race import Snapshot
-
-
-def competitor(sampler="colored", **more) -> Competitor:
-    flight = Glider(choices(sampler, laps=3, **more))
-    return run_competitor(Run.from_frames(flight.spec, list(flight.frames)), flight.course, None)
 
 
 @pytest.fixture(scope="module")
@@ -52,28 +47,24 @@ def test_progress_at_a_gate_is_the_end_of_its_leg():
 def test_the_gap_of_two_steady_flights_grows_with_the_way(competitors):
     """v t = s: behind by s (1/v2 - 1/v1)."""
     place = np.linspace(1.0, competitors[0].legs.length - 1.0, 50)
-    found = gap(
-        place,
-        (competitors[1].t, competitors[1].progress),
-        (competitors[0].t, competitors[0].progress),
-    )
+    first, second = (Way(one.t, one.progress) for one in competitors)
+    found = gap(place, second, first)
     assert np.allclose(found, place * (1 / 36.0 - 1 / 40.0), atol=0.03)
     assert not np.allclose(found, 0.0, atol=0.03)
 
 
-def test_a_mark_is_a_vertical_line_that_moves_no_value():
-    x = np.linspace(0.0, 9.0, 10)
-    at, curve, line = marked(x, 4.5, lambda t: [2.0 * t])
-    assert at.tolist() == [0, 1, 2, 3, 4, 4.5, 4.5, 5, 6, 7, 8, 9]
-    assert np.array_equal(curve, 2.0 * at)
-    assert line[at == 4.5].tolist() == [0.0, 1.0]
-    assert np.isnan(line[at != 4.5]).all()
+def test_a_mark_is_a_vertical_line():
+    x = with_mark(np.linspace(0.0, 9.0, 10), 4.5)
+    line = mark_line(x, 4.5)
+    assert x.tolist() == [0, 1, 2, 3, 4, 4.5, 4.5, 5, 6, 7, 8, 9]
+    assert line[x == 4.5].tolist() == [0.0, 1.0]
+    assert np.isnan(line[x != 4.5]).all()
 
 
 def test_a_place_not_reached_has_no_time():
-    t, progress = np.array([0.0, 1.0, 2.0]), np.array([0.0, 5.0, 5.0])
-    assert time_at(np.array([2.5, 5.0]), t, progress).tolist() == [0.5, 1.0]
-    assert np.isnan(time_at(np.array([5.1]), t, progress)).all()
+    way = Way(t=np.array([0.0, 1.0, 2.0]), progress=np.array([0.0, 5.0, 5.0]))
+    assert time_at(np.array([2.5, 5.0]), way).tolist() == [0.5, 1.0]
+    assert np.isnan(time_at(np.array([5.1]), way)).all()
 
 
 def test_the_faster_flight_leads(competitors):
