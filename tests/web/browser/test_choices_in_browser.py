@@ -31,7 +31,7 @@ def test_the_course_is_shown_before_a_start(page):
         choose(page, "Course", name)
         course = load_course(name)
         gates = len(course.gates)
-        assert waited(page, lambda n=gates: gates_drawn(page) == n, 20)
+        assert waited(page, lambda n=gates: gates_drawn(page) == n)
         assert field(page, "Laps").first.input_value() == f"course ({course.laps})"
     choose(page, "Laps", "40")
 

@@ -89,22 +89,22 @@ def test_the_pilot_and_the_sensors_that_are_chosen_are_flown_and_shown(page, pil
     assert piloted.spec["sampler"] == "pilot"
     assert piloted.spec["pilot"]["name"] == "split_s_swift"
     assert piloted.spec["sensing"]["name"] == "gates"
-    assert waited(page, lambda: "sensing gates" in page.locator(".hud").inner_text(), 10)
+    assert waited(page, lambda: "sensing gates" in page.locator(".hud").inner_text())
     page.get_by_role("tab", name="Planner").click()
-    seen(page, "learned pilot")
+    page.get_by_text("learned pilot split_s_swift").wait_for()
 
 
 def test_the_ghost_stands_where_the_estimate_is_with_its_ellipsoid(page, piloted):
     place = drawn(piloted.course, piloted.x, -1)
     assert not np.allclose(place, piloted.rows(("px", "py", "pz"), -1), atol=1e-3)
     for part in ("ghost", "ellipsoid"):
-        assert waited(page, lambda p=part: stands_at(page, p, place), 10)
+        assert waited(page, lambda p=part: stands_at(page, p, place))
 
 
 def test_the_corners_of_the_last_picture_are_drawn(page, piloted):
     assert piloted.corners is not None
     recent = piloted.t[-1] - piloted.corners.t <= 0.25
-    assert waited(page, lambda: estimate(page, "corners")["visible"] == recent, 10)
+    assert waited(page, lambda: estimate(page, "corners")["visible"] == recent)
 
 
 def typed(page, t):
@@ -126,7 +126,7 @@ def test_a_scrubbed_replay_shows_drone_and_estimate_where_the_telemetry_says(
         assert waited(
             page, lambda p=there: drone(page) is not None and np.allclose(drone(page), p, atol=1e-3)
         )
-        assert waited(page, lambda p=ghost: stands_at(page, "ghost", p), 20)
+        assert waited(page, lambda p=ghost: stands_at(page, "ghost", p))
     disabled = page.locator("[role=slider][aria-disabled=true]")
     assert waited(page, lambda: disabled.count() >= len(SLIDERS))
 

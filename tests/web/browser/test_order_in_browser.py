@@ -25,7 +25,7 @@ def test_who_is_farther_on_the_course_leads_also_with_more_laps_to_go(page, sess
     assert waited(page, lambda: session.snapshot.t > 0.4)
     session.tell(PageRace.play, False)
     assert waited(page, lambda: not session.snapshot.playing)
-    assert waited(page, lambda: "leader" in cells(page, 0), 10)
+    assert waited(page, lambda: "leader" in cells(page, 0))
     assert "colored" in cells(page, 0)[1]
     assert "gaussian" in cells(page, 1)[1]
     assert float(cells(page, 1)[3]) > 0.0  # behind
@@ -39,6 +39,6 @@ def test_chatter_is_the_command_lines_total_variation(page, session, root):
     session.tell(PageRace.start, [], [folder])
     session.tell(PageRace.play, False)
     session.tell(PageRace.scrub, 99.0)
-    assert waited(page, lambda: tv in cells(page, 0), 10)
+    assert waited(page, lambda: tv in cells(page, 0))
     page.get_by_role("tab", name="Spectrum").click()
-    assert waited(page, lambda: page.get_by_role("cell", name=tv, exact=True).count() == 2, 10)
+    assert waited(page, lambda: page.get_by_role("cell", name=tv, exact=True).count() == 2)

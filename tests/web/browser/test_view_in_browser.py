@@ -18,6 +18,8 @@ from web.race import PageRace
 from web.stored_runs import stored_competitor
 
 PALE = (226, 209, 73)  # how an orange of (230, 159, 0) looks where it is sent as it is
+# how many texts there are, and those with less contrast to their ground (WCAG 2.1, 1.4.3: inactive
+# controls are exempt)
 CONTRAST = """least => {
   const light = c => c.map(v => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
     .reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0);
@@ -47,8 +49,6 @@ CONTRAST = """least => {
     if ((pair[0] + 0.05) / (pair[1] + 0.05) < least) poor.push(words);
   }
   return [count, poor];
-# how many texts, and those with less contrast to their ground (WCAG 2.1, 1.4.3: inactive controls
-# are exempt)
 }"""
 
 
@@ -75,7 +75,7 @@ def race(session, runs, page):
     session.tell(PageRace.start, [], runs)
     session.tell(PageRace.play, False)
     session.tell(PageRace.scrub, 99.0)
-    assert waited(page, lambda: scene(page, "/impacts") is True, 20)
+    assert waited(page, lambda: scene(page, "/impacts") is True)
     return session
 
 
@@ -139,7 +139,7 @@ def test_the_pointer_over_a_chart_shows_the_values_there(page, race):
     chart.wait_for()
     chart.hover(position={"x": 20, "y": 30})
     thrust = page.locator(".u-series", has_text="colored delivered").locator(".u-value").first
-    assert waited(page, lambda: thrust.inner_text() == "9.81", 10), thrust.inner_text()
+    assert waited(page, lambda: thrust.inner_text() == "9.81"), thrust.inner_text()
 
 
 def test_each_visitor_has_a_camera_and_fpv_is_the_drones(page, race, phone):
@@ -148,10 +148,10 @@ def test_each_visitor_has_a_camera_and_fpv_is_the_drones(page, race, phone):
     before = first.position.copy()
     p = race.snapshot.competitors[0].rows(("px", "py", "pz"), -1)
     press(phone, "FPV")
-    assert waited(phone, lambda: np.allclose(last.position, p, atol=0.01), 10)
+    assert waited(phone, lambda: np.allclose(last.position, p, atol=0.01))
     assert np.allclose(first.position, before)
     press(phone, "top")
-    assert waited(phone, lambda: last.position[2] > 10.0, 10)
+    assert waited(phone, lambda: last.position[2] > 10.0)
 
 
 def head(phone):
@@ -166,9 +166,9 @@ def test_on_a_phone_the_head_up_display_stays_above_whether_the_sheet_is_open_or
     sheet, bar = phone.get_by_text("Playback").first, phone.get_by_text("race", exact=True).first
     assert sheet.bounding_box()["y"] > phone.locator(".hud-copy").bounding_box()["height"]
     for folded, t in ((False, 0.2), (True, 0.3), (False, 0.4)):
-        assert waited(phone, lambda hidden=folded: sheet.is_hidden() == hidden, 10)
+        assert waited(phone, lambda hidden=folded: sheet.is_hidden() == hidden)
         race.tell(PageRace.scrub, t)
-        assert waited(phone, lambda at=t: f"t {at:.2f} s" in head(phone)[1], 10)
+        assert waited(phone, lambda at=t: f"t {at:.2f} s" in head(phone)[1])
         assert head(phone)[0] == (0, 0, 390)
         bar.click()
 

@@ -19,7 +19,7 @@ def start(page, session, still=False):
     """still: paused at once. The flight is on, but two pages need not draw it in software."""
     races = session.snapshot.race
     press(page, "START")
-    assert waited(page, lambda: session.snapshot.race > races and session.snapshot.t > 0.1, 20)
+    assert waited(page, lambda: session.snapshot.race > races and session.snapshot.t > 0.1)
     if still:
         session.tell(PageRace.play, False)
         assert waited(page, lambda: not session.snapshot.playing)
@@ -63,7 +63,7 @@ def test_pause_reads_play_and_a_paused_flight_can_be_looked_back_at(page, sessio
 def test_a_stored_run_beside_a_flight_does_not_move_the_time_ahead(page, session, root):
     run = stored(root, "colored", laps=3)
     session.tell(PageRace.start, [choices("gaussian", laps=40)], [run])
-    assert waited(page, lambda: session.snapshot.t > 0.1, 20)
+    assert waited(page, lambda: session.snapshot.t > 0.1)
     press(page, "pause")
     button(page, "play").wait_for()
     flown = session.snapshot.t
@@ -84,4 +84,4 @@ def test_another_visitors_start_asks_before_it_ends_a_flight(page, other, sessio
     assert button(page, "Let it fly").count() == 0  # the visitor whose flight it is is not asked
     other.keyboard.press("x")
     button(other, "End it").click()
-    assert waited(other, lambda: not session.snapshot.flying, 20)
+    assert waited(other, lambda: not session.snapshot.flying)
