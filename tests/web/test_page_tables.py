@@ -106,36 +106,36 @@ def ended(entry, outcome, *events):
     return replace(entry, outcome=outcome, events=(*entry.events, *at_end))
 
 
-def test_how_a_flight_ended_is_said_in_words(competitors):
-    one, last = competitors[0], competitors[0].events[-1]
-    hit, ground = (
-        replace(last, kind="hit", gate=4, lap=2),
-        replace(last, kind="ground", gate=0, lap=3),
-    )
-    said = {
+def shown_at(entries, t):
+    """The head-up display."""
+    s = Snapshot(t=t, end=99.0, competitors=tuple(entries))
+    return hud(s, at(entries, t))
+
+
+def test_the_head_up_display_says_how_a_flight_ended_once_it_has(competitors):
+    one = competitors[0]
+    last = one.events[-1]
+    hit = replace(last, kind="hit", gate=4, lap=2)
+    ground = replace(last, kind="ground", gate=0, lap=3)
+    results = {
         f"FINISHED {sum(one.laps):.3f} s": one,
         "CRASHED at gate 4, lap 2": ended(one, "crashed", hit),
         "CRASHED on the ground, lap 3": ended(one, "crashed", hit, ground),
         "DNF timeout, lap 3": ended(one, "timeout"),
     }
-    for words, entry in said.items():
-        s = Snapshot(t=99.0, end=99.0, competitors=(entry,))
-        assert words in hud(s, at([entry], 99.0))
-        assert words not in hud(s, at([entry], 0.5))
+    for result, entry in results.items():
+        assert result in shown_at([entry], 99.0)
+        assert result not in shown_at([entry], 0.5)
 
 
 def test_a_flight_that_finished_says_how_far_above_the_best_known_limit(competitors):
     entry = competitor()
-    seconds, limit = sum(entry.laps), limit_of(entry.spec)
-    words = (
-        f"{100 * (seconds / limit.time - 1):.1f} % above the best known limit of {limit.time:.3f} s"
-    )
+    limit = limit_of(entry.spec)
+    above = f"{100 * (sum(entry.laps) / limit.time - 1):.1f} % above"
     for shown in ([entry], [competitors[0], entry]):  # also as the second run
-        s = Snapshot(t=99.0, end=99.0, competitors=tuple(shown))
-        assert words in hud(s, at(shown, 99.0))
-        assert words not in hud(s, at(shown, 0.5))
-    lost = ended(entry, "timeout")
-    assert "above" not in hud(Snapshot(t=99.0, end=99.0, competitors=(lost,)), at([lost], 99.0))
+        assert above in shown_at(shown, 99.0)
+        assert above not in shown_at(shown, 0.5)
+    assert "above" not in shown_at([ended(entry, "timeout")], 99.0)
 
 
 def test_the_tower_says_who_did_not_finish_and_counts_misses(competitors):
@@ -169,12 +169,8 @@ def test_the_time_line_ticks_every_event_and_marks_hits(competitors):
     assert ticks == [len(one.events) + 1, len(one.events) + 2]  # one more is now
     assert RED in timeline([hit], 1.0, 9.0)
     assert RED not in timeline([one], 1.0, 9.0)
-    assert [f"lap {n}<" in timeline([one], 1.0, 9.0) for n in (1, 2, 3, 4)] == [
-        True,
-        True,
-        True,
-        False,
-    ]
+    laps = [n for n in range(1, 6) if f"lap {n}<" in timeline([one], 1.0, 9.0)]
+    assert laps == [1, 2, 3]
 
 
 def test_names_from_files_cannot_run_scripts(competitors):
@@ -237,7 +233,7 @@ def test_beside_other_laps_a_run_changed_in_flight_is_named_so(competitors):
     change = {"t": 0.1, "name": "sigma", "from": 1.0, "to": 2.0}
     changed = replace(competitors[1], spec={**competitors[1].spec, "interactive": [change, change]})
     page = laps([competitors[0], changed])
-    assert page.count("interactive, not comparable: 2 changes in flight") == 1
+    assert page.count("not comparable") == 1
     assert "comparable" not in laps(competitors)
 
 

@@ -89,7 +89,7 @@ def _result(s: LapTiming, has_name: bool) -> str:
     """Return how a flight ended. It stays until another race begins."""
     ended = result(s)
     name = label(s.entry) + " " if has_name else ""
-    shown = name + coloured(ended.words, ended.colour)
+    shown = name + coloured(ended.content, ended.colour)
     above = div(above_limit(s.entry), **CENTRED, font_size="12px")
     return div(shown, **CENTRED, font_size="17px", **MONO) + above
 
@@ -106,9 +106,9 @@ def above_limit(entry: Competitor) -> str:
 
 
 class Result(NamedTuple):
-    """The end of a flight in words, and their colour."""
+    """The end of a flight, as a text in a colour."""
 
-    words: str
+    content: str
     colour: str
 
 
@@ -213,7 +213,7 @@ class Happening(NamedTuple):
 
     t: float  # [s]
     entry: Competitor
-    words: str
+    content: str
     is_crash: bool = False
 
 
@@ -228,12 +228,12 @@ def events(entries: Sequence[Competitor], t: float) -> str:
     found.sort(key=lambda happening: -happening.t)
     rows: list[list[str] | str] = []
     for happening in found[:EVENTS]:
-        words = happening.words
+        content = happening.content
         if happening.is_crash:
-            words = coloured(words, RED)
+            content = coloured(content, RED)
         if happening.t > t + 1e-6:
-            words = element("span", words, opacity=0.65)
-        rows.append([f"{happening.t:.3f}", label(happening.entry), words])
+            content = element("span", content, opacity=0.65)
+        rows.append([f"{happening.t:.3f}", label(happening.entry), content])
     return box(table(["t [s]", "run", "event"], rows, left=3) if rows else "nothing yet")
 
 
