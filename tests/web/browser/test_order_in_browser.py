@@ -22,7 +22,7 @@ def test_who_is_farther_on_the_course_leads_also_with_more_laps_to_go(page, sess
     run = stored(root, "colored", laps=3)
     session.tell(PageRace.set_speed, 0.2)
     session.tell(PageRace.start, [choices("gaussian", laps=1)], [run])
-    assert waited(page, lambda: session.snapshot.t > 0.4)
+    assert waited(page, lambda: session.snapshot.flying and session.snapshot.t > 0.4)
     session.tell(PageRace.play, False)
     assert waited(page, lambda: not session.snapshot.playing)
     assert waited(page, lambda: "leader" in cells(page, 0))

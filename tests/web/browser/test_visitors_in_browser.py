@@ -63,7 +63,7 @@ def test_pause_reads_play_and_a_paused_flight_can_be_looked_back_at(page, sessio
 def test_a_stored_run_beside_a_flight_does_not_move_the_time_ahead(page, session, root):
     run = stored(root, "colored", laps=3)
     session.tell(PageRace.start, [choices("gaussian", laps=40)], [run])
-    assert waited(page, lambda: session.snapshot.t > 0.1)
+    assert waited(page, lambda: session.snapshot.flying and session.snapshot.t > 0.1)
     press(page, "pause")
     button(page, "play").wait_for()
     flown = session.snapshot.t
