@@ -32,7 +32,7 @@ class MPPIConfig:
         ]
         | None
     ) = None
-    dt: Annotated[float, setting("control period [s]", unit="s", gt=0, le=0.5)] = 0.01
+    dt: Annotated[float, setting("control period", unit="s", gt=0, le=0.5)] = 0.01
     temperature: Annotated[
         float, setting("lambda, in units of the mean stage cost", gt=0, le=1e6)
     ] = 0.3

@@ -1,5 +1,4 @@
-"""Competitor: one flight as the page shows it, live or stored; Legs: how far along the course it
-is."""
+"""Competitor: one flight as the page shows it, live or stored."""
 
 from __future__ import annotations
 
@@ -8,87 +7,96 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, NamedTuple
 
-import msgspec
 import numpy as np
 
 from controllers.plan import PlannerSnapshot
-from controllers.presets import PRESETS
-from quadsim.course import Course, parse_course
+from quadsim.course import Course
 from quadsim.palette import Style, dotted, style
 from quadsim.race.events import Event
-from quadsim.record.archive import load_run
-from quadsim.record.limits import LIMITS, StoredSolution, limit_of
+from quadsim.record.limits import StoredSolution
 from quadsim.record.planner_snapshot import PlannerSnapshots
-from quadsim.record.run import INTERACTIVE, Run, RunError
-from web.flight_factory import numbers_of
+from quadsim.record.run import INTERACTIVE
+from web.legs import Legs
 
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories
     from quadsim.sensing.measurements import Corners
 
-POSITION, VELOCITY, QUATERNION = ("px", "py", "pz"), ("vx", "vy", "vz"), ("qw", "qx", "qy", "qz")
-CRASHES = ("hit", "ground", "bounds")  # kinds of events
+# columns of the telemetry
+POSITION = ("px", "py", "pz")
+VELOCITY = ("vx", "vy", "vz")
+QUATERNION = ("qw", "qx", "qy", "qz")
+# kinds of events
+CRASHES = ("hit", "ground", "bounds")
+MISSES = ("miss", "wrong_way")
+
+SAME_TIME = 1e-9  # [s] by which times of one frame may differ
+
+Rows = int | slice | np.ndarray
 ALL = slice(None)
 
 
-class Legs:
-    """The straight legs from the start through the gates of every lap."""
+class State(NamedTuple):
+    """A value that differs where anything that is shown of a competitor differs."""
 
-    def __init__(self, course: Course, laps: int):
-        # (legs + 1, 3)
-        centres = np.array([course.start.position, *(g.position for g in course.gates * laps)])
-        # after the finish: the last gate
-        self._from, self._to = centres, np.vstack([centres[1:], centres[-1]])
-        self.gates = len(course.gates)
-        # [m]  (legs + 1,)
-        self.ends = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(centres, axis=0), axis=1)))
-        self.length = float(self.ends[-1])  # of the whole race [m]
-        # progress at which each lap ends [m]  (laps,)
-        self.lap_ends = self.ends[self.gates :: self.gates]
+    frames: int
+    outcome: str | None
+    changes: int
 
-    def progress(self, p: np.ndarray, passed: np.ndarray) -> np.ndarray:
-        """[m] at positions p (n, 3) after so many gates: the share d0 / (d0 + d1) of the leg, by
-        the distances from its two ends. It grows right after a gate, also where the path makes a
-        detour, and never decreases.  (n,)
-        """
-        k = np.minimum(np.asarray(passed, int), len(self.ends) - 1)
-        d0, d1 = (np.linalg.norm(p - end[k], axis=1) for end in (self._from, self._to))
-        legs = np.append(np.diff(self.ends), 0.0)[k]
-        return np.maximum.accumulate(self.ends[k] + legs * d0 / np.maximum(d0 + d1, 1e-9))
+
+class Past(NamedTuple):
+    """A value that differs where the events, laps or changes until some time differ."""
+
+    events: int
+    changes: int
+    events_so_far: int
+    changes_so_far: int
+    over: bool
 
 
 @dataclass(frozen=True, eq=False)
 class Competitor:
-    """A flight at one moment. Rows that its arrays show are never written again: any thread may
-    read them."""
+    """A flight at one moment.
+
+    Rows that its arrays show are never written again: any thread may read them.
+    """
 
     name: str
-    spec: dict
+    spec: dict  # as its run keeps it
     course: Course
     legs: Legs
-    x: dict[str, np.ndarray]  # quadsim.record.run.COLUMNS, so far
+    x: dict[str, np.ndarray]  # columns of the telemetry so far  (frames,)
     events: tuple[Event, ...]
     laps: tuple[float, ...]  # [s]
-    outcome: str | None  # None: flying
+    outcome: str | None  # None: it is flying
     live: bool
     snapshots: PlannerSnapshots | None = None  # of the planner, once the flight has ended
     sampled_trajectories: SampledTrajectories | None = None  # while it flies
     folder: Path | None = None
-    start_numbers: Mapping[str, float] = field(default_factory=dict)  # of web.flight_factory.RANGES
+    start_numbers: Mapping[str, float] = field(default_factory=dict)  # of web.numbers.SLIDERS
+    # numbers that the next plan will use
+    pending_numbers: Mapping[str, float] = field(default_factory=dict)
     again: bool = False  # another competitor before it has the same sampler
     limit: StoredSolution | None = None  # the best known of its race
-    corners: Corners | None = None  # of gates, found in its camera's last picture, while it flies
+    # corners of gates in the last picture of its camera, while it flies
+    corners: Corners | None = None
 
     @cached_property
     def progress(self) -> np.ndarray:
-        """Along the race [m].  (frames,)"""
+        """The way along the race at each frame [m].  (frames,)"""
         return self.legs.progress(self.rows(POSITION), self.x["passed"])
 
     @property
     def sampler(self) -> str:
+        """The name of its sampler, or `pilot`."""
         return self.spec["sampler"]
+
+    @property
+    def laps_to_fly(self) -> int:
+        """The number of laps of its race."""
+        return self.spec["laps"]
 
     @property
     def sensed(self) -> bool:
@@ -97,146 +105,114 @@ class Competitor:
 
     @property
     def style(self) -> Style:
-        """Its sampler's; dotted where another competitor has that already."""
+        """Its sampler's style, dotted where another competitor has that already."""
         return dotted(style(self.sampler)) if self.again else style(self.sampler)
 
     @property
     def t(self) -> np.ndarray:
+        """The time of each frame [s].  (frames,)"""
         return self.x["t"]
 
     @property
-    def state(self) -> tuple[int, str | None, int]:
-        """Differs where anything of it that is shown differs."""
-        return len(self.t), self.outcome, len(self.changes)
+    def last_t(self) -> float:
+        """The time of the last frame; 0 before the first one [s]."""
+        return float(self.t[-1]) if len(self.t) else 0.0
 
-    def past(self, t: float) -> tuple[int, int, int, int, bool]:
-        """Differs where its events, laps or changes until t differ, or whether its end is seen."""
-        events = sum(e.t <= t + 1e-9 for e in self.events)
-        changes = sum(c["t"] <= t + 1e-9 for c in self.changes)
-        over = self.outcome is not None and (not len(self.t) or t >= self.t[-1] - 1e-9)
-        return len(self.events), len(self.changes), events, changes, over
+    @property
+    def state(self) -> State:
+        """A value that differs where anything that is shown differs."""
+        return State(len(self.t), self.outcome, len(self.changes))
 
     @property
     def changes(self) -> list[dict]:
-        """Of the planner's numbers in flight."""
+        """The changes of the planner's numbers in flight, {t, name, from, to} each."""
         return self.spec.get(INTERACTIVE, [])
-
-    def numbers(self, t: float) -> dict[str, float]:
-        """The planner's numbers at t: those of the start with the changes until then."""
-        return {**self.start_numbers, **{c["name"]: c["to"] for c in self.changes if c["t"] <= t}}
 
     @property
     def lap_starts(self) -> list[float]:
-        """[s] of every lap begun, and the end of the last one completed."""
+        """The start of every lap begun, and the end of the last one completed [s]."""
         return list(accumulate(self.laps, initial=0.0))
 
-    def rows(self, names: Sequence[str], rows: int | slice | np.ndarray = ALL) -> np.ndarray:
-        """These columns side by side.  (rows, names); (names,) for one row"""
+    def past(self, t: float) -> Past:
+        """Return a value that differs where what has happened until t differs."""
+        return Past(
+            events=len(self.events),
+            changes=len(self.changes),
+            events_so_far=len(self.events_until(t)),
+            changes_so_far=sum(change["t"] <= t + SAME_TIME for change in self.changes),
+            over=self.outcome is not None and t >= self.last_t - SAME_TIME,
+        )
+
+    def events_until(self, t: float) -> tuple[Event, ...]:
+        """Return the events up to t."""
+        return tuple(event for event in self.events if event.t <= t + SAME_TIME)
+
+    def laps_until(self, t: float) -> tuple[float, ...]:
+        """Return the times of the laps that were completed by t [s]."""
+        ends = self.lap_starts[1:]
+        return tuple(lap for lap, end in zip(self.laps, ends, strict=True) if end <= t + SAME_TIME)
+
+    def numbers(self, t: float) -> dict[str, float]:
+        """Return the planner's numbers at t, with those that its next plan will use."""
+        changed = {change["name"]: change["to"] for change in self.changes if change["t"] <= t}
+        return {**self.start_numbers, **changed, **self.pending_numbers}
+
+    def rows(self, names: Sequence[str], rows: Rows = ALL) -> np.ndarray:
+        """Return these columns side by side.  (rows, names); (names,) for one row"""
         return np.stack([self.x[name][rows] for name in names], axis=-1)
 
-    def speed(self, rows: int | slice | np.ndarray = ALL) -> np.ndarray:
-        """[m/s]"""
+    def speed(self, rows: Rows = ALL) -> np.ndarray:
+        """Return the speed [m/s].  (rows,)"""
         return np.linalg.norm(self.rows(VELOCITY, rows), axis=-1)
 
     def at(self, t: float) -> int:
-        """Index of the frame at t."""
-        return int(np.clip(np.searchsorted(self.t, t + 1e-9) - 1, 0, len(self.t) - 1))
-
-    def until(self, t: float) -> Competitor:
-        """As it was at t: later frames, events, laps and the outcome left out."""
-        if not len(self.t) or t >= self.t[-1] - 1e-9:
-            return self
-        rows, ends = slice(self.at(t) + 1), self.lap_starts[1:]
-        x = {name: column[rows] for name, column in self.x.items()}
-        events = tuple(e for e in self.events if e.t <= t + 1e-9)
-        laps = tuple(lap for lap, end in zip(self.laps, ends, strict=True) if end <= t + 1e-9)
-        return replace(self, x=x, events=events, laps=laps, outcome=None)
+        """Return the index of the frame at t."""
+        frame = np.searchsorted(self.t, t + SAME_TIME) - 1
+        return int(np.clip(frame, 0, len(self.t) - 1))
 
     def at_place(self, progress: float) -> int:
-        """Index of the first frame that is this far along [m]."""
-        return int(np.clip(np.searchsorted(self.progress, progress), 0, len(self.t) - 1))
+        """Return the index of the first frame that is this far along the race [m]."""
+        frame = np.searchsorted(self.progress, progress)
+        return int(np.clip(frame, 0, len(self.t) - 1))
+
+    def until(self, t: float) -> Competitor:
+        """Return the flight as it was at t, without later frames, events, laps and the outcome."""
+        if t >= self.last_t - SAME_TIME:
+            return self
+        seen = slice(self.at(t) + 1)
+        return replace(
+            self,
+            x={name: column[seen] for name, column in self.x.items()},
+            events=self.events_until(t),
+            laps=self.laps_until(t),
+            outcome=None,
+        )
 
     def snapshot(self, i: int) -> tuple[float, PlannerSnapshot] | None:
-        """The last planner snapshot up to frame i, and its time [s]."""
+        """Return the last planner snapshot up to frame i, and its time [s]."""
         found = self.snapshots.latest(i) if self.snapshots else None
-        return (float(self.t[found[0]]), found[1]) if found else None
+        if found is None:
+            return None
+        frame, snapshot = found
+        return float(self.t[frame]), snapshot
 
 
 def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
-    """With names that differ: the sampler, with the seed or a number where that is not enough."""
-    samplers = [e.sampler for e in entries]
-    seeds = [f"{e.sampler} s{e.spec['seed']}" for e in entries]
-    numbers = [f"{e.sampler} #{i}" for i, e in enumerate(entries, 1)]
-    names = next(names for names in (samplers, seeds, numbers) if len(set(names)) == len(entries))
-    again = [e.sampler in samplers[:i] for i, e in enumerate(entries)]
-    shown = zip(entries, names, again, strict=True)
-    return tuple(
-        e if (e.name, e.again) == (n, a) else replace(e, name=n, again=a) for e, n, a in shown
-    )
+    """Return the competitors with names that differ.
 
-
-class _MPPI(msgspec.Struct):
-    samples: int
-    temperature: float = 1.0
-    target_ess: float | None = None
-    ess: float | None = None  # the name of the same in older runs
-
-
-class _Sampling(msgspec.Struct):
-    sigma: list[float] | None = None
-    gamma: list[float] | None = None
-
-
-class _Planner(msgspec.Struct):
-    mppi: _MPPI
-    sampling: _Sampling | str | None = None
-
-
-class _Change(msgspec.Struct):
-    t: float
-    name: str
-    before: float = msgspec.field(name="from")
-    after: float = msgspec.field(name="to")
-
-
-class ReplaySchema(msgspec.Struct):
-    """What a spec must hold to be shown. A run may have been made by hand, or by another
-    version."""
-
-    course: str
-    sampler: str
-    preset: str
-    seed: int
-    laps: Annotated[int, msgspec.Meta(ge=1)]
-    vehicle: dict
-    planner: _Planner
-    interactive: list[_Change] = []
-
-
-def stored_competitor(path: Path) -> Competitor:
-    """A run from the disk. Raises RunError, FileError."""
-    run = load_run(path)
-    try:
-        msgspec.convert(run.spec, ReplaySchema)
-    except msgspec.ValidationError as error:
-        raise RunError(f"{path}: its spec lacks what the page shows: {error}") from error
-    return run_competitor(run, parse_course(run.spec["course_text"], run.spec["course"]), path)
-
-
-def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
-    legs, laps = Legs(course, run.spec["laps"]), tuple(run.laps)
-    shown = (
-        run.spec["sampler"],
-        run.spec,
-        course,
-        legs,
-        run.telemetry,
-        run.events,
-        laps,
-        run.outcome,
-    )
-    limit = limit_of(run.spec, *([path.parent / LIMITS] if path else []))
-    planner = PRESETS.get(str(run.spec["preset"]), {}).get(run.spec["sampler"])
-    numbers = numbers_of(run.spec["planner"], getattr(planner and planner.sampling, "sigma", ()))
-    kept = {"snapshots": run.snapshots, "folder": path, "limit": limit}
-    return Competitor(*shown, live=False, start_numbers=numbers, **kept)
+    A name is the sampler's, with the seed or a number where that is not enough.
+    """
+    samplers = [entry.sampler for entry in entries]
+    with_seeds = [f"{entry.sampler} s{entry.spec['seed']}" for entry in entries]
+    numbered = [f"{entry.sampler} #{i}" for i, entry in enumerate(entries, 1)]
+    names = numbered
+    for candidates in (samplers, with_seeds):
+        if len(set(candidates)) == len(entries):
+            names = candidates
+            break
+    shown = []
+    for i, (entry, name) in enumerate(zip(entries, names, strict=True)):
+        again = entry.sampler in samplers[:i]
+        same = (entry.name, entry.again) == (name, again)
+        shown.append(entry if same else replace(entry, name=name, again=again))
+    return tuple(shown)

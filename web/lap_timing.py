@@ -1,30 +1,37 @@
-"""LapTiming: lap, gate, gap and chatter of every competitor at one instant; times and gaps at the
-same place."""
+"""LapTiming: lap, gate, gap and chatter of a competitor at one instant; gaps at the same place."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from quadsim.race.events import Event, sector_times
 from quadsim.record.metrics import total_variation
-from web.competitor import CRASHES, Competitor
+from web.competitor import CRASHES, MISSES, Competitor
 from web.race import Snapshot
 
-MISSES = ("miss", "wrong_way")  # kinds of events
-# times [s] and progress [m] of a flight or a lap, each  (frames,)
-Flown = tuple[np.ndarray, np.ndarray]
+LAP_MARGIN = 0.02  # [s] around a lap, so that its frames reach both of its ends
+
+
+class Way(NamedTuple):
+    """The way of a flight or of a lap."""
+
+    t: np.ndarray  # times [s]  (frames,)
+    progress: np.ndarray  # how far along it is at each [m]  (frames,)
 
 
 @dataclass(frozen=True)
 class LapTiming:
+    """A competitor at one instant."""
+
     entry: Competitor
     i: int  # frame
     lap: int
     lap_time: float  # so far in this lap [s]
-    gate: int  # next, 1-based; 0: the race is over
+    gate: int  # the next one, 1-based; 0: the race is over
     gap: float  # behind the leader at the same place [s]; 0 for the leader
     last: float | None  # lap [s]
     best: float | None  # lap [s]
@@ -33,75 +40,97 @@ class LapTiming:
     misses: int
     sectors: list[list[float]]  # seconds from gate to gate, a row a lap
     place: float  # how far along the race it is [m]
-    over: bool  # its last frame
+    over: bool  # this is its last frame
 
     @property
     def progress(self) -> float:
-        """Share of its race."""
+        """The share of its race that is flown."""
         return self.place / self.entry.legs.length
 
     @property
     def t(self) -> float:
-        """Of its frame [s]."""
+        """The time of its frame [s]."""
         return float(self.entry.t[self.i])
 
     @property
     def next_gate(self) -> int:
-        """0: none is, as the flight is over."""
+        """The number of the next gate; 0 where the flight is over."""
         return 0 if self.over else self.gate
 
     @property
     def crash(self) -> Event | None:
-        """What ended it, if that was a crash."""
-        found = [e for e in self.entry.events if e.kind in CRASHES]
-        return found[-1] if found and self.over and self.entry.outcome == "crashed" else None
+        """The event that ended the flight, if that was a crash."""
+        if not self.over or self.entry.outcome != "crashed":
+            return None
+        crashes = [event for event in self.entry.events if event.kind in CRASHES]
+        return crashes[-1] if crashes else None
 
 
 def lap_timings(s: Snapshot, by_place: bool) -> list[LapTiming]:
-    """In the order of the competitors. by_place: the others are shown where they pass the place of
-    the first."""
-    entries = [e for e in s.competitors if len(e.t)]
+    """Return a LapTiming of each competitor that has a frame, in their order.
+
+    Args:
+        by_place: show the others where they pass the place of the first, else all at one time.
+    """
+    entries = [entry for entry in s.competitors if len(entry.t)]
     if not entries:
         return []
-    frames = [e.at(s.t) for e in entries]
+    frames = [entry.at(s.t) for entry in entries]
     if by_place:
         here = float(entries[0].progress[frames[0]])
-        frames[1:] = [e.at_place(here) for e in entries[1:]]
-    pairs = list(zip(entries, frames, strict=True))
-    leader, _ = max(pairs, key=lambda pair: (pair[0].progress[pair[1]], -pair[0].t[pair[1]]))
-    return [_lap_timing(e, i, leader) for e, i in pairs]
+        frames[1:] = [entry.at_place(here) for entry in entries[1:]]
+    leader = _leader(entries, frames)
+    return [_lap_timing(entry, i, leader) for entry, i in zip(entries, frames, strict=True)]
+
+
+def _leader(entries: Sequence[Competitor], frames: Sequence[int]) -> Competitor:
+    """Return the competitor that is farthest along, the earlier one of two at the same place."""
+
+    def rank(pair: tuple[Competitor, int]) -> tuple[float, float]:
+        entry, i = pair
+        return float(entry.progress[i]), -float(entry.t[i])
+
+    leader, _ = max(zip(entries, frames, strict=True), key=rank)
+    return leader
 
 
 def order(timings: Sequence[LapTiming]) -> list[LapTiming]:
-    """The leader first: who is farthest along the course, whatever the number of laps each has to
-    fly."""
-    return sorted(timings, key=lambda s: (-s.place, s.t))
+    """Return the timings, the leader first.
+
+    It is the one farthest along the course, whatever the number of laps each has to fly.
+    """
+    return sorted(timings, key=lambda timing: (-timing.place, timing.t))
 
 
 def crashed_gates(timings: Sequence[LapTiming]) -> set[int]:
-    """1-based numbers of the gates hit so far."""
+    """Return the 1-based numbers of the gates that were hit so far."""
     return {
-        e.gate for s in timings for e in s.entry.events if e.kind == "hit" and e.t <= s.t + 1e-9
+        event.gate
+        for timing in timings
+        for event in timing.entry.events_until(timing.t)
+        if event.kind == "hit"
     }
 
 
 def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
-    t, gates, laps = float(entry.t[i]), entry.legs.gates, entry.spec["laps"]
-    events = [e for e in entry.events if e.t <= t + 1e-9]
-    kinds = [e.kind for e in events]
-    done = [
-        lap for lap, end in zip(entry.laps, entry.lap_starts[1:], strict=True) if end <= t + 1e-9
-    ]
+    """Return the timing of a competitor at its frame i."""
+    t = float(entry.t[i])
+    gates = entry.legs.gates
+    laps = entry.laps_to_fly
+    events = entry.events_until(t)
+    kinds = [event.kind for event in events]
+    done = entry.laps_until(t)
     passed = kinds.count("pass")
     finished = passed == gates * laps
-    there = time_at(entry.progress[i : i + 1], leader.t, leader.progress)[0]
+    leader_way = Way(leader.t, leader.progress)
+    leader_was_here = time_at(entry.progress[i : i + 1], leader_way)[0]
     return LapTiming(
         entry=entry,
         i=i,
         lap=min(passed // gates + 1, laps),
         lap_time=done[-1] if finished and done else t - sum(done),
         gate=0 if finished else passed % gates + 1,
-        gap=0.0 if entry is leader else float(t - there),
+        gap=0.0 if entry is leader else float(t - leader_was_here),
         last=done[-1] if done else None,
         best=min(done, default=None),
         chatter=total_variation(entry.t[: i + 1], entry.x["a_cmd"][: i + 1]),
@@ -113,32 +142,41 @@ def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
     )
 
 
-def time_at(place: np.ndarray, t: np.ndarray, progress: np.ndarray) -> np.ndarray:
-    """When a flight was first this far along [s]; nan where it has not been.  (n,)"""
-    # rows without progress would not be invertible
-    first = np.flatnonzero(np.diff(progress, prepend=-1.0) > 0)
+def time_at(place: np.ndarray, way: Way) -> np.ndarray:
+    """Return when a way first came this far [s]; nan where it has not.  (n,)"""
+    # Frames without progress would make the way impossible to invert.
+    first = np.flatnonzero(np.diff(way.progress, prepend=-1.0) > 0)
     if not len(first):
         return np.full(len(place), np.nan)
-    return np.interp(place, progress[first], t[first], left=np.nan, right=np.nan)
+    return np.interp(place, way.progress[first], way.t[first], left=np.nan, right=np.nan)
 
 
-def gap(place: np.ndarray, flown: Flown, reference: Flown) -> np.ndarray:
-    """Seconds behind the reference at each place; negative is ahead.  (n,)"""
-    return time_at(place, *flown) - time_at(place, *reference)
+def gap(place: np.ndarray, way: Way, reference: Way) -> np.ndarray:
+    """Return the seconds behind the reference at each place; negative is ahead.  (n,)"""
+    return time_at(place, way) - time_at(place, reference)
 
 
-def best_lap(entries: Sequence[Competitor]) -> Flown | None:
-    """The fastest lap of all, from its beginning."""
-    best = min(
-        ((t, k, n) for n, e in enumerate(entries) for k, t in enumerate(e.laps)), default=None
-    )
-    return lap_of(entries[best[2]], best[1]) if best else None
+def best_lap(entries: Sequence[Competitor]) -> Way | None:
+    """Return the way of the fastest lap of all, from its beginning."""
+    best: tuple[float, Competitor, int] | None = None
+    # Of laps of the same time it is the one with the lowest number.
+    for entry in entries:
+        for k, lap in enumerate(entry.laps):
+            if best is None or (lap, k) < (best[0], best[2]):
+                best = lap, entry, k
+    if best is None:
+        return None
+    _, entry, k = best
+    return lap_of(entry, k)
 
 
-def lap_of(entry: Competitor, k: int, until: int | None = None) -> Flown:
-    """Lap k, 0-based, from its beginning; until: its last frame."""
-    t, starts = entry.t, entry.lap_starts
-    end = starts[k + 1] if k + 1 < len(starts) else float(t[-1])
-    rows = np.flatnonzero((t >= starts[k] - 0.02) & (t <= end + 0.02))
-    rows = rows if until is None else rows[rows <= until]
-    return t[rows] - starts[k], entry.progress[rows] - [0.0, *entry.legs.lap_ends][k]
+def lap_of(entry: Competitor, k: int, until: int | None = None) -> Way:
+    """Return the way of lap k, 0-based, from its beginning. until: the last frame of it."""
+    starts = entry.lap_starts
+    end = starts[k + 1] if k + 1 < len(starts) else entry.last_t
+    inside = (entry.t >= starts[k] - LAP_MARGIN) & (entry.t <= end + LAP_MARGIN)
+    rows = np.flatnonzero(inside)
+    if until is not None:
+        rows = rows[rows <= until]
+    lap_begins = [0.0, *entry.legs.lap_ends][k]
+    return Way(entry.t[rows] - starts[k], entry.progress[rows] - lap_begins)

@@ -1,18 +1,22 @@
-"""Race: the competitors, live and stored, and the race time.
+"""PageRace: the competitors of a page, live and stored, and the race time.
 
 Flights are flown in turns on one thread: two threads in numba's parallel loops abort the process.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
-from web.competitor import Competitor, named, stored_competitor
-from web.flight_factory import Choices, FlightFactory
-from web.live import LiveCompetitor, Notice, Notices, Pace
+from web.choices import Choices
+from web.competitor import Competitor, named
+from web.live_flight import LiveFlight
+from web.notices import Notice, Notices
+from web.numbers import Change
+from web.pace import Pace
+from web.stored_runs import stored_competitor
 
 REST = 0.02  # [s] between two turns while nothing is flown
 TRAJECTORIES_PERIOD = 0.06  # [s] of wall clock between two updates of the sampled trajectories
@@ -24,133 +28,161 @@ class Snapshot:
 
     t: float = 0.0  # race time [s]
     end: float = 0.0  # of the race so far [s]
-    flown: float = 0.0  # what can be shown [s]: less than the end beside a longer stored run
+    flown: float = 0.0  # the time that can be shown [s]: before the end, beside a longer run
     playing: bool = False
     flying: bool = False  # some live competitor has not ended
     factor: float = 0.0  # race seconds a second, measured
     competitors: tuple[Competitor, ...] = ()
     race: int = 0  # counts the races: for another number, another scene
     notices: tuple[Notice, ...] = ()
-    compiling: bool = False  # what flies has no first plan yet, as its planner is being compiled
+    compiling: bool = False  # a flight has no first plan yet, as its planner is being compiled
 
     @property
     def next_event(self) -> float | None:
-        """[s] of the next one that can be shown; None while the race is being flown."""
+        """The time of the next event that can be shown [s]; None while the race is being flown."""
+        if self.flying and self.playing:
+            return None
         later = [
-            e.t
+            event.t
             for entry in self.competitors
-            for e in entry.events
-            if self.t + 1e-6 < e.t <= self.flown
+            for event in entry.events
+            if self.t + 1e-6 < event.t <= self.flown
         ]
-        return min(later, default=None) if not (self.flying and self.playing) else None
+        return min(later, default=None)
 
 
-class Race:
-    def __init__(self, flight_factory: FlightFactory, root: str):
+class PageRace:
+    """Live flights side by side with stored runs. One thread uses it.
+
+    Args:
+        root: the folder of runs.
+        take_off: makes a live flight of choices.
+    """
+
+    def __init__(self, root: str, take_off: Callable[[Choices], LiveFlight] = LiveFlight):
         self.show_trajectories = False  # whether a page shows the sampled trajectories
         self.notices = Notices()
-        self._flight_factory, self._root = flight_factory, root
-        self._live: list[LiveCompetitor] = []
-        self._stored: tuple[Competitor, ...] = ()
+        self._root = root
+        self._take_off = take_off
         self._choices: list[Choices] = []
-        self._t, self._count, self._trajectories_at = 0.0, 0, 0.0
+        self._live: list[LiveFlight] = []
+        self._stored: tuple[Competitor, ...] = ()
+        self._count = 0
+        self._t = 0.0
         self._playing = False
+        self._trajectories_at = 0.0
         self._pace = Pace()
 
     def start(self, choices: Sequence[Choices], runs: Sequence[Path] = ()) -> None:
-        """Fly these side by side with stored runs. Raises ValueError, RunError; then the old race
-        stays."""
+        """Fly these side by side with stored runs.
+
+        Raises:
+            ValueError, RunError: they cannot be flown or shown; the old race goes on.
+        """
         stored = tuple(stored_competitor(path) for path in runs)
-        flights = [self._flight_factory.flight(c) for c in choices]
-        if len({x.spec["course_text"] for x in (*stored, *flights)}) > 1:
+        flights = [self._take_off(one) for one in choices]
+        courses = {entry.course.text for entry in (*stored, *(flight.now for flight in flights))}
+        if len(courses) > 1:
             for flight in flights:
                 flight.close()
             raise ValueError("side by side: expected runs of one course, got several")
         self.end_flights()
         self._choices = list(choices)
-        self._live = [
-            LiveCompetitor(f, self._root, c.sampler) for c, f in zip(choices, flights, strict=True)
-        ]
-        shown = named([*(entry.now for entry in self._live), *stored])
-        for entry, now in zip(self._live, shown, strict=False):
-            entry.now = now
-        self._stored = shown[len(self._live) :]
+        self._live = flights
+        for flight in flights:
+            flight.keep_in(self._root)
+        shown = named([*(flight.now for flight in flights), *stored])
+        for flight, now in zip(flights, shown, strict=False):
+            flight.now = now
+        self._stored = shown[len(flights) :]
         if not all(flight.is_cached for flight in flights):
-            self.notices.add(
-                "wait", "Compiling the planner for this machine", "once; it takes some 20 s"
-            )
+            compiling = "Compiling the planner for this machine"
+            self.notices.add("wait", compiling, "once; it takes some 20 s")
         self._begin()
 
     def restart(self) -> None:
-        """The same race from its beginning: live flights anew, stored runs from t = 0."""
+        """Begin the same race anew: live flights from the ground, stored runs from t = 0."""
         if self._choices:
-            self.start(self._choices, [e.folder for e in self._stored if e.folder])
+            self.start(self._choices, [entry.folder for entry in self._stored if entry.folder])
         else:
             self._begin()
 
     def turn(self) -> float:
-        """Fly one frame of the competitor that is farthest behind, or advance a replay. -> [s] to
-        wait"""
+        """Fly one frame of the competitor that is farthest behind, or advance a replay.
+
+        Returns:
+            The time to wait before the next turn [s].
+        """
         if not self._playing:
             return REST
-        entry = self._next_to_fly()
-        if entry is None:
+        flight = self._next_to_fly()
+        if flight is None:
             self._move(min(self._pace.now(), self._end))
             self._playing = self._t < self._end
             return REST
-        wait = self._pace.until(entry.t + entry.flight.period)
+        wait = self._pace.until(flight.t + flight.period)
         if wait <= 0.0:
-            self._advance(entry)
+            self._advance(flight)
         return max(wait, 0.0)
 
     def play(self, on: bool | None = None) -> None:
-        """None: toggle. A replay at its end begins again; a flight goes on where it has come to."""
+        """Go on or pause; None: whichever it does not.
+
+        A replay at its end begins again; a flight goes on where it has come to.
+        """
         self._playing = not self._playing if on is None else on
-        if self._playing:
-            self._t = self._flown if self._flying else self._t if self._t < self._end else 0.0
+        if self._playing and self._flying:
+            self._t = self._flown
+        elif self._playing and self._t >= self._end:
+            self._t = 0.0
         self._pace.anchor(self._t)
 
     def step(self, by: int = 1) -> None:
-        """One control period forward or back; a flight goes on from the last one that was flown."""
+        """Move by control periods; beyond what has been flown, fly the next one."""
         self._playing = False
-        entry = self._next_to_fly()
-        if entry is not None and by > 0 and self._t >= self._flown - 1e-9:
-            self._advance(entry)
-        elif entries := [e for e in self._competitors if len(e.t)]:
-            t = entries[0].t
-            self.scrub(float(t[min(max(entries[0].at(self._t) + by, 0), len(t) - 1)]))
+        flight = self._next_to_fly()
+        if flight is not None and by > 0 and self._t >= self._flown - 1e-9:
+            self._advance(flight)
+            return
+        for entry in self._competitors:
+            if len(entry.t):
+                frame = min(max(entry.at(self._t) + by, 0), len(entry.t) - 1)
+                self.scrub(float(entry.t[frame]))
+                return
 
     def scrub(self, t: float) -> None:
         """Show the race at t [s]; no effect while it is being flown."""
-        if not (self._flying and self._playing):
-            self._t = min(max(t, 0.0), self._flown if self._flying else self._end)
-            self._pace.anchor(self._t)
+        if self._flying and self._playing:
+            return
+        last = self._flown if self._flying else self._end
+        self._t = min(max(t, 0.0), last)
+        self._pace.anchor(self._t)
 
     def jump(self) -> None:
-        """To the next event of any competitor, if there is one so far."""
+        """Go to the next event of any competitor, if there is one so far."""
         t = self.snapshot().next_event
         if t is not None:
             self._playing = False
             self.scrub(t)
 
     def set_speed(self, factor: float) -> None:
-        """Race seconds a second; a live flight comes as near as the machine can."""
+        """Set the race seconds a second; a live flight comes as near as the machine can."""
         self._pace.speed = factor
         self._pace.anchor(self._t)
 
-    def tune(self, name: str, value: float | None) -> None:
-        """Every live flight uses this number from its next plan on, None: its preset's; its spec
-        notes the change."""
-        for entry in self._flying:
-            entry.tune(name, value)
+    def change(self, change: Change) -> None:
+        """Let every live flight use a number from its next plan on."""
+        for flight in self._flying:
+            flight.change(change)
 
     def end_flights(self) -> None:
-        """They stay in view."""
-        for entry in self._flying:
-            entry.end()
+        """End every live flight; all stay in view."""
+        for flight in self._flying:
+            flight.end()
         self._playing = False
 
     def snapshot(self) -> Snapshot:
+        """Return the race as it is now."""
         return Snapshot(
             t=self._t,
             end=self._end,
@@ -161,56 +193,59 @@ class Race:
             competitors=tuple(self._competitors),
             race=self._count,
             notices=self.notices.recent,
-            compiling=any(
-                e.now.outcome is None and not len(e.now.t) and not e.flight.is_cached
-                for e in self._live
-            ),
+            compiling=any(not f.is_cached and not len(f.now.t) for f in self._flying),
         )
 
     def _begin(self) -> None:
+        """Begin another race at t = 0."""
         self._count += 1
-        self._t, self._playing = 0.0, True
+        self._t = 0.0
+        self._playing = True
         self._pace.anchor(0.0)
 
-    def _advance(self, entry: LiveCompetitor) -> None:
+    def _advance(self, flight: LiveFlight) -> None:
+        """Fly one frame."""
         try:
-            frame = entry.advance()
+            frame = flight.advance()
         except (ValueError, FloatingPointError) as error:
-            self.notices.add("error", f"{entry.now.name}: the flight broke off", str(error))
-            entry.end()
+            self.notices.add("error", f"{flight.now.name}: the flight broke off", str(error))
+            flight.end()
             return
-        self.notices.add_events(entry.now, frame)
+        self.notices.add_events(flight.now, frame)
         self._move(max(frame.t, self._t))
         due = perf_counter() - self._trajectories_at > TRAJECTORIES_PERIOD
-        if due and self.show_trajectories and entry is self._live[0]:
-            entry.update_trajectories()
+        if due and self.show_trajectories and flight is self._live[0]:
+            flight.update_trajectories()
             self._trajectories_at = perf_counter()
-        if frame.outcome is not None:
-            entry.end()
+        if flight.is_over:
+            flight.end()
             self._playing = bool(self._flying)
 
     def _move(self, t: float) -> None:
+        """Come to t [s]."""
         self._t = t
         self._pace.mark(t)
 
-    def _next_to_fly(self) -> LiveCompetitor | None:
-        """The one whose time is the least."""
-        return min(self._flying, key=lambda e: e.t, default=None)
+    def _next_to_fly(self) -> LiveFlight | None:
+        """Return the live flight whose time is the least."""
+        return min(self._flying, key=lambda flight: flight.t, default=None)
 
     @property
-    def _flying(self) -> list[LiveCompetitor]:
-        return [e for e in self._live if e.now.outcome is None]
+    def _flying(self) -> list[LiveFlight]:
+        """The live flights that have not ended."""
+        return [flight for flight in self._live if not flight.is_over]
 
     @property
     def _flown(self) -> float:
-        """Until when some flight that goes on has been flown [s]."""
-        return max((e.t for e in self._flying), default=0.0)
+        """The time until which some flight that goes on has been flown [s]."""
+        return max((flight.t for flight in self._flying), default=0.0)
 
     @property
     def _competitors(self) -> list[Competitor]:
-        return [*(e.now for e in self._live), *self._stored]
+        """All competitors, the live ones first."""
+        return [*(flight.now for flight in self._live), *self._stored]
 
     @property
     def _end(self) -> float:
-        """Of the longest competitor [s]."""
-        return max((float(e.t[-1]) for e in self._competitors if len(e.t)), default=0.0)
+        """The end of the longest competitor [s]."""
+        return max((entry.last_t for entry in self._competitors), default=0.0)

@@ -82,15 +82,15 @@ class RaceWeights:
     ] = 2000.0
     desired_speed: Annotated[
         float,
-        setting("horizontal speed that the speed term asks for [m/s]", unit="m/s", ge=0, le=100),
+        setting("horizontal speed that the speed term asks for", unit="m/s", ge=0, le=100),
     ] = 9.0
     waypoint_radius: Annotated[
         float,
-        setting("distance to a gate's exit that is rewarded [m]", unit="m", gt=0, le=100),
+        setting("distance to a gate's exit that is rewarded", unit="m", gt=0, le=100),
     ] = 0.5
     margin: Annotated[
         float,
-        setting("wanted distance to the frame within a gate [m]", unit="m", ge=0, le=10),
+        setting("wanted distance to the frame within a gate", unit="m", ge=0, le=10),
     ] = 0.25
     margin_share: Annotated[
         float,

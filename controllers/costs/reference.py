@@ -54,7 +54,7 @@ class ReferenceWeights:
     margin: Annotated[
         float,
         setting(
-            "margin of the solution to follow, the --margin of `race limit` [m]",
+            "margin of the solution to follow, the --margin of `race limit`",
             unit="m",
             ge=0,
             le=1,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
 
 from cyclopts import Group, Parameter
@@ -19,7 +20,7 @@ from quadsim.console import UsageError
 from quadsim.course import course_names
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.sensing import sensing_names
-from quadsim.spec.settings import SETTINGS, FlightSettings, Setting, SettingError, bare
+from quadsim.spec.settings import SETTINGS, FlightSettings, Setting, SettingError, bare, values_of
 from quadsim.vehicle import load_vehicle, vehicle_names
 
 TITLES = {
@@ -104,19 +105,10 @@ def _flight_flags() -> Any:
 
 def _defaults() -> dict[str, object]:
     """Return the value of each setting of the default flight that has one."""
-    planner = DEFAULT_PLANNER
-    parts = {
-        "flight": FlightSettings(),
-        "sampling": planner.sampling,
-        "mppi": planner.mppi,
-        "cost": planner.cost,
-        "model": ModelParams.of(load_vehicle(planner.vehicle)),
-    }
-    return {
-        name: getattr(parts[setting.group], setting.field)
-        for name, setting in SETTINGS.items()
-        if type(parts[setting.group]) in setting.kinds
-    }
+    model = ModelParams.of(load_vehicle(DEFAULT_PLANNER.vehicle))
+    defaults = {name: found.value for name, found in values_of(DEFAULT_PLANNER, model).items()}
+    flight = FlightSettings()
+    return defaults | {f.name: getattr(flight, f.name) for f in fields(flight)}
 
 
 def _flag(setting: Setting, group: Group, default: object) -> Any:
@@ -158,6 +150,8 @@ def _flag(setting: Setting, group: Group, default: object) -> Any:
 def _help(setting: Setting, default: object) -> str:
     """Return the help of a flag, with the units and the default of the default flight."""
     text = setting.help
+    if setting.unit and setting.name != "sigma":
+        text += f" [{setting.unit}]"
     if default is None or default is False or default == ():
         return text
     return f"{text} [default: {_shown(default)}]"

@@ -103,8 +103,9 @@ def _data(kind: str, folders: list[Path]) -> bytes:
         RunError: a run is damaged.
     """
     # Here, so that --help does not load them
-    from web.competitor import named, stored_competitor
+    from web.competitor import named
     from web.page.export import offline_page, telemetry_csv, zipped
+    from web.stored_runs import stored_competitor
 
     if kind == "csv":
         return telemetry_csv(folders)

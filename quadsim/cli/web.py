@@ -5,20 +5,15 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 from time import sleep
-from typing import Annotated, Any
+from typing import Annotated
 
 from msgspec import Meta
 
-from controllers.learned.pilot import pilot_names
-from controllers.presets import PRESETS
-from controllers.samplers import SAMPLERS
 from quadsim.cli.flags import Help, Json, RunsDir, Stored
 from quadsim.cli.fly import EXIT
 from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted
-from quadsim.course import course_names, load_course
+from quadsim.course import load_course
 from quadsim.record.archive import find_run
-from quadsim.sensing import sensing_names
-from quadsim.vehicle import vehicle_names
 
 WAKE = 0.5  # [s] after which a signal that another thread received ends the wait
 
@@ -41,15 +36,26 @@ def web(
 
     race web --course mine.yaml --host 192.168.1.7
     """
-    load_course(course)  # what is wrong with it is said now
+    load_course(course)  # complains of a course that cannot be read
     paths = [find_run(run, runs_dir) for run in runs]
-    from web.page.guard import address
-    from web.race import Race
+    # imported here, as they load numba and viser, which --help does not need
+    from web.choices import Choices
+    from web.page.dashboard import Dashboard
+    from web.page.race_panel import Menu
+    from web.page.server import address, new_token, serve
+    from web.race import PageRace
+    from web.session import Session
 
-    server, page, session, token = _open_page(course, host, port, runs_dir)
+    token = new_token(host)
+    try:
+        server = serve(host, port, token, "race")
+    except ValueError as error:  # "port: ..."
+        raise UsageError(f"--{error}") from None
+    session = Session(runs_dir)
+    page = Dashboard(server, session, Menu.of_everything(course), Choices(course=course))
     if paths:
         page.race.show_replay(paths)
-        session.tell(Race.start, [], paths)
+        session.tell(PageRace.start, [], paths)
     url = address(host, server.get_port()) + (f"?token={token}" if token else "")
     if json:
         emit_json({"url": url, "pid": os.getpid()})
@@ -64,33 +70,3 @@ def web(
         session.close()
         server.stop()
     return EXIT["interrupted"]
-
-
-def _open_page(
-    course: str, host: str, port: int, runs_dir: str
-) -> tuple[Any, Any, Any, str | None]:
-    """The server, its page, the session behind it, and the token where one is asked for. Raises
-    UsageError."""
-    # here, so that --help loads neither numba nor viser
-    from web.flight_factory import PILOT, Choices, FlightFactory
-    from web.page.dashboard import Dashboard
-    from web.page.guard import new_token, serve
-    from web.page.race_panel import Menu
-    from web.session import Session
-
-    token = new_token(host)
-    try:
-        server = serve(host, port, token, "race")
-    except ValueError as error:  # "port: ..."
-        raise UsageError(f"--{error}") from None
-    courses = tuple(dict.fromkeys((*course_names(), course)))
-    presets = {name: planners["colored"].vehicle for name, planners in PRESETS.items()}
-    samplers = (*SAMPLERS, *(PILOT + name for name in pilot_names()))
-    menu = Menu(courses, vehicle_names(), presets, samplers, sensing_names())
-    session = Session(FlightFactory(), runs_dir)
-    return (
-        server,
-        Dashboard(server, session, FlightFactory(), menu, Choices(course=course)),
-        session,
-        token,
-    )

@@ -330,28 +330,28 @@ class ModelParams:
     The plant may differ from it; a run stores both.
     """
 
-    rate_tau: Annotated[tuple[Lag, Lag, Lag], setting("lag of the body rates about x, y, z [s]")]
+    rate_tau: Annotated[tuple[Lag, Lag, Lag], setting("lag of the body rates about x, y, z")]
     motor_tau: Annotated[
-        Lag, setting("lag of the rotors, for thrust and torque [s]; 0: they follow at once")
+        Lag, setting("lag of the rotors, for thrust and torque; 0: they follow at once")
     ]
-    drag: Annotated[float, setting("linear, isotropic drag [1/s]", unit="1/s", ge=0, le=20)]
-    rate_max: Annotated[tuple[Rate, Rate, Rate], setting("limit of the body-rate commands [rad/s]")]
+    drag: Annotated[float, setting("linear, isotropic drag", unit="1/s", ge=0, le=20)]
+    rate_max: Annotated[tuple[Rate, Rate, Rate], setting("limit of the body-rate commands")]
     thrust_max: Annotated[
         float,
-        setting("largest mass-normalised thrust [m/s^2]", unit="m/s^2", gt=GRAVITY, le=1000),
+        setting("largest mass-normalised thrust", unit="m/s^2", gt=GRAVITY, le=1000),
     ]
     thrust_min: Annotated[
         float,
-        setting("least mass-normalised thrust [m/s^2]", unit="m/s^2", ge=0, lt=GRAVITY),
+        setting("least mass-normalised thrust", unit="m/s^2", ge=0, lt=GRAVITY),
     ] = 0.0
     tilt_cost: Annotated[
         tuple[TiltCost, TiltCost],
-        setting("thrust given up per angular acceleration about x, y [m]"),
+        setting("thrust given up per angular acceleration about x, y"),
     ] = (0.0, 0.0)
     yaw_cost: Annotated[
         TiltCost,
         setting(
-            "room to the thrust's limits per angular acceleration about z [m]; 0: none is needed"
+            "room to the thrust's limits per angular acceleration about z; 0: none is needed"
         ),
     ] = 0.0
     thrust_gain: Annotated[

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from msgspec import Meta, inspect
 
 from controllers.config import MPPIConfig
 from controllers.costs.race import RaceWeights, Weight
 from controllers.costs.reference import ReferenceWeights
+from controllers.presets import Planner
 from controllers.samplers import SAMPLERS
 from quadsim.dynamics.quadrotor import Control, ModelParams
 from quadsim.dynamics.records import units_of
@@ -124,6 +125,11 @@ class Setting:
         return "--" + self.name.replace("_", "-")
 
     @property
+    def unit(self) -> str:
+        """The unit of its numbers, "" where they have none."""
+        return unit_of(self.kind)
+
+    @property
     def kind(self) -> Kind:
         """What the setting takes in the first of its dataclasses."""
         return next(iter(self.kinds.values()))
@@ -149,6 +155,18 @@ def description(kind: Kind) -> str:
             return schema.get("description") or description(kind.type)
         case inspect.UnionType():
             return description(unless_null(kind))
+    return ""
+
+
+def unit_of(kind: Kind) -> str:
+    """Return the unit in an annotation, "" where it has none."""
+    match kind:
+        case inspect.Metadata():
+            return (kind.extra or {}).get("unit") or unit_of(kind.type)
+        case inspect.UnionType():
+            return unit_of(unless_null(kind))
+        case inspect.TupleType():
+            return unit_of(kind.item_types[0])
     return ""
 
 
@@ -201,3 +219,28 @@ def _table() -> dict[str, Setting]:
 
 
 SETTINGS = _table()
+
+
+class SettingValue(NamedTuple):
+    """A setting as one planner has it."""
+
+    setting: Setting
+    kind: Kind  # in the dataclass of this planner's sampler or cost
+    value: Any
+
+
+def values_of(planner: Planner, model: ModelParams) -> dict[str, SettingValue]:
+    """Return the settings that a planner and its model have, by name, in the order of the table."""
+    parts = {
+        "sampling": planner.sampling,
+        "mppi": planner.mppi,
+        "cost": planner.cost,
+        "model": model,
+    }
+    found = {}
+    for name, setting in SETTINGS.items():
+        part = parts.get(setting.group)
+        kind = setting.kinds.get(type(part))
+        if kind is not None:
+            found[name] = SettingValue(setting, kind, getattr(part, setting.field))
+    return found

@@ -26,7 +26,7 @@ from quadsim.record.limits import (
 )
 from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
-from web.competitor import stored_competitor
+from web.stored_runs import stored_competitor
 
 COURSE = """opening: [1.5, 1.5]
 start: {position: [0, 0, 2], yaw_deg: 0}

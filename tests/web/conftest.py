@@ -9,32 +9,32 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from web_cases import COURSE, Gliders
 
-from web.flight_factory import Choices
+from web.choices import Choices
 from web.session import Session
 
 
 @pytest.fixture
-def flight_factory():
+def gliders():
     return Gliders()
 
 
 @pytest.fixture
-def session(flight_factory, tmp_path):
-    session = Session(flight_factory, str(tmp_path))
+def session(gliders, tmp_path):
+    session = Session(str(tmp_path), gliders)
     yield session
     session.close()
 
 
 @pytest.fixture
-def page(session, flight_factory):
+def page(session):
     """A running page and its server."""
     from web.page.dashboard import Dashboard
-    from web.page.guard import serve
     from web.page.race_panel import Menu
+    from web.page.server import serve
 
     server = serve("127.0.0.1", 0, None, "race")
     menu = Menu((COURSE, "paper_flat"), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
-    dashboard = Dashboard(server, session, flight_factory, menu, Choices(course=COURSE, laps=2))
+    dashboard = Dashboard(server, session, menu, Choices(course=COURSE, laps=2))
     yield dashboard, server
     dashboard.close()
     server.stop()

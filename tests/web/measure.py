@@ -1,8 +1,7 @@
-"""What a page costs, measured on a quiet machine; no test, as it takes minutes and the machine to
-itself.
+"""What a page costs. It is no test: it takes minutes and a quiet machine to itself.
 
-python tests/web/measure.py slowdown   plan time with four clients watching against none: less than
-10 % more python tests/web/measure.py air        from one click to the second frame: less than 5 s
+python tests/web/measure.py slowdown   plan time with four clients against none: < 10 % more
+python tests/web/measure.py air        from one click to the second frame: < 5 s
 python tests/web/measure.py soak 30    memory and threads over 30 minutes of flights: flat
 """
 
@@ -20,17 +19,20 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
+
 from wire import connect
 
-from web.flight_factory import Choices, FlightFactory
+from web.choices import Choices
 from web.page.dashboard import Dashboard
-from web.page.guard import serve
 from web.page.race_panel import Menu
-from web.race import Race
+from web.page.server import serve
+from web.race import PageRace
 from web.session import Session
 
 CLIENTS = 4
-SOAK_SAMPLES = 512  # what may grow is the page, not the planner
+SOAK_SAMPLES = 512  # few: the page may grow, not the planner
+MOST_SLOWER = 10.0  # [%]
+MOST_SECONDS = 5.0
 MENU = Menu(("split_s_swift",), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
 
 
@@ -39,8 +41,8 @@ class Place:
 
     def __init__(self, root: str):
         self.server = serve("127.0.0.1", 0, None, "race")
-        self.session = Session(FlightFactory(), root)
-        self.page = Dashboard(self.server, self.session, FlightFactory(), MENU, Choices())
+        self.session = Session(root)
+        self.page = Dashboard(self.server, self.session, MENU, Choices())
         self._watchers: subprocess.Popen | None = None
 
     def watch(self, on: bool) -> None:
@@ -50,22 +52,22 @@ class Place:
             self._watchers.wait()
             self._watchers = None
         if on:
-            self._watchers = subprocess.Popen(
-                [sys.executable, __file__, "watch", str(self.server.get_port())]
-            )
+            command = [sys.executable, __file__, "watch", str(self.server.get_port())]
+            self._watchers = subprocess.Popen(command)
         while len(self.server.get_clients()) != CLIENTS * on:
             time.sleep(0.05)
 
     def flight(self, laps: int = 1, samples: int | None = None) -> float:
-        """Median plan time of a flight in real time [ms]."""
+        """Fly. Return the median plan time in real time [ms]."""
         races = self.session.snapshot.race
         numbers = {"samples": samples} if samples else {}
-        self.session.tell(Race.start, [Choices(laps=laps, numbers=numbers)])
+        self.session.tell(PageRace.start, [Choices(laps=laps, numbers=numbers)])
         while self.session.snapshot.race == races or self.session.snapshot.flying:
             time.sleep(0.05)
         return float(np.median(self.session.snapshot.competitors[0].x["plan_ms"]))
 
     def close(self) -> None:
+        """End everything."""
         self.watch(False)
         self.page.close()
         self.session.close()
@@ -73,57 +75,62 @@ class Place:
 
 
 def slowdown(place: Place, pairs: int = 5) -> None:
-    """Alternating, so that a machine that warms up slows both."""
+    """Compare plan times, in turns, so that a machine that warms up slows both."""
     place.flight()
-    ratios = []
+    slower = []
     for _ in range(pairs):
-        times = []
-        for on in (False, True):
-            place.watch(on)
-            times.append(place.flight())
-        ratios.append(times[1] / times[0])
-        print(
-            f"plan {times[0]:.2f} ms alone, {times[1]:.2f} ms with {CLIENTS} clients: {100 * ratios[-1] - 100:+.1f} %"
-        )
-    median = 100 * float(np.median(ratios)) - 100
-    print(
-        f"median {median:+.1f} %, {'as claimed' if median < 10 else 'MORE than the 10 % claimed'}"
-    )
+        place.watch(False)
+        alone = place.flight()
+        place.watch(True)
+        watched = place.flight()
+        slower.append(100 * watched / alone - 100)
+        times = f"plan {alone:.2f} ms alone, {watched:.2f} ms with {CLIENTS} clients"
+        print(f"{times}: {slower[-1]:+.1f} %")
+    median = float(np.median(slower))
+    print(f"median {median:+.1f} %, {verdict(median, MOST_SLOWER, '%')}")
 
 
 def air(place: Place) -> None:
+    """Measure how long it takes from a click to the second frame."""
     began = time.perf_counter()
-    place.session.tell(Race.start, [Choices()])
-    while (
-        not place.session.snapshot.competitors or len(place.session.snapshot.competitors[0].t) < 2
-    ):
+    place.session.tell(PageRace.start, [Choices()])
+    while True:
+        competitors = place.session.snapshot.competitors
+        if competitors and len(competitors[0].t) >= 2:
+            break
         time.sleep(0.001)
     seconds = time.perf_counter() - began
-    print(
-        f"click to air {seconds:.2f} s, {'as claimed' if seconds < 5 else 'MORE than the 5 s claimed'}"
-    )
+    print(f"click to air {seconds:.2f} s, {verdict(seconds, MOST_SECONDS, 's')}")
+
+
+def verdict(found: float, most: float, unit: str) -> str:
+    """Return whether a claim holds."""
+    return "as claimed" if found < most else f"MORE than the {most:g} {unit} claimed"
 
 
 def soak(place: Place, minutes: float) -> None:
+    """Measure memory and threads over many flights."""
     place.watch(True)
     place.flight(3, SOAK_SAMPLES)
-    first, end = None, time.monotonic() + 60 * minutes
+    memory, threads = [], []
+    end = time.monotonic() + 60 * minutes
     while time.monotonic() < end:
         place.flight(3, SOAK_SAMPLES)
-        now = (resident(), threading.active_count())
-        first = first or now
-        print(f"{now[0]:.0f} MB, {now[1]} threads")
-    print(
-        f"grown by {now[0] - first[0]:+.0f} MB and {now[1] - first[1]:+d} threads in {minutes:g} minutes"
-    )
+        memory.append(resident())
+        threads.append(threading.active_count())
+        print(f"{memory[-1]:.0f} MB, {threads[-1]} threads")
+    more = f"{memory[-1] - memory[0]:+.0f} MB and {threads[-1] - threads[0]:+d} threads"
+    print(f"grown by {more} in {minutes:g} minutes")
 
 
 def resident() -> float:
-    """[MB]"""
+    """Return the memory of this process [MB]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 async def watchers(port: int) -> None:
+    """Watch a page by CLIENTS connections."""
+
     async def one() -> None:
         async with connect(port) as client:
             while True:
@@ -140,11 +147,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as root:
         place = Place(root)
         try:
-            {
-                "slowdown": slowdown,
-                "air": air,
-                "soak": lambda p: soak(p, float(more[0] if more else 30)),
-            }[what](place)
+            if what == "slowdown":
+                slowdown(place)
+            elif what == "air":
+                air(place)
+            elif what == "soak":
+                soak(place, float(more[0]) if more else 30.0)
         finally:
             place.close()
 

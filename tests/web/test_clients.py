@@ -3,21 +3,24 @@ leave."""
 
 import asyncio
 import math
+from contextlib import suppress
 
 import pytest
 from web_cases import until
-from wire import connect
+from websockets.exceptions import ConnectionClosed
+from wire import connect, open_socket
 
-from web.page.messages import LoopEvent
-from web.race import Race
+from web.page.messages import MAX_BYTES
+from web.page.server import LoopEvent
+from web.race import PageRace
 
 
 async def settled(claim, seconds=5.0):
     """Whether it comes true while messages are handled."""
-    for _ in range(int(seconds / 0.02)):
+    for _ in range(int(seconds / 0.01)):
         if claim():
             return True
-        await asyncio.sleep(0.02)
+        await asyncio.sleep(0.01)
     return False
 
 
@@ -159,7 +162,7 @@ def test_the_flight_goes_on_when_the_last_client_vanishes(page, session):
     assert until(lambda: session.snapshot.t > t + 0.05 or not session.snapshot.flying)
 
 
-def test_start_while_flying_begins_another_race(page, session, flight_factory):
+def test_start_while_flying_begins_another_race(page, session, gliders):
     dashboard, server = page
 
     async def client_does():
@@ -169,7 +172,36 @@ def test_start_while_flying_begins_another_race(page, session, flight_factory):
                 assert await settled(lambda n=race: session.snapshot.race == n)
 
     asyncio.run(client_does())
-    assert [flight.closed for flight in flight_factory.built[:2]] == [True, True]
+    assert [glider.closed for glider in gliders.built[:2]] == [True, True]
+
+
+def test_a_control_that_is_disabled_cannot_be_used(page, session):
+    dashboard, server = page
+
+    async def client_does():
+        async with connect(server.get_port()) as client:
+            await client.click(dashboard.race.stop)
+            await client.click(dashboard.race.start)
+            assert await settled(lambda: session.snapshot.flying)
+
+    seen = []
+    dashboard.race.stop.on_click(seen.append)
+    asyncio.run(client_does())
+    assert seen == []
+
+
+def test_a_message_that_is_too_long_ends_its_own_connection_alone(page):
+    _, server = page
+
+    async def clients_do():
+        async with connect(server.get_port()):
+            one = await open_socket(server.get_port())
+            with suppress(ConnectionClosed):  # closed while it still sends
+                await one.send(bytes(MAX_BYTES + 1))
+            await asyncio.wait_for(one.wait_closed(), 5.0)
+            assert await settled(lambda: len(server.get_clients()) == 1)
+
+    asyncio.run(clients_do())
 
 
 def test_nonsense_messages_leave_the_page_working(page, session):
@@ -183,5 +215,5 @@ def test_nonsense_messages_leave_the_page_working(page, session):
             assert await settled(lambda: len(server.get_clients()) == 1)
 
     asyncio.run(client_does())
-    session.tell(Race.play)
+    session.tell(PageRace.play)
     assert until(lambda: session.snapshot.playing is not None)

@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 from contextlib import contextmanager
+from urllib.parse import urlsplit
 
 import pytest
 from web_cases import COURSE, free_port
@@ -16,40 +17,31 @@ from wire import button, connect, get
 from quadsim.cli.cli import race
 from quadsim.record.archive import list_runs, load_run
 
+PROGRAM = [sys.executable, "-c", "from quadsim.cli.cli import main; main()", "web", "--json"]
+
 
 @contextmanager
 def running(*flags):
     """The program and the one JSON object it has printed."""
-    command = [
-        sys.executable,
-        "-c",
-        "from quadsim.cli.cli import main; main()",
-        "web",
-        "--json",
-        "--port",
-        "0",
-        *flags,
-    ]
+    command = [*PROGRAM, "--port", "0", *flags]
     program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
-        said = ""
-        while not said.rstrip().endswith("}"):
+        printed = ""
+        while not printed.rstrip().endswith("}"):
             line = program.stdout.readline()
             assert line, program.stderr.read()
-            said += line
-        yield program, json.loads(said)
+            printed += line
+        yield program, json.loads(printed)
     finally:
         program.kill()
         program.communicate()
 
 
-def port_of(said):
-    return int(said["url"].rpartition(":")[2].partition("/")[0])
+def test_the_address_opens_the_page_one_click_flies_and_ctrl_c_keeps_what_was_flown(tmp_path):
+    """Open to other machines, which need the token in the address that is printed."""
 
-
-def test_one_click_flies_and_ctrl_c_keeps_what_was_flown(tmp_path):
-    async def client_does(said):
-        async with connect(port_of(said)) as client:
+    async def one_click(port, cookie):
+        async with connect(port, additional_headers={"Cookie": cookie}) as client:
             start = await button(client, "START")
             await client.send(type="GuiUpdateMessage", uuid=start, updates={"value": True})
             for _ in range(600):
@@ -58,9 +50,15 @@ def test_one_click_flies_and_ctrl_c_keeps_what_was_flown(tmp_path):
                 await asyncio.sleep(0.05)
         return False
 
-    with running("--runs-dir", str(tmp_path), "--course", COURSE) as (program, said):
-        assert said["pid"] == program.pid
-        assert asyncio.run(client_does(said))
+    flags = ("--runs-dir", str(tmp_path), "--course", COURSE, "--host", "0.0.0.0")
+    with running(*flags) as (program, printed):
+        assert printed["pid"] == program.pid
+        url = urlsplit(printed["url"])
+        assert url.hostname != "0.0.0.0"  # no browser elsewhere finds that
+        assert get(url.port)[0] == 401
+        status, headers = get(url.port, path=f"/?{url.query}")
+        assert status == 303
+        assert asyncio.run(one_click(url.port, headers["Set-Cookie"].partition(";")[0]))
         program.send_signal(signal.SIGINT)
         out, err = program.communicate(timeout=30)
     assert out == ""
@@ -72,17 +70,6 @@ def test_one_click_flies_and_ctrl_c_keeps_what_was_flown(tmp_path):
         os.kill(program.pid, 0)
 
 
-def test_another_host_prints_a_token_that_opens_it(tmp_path):
-    with running("--runs-dir", str(tmp_path), "--host", "0.0.0.0") as (_, said):
-        port, path = port_of(said), said["url"].partition("/?")[2]
-        name = said["url"].partition("//")[2].partition(":")[0]
-        assert name != "0.0.0.0"  # no browser elsewhere finds that
-        with socket.create_connection((name, port), timeout=5):
-            pass
-        assert get(port)[0] == 401
-        assert get(port, path=f"/?{path}")[0] == 303
-
-
 def test_a_busy_port_is_one_line(capsys):
     with socket.socket() as busy:
         busy.bind(("127.0.0.1", free_port()))
@@ -90,27 +77,22 @@ def test_a_busy_port_is_one_line(capsys):
         port = str(busy.getsockname()[1])
         assert race(["web", "--port", port]) == 2
     err = capsys.readouterr().err.strip()
-    what = f"cannot listen on 127.0.0.1:{port}: address already in use; choose another, 0 takes any that is free"
-    assert err == f"race web: --port: {what}"
+    assert err.startswith(f"race web: --port: cannot listen on 127.0.0.1:{port}")
+    assert "\n" not in err
 
 
 @pytest.mark.parametrize(
-    ("flags", "said"),
+    ("flags", "wrong"),
     [
-        (
-            ["--port", "99999"],
-            "race web: --port: expected a whole number >= 0 and <= 65535, got 99999",
-        ),
-        (
-            ["--host", "203.0.113.7"],
-            "race web: --host: cannot listen on 203.0.113.7:8080: cannot assign requested address",
-        ),
-        (["--course", "nowhere"], "race web: no course 'nowhere'"),
-        (["no-such-run", "--runs-dir", "nowhere"], "race web: no runs in 'nowhere'"),
+        (["--port", "99999"], "--port"),
+        (["--host", "203.0.113.7"], "--host"),
+        (["--course", "nowhere"], "'nowhere'"),
+        (["no-such-run", "--runs-dir", "nowhere"], "'nowhere'"),
     ],
 )
-def test_a_wrong_argument_is_one_line(flags, said, capsys):
+def test_a_wrong_argument_is_one_line(flags, wrong, capsys):
     assert race(["web", *flags]) == 2
     err = capsys.readouterr().err.strip()
-    assert err.startswith(said)
+    assert err.startswith("race web: ")
+    assert wrong in err
     assert "\n" not in err

@@ -6,8 +6,9 @@ import pytest
 from viser.transforms import SO3
 
 from quadsim.course import load_course
-from web.flight_factory import PILOT, Choices, FlightFactory
-from web.live import LiveCompetitor
+from web.choices import PILOT, Choices, planner_settings
+from web.live_flight import LiveFlight
+from web.numbers import Change
 from web.page.estimate import ellipsoid, sensed_corners
 
 
@@ -26,15 +27,13 @@ def flown(tmp_path_factory):
     """A learned pilot that flies half a second on a gate camera without noise, misses or
     mistakes."""
     file = tmp_path_factory.mktemp("sensing") / "sharp.yaml"
-    file.write_text(
-        "imu: {rate: 250}\ncamera: {rate: 50, width: 640, height: 480, fx: 320, fy: 320, noise: 0}\n"
-    )
+    camera = "{rate: 50, width: 640, height: 480, fx: 320, fy: 320, noise: 0}"
+    file.write_text(f"imu: {{rate: 250}}\ncamera: {camera}\n")
     choices = Choices(sampler=f"{PILOT}split_s_swift", sensing=str(file), laps=1)
-    entry = LiveCompetitor(FlightFactory().flight(choices), str(file.parent), "pilot")
+    flight = LiveFlight(choices)
     for _ in range(50):
-        entry.advance()
-    yield entry
-    entry.end()
+        flight.advance()
+    return flight
 
 
 def test_a_corner_without_noise_is_drawn_on_the_gates_corner(flown):
@@ -42,25 +41,20 @@ def test_a_corner_without_noise_is_drawn_on_the_gates_corner(flown):
     assert len(seen.pixels) >= 2
     gates = tuple(dict.fromkeys(load_course("split_s_swift").gates))
     true = np.array([gate.corners() for gate in gates])[seen.gates, seen.corners]
-    crosses = sensed_corners(flown.now).reshape(-1, 2, 2, 3)  # (corners, lines, ends, 3)
+    crosses = sensed_corners(flown.now, seen).reshape(-1, 2, 2, 3)  # (corners, lines, ends, 3)
     assert crosses.mean(axis=(1, 2)) == pytest.approx(true, abs=1e-6)
 
 
 def test_a_pilot_has_no_numbers_to_tune_and_no_plan_to_show(flown):
-    assert flown.flight.is_cached
-    assert flown.flight.tune("temperature", 2.0) == []
-    assert flown.flight.sampled_trajectories() is None
-    assert FlightFactory().settings("race", "swift", f"{PILOT}split_s_swift") == {}
+    before = flown.now.start_numbers
+    flown.change(Change("temperature", 2.0))
+    assert flown.is_cached
+    assert flown.now.numbers(flown.t) == before
+    assert flown.sampled_trajectories() is None
+    assert planner_settings("race", "swift", f"{PILOT}split_s_swift") == {}
 
 
-def test_a_flight_that_has_ended_shows_no_picture_any_more(tmp_path):
-    entry = LiveCompetitor(
-        FlightFactory().flight(Choices(sampler=f"{PILOT}split_s_swift", sensing="gates")),
-        str(tmp_path),
-        "pilot",
-    )
-    for _ in range(20):
-        entry.advance()
-    assert entry.now.sensed
-    entry.end()
-    assert entry.now.corners is None
+def test_a_flight_that_has_ended_shows_no_picture_any_more(flown):
+    assert flown.now.sensed
+    flown.end()
+    assert flown.now.corners is None

@@ -1,15 +1,15 @@
 """Claims about who may use the server, over raw sockets."""
 
 import asyncio
-import gc
 import socket
 
+import msgspec
 import pytest
-from viser import _messages as messages
 from websockets.exceptions import InvalidStatus
 from wire import CAMERA, connect, get
 
-from web.page.guard import new_token, probe, serve
+from web.page.messages import problem_of
+from web.page.server import new_token, probe, serve
 
 TOKEN = "a-token-of-this-test"
 
@@ -86,20 +86,18 @@ def test_a_foreign_page_is_refused_even_with_the_token(token_server):
     assert refused(port, additional_headers=cookie, origin="http://evil.example") == 403
 
 
+TWO_HOSTS = "Host: 127.0.0.1:{0}\r\nHost: evil.example"
+FOREIGN_COOKIE = "Host: 127.0.0.1:{0}\r\nCookie: race{0}=\u00e9"
+
+
 @pytest.mark.parametrize(
-    "lines",
-    [
-        "Host: 127.0.0.1:{0}\r\nHost: evil.example",
-        "Host: 127.0.0.1:{0}\r\nCookie: race{0}=\u00e9",
-        "Host: \u00e9",
-    ],
+    ("lines", "status"), [(TWO_HOSTS, 400), (FOREIGN_COOKIE, 401), ("Host: \u00e9", 403)]
 )
-@pytest.mark.parametrize("server", ["open_server", "token_server"])
-def test_headers_that_no_browser_sends_are_a_bad_request(server, lines, request):
-    port = request.getfixturevalue(server).get_port()
+def test_headers_that_no_browser_sends_are_refused(token_server, lines, status):
+    port = token_server.get_port()
     with socket.create_connection(("127.0.0.1", port), timeout=5) as raw:
         raw.sendall(f"GET / HTTP/1.1\r\n{lines.format(port)}\r\n\r\n".encode())
-        assert raw.recv(100).startswith(b"HTTP/1.1 400 ")
+        assert raw.recv(100).startswith(f"HTTP/1.1 {status} ".encode())
 
 
 def test_every_answer_forbids_frames_and_foreign_scripts(token_server):
@@ -135,29 +133,21 @@ def test_no_two_pages_have_the_same_nonce(open_server):
         b"\x81\xa4type\xa4none",
         b"\x81\xa4type\xb0GuiUpdateMessage",
         b"\x93\x01\x02\x03",
+        msgspec.msgpack.encode({**CAMERA, "fov": "wide", "position": "here", "wxyz": None}),
     ],
 )
-def test_a_malformed_message_ends_in_one_line(open_server, message, caplog):
+def test_a_malformed_message_is_dropped_with_one_line(open_server, message, caplog):
+    """Of several, the first one alone is logged."""
+
     async def client_does():
         async with connect(open_server.get_port()) as client:
-            await client._socket.send(message)
-            await asyncio.wait_for(client._socket.wait_closed(), 5.0)
+            for _ in range(3):
+                await client._socket.send(message)
+            await (await client._socket.ping())
 
     asyncio.run(client_does())
-    (record,) = caplog.records
-    assert record.getMessage().startswith("race web: ")
+    assert len(caplog.records) == 1
     assert len(caplog.text.splitlines()) == 1
-
-
-def test_a_camera_of_no_numbers_ends_in_one_line(open_server, caplog):
-    async def client_does():
-        async with connect(open_server.get_port()) as client:
-            await client.send(**{**CAMERA, "fov": "wide", "position": "here", "wxyz": None})
-            await asyncio.sleep(0.5)
-
-    asyncio.run(client_does())
-    gc.collect()  # what a task raised is reported when it is freed
-    assert len(caplog.text.splitlines()) == len(caplog.records) > 0
 
 
 def test_only_other_machines_need_a_token():
@@ -179,38 +169,50 @@ def test_a_server_for_everybody_checks_origin_against_host():
         server.stop()
 
 
-def test_a_busy_port_is_one_clear_error():
+def test_a_busy_port_is_one_line():
     with socket.socket() as busy:
         busy.bind(("127.0.0.1", 0))
         busy.listen()
         port = busy.getsockname()[1]
-        with pytest.raises(
-            ValueError, match=rf"cannot listen on 127.0.0.1:{port}: address already in use"
-        ):
+        with pytest.raises(ValueError, match=f"^port: .*{port}") as error:
             serve("127.0.0.1", port, None, "race")
+        assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("host", "port", "said"),
+    ("host", "port", "wrong"),
     [
-        ("127.0.0.1", 99999, "port: expected 0 to 65535, got 99999"),
-        ("127.0.0.1", -1, "port: expected 0 to 65535, got -1"),
-        ("203.0.113.7", 0, "cannot listen on 203.0.113.7:0"),
-        ("no.such.host.invalid", 0, "cannot listen on no.such.host.invalid:0"),
+        ("127.0.0.1", 99999, "port"),
+        ("127.0.0.1", -1, "port"),
+        ("203.0.113.7", 0, "host"),
+        ("no.such.host.invalid", 0, "host"),
     ],
 )
-def test_a_wrong_host_or_port_is_one_clear_error(host, port, said):
-    with pytest.raises(ValueError, match=said) as error:
+def test_a_wrong_host_or_port_is_one_line(host, port, wrong):
+    with pytest.raises(ValueError, match=f"^{wrong}: ") as error:
         probe(host, port)
     assert "\n" not in str(error.value)
 
 
-def test_tunnel_and_uploads_are_switched_off(open_server):
-    handlers = open_server._websock_server._incoming_handlers
-    assert messages.ShareUrlRequest not in handlers
-    assert messages.FileTransferStartUpload not in handlers
-    assert messages.GuiUpdateMessage in handlers  # the dictionary holds what is looked for above
-    assert open_server.request_share_url() is None
+SHARE = {"type": "ShareUrlRequest"}
+UPLOAD = {
+    "type": "FileTransferStartUpload",
+    "source_component_uuid": "x",
+    "transfer_uuid": "y",
+    "filename": "z",
+    "mime_type": "text/plain",
+    "part_count": 1,
+    "size_bytes": 1,
+}
+
+
+@pytest.mark.parametrize("message", [SHARE, UPLOAD])
+def test_tunnel_and_uploads_are_switched_off(message):
+    assert problem_of(msgspec.msgpack.encode(message), lambda uuid: None)
+
+
+def test_a_camera_is_acceptable():
+    assert not problem_of(msgspec.msgpack.encode(CAMERA), lambda uuid: None)
 
 
 def test_nothing_is_printed_on_stdout(capfd):

@@ -4,14 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from web_cases import Glider, choices
+from web_cases import competitor
 
 from quadsim.course import course_names, load_course
 from quadsim.palette import NEXT, STYLES, Style
-from quadsim.record.run import Run
-from web.competitor import run_competitor
 from web.lap_timing import lap_timings
-from web.live import Pace
+from web.pace import Pace
 from web.page.camera import FOV, fpv, free_part, overview, top_view
 from web.page.drones import (
     INTO,
@@ -26,7 +24,7 @@ from web.page.drones import (
     segments,
     single_colour,
 )
-from web.page.race_scene import _arrows, bars_of, visible_scale
+from web.page.race_scene import arrows, bars_of, visible_scale
 from web.race import Snapshot
 
 
@@ -63,8 +61,7 @@ def test_a_phones_sheet_leaves_the_upper_half():
 def test_the_drones_camera_looks_ahead_and_up_from_its_centre():
     """Level at yaw 90 degrees it looks north, 45 degrees up; its up direction is at right
     angles."""
-    flight = Glider(choices())
-    one = run_competitor(Run.from_frames(flight.spec, list(flight.frames)), flight.course, None)
+    one = competitor(laps=1)
     x = one.x | {"qw": np.full(len(one.t), np.sqrt(0.5)), "qz": np.full(len(one.t), np.sqrt(0.5))}
     (s,) = lap_timings(Snapshot(t=0.5, end=9.0, competitors=(replace(one, x=x),)), by_place=False)
     (eye, ahead), up = fpv(s)
@@ -173,13 +170,12 @@ def test_drones_and_arrows_fit_through_the_narrowest_gate(name):
     course = load_course(name)
     opening = min(min(gate.opening) for gate in course.gates)
     assert SPAN * visible_scale(course) <= opening
-    lengths = np.linalg.norm(np.diff(_arrows(course), axis=1), axis=-1)
+    lengths = np.linalg.norm(np.diff(arrows(course), axis=1), axis=-1)
     assert lengths.max() <= 1.2 * max(opening, 0.01)
 
 
 def test_a_scrubbed_competitor_is_as_it_was_then():
-    flight = Glider(choices(laps=2))
-    whole = run_competitor(Run.from_frames(flight.spec, list(flight.frames)), flight.course, None)
+    whole = competitor(laps=2)
     t = whole.laps[0] + 0.05
     then = whole.until(t)
     assert then.laps == whole.laps[:1]

@@ -2,84 +2,143 @@
 
 import json
 from dataclasses import replace
+from math import inf
+from threading import Event
 
 import numpy as np
-from web_cases import PERIOD, Gliders, choices, until
+import pytest
+from web_cases import PERIOD, Glider, Gliders, choices, until
 
 from quadsim.record.archive import list_runs, load_run
 from quadsim.record.limits import limit_of
-from web.competitor import stored_competitor
-from web.race import Race
+from quadsim.spec.values import checked
+from web.choices import planner_settings, preset_of
+from web.numbers import SLIDERS, Change, with_change
+from web.race import PageRace
 from web.session import Session
+from web.stored_runs import stored_competitor
 
 
 def fast(session):
     """As fast as it goes."""
-    session.tell(Race.set_speed, 1e6)
+    session.tell(PageRace.set_speed, 1e6)
 
 
 def over(session):
     return until(lambda: session.snapshot.competitors and not session.snapshot.flying)
 
 
-def test_a_flight_is_kept_and_the_page_shows_its_laps(session, tmp_path):
-    fast(session)
-    session.tell(Race.start, [choices(laps=3)])
-    assert over(session)
-    (folder,) = list_runs(tmp_path)
-    stored = json.loads((folder / "run.json").read_text())
-    assert list(session.snapshot.competitors[0].laps) == stored["laps"]
-    assert len(stored["laps"]) == 3
-    assert session.snapshot.competitors[0].folder == folder
-    best = limit_of(stored["spec"]).time
-    assert (
-        session.snapshot.competitors[0].limit.time == stored_competitor(folder).limit.time == best
+def flown(session, frames):
+    """Whether the first competitor comes to have more frames."""
+    return until(
+        lambda: session.snapshot.competitors and len(session.snapshot.competitors[0].t) > frames
     )
 
 
+def test_a_flight_is_kept_and_the_page_shows_its_laps(session, tmp_path):
+    fast(session)
+    session.tell(PageRace.start, [choices(laps=3)])
+    assert over(session)
+    (folder,) = list_runs(tmp_path)
+    stored = json.loads((folder / "run.json").read_text())
+    (landed,) = session.snapshot.competitors
+    assert list(landed.laps) == stored["laps"]
+    assert len(stored["laps"]) == 3
+    assert landed.folder == folder
+    best = limit_of(stored["spec"]).time
+    assert landed.limit.time == stored_competitor(folder).limit.time == best
+
+
 def test_two_samplers_fly_turn_by_turn(session):
-    session.tell(Race.set_speed, 20.0)
-    session.tell(Race.start, [choices("colored", laps=3), choices("gaussian", laps=3)])
+    session.tell(PageRace.set_speed, 20.0)
+    session.tell(PageRace.start, [choices("colored", laps=3), choices("gaussian", laps=3)])
     apart = []
 
     def ended():
         competitors = session.snapshot.competitors
-        if len(competitors) == 2 and all(
-            entry.outcome is None and len(entry.t) for entry in competitors
-        ):
-            apart.append(abs(competitors[0].t[-1] - competitors[1].t[-1]))
+        flying = [entry for entry in competitors if entry.outcome is None and len(entry.t)]
+        if len(flying) == 2:
+            apart.append(abs(flying[0].t[-1] - flying[1].t[-1]))
         return competitors and not session.snapshot.flying
 
     assert until(ended)
     assert max(apart) <= PERIOD + 1e-9
 
 
-def test_a_change_in_flight_is_on_the_record_and_marks_the_run(session, flight_factory, tmp_path):
-    session.tell(Race.start, [choices(laps=2)])
-    assert until(
-        lambda: session.snapshot.competitors and len(session.snapshot.competitors[0].t) > 5
-    )
-    session.tell(Race.tune, "gamma_rates", 1.0)
+def test_a_change_in_flight_is_on_the_record_and_marks_the_run(session, gliders, tmp_path):
+    session.tell(PageRace.start, [choices(laps=2)])
+    assert flown(session, 5)
+    session.tell(PageRace.change, Change("gamma_rates", 1.0))
     fast(session)
     assert over(session)
     (change,) = load_run(list_runs(tmp_path)[0]).spec["interactive"]
-    assert (change["name"], change["from"], change["to"]) == ("gamma_rates", 2.0, 1.0)
-    assert 0.0 < change["t"] < session.snapshot.end
-    assert flight_factory.built[0].numbers["gamma_rates"] == 1.0
+    assert (change["name"], change["from"], change["to"]) == ("gamma_rates", 0.8, 1.0)
+    assert change["t"] in session.snapshot.competitors[0].t[5:-1]
+    assert gliders.built[0].now.numbers(inf)["gamma_rates"] == 1.0
 
 
-def test_an_untouched_flight_is_not_marked(session, flight_factory, tmp_path):
+def test_an_untouched_flight_is_not_marked(session, tmp_path):
     fast(session)
-    session.tell(Race.start, [choices()])
-    # unchanged
-    session.tell(Race.tune, "samples", flight_factory.numbers("race", "colored")["samples"])
+    session.tell(PageRace.start, [choices()])
+    session.tell(PageRace.change, Change("samples", None))  # unchanged
     assert over(session)
     assert "interactive" not in load_run(list_runs(tmp_path)[0]).spec
 
 
+def changed(glider, *changes):
+    for name, value in changes:
+        glider.change(Change(name, value))
+
+
+def noted(glider):
+    return [(c["t"], c["name"], c["from"], c["to"]) for c in glider.now.changes]
+
+
+def test_only_numbers_that_a_plan_has_used_are_on_the_record():
+    """Several changes before a plan are one, at the time of the plan that uses it."""
+    glider = Glider(choices())
+    glider.advance()
+    changed(glider, ("sigma", 2.0), ("sigma", 1.0))
+    glider.advance()
+    assert noted(glider) == []
+    changed(glider, ("gamma_thrust", 3.0), ("gamma_thrust", 4.0), ("samples", 512))
+    assert glider.now.numbers(0.0)["gamma_thrust"] == 4.0  # the slider shows what is asked for
+    glider.advance()
+    t = glider.t
+    assert noted(glider) == [(t, "gamma_thrust", 2.0, 4.0), (t, "samples", 4096, 512)]
+    changed(glider, ("temperature", 3.0))
+    glider.end()
+    assert len(noted(glider)) == 2  # no plan has used it
+
+
+def test_none_is_the_number_of_the_preset():
+    glider = Glider(choices(numbers={"samples": 512}))
+    changed(glider, ("samples", None), ("target_ess", 0.0))
+    glider.advance()
+    assert noted(glider) == [(0.0, "target_ess", 60, 0.0), (0.0, "samples", 512, 4096)]
+
+
+def test_a_number_that_a_sampler_lacks_changes_nothing():
+    glider = Glider(choices("gaussian"))
+    changed(glider, ("gamma_rates", 3.0))
+    glider.advance()
+    assert noted(glider) == []
+
+
+@pytest.mark.parametrize("name", SLIDERS)
+def test_a_slider_stays_within_the_range_of_its_setting(name):
+    slider = SLIDERS[name]
+    found = planner_settings("race", "swift", "colored")[slider.setting]
+    preset = preset_of("race", "colored")
+    for value in (slider.low, slider.high):
+        planner = with_change(preset, preset, Change(name, value))
+        number = {**vars(planner.sampling), **vars(planner.mppi)}[slider.setting]
+        assert checked(slider.setting, number, found.kind) == number
+
+
 def test_planner_snapshots_can_be_replayed_as_soon_as_the_flight_has_ended(session, tmp_path):
     fast(session)
-    session.tell(Race.start, [choices(laps=2)])
+    session.tell(PageRace.start, [choices(laps=2)])
     assert over(session)
     landed = session.snapshot.competitors[0]
     stored = stored_competitor(list_runs(tmp_path)[0])
@@ -91,74 +150,76 @@ def test_planner_snapshots_can_be_replayed_as_soon_as_the_flight_has_ended(sessi
 
 
 def test_pausing_stops_the_flight_and_a_step_flies_one_period(session):
-    session.tell(Race.start, [choices(laps=3)])
-    session.tell(Race.play, False)
+    session.tell(PageRace.start, [choices(laps=3)])
+    session.tell(PageRace.play, False)
     assert until(lambda: session.snapshot.race == 1 and not session.snapshot.playing)
     frames = len(session.snapshot.competitors[0].t)
-    session.tell(Race.step)
+    session.tell(PageRace.step)
     assert until(lambda: len(session.snapshot.competitors[0].t) == frames + 1)
 
 
 def test_a_paced_flight_does_not_outrun_the_clock(session):
-    session.tell(Race.start, [choices(laps=3)])
+    session.tell(PageRace.start, [choices(laps=3)])
     assert until(lambda: session.snapshot.t > 0.3)
     assert session.snapshot.factor < 1.3
 
 
-def test_restart_while_flying_ends_the_old_flight_and_begins_anew(session, flight_factory):
-    session.tell(Race.start, [choices(laps=3)])
-    assert until(lambda: session.snapshot.t > 0.05)
-    session.tell(Race.restart)
+def test_restart_while_flying_ends_the_old_flight_and_begins_anew(session, gliders):
+    session.tell(PageRace.start, [choices(laps=3)])
+    assert flown(session, 5)
+    session.tell(PageRace.restart)
     assert until(lambda: session.snapshot.race == 2)
-    assert flight_factory.built[0].closed
-    assert until(lambda: len(session.snapshot.competitors[0].t) > 2)
-    assert not flight_factory.built[1].closed
+    assert gliders.built[0].closed
+    assert flown(session, 2)
+    assert not gliders.built[1].closed
 
 
 def test_a_replay_shows_the_time_it_is_scrubbed_to(session, tmp_path):
     fast(session)
-    session.tell(Race.start, [choices(laps=2)])
+    session.tell(PageRace.start, [choices(laps=2)])
     assert over(session)
-    session.tell(Race.start, [], list_runs(tmp_path))
-    session.tell(Race.play, False)
-    session.tell(Race.scrub, 0.5)
+    session.tell(PageRace.start, [], list_runs(tmp_path))
+    session.tell(PageRace.play, False)
+    session.tell(PageRace.scrub, 0.5)
     assert until(lambda: session.snapshot.t == 0.5)
     competitor = session.snapshot.competitors[0]
     assert competitor.t[competitor.at(0.5)] == 0.5
-    session.tell(Race.jump)
+    session.tell(PageRace.jump)
     following = min(e.t for e in competitor.events if e.t > 0.5)
     assert until(lambda: session.snapshot.t == following)
 
 
-def test_a_replay_ignores_the_sliders(session, flight_factory, tmp_path):
+def test_a_replay_ignores_the_sliders(session, gliders, tmp_path):
     fast(session)
-    session.tell(Race.start, [choices()])
+    session.tell(PageRace.start, [choices()])
     assert over(session)
-    session.tell(Race.start, [], list_runs(tmp_path))
-    session.tell(Race.tune, "samples", 512)
+    session.tell(PageRace.start, [], list_runs(tmp_path))
+    session.tell(PageRace.change, Change("samples", 512))
     assert until(lambda: session.snapshot.race == 2)
-    assert flight_factory.built[0].numbers["samples"] != 512
+    assert gliders.built[0].now.numbers(inf)["samples"] == 4096
 
 
 def test_choices_that_cannot_be_flown_are_a_notice_and_the_race_goes_on(session):
-    session.tell(Race.start, [choices(laps=3)])
-    session.tell(Race.start, [choices(laps=99)])
+    session.tell(PageRace.start, [choices(laps=3)])
+    session.tell(PageRace.start, [choices(laps=10**6)])
     assert until(lambda: any(n.kind == "error" for n in session.snapshot.notices))
     assert session.snapshot.race == 1
     assert session.snapshot.flying
 
 
-def test_runs_of_different_courses_are_not_shown_side_by_side(session, tmp_path):
+def test_runs_of_different_courses_are_not_shown_side_by_side(session, gliders, tmp_path):
     fast(session)
-    session.tell(Race.start, [choices()])
+    session.tell(PageRace.start, [choices()])
     assert over(session)
-    session.tell(Race.start, [replace(choices(), course="paper_flat")], list_runs(tmp_path))
-    assert until(lambda: any("one course" in n.text for n in session.snapshot.notices))
+    session.tell(PageRace.start, [replace(choices(), course="paper_flat")], list_runs(tmp_path))
+    assert until(lambda: any(n.kind == "error" for n in session.snapshot.notices))
+    assert session.snapshot.race == 1
+    assert gliders.built[1].closed
 
 
 def test_closing_leaves_no_thread_and_no_half_written_run(tmp_path):
-    session = Session(Gliders(), str(tmp_path))
-    session.tell(Race.start, [choices(laps=40)])
+    session = Session(str(tmp_path), Gliders())
+    session.tell(PageRace.start, [choices(laps=40)])
     assert until(lambda: session.snapshot.t > 0.0)
     session.close()
     assert not session._worker.is_alive()
@@ -166,8 +227,8 @@ def test_closing_leaves_no_thread_and_no_half_written_run(tmp_path):
 
 
 def test_a_closed_flight_that_has_passed_a_gate_is_kept_as_interrupted(tmp_path):
-    session = Session(Gliders(), str(tmp_path))
-    session.tell(Race.start, [choices(laps=40)])
+    session = Session(str(tmp_path), Gliders())
+    session.tell(PageRace.start, [choices(laps=40)])
     assert until(lambda: session.snapshot.competitors and session.snapshot.competitors[0].events)
     session.close()
     (folder,) = list_runs(tmp_path)
@@ -176,30 +237,23 @@ def test_a_closed_flight_that_has_passed_a_gate_is_kept_as_interrupted(tmp_path)
 
 def test_snapshots_only_ever_grow(session):
     """A view taken early is not changed by what is flown later."""
-    session.tell(Race.start, [choices(laps=30)])
-    assert until(
-        lambda: session.snapshot.competitors and len(session.snapshot.competitors[0].t) > 3
-    )
+    session.tell(PageRace.start, [choices(laps=30)])
+    assert flown(session, 3)
     early = session.snapshot.competitors[0]
     before = early.x["px"].copy()
     fast(session)
-    # the table has grown by then
-    assert until(lambda: len(session.snapshot.competitors[0].t) > 1500)
+    assert flown(session, 1500)  # the table has grown by then
     assert np.array_equal(before, early.x["px"])
 
 
-def test_a_flight_that_must_compile_first_says_so_and_another_does_not(session, flight_factory):
+def test_a_flight_that_must_compile_first_says_so_and_another_does_not(session, gliders):
     fast(session)
-    session.tell(Race.start, [choices()])
+    session.tell(PageRace.start, [choices()])
     assert over(session)
     assert not any(n.kind == "wait" for n in session.snapshot.notices)
-    flight = flight_factory.flight
-
-    def cold(c):
-        glider = flight(c)
-        glider.is_cached = False
-        return glider
-
-    flight_factory.flight = cold
-    session.tell(Race.restart)
-    assert until(lambda: any(n.kind == "wait" for n in session.snapshot.notices))
+    gliders.compiled = Event()
+    session.tell(PageRace.restart)
+    assert until(lambda: session.snapshot.compiling)
+    assert any(n.kind == "wait" for n in session.snapshot.notices)
+    gliders.compiled.set()
+    assert until(lambda: not session.snapshot.compiling)

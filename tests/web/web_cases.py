@@ -1,133 +1,137 @@
-"""Flights without physics for the page's tests: from gate to gate at constant speed, as fast as
-they are asked for."""
+"""Flights without physics for the page's tests: from gate to gate at constant speed."""
 
 import socket
+import threading
 import time
 from itertools import count
 
 import numpy as np
 
 from controllers.plan import PlannerSnapshot
-from quadsim.course import load_course
 from quadsim.race.events import Event, Frame
-from quadsim.spec.spec import Spec
-from web.flight_factory import Choices, FlightFactory, numbers_of
+from quadsim.record.archive import RunFolder
+from quadsim.record.run import Run
+from web.choices import Choices
+from web.live_flight import LiveFlight
+from web.stored_runs import run_competitor
 
-PERIOD = 0.01  # [s]
+PERIOD = 0.01  # of every preset [s]
 COURSE = "figure8"
-MPPI = {"samples": 1024, "target_ess": 10.0}
-PRESET = numbers_of({"mppi": MPPI, "sampling": {"sigma": [1.0], "gamma": [2.0]}})
-VEHICLE = Spec.of(COURSE).record()["vehicle"]
 SPEED = {"colored": 40.0, "gaussian": 36.0}  # [m/s], so that tests are short
 
 
-class Glider:
-    """A flight: straight from gate to gate."""
+class Glider(LiveFlight):
+    """A flight that is straight from gate to gate, as fast as it is asked for.
 
-    def __init__(self, choices: Choices, outcome: str = "finished"):
-        self.choices, self.course, self.period = choices, load_course(choices.course), PERIOD
-        self.laps = choices.laps or 1
-        self.spec = {
-            "course": self.course.name,
-            "course_text": self.course.text,
-            "sampler": choices.sampler,
-            "preset": choices.preset,
-            "seed": choices.seed,
-            "laps": self.laps,
-            "vehicle": VEHICLE,
-            "planner": {"mppi": MPPI},
-            "host": {},
-        }
-        self.numbers = {**PRESET, **choices.numbers}
-        self.closed, self.is_cached = False, True
-        self._speed, self._outcome = SPEED[choices.sampler], outcome
-        self.frames = self._fly()
+    Its planner is not compiled until the event `compiled`, if there is one.
+    """
 
-    def tune(self, name, value):
-        before, self.numbers = (
-            self.numbers,
-            {**self.numbers, name: PRESET[name] if value is None else value},
-        )
-        return (
-            [{"name": name, "from": before[name], "to": self.numbers[name]}]
-            if self.numbers != before
-            else []
-        )
+    def __init__(self, choices, compiled=None):
+        self.choices = choices
+        self.compiled = compiled
+        self.closed = False
+        super().__init__(choices)
+
+    def _take_off(self):
+        self.is_cached = self.compiled is None
+        return self.frames()
+
+    def _replan(self, before):
+        pass
 
     def sampled_trajectories(self):
         return None
 
-    def corners(self):
+    def _corners(self):
         return None
 
-    def close(self) -> None:
+    def close(self):
         self.closed = True
 
-    def _fly(self):
-        gates = self.course.gates * self.laps
-        points = np.array([self.course.start.position, *(g.position for g in gates)])
-        # [s]
-        ends = (
-            np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))) / self._speed
-        )
-        passed, began = 0, time.perf_counter()
+    def frames(self):
+        speed = SPEED[self.choices.sampler]
+        course, laps = self._spec.course, self._spec.laps
+        gates = course.gates * laps
+        points = np.array([course.start.position, *(gate.position for gate in gates)])
+        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        ends = np.append(0.0, np.cumsum(lengths)) / speed  # [s]
+        if self.compiled:
+            self.compiled.wait(60)
+        passed = 0
+        began = time.perf_counter()
         for k in count():
-            t, events = k * PERIOD, []
+            t = k * PERIOD
+            events = []
             while passed < len(gates) and ends[passed + 1] <= t:
                 passed += 1
-                lap, gate = divmod(passed - 1, len(self.course.gates))
+                lap, gate = divmod(passed - 1, len(course.gates))
                 spot = tuple(points[passed].tolist())
-                events.append(
-                    Event(
-                        float(ends[passed]),
-                        "pass",
-                        gate + 1,
-                        lap + 1,
-                        (0.0, 0.0),
-                        self._speed,
-                        spot,
-                    )
-                )
-            over = self._outcome if passed == len(gates) else None
-            p = [float(np.interp(t, ends, points[:, c])) for c in range(3)]
-            x = (*p, self._speed, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.81, 0.0, 0.0, 0.0)
-            u = (0.0, 0.0, 0.0, 9.81 + np.sin(20.0 * t))
-            lap = min(passed // len(self.course.gates) + 1, self.laps)
-            gate = passed % len(self.course.gates) + 1
-            now = time.perf_counter() - began
-            seen = None if over or k % 10 else _snapshot(k)
+                at = float(ends[passed])
+                events.append(Event(at, "pass", gate + 1, lap + 1, (0.0, 0.0), speed, spot))
+            over = "finished" if passed == len(gates) else None
+            p = [float(np.interp(t, ends, points[:, axis])) for axis in range(3)]
             yield Frame(
-                t, x, u, passed, lap, gate, 10.0, 0.5, 1.0, 0.1, now, tuple(events), over, seen
+                t=t,
+                x=(*p, speed, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.81, 0.0, 0.0, 0.0),
+                u=(0.0, 0.0, 0.0, 9.81 + np.sin(20.0 * t)),
+                passed=passed,
+                lap=min(passed // len(course.gates) + 1, laps),
+                gate=passed % len(course.gates) + 1,
+                ess=10.0,
+                temperature=0.5,
+                cost=1.0,
+                plan_ms=0.1,
+                elapsed=time.perf_counter() - began,
+                events=tuple(events),
+                outcome=over,
+                snapshot=None if over or k % 10 else snapshot(k),
             )
             if over:
                 return
 
 
-def _snapshot(k: int) -> PlannerSnapshot:
-    """Its numbers are those of the frame it was taken at."""
-    return PlannerSnapshot(
-        np.full((8, 16, 3), float(k)), {"progress": float(k), "crash": 0.0, "waypoint": -0.5}
-    )
+def snapshot(k):
+    """A planner snapshot whose numbers are those of the frame it was taken at."""
+    terms = {"progress": float(k), "crash": 0.0, "waypoint": -0.5}
+    return PlannerSnapshot(np.full((8, 16, 3), float(k)), terms)
 
 
-class Gliders(FlightFactory):
-    """A flight factory of gliders."""
+class Gliders:
+    """Makes gliders, and knows all that it made."""
 
     def __init__(self):
         self.built: list[Glider] = []
+        self.compiled: threading.Event | None = None  # of the next one
 
-    def numbers(self, preset, sampler):
-        return dict(PRESET)
-
-    def flight(self, choices: Choices) -> Glider:
-        if choices.laps > 50:
-            raise ValueError("figure8: expected at most 50 laps, got more")
-        self.built.append(Glider(choices))
-        return self.built[-1]
+    def __call__(self, choices):
+        glider = Glider(choices, self.compiled)
+        self.built.append(glider)
+        return glider
 
 
 def choices(sampler="colored", laps=1, **more):
     return Choices(course=COURSE, sampler=sampler, laps=laps, **more)
+
+
+def run_of(glider):
+    """The run of a whole flight."""
+    return Run.from_frames(glider.now.spec, list(glider.frames()))
+
+
+def competitor(sampler="colored", laps=3, **more):
+    """A whole flight as a competitor without a folder."""
+    glider = Glider(choices(sampler, laps=laps, **more))
+    return run_competitor(run_of(glider), glider.now.course, None)
+
+
+def stored(root, sampler="colored", laps=1):
+    """The folder of a whole flight."""
+    return store(root, run_of(Glider(choices(sampler, laps=laps))))
+
+
+def store(root, run):
+    with RunFolder.open(root, run.spec) as folder:
+        return folder.save(run)
 
 
 def until(claim, seconds=10.0):
@@ -136,7 +140,7 @@ def until(claim, seconds=10.0):
     while time.monotonic() < end:
         if claim():
             return True
-        time.sleep(0.01)
+        time.sleep(0.005)
     return False
 
 

@@ -36,14 +36,17 @@ class Client:
         await self.set(handle, True)
 
 
-@asynccontextmanager
-async def connect(port, host="127.0.0.1", **options):
-    """A client that the server counts. Raises what websockets raises for one that is refused."""
+def open_socket(port, host="127.0.0.1", **options):
+    """A websocket by viser's protocol. Raises what websockets raises for one that is refused."""
     protocol = websockets.Subprotocol(f"viser-v{viser.__version__}")
     address = f"ws://{host}:{port}"
-    async with websockets.connect(
-        address, subprotocols=[protocol], max_size=None, **options
-    ) as socket:
+    return websockets.connect(address, subprotocols=[protocol], max_size=None, **options)
+
+
+@asynccontextmanager
+async def connect(port, **options):
+    """A client that the server counts."""
+    async with open_socket(port, **options) as socket:
         client = Client(socket)
         await client.send(**CAMERA)
         yield client

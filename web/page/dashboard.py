@@ -6,54 +6,74 @@ import threading
 import traceback
 from math import inf
 from time import perf_counter
-from typing import Any
+from typing import Literal, NamedTuple
 
 import viser
 
 from quadsim.course import Course
-from web.flight_factory import Choices, FlightFactory
+from web.choices import Choices
 from web.lap_timing import LapTiming, lap_timings
 from web.page.camera import Camera
-from web.page.charts import TABS, Charts, Tabs, put_away_charts
+from web.page.charts import TABS, Charts, Tabs
 from web.page.course_map import Map
 from web.page.export import add_export
+from web.page.flight_controls import FlightControls
 from web.page.html import STYLE
 from web.page.laps import chatter, laps
-from web.page.messages import VISITORS
-from web.page.panels import PlaybackPanel, ViewPanel, add_visitors
+from web.page.panels import PlaybackPanel, ViewPanel, add_keys
 from web.page.race_panel import Menu, RacePanel
 from web.page.race_scene import RaceScene, preview
 from web.page.sampler_panel import SamplerPanel
+from web.page.server import forget_removed
 from web.page.timing import events, hud, planner, tower
 from web.race import Snapshot
 from web.session import Session
 
-# periods of the scene, tables, signals, spectra and gaps [s]
-SCENE, TABLES, SIGNALS, SLOW = 1 / 25, 1 / 8, 1 / 5, 1.0
-# of notices
-COLOURS: dict[str, Any] = {"error": "red", "crash": "orange", "lap": "green", "wait": "blue"}
+# periods [s]
+SCENE = 1 / 25
+TABLES = 1 / 8
+SIGNALS = 1 / 5
+SLOW = 1.0  # of spectra and gaps
+
+Colour = Literal["red", "orange", "green", "blue"]
+COLOURS: dict[str, Colour] = {"error": "red", "crash": "orange", "lap": "green", "wait": "blue"}
+NOTICE = 6.0  # [s] for which a notice is shown
 
 
 class Due:
-    """Whether to show something again: when it has changed, but not more often than once a period
-    [s]."""
+    """Whether to show something again: when it has changed, but once a period at most.
+
+    Args:
+        period: [s]
+    """
 
     def __init__(self, period: float):
-        self._period, self._at, self._shown = period, -inf, None
+        self._period = period
+        self._at = -inf
+        self._shown: object = None
 
     def __call__(self, what: object) -> bool:
+        """Return whether to show `what`; then it counts as shown."""
         now = perf_counter()
         if what == self._shown or now - self._at < self._period:
             return False
-        self._shown, self._at = what, now
+        self._shown = what
+        self._at = now
         return True
 
 
+class Look(NamedTuple):
+    """How the race is to be shown."""
+
+    by_place: bool
+    by_speed: bool
+    trajectories: bool
+
+
 class RaceView:
-    """What is built for one race: its scene, map and charts."""
+    """The scene, map and charts of one race."""
 
     def __init__(self, server: viser.ViserServer, s: Snapshot, tabs: Tabs, true_size: bool):
-        clear(server, tabs)
         self.race = s.race
         self.scene = RaceScene(server.scene, s.competitors, true_size)
         self.map = Map(s.competitors[0].course)
@@ -61,52 +81,63 @@ class RaceView:
 
 
 class Dashboard:
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        session: Session,
-        flight_factory: FlightFactory,
-        menu: Menu,
-        first: Choices,
-    ):
-        self._server, self._session = server, session
+    """The page of a session, until `close`.
+
+    Args:
+        menu: what there is to choose from.
+        first: what is chosen at first.
+    """
+
+    def __init__(self, server: viser.ViserServer, session: Session, menu: Menu, first: Choices):
+        self._server = server
+        self._session = session
         self._view: RaceView | None = None
+        self._old_charts: list[Charts] = []
         self._previewed: Course | None = None
-        # the race, and the course that was chosen when it was last flying
-        self._race, self._passed_over = 0, None
+        self._race = 0  # number of the race that was on last
+        self._passed_over: Course | None = None  # course that was chosen while it was on
         self._notice = 0  # number of the last that was shown
-        self._scene_due, self._tables_due, self._slow_due = Due(0.0), Due(TABLES), Due(SLOW)
-        self._controls_due, self._signals_due, self._runs_due = Due(TABLES), Due(SIGNALS), Due(SLOW)
+        self._scene_due = Due(0.0)
+        self._tables_due = Due(TABLES)
         self._past_due = Due(TABLES)
+        self._controls_due = Due(TABLES)
+        self._signals_due = Due(SIGNALS)
+        self._slow_due = Due(SLOW)
+        self._runs_due = Due(SLOW)
         gui = server.gui
         gui.configure_theme(
             dark_mode=True, show_logo=False, show_share_button=False, brand_color=(230, 159, 0)
         )
         gui.add_html(STYLE)
-        visitors = VISITORS[server]
-        self.race = RacePanel(gui, session, menu, first, visitors)
-        self.sampler = SamplerPanel(gui, session, flight_factory, self.race)
-        self._playback = PlaybackPanel(gui, session, self.race)
+        self.race = RacePanel(gui, session, menu, first)
+        self.sampler = SamplerPanel(gui, session, self.race)
+        controls = FlightControls(session, self.race, self.sampler)
+        self._playback = PlaybackPanel(gui, session, controls)
         self._camera = Camera(server)
-        self._options = ViewPanel(gui, session, self._camera, self.race)
-        visitors.free |= {add_export(gui, session)._impl.uuid, *self._options.free}
-        add_visitors(gui, visitors)
+        self._options = ViewPanel(gui, self._camera)
+        add_keys(gui, session, self._camera, controls)
+        add_export(gui, session)
         self._add_panels(gui)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
+        """Stop showing anything."""
         self._closing.set()
         self._thread.join()
 
     def _add_panels(self, gui: viser.GuiApi) -> None:
+        """Add the panels beside the controls: timing above, charts below, the head-up display."""
         gui.main_panel.dock_left()
         gui.main_panel.set_width(270)
-        top, below, head = gui.add_panel(), gui.add_panel(), gui.add_panel()
-        self._tabs = {name: below.add_tab(name) for name in TABS}
+        top = gui.add_panel()
+        below = gui.add_panel()
+        head = gui.add_panel()
+        self._tabs: Tabs = {name: below.add_tab(name) for name in TABS}
         tabs = {name: top.add_tab(name) for name in ("Timing", "Laps", "Events", "Planner")}
-        tabs |= {"HUD": head.add_tab("HUD"), "Chatter": self._tabs["Spectrum"]}
+        tabs["HUD"] = head.add_tab("HUD")
+        tabs["Chatter"] = self._tabs["Spectrum"]
         self._tables: dict[str, viser.GuiHtmlHandle] = {}
         for name, tab in tabs.items():
             with tab:
@@ -119,71 +150,61 @@ class Dashboard:
         head.expand()  # on a phone it is a part of the sheet, folded by itself
 
     def _run(self) -> None:
+        """Show one snapshot after another while somebody watches."""
         while not self._closing.wait(SCENE):
             watched = bool(self._server.get_clients())
             self._session.show_trajectories(watched and self._options.trajectories.value)
-            if watched:
-                try:
-                    self._update(self._session.snapshot)
-                except Exception:  # an error in one update must not end the page
-                    traceback.print_exc()
-                    self._closing.wait(1.0)
+            if not watched:
+                continue
+            try:
+                self._update(self._session.snapshot)
+            except Exception:
+                # an error in one update must not end the page
+                traceback.print_exc()
+                self._closing.wait(1.0)
 
     def _update(self, s: Snapshot) -> None:
-        """Only what has changed: a race that has ended, or stands still, sends nothing."""
-        now, options, timings = (
-            perf_counter(),
-            self._options,
-            lap_timings(s, self._options.by_place),
+        """Show what has changed: a race that has ended, or stands still, sends nothing."""
+        timings = lap_timings(s, self._options.by_place)
+        look = Look(
+            by_place=self._options.by_place,
+            by_speed=self._options.by_speed(len(timings)),
+            trajectories=self._options.trajectories.value,
         )
-        look = (options.by_place, options.by_speed(len(timings)), options.trajectories.value)
-        state = (
-            s.race,
-            s.t,
-            s.end,
-            s.playing,
-            s.flying,
-            look,
-            tuple(e.state for e in s.competitors),
-        )
+        competitors = tuple(entry.state for entry in s.competitors)
+        state = (s.race, s.t, s.end, s.playing, s.flying, look, competitors)
         with self._server.atomic():
             view = self._view_of(s, timings)
             if view:
                 if self._scene_due((view, state)):
-                    view.scene.update(timings, *look[1:])
+                    view.scene.update(timings, look.by_speed, look.trajectories)
                 self._camera.follow(timings[0])
             if self._tables_due((view, state)):
                 self._update_tables(s, timings, view)
-            if self._controls_due(now):
+            if self._controls_due(perf_counter()):
                 self._playback.update(s)
                 self.sampler.update(s)
                 self.race.update(s)
+        if self._past_due((view, [entry.past(s.t) for entry in s.competitors])):
+            self._update_past(s, view)
         if view and self._signals_due((view, state)):
             view.charts.update_signals(timings)
-        if self._past_due((view, [e.past(s.t) for e in s.competitors])):
-            self._tables["Events"].content = events(s.competitors, s.t)
-            self._tables["Laps"].content = (
-                laps([e.until(s.t) for e in s.competitors]) if view else ""
-            )
         if view and self._slow_due((view, state)):
             view.charts.update_spectrum(timings)
             view.charts.update_gaps(timings)
             self._tables["Chatter"].content = chatter([e.until(s.t) for e in s.competitors])
-        if self._runs_due(now):
+        if self._runs_due(perf_counter()):
             self.race.refresh()
         self._notify(s)
 
     def _view_of(self, s: Snapshot, timings: list[LapTiming]) -> RaceView | None:
-        """None until every competitor of the race has a frame, and where another course was chosen
-        since it was on."""
-        course = self.race.preview()
-        # what is chosen for the next race does not hide this one
-        if s.flying or s.race != self._race:
-            self._race, self._passed_over = s.race, course
-        elif course is not self._passed_over:
-            self._passed_over = None
-        chosen = course if self._passed_over is None else None
-        if chosen and not any(e.course.text == chosen.text for e in s.competitors):
+        """Return the view of the race.
+
+        There is none until every competitor has a frame, and where another course was chosen since
+        the race was on.
+        """
+        chosen = self._chosen_course(s)
+        if chosen and not any(entry.course.text == chosen.text for entry in s.competitors):
             if chosen is not self._previewed:
                 self._preview(chosen)
             return None
@@ -192,47 +213,69 @@ class Dashboard:
             return self._view
         if not timings or len(timings) != len(s.competitors):
             return None
+        self._clear()
         self._view = RaceView(self._server, s, self._tabs, self._options.true_size.value)
         self._camera.show(s.competitors[0].course, self._view.scene.drone_size)
         return self._view
 
+    def _chosen_course(self, s: Snapshot) -> Course | None:
+        """Return the course that was chosen since the race was on, None if none was."""
+        course = self.race.preview()
+        if s.flying or s.race != self._race:
+            # What is chosen for the next race does not hide this one.
+            self._race = s.race
+            self._passed_over = course
+        elif course is not self._passed_over:
+            self._passed_over = None
+        return course if self._passed_over is None else None
+
     def _preview(self, course: Course) -> None:
-        """The course that START will fly."""
-        clear(self._server, self._tabs)
-        self._view, self._previewed = None, course
+        """Show the course that START will fly."""
+        self._clear()
+        self._previewed = course
         self._camera.show(course, preview(self._server.scene, course))
         self._tables["Timing"].content = Map(course).draw([])
 
+    def _clear(self) -> None:
+        """Remove the scene and hide the charts of the last race.
+
+        Those of the race before it are removed. Their last curves have arrived by now: a slow page
+        gets many messages at once, and looks for what it is to change only after it has removed
+        what it is to remove.
+        """
+        self._server.scene.reset()
+        for charts in self._old_charts:
+            charts.remove()
+        self._old_charts = []
+        if self._view:
+            self._view.charts.hide()
+            self._old_charts.append(self._view.charts)
+        self._view = None
+        forget_removed(self._server)
+
     def _update_tables(self, s: Snapshot, timings: list[LapTiming], view: RaceView | None) -> None:
+        """Show the tables of the present moment."""
         self._tables["HUD"].content = hud(s, timings)
         if view:
             self._tables["Timing"].content = tower(timings) + view.map.draw(timings)
             self._tables["Planner"].content = planner(timings[0])
 
+    def _update_past(self, s: Snapshot, view: RaceView | None) -> None:
+        """Show the tables of what has happened."""
+        self._tables["Events"].content = events(s.competitors, s.t)
+        past = [entry.until(s.t) for entry in s.competitors]
+        self._tables["Laps"].content = laps(past) if view else ""
+
     def _notify(self, s: Snapshot) -> None:
-        for notice in (n for n in s.notices if n.number > self._notice):
+        """Show the notices that have not been shown yet."""
+        for notice in s.notices:
+            if notice.number <= self._notice:
+                continue
             self._notice = notice.number
             for client in self._server.get_clients().values():
                 client.add_notification(
-                    notice.title, notice.text, auto_close_seconds=6.0, color=COLOURS[notice.kind]
+                    notice.title,
+                    notice.text,
+                    auto_close_seconds=NOTICE,
+                    color=COLOURS[notice.kind],
                 )
-
-
-def clear(server: viser.ViserServer, tabs: Tabs) -> None:
-    """Remove the scene, put the charts away."""
-    server.scene.reset()
-    put_away_charts(tabs)
-    forget_removed(server)
-
-
-def forget_removed(server: viser.ViserServer) -> None:
-    """Let the server forget what was removed once every open page knows. By itself it does so only
-    when another client
-    connects: until then the messages that remove a race's charts pile up, race by race.
-
-    Private in viser 1.1.1, the version that is pinned. If another one has no such method: look at
-    what it runs when a client connects, or drop this call where tests/web/test_memory.py holds
-    without it. Not forced: that would forget removals that open pages have yet to be told, and
-    those would show the last race's charts and drones for ever.
-    """
-    server._run_garbage_collector()

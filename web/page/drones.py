@@ -1,4 +1,4 @@
-"""What moves in the scene, drones, trails and sampled trajectories, in the colours of the legend.
+"""Drones, trails and sampled trajectories in the scene, in the colours of the legend.
 
 The page's renderer (three.js) takes colours in an array, of lines or batched meshes, as linear
 light, a single colour of a mesh or of lines as sRGB, and maps both by its fit of the ACES filmic
@@ -9,6 +9,7 @@ here. (Stephen Hill's fit, in tonemapping_pars_fragment.glsl.js)
 from __future__ import annotations
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -20,10 +21,15 @@ from trimesh.util import concatenate
 
 from web.competitor import POSITION, QUATERNION, Competitor
 
-TRAIL, TRAIL_SPAN = 160, 4.0  # segments, and the seconds they span
+TRAIL = 160  # segments of a trail
+TRAIL_SPAN = 4.0  # the time that it shows [s]
 PATH = 500  # segments of a whole run
+DASH = 3  # segments of a dash, and of the gap after it
 FAST = 16.0  # [m/s] the bright end of the speed colours
 SPAN = 0.34  # of a drone from rotor to rotor [m]
+ROTOR_COLOUR = (205, 208, 212)
+
+RGB = tuple[int, int, int]
 
 # I
 INTO = np.array(
@@ -39,8 +45,16 @@ BRIGHT = np.pi
 
 
 class Drone:
-    """One competitor's drone and trail. The arrays keep their length: viser accepts another one,
-    but draws it wrong."""
+    """One competitor's drone and trail.
+
+    The arrays keep their length: viser accepts another one, but draws it wrong.
+
+    Args:
+        name: of its nodes.
+        ghost: whether it is drawn paler and with its name, as every competitor but the first.
+        scale: factor on its size.
+        width: factor on that of lines.
+    """
 
     def __init__(
         self,
@@ -51,147 +65,211 @@ class Drone:
         scale: float,
         width: float,
     ):
-        """ghost: drawn paler and with its name, as every competitor but the first; width: factor on
-        that of lines."""
         node = f"/competitor/{name}"
         colour = entry.style.rgb
-        self._frame = scene.add_frame(node, show_axes=False)
-        self._shown = -1, False  # frame, and whether coloured by speed
-        for part, mesh in quadrotor(SPAN * scale).items():
-            shade = single_colour(colour if part == "body" else (205, 208, 212))
-            opacity = 0.45 if ghost else 1.0 if part == "body" else 0.8
-            look = {"color": shade, "opacity": opacity, "flat_shading": True, "side": "double"}
-            scene.add_mesh_simple(f"{node}/{part}", mesh.vertices, mesh.faces, **look)
-        none = np.zeros((TRAIL, 2, 3), np.float32)
         self._dashed = entry.again  # as its line in the charts
         self._colours = np.tile(array_colour(colour), (TRAIL, 2, 1))
+        self._shown = Shown(frame=-1, by_speed=False)
+        self._frame = scene.add_frame(node, show_axes=False)
+        opacity = 0.45 if ghost else None
+        add_quadrotor(scene, node, SPAN * scale, colour, ROTOR_COLOUR, opacity)
         self._trail = scene.add_line_segments(
-            f"/trail/{name}", none, self._colours, thickness=width * (0.035 if ghost else 0.06)
+            f"/trail/{name}",
+            np.zeros((TRAIL, 2, 3), np.float32),
+            self._colours,
+            thickness=width * (0.035 if ghost else 0.06),
         )
         if ghost:
             scene.add_label(f"{node}/name", entry.name, position=(0.0, 0.0, 0.5 * width))
         if not entry.live:
-            rows = np.linspace(0, len(entry.t) - 1, PATH + 1).astype(int)
-            path = self._segments(entry.rows(POSITION, rows).astype(np.float32))
-            scene.add_line_segments(
-                f"/path/{name}", path, single_colour(colour), thickness=0.03 * width
-            )
+            frames = np.linspace(0, len(entry.t) - 1, PATH + 1).astype(int)
+            path = self._segments(entry.rows(POSITION, frames).astype(np.float32))
+            shade = single_colour(colour)
+            scene.add_line_segments(f"/path/{name}", path, shade, thickness=0.03 * width)
 
     def show(self, entry: Competitor, i: int, by_speed: bool) -> None:
-        """At frame i, with its trail coloured by speed or by sampler."""
-        if (i, by_speed) == self._shown:
+        """Show the drone at frame i, with its trail coloured by speed or by sampler."""
+        asked = Shown(i, by_speed)
+        if asked == self._shown:
             return
-        recoloured, self._shown = by_speed != self._shown[1], (i, by_speed)
+        recoloured = by_speed != self._shown.by_speed
+        self._shown = asked
         self._frame.position = entry.rows(POSITION, i)
         self._frame.wxyz = entry.rows(QUATERNION, i)
-        # its ends stand still while the drone flies on: so do the dashes
-        piece = TRAIL_SPAN / TRAIL
+        # The ends of the segments stand still while the drone flies on: so do the dashes.
+        piece = TRAIL_SPAN / TRAIL  # [s]
         t = piece * (np.floor(entry.t[i] / piece) + np.arange(1 - TRAIL, 2))
         t = np.clip(t, 0.0, entry.t[i])
-        rows = np.searchsorted(entry.t, t, side="right") - 1
-        self._trail.points = self._segments(entry.rows(POSITION, rows), int(entry.t[i] / piece))
+        frames = np.searchsorted(entry.t, t, side="right") - 1
+        first = int(entry.t[i] / piece)
+        self._trail.points = self._segments(entry.rows(POSITION, frames), first)
         if by_speed:
-            self._trail.colors = segments(shades_of(entry.speed(rows) / FAST))
+            self._trail.colors = segments(shades_of(entry.speed(frames) / FAST))
         elif recoloured:
             self._trail.colors = self._colours
 
     def _segments(self, points: np.ndarray, first: int = 0) -> np.ndarray:
+        """Return the segments of a line, dashed if the drone's line is.
+
+        Args:
+            points: (n, 3)
+            first: number of the first segment since the start, by which dashes are counted.
+        """
         pieces = segments(points)
         if self._dashed:
-            gaps = (first + np.arange(len(pieces))) % 6 >= 3
+            gaps = (first + np.arange(len(pieces))) % (2 * DASH) >= DASH
             pieces[gaps, 1] = pieces[gaps, 0]
         return pieces
 
 
+class Shown(NamedTuple):
+    """What is shown of a drone."""
+
+    frame: int
+    by_speed: bool
+
+
 class SampledTrajectoriesView:
-    """The samples, cheapest bright, and the plan in white. They come sorted by cost, so colours are
-    sent only once."""
+    """The sampled trajectories, cheapest bright, and the plan in white.
+
+    They come sorted by cost, so that colours are sent only once.
+
+    Args:
+        samples: how many are drawn.
+        width: factor on that of lines.
+    """
 
     POINTS = 25
 
     def __init__(self, scene: viser.SceneApi, samples: int, width: float):
-        self._n, p = samples, self.POINTS
-        shades = np.repeat(array_colour(ramp(np.linspace(1.0, 0.05, samples)) * 0.8), p - 1, axis=0)
-        colours = np.repeat(shades[:, None], 2, axis=1)  # (samples * (p - 1), 2, 3)
-        none, nothing = (
-            np.zeros((len(colours), 2, 3), np.float32),
-            np.zeros((p - 1, 2, 3), np.float32),
-        )
-        name, white = "/sampled_trajectories", (255, 255, 255)
+        pieces = self.POINTS - 1
+        self._count = samples
+        shades = array_colour(ramp(np.linspace(1.0, 0.05, samples)) * 0.8)
+        colours = np.repeat(np.repeat(shades, pieces, axis=0)[:, None], 2, axis=1)
         self._samples = scene.add_line_segments(
-            f"{name}/samples", none, colours, thickness=0.014 * width, visible=False
+            "/sampled_trajectories/samples",
+            np.zeros((samples * pieces, 2, 3), np.float32),
+            colours,
+            thickness=0.014 * width,
+            visible=False,
         )
         self._plan = scene.add_line_segments(
-            f"{name}/plan", nothing, white, thickness=0.045 * width, visible=False
+            "/sampled_trajectories/plan",
+            np.zeros((pieces, 2, 3), np.float32),
+            (255, 255, 255),
+            thickness=0.045 * width,
+            visible=False,
         )
 
-    def show(self, paths: np.ndarray | None, nominal: np.ndarray | None = None) -> None:
-        """paths (samples, points, 3), None: hidden; fewer samples than there are lines are
-        repeated."""
-        self._samples.visible, self._plan.visible = paths is not None, nominal is not None
+    def show(self, paths: np.ndarray | None, plan: np.ndarray | None = None) -> None:
+        """Show trajectories and the plan; None: hide them.
+
+        Args:
+            paths: (samples, points, 3); fewer samples than there are lines are repeated.
+            plan: (points, 3)
+        """
+        self._samples.visible = paths is not None
+        self._plan.visible = plan is not None
         if paths is not None:
-            rows = np.arange(self._n) * len(paths) // self._n
-            self._samples.points = segments(resampled(paths, self.POINTS)[rows]).reshape(-1, 2, 3)
-        if nominal is not None:
-            self._plan.points = segments(nominal)
+            rows = np.arange(self._count) * len(paths) // self._count
+            lines = segments(resampled(paths, self.POINTS)[rows])
+            self._samples.points = lines.reshape(-1, 2, 3)
+        if plan is not None:
+            self._plan.points = segments(plan)
 
 
 def resampled(paths: np.ndarray, points: int) -> np.ndarray:
-    """The same paths with another number of points.  (samples, points, 3)"""
-    at = np.linspace(0, paths.shape[1] - 1, points)
-    low = np.minimum(at.astype(int), paths.shape[1] - 2)
+    """Return the same paths with another number of points.  (samples, points, 3)"""
+    last = paths.shape[1] - 1
+    at = np.linspace(0, last, points)
+    low = np.minimum(at.astype(int), last - 1)
     share = (at - low)[None, :, None]
     return (1 - share) * paths[:, low] + share * paths[:, low + 1]
 
 
 def segments(points: np.ndarray) -> np.ndarray:
-    """(..., n, 3) -> (..., n - 1, 2, 3)"""
+    """Return the segments between neighbouring points.  (..., n, 3) -> (..., n - 1, 2, 3)"""
     return np.stack([points[..., :-1, :], points[..., 1:, :]], axis=-2)
 
 
 def ramp(share: np.ndarray) -> np.ndarray:
-    """Colours of 0..1, dark to bright, without plasma's darkest eighth.  (n,) -> (n, 3) uint8"""
+    """Return colours of 0..1, dark to bright: plasma without its darkest eighth.
+
+    Returns:
+        (n,) -> (n, 3) uint8
+    """
     return colormaps["plasma"](0.125 + 0.875 * np.clip(share, 0.0, 1.0), bytes=True)[..., :3]
 
 
 @cache
 def _shades() -> np.ndarray:
-    """What to send for 256 shares of the ramp.  (256, 3) uint8"""
+    """Return what to send in an array for 256 shares of the ramp.  (256, 3) uint8"""
     return array_colour(ramp(np.linspace(0.0, 1.0, 256)))
 
 
 def shades_of(share: np.ndarray) -> np.ndarray:
-    """The ramp's colours of 0..1, to be sent in an array.  (n,) -> (n, 3) uint8"""
+    """Return what to send in an array for the ramp's colours of 0..1.  (n,) -> (n, 3) uint8"""
     return _shades()[(255 * np.clip(share, 0.0, 1.0)).astype(int)]
 
 
+def add_quadrotor(
+    scene: viser.SceneApi,
+    node: str,
+    span: float,
+    body: RGB,
+    rotors: RGB,
+    opacity: float | None = None,
+) -> None:
+    """Add a quadrotor to a scene.
+
+    Args:
+        span: from rotor to rotor [m]
+        body, rotors: their colours.
+        opacity: of all of it; None: of a solid body with rotors that let some light through.
+    """
+    meshes = quadrotor(span)
+    look = {"flat_shading": True, "side": "double"}
+    for part, colour, own_opacity in (("body", body, 1.0), ("rotors", rotors, 0.8)):
+        mesh = meshes[part]
+        scene.add_mesh_simple(
+            f"{node}/{part}",
+            mesh.vertices,
+            mesh.faces,
+            color=single_colour(colour),
+            opacity=own_opacity if opacity is None else opacity,
+            **look,
+        )
+
+
 def quadrotor(span: float) -> dict[str, trimesh.Trimesh]:
-    """An X frame: a body with its nose forward, and four rotor discs."""
-    a, w = 0.5 * span / np.sqrt(2), 0.05 * span
-    arms = [
-        box((span, 2 * w, 1.4 * w), rotation_matrix(angle, (0, 0, 1)))
-        for angle in (np.pi / 4, -np.pi / 4)
-    ]
-    nose = box((0.42 * span, 4.4 * w, 3.08 * w), translation_matrix((0.11 * span, 0, 0)))
-    hubs = [translation_matrix((x, y, 1.2 * w)) for x in (-a, a) for y in (-a, a)]
-    discs = [cylinder(0.26 * span, 0.01 * span, sections=20, transform=hub) for hub in hubs]
+    """Return an X frame: a body with its nose forward, and four rotor discs. span: [m]"""
+    side = 0.5 * span / np.sqrt(2)
+    thick = 0.05 * span
+    arm = (span, 2 * thick, 1.4 * thick)
+    arms = [box(arm, rotation_matrix(angle, (0, 0, 1))) for angle in (np.pi / 4, -np.pi / 4)]
+    ahead = translation_matrix((0.11 * span, 0, 0))
+    nose = box((0.42 * span, 4.4 * thick, 3.08 * thick), ahead)
+    discs = []
+    for x in (-side, side):
+        for y in (-side, side):
+            hub = translation_matrix((x, y, 1.2 * thick))
+            discs.append(cylinder(0.26 * span, 0.01 * span, sections=20, transform=hub))
     return {"body": concatenate([*arms, nose]), "rotors": concatenate(discs)}  # pyright: ignore[reportReturnType]
 
 
-def array_colour(rgb: tuple[int, int, int] | np.ndarray) -> np.ndarray:
-    """To be sent in an array for what is to look like this sRGB colour.  (..., 3) uint8, as
-    given"""
+def array_colour(rgb: RGB | np.ndarray) -> np.ndarray:
+    """Return what to send in an array for what is to look like sRGB colours.  (..., 3) uint8"""
     return np.rint(255 * _linear(rgb)).astype(np.uint8)
 
 
-def single_colour(rgb: tuple[int, int, int] | np.ndarray) -> tuple[int, int, int]:
-    """To be sent alone for what is to look like this sRGB colour; of a mesh, its lit side."""
+def single_colour(rgb: RGB | np.ndarray) -> RGB:
+    """Return what to send alone for what is to look like this sRGB colour, on a lit side."""
     red, green, blue = np.rint(255 * encoded(_linear(rgb))).astype(int).tolist()
     return red, green, blue
 
 
 def add_lights(scene: viser.SceneApi) -> None:
-    """Instead of viser's own, which leave no colour as it is; these cost less to draw."""
+    """Add lights in place of viser's own, which leave no colour as it is and cost more to draw."""
     scene.configure_default_lights(False)
     scene.configure_environment_map(None)
     scene.add_light_ambient("/light/all", intensity=0.8 * BRIGHT)
@@ -199,20 +277,22 @@ def add_lights(scene: viser.SceneApi) -> None:
 
 
 def decoded(srgb: np.ndarray) -> np.ndarray:
-    """sRGB in 0..1 as linear light."""
+    """Return sRGB in 0..1 as linear light."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
 def encoded(linear: np.ndarray) -> np.ndarray:
-    """The inverse of decoded."""
+    """Return linear light as sRGB in 0..1, the inverse of decoded."""
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-def _linear(rgb: tuple[int, int, int] | np.ndarray) -> np.ndarray:
-    """Linear light that is shown as this sRGB colour, or as near as 0..1 allows."""
+def _linear(rgb: RGB | np.ndarray) -> np.ndarray:
+    """Return linear light that is shown as sRGB colours, or as near as 0..1 allows."""
     y = decoded(np.asarray(rgb) / 255) @ np.linalg.inv(OUT).T
-    # f(v) = (v (v + 0.0245786) - 0.000090537) / (v (0.983729 v + 0.432951) + 0.238081) = y, solved
-    # for v
-    a, b, c = 1 - 0.983729 * y, 0.0245786 - 0.432951 * y, -0.000090537 - 0.238081 * y
+    # f(v) = (v (v + 0.0245786) - 0.000090537) / (v (0.983729 v + 0.432951) + 0.238081) = y is
+    # solved for v.
+    a = 1 - 0.983729 * y
+    b = 0.0245786 - 0.432951 * y
+    c = -0.000090537 - 0.238081 * y
     v = (np.sqrt(b * b - 4 * a * c) - b) / (2 * a)
     return np.clip(EXPOSURE * v @ np.linalg.inv(INTO).T, 0.0, 1.0)

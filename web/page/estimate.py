@@ -1,5 +1,7 @@
-"""What a vehicle with sensors makes of them: its estimate as a ghost with its 3-sigma ellipsoid,
-and the corners of gates where its camera found them.
+"""What a vehicle with sensors makes of them, in the scene.
+
+Its estimate is a ghost with its 3-sigma ellipsoid; crosses are the corners of gates where its
+camera found them.
 """
 
 from __future__ import annotations
@@ -10,24 +12,16 @@ import viser
 from viser.transforms import SO3
 
 from quadsim.sensing.config import GateCameraConfig
+from quadsim.sensing.measurements import Corners
 from web.competitor import POSITION, QUATERNION, Competitor
 from web.page.drones import SPAN, quadrotor, single_colour
 
-EST_POSITION, EST_QUATERNION = (
-    tuple(f"est_{name}" for name in names) for names in (POSITION, QUATERNION)
-)
-COVARIANCE = (
-    "cov_xx",
-    "cov_xy",
-    "cov_xz",
-    "cov_xy",
-    "cov_yy",
-    "cov_yz",
-    "cov_xz",
-    "cov_yz",
-    "cov_zz",
-)
-SENSED = 0, 229, 255  # colour of all that is sensed or estimated
+# columns of the telemetry
+EST_POSITION = tuple(f"est_{name}" for name in POSITION)
+EST_QUATERNION = tuple(f"est_{name}" for name in QUATERNION)
+COVARIANCE = tuple(f"cov_{axes}" for axes in ("xx", "xy", "xz", "xy", "yy", "yz", "xz", "yz", "zz"))
+
+SENSED = (0, 229, 255)  # colour of all that is sensed or estimated
 SIGMAS = 3.0
 MOST = 64  # corners that are drawn
 ARM = 0.02  # of a corner's cross, per metre of its distance
@@ -35,78 +29,97 @@ SHOWN = 0.25  # [s] for which corners are shown
 
 
 class EstimateView:
-    """Of one competitor that has an estimate. `scale` is that of its drone, and of the error and
-    the ellipsoid with it: at their true size they would be hidden in a drone that is drawn larger
-    than it is.
+    """The estimate of one competitor that has one.
+
+    Args:
+        name: of its nodes.
+        scale: that of the drone, and of the error and the ellipsoid with it: at their true size
+            they would be hidden in a drone that is drawn larger than it is.
     """
 
-    def __init__(self, scene: viser.SceneApi, name: str, entry: Competitor, scale: float):
+    def __init__(self, scene: viser.SceneApi, name: str, scale: float):
         self._scale = scale
-        node, body = f"/estimate/{name}", quadrotor(SPAN * scale)["body"]
-        look = {"opacity": 0.35, "flat_shading": True, "side": "double"}
-        self._ghost = scene.add_mesh_simple(
-            f"{node}/ghost", body.vertices, body.faces, color=single_colour(SENSED), **look
-        )
+        self._shown: tuple[int, Corners | None] = (-1, None)
+        node = f"/estimate/{name}"
+        body = quadrotor(SPAN * scale)["body"]
         colour = single_colour(SENSED)
+        self._ghost = scene.add_mesh_simple(
+            f"{node}/ghost",
+            body.vertices,
+            body.faces,
+            color=colour,
+            opacity=0.35,
+            flat_shading=True,
+            side="double",
+        )
         self._ellipsoid = scene.add_icosphere(
             f"{node}/ellipsoid", 1.0, colour, subdivisions=2, wireframe=True
         )
-        none = np.zeros((2 * MOST, 2, 3), np.float32)
         self._corners = scene.add_line_segments(
-            f"{node}/corners", none, single_colour(SENSED), thickness=0.05
+            f"{node}/corners", np.zeros((2 * MOST, 2, 3), np.float32), colour, thickness=0.05
         )
-        self._shown: tuple[int, float | None] = -1, None
 
     def show(self, entry: Competitor, i: int) -> None:
-        """At frame i, with the corners of the last picture if that was taken lately."""
-        seen = (
-            entry.corners
-            if entry.corners and 0.0 <= entry.t[i] - entry.corners.t <= SHOWN
-            else None
-        )
-        if (i, seen and seen.t) == self._shown:
+        """Show the estimate at frame i, and the corners of the last picture if that is recent."""
+        corners = entry.corners
+        if corners and not 0.0 <= entry.t[i] - corners.t <= SHOWN:
+            corners = None
+        if (i, corners) == self._shown:
             return
-        self._shown = i, seen and seen.t
+        self._shown = (i, corners)
         p = entry.rows(POSITION, i)
-        self._ghost.position = self._ellipsoid.position = p + self._scale * (
-            entry.rows(EST_POSITION, i) - p
-        )
+        estimate = p + self._scale * (entry.rows(EST_POSITION, i) - p)
+        self._ghost.position = estimate
         self._ghost.wxyz = entry.rows(EST_QUATERNION, i)
         covariance = self._scale**2 * entry.rows(COVARIANCE, i).reshape(3, 3)
+        self._ellipsoid.position = estimate
         self._ellipsoid.scale, self._ellipsoid.wxyz = ellipsoid(covariance)
-        self._corners.visible = seen is not None
-        if seen:
-            crosses = sensed_corners(entry)
+        self._corners.visible = corners is not None
+        if corners:
+            crosses = sensed_corners(entry, corners)
             lines = np.zeros((2 * MOST, 2, 3), np.float32)
             lines[: len(crosses)] = crosses[: 2 * MOST]
             self._corners.points = lines
 
 
 def ellipsoid(covariance: np.ndarray) -> tuple[tuple[float, float, float], np.ndarray]:
-    """Its half axes, 3 standard deviations each, and the rotation wxyz (4,) to them.  (3, 3)
-    [m^2]"""
+    """Return the ellipsoid of three standard deviations.
+
+    Args:
+        covariance: of a position [m^2]  (3, 3)
+
+    Returns:
+        Its half axes [m] (3,), and the rotation wxyz to them (4,).
+    """
     variances, axes = np.linalg.eigh(covariance)
     axes = axes * [1.0, 1.0, np.linalg.det(axes)]  # a rotation, no reflection
     a, b, c = (SIGMAS * np.sqrt(np.maximum(variances, 1e-12))).tolist()
     return (a, b, c), SO3.from_matrix(axes).wxyz
 
 
-def sensed_corners(entry: Competitor) -> np.ndarray:
-    """Crosses across the lines of sight on which corners were found, as far away as the corner each
-    is taken for, seen from where the vehicle was when the picture was taken.  (2 corners, 2, 3) [m]
+def sensed_corners(entry: Competitor, seen: Corners) -> np.ndarray:
+    """Return crosses at the corners that a camera found.
+
+    A cross lies across the line of sight on which a corner was found, as far away as the corner
+    that it is taken for, seen from where the vehicle was when the picture was taken.
+
+    Returns:
+        The lines of the crosses [m]  (2 corners, 2, 3)
     """
-    seen, gates = entry.corners, tuple(dict.fromkeys(entry.course.gates))
-    assert seen
     camera = msgspec.convert(entry.spec["sensing"]["camera"], GateCameraConfig)
     i = entry.at(seen.t)
-    eye, axes = camera.pose(
-        tuple(entry.rows(POSITION, i).tolist()), tuple(entry.rows(QUATERNION, i).tolist())
-    )
+    position = tuple(entry.rows(POSITION, i).tolist())
+    quaternion = tuple(entry.rows(QUATERNION, i).tolist())
+    eye, axes = camera.pose(position, quaternion)
+    # lines of sight
     local = (seen.pixels - (camera.width / 2, camera.height / 2)) / (camera.fx, camera.fy)
     rays = np.column_stack([local, np.ones(len(local))]) @ axes.T
+    # the corners that they are taken for
+    gates = tuple(dict.fromkeys(entry.course.gates))
     known = np.array([gate.corners() for gate in gates])[seen.gates, seen.corners]
     distance = np.linalg.norm(known - eye, axis=1)[:, None]
     at = eye + distance * rays / np.linalg.norm(rays, axis=1)[:, None]
-    right, down = ARM * distance * axes[:, 0], ARM * distance * axes[:, 1]
+    right = ARM * distance * axes[:, 0]
+    down = ARM * distance * axes[:, 1]
     arms = np.stack([right + down, right - down], axis=1)  # (corners, 2, 3)
     return np.stack([at[:, None] - arms, at[:, None] + arms], axis=2).reshape(-1, 2, 3)

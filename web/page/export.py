@@ -1,5 +1,4 @@
-"""A race as files: a page that plays offline, a CSV table, a zip, a PNG; and the panel that offers
-them."""
+"""A race as files: a page that plays offline, a CSV table, a zip, a PNG; and the panel for them."""
 
 from __future__ import annotations
 
@@ -9,6 +8,7 @@ import secrets
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import viser
@@ -17,60 +17,73 @@ from matplotlib.figure import Figure
 
 from quadsim.record.archive import load_run
 from quadsim.record.run import RunError, columns_of
-from web.competitor import Competitor, named, stored_competitor
+from web.competitor import Competitor, named
 from web.lap_timing import lap_timings
 from web.page.camera import set_initial_camera
-from web.page.guard import serve
-from web.page.html import text
+from web.page.html import div, element, text
 from web.page.laps import laps
 from web.page.race_scene import RaceScene
+from web.page.server import serve
 from web.race import Snapshot
 from web.session import Session
+from web.stored_runs import stored_competitor
 
-GROUND, LINE = "#141517", 20  # of a picture: the page's dark ground; height of a line of text [px]
-RATE = 25  # frames a second
+GROUND = "#141517"  # of a picture, the page's dark ground
+LINE = 20  # height of a line of text in a picture [px]
+DPI = 100
+RATE = 25  # frames a second of the page that plays offline
+SAMPLES = 8  # sampled trajectories that a run keeps
 RENDER_TIMEOUT = 30.0  # [s] for a browser that draws in software
+NOTICE = 6.0  # [s] for which a notice is shown
 
 
-def add_export(gui: viser.GuiApi, session: Session) -> viser.GuiButtonGroupHandle:
-    """What is on the page, as downloads of the client that asks. -> their buttons"""
+class Download(NamedTuple):
+    """A file that a visitor gets."""
+
+    name: str
+    data: bytes
+
+
+def add_export(gui: viser.GuiApi, session: Session) -> None:
+    """Add buttons by which a visitor downloads what is on the page."""
     with gui.add_folder("Export", expand_by_default=False):
         hint = "page: animated, plays offline; PNG: the view"
         what = gui.add_button_group("", ("page", "CSV", "zip", "PNG"), hint=hint)
 
-    def send(event: viser.GuiEvent) -> None:
-        if event.client is None:
+    @what.on_click
+    def _(event: viser.GuiEvent) -> None:
+        client = event.client
+        if client is None:
             return
         try:
-            name, data = _download(event.client, what.value, session.snapshot)
+            file = _download(client, what.value, session.snapshot)
         except (RunError, ValueError, RuntimeError, TimeoutError, OSError) as error:
-            event.client.add_notification(
-                "Cannot export", str(error), auto_close_seconds=6.0, color="red"
+            client.add_notification(
+                "Cannot export", str(error), auto_close_seconds=NOTICE, color="red"
             )
         else:
-            event.client.send_file_download(name, data, save_immediately=True)
-
-    what.on_click(send)
-    return what
+            client.send_file_download(file.name, file.data, save_immediately=True)
 
 
-def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> tuple[str, bytes]:
-    """Its name and content."""
+def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> Download:
+    """Return the file that a visitor asks for."""
     if what == "PNG":
-        return "race.png", picture(_rendered(client), [e.until(s.t) for e in s.competitors])
-    folders = [e.folder for e in s.competitors if e.folder]
+        entries = [entry.until(s.t) for entry in s.competitors]
+        return Download("race.png", picture(_rendered(client), entries))
+    folders = [entry.folder for entry in s.competitors if entry.folder]
     if not folders:
         raise ValueError("nothing is stored yet: a flight is kept when it ends")
     name = folders[0].name
     if what == "page":
-        return f"{name}.html", offline_page(named([stored_competitor(f) for f in folders])).encode()
+        entries = named([stored_competitor(folder) for folder in folders])
+        return Download(f"{name}.html", offline_page(entries).encode())
     if what == "CSV":
-        return f"{name}.csv", telemetry_csv(folders)
-    return f"{name}.zip", zipped(folders)
+        return Download(f"{name}.csv", telemetry_csv(folders))
+    return Download(f"{name}.zip", zipped(folders))
 
 
 def _rendered(client: viser.ClientHandle) -> np.ndarray:
-    """The scene as this visitor sees it, without a background.  (height, width, 4) uint8"""
+    """Return the scene as a visitor sees it, without a background.  (height, width, 4) uint8"""
     camera = client.camera
     return client.get_render(
         camera.image_height, camera.image_width, transport_format="png", timeout=RENDER_TIMEOUT
@@ -78,61 +91,82 @@ def _rendered(client: viser.ClientHandle) -> np.ndarray:
 
 
 def picture(render: np.ndarray, entries: Sequence[Competitor]) -> bytes:
-    """A PNG: the scene on the page's dark ground, which can be read on white paper too; above it a
-    line a run."""
+    """Return a PNG of the scene on the page's dark ground, above it a line for each run.
+
+    On that ground it can be read on white paper too.
+
+    Args:
+        render: (height, width, 4) uint8
+    """
     height, width = render.shape[:2]
-    band = LINE * len(entries) + 10  # pixels
-    figure = Figure(figsize=(width / 100, (height + band) / 100), dpi=100, facecolor=GROUND)
+    total = height + LINE * len(entries) + 10
+    figure = Figure(figsize=(width / DPI, total / DPI), dpi=DPI, facecolor=GROUND)
+    opacity = render[..., 3:] / 255
     ground = 255 * np.array(to_rgb(GROUND))
-    share = render[..., 3:] / 255
-    figure.figimage((share * render[..., :3] + (1 - share) * ground).astype(np.uint8))
-    for k, e in enumerate(entries):
-        laps = "  ".join(f"{lap:.3f}" for lap in e.laps)
-        words = f"{e.course.name}  {e.name}  laps {laps or '-'} s  {e.outcome or 'flying'} at {e.t[-1]:.2f} s"
-        y = 1 - (8 + LINE * (k + 0.5)) / (height + band)
+    scene = opacity * render[..., :3] + (1 - opacity) * ground
+    figure.figimage(scene.astype(np.uint8))
+    for k, entry in enumerate(entries):
         figure.text(
-            12 / width, y, words, color=e.style.colour, fontsize=9, va="center", parse_math=False
+            x=12 / width,
+            y=1 - (8 + LINE * (k + 0.5)) / total,
+            s=_caption(entry),
+            color=entry.style.colour,
+            fontsize=9,
+            va="center",
+            parse_math=False,
         )
     data = io.BytesIO()
     figure.savefig(data, format="png")
     return data.getvalue()
 
 
+def _caption(entry: Competitor) -> str:
+    """Return the line of a run in a picture."""
+    laps = "  ".join(f"{lap:.3f}" for lap in entry.laps) or "-"
+    ended = f"{entry.outcome or 'flying'} at {entry.last_t:.2f} s"
+    return f"{entry.course.name}  {entry.name}  laps {laps} s  {ended}"
+
+
 def zipped(folders: Sequence[Path]) -> bytes:
-    """The run folders as they are on the disk."""
+    """Return a zip of run folders as they are on the disk."""
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path in (p for folder in folders for p in sorted(folder.iterdir()) if p.is_file()):
-            archive.write(path, f"{path.parent.name}/{path.name}")
+        for folder in folders:
+            for path in sorted(folder.iterdir()):
+                if path.is_file():
+                    archive.write(path, f"{folder.name}/{path.name}")
     return data.getvalue()
 
 
 def telemetry_csv(folders: Sequence[Path]) -> bytes:
-    """One row a control step; the header has column and unit, `px [m]`. Of several runs the first
-    column is the run.
+    """Return a table with a row for each control step.
 
-    Raises RunError for a damaged run, and for runs with other columns than the first has.
+    The header has column and unit, `px [m]`. Of several runs the first column is the run.
+
+    Raises:
+        RunError: a run is damaged, or has other columns than the first.
     """
-    lines, several, runs = (
-        io.StringIO(newline=""),
-        len(folders) > 1,
-        [load_run(folder) for folder in folders],
-    )
-    columns, out = columns_of(runs[0].spec), csv.writer(lines)
-    out.writerow(["run"] * several + [f"{name} [{unit}]" for name, unit in columns.items()])
+    runs = [load_run(folder) for folder in folders]
+    columns = columns_of(runs[0].spec)
+    has_names = len(folders) > 1
+    lines = io.StringIO(newline="")
+    out = csv.writer(lines)
+    head = [f"{name} [{unit}]" for name, unit in columns.items()]
+    out.writerow(["run", *head] if has_names else head)
     for folder, run in zip(folders, runs, strict=True):
         if columns_of(run.spec) != columns:
-            raise RunError(
-                f"{folder}: a table of several runs needs runs of one system, got others than the first's"
-            )
-        names = [[folder.name] * len(run.telemetry["t"])] * several
-        out.writerows(zip(*names, *(run.telemetry[name].tolist() for name in columns), strict=True))
+            raise RunError(f"{folder}: expected the columns of {folders[0]}, got others")
+        table = [run.telemetry[name].tolist() for name in columns]
+        for row in zip(*table, strict=True):
+            out.writerow([folder.name, *row] if has_names else row)
     return lines.getvalue().encode()
 
 
 def offline_page(entries: Sequence[Competitor]) -> str:
-    """HTML that plays the race without a network. Recorded from a server of its own, closed by a
-    random token."""
+    """Return HTML that plays a race without a network.
+
+    It is recorded from a server of its own, closed by a random token.
+    """
     server = serve("127.0.0.1", 0, secrets.token_urlsafe(), "race")
     try:
         return _with_laps(_record(server, entries), entries)
@@ -141,17 +175,20 @@ def offline_page(entries: Sequence[Competitor]) -> str:
 
 
 def _record(server: viser.ViserServer, entries: Sequence[Competitor]) -> str:
-    course, end = entries[0].course, max(float(e.t[-1]) for e in entries)
-    scene = RaceScene(server.scene, entries, samples=8)
-    centres = course.points(frames=False)[1:]  # of the gates [m]
-    low, high = centres.min(axis=0), centres.max(axis=0)
-    clock = server.scene.add_label("/clock", "", position=(*(low + high)[:2] / 2, high[2] + 3.0))
+    """Return viser's page with the race as a recording."""
+    course = entries[0].course
+    end = max(entry.last_t for entry in entries)
+    scene = RaceScene(server.scene, entries, samples=SAMPLES)
+    gates = course.points(frames=False)[1:]  # centres [m]
+    low = gates.min(axis=0)
+    high = gates.max(axis=0)
+    above = (*(low + high)[:2] / 2, high[2] + 3.0)
+    clock = server.scene.add_label("/clock", "", position=above)
     set_initial_camera(server, course)
     recording = server.get_scene_serializer()
     for t in np.arange(0.0, end + 1.0 / RATE, 1.0 / RATE):
-        timings = lap_timings(
-            Snapshot(t=float(t), end=end, competitors=tuple(entries)), by_place=False
-        )
+        now = Snapshot(t=float(t), end=end, competitors=tuple(entries))
+        timings = lap_timings(now, by_place=False)
         scene.update(timings, by_speed=len(entries) == 1)
         clock.text = f"{t:.1f} s  lap {timings[0].lap}"
         recording.insert_sleep(1.0 / RATE)
@@ -159,14 +196,22 @@ def _record(server: viser.ViserServer, entries: Sequence[Competitor]) -> str:
 
 
 def _with_laps(page: str, entries: Sequence[Competitor]) -> str:
-    """The page with a title and a table of laps in its corner."""
-    title = f"{text(entries[0].course.name)}: {text(', '.join(e.name for e in entries))}"
-    look = "position:fixed;left:12px;top:12px;z-index:9;max-width:420px;color:#e6e9ee;background:#1a1c20e6"
-    body = f"<b style='padding:0 10px'>{title}</b>{laps(entries)}"
-    corner = (
-        f"<div style='{look};border-radius:6px;padding-top:8px;font-family:sans-serif'>{body}</div>"
+    """Return a page with a title and a table of laps in its corner."""
+    names = ", ".join(entry.name for entry in entries)
+    title = f"{text(entries[0].course.name)}: {text(names)}"
+    corner = div(
+        element("b", title, padding="0 10px") + laps(entries),
+        position="fixed",
+        left="12px",
+        top="12px",
+        z_index=9,
+        max_width="420px",
+        color="#e6e9ee",
+        background="#1a1c20e6",
+        border_radius="6px",
+        padding_top="8px",
+        font_family="sans-serif",
     )
     head, _, tail = page.rpartition("</body>")
-    return f"{head}{corner}</body>{tail}".replace(
-        "<title>Viser</title>", f"<title>{title}</title>", 1
-    )
+    whole = f"{head}{corner}</body>{tail}"
+    return whole.replace("<title>Viser</title>", f"<title>{title}</title>", 1)

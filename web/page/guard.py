@@ -1,230 +1,213 @@
-"""Access control: a viser server with a token, checks of Host and Origin, and a page that talks to
-this server alone.
+"""Guard: what may be asked of the page's server, and what its answers allow a browser.
 
-It listens on loopback by default. On any other address a token is required: given once in the URL,
-it is kept in a cookie. Host and Origin are checked, so that pages of other sites cannot reach the
-server through a browser. The page comes with a Content-Security-Policy: its own scripts, known by a
-nonce, its own server, no frame around it. What visitors may send is in web.page.messages.
+Host and Origin of each request are checked, so that pages of other sites cannot reach the server
+through a browser. Beyond this machine a token is required: given once in the address, it is kept in
+a cookie. The page comes with a Content-Security-Policy: it runs its own scripts, known by a nonce,
+and talks to its own server. Messages that visitors send are checked in web.page.messages.
 """
 
 from __future__ import annotations
 
-import errno
+import logging
 import secrets
-import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qsl, urlencode, urlsplit
+from urllib.parse import parse_qs, urlsplit
 
-import rich
 import viser
 import websockets.asyncio.server as websockets_server
 from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from web.page.messages import LOG, VISITOR, cookie_of, restrict_messages
+from web.page.messages import MAX_BYTES, Control, PageConnection
 
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
 ALL_INTERFACES = ("0.0.0.0", "::")
-REDIRECTIONS = ("websocket", "playbackPath")  # of viser's page: to another server, to a recording
 POLICY = (
     "default-src 'none'; script-src 'self' 'nonce-{nonce}' 'wasm-unsafe-eval'; worker-src blob:; "
-    "connect-src 'self' data:; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; font-src 'self' data:; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "connect-src 'self' data:; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; "
+    "font-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-OURS = Path(__file__).with_name("page.js")
-PAGE_CHANGES = {  # of viser's page
-    "<title>Viser</title>": "<title>race</title>",
-    "<script data-p=": '<script nonce="NONCE" data-p=',
-    "const d=document.currentScript.dataset;": "const {dataset:d,nonce:pass}=document.currentScript;",
-    'e.type="module";': 'e.type="module";e.nonce=pass;',
-    "</head>": f'<script nonce="NONCE">{OURS.read_text(encoding="utf-8")}</script></head>',
+HEADERS = {
+    "X-Frame-Options": "DENY",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",  # an address may hold the token
+    "Cache-Control": "no-store",
 }
-# None: the request may pass; or what ends it
-Check = Callable[[ServerConnection, Request], Response | None]
+PAGE_CHANGES = {  # of viser's page: its loader and the script that this writes have the nonce
+    "<script data-p=": '<script nonce="NONCE" data-p=',
+    "const d=document.currentScript.dataset;": (
+        "const {dataset:d,nonce:pass}=document.currentScript;"
+    ),
+    'e.type="module";': 'e.type="module";e.nonce=pass;',
+}
+PAGE_SCRIPT = Path(__file__).with_name("page.js")
+LOG = logging.getLogger("race web")
+
+ProcessRequest = Callable[[ServerConnection, Request], Response | None]
 _patching = threading.Lock()
 
 
-def new_token(host: str) -> str | None:
-    """None on loopback, which only this machine can reach."""
-    return None if host in LOOPBACK else secrets.token_urlsafe(18)
+class Guard:
+    """The checks of one server.
 
+    Args:
+        host, port: where it listens.
+        token: required of every visitor; None: of none.
 
-def address(host: str, port: int) -> str:
-    """The page's, for a browser; where the server listens on all interfaces, the one that other
-    machines reach."""
-    if host in ALL_INTERFACES:
-        family, elsewhere = (
-            (socket.AF_INET6, "2001:db8::1") if ":" in host else (socket.AF_INET, "192.0.2.1")
-        )
-        try:
-            with socket.socket(family, socket.SOCK_DGRAM) as way:  # connecting it sends nothing
-                way.connect((elsewhere, 9))
-                host = way.getsockname()[0]
-        except OSError:  # no network
-            host = socket.gethostname()
-    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
-
-
-def serve(host: str, port: int, token: str | None, label: str) -> viser.ViserServer:
-    """A running server. Raises ValueError with one line for a host or port that cannot be used."""
-    port = probe(host, port)
-    # viser prints banners through it; stdout is for results
-    rich.reconfigure(stderr=True, quiet=True)
-    with _patching, _checked_requests(request_check(host, port, token), f"{VISITOR}{port}"):
-        server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
-    if server.get_port() != port:
-        server.stop()
-        raise ValueError(f"port: {port} on {host} was taken in this moment; choose another")
-    restrict_messages(server)
-    return server
-
-
-def probe(host: str, port: int) -> int:
-    """The port if it can be listened on, a free one for 0. viser itself would hang on a wrong host
-    and silently use the next port where one is busy.
+    Attributes:
+        server: viser's, once it has started.
     """
-    if not 0 <= port <= 65535:
-        raise ValueError(f"port: expected 0 to 65535, got {port}")
-    try:
-        family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        with socket.socket(family, kind) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind(address)
-            probe.listen()
-            return probe.getsockname()[1]
-    except (OSError, UnicodeError) as error:
-        reason = (getattr(error, "strerror", None) or str(error)).lower()
-        if getattr(error, "errno", None) not in (errno.EADDRINUSE, errno.EACCES):
-            raise ValueError(f"host: cannot listen on {host}:{port}: {reason}") from None
-        advice = "choose another, 0 takes any that is free"
-        raise ValueError(f"port: cannot listen on {host}:{port}: {reason}; {advice}") from None
 
+    def __init__(self, host: str, port: int, token: str | None):
+        self.server: viser.ViserServer | None = None
+        names = (host, "127.0.0.1", "localhost", "::1")
+        self._hosts = {host_and_port(name, port) for name in names}
+        # A server that listens on all interfaces cannot know its own names.
+        self._any_host = host in ALL_INTERFACES
+        self._token = token
+        self._cookie = f"race{port}"
 
-def request_check(host: str, port: int, token: str | None) -> Check:
-    """Passes requests whose Host is this server, whose Origin, which browsers send, is its own
-    page, and whose cookie holds the token. Any Host passes where the server listens on addresses it
-    cannot know.
-    """
-    names = {host, "127.0.0.1", "localhost", "::1"}
-    hosts = {f"[{n}]:{port}" if ":" in n else f"{n}:{port}" for n in names}
-    cookie = f"race{port}"
+    @contextmanager
+    def guarding(self) -> Iterator[None]:
+        """Guard a viser server that starts meanwhile: viser has no argument for that."""
+        original = websockets_server.serve
 
-    def check(connection: ServerConnection, request: Request) -> Response | None:
-        if not all(value.isascii() for _, value in request.headers.raw_items()) or any(
-            len(request.headers.get_all(name)) > 1 for name in ("Host", "Origin", "Cookie")
-        ):
-            return connection.respond(
-                HTTPStatus.BAD_REQUEST, "expected ASCII headers, and each of them once\n"
-            )
-        asked, origin = request.headers.get("Host", ""), request.headers.get("Origin")
-        if host not in ALL_INTERFACES and asked not in hosts:
-            return connection.respond(HTTPStatus.FORBIDDEN, "this server does not have that name\n")
-        if origin is not None and origin != f"http://{asked}":
-            return connection.respond(
-                HTTPStatus.FORBIDDEN, "pages of another origin may not use this server\n"
-            )
-        asks = parse_qsl(urlsplit(request.path).query, keep_blank_values=True)
-        if token is None or _equal(cookie_of(request, cookie), token):
-            return _without_redirection(connection, asks)
-        if not _equal(dict(asks).get("token", ""), token):
-            advice = "open the address with ?token=... that `race web` printed\n"
-            return connection.respond(HTTPStatus.UNAUTHORIZED, advice)
-        response = connection.respond(HTTPStatus.SEE_OTHER, "")
-        response.headers["Location"] = "/"
-        response.headers["Set-Cookie"] = f"{cookie}={token}; HttpOnly; SameSite=Strict; Path=/"
+        def serve(*arguments: Any, process_request: ProcessRequest, **keywords: Any) -> Any:
+            keywords |= {
+                "process_request": partial(self._process, process_request),
+                "create_connection": partial(PageConnection, self._find_control),
+                "max_size": MAX_BYTES,
+                "logger": LOG,
+            }
+            return original(*arguments, **keywords)
+
+        with _patching:
+            websockets_server.serve = serve  # type: ignore[misc,assignment]
+            try:
+                yield
+            finally:
+                websockets_server.serve = original  # type: ignore[misc]
+
+    def _process(
+        self, viser_answers: ProcessRequest, connection: ServerConnection, request: Request
+    ) -> Response | None:
+        """Answer a request; None lets a websocket connect."""
+        nonce = secrets.token_urlsafe(18)
+        response = self.refusal(connection, request)
+        if response is None and request.headers.get("Upgrade") == "websocket":
+            return viser_answers(connection, request)
+        if response is None and urlsplit(request.path).path in ("/", "/index.html"):
+            response = page_response(nonce)
+        response = response or viser_answers(connection, request)
+        if response is None:
+            return None
+        response.headers["Content-Security-Policy"] = POLICY.format(nonce=nonce)
+        for name, value in HEADERS.items():
+            response.headers[name] = value
         return response
 
-    return check
+    def refusal(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Return the answer to a request that may not pass, None for one that may.
 
+        A request passes if its Host is this server, if its Origin, which browsers send, is the
+        server's own page, and if its cookie holds the token.
+        """
+        headers = request.headers
+        if any(len(headers.get_all(name)) > 1 for name in ("Host", "Origin", "Cookie")):
+            twice = "expected Host, Origin and Cookie once each\n"
+            return connection.respond(HTTPStatus.BAD_REQUEST, twice)
+        host = headers.get("Host", "")
+        if not self._any_host and host not in self._hosts:
+            return connection.respond(HTTPStatus.FORBIDDEN, "this server has another name\n")
+        if headers.get("Origin", f"http://{host}") != f"http://{host}":
+            foreign = "pages of another origin may not use this server\n"
+            return connection.respond(HTTPStatus.FORBIDDEN, foreign)
+        if self._token is None or self._is_token(cookie_of(request, self._cookie)):
+            return None
+        asked = parse_qs(urlsplit(request.path).query).get("token", [""])
+        if not self._is_token(asked[0]):
+            advice = "open the address with ?token=... that `race web` printed\n"
+            return connection.respond(HTTPStatus.UNAUTHORIZED, advice)
+        # The cookie takes the token's place, and the token leaves the address.
+        response = connection.respond(HTTPStatus.SEE_OTHER, "")
+        response.headers["Location"] = "/"
+        cookie = f"{self._cookie}={self._token}; HttpOnly; SameSite=Strict; Path=/"
+        response.headers["Set-Cookie"] = cookie
+        return response
 
-def _without_redirection(
-    connection: ServerConnection, asks: list[tuple[str, str]]
-) -> Response | None:
-    """None, or the way to the same address without what would make the page play or obey something
-    else."""
-    kept = [(name, value) for name, value in asks if name not in REDIRECTIONS]
-    if len(kept) == len(asks):
+    def _is_token(self, text: str) -> bool:
+        """Compare with the token in constant time."""
+        return text.isascii() and secrets.compare_digest(text, self._token or "")
+
+    def _find_control(self, uuid: str) -> Control | None:
+        """Return a control of the page or of one visitor's own windows."""
+        if self.server is None:
+            return None
+        clients = self.server.get_clients().values()
+        for gui in (self.server.gui, *(client.gui for client in clients)):
+            # viser has no public way from a uuid to a control.
+            control: Any = gui._gui_input_handle_from_uuid.get(uuid)
+            if control is not None:
+                return control
         return None
-    response = connection.respond(HTTPStatus.SEE_OTHER, "")
-    response.headers["Location"] = f"/?{urlencode(kept)}"
-    return response
 
 
-def protected(response: Response, nonce: str) -> Response:
-    """With the headers that keep a browser from other scripts, servers and frames than this page's
-    own."""
-    response.headers["Content-Security-Policy"] = POLICY.format(nonce=nonce)
-    response.headers["X-Frame-Options"] = "DENY"
-    response.headers["X-Content-Type-Options"] = "nosniff"
-    response.headers["Referrer-Policy"] = "no-referrer"  # an address may hold the token
-    response.headers["Cache-Control"] = "no-store"
-    return response
+def host_and_port(host: str, port: int) -> str:
+    """Return both as an address has them."""
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def cookie_of(request: Request, name: str) -> str:
+    """Return the value of a cookie; empty: there is none."""
+    for part in request.headers.get("Cookie", "").split(";"):
+        key, _, value = part.strip().partition("=")
+        if key == name:
+            return value
+    return ""
 
 
 def page_response(nonce: str) -> Response:
-    """viser's page under our title; its loader, and the script that this writes into the page, have
-    the nonce."""
+    """Return viser's page with our script; the scripts in it have the nonce."""
     body = _viser_page().replace("NONCE", nonce).encode()
-    headers = Headers(
-        {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(body))}
-    )
+    size = str(len(body))
+    headers = Headers({"Content-Type": "text/html; charset=utf-8", "Content-Length": size})
     return Response(HTTPStatus.OK, "OK", headers, body)
 
 
 @cache
 def _viser_page() -> str:
-    """Raises RuntimeError for another version of viser than the one that is pinned."""
-    page = (Path(viser.__file__).parent / "client/build/index.html").read_text(encoding="utf-8")
-    for old, new in PAGE_CHANGES.items():
+    """Return viser's page with PAGE_CHANGES and our script.
+
+    Raises:
+        RuntimeError: viser is another version than the one that is pinned.
+    """
+    file = Path(viser.__file__).parent / "client/build/index.html"
+    page = file.read_text(encoding="utf-8")
+    script = PAGE_SCRIPT.read_text(encoding="utf-8")
+    ours = {"</head>": f'<script nonce="NONCE">{script}</script></head>'}
+    for old, new in (PAGE_CHANGES | ours).items():
         if page.count(old) != 1:
-            raise RuntimeError(
-                f"viser {viser.__version__}: its page has no {old!r}; see PAGE_CHANGES in {__file__}"
-            )
+            where = f"PAGE_CHANGES in {__file__}"
+            raise RuntimeError(f"viser {viser.__version__}: its page has no {old!r}; see {where}")
         page = page.replace(old, new)
     return page
 
 
-def _equal(a: str, b: str) -> bool:
-    """In constant time."""
-    return secrets.compare_digest(a.encode(), b.encode())
+def one_line(record: logging.LogRecord) -> bool:
+    """Log what a visitor sent wrong as one line, without a traceback."""
+    if record.exc_info and record.exc_info[1]:
+        error = record.exc_info[1]
+        text = " ".join(str(error).split())[:200]
+        record.msg = f"race web: {record.getMessage()}: {type(error).__name__}: {text}"
+        record.args = ()
+        record.exc_info = None
+    return True
 
 
-@contextmanager
-def _checked_requests(check: Check, visitor: str):
-    """A server that starts meanwhile runs the check before every request: viser has no argument for
-    that.
-
-    visitor: name of the cookie by which a browser is known again.
-    """
-    original = websockets_server.serve
-
-    def checked(*args: Any, process_request: Callable, **kwargs: Any) -> Any:
-        def process(connection: ServerConnection, request: Request) -> Response | None:
-            response = check(connection, request)
-            if response is None and request.headers.get("Upgrade") == "websocket":
-                return process_request(connection, request)
-            nonce = secrets.token_urlsafe(18)
-            is_page = urlsplit(request.path).path in ("/", "/index.html")
-            if response is None and is_page:
-                response = page_response(nonce)
-                if not cookie_of(request, visitor):
-                    response.headers["Set-Cookie"] = (
-                        f"{visitor}={nonce}; HttpOnly; SameSite=Strict; Path=/"
-                    )
-            response = response or process_request(connection, request)
-            return protected(response, nonce) if response else None
-
-        return original(*args, process_request=process, logger=LOG, **kwargs)
-
-    websockets_server.serve = checked  # type: ignore[misc,assignment]
-    try:
-        yield
-    finally:
-        websockets_server.serve = original  # type: ignore[misc]
+LOG.addFilter(one_line)

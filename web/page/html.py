@@ -4,109 +4,123 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
+from pathlib import Path
 
 from quadsim.palette import Style
 from web.competitor import Competitor
 
-# dim text, outlines of dots, background of bars and strips
-DIM, MARKER_EDGE, TRACK = "#9aa3b2", "#111", "#2c3038"
-# hits and crashes, as light as text on a dark page has to be; what is neither
-RED, GREY = "#ff6b6b", "#e2e6ec"
-MONO = "font-family:ui-monospace,Menlo,Consolas,monospace;font-variant-numeric:tabular-nums"
+DIM = "#9aa3b2"  # of text
+MARKER_EDGE = "#111"  # outlines of dots
+TRACK = "#2c3038"  # background of bars and strips
+RED = "#ff6b6b"  # hits and crashes, as light as text on a dark page has to be
+GREY = "#e2e6ec"  # what is neither good nor bad
+MONOSPACE = "ui-monospace,Menlo,Consolas,monospace"
+MONO = {"font_family": MONOSPACE, "font_variant_numeric": "tabular-nums"}
 
-PHONE = "@media (max-width: 36em)"  # where viser puts all panels into one sheet at the bottom
-STYLE = f"""<style>
-.mantine-Notifications-root {{ top: auto !important; bottom: 1em !important }}
-label, .mantine-Slider-markLabel, .mantine-Notification-description, .u-legend .u-value {{ color: #b4bcc8 !important }}
-.u-legend .u-series:last-child, .u-cursor-pt:last-child {{ display: none }}
-.hud-copy {{ display: none }}
-{PHONE} {{
-  .hud {{ display: none }}
-  .hud-copy {{ display: block; position: fixed; top: 0; left: 0; right: 0; z-index: 20; background: #1f2125;
-    color: #c9c9c9; font-family: sans-serif }}
-  .hud-copy .numbers {{ font-size: 15px !important; gap: 0 8px !important }}
-  .mantine-Notifications-root {{ bottom: 51% !important }}
-  .mantine-Paper-root:has(.hud), .mantine-Paper-root:has(.hud) [style*="width: 20em"] {{ width: 100% !important }}
-  .mantine-Paper-root:has(.hud) {{ max-height: 50% !important }}
-  [aria-label$="panel HUD"] {{ display: none !important }}
-}}
-# notes stand below, where they hide neither the drone nor the numbers; a chart's last series is its
-# mark
-</style>"""
-
-
-def head_up(*parts: str) -> str:
-    """The head-up display; on a phone page.js shows a copy of it at the top of the page."""
-    return f'<div class="hud">{box(*parts)}</div>'
+STYLE = f"<style>{Path(__file__).with_name('page.css').read_text(encoding='utf-8')}</style>"
 
 
 def text(value: object) -> str:
+    """Return a value as text that is no HTML."""
     return escape(str(value), quote=True)
 
 
-def table(head: list[str], rows: Sequence[list[str] | str], left: int = 1) -> str:
-    """Cells are HTML. The first `left` columns are aligned left, the others right; a row that is
-    one text spans all."""
-    top = _row(head, "th", f"color:{DIM};font-weight:400;border-bottom:1px solid #3a3f48", left)
-    body = ""
-    for row in rows:
-        wide = f'<tr><td colspan="{len(head)}" style="padding:0 4px 5px">{row}</td></tr>'
-        body += wide if isinstance(row, str) else _row(row, "td", "", left)
-    return f'<table style="width:100%;border-collapse:collapse;font-size:11.5px;{MONO}">{top}{body}</table>'
+def element(tag: str, content: str, **look: object) -> str:
+    """Return an element with a style. Underscores in its names become hyphens."""
+    style = ";".join(f"{name.replace('_', '-')}:{value}" for name, value in look.items())
+    return f'<{tag} style="{style}">{content}</{tag}>'
 
 
-def _row(cells: list[str], tag: str, look: str, left: int) -> str:
-    out = ""
-    for i, cell in enumerate(cells):
-        side = "left" if i < left else "right"
-        out += f'<{tag} style="text-align:{side};padding:2px 4px;white-space:nowrap;{look}">{cell}</{tag}>'
-    return f"<tr>{out}</tr>"
+def div(content: str, **look: object) -> str:
+    """Return a block with a style."""
+    return element("div", content, **look)
 
 
 def svg(tag: str, content: str = "", **attributes: object) -> str:
-    """An SVG element. Underscores in names become hyphens, floats get one decimal."""
-    values = {
-        k.replace("_", "-"): f"{v:.1f}" if isinstance(v, float) else v
-        for k, v in attributes.items()
-    }
-    return f"<{tag} " + " ".join(f'{k}="{v}"' for k, v in values.items()) + f">{content}</{tag}>"
+    """Return an SVG element. Underscores in names become hyphens, floats get one decimal."""
+    written = []
+    for name, value in attributes.items():
+        shown = f"{value:.1f}" if isinstance(value, float) else value
+        written.append(f'{name.replace("_", "-")}="{shown}"')
+    return f"<{tag} {' '.join(written)}>{content}</{tag}>"
 
 
-def small(words: str) -> str:
-    return f'<div style="color:{DIM};font-size:11px">{words}</div>'
+def head_up(*parts: str) -> str:
+    """Return the head-up display; on a phone page.js shows a copy of it above."""
+    return f'<div class="hud">{box(*parts)}</div>'
 
 
-def swatch(s: Style) -> str:
-    """The colour and the line style as a short line."""
-    dash = " ".join(map(str, s.dash))
-    line = svg(
-        "line", x1=0, y1=5, x2=22, y2=5, stroke=s.colour, stroke_width=3, stroke_dasharray=dash
-    )
-    return svg("svg", line, width=22, height=10, style="vertical-align:middle;margin-right:5px")
+def table(head: list[str], rows: Sequence[list[str] | str], left: int = 1) -> str:
+    """Return a table.
+
+    Args:
+        head: HTML of the cells of its head.
+        rows: HTML of the cells of each row; a text is a row that spans all columns.
+        left: number of columns that are aligned left; the others are aligned right.
+    """
+    top = {"color": DIM, "font_weight": 400, "border_bottom": "1px solid #3a3f48"}
+    body = _row("th", head, left, top)
+    for row in rows:
+        if isinstance(row, str):
+            body += f'<tr><td colspan="{len(head)}" style="padding:0 4px 5px">{row}</td></tr>'
+        else:
+            body += _row("td", row, left, {})
+    look = {"width": "100%", "border_collapse": "collapse", "font_size": "11.5px"}
+    return element("table", body, **look, **MONO)
 
 
-def label(entry: Competitor) -> str:
-    """Its name in its sampler's colour."""
-    return f'{swatch(entry.style)}<b style="color:{entry.style.colour}">{text(entry.name)}</b>'
-
-
-def coloured(what: str, colour: str) -> str:
-    return f'<span style="color:{colour};font-weight:600">{what}</span>'
-
-
-def bar(share: float, colour: str, height: int = 5, width: str = "100%") -> str:
-    share = min(max(share, 0.0), 1.0)
-    fill = f'<div style="width:{100 * share:.1f}%;height:100%;background:{colour}"></div>'
-    look = f"height:{height}px;width:{width};background:{TRACK};border-radius:2px;overflow:hidden"
-    return f'<div style="{look}">{fill}</div>'
-
-
-def heading(what: str) -> str:
-    look = f"color:{DIM};font-size:11px;letter-spacing:.06em;text-transform:uppercase;margin:10px 0 4px"
-    return f'<div style="{look}">{what}</div>'
+def _row(tag: str, cells: list[str], left: int, look: dict[str, object]) -> str:
+    """Return a row of a table."""
+    row = ""
+    for i, cell in enumerate(cells):
+        side = "left" if i < left else "right"
+        row += element(tag, cell, text_align=side, padding="2px 4px", white_space="nowrap", **look)
+    return f"<tr>{row}</tr>"
 
 
 def box(*parts: str) -> str:
-    return (
-        f'<div style="padding:4px 10px 8px;font-size:12px;line-height:1.35">{"".join(parts)}</div>'
+    """Return parts one below the other, in the text size of the page."""
+    return div("".join(parts), padding="4px 10px 8px", font_size="12px", line_height=1.35)
+
+
+def heading(content: str) -> str:
+    """Return the heading of a part."""
+    return div(
+        content,
+        color=DIM,
+        font_size="11px",
+        letter_spacing=".06em",
+        text_transform="uppercase",
+        margin="10px 0 4px",
     )
+
+
+def small(content: str) -> str:
+    """Return a remark."""
+    return div(content, color=DIM, font_size="11px")
+
+
+def coloured(content: str, colour: str) -> str:
+    """Return a text in a colour."""
+    return element("span", content, color=colour, font_weight=600)
+
+
+def swatch(s: Style) -> str:
+    """Return the colour and the line style as a short line."""
+    dash = " ".join(map(str, s.dash))
+    line = {"stroke": s.colour, "stroke_width": 3, "stroke_dasharray": dash}
+    content = svg("line", x1=0, y1=5, x2=22, y2=5, **line)
+    return svg("svg", content, width=22, height=10, style="vertical-align:middle;margin-right:5px")
+
+
+def label(entry: Competitor) -> str:
+    """Return a competitor's name in its sampler's colour and line style."""
+    return swatch(entry.style) + element("b", text(entry.name), color=entry.style.colour)
+
+
+def bar(share: float, colour: str, height: int = 5, width: str = "100%") -> str:
+    """Return a bar that is filled up to a share of 0 to 1. height: [px]"""
+    percent = f"{100 * min(max(share, 0.0), 1.0):.1f}%"
+    fill = div("", width=percent, height="100%", background=colour)
+    look = {"background": TRACK, "border_radius": "2px", "overflow": "hidden"}
+    return div(fill, height=f"{height}px", width=width, **look)

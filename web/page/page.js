@@ -1,15 +1,9 @@
-// Written into viser's page before its own script: what that leaves without a name or without words.
+// Stands in viser's page before its own script. It says when the connection is lost, names the controls that viser
+// leaves without a name, and shows the head-up display on a phone.
 (() => {
-  // viser starts a sorter for Gaussian splats, of which this page has none: it needs eval, which the policy forbids.
-  addEventListener("unhandledrejection", (event) => event.reason instanceof EvalError && event.preventDefault());
-  // Advice of three.js to viser, which uses a clock that is to go.
-  const unimportant = /^THREE\.Clock: /;
-  for (const kind of ["warn", "error"]) {
-    const say = console[kind];
-    console[kind] = (...words) => unimportant.test(words[0]) || say(...words);
-  }
-
-  const lost = "Disconnected: this is the last that arrived. The page connects again by itself while it has the focus.";
+  document.title = "race";
+  const lost =
+    "Disconnected: the page shows the last that arrived. It connects again by itself while it has the focus.";
   const status = document.createElement("div");
   status.setAttribute("role", "status");
   status.style.cssText =
@@ -67,7 +61,7 @@
     });
   }
 
-  // On a phone viser's sheet, which holds the head-up display, can be folded away: then this copy is still there.
+  // On a phone viser's sheet, which holds the head-up display, can be folded away: this copy stays.
   const head = document.createElement("div");
   head.className = "hud-copy";
 
@@ -79,7 +73,7 @@
 
   addEventListener("DOMContentLoaded", () => {
     document.body.append(status, head);
-    // The space bar presses what has the focus; only elsewhere is it the key for pause.
+    // The space bar presses the button that has the focus; elsewhere it is the key for pause.
     document.body.addEventListener("keydown", (event) => {
       const pressed = event.target.closest("button, [role=button], [role=tab], [role=option]");
       if (pressed && event.key === " ") event.stopPropagation();

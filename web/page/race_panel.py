@@ -1,29 +1,32 @@
-"""What to fly or to replay, and the button that starts it."""
+"""RacePanel: what to fly or to replay."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import viser
 
-from quadsim.course import Course, load_course
+from controllers.learned.pilot import pilot_names
+from controllers.presets import PRESETS
+from controllers.samplers import SAMPLERS
+from quadsim.course import Course, course_names, load_course
 from quadsim.files.strict_yaml import FileError
-from quadsim.sensing import PERFECT
-from web.flight_factory import Choices
-from web.page.messages import Visitors
-from web.race import Race, Snapshot
+from quadsim.sensing import PERFECT, sensing_names
+from quadsim.vehicle import vehicle_names
+from web.choices import PILOT, Choices
+from web.race import Snapshot
 from web.session import Session
+from web.stored_runs import titled_runs
 
-LIVE, GHOSTS, AGAINST, REPLAY = MODES = (
-    "live",
-    "live: two samplers",
-    "live against a run",
-    "replay",
-)
+LIVE = "live"
+GHOSTS = "live: two samplers"
+AGAINST = "live against a run"
+REPLAY = "replay"
+MODES = (LIVE, GHOSTS, AGAINST, REPLAY)
 NONE: str = "none"
 RUNS = 200  # latest that are offered
 LAPS = (1, 2, 3, 5, 10, 20, 50, 100)
@@ -31,61 +34,116 @@ LAPS = (1, 2, 3, 5, 10, 20, 50, 100)
 
 @dataclass(frozen=True)
 class Menu:
-    """What there is to choose from."""
+    """The names that the page offers."""
 
     courses: tuple[str, ...]
     vehicles: tuple[str, ...]
     presets: Mapping[str, str]  # name -> the vehicle it is meant for
-    samplers: tuple[str, ...]  # and learned pilots, see web.flight_factory.PILOT
+    samplers: tuple[str, ...]  # and learned pilots, see web.choices.PILOT
     sensings: tuple[str, ...] = (PERFECT,)
+
+    @classmethod
+    def of_everything(cls, course: str) -> Menu:
+        """Return the menu of all that comes with quadsim. course: one more, if it is a file."""
+        pilots = [PILOT + name for name in pilot_names()]
+        return cls(
+            courses=tuple(dict.fromkeys((*course_names(), course))),
+            vehicles=vehicle_names(),
+            presets={name: planners["colored"].vehicle for name, planners in PRESETS.items()},
+            samplers=(*SAMPLERS, *pilots),
+            sensings=sensing_names(),
+        )
+
+
+class LoadedCourse(NamedTuple):
+    """A course as it was when it was chosen; None: its file cannot be read."""
+
+    name: str
+    course: Course | None
 
 
 class RacePanel:
-    def __init__(
-        self, gui: viser.GuiApi, session: Session, menu: Menu, first: Choices, visitors: Visitors
-    ):
-        """`numbers` and `settings` are to be replaced by what asks the controls of the planner."""
-        self._session, self._menu, self._visitors = session, menu, visitors
-        self.numbers: Callable[[], dict[str, float]] = dict  # that are not the preset's
-        self.settings: Callable[[str], dict[str, Any]] = lambda _: {}  # the same, for a sampler
-        self._loaded: tuple[str, Course | None] = "", None
+    """The controls of a race.
+
+    Args:
+        first: what they show at first.
+    """
+
+    def __init__(self, gui: viser.GuiApi, session: Session, menu: Menu, first: Choices):
+        self._session = session
+        self._menu = menu
+        self._loaded = LoadedCourse("", None)
         self._paths: dict[str, Path] = {}  # of the stored runs, by title
         with gui.add_folder("Race"):
             self.mode = gui.add_dropdown("Mode", MODES, initial_value=LIVE)
             self.course = gui.add_dropdown("Course", menu.courses, initial_value=first.course)
-            self.preset = gui.add_dropdown(
-                "Preset", tuple(menu.presets), initial_value=first.preset
-            )
+            presets = tuple(menu.presets)
+            self.preset = gui.add_dropdown("Preset", presets, initial_value=first.preset)
             self.vehicle = gui.add_dropdown("Vehicle", menu.vehicles, initial_value=first.vehicle)
             self.sampler = gui.add_dropdown("Sampler", menu.samplers, initial_value=first.sampler)
-            self.second = gui.add_dropdown(
-                "Second sampler", menu.samplers, initial_value="gaussian"
-            )
-            hint = "what the vehicle knows its state by; perfect: the true state"
+            second = "Second sampler"
+            self.second = gui.add_dropdown(second, menu.samplers, initial_value="gaussian")
             self.sensing = gui.add_dropdown(
-                "Sensing", menu.sensings, initial_value=first.sensing, hint=hint
+                "Sensing",
+                menu.sensings,
+                initial_value=first.sensing,
+                hint="sensors by which the vehicle knows its state; perfect: the true state",
             )
             self.seed = gui.add_number("Seed", first.seed, min=0, max=10**9, step=1)
-            options = (self._own_laps(), *map(str, sorted({*LAPS, first.laps} - {0})))
-            self.laps = gui.add_dropdown(
-                "Laps", options, initial_value=str(first.laps) if first.laps else options[0]
-            )
+            own = self._own_laps()
+            counts = sorted({*LAPS, first.laps} - {0})
+            laps = str(first.laps) if first.laps else own
+            self.laps = gui.add_dropdown("Laps", (own, *map(str, counts)), initial_value=laps)
             self.run = gui.add_dropdown("Run", (NONE,), initial_value=NONE)
             self.second_run = gui.add_dropdown("Second run", (NONE,), initial_value=NONE)
             self.start = gui.add_button("START", icon=viser.Icon.FLAG, color="orange")
-            self.stop = gui.add_button(
-                "STOP", icon=viser.Icon.PLAYER_STOP, color="red", disabled=True
-            )
-        self.start.on_click(self.start_flight)
-        self.stop.on_click(self.stop_flight)
-        self.mode.on_update(lambda _: self._show_controls())
-        self.preset.on_update(lambda _: self._choose_vehicle())
-        self.run.on_update(lambda _: self._choose_course())
+            stop = viser.Icon.PLAYER_STOP
+            self.stop = gui.add_button("STOP", icon=stop, color="red", disabled=True)
+        self.mode.on_update(self._show_controls)
+        self.preset.on_update(self._choose_vehicle)
+        self.run.on_update(self._choose_course)
         self.refresh()
         self._show_controls()
 
+    @property
+    def is_replay(self) -> bool:
+        """Whether stored runs alone are to be shown."""
+        return self.mode.value == REPLAY
+
+    @property
+    def samplers(self) -> list[str]:
+        """The samplers that are to be flown."""
+        if self.is_replay:
+            return []
+        if self.mode.value == GHOSTS:
+            return [self.sampler.value, self.second.value]
+        return [self.sampler.value]
+
+    @property
+    def runs(self) -> list[Path]:
+        """The stored runs that are to be shown."""
+        titles = []
+        if self.mode.value in (AGAINST, REPLAY):
+            titles.append(self.run.value)
+        if self.mode.value == REPLAY:
+            titles.append(self.second_run.value)
+        return [self._paths[title] for title in titles if title in self._paths]
+
+    def choices(self, sampler: str) -> Choices:
+        """Return the flight that is chosen, without numbers of the planner."""
+        laps = self.laps.value
+        return Choices(
+            course=self.course.value,
+            vehicle=self.vehicle.value,
+            preset=self.preset.value,
+            sampler=sampler,
+            sensing=self.sensing.value,
+            seed=int(self.seed.value),
+            laps=int(laps) if laps.isdigit() else 0,
+        )
+
     def show_replay(self, runs: Sequence[Path]) -> None:
-        """These are being replayed."""
+        """Show that these runs are being replayed."""
         self.mode.value = REPLAY
         titles = {path: title for title, path in self._paths.items()}
         for control, path in zip((self.run, self.second_run), runs, strict=False):
@@ -94,7 +152,7 @@ class RacePanel:
 
     def refresh(self) -> None:
         """List the stored runs, the latest first."""
-        self._paths = self._session.titled_runs(RUNS)
+        self._paths = titled_runs(self._session.root, RUNS)
         options = (NONE, *self._paths)
         for control in (self.run, self.second_run):
             if control.options != options:
@@ -103,31 +161,35 @@ class RacePanel:
             self.run.value = options[1]
 
     def update(self, s: Snapshot) -> None:
+        """Show what can be done at present."""
         self.stop.disabled = not s.flying
+        own = self._own_laps()
         # viser sends options also where they stay
-        if self.laps.options[0] != (own := self._own_laps()):
+        if self.laps.options[0] != own:
             self.laps.options = (own, *self.laps.options[1:])
 
     def preview(self) -> Course | None:
-        """The course that START will fly, None where a stored run is shown instead."""
-        return None if self.mode.value == REPLAY else self._course()
+        """Return the course that START will fly, None where stored runs are shown instead."""
+        return None if self.is_replay else self._course()
 
     def _course(self) -> Course | None:
-        """As it was when it was chosen; None: its file cannot be read, START will say why."""
-        if self._loaded[0] != self.course.value:
-            self._loaded = self.course.value, None
+        """Return the course that is chosen, None where its file cannot be read; START says why."""
+        name = self.course.value
+        if self._loaded.name != name:
+            self._loaded = LoadedCourse(name, None)
             with suppress(FileError):
-                self._loaded = self.course.value, load_course(self.course.value)
-        return self._loaded[1]
+                self._loaded = LoadedCourse(name, load_course(name))
+        return self._loaded.course
 
     def _own_laps(self) -> str:
+        """Return the option that stands for the course's own number of laps."""
         course = self._course()
         return f"course ({course.laps})" if course else "course"
 
-    def _show_controls(self) -> None:
-        """Only those that the mode needs."""
+    def _show_controls(self, _: viser.GuiEvent | None = None) -> None:
+        """Show the controls that the mode needs."""
         mode = self.mode.value
-        for control in (
+        of_flights = (
             self.course,
             self.preset,
             self.vehicle,
@@ -135,55 +197,24 @@ class RacePanel:
             self.sensing,
             self.seed,
             self.laps,
-        ):
+        )
+        for control in of_flights:
             control.visible = mode != REPLAY
         self.second.visible = mode == GHOSTS
         self.run.visible = mode in (AGAINST, REPLAY)
         self.second_run.visible = mode == REPLAY
         self.start.label = "REPLAY" if mode == REPLAY else "START"
 
-    def start_flight(self, event: viser.GuiEvent | viser.CommandEvent) -> None:
-        self._visitors.end_flight(event, self._session.snapshot.flying, self._start)
-
-    def stop_flight(self, event: viser.GuiEvent | viser.CommandEvent) -> None:
-        if flying := self._session.snapshot.flying:
-            self._visitors.end_flight(event, flying, lambda: self._session.tell(Race.end_flights))
-
-    def restart_flight(self, event: viser.GuiEvent | viser.CommandEvent) -> None:
-        self._visitors.end_flight(
-            event, self._session.snapshot.flying, lambda: self._session.tell(Race.restart)
-        )
-
-    def _start(self) -> None:
-        mode = self.mode.value
-        names = {AGAINST: [self.run.value], REPLAY: [self.run.value, self.second_run.value]}.get(
-            mode, []
-        )
-        samplers = {REPLAY: [], GHOSTS: [self.sampler.value, self.second.value]}.get(
-            mode, [self.sampler.value]
-        )
-        runs = [self._paths[name] for name in names if name in self._paths]
-        self._session.tell(Race.start, [self._choices(sampler) for sampler in samplers], runs)
-
-    def _choices(self, sampler: str) -> Choices:
-        return Choices(
-            course=self.course.value,
-            vehicle=self.vehicle.value,
-            preset=self.preset.value,
-            sampler=sampler,
-            sensing=self.sensing.value,
-            seed=int(self.seed.value),
-            laps=int(self.laps.value) if self.laps.value.isdigit() else 0,
-            numbers=self.numbers(),
-            settings=self.settings(sampler),
-        )
-
-    def _choose_vehicle(self) -> None:
+    # As a coroutine, so that it runs before what else the choice of a preset changes.
+    async def _choose_vehicle(self, _: viser.GuiEvent) -> None:
+        """Choose the vehicle that the preset is meant for."""
         self.vehicle.value = self._menu.presets[self.preset.value]
 
-    def _choose_course(self) -> None:
-        """A live flight beside a stored run flies the run's course, which its name contains."""
+    def _choose_course(self, _: viser.GuiEvent) -> None:
+        """Choose the course of the run, which its name contains, for a flight beside it."""
         path = self._paths.get(self.run.value)
-        found = [c for c in self.course.options if path and f"_{c}_" in path.name]
-        if self.mode.value == AGAINST and found:
+        if path is None or self.mode.value != AGAINST:
+            return
+        found = [course for course in self.course.options if f"_{course}_" in path.name]
+        if found:
             self.course.value = max(found, key=len)

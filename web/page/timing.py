@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from math import isfinite
+from typing import NamedTuple
 
 from quadsim.palette import BEST, FASTER, NEXT
 from quadsim.race.events import Event
@@ -18,6 +20,8 @@ from web.page.html import (
     bar,
     box,
     coloured,
+    div,
+    element,
     head_up,
     heading,
     label,
@@ -30,191 +34,274 @@ from web.race import Snapshot
 
 EVENTS = 60  # newest that are listed
 SLOWER = "#8b93a1"  # of a sector that is no best
+GOOD_SHARE = 0.1  # effective of all samples, for which the meter is full
+FEW_SAMPLES = 5  # effective samples, below which the meter is red
+LOWERS_COST = NEXT
+RAISES_COST = "#6f86d6"
+CENTRED = {"text_align": "center"}
 
 
 def hud(s: Snapshot, timings: list[LapTiming]) -> str:
-    """Of the first competitor: lap, its time, next gate, speed, gap; below, what the race is doing,
-    the results and the time line.
+    """Return the head-up display of the first competitor.
+
+    It has lap, its time, next gate, speed and gap; below, what the race is doing, the results and
+    the time line.
     """
-    if s.compiling or not timings:
-        words = "Compiling the planner for this machine: once, it takes some 20 s"
-        words = words if s.compiling else "Choose a race and press START"
-        return head_up(f'<div style="text-align:center;color:{DIM}">{words}</div>')
-    first, entry = timings[0], timings[0].entry
-    gate = f"G{first.gate}/{entry.legs.gates}" if first.gate else "FINISH"
-    lap, speed = f"LAP {first.lap}/{entry.spec['laps']}", f"{entry.speed(first.i):.1f} m/s"
-    cells = [lap, f"{first.lap_time:.2f} s", gate, speed]
-    if gaps := [other.gap - first.gap for other in timings[1:] if isfinite(other.gap)]:
-        behind = -min(gaps)
-        cells.append(coloured(f"{behind:+.2f} s", FASTER if behind < 0 else RED))
-    spans = "".join(f"<span>{c}</span>" for c in cells)
-    look = f"display:flex;justify-content:space-between;flex-wrap:wrap;gap:0 14px;font-size:19px;font-weight:650;{MONO}"
+    if s.compiling:
+        compiling = "Compiling the planner for this machine: once, it takes some 20 s"
+        return head_up(div(compiling, **CENTRED, color=DIM))
+    if not timings:
+        return head_up(div("Choose a race and press START", **CENTRED, color=DIM))
     results = "".join(_result(one, len(timings) > 1) for one in timings if one.over)
     line = timeline(s.competitors, s.t, s.end)
-    return head_up(
-        f'<div class="numbers" style="{look}">{spans}</div>', results, _state(s, first), line
+    return head_up(_numbers(timings), results, _state(s, timings[0]), line)
+
+
+def _numbers(timings: list[LapTiming]) -> str:
+    """Return lap, its time, next gate, speed and gap of the first competitor."""
+    first = timings[0]
+    entry = first.entry
+    cells = [
+        f"LAP {first.lap}/{entry.laps_to_fly}",
+        f"{first.lap_time:.2f} s",
+        f"G{first.gate}/{entry.legs.gates}" if first.gate else "FINISH",
+        f"{entry.speed(first.i):.1f} m/s",
+    ]
+    gaps = [other.gap - first.gap for other in timings[1:] if isfinite(other.gap)]
+    if gaps:
+        behind = -min(gaps)
+        cells.append(coloured(f"{behind:+.2f} s", FASTER if behind < 0 else RED))
+    spans = "".join(f"<span>{cell}</span>" for cell in cells)
+    row = div(
+        spans,
+        display="flex",
+        justify_content="space-between",
+        flex_wrap="wrap",
+        gap="0 14px",
+        font_size="19px",
+        font_weight=650,
+        **MONO,
     )
+    return row.replace("<div ", '<div class="numbers" ', 1)
 
 
-def _remark(words: str) -> str:
-    return box(f'<div style="text-align:center;color:{DIM}">{words}</div>')
-
-
-def _result(s: LapTiming, named: bool) -> str:
-    """How its flight ended. It stays until another race begins."""
-    words, colour = result(s)
-    name = label(s.entry) + " " if named else ""
-    above = f'<div style="text-align:center;font-size:12px">{above_limit(s.entry)}</div>'
-    return f'<div style="text-align:center;font-size:17px;{MONO}">{name}{coloured(words, colour)}</div>{above}'
+def _result(s: LapTiming, has_name: bool) -> str:
+    """Return how a flight ended. It stays until another race begins."""
+    ended = result(s)
+    name = label(s.entry) + " " if has_name else ""
+    shown = name + coloured(ended.content, ended.colour)
+    above = div(above_limit(s.entry), **CENTRED, font_size="12px")
+    return div(shown, **CENTRED, font_size="17px", **MONO) + above
 
 
 def above_limit(entry: Competitor) -> str:
-    """Of a flight that finished; empty where no limit of its race is known."""
+    """Return how much slower than the best known limit a flight was that finished.
+
+    It is empty where no limit of its race is known.
+    """
     if entry.outcome != "finished" or entry.limit is None:
         return ""
     share = round(100.0 * entry.limit.above(sum(entry.laps)), 1) + 0.0  # no negative zero
     return f"{share:.1f} % above the best known limit of {entry.limit.time:.3f} s"
 
 
-def result(s: LapTiming) -> tuple[str, str]:
-    """In words, and their colour."""
+class Result(NamedTuple):
+    """The end of a flight, as a text in a colour."""
+
+    content: str
+    colour: str
+
+
+def result(s: LapTiming) -> Result:
+    """Return how a flight ended."""
     entry = s.entry
     if entry.outcome == "finished":
-        return f"FINISHED {sum(entry.laps):.3f} s", FASTER
-    if crash := s.crash:
-        where = {"hit": f"at {crash.place}", "ground": "on the ground", "bounds": "out of bounds"}
-        return f"CRASHED {where[crash.kind]}, lap {crash.lap}", RED
-    return f"DNF {text(entry.outcome)}, lap {s.lap}", RED
+        return Result(f"FINISHED {sum(entry.laps):.3f} s", FASTER)
+    crash = s.crash
+    if crash is None:
+        return Result(f"DNF {text(entry.outcome)}, lap {s.lap}", RED)
+    where = {"hit": f"at {crash.place}", "ground": "on the ground", "bounds": "out of bounds"}
+    return Result(f"CRASHED {where[crash.kind]}, lap {crash.lap}", RED)
 
 
 def _state(s: Snapshot, first: LapTiming) -> str:
-    still = "ended" if first.over and not s.flying else "paused"
-    doing = still if not s.playing else "flying" if s.flying else "replay"
-    words = [
-        doing,
-        f"t {s.t:.2f} s",
-        f"{s.factor:.2f} x real time" if s.playing else f"of {s.end:.2f} s",
-    ]
-    if sensing := first.entry.spec.get("sensing"):
-        words.append(f"sensing {text(sensing['name'])}")
-    if remark := not_comparable(first.entry.spec):
-        words.append(coloured(remark, RED))
-    return f'<div style="color:{DIM};font-size:11px;text-align:center;margin-top:2px">{" · ".join(words)}</div>'
+    """Return what the race is doing."""
+    if s.playing:
+        doing = "flying" if s.flying else "replay"
+        pace = f"{s.factor:.2f} x real time"
+    else:
+        doing = "ended" if first.over and not s.flying else "paused"
+        pace = f"of {s.end:.2f} s"
+    parts = [doing, f"t {s.t:.2f} s", pace]
+    sensing = first.entry.spec.get("sensing")
+    if sensing:
+        parts.append(f"sensing {text(sensing['name'])}")
+    remark = not_comparable(first.entry.spec)
+    if remark:
+        parts.append(coloured(remark, RED))
+    return div(" · ".join(parts), color=DIM, font_size="11px", **CENTRED, margin_top="2px")
 
 
 def tower(timings: list[LapTiming]) -> str:
-    """One row a run, the leader first; below each the sectors of its lap and a bar with its share
-    of the race."""
+    """Return a row for each run, the leader first.
+
+    Below each are the sectors of its lap and a bar with its share of the race.
+    """
     head = ["", "run", "lap", "gap", "last", "best", "hits", "miss", "chatter"]
     gates = max(s.entry.legs.gates for s in timings)
     best = best_sectors([row for s in timings for row in s.sectors], gates)
-    laps = [s.best for s in timings if s.best]
+    best_lap = min((s.best for s in timings if s.best), default=0.0)
     rows: list[list[str] | str] = []
     for place, s in enumerate(order(timings), 1):
-        rows.append(_row(place, s, min(laps, default=0.0)))
+        rows.append(_row(place, s, best_lap))
         rows.append(_sectors(s, best) + bar(s.progress, s.entry.style.colour))
     note = (
-        f"gap [s]: behind at the same place; last, best: lap [s]; {coloured('purple', BEST)} the best of all, "
-        f"{coloured('green', FASTER)} a run's own best; chatter: total variation of the commanded thrust [m/s²/s]"
+        "gap [s]: behind at the same place; last, best: lap [s]; "
+        f"{coloured('purple', BEST)} the best of all, {coloured('green', FASTER)} a run's own "
+        "best; chatter: total variation of the commanded thrust [m/s²/s]"
     )
     return box(table(head, rows, left=2), small(note))
 
 
 def _row(place: int, s: LapTiming, best: float) -> list[str]:
-    lost = s.over and s.entry.outcome != "finished"
-    gap = (
-        coloured("DNF", RED)
-        if lost
-        else "leader"
-        if place == 1
-        else f"{s.gap:+.2f}"
-        if isfinite(s.gap)
-        else "-"
-    )
-    last, own = (coloured_time(t, best, s.best or 0.0) if t else "-" for t in (s.last, s.best))
-    hits, misses = (coloured(str(n), RED) if n else "0" for n in (s.hits, s.misses))
-    lap = f"{s.lap}/{s.entry.spec['laps']}"
-    return [str(place), label(s.entry), lap, gap, last, own, hits, misses, f"{s.chatter:.1f}"]
+    """Return a run's row of the tower. best: the best lap of all [s]"""
+    own = s.best or 0.0
+    return [
+        str(place),
+        label(s.entry),
+        f"{s.lap}/{s.entry.laps_to_fly}",
+        _gap(place, s),
+        coloured_time(s.last, best, own) if s.last else "-",
+        coloured_time(s.best, best, own) if s.best else "-",
+        coloured(str(s.hits), RED) if s.hits else "0",
+        coloured(str(s.misses), RED) if s.misses else "0",
+        f"{s.chatter:.1f}",
+    ]
+
+
+def _gap(place: int, s: LapTiming) -> str:
+    """Return a run's gap to the leader."""
+    if s.over and s.entry.outcome != "finished":
+        return coloured("DNF", RED)
+    if place == 1:
+        return "leader"
+    return f"{s.gap:+.2f}" if isfinite(s.gap) else "-"
 
 
 def _sectors(s: LapTiming, best: list[float]) -> str:
-    """A cell a gate of this lap, as its time compares; grey: no best, dark: not there yet."""
+    """Return a cell for each gate of this lap, as its time compares with the best of all."""
     own = best_sectors(s.sectors, len(best))
     row = s.sectors[s.lap - 1] if len(s.sectors) >= s.lap else []
     cells = ""
-    for gate, (record, mine) in enumerate(zip(best, own, strict=True)):
-        t = row[gate] if gate < len(row) else None
-        colour = TRACK if t is None else BEST if t == record else FASTER if t == mine else SLOWER
-        words = f"G{gate + 1}: {t:.2f} s" if t is not None else f"G{gate + 1}"
-        cells += f'<div title="{words}" style="flex:1;height:8px;background:{colour};border-radius:2px"></div>'
-    return f'<div style="display:flex;gap:2px;margin-bottom:3px">{cells}</div>'
+    for gate in range(len(best)):
+        title = f"G{gate + 1}"
+        colour = TRACK  # the vehicle is not there yet
+        if gate < len(row):
+            title += f": {row[gate]:.2f} s"
+            colour = SLOWER
+            if row[gate] == own[gate]:
+                colour = FASTER
+            if row[gate] == best[gate]:
+                colour = BEST
+        cell = div("", flex=1, height="8px", background=colour, border_radius="2px")
+        cells += cell.replace("<div ", f'<div title="{title}" ', 1)
+    return div(cells, display="flex", gap="2px", margin_bottom="3px")
 
 
-def events(entries: tuple[Competitor, ...], t: float) -> str:
-    """What happened, newest first; the later events of a replay are dim."""
-    found = [(e.t, entry, _event(e), e.kind in CRASHES) for entry in entries for e in entry.events]
-    found += [(c["t"], entry, _change(c), False) for entry in entries for c in entry.changes]
-    rows = []
-    for when, entry, words, crash in sorted(found, key=lambda row: -row[0])[:EVENTS]:
-        words = coloured(words, RED) if crash else words
-        words = words if when <= t + 1e-6 else f'<span style="opacity:.65">{words}</span>'
-        rows.append([f"{when:.3f}", label(entry), words])
+class Happening(NamedTuple):
+    """A line of the list of events."""
+
+    t: float  # [s]
+    entry: Competitor
+    content: str
+    is_crash: bool = False
+
+
+def events(entries: Sequence[Competitor], t: float) -> str:
+    """Return what happened, newest first; the later events of a replay are dim."""
+    found = []
+    for entry in entries:
+        for event in entry.events:
+            found.append(Happening(event.t, entry, _event(event), event.kind in CRASHES))
+        for change in entry.changes:
+            found.append(Happening(change["t"], entry, _change(change)))
+    found.sort(key=lambda happening: -happening.t)
+    rows: list[list[str] | str] = []
+    for happening in found[:EVENTS]:
+        content = happening.content
+        if happening.is_crash:
+            content = coloured(content, RED)
+        if happening.t > t + 1e-6:
+            content = element("span", content, opacity=0.65)
+        rows.append([f"{happening.t:.3f}", label(happening.entry), content])
     return box(table(["t [s]", "run", "event"], rows, left=3) if rows else "nothing yet")
 
 
-def _event(e: Event) -> str:
-    place = f" {e.place}" if e.place else ""
-    return f"{text(e.kind).replace('_', ' ')}{place} · lap {e.lap} · {e.speed:.1f} m/s"
+def _event(event: Event) -> str:
+    """Return an event in words."""
+    place = f" {event.place}" if event.place else ""
+    kind = text(event.kind).replace("_", " ")
+    return f"{kind}{place} · lap {event.lap} · {event.speed:.1f} m/s"
 
 
-def _change(c: dict) -> str:
-    return f"{text(c['name']).replace('_', ' ')} {c['from']:g} → {c['to']:g}"
+def _change(change: Mapping) -> str:
+    """Return a change of a number in words."""
+    name = text(change["name"]).replace("_", " ")
+    return f"{name} {change['from']:g} → {change['to']:g}"
 
 
 def planner(s: LapTiming) -> str:
-    x, mppi = s.entry.x, s.entry.spec["planner"]["mppi"]
-    if pilot := s.entry.spec.get("pilot"):
-        words = f"no plan: the learned pilot {text(pilot['name'])} flies, {x['plan_ms'][s.i]:.2f} ms a command"
-        return box(heading("learned pilot"), _line(words))
-    # older runs say "ess"
-    ess, target = float(x["ess"][s.i]), mppi.get("target_ess", mppi.get("ess"))
-    target = f"target {target:g}" if target else "temperature fixed"
-    meter = bar(ess / max(mppi["samples"] * 0.1, 1.0), NEXT if ess > 5 else RED, 8)
-    words = (
-        f"<b>{ess:.0f}</b> effective of {mppi['samples']} samples, {target}; "
-        f"temperature <b>{x['temperature'][s.i]:.3g}</b>, planned in <b>{x['plan_ms'][s.i]:.1f}</b> ms"
+    """Return what the planner makes of its samples, and what its plan costs."""
+    x = s.entry.x
+    plan_ms = x["plan_ms"][s.i]
+    pilot = s.entry.spec.get("pilot")
+    if pilot:
+        flies = f"no plan: the learned pilot {text(pilot['name'])} flies"
+        return box(heading("learned pilot"), _line(f"{flies}, {plan_ms:.2f} ms a command"))
+    mppi = s.entry.spec["planner"]["mppi"]
+    samples = mppi["samples"]
+    ess = float(x["ess"][s.i])
+    target = mppi.get("target_ess")
+    steered = f"target {target:g}" if target else "temperature fixed"
+    colour = NEXT if ess > FEW_SAMPLES else RED
+    meter = bar(ess / max(samples * GOOD_SHARE, 1.0), colour, height=8)
+    update = (
+        f"<b>{ess:.0f}</b> effective of {samples} samples, {steered}; temperature "
+        f"<b>{x['temperature'][s.i]:.3g}</b>, planned in <b>{plan_ms:.1f}</b> ms"
     )
-    return box(
-        heading("effective sample size"), meter, _line(words), heading("cost of the plan"), _cost(s)
-    )
+    cost = heading("cost of the plan") + _cost(s)
+    return box(heading("effective sample size"), meter, _line(update), cost)
 
 
 def _cost(s: LapTiming) -> str:
+    """Return the cost of the plan by term."""
     terms, when = _terms(s)
     if not terms:
         why = "not kept with this run" if s.entry.outcome else "shown together with the samples"
         return _line(f"J = {s.entry.x['cost'][s.i]:.3f}; its terms: - ({why})")
-    most, rows = max(map(abs, terms.values())), []
-    for name, v in terms.items():
-        if v:
+    most = max(map(abs, terms.values()))
+    rows: list[list[str] | str] = []
+    for name, value in terms.items():
+        if value:
+            colour = RAISES_COST if value > 0 else LOWERS_COST
             rows.append(
-                [
-                    text(name),
-                    f"{v:+.3f}",
-                    bar(abs(v) / most, "#6f86d6" if v > 0 else NEXT, width="180px"),
-                ]
+                [text(name), f"{value:+.3f}", bar(abs(value) / most, colour, width="180px")]
             )
-    J = sum(terms.values())
-    return table(["term", "mean", ""], rows) + _line(f"J = {J:.3f}, the sum{when}; lower is better")
+    total = f"J = {sum(terms.values()):.3f}, the sum{when}; lower is better"
+    return table(["term", "mean", ""], rows) + _line(total)
 
 
 def _terms(s: LapTiming) -> tuple[dict[str, float], str]:
-    """Of the plan's cost; for a stored run those of its last snapshot, and when it was taken."""
+    """Return the terms of the plan's cost, for a stored run of its last snapshot, and its time."""
     if s.entry.sampled_trajectories:
         return s.entry.sampled_trajectories.terms, ""
     found = s.entry.snapshot(s.i)
-    return (found[1].terms, f" at {found[0]:.2f} s") if found else ({}, "")
+    if found is None:
+        return {}, ""
+    t, snapshot = found
+    return snapshot.terms, f" at {t:.2f} s"
 
 
-def _line(words: str) -> str:
-    return f'<div style="{MONO};font-size:12px;margin-top:3px">{words}</div>'
+def _line(content: str) -> str:
+    """Return a line of numbers."""
+    return div(content, **MONO, font_size="12px", margin_top="3px")

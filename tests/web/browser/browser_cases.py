@@ -3,39 +3,57 @@
 import re
 from contextlib import contextmanager
 
-from web.flight_factory import PILOT, Choices
+from web.choices import PILOT, Choices
 
 SLOW = 60_000  # [ms] a first frame drawn in software
+WIDE = {"width": 1200, "height": 800}
+# fewer pixels than the screen has, as they are drawn in software
+DRAWN = "?fixedDpr=0.2"
 
 
 @contextmanager
-def dashboard(root, flight_factory, **first):
+def dashboard(root, take_off, **first):
     """A running page: its session, which knows its address."""
     from web.page.dashboard import Dashboard
-    from web.page.guard import serve
     from web.page.race_panel import Menu
+    from web.page.server import serve
     from web.session import Session
 
     server = serve("127.0.0.1", 0, None, "race")
-    session = Session(flight_factory, str(root))
-    samplers = ("colored", "gaussian", f"{PILOT}split_s_swift")
+    session = Session(str(root), take_off)
     menu = Menu(
-        ("split_s_swift", "figure8"), ("swift",), {"race": "swift"}, samplers, ("perfect", "gates")
+        courses=("split_s_swift", "figure8"),
+        vehicles=("swift",),
+        presets={"race": "swift"},
+        samplers=("colored", "gaussian", f"{PILOT}split_s_swift"),
+        sensings=("perfect", "gates"),
     )
-    page = Dashboard(server, session, flight_factory, menu, Choices(**first))
-    session.server, session.address = server, f"http://127.0.0.1:{server.get_port()}/?fixedDpr=0.4"
+    page = Dashboard(server, session, menu, Choices(**first))
+    session.server = server
+    session.address = f"http://127.0.0.1:{server.get_port()}/{DRAWN}"
     yield session
     page.close()
     session.close()
     server.stop()
 
 
+@contextmanager
+def opened(browser, address, viewport=None):
+    """A visitor's page, with what its console complains of in page.complaints."""
+    with browser.new_context(viewport=viewport or WIDE, accept_downloads=True) as context:
+        page = context.new_page()
+        page.set_default_timeout(SLOW)
+        listen(page)
+        page.goto(address)
+        page.get_by_text("Playback").first.wait_for()
+        yield page
+
+
 def field(page, label):
     """The inputs of a control."""
     label = page.locator("label").filter(has_text=re.compile(f"^{re.escape(label)}$"))
-    return label.locator("xpath=ancestor::div[contains(@class,'Flex-root')][1]").locator(
-        "input:not([type=hidden])"
-    )
+    row = label.locator("xpath=ancestor::div[contains(@class,'Flex-root')][1]")
+    return row.locator("input:not([type=hidden])")
 
 
 def choose(page, label, option):
@@ -48,8 +66,12 @@ def fill(page, label, value):
     field(page, label).last.press("Enter")
 
 
+def button(page, name):
+    return page.get_by_role("button", name=name, exact=True)
+
+
 def press(page, name):
-    page.get_by_role("button", name=name, exact=True).click()
+    button(page, name).click()
 
 
 def seen(page, words):
@@ -59,26 +81,28 @@ def seen(page, words):
 
 def waited(page, claim, seconds=90):
     """Whether it comes true while the browser lives on."""
-    for _ in range(int(seconds / 0.1)):
+    for _ in range(int(seconds / 0.05)):
         if claim():
             return True
-        page.wait_for_timeout(100)
+        page.wait_for_timeout(50)
     return False
 
 
 def listen(page):
-    """Collect what the page complains of, in page.complaints: errors and warnings of its console,
-    errors of scripts."""
+    """Collect errors and warnings of the console and errors of scripts.
+
+    Left out are a stall of software drawing, advice of three.js to viser, and viser's sorter of
+    Gaussian splats, of which this page has none: the policy forbids its code.
+    """
     page.complaints = complaints = []
+    unimportant = ("GPU stall due to ReadPixels", "THREE.Clock", "unsafe-eval", "EvalError")
 
-    def heard(message):
-        # of a picture taken of what is drawn in software
-        slow = "GPU stall due to ReadPixels" in message.text
-        if message.type in ("error", "warning") and not slow:
-            complaints.append(message.text)
+    def heard(kind, text):
+        if kind in ("error", "warning") and not any(part in text for part in unimportant):
+            complaints.append(text)
 
-    page.on("console", heard)
-    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("console", lambda message: heard(message.type, message.text))
+    page.on("pageerror", lambda error: heard("error", str(error)))
 
 
 def drone(page, k=0):

@@ -1,5 +1,7 @@
-"""One browser for every test in this folder; it ends with them, as nothing else may use asyncio
-meanwhile."""
+"""One browser, and one page over flights without physics, for the tests of this folder.
+
+The browser ends with them, as nothing else may use asyncio meanwhile.
+"""
 
 import shutil
 import sys
@@ -9,9 +11,10 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from browser_cases import SLOW, dashboard, listen
+from browser_cases import choose, dashboard, opened, waited
+from web_cases import COURSE, Gliders
 
-from web.flight_factory import FlightFactory
+from web.race import PageRace
 
 playwright = pytest.importorskip(
     "playwright.sync_api", reason="playwright is not installed (pip install -e '.[dev]')"
@@ -41,25 +44,41 @@ def browser():
         browser.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def root(tmp_path_factory):
+    """The folder of runs of the shared session."""
     return tmp_path_factory.mktemp("runs")
 
 
-@pytest.fixture(scope="module")
-def session(root):
-    """Over real flights."""
-    with dashboard(root, FlightFactory(), laps=1) as session:
+@pytest.fixture(scope="package")
+def gliders():
+    return Gliders()
+
+
+@pytest.fixture(scope="package")
+def shared_session(root, gliders):
+    with dashboard(root, gliders, course=COURSE, laps=40) as session:
         yield session
 
 
-@pytest.fixture(scope="module")
-def page(browser, session):
-    """A visitor's page, opened."""
-    page = browser.new_page(viewport={"width": 1200, "height": 800}, accept_downloads=True)
-    page.set_default_timeout(SLOW)
-    listen(page)
-    page.goto(session.address)
-    page.get_by_role("button", name="START", exact=True).wait_for()
-    yield page
-    page.close()
+@pytest.fixture(scope="package")
+def shared_page(browser, shared_session):
+    with opened(browser, shared_session.address) as page:
+        yield page
+
+
+@pytest.fixture
+def session(shared_session):
+    """The shared session; its flights end with the test."""
+    yield shared_session
+    shared_session.tell(PageRace.end_flights)
+    shared_session.tell(PageRace.set_speed, 1.0)
+
+
+@pytest.fixture
+def page(shared_page, session):
+    """The shared page of the first visitor; no flight is on."""
+    assert waited(shared_page, lambda: not session.snapshot.flying)
+    yield shared_page
+    if shared_page.get_by_role("button", name="REPLAY", exact=True).count():
+        choose(shared_page, "Mode", "live")

@@ -1,0 +1,176 @@
+"""Claims about real flights in a real browser: the planner on few samples, a pilot on sensors."""
+
+import numpy as np
+import pytest
+from browser_cases import SLOW, choose, dashboard, drone, field, fill, opened, press, seen, waited
+
+from controllers.presets import PRESETS
+from quadsim.record.archive import list_runs, load_run
+from web.choices import PILOT
+from web.live_flight import LiveFlight
+from web.numbers import SLIDERS
+from web.page.race_scene import visible_scale
+from web.race import PageRace
+from web.stored_runs import titled_runs
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    return tmp_path_factory.mktemp("flights")
+
+
+@pytest.fixture(scope="module")
+def session(root):
+    with dashboard(root, LiveFlight, laps=1) as session:
+        yield session
+
+
+@pytest.fixture(scope="module")
+def page(browser, session):
+    with opened(browser, session.address) as page:
+        yield page
+
+
+def start(page, session):
+    races = session.snapshot.race
+    press(page, "START")
+    assert waited(page, lambda: session.snapshot.race > races)
+
+
+@pytest.fixture(scope="module")
+def piloted(page, session):
+    """A pilot that flies on a gate camera, paused in the third second."""
+    choose(page, "Sampler", f"{PILOT}split_s_swift")
+    choose(page, "Sensing", "gates")
+    start(page, session)
+    assert waited(page, lambda: session.snapshot.t > 2.0)
+    press(page, "pause")
+    assert waited(page, lambda: not session.snapshot.playing)
+    return session.snapshot.competitors[0]
+
+
+@pytest.fixture(scope="module")
+def replayed(page, session, root, piloted):
+    """The run of that flight, replayed."""
+    session.tell(PageRace.end_flights)
+    assert waited(page, lambda: list_runs(root))
+    (folder,) = list_runs(root)
+    choose(page, "Mode", "replay")
+    titles = {path: title for title, path in titled_runs(str(root), 9).items()}
+    choose(page, "Run", titles[folder])
+    press(page, "REPLAY")
+    assert waited(page, lambda: not session.snapshot.competitors[0].live)
+    # a slider that moves by itself cannot be typed into
+    session.tell(PageRace.play, False)
+    assert waited(page, lambda: not session.snapshot.playing)
+    return load_run(folder).telemetry
+
+
+def estimate(page, part):
+    """Position and visibility of a part of the estimate in the scene; None: there is none."""
+    script = """name => { const n = window.__viserMutable?.nodeRefFromName["/estimate/0/" + name];
+                return n ? {at: n.position.toArray(), visible: n.visible} : null }"""
+    return page.evaluate(script, part)
+
+
+def stands_at(page, part, place):
+    found = estimate(page, part)
+    return found is not None and np.allclose(found["at"], place, atol=1e-3)
+
+
+def drawn(course, x, i):
+    """Where the ghost is: as far off the drone as the estimate is, enlarged as the drone is."""
+    truth = np.array([x[f"p{axis}"][i] for axis in "xyz"])
+    estimate = np.array([x[f"est_p{axis}"][i] for axis in "xyz"])
+    return truth + visible_scale(course) * (estimate - truth)
+
+
+def test_the_pilot_and_the_sensors_that_are_chosen_are_flown_and_shown(page, piloted):
+    assert piloted.spec["sampler"] == "pilot"
+    assert piloted.spec["pilot"]["name"] == "split_s_swift"
+    assert piloted.spec["sensing"]["name"] == "gates"
+    assert waited(page, lambda: "sensing gates" in page.locator(".hud").inner_text())
+    page.get_by_role("tab", name="Planner").click()
+    page.get_by_text("learned pilot split_s_swift").wait_for()
+
+
+def test_the_ghost_stands_where_the_estimate_is_with_its_ellipsoid(page, piloted):
+    place = drawn(piloted.course, piloted.x, -1)
+    assert not np.allclose(place, piloted.rows(("px", "py", "pz"), -1), atol=1e-3)
+    for part in ("ghost", "ellipsoid"):
+        assert waited(page, lambda p=part: stands_at(page, p, place))
+
+
+def test_the_corners_of_the_last_picture_are_drawn(page, piloted):
+    assert piloted.corners is not None
+    recent = piloted.t[-1] - piloted.corners.t <= 0.25
+    assert waited(page, lambda: estimate(page, "corners")["visible"] == recent)
+
+
+def typed(page, t):
+    """Whether the time field holds t; typed again where the page set another time in between."""
+    if float(field(page, "Time [s]").last.input_value()) != t:
+        fill(page, "Time [s]", t)
+        page.wait_for_timeout(500)
+    return float(field(page, "Time [s]").last.input_value()) == t
+
+
+def test_a_scrubbed_replay_shows_drone_and_estimate_where_the_telemetry_says(
+    page, session, piloted, replayed
+):
+    for t in (1.0, 1.7):
+        i = int(np.argmin(abs(replayed["t"] - t)))
+        there = np.array([replayed[f"p{axis}"][i] for axis in "xyz"])
+        ghost = drawn(piloted.course, replayed, i)
+        assert waited(page, lambda at=t: typed(page, at))
+        assert waited(
+            page, lambda p=there: drone(page) is not None and np.allclose(drone(page), p, atol=1e-3)
+        )
+        assert waited(page, lambda p=ghost: stands_at(page, "ghost", p))
+    disabled = page.locator("[role=slider][aria-disabled=true]")
+    assert waited(page, lambda: disabled.count() >= len(SLIDERS))
+
+
+def test_the_exported_page_plays_without_a_network(browser, page, replayed, tmp_path):
+    page.get_by_text("Export", exact=True).click()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="page", exact=True).click()
+    path = tmp_path / "race.html"
+    download.value.save_as(path)
+    context = browser.new_context(offline=True)
+    offline = context.new_page()
+    offline.goto(path.as_uri(), timeout=SLOW)
+    places = []
+
+    def moves():
+        at = drone(offline)
+        if at is not None:
+            places.append(at)
+        return len(places) > 1 and np.ptp(np.array(places), axis=0).max() > 1.0
+
+    assert waited(offline, moves, 60)
+    context.close()
+
+
+def test_moving_gamma_in_flight_is_flown_by_the_planner_and_shown_as_an_event(
+    page, session, replayed
+):
+    choose(page, "Mode", "live")
+    choose(page, "Sensing", "perfect")
+    choose(page, "Sampler", "colored")
+    fill(page, "Samples", 256)
+    start(page, session)
+    assert waited(page, lambda: session.snapshot.t > 0.05)
+    fill(page, "Gamma rates", 1.5)
+    page.get_by_role("tab", name="Events").click()
+    before = PRESETS["race"]["colored"].sampling.gamma[0]
+    seen(page, f"gamma rates {before:g} → 1.5")
+    seen(page, "not comparable")
+    (change,) = session.snapshot.competitors[0].changes
+    assert waited(page, lambda: session.snapshot.t > change["t"] + 0.05)
+    session.tell(PageRace.end_flights)
+
+
+def test_the_console_holds_no_error_and_no_warning(page, replayed):
+    """After all of the above: live, a replay, an export."""
+    assert page.complaints == []

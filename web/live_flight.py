@@ -1,0 +1,250 @@
+"""LiveFlight: a flight that is flown frame by frame on the page and stored when it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controllers.plan import PlannerSnapshot, PlanStats
+from controllers.presets import Planner
+from quadsim.dynamics.estimate import Estimate
+from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
+from quadsim.race.flight import simulate
+from quadsim.record.archive import RunFolder, remove_unfinished
+from quadsim.record.limits import LIMITS, limit_of
+from quadsim.record.run import INTERACTIVE, Recorder, columns_of
+from quadsim.spec.build import build, navigation_of, planner_of
+from web.choices import Choices
+from web.competitor import Competitor
+from web.legs import Legs
+from web.numbers import Change, numbers_of, with_change
+
+if TYPE_CHECKING:
+    from controllers.sampled_trajectories import SampledTrajectories
+    from quadsim.sensing.measurements import Corners
+
+
+class LiveFlight:
+    """A flight whose numbers may change while it is on. One thread uses it.
+
+    Attributes:
+        now: the flight as the page shows it; any thread may read it.
+        period: control period [s].
+        is_cached: False if the first plan has to compile, which takes some 20 s.
+
+    Args:
+        choices: what is to be flown.
+
+    Raises:
+        ValueError: the choices cannot be flown; one line says why.
+    """
+
+    is_cached: bool
+
+    def __init__(self, choices: Choices):
+        spec = choices.spec()
+        self._preset = spec.planner  # the scale of the standard deviations multiplies its own
+        planner = spec.planner
+        if not spec.pilot:
+            for name, value in choices.numbers.items():
+                planner = with_change(planner, self._preset, Change(name, value))
+        self._spec = replace(spec, planner=planner)
+        self.period = planner.mppi.dt
+        self._pending: dict[str, Change] = {}
+        self._frames = self._take_off()
+        self._recorder = Recorder()
+        self._folder: RunFolder | None = None
+        record = self._spec.record()
+        self._columns = tuple(columns_of(record))
+        self.now = Competitor(
+            name=choices.sampler,
+            spec=record,
+            course=spec.course,
+            legs=Legs(spec.course, spec.laps),
+            x=self._recorder.views(self._columns),
+            events=(),
+            laps=(),
+            outcome=None,
+            live=True,
+            start_numbers=numbers_of(planner, self._preset),
+        )
+
+    @property
+    def t(self) -> float:
+        """The time of the last frame; before the first, one period before the start [s]."""
+        return self._recorder.last.t if self._recorder.last else -self.period
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the flight has ended."""
+        return self.now.outcome is not None
+
+    def keep_in(self, root: str) -> None:
+        """Claim a folder among the runs, for the run that the flight will be."""
+        remove_unfinished(root)
+        self._folder = RunFolder.open(root, self.now.spec)
+        self.now = replace(self.now, limit=limit_of(self.now.spec, Path(root) / LIMITS))
+
+    def advance(self) -> Frame:
+        """Plan with the numbers that are asked for and fly one period.
+
+        Returns:
+            The frame of this plan. The last frame of a flight has its outcome, and no plan.
+        """
+        changes = self._use_pending()
+        frame = next(self._frames)
+        self._recorder.add(frame)
+        events = tuple(self._recorder.events)
+        self.now = replace(
+            self.now,
+            x=self._recorder.views(self._columns),
+            events=events,
+            laps=laps_so_far(events, self.now.legs.gates),
+            outcome=frame.outcome,
+            corners=self._corners(),
+            pending_numbers={},
+        )
+        # A change is on the record once a plan has used it.
+        if changes and not self.is_over:
+            noted = [{"t": frame.t, **change} for change in changes]
+            spec = {**self.now.spec, INTERACTIVE: [*self.now.changes, *noted]}
+            self.now = replace(self.now, spec=spec)
+        return frame
+
+    def change(self, change: Change) -> None:
+        """Use a number from the next plan on. A learned pilot has none of these numbers."""
+        if self._spec.pilot:
+            return
+        self._pending[change.name] = change
+        asked = numbers_of(self._asked_planner(), self._preset)
+        flown = numbers_of(self._spec.planner, self._preset)
+        differing = {name: value for name, value in asked.items() if value != flown[name]}
+        self.now = replace(self.now, pending_numbers=differing)
+
+    def update_trajectories(self) -> None:
+        """Take the sampled trajectories of the last plan, for display."""
+        self.now = replace(self.now, sampled_trajectories=self.sampled_trajectories())
+
+    def end(self) -> None:
+        """Free the plant and store the run, unless it was interrupted before its first gate."""
+        outcome = self.now.outcome or "interrupted"
+        self.now = replace(
+            self.now,
+            outcome=outcome,
+            sampled_trajectories=None,
+            corners=None,
+            pending_numbers={},
+        )
+        self.close()
+        if self._folder is None:
+            return
+        with self._folder as folder:
+            passed = any(event.kind == "pass" for event in self.now.events)
+            if outcome != "interrupted" or passed:
+                run = self._recorder.run(self.now.spec)
+                path = folder.save(run)
+                self.now = replace(self.now, snapshots=run.snapshots, folder=path)
+
+    def _asked_planner(self) -> Planner:
+        """Return the planner with the numbers that are asked for."""
+        planner = self._spec.planner
+        for change in self._pending.values():
+            planner = with_change(planner, self._preset, change)
+        return planner
+
+    def _use_pending(self) -> list[dict]:
+        """Plan with the numbers that are asked for, from the next plan on.
+
+        Returns:
+            {name, from, to} of each number that differs.
+        """
+        if not self._pending:
+            return []
+        before = self._spec.planner
+        after = self._asked_planner()
+        self._pending.clear()
+        old = numbers_of(before, self._preset)
+        new = numbers_of(after, self._preset)
+        changes = [
+            {"name": name, "from": old[name], "to": value}
+            for name, value in new.items()
+            if value != old[name]
+        ]
+        if changes:
+            self._spec = replace(self._spec, planner=after)
+            self._replan(before)
+        return changes
+
+    # What follows is the simulation behind the flight.
+
+    def _take_off(self) -> Iterator[Frame]:
+        """Build plant, planner and referee. Return the frames of the flight."""
+        parts = build(self._spec)
+        self._plant = parts.plant
+        # MPPI, whose module loads the compiler, or a learned pilot
+        self._planner: Any = parts.controller
+        self.is_cached = self._spec.pilot is not None or self._planner.is_cached
+        self._navigation = navigation_of(self._spec, parts)
+        return simulate(
+            parts.plant,
+            controller=self,
+            referee=parts.referee,
+            period=self.period,
+            snapshot=self._snapshot,
+            navigation=self._navigation,
+        )
+
+    @property
+    def rest(self) -> np.ndarray:
+        """The control at rest, which is applied until the first plan is ready.  (n_u,)"""
+        return self._planner.rest
+
+    def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
+        """Return the control of the planner that flies at present."""
+        return self._planner.control(estimate)
+
+    def _replan(self, before: Planner) -> None:
+        """Let a planner with the present numbers go on with the plan of the last one.
+
+        Args:
+            before: numbers of the last one.
+        """
+        planner = planner_of(self._spec)
+        planner.continue_from(self._planner)
+        # A temperature that was reached by steering to the target ESS stays.
+        if planner.config.temperature == before.mppi.temperature:
+            planner.temperature = self._planner.temperature
+        self._planner = planner
+
+    def sampled_trajectories(self) -> SampledTrajectories | None:
+        """Return the sampled trajectories of the last plan; a learned pilot has none."""
+        # imported here, as it loads the compiler
+        from controllers.sampled_trajectories import sampled_trajectories
+
+        return None if self._spec.pilot else sampled_trajectories(self._planner)
+
+    def _snapshot(self) -> PlannerSnapshot | None:
+        """Return the planner snapshot that is stored with the run."""
+        from controllers.sampled_trajectories import take_snapshot
+
+        return None if self._spec.pilot else take_snapshot(self._planner)
+
+    def _corners(self) -> Corners | None:
+        """Return the corners in the last picture, where the vehicle has a gate camera."""
+        return self._navigation.corners
+
+    def close(self) -> None:
+        """Free the plant."""
+        self._plant.close()
+
+
+def laps_so_far(events: Sequence[Event], gates: int) -> tuple[float, ...]:
+    """Return the times of the completed laps, penalties included [s]."""
+    completed = sum(event.kind == "pass" for event in events) // gates
+    flown = flown_laps(events, completed)
+    penalties = lap_penalties(events, completed)
+    return tuple(lap + penalty for lap, penalty in zip(flown, penalties, strict=True))

@@ -1,0 +1,76 @@
+"""Notices: messages that a page shows for some seconds."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from itertools import count
+from typing import Literal
+
+from quadsim.race.events import NO_PROGRESS, Event, Frame
+from web.competitor import Competitor
+
+Kind = Literal["error", "crash", "lap", "wait"]
+KEPT = 20  # the last ones
+LAP_END = 0.02  # [s] before a frame in which a lap can have ended
+
+
+@dataclass(frozen=True)
+class Notice:
+    """A message that a page shows for some seconds."""
+
+    number: int  # counts up, so that a page shows each once
+    kind: Kind
+    title: str
+    text: str
+
+
+class Notices:
+    """The last notices of a session."""
+
+    def __init__(self) -> None:
+        self._recent: deque[Notice] = deque(maxlen=KEPT)
+        self._numbers = count(1)
+
+    @property
+    def recent(self) -> tuple[Notice, ...]:
+        """The last notices, the oldest first."""
+        return tuple(self._recent)
+
+    def add(self, kind: Kind, title: str, text: str) -> None:
+        """Add a notice."""
+        self._recent.append(Notice(next(self._numbers), kind, title, text))
+
+    def add_events(self, entry: Competitor, frame: Frame) -> None:
+        """Add what a frame has: a crash, a best lap, the end of the race."""
+        for event in frame.events:
+            self._add_end(entry.name, event)
+        passed = any(event.kind == "pass" for event in frame.events)
+        if passed and _has_best_lap(entry.laps, frame.t):
+            self.add("lap", f"{entry.name}: best lap", f"{entry.laps[-1]:.3f} s")
+        if frame.outcome == "finished":
+            flown = f"{len(entry.laps)} laps in {sum(entry.laps):.3f} s"
+            self.add("lap", f"{entry.name}: finished", flown)
+
+    def _add_end(self, name: str, event: Event) -> None:
+        """Add a notice of an event that can end a flight."""
+        crash = f"at {event.t:.2f} s, {event.speed:.1f} m/s"
+        match event.kind:
+            case "hit":
+                self.add("crash", f"{name}: hit {event.place}", crash)
+            case "ground":
+                self.add("crash", f"{name}: hit the ground", crash)
+            case "bounds":
+                self.add("crash", f"{name}: left the bounds", crash)
+            case "timeout":
+                self.add("crash", f"{name}: out of time", f"after {event.t:.1f} s")
+            case "stuck":
+                stuck = f"{name}: no progress for {NO_PROGRESS:g} s"
+                self.add("crash", stuck, f"before gate {event.gate}")
+
+
+def _has_best_lap(laps: tuple[float, ...], t: float) -> bool:
+    """Return whether the last of several laps ended by t and is the fastest."""
+    if len(laps) < 2 or laps[-1] != min(laps):
+        return False
+    return abs(sum(laps) - t) < LAP_END

@@ -1,0 +1,118 @@
+"""Numbers of the planner that have a slider on the page and may change while a flight is on.
+
+A slider stands for a setting of the planner, or for a part of one: `sigma` scales the standard
+deviations of the preset, `gamma` has one slider for the body rates and one for the thrust.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from controllers.presets import Planner, per_channel
+from controllers.samplers import Colored
+from quadsim.dynamics.quadrotor import Control
+
+
+class Change(NamedTuple):
+    """A number that is asked for in flight."""
+
+    name: str  # of SLIDERS
+    value: float | None  # None: the preset's
+
+
+@dataclass(frozen=True)
+class Slider:
+    """The range of a slider. Its help text is the setting's."""
+
+    setting: str  # name of the annotated setting
+    label: str
+    low: float
+    high: float
+    step: float
+
+
+SLIDERS = {
+    "sigma": Slider("sigma", "Sigma scale", 0.1, 4.0, 0.05),
+    "gamma_rates": Slider("gamma", "Gamma rates", 0.0, 6.0, 0.05),
+    "gamma_thrust": Slider("gamma", "Gamma thrust", 0.0, 6.0, 0.05),
+    "temperature": Slider("temperature", "Temperature", 0.01, 10.0, 0.01),
+    # 0: the temperature is fixed
+    "target_ess": Slider("target_ess", "Target ESS", 0.0, 400.0, 5.0),
+    "samples": Slider("samples", "Samples", 256, 8192, 256),
+}
+
+
+def slider_values(
+    sigma: Sequence[float],
+    preset_sigma: Sequence[float],
+    gamma: Sequence[float],
+    temperature: float,
+    target_ess: float | None,
+    samples: int,
+) -> dict[str, float]:
+    """Return what the sliders show of a planner with these numbers.
+
+    Args:
+        sigma, preset_sigma: standard deviations of the controls, and those that the scale 1 stands
+            for; empty: unknown.
+        gamma: color exponents, of the body rates first and of the thrust last; empty: it has none.
+    """
+    known = len(sigma) > 0 and len(preset_sigma) > 0
+    return {
+        "sigma": round(sigma[0] / preset_sigma[0], 4) if known else 1.0,
+        "gamma_rates": gamma[0] if gamma else 0.0,
+        "gamma_thrust": gamma[-1] if gamma else 0.0,
+        "temperature": temperature,
+        "target_ess": target_ess or 0.0,
+        "samples": samples,
+    }
+
+
+def numbers_of(planner: Planner, preset: Planner) -> dict[str, float]:
+    """Return what the sliders show of a planner that was made from a preset."""
+    return slider_values(
+        sigma=planner.sampling.sigma,
+        preset_sigma=preset.sampling.sigma,
+        gamma=planner.sampling.gamma if isinstance(planner.sampling, Colored) else (),
+        temperature=planner.mppi.temperature,
+        target_ess=planner.mppi.target_ess,
+        samples=planner.mppi.samples,
+    )
+
+
+def with_change(planner: Planner, preset: Planner, change: Change) -> Planner:
+    """Return the planner with a number changed; unchanged where its sampler has no such number."""
+    value = change.value
+    if value is None:
+        value = numbers_of(preset, preset)[change.name]
+    match change.name:
+        case "sigma":
+            scaled = tuple(value * sigma for sigma in preset.sampling.sigma)
+            return _with_sampling(planner, sigma=scaled)
+        case "gamma_rates" | "gamma_thrust":
+            if not isinstance(planner.sampling, Colored):
+                return planner
+            gamma = Control(*planner.sampling.gamma)
+            rates = value if change.name == "gamma_rates" else gamma.wx
+            thrust = value if change.name == "gamma_thrust" else gamma.thrust
+            return _with_sampling(planner, gamma=per_channel(rates, thrust))
+        case "target_ess":
+            # less than one sample cannot be asked for: the temperature is fixed
+            mppi = replace(planner.mppi, target_ess=value if value >= 1 else None)
+        case "samples":
+            mppi = replace(planner.mppi, samples=int(value))
+        case "temperature":
+            mppi = replace(planner.mppi, temperature=value)
+        case _:
+            raise ValueError(f"{change.name}: expected one of {', '.join(SLIDERS)}")
+    if mppi.target_ess:
+        # the planner needs fewer effective samples than it draws
+        mppi = replace(mppi, target_ess=min(mppi.target_ess, mppi.samples / 2))
+    return replace(planner, mppi=mppi)
+
+
+def _with_sampling(planner: Planner, **numbers: tuple[float, ...]) -> Planner:
+    sampling: Any = planner.sampling
+    return replace(planner, sampling=replace(sampling, **numbers))

@@ -1,0 +1,84 @@
+"""FlightControls: START, STOP and restart, which several visitors share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import viser
+
+from web.choices import Choices
+from web.page.race_panel import RacePanel
+from web.page.sampler_panel import SamplerPanel
+from web.race import PageRace
+from web.session import Session
+
+Event = viser.GuiEvent | viser.CommandEvent
+
+
+class FlightControls:
+    """Begins and ends flights. A visitor who did not begin the flight that is on is asked first."""
+
+    def __init__(self, session: Session, race: RacePanel, sampler: SamplerPanel):
+        self._session = session
+        self._race = race
+        self._sampler = sampler
+        self._pilot: int | None = None  # number of the visitor who began the flight
+        race.start.on_click(self.start)
+        race.stop.on_click(self.stop)
+
+    def start(self, event: Event) -> None:
+        """Fly or replay what is chosen."""
+        self._ask_first(event, self._start)
+
+    def stop(self, event: Event) -> None:
+        """End the flights that are on, if any."""
+        if self._session.snapshot.flying:
+            self._ask_first(event, lambda: self._session.tell(PageRace.end_flights))
+
+    def restart(self, event: Event) -> None:
+        """Begin the same race anew."""
+        self._ask_first(event, lambda: self._session.tell(PageRace.restart))
+
+    def _start(self) -> None:
+        choices = [self._choices(sampler) for sampler in self._race.samplers]
+        self._session.tell(PageRace.start, choices, self._race.runs)
+
+    def _choices(self, sampler: str) -> Choices:
+        """Return what is chosen for a sampler, with the numbers of the planner."""
+        return replace(
+            self._race.choices(sampler),
+            numbers=self._sampler.moved,
+            settings=self._sampler.others.changed(sampler),
+        )
+
+    def _ask_first(self, event: Event, act: Callable[[], None]) -> None:
+        """Act; first ask a visitor who would end a flight that another one began."""
+
+        def act_as_pilot() -> None:
+            self._pilot = event.client_id
+            act()
+
+        is_own = self._pilot in (None, event.client_id)
+        if not self._session.snapshot.flying or is_own or event.client is None:
+            act_as_pilot()
+        else:
+            ask(
+                event.client, "Another visitor's flight is on", "End it", "Let it fly", act_as_pilot
+            )
+
+
+def ask(client: viser.ClientHandle, title: str, yes: str, no: str, act: Callable[[], None]) -> None:
+    """Open a window on one visitor's page; act if the answer is yes."""
+    with client.gui.add_modal(title) as modal:
+        accept = client.gui.add_button(yes, color="red")
+        refuse = client.gui.add_button(no, color="gray")
+
+    @refuse.on_click
+    def _(_: viser.GuiEvent) -> None:
+        modal.close()
+
+    @accept.on_click
+    def _(_: viser.GuiEvent) -> None:
+        modal.close()
+        act()

@@ -1,0 +1,182 @@
+"""Runs from the disk: as competitors, and in a list by title."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from functools import cache
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+
+from controllers.presets import PRESETS
+from quadsim.course import Course, parse_course
+from quadsim.record.archive import list_runs, load_run
+from quadsim.record.limits import LIMITS, limit_of
+from quadsim.record.run import Run, RunError
+from web.competitor import Competitor
+from web.legs import Legs
+from web.numbers import slider_values
+
+
+class StoredMPPI(msgspec.Struct):
+    """The update's numbers that the page shows."""
+
+    samples: int
+    temperature: float = 1.0
+    target_ess: float | None = None
+
+
+class StoredSampling(msgspec.Struct):
+    """The sampler's numbers that the page shows."""
+
+    sigma: list[float] = []
+    gamma: list[float] = []
+
+
+class StoredPlanner(msgspec.Struct):
+    """The planner of a run."""
+
+    mppi: StoredMPPI
+    # a text describes a sampler of the user's own
+    sampling: StoredSampling | str | None = None
+
+
+class StoredChange(msgspec.Struct):
+    """A change of a number in flight."""
+
+    t: float
+    name: str
+    before: float = msgspec.field(name="from")
+    after: float = msgspec.field(name="to")
+
+
+class ReplaySchema(msgspec.Struct):
+    """The parts of a spec that the page shows. A run may have been made by hand."""
+
+    course: str
+    sampler: str
+    preset: str
+    seed: int
+    laps: Annotated[int, msgspec.Meta(ge=1)]
+    vehicle: dict
+    planner: StoredPlanner
+    interactive: list[StoredChange] = []
+
+
+def stored_competitor(path: Path) -> Competitor:
+    """Load a run from the disk.
+
+    Raises:
+        RunError: the run is damaged, or its spec lacks what the page shows.
+        FileError: its course cannot be read.
+    """
+    run = load_run(path)
+    try:
+        msgspec.convert(run.spec, ReplaySchema)
+    except msgspec.ValidationError as error:
+        raise RunError(f"{path}: its spec lacks what the page shows: {error}") from error
+    course = parse_course(run.spec["course_text"], run.spec["course"])
+    return run_competitor(run, course, path)
+
+
+def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
+    """Return a run as a competitor. path: its folder, if it has one."""
+    spec = run.spec
+    return Competitor(
+        name=spec["sampler"],
+        spec=spec,
+        course=course,
+        legs=Legs(course, spec["laps"]),
+        x=run.telemetry,
+        events=run.events,
+        laps=tuple(run.laps),
+        outcome=run.outcome,
+        live=False,
+        snapshots=run.snapshots,
+        folder=path,
+        start_numbers=stored_numbers(spec),
+        limit=limit_of(spec, path.parent / LIMITS) if path else limit_of(spec),
+    )
+
+
+def stored_numbers(spec: dict) -> dict[str, float]:
+    """Return what the sliders show of a run's planner at its start."""
+    planner = msgspec.convert(spec["planner"], StoredPlanner)
+    sampling = planner.sampling
+    if not isinstance(sampling, StoredSampling):
+        sampling = StoredSampling()
+    return slider_values(
+        sigma=sampling.sigma,
+        preset_sigma=_preset_sigma(spec["preset"], spec["sampler"]),
+        gamma=sampling.gamma,
+        temperature=planner.mppi.temperature,
+        target_ess=planner.mppi.target_ess,
+        samples=planner.mppi.samples,
+    )
+
+
+def _preset_sigma(preset: str, sampler: str) -> Sequence[float]:
+    """Return the preset's standard deviations; none where the preset was a file."""
+    planners = PRESETS.get(preset, {})
+    return planners[sampler].sampling.sigma if sampler in planners else ()
+
+
+class _Chosen(msgspec.Struct):
+    course: str
+    sampler: str
+
+
+class _Result(msgspec.Struct):
+    """The parts of a run.json that a title needs."""
+
+    outcome: str
+    laps: list[float]
+    spec: _Chosen
+
+
+def titled_runs(root: str, most: int) -> dict[str, Path]:
+    """Return the latest stored runs by title, as "16:15 split_s_swift colored 16.378 s".
+
+    Args:
+        root: the folder of runs.
+        most: how many runs are listed, the latest first.
+    """
+    found: dict[str, Path] = {}
+    for path in list_runs(root)[: -most - 1 : -1]:
+        when = _flown_at(path)
+        today = when.date() == datetime.now().date()
+        clock = when.strftime("%H:%M" if today else "%d %b %H:%M")
+        title = f"{clock} {_result(path)}"
+        if title in found:
+            # Two alike within a minute are told apart by their seconds.
+            title = f"{clock}:{when.strftime('%S')} {_result(path)}"
+        if title in found:
+            title = path.name
+        found[title] = path
+    return found
+
+
+@cache
+def _result(path: Path) -> str:
+    """Return course, sampler and time or outcome; the folder's name where they are not readable."""
+    try:
+        run = msgspec.json.decode((path / "run.json").read_bytes(), type=_Result)
+    except (OSError, msgspec.DecodeError):
+        return path.name
+    if run.outcome == "finished":
+        ended = f"{sum(run.laps):.3f} s"
+    else:
+        ended = f"{run.outcome}, lap {len(run.laps) + 1}"
+    return f"{run.spec.course} {run.spec.sampler} {ended}"
+
+
+def _flown_at(path: Path) -> datetime:
+    """Return the local time in a folder's name, or else when it was written."""
+    stamp = path.name.partition("_")[0]
+    try:
+        return datetime.strptime(stamp + "+0000", "%Y%m%dT%H%M%SZ%z").astimezone()
+    except ValueError:
+        written = path.stat().st_mtime if path.exists() else 0.0
+        return datetime.fromtimestamp(written).astimezone()
