@@ -42,7 +42,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             _mark(item)
     # With `--dist loadfile` a worker takes a whole file. A long file at the end would leave the
     # other worker idle.
-    slow = {item.path for item in items if any(map(item.get_closest_marker, ("browser", "flight", "process")))}
+    slow = {
+        item.path
+        for item in items
+        if any(map(item.get_closest_marker, ("browser", "flight", "process")))
+    }
     items.sort(key=lambda item: item.path not in slow)
 
 
