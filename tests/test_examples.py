@@ -22,7 +22,7 @@ OUTCOMES = {
     "two_samplers": r"colored - gaussian: [+-]\d+\.\d+ s a lap",
 }
 # The examples show how something is written, not how fast it flies.
-SAMPLES = 256
+SAMPLES = 128
 ATTEMPTS = 2
 
 pytestmark = pytest.mark.flight
