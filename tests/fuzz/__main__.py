@@ -15,13 +15,12 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import NamedTuple
 
-from quadsim.cli.cli import COMMANDS
 from tests.fuzz.base import base, campaign_base
 from tests.fuzz.caches import caches
 from tests.fuzz.databases import databases
 from tests.fuzz.disks import disks, exports
 from tests.fuzz.environments import environments
-from tests.fuzz.flags import flags
+from tests.fuzz.flags import commands, flags
 from tests.fuzz.harness import Case, run
 from tests.fuzz.runs import runs
 from tests.fuzz.yamls import yamls
@@ -107,8 +106,8 @@ def chosen(args: argparse.Namespace) -> list[Place]:
 
 def load(kinds: list[str], few: bool) -> None:
     """Load every module and make the originals, which the processes of the cases inherit."""
-    commands = [place.partition(":")[0] for place, _ in COMMANDS.values()]
-    for module in (*LOADED, *commands):
+    commands()
+    for module in LOADED:
         import_module(module)
     if {"databases", "disks"} & set(kinds):
         campaign_base()

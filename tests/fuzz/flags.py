@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import random
+import re
+from contextlib import redirect_stdout
 from functools import cache
-from importlib import import_module
-from inspect import Parameter, signature
+from io import StringIO
 
-from quadsim.cli.cli import COMMANDS
-from quadsim.cli.flags import flag, flight_settings
+from quadsim.cli.cli import race
 from tests.fuzz.damage import WORDS
 from tests.fuzz.harness import Case
 
@@ -41,17 +41,26 @@ FLIES = ("fly", "compare", "tune", "regress")
 
 
 @cache
+def commands() -> tuple[str, ...]:
+    """Return the names of the commands. Loads the modules of all of them."""
+    names = re.findall(r"^  ([a-z]+) {2,}", _help(), re.MULTILINE)
+    for name in names:
+        flags_of(name)
+    return tuple(names)
+
+
+@cache
 def flags_of(command: str) -> tuple[str, ...]:
-    """Return the flags of a command: its own, and those of a flight if it flies."""
-    module, _, name = COMMANDS[command][0].partition(":")
-    function = getattr(import_module(module), name)
-    own = [
-        flag(p.name)
-        for p in signature(function).parameters.values()
-        if p.kind is Parameter.KEYWORD_ONLY
-    ]
-    flight = [flag(name) for name in flight_settings(())] if command in FLIES else []
-    return (*(f for f in own if f != "--settings"), *flight, "--no-such-flag", "--help")
+    """Return the flags of a command, by its help, and one that it does not have."""
+    known = set(re.findall(r"(?<![\w-])--[a-z][\w.-]*\w", _help(command)))
+    return (*sorted(known), "--no-such-flag")
+
+
+def _help(*argv: str) -> str:
+    text = StringIO()
+    with redirect_stdout(text):
+        race([*argv, "--help"])
+    return text.getvalue()
 
 
 def flags(rng: random.Random) -> Case:
@@ -59,7 +68,7 @@ def flags(rng: random.Random) -> Case:
 
     Flights are made short; a command that would rightly run for long gets a flag that it refuses.
     """
-    command = rng.choice([*COMMANDS, "fly", "fly", "fly"])
+    command = rng.choice([*commands(), "fly", "fly", "fly"])
     asked = {}
     known = flags_of(command)
     for name in rng.sample(known, min(rng.choice((1, 1, 2, 3)), len(known))):

@@ -22,7 +22,7 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
-from quadsim.cli import cli
+from tests.fuzz.flags import commands
 from tests.fuzz.left import PAGE, State, half, left_behind
 from tests.fuzz.undisturbed import COMMANDS, LIBRARIES, Reference, prepare, run, temporary_folder
 
@@ -114,8 +114,8 @@ def main() -> int:
     args = parser.parse_args()
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    modules = [cli.COMMANDS[name][0].partition(":")[0] for name in COMMANDS]
-    for module in (*LIBRARIES, *modules):
+    commands()
+    for module in LIBRARIES:
         import_module(module)
     ways = disturbances()
     failed = 0
