@@ -11,6 +11,7 @@ A test that takes seconds for another reason carries one of these markers in its
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from inspect import isclass, isfunction, ismodule
 from pathlib import Path
@@ -107,8 +108,7 @@ def _names(code: CodeType) -> Iterator[str]:
 
 def _of_tests(value: Callable) -> bool:
     """Return whether a function or class is defined in tests/."""
-    module = __import__("sys").modules.get(value.__module__)
-    file = getattr(module, "__file__", None)
+    file = getattr(sys.modules.get(value.__module__), "__file__", None)
     return file is not None and TESTS in Path(file).parents
 
 
