@@ -1,11 +1,17 @@
-# Everything a checkout needs: `make race` flies, `make test` checks; both make .venv when it is missing.
-# The first of these that is fit makes .venv; 3.11 comes first, as PyBullet has wheels for it.
+# What a checkout needs. `make race` flies, `make test` checks; each target makes .venv when it is missing.
+# PYTHON: candidates for .venv, the first that fits is taken. 3.11 comes first, as PyBullet has wheels for it.
 PYTHON ?= python3.11 python3.12 python3.13 python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 FIT    := import sys; assert (3, 11) <= sys.version_info[:2] <= (3, 13)
 
-.PHONY: race web bench test fuzz regression lint docs clean
+# Two workers, a file of tests each: more would disturb each other's planners, which use every core.
+# tests/conftest.py puts the slow files first, so that both workers end at about the same time.
+PYTEST := $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
+# The markers that tests/conftest.py sets.
+QUICK  := not (browser or process or flight or long)
+
+.PHONY: race web bench quick test fuzz regression lint fix docs docs-version clean
 
 race: $(VENV)/.app
 	$(BIN)/race fly
@@ -13,33 +19,48 @@ race: $(VENV)/.app
 web: $(VENV)/.app
 	$(BIN)/race web
 
-# How long a control step takes here: a minute or two; a busy machine says little.
+# The time of a control step on this machine: a minute or two; a busy machine says little.
 bench: $(VENV)/.app
 	$(BIN)/race bench
 
-# Two files of tests at once; more at once would disturb each other's planners, which use every core.
-test: $(VENV)/.dev
-	$(BIN)/pytest -n 2 --dist loadfile
+# The tests without browser, without other processes and without long flights: under a minute.
+quick: $(VENV)/.dev
+	$(PYTEST) -m "$(QUICK)" --durations=5 --durations-min=1
 
-# 1200 damaged inputs, disks and environments, some minutes; other ones: make fuzz SEED=1
+test: $(VENV)/.dev
+	$(PYTEST)
+
+# 1200 damaged inputs, disks and environments: some minutes. Other ones: make fuzz SEED=1
 SEED ?= 0
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --seed $(SEED)
 	$(BIN)/python -m tests.fuzz.moments --seed $(SEED)
 
-# Is the racer as fast, safe and smooth as stored, and are nasty courses flown? Flies some minutes; race regress FILE --regen stores anew.
+# Is the racer as fast, safe and smooth as stored, and does it fly nasty courses? Some minutes of flights.
+# `race regress FILE --regen` stores new values.
 regression: $(VENV)/.dev
 	$(BIN)/race regress tests/lap_times/*.yaml
 	$(BIN)/pytest -m long tests/courses_nasty
 
 lint: $(VENV)/.dev
-	$(BIN)/ruff check . && $(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports
+
+# Mend what ruff can mend by itself: order of imports, simple rewrites, layout.
+fix: $(VENV)/.dev
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
 
 # The documentation site, into site/: open site/index.html.
 docs: $(VENV)/.dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# The site of one version beside those of the others, as a commit on the branch gh-pages: make docs-version VERSION=0.1
+docs-version: $(VENV)/.dev
+	@test -n "$(VERSION)" || { echo "docs-version: expected VERSION=, for example VERSION=0.1" >&2; exit 1; }
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mike deploy --update-aliases $(VERSION) latest
 
 $(VENV)/.app: pyproject.toml
 	@$(BIN)/python -c '$(FIT); import pip' 2>/dev/null || { \

@@ -1,4 +1,4 @@
-"""The plants, a course of nothing but sky and the rotors that tests share."""
+"""The plants, a course of nothing but sky, and the rotors that tests share."""
 
 import pytest
 
@@ -20,7 +20,7 @@ SKY = Course(
     "sky", "test", (GATE,), Start((1.0, 2.0, 200.0), 0.0), ((-99, 99),) * 3, False, 1, (), ""
 )
 
-FULL = 8.5  # strongest rotor thrust of RACER [N]
+FULL = 8.5  # strongest thrust of one rotor [N]
 ROTORS = Rotors(
     positions=((0.0775, -0.1), (-0.0775, 0.1), (0.0775, 0.1), (-0.0775, -0.1)),
     spin=(-1, -1, 1, 1),

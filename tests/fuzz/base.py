@@ -1,5 +1,7 @@
-"""What is damaged: stored runs, a campaign, a search, compiled code; made once, by undamaged
-commands."""
+"""The undamaged originals: stored runs, a campaign with a search, compiled code.
+
+Undamaged commands make them once; each case damages a copy.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ def twice(x):
 """
 
 SHORT = tuple(word for pair in TINY.items() for word in pair)
-FLIGHTS = (("paper_flat", "--sampler", "colored"),)
+FLIGHTS = (("paper_flat", "--sampler", "colored"), ("figure8",))
 CAMPAIGN = ("paper_flat", *SHORT, "--attempts", "2", "--jobs", "1")
 COMPARE = ("compare", *CAMPAIGN)
 TUNE = (
@@ -46,23 +48,24 @@ TUNE = (
 
 @dataclass(frozen=True)
 class Base:
-    """Folders that cases copy."""
+    """The folders that cases copy."""
 
     folder: Path
 
     @property
     def runs(self) -> list[Path]:
+        """Return the folders of the stored runs."""
         return sorted((self.folder / "runs").iterdir())
 
     @property
     def digest(self) -> str:
-        """Of the first flight."""
-        (run,) = [r for r in self.runs if FLIGHTS[0][0] in r.name]
+        """Return the digest of the first flight."""
+        (run,) = [run for run in self.runs if FLIGHTS[0][0] in run.name]
         return json.loads((run / "run.json").read_text())["digest"]
 
     @cached_property
     def cache(self) -> Path:
-        """Compiled code of the first flight: takes some 20 s."""
+        """Return the compiled code of the first flight; making it takes some 20 s."""
         _do(
             self.folder / "flown",
             ("fly", *FLIGHTS[0], *SHORT),
@@ -72,30 +75,27 @@ class Base:
 
     @cached_property
     def small_cache(self) -> Path:
-        """Compiled code of a small function."""
-        said = forked(
-            Case("base", "", (), env={"XDG_CACHE_HOME": str(self.folder / "small")}, call=small),
-            self.folder,
-        )
-        assert said.code == 0, said
+        """Return the compiled code of a small function."""
+        env = {"XDG_CACHE_HOME": str(self.folder / "small")}
+        outcome = forked(Case("base", "", (), env=env, call=small), self.folder)
+        assert outcome.code == 0, outcome
         return self.folder / "small"
 
     @property
     def campaign(self) -> Path:
-        """With a comparison and a search."""
+        """Return the folder of a campaign with a comparison and a search."""
         return self.folder / "campaigns"
 
     @cached_property
     def variants(self) -> list[str]:
-        """The stored variants that were compared."""
+        """Return the stored variants that were compared."""
         with Store(self.campaign / "race.sqlite", create=False) as store:
-            return sorted(
-                {row.variant[:12] for row in store.rows() if not row.name.startswith("trial")}
-            )
+            compared = [row for row in store.rows() if not row.name.startswith("trial")]
+        return sorted({row.variant[:12] for row in compared})
 
 
 def small() -> int:
-    """Compile a function and call it. The exit code says whether it computes what it should."""
+    """Compile a function and call it. Return 0 if it computes what it should."""
     from controllers.lanes.compiled import load_module
 
     return 0 if load_module("fuzz_small", SMALL).twice(21) == 42 else 1
@@ -103,7 +103,7 @@ def small() -> int:
 
 @cache
 def base() -> Base:
-    """Removed when the process ends that asked first."""
+    """Return the originals. They are removed when the process ends that asked first."""
     folder = Path(tempfile.mkdtemp(prefix="quadsim-fuzz-base-"))
     register(_remove, folder, os.getpid())
     for flight in FLIGHTS:
@@ -113,6 +113,7 @@ def base() -> Base:
 
 @cache
 def campaign_base() -> Base:
+    """Return the originals, a campaign among them."""
     made = base()
     _do(made.folder, COMPARE)
     _do(made.folder, TUNE)
@@ -121,10 +122,11 @@ def campaign_base() -> Base:
 
 def _do(folder: Path, argv: tuple[str, ...], env: dict[str, str] | None = None) -> None:
     folder.mkdir(exist_ok=True)
-    said = forked(Case("base", "", argv, env=env or {}), folder, patience=10)
-    assert said.code in (0, 1), (argv, said)
+    outcome = forked(Case("base", "", argv, env=env or {}), folder, patience=10)
+    assert outcome.code in (0, 1), (argv, outcome)
 
 
 def _remove(folder: Path, owner: int) -> None:
-    if os.getpid() == owner:  # not in a child
+    # Children end too, with the same functions registered.
+    if os.getpid() == owner:
         shutil.rmtree(folder, ignore_errors=True)

@@ -1,5 +1,4 @@
-"""Damage to compiled code on the disk: it is never loaded, and what is flown stays the same to the
-last bit."""
+"""Damaged compiled code on the disk is never loaded: flights stay the same to the last bit."""
 
 from __future__ import annotations
 
@@ -11,15 +10,14 @@ from pathlib import Path
 
 from tests.fuzz.base import FLIGHTS, SHORT, base, small
 from tests.fuzz.damage import damaged_bytes
-from tests.fuzz.harness import Case, Said
+from tests.fuzz.harness import Case, Outcome
 
 FLIGHT = ("fly", *FLIGHTS[0], *SHORT, "--json")
 HERE = {"XDG_CACHE_HOME": "{here}/cache"}
 
 
 def caches(rng: random.Random) -> Case:
-    """Mostly of a function that is compiled quickly; of a whole planner now and then, as that takes
-    seconds."""
+    """Return a case with damaged code of a small function, now and then of a whole planner."""
     seed = rng.randrange(2**32)
     if rng.random() < 0.12:
         prepare = partial(_damage, base().cache, seed)
@@ -27,9 +25,9 @@ def caches(rng: random.Random) -> Case:
             "caches",
             f"planner, seed {seed}",
             FLIGHT,
-            prepare,
-            _same_flight,
-            frozenset({0, 1}),
+            prepare=prepare,
+            after=_same_flight,
+            codes=frozenset({0, 1}),
             env=HERE,
         )
     prepare = partial(_damage, base().small_cache, seed)
@@ -37,9 +35,9 @@ def caches(rng: random.Random) -> Case:
         "caches",
         f"function, seed {seed}",
         ("cache",),
-        prepare,
-        _nothing_left,
-        frozenset({0}),
+        prepare=prepare,
+        after=_nothing_left,
+        codes=frozenset({0}),
         env=HERE,
         call=small,
     )
@@ -61,14 +59,11 @@ def _damage(source: Path, seed: int, folder: Path) -> None:
             path.write_bytes(damaged_bytes(rng, data))
 
 
-def _same_flight(_: Path, said: Said) -> str:
-    return (
-        ""
-        if json.loads(said.out)["digest"] == base().digest
-        else "another flight than from whole code"
-    )
+def _same_flight(_: Path, outcome: Outcome) -> str:
+    same = json.loads(outcome.out)["digest"] == base().digest
+    return "" if same else "another flight than from whole code"
 
 
-def _nothing_left(folder: Path, said: Said) -> str:
+def _nothing_left(folder: Path, _: Outcome) -> str:
     left = list((folder / "cache").rglob("*.tmp"))
     return f"left behind: {left}" if left else ""

@@ -1,5 +1,7 @@
-"""`race`, or a function, in a process forked from one that has loaded everything: no command waits
-for imports."""
+"""Commands in processes that are forked from one in which everything is loaded.
+
+So no command waits for imports.
+"""
 
 from __future__ import annotations
 
@@ -15,34 +17,47 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-PIPE = 1 << 20  # bytes that a command may print before anyone reads
+# [bytes] that a command may print before anyone reads.
+PIPE = 1 << 20
+
+
+def at_once() -> None:
+    """Do nothing before the command."""
 
 
 @dataclass(frozen=True)
 class Child:
-    """A command on its way, in a session of its own, with what it writes to stdout and stderr."""
+    """A running command in a session of its own, and the pipes behind its stdout and stderr."""
 
     pid: int
     reads: tuple[int, int]
 
     def finish(self) -> tuple[int, str, str]:
-        """Exit code, stdout, stderr."""
+        """Wait for the command. Return its exit code, stdout and stderr."""
         _, status = os.waitpid(self.pid, 0)
-        self.kill_all()  # workers that outlive it would hold its streams
-        return os.waitstatus_to_exitcode(status), *self.texts()
+        # Workers that outlive it would hold its streams.
+        self.kill_all()
+        out, err = self.texts()
+        return os.waitstatus_to_exitcode(status), out, err
 
     def kill(self, patience: float) -> bool:
-        """SIGKILL to it alone; whether its workers end too within so many seconds, else they are
-        killed. Where the machine does other things too, it is so many times longer."""
+        """Kill the command alone, then its workers if they do not end.
+
+        Args:
+            patience: time in which the workers have to end [s], longer on a busy machine.
+
+        Returns:
+            Whether the workers have ended by themselves.
+        """
         os.kill(self.pid, signal.SIGKILL)
         os.waitpid(self.pid, 0)
-        ended = self._alone(patience)
+        ended = self._workers_end(patience)
         self.kill_all()
         for read in self.reads:
             os.close(read)
         return ended
 
-    def _alone(self, patience: float) -> bool:
+    def _workers_end(self, patience: float) -> bool:
         until = time.monotonic() + patience * waiting()
         while time.monotonic() < until:
             try:
@@ -53,44 +68,56 @@ class Child:
         return False
 
     def kill_all(self) -> None:
-        """It and its workers."""
+        """Kill the command and its workers."""
         with suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
 
-    def texts(self) -> list[str]:
-        """stdout, stderr, to their ends."""
-        found = []
-        for read in self.reads:
-            with open(read, "rb") as pipe:
-                found.append(pipe.read().decode(errors="replace"))
-        return found
+    def texts(self) -> tuple[str, str]:
+        """Return stdout and stderr, to their ends."""
+        out, err = (_text(read) for read in self.reads)
+        return out, err
+
+
+def _text(read: int) -> str:
+    with open(read, "rb") as pipe:
+        return pipe.read().decode(errors="replace")
 
 
 def waiting() -> float:
-    """Programs that want a processor, for each that there is; at least 1."""
+    """Return how many programs want each processor; at least 1."""
     return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 def start(
     argv: Sequence[str],
     here: Path,
-    first: Callable[[], object] = lambda: None,
+    *,
+    first: Callable[[], object] = at_once,
     call: Callable[[], int] | None = None,
     to: str | None = None,
 ) -> Child:
-    """`race` with these words in this folder, or `call` in its place, which returns the exit code.
+    """Start `race`, or a function, in a child of this process.
 
-    first: is called in the child, before the command. to: the file that stdout is.
+    Args:
+        argv: the arguments of `race`.
+        here: the folder in which it runs.
+        first: is called in the child before the command.
+        call: a function in place of the command; it returns the exit code.
+        to: the file that stdout is; default: a pipe.
     """
-    pipes = [os.pipe() for _ in range(2)]
+    out_read, out_write = os.pipe()
+    err_read, err_write = os.pipe()
+    # What is buffered here would be printed by the child too.
     sys.stdout.flush()
     sys.stderr.flush()
-    if not (pid := os.fork()):
-        _run(argv, here, first, call, [to or pipes[0][1], pipes[1][1]])
-    for read, write in pipes:
+    pid = os.fork()
+    if not pid:
+        _run(argv, here, first, call, outputs=(to or out_write, err_write))
+    for write in (out_write, err_write):
         os.close(write)
+    for read in (out_read, err_read):
         fcntl.fcntl(read, fcntl.F_SETPIPE_SZ, PIPE)
-    return Child(pid, (pipes[0][0], pipes[1][0]))
+    return Child(pid, (out_read, err_read))
 
 
 def _run(
@@ -98,29 +125,26 @@ def _run(
     here: Path,
     first: Callable[[], object],
     call: Callable[[], int] | None,
-    outputs: list[int | str],
+    outputs: tuple[int | str, int],
 ) -> None:
-    """In the child; never returns. The exit code of an exception that nobody caught is Python's,
-    1."""
+    """Run the command in the child; never return.
+
+    The exit code of an exception that nobody has caught is 1, as Python's is.
+    """
     code = 1
     try:
         from quadsim.cli.cli import main
 
-        # as a member of a pool it could start no workers
+        # A member of a pool could start no workers.
         mp.current_process()._config["daemon"] = False
         os.setsid()
         os.chdir(here)
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-        for stream, out in enumerate(outputs, 1):
-            os.dup2(os.open(out, os.O_WRONLY | os.O_CREAT) if isinstance(out, str) else out, stream)
-        sys.stdin, sys.stdout, sys.stderr = (
-            open(i, "r" if i == 0 else "w", closefd=False)  # noqa: SIM115
-            for i in range(3)
-        )
+        _redirect(outputs)
         sys.argv = ["race", *argv]
         first()
-        code = call() if call else main()  # main() ends by SystemExit
+        # main() ends by SystemExit.
+        code = call() if call else main()
     except SystemExit as end:
         code = int(end.code or 0)
     except BaseException:
@@ -130,3 +154,14 @@ def _run(
             with suppress(Exception):
                 stream.flush()
         os._exit(code)
+
+
+def _redirect(outputs: tuple[int | str, int]) -> None:
+    """Read stdin from /dev/null, and write stdout and stderr to files or pipes."""
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    for stream, out in enumerate(outputs, 1):
+        target = os.open(out, os.O_WRONLY | os.O_CREAT) if isinstance(out, str) else out
+        os.dup2(target, stream)
+    sys.stdin = os.fdopen(0, "r", closefd=False)
+    sys.stdout = os.fdopen(1, "w", closefd=False)
+    sys.stderr = os.fdopen(2, "w", closefd=False)

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import json
 import random
+from collections.abc import Iterator
 from typing import Any
 
 WORDS = (
-    "", " ", "-1", "0", "-0.0", "1", "2", "3.5", "1e-9", "1e9", "1e400", "nan", "inf", "-inf", "9" * 30, "0x10",
-    "1_000", "1,2", "1:2:3", "true", "None", "null", "~", "[]", "{}", "x", "ä", "\x1b[31m", "a\tb", "a\nb", "'", '"',
-    "--", "-", "=", "%s", "[red]", "../..", ".", "/", "x" * 300,
-    "no.yaml", "x.y:Z",
+    "", " ", "-1", "0", "-0.0", "1", "2", "3.5", "1e-9", "1e9", "1e400", "nan", "inf", "-inf",
+    "9" * 30, "0x10", "1_000", "1,2", "1:2:3", "true", "None", "null", "~", "[]", "{}", "x", "ä",
+    "\x1b[31m", "a\tb", "a\nb", "'", '"', "--", "-", "=", "%s", "[red]", "../..", ".", "/",
+    "x" * 300, "no.yaml", "x.y:Z",
 )  # fmt: skip
 VALUES: tuple[Any, ...] = (
-    None, True, -1, 0, 1, 2**70, -0.5, 1e308, "", "x", "nan", [], [1], [[]], {}, {"x": 1}, "\x1b[2J", "../x", ["x"] * 3,
+    None, True, -1, 0, 1, 2**70, -0.5, 1e308, "", "x", "nan", [], [1], [[]], {}, {"x": 1},
+    "\x1b[2J", "../x", ["x"] * 3,
 )  # fmt: skip
+
+CHARACTERS = "{}[]:,&*!|>'\"%@#\x00\x7f\u2028é-"
 
 
 def damaged_bytes(rng: random.Random, data: bytes) -> bytes:
-    """Cut short, emptied, with bits changed, with a part lost, doubled or overwritten."""
+    """Return bytes cut short, emptied, with bits changed, or with a part lost or overwritten."""
     if not data:
         return rng.randbytes(10)
     a, b = sorted((rng.randrange(len(data)), rng.randrange(len(data) + 1)))
@@ -43,7 +47,7 @@ def damaged_bytes(rng: random.Random, data: bytes) -> bytes:
 
 
 def damaged_text(rng: random.Random, text: str) -> str:
-    """One or more lines lost, doubled, moved; a word replaced, a character lost or put in."""
+    """Return a text with lines lost, doubled or moved, and words or characters replaced."""
     for _ in range(rng.choice((1, 1, 2, 5))):
         lines = text.split("\n")
         i = rng.randrange(len(lines))
@@ -55,16 +59,13 @@ def damaged_text(rng: random.Random, text: str) -> str:
             case 2:
                 lines[i] = rng.choice((" ", "  ", "\t", "- ", "-")) + lines[i]
             case 3 | 4:
-                parts = (
-                    lines[i].replace(",", " , ").replace("]", " ]").replace("}", " }").split(" ")
-                )
+                spaced = lines[i].replace(",", " , ").replace("]", " ]").replace("}", " }")
+                parts = spaced.split(" ")
                 parts[rng.randrange(len(parts))] = rng.choice(WORDS)
                 lines[i] = " ".join(parts)
             case 5:
                 at = rng.randrange(len(lines[i]) + 1)
-                lines[i] = (
-                    lines[i][:at] + rng.choice("{}[]:,&*!|>'\"%@#\x00\x7f\u2028é-") + lines[i][at:]
-                )
+                lines[i] = lines[i][:at] + rng.choice(CHARACTERS) + lines[i][at:]
             case _:
                 at = rng.randrange(len(lines[i]) + 1)
                 lines[i] = lines[i][:at] + lines[i][at + 1 :]
@@ -73,8 +74,7 @@ def damaged_text(rng: random.Random, text: str) -> str:
 
 
 def damaged_json(rng: random.Random, text: str) -> str:
-    """Still JSON: a value somewhere replaced, lost, or under another name; now and then not JSON
-    any more."""
+    """Return JSON with values replaced, lost or renamed; now and then it is no JSON any more."""
     if rng.random() < 0.15:
         return damaged_text(rng, text)
     root = json.loads(text)
@@ -93,8 +93,8 @@ def damaged_json(rng: random.Random, text: str) -> str:
     return json.dumps(root)
 
 
-def _places(value: Any) -> Any:
-    """Every holder and key below a value, of long lists the first entries."""
+def _places(value: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield every holder and key below a value; of long lists the first entries."""
     if isinstance(value, dict):
         entries = list(value.items())
     else:

@@ -1,5 +1,4 @@
-"""Campaigns with damage to the file, to a table or to the JSON in a row are listed, compared and
-continued, with their searches."""
+"""Damaged campaigns: the file, its table, or the JSON in a row; listed, compared and continued."""
 
 from __future__ import annotations
 
@@ -15,8 +14,9 @@ from tests.fuzz.damage import VALUES, damaged_bytes, damaged_json
 from tests.fuzz.harness import Case
 
 TABLE = (
-    "DROP TABLE attempts", "DELETE FROM attempts", "PRAGMA user_version = 99", "PRAGMA user_version = 1",
-    "PRAGMA user_version = 0", "ALTER TABLE attempts RENAME COLUMN result TO results",
+    "DROP TABLE attempts", "DELETE FROM attempts", "PRAGMA user_version = 99",
+    "PRAGMA user_version = 1", "PRAGMA user_version = 0",
+    "ALTER TABLE attempts RENAME COLUMN result TO results",
     "ALTER TABLE attempts RENAME TO flown", "ALTER TABLE attempts ADD COLUMN more TEXT",
     "DROP TABLE attempts; CREATE TABLE attempts (key TEXT)", "UPDATE attempts SET seed = 0",
     "DROP TABLE trials", "DELETE FROM trial_params", "UPDATE trials SET state = 'x'", "DELETE FROM alembic_version",
@@ -24,12 +24,16 @@ TABLE = (
 
 
 def databases(rng: random.Random) -> Case:
-    seed, ids = rng.randrange(2**32), campaign_base().variants
-    argv = rng.choice(
-        (("results",), ("results", "--json"), ("results", *ids), ("results", *ids, "--json"))
-    )
-    if rng.random() < 0.3:
-        argv = rng.choice((COMPARE, TUNE, TUNE))
+    """Return a case with a damaged campaign, mostly listed, now and then continued."""
+    seed = rng.randrange(2**32)
+    ids = campaign_base().variants
+    listings = (("results",), ("results", "--json"), ("results", *ids), ("results", *ids, "--json"))
+    argv = rng.choice(listings)
+    kind = rng.random()
+    if kind < 0.1:
+        argv = COMPARE
+    elif kind < 0.25:
+        argv = TUNE
     return Case("databases", f"seed {seed}: {' '.join(argv)}", argv, partial(_damage, seed))
 
 
@@ -51,20 +55,21 @@ def _damage(seed: int, folder: Path) -> None:
 
 
 def _damage_row(rng: random.Random, db: sqlite3.Connection) -> None:
-    """One cell of one row, or of all."""
+    """Change one cell, of one row or of all."""
     db.row_factory = sqlite3.Row
     row = rng.choice(db.execute("SELECT rowid, * FROM attempts").fetchall())
-    column = rng.choice(["result"] * 4 + ["spec"] * 3 + [c for c in row.keys() if c != "rowid"])  # noqa: SIM118
+    names = [name for name in tuple(row.keys()) if name != "rowid"]
+    column = rng.choice(["result"] * 4 + ["spec"] * 3 + names)
     if column in ("result", "spec") and rng.random() < 0.85:
         value = damaged_json(rng, row[column])
     else:
-        value = rng.choice(
-            [v for v in VALUES if isinstance(v, str | int | float | bytes) and abs_less(v)]
-        )
+        value = rng.choice([value for value in VALUES if _fits(value)])
     where = "" if rng.random() < 0.2 else f" WHERE rowid = {row['rowid']}"
     db.execute(f"UPDATE OR IGNORE attempts SET {column} = ?{where}", (value,))
 
 
-def abs_less(value: object) -> bool:
-    """Whether SQLite can hold it."""
-    return not isinstance(value, int) or abs(value) < 2**63
+def _fits(value: object) -> bool:
+    """Return whether SQLite can hold a value."""
+    if isinstance(value, int):
+        return abs(value) < 2**63
+    return isinstance(value, str | float | bytes)

@@ -1,8 +1,8 @@
-"""Disks that fill, and outputs that cannot be written: what was there stays, and nothing looks
-finished that is not.
+"""Disks that fill, and outputs that cannot be written.
 
-A disk fills where a file reaches the largest size that the process may write (RLIMIT_FSIZE): the
-same half-written file, the same error from write(), without a file system of its own.
+Older files stay, and nothing looks finished that is not. A disk fills where a file reaches the
+largest size that the process may write (RLIMIT_FSIZE): it leaves the same half-written file and
+the same error from write(), without a file system of its own.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from quadsim.record.archive import list_runs, load_run
 from quadsim.record.run import RunError
 from tests.fuzz.base import COMPARE, FLIGHTS, SHORT, base, campaign_base
 from tests.fuzz.damage import WORDS
-from tests.fuzz.harness import Case, Said
+from tests.fuzz.harness import Case, Outcome
 
 OLD = b"an older file, whole"
 READERS = (
@@ -32,8 +32,10 @@ KINDS = {"--csv": "csv", "--zip": "zip", "--html": "html"}
 
 
 def exports(rng: random.Random) -> Case:
-    """A run exported or drawn over an older file, on a disk that fills; or to a place that cannot
-    be written."""
+    """Return a case that exports or draws a run.
+
+    It writes over an older file on a disk that fills, or to a place that cannot be written.
+    """
     kind = rng.choice([*KINDS, "plot"])
     command = ("plot",) if kind == "plot" else ("export", kind)
     if rng.random() < 0.4:
@@ -55,14 +57,13 @@ def exports(rng: random.Random) -> Case:
 
 
 def disks(rng: random.Random) -> Case:
-    """A flight, a comparison or a report on a disk that fills."""
-    kind, size = rng.random(), rng.choice((0, 100, rng.randrange(5000), rng.randrange(60_000)))
+    """Return a case with a flight, a comparison or a report on a disk that fills."""
+    kind = rng.random()
+    size = rng.choice((0, 100, rng.randrange(5000), rng.randrange(60_000)))
     label = f"disk of {size} bytes"
     if kind < 0.5:
         argv = ("fly", *rng.choice(FLIGHTS), *SHORT)
-        return Case(
-            "disks", f"{label}: {argv}", argv, lambda _: None, _nothing_looks_finished, fsize=size
-        )
+        return Case("disks", f"{label}: {argv}", argv, after=_nothing_looks_finished, fsize=size)
     if kind < 0.6:
         return Case(
             "disks", f"{label}: compare", COMPARE, _with_campaign, _campaign_stays, fsize=size
@@ -90,23 +91,22 @@ def _with_campaign(folder: Path) -> None:
     shutil.copytree(campaign_base().campaign, folder / "campaigns")
 
 
-def _older_or_whole(folder: Path, said: Said) -> str:
-    """After an error every older file is as it was, and nothing else is there."""
-    if said.code == 0:
+def _older_or_whole(folder: Path, outcome: Outcome) -> str:
+    """Claim that after an error every older file is as it was, and nothing else is there."""
+    if outcome.code == 0:
         return ""
     if (folder / "old").read_bytes() != OLD:
         return "the older file is lost"
-    left = sorted(
-        p.name
-        for p in folder.iterdir()
-        if p.name not in ("runs", "old", "figures", "pipe", "to-null")
-    )
-    left += [p.name for p in folder.glob("figures/*")]
+    before = {"runs", "old", "figures", "pipe", "to-null"}
+    left = sorted(path.name for path in folder.iterdir() if path.name not in before)
+    left += [path.name for path in folder.glob("figures/*")]
     return f"left behind: {left}" if left else ""
 
 
-def _nothing_looks_finished(folder: Path, said: Said) -> str:
-    for path in list_runs(folder / "runs") if (folder / "runs").exists() else ():
+def _nothing_looks_finished(folder: Path, _: Outcome) -> str:
+    """Claim that every run that is listed can be read."""
+    runs = folder / "runs"
+    for path in list_runs(runs) if runs.exists() else ():
         try:
             load_run(path)
         except RunError as error:
@@ -114,8 +114,8 @@ def _nothing_looks_finished(folder: Path, said: Said) -> str:
     return ""
 
 
-def _campaign_stays(folder: Path, said: Said) -> str:
-    """Rows from before are still there."""
+def _campaign_stays(folder: Path, _: Outcome) -> str:
+    """Claim that the rows from before are still there."""
     from quadsim.campaign.store import Store
 
     try:

@@ -1,10 +1,9 @@
-"""Variables and streams of a stranger's shell, each command in an interpreter of its own."""
+"""Environment variables and closed streams, each command in an interpreter of its own."""
 
 from __future__ import annotations
 
 import random
 import shutil
-from functools import partial
 from pathlib import Path
 
 from tests.fuzz.base import FLIGHTS, SHORT, base
@@ -39,21 +38,29 @@ VARIABLES = {
     "OPENBLAS_NUM_THREADS": ("0", "x", "1"),
 }
 COMMANDS = (
-    ("fly", *FLIGHTS[0], *SHORT), ("fly", *FLIGHTS[0], *SHORT, "--json"), ("courses",), ("show",), ("plot",),
-    ("export", "--csv"), ("check", "here.yaml"), ("fly", "--help"), ("fly", "split_s_swfit"), ("--complete", "fly", ""),
-)  # fmt: skip
+    ("fly", *FLIGHTS[0], *SHORT),
+    ("fly", *FLIGHTS[0], *SHORT, "--json"),
+    ("courses",),
+    ("show",),
+    ("plot",),
+    ("export", "--csv"),
+    ("check", "here.yaml"),
+    ("fly", "--help"),
+    ("fly", "split_s_swfit"),
+)
 
 
 def environments(rng: random.Random) -> Case:
-    """One or two variables, and now and then a closed stream."""
+    """Return a case with one or two variables, and now and then closed streams."""
     names = rng.sample(sorted(VARIABLES), rng.choice((1, 1, 2)))
     env = {name: rng.choice(VARIABLES[name]) for name in names}
-    closed = (
-        tuple(sorted(rng.sample(range(3), rng.choice((1, 2, 3))))) if rng.random() < 0.3 else ()
-    )
+    closed: tuple[int, ...] = ()
+    if rng.random() < 0.3:
+        closed = tuple(sorted(rng.sample(range(3), rng.choice((1, 2, 3)))))
     argv = rng.choice(COMMANDS)
-    label = f"{' '.join(f'{k}={v!r}' for k, v in env.items())} {' '.join(argv)} closed: {closed}"
-    return Case("environments", label, argv, partial(_with_run), env=env, closed=closed, fresh=True)
+    variables = " ".join(f"{name}={value!r}" for name, value in env.items())
+    label = f"{variables} {' '.join(argv)} closed: {closed}"
+    return Case("environments", label, argv, _with_run, env=env, closed=closed, fresh=True)
 
 
 def _with_run(folder: Path) -> None:

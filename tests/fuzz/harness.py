@@ -1,8 +1,8 @@
-"""Commands with seeded damage, each in a process forked from one that has loaded everything, and
-what they may do.
+"""Commands with seeded damage, and what no command may do.
 
-No traceback, no hang, only documented exit codes, one line of plain text for an error; what each
-case claims besides (nothing half-written that looks finished) is checked by its `after`.
+A command runs in a process that is forked from one in which everything is loaded. It may not end in
+a traceback or hang; its exit code is a documented one, and an error is one line of plain text. What
+a case claims besides, for example that nothing half-written looks finished, its `after` checks.
 """
 
 from __future__ import annotations
@@ -24,109 +24,134 @@ from pathlib import Path
 
 from tests.fuzz.children import Child, start, waiting
 
-HANG = 60.0  # [s]; on a machine that does other things too, of processor time or of doing nothing
-# [s] of the clock on the wall, and as many times longer as programs wait for each processor
+# [s] of processor time, or of doing nothing, after which a command counts as hanging.
+HANG = 60.0
+# [s] of wall time, and as many times longer as programs wait for each processor.
 LATEST = 300.0
-# finished, not finished, usage or bad file, interrupted, the reader of a pipe has left
-CODES = {0, 1, 2, 130, 141}
-# [bytes] of address space: what reads without an end fails before the machine does
+# Finished, not finished, usage or bad file, interrupted, the reader of a pipe has left.
+CODES = frozenset({0, 1, 2, 130, 141})
+# [bytes] of address space: a command that reads without an end fails before the machine does.
 MEMORY = 8 << 30
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 RACE = "import sys; from quadsim.cli.cli import main; main()"
 
 
 @dataclass(frozen=True)
-class Said:
-    """What a command left: its exit code (None: it was killed for hanging), and what it wrote."""
+class Outcome:
+    """The exit code of a command (None: it was killed for hanging), and what it has printed."""
 
     code: int | None
     out: str
     err: str
 
 
+def nothing(_: Path) -> None:
+    """Prepare nothing."""
+
+
+def no_claim(_: Path, __: Outcome) -> str:
+    """Claim nothing besides the rules that hold for every command."""
+    return ""
+
+
 @dataclass(frozen=True)
 class Case:
     """One command in a folder of its own.
 
-    prepare(folder): makes what is damaged; after(folder, said): what is wrong besides, or "".
-    codes: exit codes that are right here. fsize: largest file that may be written [bytes], as on a
-    disk that fills.
-    env: other variables, {here} in them is the folder; closed: streams without a file (0, 1, 2).
-    fresh: in an interpreter of its own, as libraries read variables when they are loaded.
-    call: in the place of a command, returns its exit code.
+    Attributes:
+        kind: the generator that made the case.
+        label: what is damaged, and how.
+        argv: the command.
+        prepare: makes the damaged files in the folder.
+        after: returns what is wrong with the folder and the outcome, or "".
+        codes: exit codes that are right here.
+        fsize: largest file that may be written [bytes], as on a disk that fills.
+        env: environment variables; {here} in them is the folder.
+        fresh: whether an interpreter of its own is needed, as libraries read variables when they
+            are loaded.
+        call: a function in place of a command; it returns the exit code.
+        closed: numbers of the standard streams that are closed.
+        to: the file that stdout is, for example /dev/full.
     """
 
     kind: str
     label: str
     argv: tuple[str, ...]
-    prepare: Callable[[Path], object] = lambda _: None
-    after: Callable[[Path, Said], str] = lambda *_: ""
-    codes: frozenset[int] = field(default=frozenset(CODES))
+    prepare: Callable[[Path], object] = nothing
+    after: Callable[[Path, Outcome], str] = no_claim
+    codes: frozenset[int] = CODES
     fsize: int | None = None
     env: dict[str, str] = field(default_factory=dict)
     fresh: bool = False
     call: Callable[[], int] | None = None
     closed: tuple[int, ...] = ()
-    to: str | None = None  # the file that stdout is, for example /dev/full
+    to: str | None = None
 
 
 def run(case: Case) -> str:
-    """What is wrong with what the command did, or ""."""
+    """Return what is wrong with what the command did, or ""."""
     folder = Path(tempfile.mkdtemp(prefix="quadsim-fuzz-"))
     try:
         case.prepare(folder)
-        said = _fresh(case, folder) if case.fresh else forked(case, folder)
-        return wrong(case, said) or case.after(folder, said)
+        outcome = _fresh(case, folder) if case.fresh else forked(case, folder)
+        return wrong(case, outcome) or case.after(folder, outcome)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def wrong(case: Case, said: Said) -> str:
-    """Against the rules that hold for every command."""
-    text = said.err + said.out
-    if said.code is None:
+def wrong(case: Case, outcome: Outcome) -> str:
+    """Return which rule that holds for every command is broken, or ""."""
+    text = outcome.err + outcome.out
+    if outcome.code is None:
         return f"hangs: more than {HANG:g} s"
     if "Traceback" in text or "Exception ignored" in text:
         return f"traceback: {text.strip().splitlines()[-1]}"
-    if said.code not in case.codes:
-        return f"exit code {said.code}, expected {sorted(case.codes)}: {said.err[-200:]!r}"
-    if found := CONTROL.search(said.err):
-        return f"control character {found.group()!r} in stderr: {said.err[:200]!r}"
-    lines = said.err.splitlines()
-    if said.code == 2 and case.argv[:1] != ("check",) and 2 not in case.closed:
-        if not lines:
-            return "exit code 2 without a word"
-        said_errors = [line for line in lines if line.startswith(("race ", "race:"))]
-        if len(said_errors) != 1:
-            return f"expected one line that says what is wrong, got {said.err[:300]!r}"
+    if outcome.code not in case.codes:
+        return f"exit code {outcome.code}, expected {sorted(case.codes)}: {outcome.err[-200:]!r}"
+    control = CONTROL.search(outcome.err)
+    if control:
+        return f"control character {control.group()!r} in stderr: {outcome.err[:200]!r}"
+
+    # `check` prints its findings to stdout, and a closed stderr shows nothing.
+    if outcome.code != 2 or case.argv[:1] == ("check",) or 2 in case.closed:
+        return ""
+    lines = outcome.err.splitlines()
+    if not lines:
+        return "exit code 2 and no message"
+    errors = [line for line in lines if line.startswith(("race ", "race:"))]
+    if len(errors) != 1:
+        return f"expected one line with the error, got {outcome.err[:300]!r}"
     return ""
 
 
-def forked(case: Case, folder: Path, patience: int = 1) -> Said:
-    """In a child of this process, in which all modules are loaded but no thread runs yet."""
-    return _wait(
-        start(case.argv, folder, partial(_limit, case, folder), case.call, case.to), patience
-    )
+def forked(case: Case, folder: Path, patience: int = 1) -> Outcome:
+    """Run a case in a child of this process, in which all is loaded but no thread runs yet."""
+    first = partial(_limit, case, folder)
+    child = start(case.argv, folder, first=first, call=case.call, to=case.to)
+    return _wait(child, patience)
 
 
 def _limit(case: Case, folder: Path) -> None:
-    """In the child."""
+    """Set the limits and variables of a case; called in the child."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     if case.fsize is not None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (case.fsize, case.fsize))
     os.environ.update(_variables(case, folder))
 
 
-def _wait(child: Child, patience: int) -> Said:
-    """Until the child ends, or hangs: then it and what it started are killed."""
-    began, pid = time.monotonic(), 0
+def _wait(child: Child, patience: int) -> Outcome:
+    """Wait until the child ends. If it hangs, kill it and what it has started."""
+    began = time.monotonic()
+    pid, status = 0, 0
     while not pid and not _hangs(child.pid, (time.monotonic() - began) / patience):
         time.sleep(0.005)
         pid, status = os.waitpid(child.pid, os.WNOHANG)
-    child.kill_all()  # and workers that outlive their parent
+    # Workers may outlive their parent.
+    child.kill_all()
     if not pid:
         os.waitpid(child.pid, 0)
-    return Said(os.waitstatus_to_exitcode(status) if pid else None, *child.texts())
+    code = os.waitstatus_to_exitcode(status) if pid else None
+    return Outcome(code, *child.texts())
 
 
 def _variables(case: Case, folder: Path) -> dict[str, str]:
@@ -134,40 +159,52 @@ def _variables(case: Case, folder: Path) -> dict[str, str]:
 
 
 def _hangs(child: int, seconds: float) -> bool:
-    """Whether it has computed for HANG, or has had HANG and computed next to nothing, or is
-    LATEST."""
+    """Return whether a child hangs after so many seconds.
+
+    It hangs if it has computed for HANG, or has computed next to nothing in that time, or if it is
+    later than LATEST.
+    """
     if seconds < HANG:
         return False
-    time.sleep(0.2)  # the processes of a machine are not read in haste
+    # Reading all processes of the machine takes a while: not at every poll.
+    time.sleep(0.2)
     return not 2.0 < _computed(child) < HANG or seconds > LATEST * waiting()
 
 
 def _computed(session: int) -> float:
-    """By a command and its workers [s]."""
+    """Return the processor time of a command and its workers [s]."""
     ticks = 0
     for path in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):  # ended meanwhile
+        # The process may have ended meanwhile.
+        with suppress(OSError):
             fields = path.read_text().rpartition(")")[2].split()
-            ticks += int(fields[11]) + int(fields[12]) if int(fields[3]) == session else 0
+            if int(fields[3]) == session:
+                ticks += int(fields[11]) + int(fields[12])
     return ticks / os.sysconf("SC_CLK_TCK")
 
 
-def _fresh(case: Case, folder: Path) -> Said:
-    """With variables of its own, which libraries read when they are loaded."""
+def _fresh(case: Case, folder: Path) -> Outcome:
+    """Run a case in an interpreter of its own."""
     command = [sys.executable, "-c", RACE, *case.argv]
     if case.closed:
         shut = " ".join(f"{i}{'<' if i == 0 else '>'}&-" for i in case.closed)
         command = ["sh", "-c", f'exec "$@" {shut}', "sh", *command]
-    out = open(case.to, "w") if case.to else subprocess.PIPE  # noqa: SIM115
-    env = {k: v for k, v in (os.environ | _variables(case, folder)).items() if v != "unset"}
+    env = os.environ | _variables(case, folder)
     child = subprocess.Popen(
-        command, cwd=folder, env=env, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.PIPE,
-        text=True, errors="replace", start_new_session=True,
-    )  # fmt: skip
+        command,
+        cwd=folder,
+        env={name: value for name, value in env.items() if value != "unset"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        start_new_session=True,
+    )
     try:
-        texts = child.communicate(timeout=LATEST * waiting())
+        out, err = child.communicate(timeout=LATEST * waiting())
     except subprocess.TimeoutExpired:
         os.killpg(child.pid, signal.SIGKILL)
         child.communicate()
-        return Said(None, "", "")
-    return Said(child.returncode, *(text or "" for text in texts))
+        return Outcome(None, "", "")
+    return Outcome(child.returncode, out or "", err or "")

@@ -1,5 +1,7 @@
-"""What a command has left in its folder: attempts, files, and whether anything looks finished that
-is not."""
+"""What a command has left in its folder.
+
+It holds attempts, trials and files, and shows whether anything looks finished that is not.
+"""
 
 from __future__ import annotations
 
@@ -11,85 +13,105 @@ from collections import Counter
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 OLD = b"an older file, whole"
-PAGE = 4096  # the smallest part of a tmpfs [bytes]
+# The smallest part of a tmpfs [bytes].
+PAGE = 4096
+# The time at the beginning of a run's name.
+TIME = re.compile(r"\d{8}T\d{6}Z_")
+# SQLite's own two files come and go with its readers.
+BESIDE = re.compile(r"\.sqlite-(wal|shm)$")
+RUN = re.compile(r"^runs/[^/]+/(run|telemetry|events)\.[a-z]+$")
+
+
+class Attempt(NamedTuple):
+    """A row of a campaign."""
+
+    variant: str
+    seed: int
+    folder: str
+    digest: str
+
+    @property
+    def known_by(self) -> tuple[str, int]:
+        """Return what no two attempts share."""
+        return self.variant, self.seed
 
 
 @dataclass(frozen=True)
 class State:
     """What a command has left in its folder."""
 
-    files: Counter  # names without what differs from flight to flight
-    rows: dict[tuple, str]  # (variant, seed) -> digest of each attempt kept
-    twice: list[tuple]  # attempts that are there more than once
+    files: Counter  # names without the times, which differ from flight to flight
+    rows: dict[tuple[str, int], str]  # digest of each attempt that is kept
+    twice: list[tuple[str, int]]  # attempts that are there more than once
     loose: list[str]  # folders of telemetry without a row, rows without a folder
-    trials: int  # of searches, finished
+    trials: int  # of a search, finished
 
     @classmethod
     def of(cls, folder: Path) -> State:
-        rows = [row for path in folder.rglob("*.sqlite") for row in _rows(path)]
-        counts = Counter(row[:2] for row in rows)
-        named = {
-            str(path.parent / row[2])
-            for path in folder.rglob("*.sqlite")
-            for row in _rows(path)
-            if row[2]
-        }
-        there = {str(p) for flights in folder.rglob("*.flights") for p in flights.iterdir()}
+        """Return the state of a folder."""
+        attempts: list[Attempt] = []
+        named: set[str] = set()
+        trials = 0
+        for path in folder.rglob("*.sqlite"):
+            found = _attempts(path)
+            attempts += found
+            named |= {str(path.parent / attempt.folder) for attempt in found if attempt.folder}
+            trials += _trials(path)
+        counts = Counter(attempt.known_by for attempt in attempts)
+        there = {str(path) for flights in folder.rglob("*.flights") for path in flights.iterdir()}
+        files = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
         return cls(
-            files=Counter(
-                _general(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()
-            ),
-            rows={row[:2]: row[3] for row in rows},
-            twice=[row for row, n in counts.items() if n > 1],
+            files=Counter(_general(path) for path in files),
+            rows={attempt.known_by: attempt.digest for attempt in attempts},
+            twice=[key for key, n in counts.items() if n > 1],
             loose=sorted(named ^ there),
-            trials=sum(_trials(path) for path in folder.rglob("*.sqlite")),
+            trials=trials,
         )
 
 
-def _rows(path: Path) -> list[tuple]:
-    try:
-        with closing(sqlite3.connect(path)) as db:
-            found = db.execute("SELECT variant, seed, folder, result FROM attempts").fetchall()
-    except sqlite3.OperationalError:  # no table yet
-        return []
+def _attempts(path: Path) -> list[Attempt]:
+    rows = _query(path, "SELECT variant, seed, folder, result FROM attempts")
     return [
-        (variant, seed, folder, json.loads(result)["digest"])
-        for variant, seed, folder, result in found
+        Attempt(variant, seed, folder, json.loads(result)["digest"])
+        for variant, seed, folder, result in rows
     ]
 
 
 def _trials(path: Path) -> int:
-    """Return the number of finished trials of the searches in a campaign."""
-    query = "SELECT COUNT(*) FROM trials WHERE state = 'COMPLETE'"
+    return len(_query(path, "SELECT trial_id FROM trials WHERE state = 'COMPLETE'"))
+
+
+def _query(path: Path, query: str) -> list[tuple]:
+    """Return the rows of a query; none where there is no such table yet."""
     try:
         with closing(sqlite3.connect(path)) as db:
-            return db.execute(query).fetchone()[0]
-    except sqlite3.OperationalError:  # no search yet
-        return 0
+            return db.execute(query).fetchall()
+    except sqlite3.OperationalError:
+        return []
 
 
 def _general(path: Path) -> str:
-    """Its time and hashes differ from flight to flight; SQLite's own two files come and go with its
-    readers."""
-    name = re.sub(r"\d{8}T\d{6}Z_", "", str(path))
-    return (
-        re.sub(r"\.sqlite-(wal|shm)$", ".sqlite", name)
-        if name.endswith((".sqlite-wal", ".sqlite-shm"))
-        else name
-    )
+    """Return a name without what differs from flight to flight."""
+    return BESIDE.sub(".sqlite", TIME.sub("", str(path)))
 
 
 def left_behind(files: Counter, wanted: Counter) -> str:
-    """A flight of `race fly` that was kept just before the kill is there twice."""
-    run = re.compile(r"^runs/[^/]+/(run|telemetry|events)\.[a-z]+$")
-    more, missing = {name for name in files - wanted if not run.search(name)}, set(wanted - files)
-    return f"left behind {sorted(more)}, missing {sorted(missing)}" if more or missing else ""
+    """Return which files are there too often and which are missing, or "".
+
+    A flight of `race fly` that was kept just before the kill is rightly there twice.
+    """
+    more = {name for name in files - wanted if not RUN.search(name)}
+    missing = set(wanted - files)
+    if not more and not missing:
+        return ""
+    return f"left behind {sorted(more)}, missing {sorted(missing)}"
 
 
 def half(folder: Path) -> str:
-    """What looks finished and is not."""
+    """Return what looks finished and is not, or ""."""
     for path in folder.rglob("run.json"):
         if not path.parent.name.endswith(".part"):
             try:
@@ -98,16 +120,20 @@ def half(folder: Path) -> str:
             except (ValueError, OSError, zipfile.BadZipFile) as error:
                 return f"half a run: {path}: {error}"
     for path in folder.rglob("*.csv"):
-        if not path.parent.parent.name.endswith(
-            (".flights", "runs")
-        ) and not path.read_bytes().endswith(b"\r\n"):
+        of_a_run = path.parent.parent.name.endswith((".flights", "runs"))
+        if not of_a_run and not _whole_csv(path):
             return f"half a file: {path}"
     old = folder / "old"
-    if old.exists() and old.read_bytes() != OLD and not old.read_bytes().endswith(b"\r\n"):
+    if old.exists() and old.read_bytes() != OLD and not _whole_csv(old):
         return "the older file is damaged"
     return ""
 
 
+def _whole_csv(path: Path) -> bool:
+    return path.read_bytes().endswith(b"\r\n")
+
+
 def room(folder: Path) -> int:
-    """Whole pages of all files, and one for every folder [bytes]."""
-    return sum(-(-max(p.stat().st_size, 1) // PAGE) * PAGE for p in folder.rglob("*"))
+    """Return the whole pages of all files, and one for every folder [bytes]."""
+    sizes = [max(path.stat().st_size, 1) for path in folder.rglob("*")]
+    return sum(-(-size // PAGE) * PAGE for size in sizes)

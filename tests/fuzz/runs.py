@@ -1,4 +1,4 @@
-"""Stored runs with damage in one of their files, read by every command that reads runs."""
+"""Stored runs with one damaged file, read by every command that reads runs."""
 
 from __future__ import annotations
 
@@ -15,33 +15,38 @@ from tests.fuzz.damage import damaged_bytes, damaged_json
 from tests.fuzz.harness import Case
 
 READERS = (
-    ("show",), ("show", "--json"), ("plot",), ("export", "--csv"), ("export", "--zip"), ("export", "--html"),
-    ("export", "last", "good", "--html", "--out", "two.html"),
+    ("show",), ("show", "--json"), ("plot",), ("export", "--csv"), ("export", "--zip"),
+    ("export", "--html"), ("export", "last", "good", "--html", "--out", "two.html"),
 )  # fmt: skip
+
+FILES = ("run.json", "run.json", "run.json", "telemetry.npz", "telemetry.npz", "events.csv")
 
 
 def runs(rng: random.Random) -> Case:
-    """A run with one damaged file: its readers refuse it with one line, or read what was not
-    damaged."""
-    name = rng.choice(
-        ("run.json", "run.json", "run.json", "telemetry.npz", "telemetry.npz", "events.csv")
-    )
-    seed, argv = rng.randrange(2**32), rng.choice(READERS)
-    return Case(
-        "runs",
-        f"{name} damaged by seed {seed}: {' '.join(argv)}",
-        argv,
-        partial(_damage, name, seed),
-    )
+    """Return a case with one damaged file of a run.
+
+    Its readers refuse it with one line, or read the part that was not damaged.
+    """
+    name = rng.choice(FILES)
+    seed = rng.randrange(2**32)
+    argv = rng.choice(READERS)
+    label = f"{name} damaged by seed {seed}: {' '.join(argv)}"
+    return Case("runs", label, argv, partial(_damage_one, name, seed))
 
 
-def _damage(name: str, seed: int, folder: Path) -> None:
+def _damage_one(name: str, seed: int, folder: Path) -> None:
     rng = random.Random(seed)
     source = rng.choice(base().runs)
     shutil.copytree(source, folder / "runs" / "good")
-    run = folder / "runs" / f"9{source.name}"  # the last by its time too
+    # The command reads the last run, by its time, which begins the name.
+    run = folder / "runs" / f"9{source.name}"
     shutil.copytree(source, run)
-    path = run / name
+    damage(rng, run / name)
+
+
+def damage(rng: random.Random, path: Path) -> None:
+    """Damage one file of a run."""
+    name = path.name
     if rng.random() < 0.1:
         path.unlink()
         path.mkdir()
@@ -54,17 +59,22 @@ def _damage(name: str, seed: int, folder: Path) -> None:
 
 
 def _other_arrays(rng: random.Random, data: bytes) -> bytes:
-    """A whole npz with one column lost, renamed, of another length, type, shape or of other
-    numbers."""
+    """Return a whole npz in which one column is lost, renamed, or of another kind."""
     with np.load(io.BytesIO(data)) as loaded:
         arrays: dict = {k: loaded[k] for k in loaded.files}
     name = rng.choice(sorted(arrays))
     column = arrays.pop(name)
-    made = (
-        dict, lambda: {"x": column}, lambda: {name: column[:-1]}, lambda: {name: column.astype(np.float32)},
-        lambda: {name: column[None]}, lambda: {name: column * np.nan}, lambda: {name: np.array(["x"] * len(column))},
-        lambda: {name: column + 1}, lambda: {name: np.zeros(0)},
-    )  # fmt: skip
+    replacements: list[dict] = [
+        {},
+        {"x": column},
+        {name: column[:-1]},
+        {name: column.astype(np.float32)},
+        {name: column[None]},
+        {name: column * np.nan},
+        {name: np.array(["x"] * len(column))},
+        {name: column + 1},
+        {name: np.zeros(0)},
+    ]
     buffer = io.BytesIO()
-    np.savez(buffer, **arrays | rng.choice(made)())
+    np.savez(buffer, **arrays | rng.choice(replacements))
     return buffer.getvalue()

@@ -1,5 +1,4 @@
-"""The commands that are disturbed, each small enough to run in seconds, and what they do
-undisturbed."""
+"""The commands that are disturbed, each of a few seconds, and what they do undisturbed."""
 
 from __future__ import annotations
 
@@ -8,7 +7,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from tests.fuzz.children import Child, start
@@ -20,8 +19,15 @@ start: {position: [0, 0, 1.5], yaw_deg: 0}
 gates:
   - {position: [1.5, 0, 1.5], yaw_deg: 0}
 """
-SMALL = ("--samples", "128", "--horizon", "20", "--iterations", "1", "--jobs", "1", "--timeout")
-COMMAND_MODULES = ("fly", "campaign.compare", "campaign.tune", "paper")
+PLANNER = ("--samples", "128", "--horizon", "20", "--iterations", "1")
+CAMPAIGN = ("near.yaml", *PLANNER, "--jobs", "1")
+SEARCH = ("--trials", "2", "--attempts", "1", "--floor", "0", "--search", "sigma")
+COMMANDS: dict[str, tuple[str, ...]] = {
+    "fly": ("fly", "paper_flat", *PLANNER, "--timeout", ".3"),
+    "compare": ("compare", *CAMPAIGN, "--timeout", ".2", "--attempts", "3", "--out", "report"),
+    "tune": ("tune", *CAMPAIGN, "--timeout", "2", *SEARCH),
+    "export": ("export", "last", "--csv", "--out", "old"),
+}
 LIBRARIES = (
     "controllers.lanes.lanes",
     "pybullet",
@@ -29,30 +35,10 @@ LIBRARIES = (
     "web.page.export",
     "optuna",
 )
-LOADED = (*(f"quadsim.cli.{name}" for name in COMMAND_MODULES), *LIBRARIES)
-COMMANDS: dict[str, tuple[str, ...]] = {
-    "fly": ("fly", "paper_flat", *SMALL[:-3], "--timeout", ".3"),
-    "compare": ("compare", "near.yaml", *SMALL, ".2", "--attempts", "3", "--out", "report"),
-    "tune": (
-        "tune",
-        "near.yaml",
-        *SMALL,
-        "2",
-        "--trials",
-        "2",
-        "--attempts",
-        "1",
-        "--floor",
-        "0",
-        "--search",
-        "sigma",
-    ),
-    "paper": ("paper", "offroad", "--runs", "2"),
-    "export": ("export", "last", "--csv", "--out", "old"),
-}
 
 
 def prepare(command: str, folder: Path, stored: Path | None) -> None:
+    """Make the files that a command reads."""
     (folder / "near.yaml").write_text(NEAR)
     if command == "export" and stored:
         shutil.copytree(stored, folder / "runs" / stored.name)
@@ -60,21 +46,13 @@ def prepare(command: str, folder: Path, stored: Path | None) -> None:
 
 
 def run(command: str, folder: Path) -> Child:
-    return start(COMMANDS[command], folder, smaller if command == "paper" else lambda: None)
-
-
-def smaller() -> None:
-    """The paper's experiment with a small planner and for a moment only."""
-    from quadsim.paper import offroad
-
-    offroad.CONFIG = replace(offroad.CONFIG, samples=128, horizon=20, iterations=1)
-    offroad.COLD = replace(offroad.CONFIG, temperature=0.02)
-    offroad.TIMEOUT = 0.3
+    """Start a command."""
+    return start(COMMANDS[command], folder)
 
 
 @dataclass(frozen=True)
 class Reference:
-    """The command undisturbed."""
+    """A command undisturbed."""
 
     code: int
     state: State
@@ -84,16 +62,20 @@ class Reference:
 
     @classmethod
     def of(cls, command: str, stored: Path | None) -> Reference:
+        """Run a command to its end."""
         with temporary_folder() as folder:
             prepare(command, folder, stored)
-            before, began = room(folder), time.monotonic()
+            before = room(folder)
+            began = time.monotonic()
             code, _, err = run(command, folder).finish()
+            seconds = time.monotonic() - began
             assert code in (0, 1), err
-            return cls(code, State.of(folder), time.monotonic() - began, room(folder), before)
+            return cls(code, State.of(folder), seconds, room(folder), before)
 
 
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
+    """Yield a new folder, which is removed in the end."""
     path = Path(tempfile.mkdtemp(prefix="quadsim-moment-"))
     try:
         yield path

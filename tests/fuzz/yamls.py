@@ -1,4 +1,4 @@
-"""Courses, vehicles, presets and baselines with damage in their text, checked and flown."""
+"""Courses, vehicles, presets and baselines with damaged texts, checked and flown."""
 
 from __future__ import annotations
 
@@ -12,14 +12,18 @@ from tests.fuzz.damage import damaged_bytes, damaged_text
 from tests.fuzz.flags import TINY
 from tests.fuzz.harness import Case
 
-PRESET = "base: race\nmppi: {samples: 128, horizon: 20, target_ess: 20}\ncost: {progress: 2.0}\nsampling: {gamma: 0.5}\n"
+PRESET = """base: race
+mppi: {samples: 128, horizon: 20, target_ess: 20}
+cost: {progress: 2.0}
+sampling: {gamma: 0.5}
+"""
 SHORT = tuple(word for pair in TINY.items() for word in pair)
 VARIANT = "+".join(f"{name[2:]}={value}" for name, value in TINY.items())
 BASELINE = f"course: figure8\nvariant: {VARIANT}\nattempts: 4\n"
 
 
 def texts() -> dict[str, list[str]]:
-    """What is damaged, by kind."""
+    """Return the texts that are damaged, by kind."""
     root = Path(COURSES)
     courses = [p.read_text() for p in sorted(root.glob("**/*.yaml"))]
     return {
@@ -31,15 +35,16 @@ def texts() -> dict[str, list[str]]:
 
 
 def yamls(rng: random.Random) -> Case:
-    """One damaged file; mostly `check`, as it does everything that a flight does before it
-    flies."""
+    """Return a case with one damaged file.
+
+    It is mostly checked, as `race check` does everything that a flight does before it flies.
+    """
     kind = rng.choice(("course", "course", "course", "vehicle", "vehicle", "preset", "baseline"))
     text = rng.choice(texts()[kind])
-    damaged = (
-        damaged_text(rng, text).encode()
-        if rng.random() < 0.85
-        else damaged_bytes(rng, text.encode())
-    )
+    if rng.random() < 0.85:
+        damaged = damaged_text(rng, text).encode()
+    else:
+        damaged = damaged_bytes(rng, text.encode())
     flown = {"course": ("fly", "f.yaml"), "vehicle": ("fly", "paper_flat", "--vehicle", "f.yaml")}
     flown |= {"preset": ("fly", "paper_flat", "--preset", "f.yaml")}
     if kind == "baseline":
@@ -47,13 +52,7 @@ def yamls(rng: random.Random) -> Case:
     elif rng.random() < 0.7:
         argv = ("check", "f.yaml", *(["--json"] * rng.choice((0, 0, 1))))
     else:
-        few = tuple(
-            w
-            for pair in TINY.items()
-            for w in pair
-            if not (kind == "preset" and pair[0] in ("--samples",))
-        )
-        argv = (*flown[kind], *few)
+        argv = (*flown[kind], *SHORT)
     return Case("yaml", f"{kind} {' '.join(argv)} {damaged!r}", argv, partial(_write, damaged))
 
 
