@@ -6,6 +6,7 @@ import quadsim
 from quadsim import Spec
 from quadsim.dynamics.quadrotor import quadrotor
 from quadsim.physics.plant import PlantState
+from quadsim.spec.build import start_of
 
 WIND = 1.5  # acceleration to the left [m/s^2]
 
@@ -16,7 +17,7 @@ class Windy:
     def __init__(self, spec: Spec):
         self.dt = spec.plant_dt
         self.system = quadrotor(replace(spec.model, drag=0.3), self.dt)
-        self.state = PlantState(0.0, spec.entry.start(spec), contacts=())
+        self.state = PlantState(0.0, start_of(spec), contacts=())
 
     def step(self, u: tuple[float, ...]) -> PlantState:
         """Advance the world by dt under the control u, and return its state."""

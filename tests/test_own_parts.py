@@ -14,6 +14,7 @@ from controllers.plan import PlanStats
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.physics.plant import PlantState
 from quadsim.race.events import Event
+from quadsim.spec.build import start_of
 
 SMALL = {"samples": 256, "horizon": 50, "iterations": 1, "laps": 1, "timeout": 0.3}
 FLAGS = [word for name, number in SMALL.items() for word in (f"--{name}", str(number))]
@@ -62,7 +63,7 @@ class Free:
     def __init__(self, spec):
         self.dt = spec.plant_dt
         self.system = quadrotor(replace(spec.model, drag=0.0), self.dt)
-        self.state = PlantState(0.0, spec.entry.start(spec), ())
+        self.state = PlantState(0.0, start_of(spec), ())
 
     def step(self, u):
         x = self.system.next(self.state.x, u)

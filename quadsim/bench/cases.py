@@ -149,7 +149,7 @@ def starting(case: Case) -> Start:
     if case.system == QUADROTOR:
         spec = Spec.of(COURSE, preset=PRESET, sampler=case.sampler, **budget)
         x = start_state(spec.course.start, spec.vehicle.radius)
-        return Start(planner_of(spec, spec.streams.planner), np.array(x))
+        return Start(planner_of(spec), np.array(x))
     system = PAPER_SYSTEMS[case.system]
     config = replace(system.config, **budget)
     return Start(system.planner(system.samplings[case.sampler], config), np.array(system.start))

@@ -73,9 +73,9 @@ def _in_turn(specs: Sequence[Spec], repetition: int) -> Iterator[list[StepTime]]
     with ExitStack() as stack:
         flights = []
         for spec in specs:
-            plant, controller, referee = build(spec)
-            stack.enter_context(closing(plant))
-            flights.append(launch(spec, plant, controller, referee))
+            parts = build(spec)
+            stack.enter_context(closing(parts.plant))
+            flights.append(launch(spec, parts))
         for step in count(repetition):
             order = range(len(flights)) if step % 2 else reversed(range(len(flights)))
             times = {i: _timed(flights[i]) for i in order}

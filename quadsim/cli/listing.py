@@ -12,11 +12,9 @@ from msgspec import Meta
 from rich.markup import escape
 from rich.table import Table
 
-from controllers.presets import PRESETS
 from quadsim.cli.flags import Help, Json
 from quadsim.console import UsageError, complain, emit, emit_json, plain_table, width
 from quadsim.course import COURSES, Course, course_names, load_course, parse_course
-from quadsim.dynamics.quadrotor import CONTROL_UNITS
 from quadsim.files.atomic import replace_file
 from quadsim.files.data_files import locate, read_text
 from quadsim.files.strict_yaml import FileError, parse
@@ -31,7 +29,7 @@ from quadsim.sensing.sensing_file import (
     parse_sensing,
     sensing_names,
 )
-from quadsim.spec.preset_file import parse_planner
+from quadsim.spec.presets import parse_planner
 from quadsim.vehicle import GRAVITY, VEHICLES, Vehicle, load_vehicle, parse_vehicle, vehicle_names
 
 # Columns of the terminal before the published times, and of those at least
@@ -197,8 +195,7 @@ def describe(text: str, file: str) -> Described:
 
 
 def _describe_preset(text: str, file: str) -> Described:
-    units = ", ".join(CONTROL_UNITS.values())
-    planner = parse_planner(text, file, "colored", PRESETS, units)
+    planner = parse_planner(text, file, "colored")
     try:
         load_vehicle(planner.vehicle)
     except FileError as error:

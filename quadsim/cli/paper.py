@@ -10,7 +10,7 @@ from msgspec import Meta
 
 from quadsim.cli.flags import Help, Json, RunsDir
 from quadsim.console import UsageError, emit, emit_json
-from quadsim.files.yaml_words import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean
 
 if TYPE_CHECKING:
     from quadsim.paper.result import Result  # --help does not wait for matplotlib

@@ -23,7 +23,7 @@ from quadsim.learn.reward import RewardWeights
 from quadsim.learn.starts import start_rows
 from quadsim.race.referee import check
 from quadsim.spec.settings import SettingError
-from quadsim.spec.systems import SYSTEMS
+from quadsim.spec.spec import default_timeout
 from quadsim.streams import start_stream
 from quadsim.vehicle import Vehicle, load_vehicle
 
@@ -151,8 +151,7 @@ def task(
     for one, count in zip(courses, laps_of_each, strict=True):
         check(one, count, SweptGates(one.gates, vehicle.radius).all, vehicle.radius)
     if settings.get("time_limit") is None:
-        timeout = SYSTEMS["quadrotor"].timeout
-        longest = max(timeout(c, n) for c, n in zip(courses, laps_of_each, strict=True))
+        longest = max(default_timeout(c, n) for c, n in zip(courses, laps_of_each, strict=True))
         settings["time_limit"] = longest
     return LearningTask(courses, vehicle, laps_of_each, rewards=_weights(reward), **settings)
 

@@ -238,9 +238,9 @@ def values_of(planner: Planner, model: ModelParams) -> dict[str, SettingValue]:
         "model": model,
     }
     found = {}
-    for name, setting in SETTINGS.items():
-        part = parts.get(setting.group)
-        kind = setting.kinds.get(type(part))
+    for name, row in SETTINGS.items():
+        part = parts.get(row.group)
+        kind = row.kinds.get(type(part))
         if kind is not None:
-            found[name] = SettingValue(setting, kind, getattr(part, setting.field))
+            found[name] = SettingValue(row, kind, getattr(part, row.field))
     return found

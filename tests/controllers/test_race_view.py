@@ -11,6 +11,7 @@ from controllers.lanes.planner_loops import module_source
 from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
 from quadsim.rotation import exp, matrix, product
+from quadsim.spec.build import cost_on
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
@@ -77,7 +78,7 @@ def test_the_lanes_compute_it_where_it_has_a_weight_alone():
 
 def test_it_is_flown_where_a_camera_has_to_find_gates():
     spec = Spec.of("split_s_swift", sensing="gates", view_weight=2.0)
-    cost = spec.entry.cost(spec)
+    cost = cost_on(spec, spec.course)
     assert cost.term_names[-1] == "view"
     assert cost.terms[-1].weight == 2.0
     assert Spec.of("split_s_swift", sensing="gates").record().get("view_weight") is None

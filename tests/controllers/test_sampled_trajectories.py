@@ -6,7 +6,7 @@ import pytest
 from controllers.costs.race import TERMS
 from controllers.sampled_trajectories import controls, sampled_trajectories, take_snapshot
 from quadsim.race.flight import SNAPSHOT_EVERY, simulate
-from quadsim.spec.build import build, launch
+from quadsim.spec.build import FlightParts, build, launch
 from quadsim.spec.spec import Spec
 
 
@@ -21,7 +21,7 @@ def flight():
 
 def flown(flight, frames=3):
     spec, plant, mppi, referee = flight
-    stream = launch(spec, plant, mppi, referee)
+    stream = launch(spec, FlightParts(plant, mppi, referee))
     return [next(stream) for _ in range(frames)], mppi
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import quadsim
+from quadsim.spec.build import cost_on
 from quadsim.spec.spec import Spec
 
 COURSES = sorted(Path(__file__).parent.glob("*.yaml"))
@@ -65,6 +66,6 @@ def test_frames_that_a_plan_minds_do_not_grow_with_the_number_of_gates():
         spec = Spec.of(line(gates))
         x = np.zeros(17)
         x[:3] = 120.0, 0.0, 2.0
-        minded[gates] = spec.entry.cost(spec).obstacles.near(x, 1.5)[:, 6].tolist()
+        minded[gates] = cost_on(spec, spec.course).obstacles.near(x, 1.5)[:, 6].tolist()
     assert minded[60] == minded[200]
     assert len(minded[200]) < 30

@@ -4,12 +4,10 @@ import re
 from threading import Event
 
 from browser_cases import choose, field, press, waited
-from quadsim.spec.systems import SYSTEMS
 from web_cases import COURSE
 
-from controllers.presets import PRESETS
 from quadsim.course import load_course
-from quadsim.spec.settings import settings_of
+from web.choices import planner_settings
 from web.race import PageRace
 
 OWN_LAPS = f"course ({load_course(COURSE).laps})"
@@ -69,13 +67,12 @@ def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, gli
         page.get_by_text(group, exact=True).click()
         # what opens moves the groups below it, and a click would miss them
         field(page, number).first.wait_for()
-    settings = settings_of(SYSTEMS["quadrotor"], PRESETS["race"]["colored"])
+    settings = planner_settings("race", "swift", "colored")
     labels = page.locator("label").all_inner_texts()
-    for name, setting in settings.items():
-        if setting.group != "flight":
-            shown = name.removeprefix("model.").replace("_", " ")
-            wanted = re.compile(rf"{shown}( rates| thrust| scale)?( \[.*\])?", re.IGNORECASE)
-            assert any(wanted.fullmatch(label) for label in labels), name
+    for name, found in settings.items():
+        shown = found.setting.field.replace("_", " ")
+        wanted = re.compile(rf"{shown}( rates| thrust| scale)?( \[.*\])?", re.IGNORECASE)
+        assert any(wanted.fullmatch(label) for label in labels), name
     field(page, "Horizon [steps]").first.fill("100")
     field(page, "Law").first.click()
     page.get_by_role("option", name="paper").click()
