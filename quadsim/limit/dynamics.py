@@ -125,6 +125,7 @@ class RotorDynamics(Dynamics):
     name = "rotors"
 
     def __init__(self, vehicle: Vehicle, rotors: Rotors):
+        """Take a vehicle and its rotors."""
         self._vehicle = vehicle
         self._rotors = rotors
         self._mixer = mixer(rotors)

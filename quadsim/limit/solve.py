@@ -38,6 +38,7 @@ class Watch(casadi.Callback):
     """A callback that reports each iteration; an exception in `show` stops the optimiser."""
 
     def __init__(self, variables: int, constraints: int, show: Show):
+        """Take the numbers of variables and constraints of the program, and see Show."""
         casadi.Callback.__init__(self)
         # Sizes of the outputs of a solver, which are the inputs of its callback
         self._sizes = {

@@ -126,6 +126,7 @@ class Interval:
     """One interval of a model, as functions of CasADi that are made once."""
 
     def __init__(self, model: Dynamics):
+        """Make the functions of a model."""
         self._model = model
         self._scale = state_scale(model)
         x = casadi.SX.sym("x", len(model.low))

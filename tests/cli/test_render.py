@@ -11,13 +11,14 @@ from quadsim.cli import render
 from quadsim.cli.cli import race
 
 SMALL = "width: 64\nheight: 36\nfx: 32\nfy: 32\ntilt_deg: 20\n"
+# Command -> the beginning of its error: the setting or the name that is wrong
 MISTAKES = {
-    "render split_s_swfit": "no run or course 'split_s_swfit': did you mean 'split_s_swift'?",
-    "render nothing": "no runs in 'runs': fly one, or say --runs-dir",
-    "render split_s_swift --vary light,texture": "--vary: no 'texture': did you mean 'textures'?",
-    "render split_s_swift --camera agp": "no camera 'agp': did you mean 'aigp'?, or a FILE.yaml",
-    "render split_s_swift --frames 0": "--frames: expected a whole number >= 1 and <= 100000, got 0",
-    "render split_s_swift --out small.yaml": "small.yaml: expected a folder, got a file",
+    "render split_s_swfit": "no run or course 'split_s_swfit'",
+    "render nothing": "no runs in 'runs'",
+    "render split_s_swift --vary light,texture": "--vary: no 'texture'",
+    "render split_s_swift --camera agp": "no camera 'agp'",
+    "render split_s_swift --frames 0": "--frames: ",
+    "render split_s_swift --out small.yaml": "small.yaml: ",
 }
 
 
@@ -34,9 +35,9 @@ def here(tmp_path, monkeypatch):
 @pytest.mark.parametrize("words", MISTAKES)
 def test_a_mistake_is_one_line(words, here, capsys):
     assert race(words.split()) == 2
-    said = capsys.readouterr()
-    assert said.err.startswith(f"race render: {MISTAKES[words]}")
-    assert (said.out, said.err.count("\n")) == ("", 1)
+    written = capsys.readouterr()
+    assert written.err.startswith(f"race render: {MISTAKES[words]}")
+    assert (written.out, written.err.count("\n")) == ("", 1)
     assert [path.name for path in here.iterdir()] == ["small.yaml"]
 
 
@@ -71,8 +72,9 @@ def test_ctrl_c_leaves_whole_pictures_and_says_how_many(here, capsys, monkeypatc
     monkeypatch.setattr(render, "open_pool", lambda jobs: Broken())
     words = ["render", "figure8", "--camera", "small.yaml", "--frames", "9"]
     assert race(words) == 130
-    said = "race render: interrupted, 4 of 9 pictures are whole: the same command goes on\n"
-    assert capsys.readouterr().err == said
+    err = capsys.readouterr().err
+    assert err.startswith("race render: interrupted, 4 of 9 ")
+    assert err.count("\n") == 1
     monkeypatch.setattr(render, "open_pool", lambda jobs: Pool())
     assert race(words) == 0
     assert "9 pictures in pictures: 5 made" in capsys.readouterr().out

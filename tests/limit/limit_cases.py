@@ -65,7 +65,7 @@ def solved(case: Waypoints, intervals: int) -> Solution:
 
     began = 0.0
     before = first
-    for point in case.points:
+    for i, point in enumerate(case.points, start=1):
         h_guess = max(dist(before, point), SHORT * SPEED) / SPEED / intervals
         h = program.variable(
             "h", np.array([h_guess]), FASTEST * h_guess, SLOWEST * h_guess, INTERVAL
@@ -80,7 +80,7 @@ def solved(case: Waypoints, intervals: int) -> Solution:
             states.append(after)
             controls.append(u)
             x = after
-        if case.start and point is case.points[-1]:
+        if case.start and i == len(case.points):
             program.hold(x[POSITION] - casadi.DM(point), 0.0, 0.0)
             program.hold(x[VELOCITY], 0.0, 0.0)
         else:
