@@ -1,9 +1,9 @@
-"""Run MPPI in your own loop: control(x) returns the next control, the simulator is yours."""
+"""MPPI in somebody else's loop: control(x) gives the next control, the simulator is yours."""
 
 import numpy as np
 
-from controllers import MPPI, Colored, MPPIConfig
 from controllers.costs.quadratic import quadratic_cost
+from quadsim import MPPI, Colored, MPPIConfig
 from quadsim.paper.double_integrator import double_integrator
 
 DT = 0.05
