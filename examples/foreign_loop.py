@@ -1,8 +1,8 @@
-"""Run MPPI in your own loop: control(x) returns the next control, the simulator is yours."""
+"""MPPI in somebody else's loop: control(x) gives the next control, the simulator is yours."""
 
 import numpy as np
 
-from controllers import MPPI, Colored, MPPIConfig
+from quadsim import MPPI, Colored, MPPIConfig
 from quadsim.paper.integrator import double_integrator, quadratic_cost
 
 DT = 0.05

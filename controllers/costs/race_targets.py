@@ -35,11 +35,10 @@ class Margin(NamedTuple):
 
 
 class GateTarget(NamedTuple):
-    """A target row describes a place that a sample flies to: the exit of a gate, a point beside an
-    obstacle, or a point behind the finish.
+    """A target row describes a place that a sample flies to.
 
-    The picture in controllers.costs.race shows the sizes. Positions and directions are those of the
-    world.
+    It is the exit of a gate, a point beside an obstacle, or a point behind the finish. The picture
+    in controllers.costs.race shows the sizes. Positions and directions are those of the world.
     """
 
     # Position of the exit: the middle of the opening, where the vehicle is clear of the frame

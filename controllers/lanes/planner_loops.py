@@ -2,12 +2,15 @@
 
 `rollout` computes the costs of every block of samples; `paths` computes the positions of one block,
 and each term. `module_source` returns the text that is compiled; print it with
-`race bench --show-code`. For a point mass with a cost of one term its core reads
+`race bench --show-code`. For a point mass on a line with a cost of one term its core reads
 
     for t in range(T):
         plan_ax = U[t, 0]
+        ...
         weight_distance = cost_numbers[k_t, 0]
         for l in range(L):
+            x_px = state[0, l]
+            x_vx = state[1, l]
             # the control, within its limits
             u_ax = lower(higher(plan_ax + n_t * block[0, t0 + t, l], low_ax), high_ax)
             # point: step

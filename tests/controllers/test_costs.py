@@ -512,10 +512,10 @@ def room_left(params):
     return minimum.reduce(apart)
 
 
-# in the middle of the way when the point would be there
+# The disc is in the middle of the way when the point would be there.
 CROSSING = along(0.0, -2.4, 0.0, 3.0, CONFIG.horizon)
 
 
-def test_a_plan_keeps_clear_of_a_disc_that_will_cross_its_way_and_not_of_one_that_is_taken_to_stand_still():
+def test_a_plan_keeps_clear_of_a_disc_only_where_its_crossing_is_predicted():
     assert room_left(CROSSING) > RADIUS - 0.05
     assert room_left(Point(*(float(value[0]) for value in CROSSING))) < 0.5 * RADIUS

@@ -1,5 +1,4 @@
-"""What the counter-based generator promises: Philox's words, N(0, 1) far into the tails,
-independence over every index.
+"""The counter-based generator: published numbers, N(0, 1) far into the tails, independence.
 
 Each statistic is a distance from its expectation in standard errors, and each has a negative
 control.
@@ -90,7 +89,7 @@ def tensor():
         ),
     ],
 )
-def test_philox_gives_the_published_words(counter, key, words):
+def test_philox_gives_the_published_numbers(counter, key, words):
     """kat_vectors of Random123 (Salmon et al. 2011); the third is the digits of pi."""
     assert philox(*np.array(counter + key, np.uint32)) == words
 

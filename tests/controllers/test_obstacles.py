@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from oracle import fly_rows, to_lanes
 from race_cases import ALL, DT, RADIUS, ROW, course, gate, state
-from test_rollout_oracle import SYSTEM, assert_agree, controls, fly_lanes, launch
+from test_rollout_oracle import SYSTEM, assert_agree, controls, fly_lanes, launch, out_of_reach
 
 from controllers.costs import Cost, Term, crash
 from controllers.costs.frames import (
@@ -72,38 +72,30 @@ def test_where_the_vehicle_is_within_the_margin_of_a_frame_the_margin_is_given_u
     assert touches(p, p + np.array((0.0, SAFETY_MARGIN / 2, 0.0)), tight)
 
 
+def paid_for_obstacles(cost, T):
+    """The cost of frames and obstacles for a vehicle that flies straight on at 10 m/s."""
+    x0 = launch((0.0, 0.0, 20.0), (10.0, 0.0, 0.0))
+    U = np.tile(SYSTEM.rest, (T, 1))
+    still = np.zeros((1, 4, T), np.float32)
+    with_obstacles = fly_lanes(cost, x0, U, still)[0]
+    without = fly_lanes(out_of_reach(cost), x0, U, still)[0]
+    return with_obstacles - without
+
+
 @pytest.mark.parametrize("y", [0.0, 1.2, 3.0])
 def test_a_frame_that_is_not_next_is_a_crash_in_the_lanes(y):
     """The way to the next gate leads past another: through its opening, at its bar, beside it."""
     there = course(gate(40.0), gate(4.0, y))
-    cost = race_cost(there, RADIUS, replace(ALL, clearance=0.0), 1)
-    alone = race_cost(course(gate(40.0)), RADIUS, replace(ALL, clearance=0.0), 1)
-    x0, U = launch((0.0, 0.0, 20.0), (10.0, 0.0, 0.0)), np.tile(SYSTEM.rest, (60, 1))
-    still = np.zeros((1, 4, 60), np.float32)
-    crashed = (
-        fly_lanes(cost, x0, U, still)[0] - fly_lanes(replace(cost, obstacles=None), x0, U, still)[0]
-    )
-    assert (crashed > 0.0) == (y == 1.2)
-    assert (
-        fly_lanes(alone, x0, U, still)[0]
-        == fly_lanes(replace(alone, obstacles=None), x0, U, still)[0]
-    )
+    assert (paid_for_obstacles(race_cost(there, RADIUS, ALL, 1), 60) > 0.0) == (y == 1.2)
+    assert paid_for_obstacles(race_cost(course(gate(40.0)), RADIUS, ALL, 1), 60) == 0.0
 
 
 def test_a_crash_is_paid_from_where_it_happened():
     """A bar .4 s ahead: what remains of the horizon after it, to a line's length."""
-    cost = race_cost(course(gate(40.0), gate(4.0, 1.2)), RADIUS, replace(ALL, clearance=0.0), 1)
+    cost = race_cost(course(gate(40.0), gate(4.0, 1.2)), RADIUS, ALL, 1)
     for T in (50, 60, 113):
-        x0, U, still = (
-            launch((0.0, 0.0, 20.0), (10.0, 0.0, 0.0)),
-            np.tile(SYSTEM.rest, (T, 1)),
-            np.zeros((1, 4, T)),
-        )
-        paid = (
-            fly_lanes(cost, x0, U, still)[0]
-            - fly_lanes(replace(cost, obstacles=None), x0, U, still)[0]
-        )
-        assert paid * T / ALL.crash == pytest.approx(T - 4.0 / (10.0 * DT), abs=8)
+        steps_paid = paid_for_obstacles(cost, T) * T / ALL.crash
+        assert steps_paid == pytest.approx(T - 4.0 / (10.0 * DT), abs=8)
 
 
 def test_samples_past_the_finish_touch_nothing():
@@ -113,7 +105,7 @@ def test_samples_past_the_finish_touch_nothing():
     last = len(cost.targets) - 1
     np.testing.assert_array_equal(
         fly_lanes(cost, x0, U, z, target=last),
-        fly_lanes(replace(cost, obstacles=None), x0, U, z, target=last),
+        fly_lanes(out_of_reach(cost), x0, U, z, target=last),
     )
 
 

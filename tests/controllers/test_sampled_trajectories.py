@@ -1,4 +1,4 @@
-"""Claims about what is shown of the planner."""
+"""Claims about the sampled trajectories and snapshots of a planner."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_samples_are_ranked_and_begin_where_the_vehicle_is(flight):
 
 
 def test_a_cheapest_sample_flown_again_costs_what_it_cost(flight):
-    """What is shown is flown by the sampled controls themselves."""
+    """The shown paths are flown by the sampled controls themselves."""
     _, mppi = flown(flight)
     last = mppi.last
     best = np.argsort(last.J)[:5]
@@ -64,7 +64,7 @@ def test_looking_changes_nothing(flight):
     assert temperature == mppi.temperature
 
 
-def test_a_flight_with_pictures_is_the_flight_without(flight):
+def test_a_flight_with_snapshots_is_the_flight_without(flight):
     spec, plant, mppi, referee = flight
     seen = flown(flight, 12)[0]
     plant.close()
@@ -74,7 +74,7 @@ def test_a_flight_with_pictures_is_the_flight_without(flight):
         assert (a.x, a.u, a.cost) == (b.x, b.u, b.cost)
 
 
-def test_a_picture_is_kept_now_and_then(flight):
+def test_a_snapshot_is_kept_now_and_then(flight):
     frames, _ = flown(flight, 2 * SNAPSHOT_EVERY + 1)
     kept = [k for k, frame in enumerate(frames) if frame.snapshot is not None]
     assert kept == [0, SNAPSHOT_EVERY, 2 * SNAPSHOT_EVERY]
@@ -82,12 +82,12 @@ def test_a_picture_is_kept_now_and_then(flight):
     assert list(frames[0].snapshot.terms) == list(TERMS)
 
 
-def test_a_picture_is_the_fan_and_the_terms_of_the_plan(flight):
+def test_a_snapshot_is_the_sampled_trajectories_and_the_terms_of_the_plan(flight):
     _, mppi = flown(flight)
     seen = take_snapshot(mppi)
     assert np.allclose(seen.best, sampled_trajectories(mppi, 8, 16).paths, atol=0.006)
     assert seen.terms == sampled_trajectories(mppi).terms
 
 
-def test_there_is_no_picture_before_the_first_plan(flight):
+def test_there_is_no_snapshot_before_the_first_plan(flight):
     assert take_snapshot(flight[2]) is None

@@ -1,5 +1,6 @@
-"""What every registered sampler promises, whatever its law. The laws of colored noise are in
-test_colored.
+"""Properties of every registered sampler, whatever its law.
+
+The laws of colored noise are in test_colored.
 
 A new sampler is found by its line in SAMPLERS: numbers per control are given to it by the name of
 the field, every choice of its further fields is a case.
