@@ -1,5 +1,7 @@
-"""The pictures of concepts.md, in some minutes: `.venv/bin/python docs/concept_figures.py [NAME
-...]`."""
+"""The pictures of concepts.md, all of them or by name; they take some minutes.
+
+.venv/bin/python docs/concept_figures.py [NAME ...]
+"""
 
 from __future__ import annotations
 
@@ -26,11 +28,13 @@ from quadsim.paper.integrator import double_integrator, quadratic_cost
 from quadsim.spec.build import build, launch, navigation_of
 
 FOLDER = Path(__file__).parent
-COLORED, WHITE = style("colored").colour, style("gaussian").colour
+COLORED = style("colored").colour
+WHITE = style("gaussian").colour
 SIZE = (9.0, 3.4)  # [inch]
 
 
 def main() -> None:
+    """Draw the pictures that the command line names, or all."""
     plt.rcParams.update(STYLE | {"figure.dpi": 130, "figure.constrained_layout.use": True})
     figures = (weights_and_temperature, noise, gates_in_the_rollout, randomized_seeds, adaptation)
     for draw in figures:
@@ -39,13 +43,13 @@ def main() -> None:
 
 
 def point_planner(sampler: Any, horizon: int = 40, **numbers: Any) -> MPPI:
-    """Of a point mass in the plane, on its way to the origin."""
+    """Return a planner of a point mass in the plane, on its way to the origin."""
     config = MPPIConfig(samples=512, horizon=horizon, dt=0.05, **numbers)
     return MPPI(double_integrator(0.05), quadratic_cost((0.0, 0.0)), sampler, config)
 
 
 def weights_and_temperature() -> Any:
-    """One iteration: samples coloured by weight; how the temperature spreads the weights."""
+    """Draw samples of one iteration coloured by weight, and the weights by temperature."""
     figure, (plane, curve) = plt.subplots(1, 2, figsize=SIZE)
     mppi = point_planner(Colored((2.0, 2.0), (2.0, 2.0)), temperature=3.0, iterations=1)
     x = np.array([2.0, 1.0, -0.5, 1.0])
@@ -83,7 +87,7 @@ def weights_and_temperature() -> Any:
 
 
 def noise() -> Any:
-    """White and colored noise of the same variance, and how far a point mass gets with each."""
+    """Draw white and colored noise of one variance, and how far a point mass gets with each."""
     figure, (series, reach) = plt.subplots(1, 2, figsize=SIZE)
     t, x = 0.05 * np.arange(80), np.zeros(4)
     for sampler, colour, name in (
@@ -111,13 +115,13 @@ def noise() -> Any:
 
 
 def perturbations(mppi: MPPI, count: int = 30) -> np.ndarray:
-    """Of the last iteration, without samples 0 and 1.  (count, n_u, T)"""
+    """Return those of the last iteration, without samples 0 and 1.  (count, n_u, T)"""
     which = np.arange(2, 2 + count)
     return controls(mppi, mppi.last, which) - mppi.last.centre.T
 
 
 def flown_until(spec: Spec, t: float) -> MPPI:
-    """The planner of a flight at time t [s]."""
+    """Return the planner of a flight at time t [s]."""
     plant, controller, referee = build(spec)
     for frame in launch(spec, plant, controller, referee):
         if frame.t >= t:
@@ -127,8 +131,7 @@ def flown_until(spec: Spec, t: float) -> MPPI:
 
 
 def gates_in_the_rollout() -> Any:
-    """A plan through two gates: each sample is drawn to the next gate once it is through the last
-    one."""
+    """Draw a plan through two gates: samples turn to the next gate once through the last."""
     figure, axes = plt.subplots(figsize=(9.0, 3.8))
     spec = Spec.of("figure8", laps=1)
     mppi = flown_until(spec, 1.96)
@@ -164,7 +167,7 @@ def gates_in_the_rollout() -> Any:
 
 
 def by_target(path: np.ndarray, mppi: MPPI) -> Iterator[tuple[int, np.ndarray]]:
-    """The parts of a path (points, 3) with the target that each is on the way to."""
+    """Yield the parts of a path (points, 3) with the target that each is on the way to."""
     target, first = mppi.last.target, 0
     for k in range(1, len(path)):
         row = GateTarget(*mppi.cost.targets[target])
@@ -177,7 +180,7 @@ def by_target(path: np.ndarray, mppi: MPPI) -> Iterator[tuple[int, np.ndarray]]:
 
 
 def randomized_seeds() -> Any:
-    """Six seeds of domain randomization, from above, and what they drew."""
+    """Draw flights of six seeds of domain randomization, from above, and their vehicles."""
     figure, (above, bars) = plt.subplots(1, 2, figsize=SIZE, width_ratios=(2, 1))
     names = {"mass": "mass", "thrust": "full thrust", "drag": "drag", "motor_lag": "rotor lag"}
     for seed in range(6):
@@ -206,7 +209,7 @@ def randomized_seeds() -> Any:
 
 
 def adaptation() -> Any:
-    """Thrust gain as estimated in flight, of a vehicle whose mass is not that of its model."""
+    """Draw the thrust gain estimated in flight, of a vehicle whose model has another mass."""
     figure, axes = plt.subplots(figsize=(9.0, 2.8))
     spec = Spec.of("figure8", laps=1, seed=3, randomize=1.0)
     plant, mppi, referee = build(spec)

@@ -17,8 +17,6 @@ from quadsim.render.frames import Pictures
 from quadsim.render.poses import drawn_poses
 from quadsim.sensing.camera import Camera
 from quadsim.streams import (
-    LookStreams,
-    SensorStreams,
     Streams,
     course_stream,
     double_integrator_streams,
@@ -40,14 +38,14 @@ SEEDS = (0, 1, 7, 10**6, 2**40 + 3)
 CAMERA = Camera(64, 48, 60.0, 60.0, 20.0)
 
 
-def words(stream):
+def generated(stream):
     """Return the numbers by which a generator is seeded."""
     return stream.generate_state(8).tolist()
 
 
 def assert_same(stream, before):
     """Claim that both streams seed the same generators, and that their children do."""
-    assert words(stream) == words(before)
+    assert generated(stream) == generated(before)
     np.testing.assert_array_equal(
         np.random.default_rng(stream).random(5),
         np.random.default_rng(before).random(5),
@@ -160,15 +158,15 @@ def test_streams_of_one_seed_are_objects_of_their_own_with_keys_of_their_own(nam
     for one, other in combinations(every, 2):
         assert one is not other
         assert (one.entropy, one.spawn_key) != (other.entropy, other.spawn_key)
-        assert words(one) != words(other)
+        assert generated(one) != generated(other)
 
 
 def test_streams_of_two_seeds_and_of_two_pictures_differ():
     for one, other in zip(quadrotor_streams(3), quadrotor_streams(4), strict=True):
-        assert words(one) != words(other)
+        assert generated(one) != generated(other)
     of_pictures = [*look_streams(0, 0), *look_streams(0, 1), pose_stream(0, 0), pose_stream(0, 1)]
     for one, other in combinations(of_pictures, 2):
-        assert words(one) != words(other)
+        assert generated(one) != generated(other)
     assert fresh_seed() != fresh_seed()
 
 
@@ -181,32 +179,25 @@ def test_drawing_from_a_stream_or_appending_one_changes_no_other():
     streams.vehicle.spawn(10)
     sensor_streams(streams.sensors)
     for one, other in zip(streams, untouched, strict=True):
-        assert words(one) == words(other)
+        assert generated(one) == generated(other)
     again = sensor_streams(streams.sensors)
     for one, other in zip(again, sensor_streams(untouched.sensors), strict=True):
-        assert words(one) == words(other)
+        assert generated(one) == generated(other)
     # a sixth stream of a flight would have the next key, as if one more had been spawned
     appended = np.random.SeedSequence(3).spawn(5)
-    assert words(streams.gates) == words(appended[3])
-    assert words(appended[4]) not in [words(stream) for stream in streams]
+    assert generated(streams.gates) == generated(appended[3])
+    assert generated(appended[4]) not in [generated(stream) for stream in streams]
 
 
 def test_a_spec_has_the_streams_of_its_seed_anew_at_each_access():
     spec = Spec.of("split_s_swift", seed=3)
-    assert [words(s) for s in spec.streams] == [words(s) for s in quadrotor_streams(3)]
+    assert [generated(s) for s in spec.streams] == [generated(s) for s in quadrotor_streams(3)]
     spec.streams.sensors.spawn(3)
     assert spec.streams.sensors.n_children_spawned == 0
 
 
-def test_streams_are_read_by_name():
-    assert Streams._fields == ("planner", "vehicle", "gusts", "sensors", "gates")
-    assert SensorStreams._fields == ("imu", "rotors", "pose", "camera")
-    assert LookStreams._fields == ("textures", "light", "background")
-
-
 def derivations(text):
-    """Return the lines that derive a stream: SeedSequence(...), or spawn(...) of a sequence or a
-    generator."""
+    """Return the lines that derive a stream, by SeedSequence(...) or spawn(...)."""
     found = []
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Call):
@@ -215,12 +206,6 @@ def derivations(text):
             if name in ("SeedSequence", "spawn"):
                 found.append(node.lineno)
     return found
-
-
-def test_a_derivation_is_found():
-    assert derivations(
-        "a = np.random.SeedSequence(3)\nb = a.spawn(2)\nc: np.random.SeedSequence = b[0]\n"
-    ) == [1, 2]
 
 
 def test_streams_are_derived_in_one_place():

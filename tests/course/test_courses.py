@@ -147,7 +147,7 @@ def test_no_damage_to_a_file_escapes_as_anything_but_one_line():
     assert all(message.isprintable() for message in messages)
 
 
-def test_a_course_keeps_what_its_file_says():
+def test_a_course_has_the_numbers_of_its_file():
     course = parse_course(
         GOOD + "published:\n  - {who: somebody, time: 12.5}\n", "folder/my oval.yaml"
     )
@@ -230,7 +230,7 @@ def test_the_folder_holds_the_courses_that_are_named_elsewhere():
     } <= set(course_names())
 
 
-def test_every_course_loads_says_its_source_and_keeps_its_text(course):
+def test_every_course_loads_with_a_source_and_its_text(course):
     assert course.source
     assert course.text == (COURSES / f"{course.name}.yaml").read_text()
     assert parse_course(course.text, f"{course.name}.yaml") == course
@@ -254,7 +254,7 @@ def test_no_gate_is_first_met_from_behind(course):
         assert leg @ gate.rotation[:, 0] > -0.05 * np.linalg.norm(leg)
 
 
-def test_paper_flat_is_what_it_says():
+def test_paper_flat_is_level_open_and_without_sharp_turns():
     course = load_course("paper_flat")
     assert not course.loop
     assert 65.0 <= course.lap_length <= 80.0

@@ -11,7 +11,7 @@ from quadsim.race.referee import check
 from quadsim.vehicle import load_vehicle, vehicle_names
 
 
-def test_every_file_passes_the_check_and_the_seed_decides_what_it_says(tmp_path, capsys):
+def test_every_file_passes_the_check_and_the_seed_decides_its_text(tmp_path, capsys):
     written = []
     for folder, seed in (("a", 3), ("b", 3), ("c", 4)):
         assert (
@@ -50,7 +50,7 @@ def test_more_courses_of_a_seed_begin_with_the_same():
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("options", "expected"),
     [
         (["--generate", "0"], "--generate: expected a whole number >= 1 and <= 10000, got 0"),
         (["--generate", "2", "--seed", "-1"], "--seed: expected a whole number >= 0"),
@@ -59,10 +59,10 @@ def test_more_courses_of_a_seed_begin_with_the_same():
         ([], "--out: expected --generate N with it"),
     ],
 )
-def test_wrong_numbers_are_one_line(tmp_path, capsys, words, said):
-    assert race(["courses", *words, "--out", str(tmp_path)]) == 2
+def test_wrong_numbers_are_one_line(tmp_path, capsys, options, expected):
+    assert race(["courses", *options, "--out", str(tmp_path)]) == 2
     err = capsys.readouterr().err
-    assert said in err
+    assert expected in err
     assert err.count("\n") == 1
 
 

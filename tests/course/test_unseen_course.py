@@ -1,10 +1,6 @@
-"""A course that nothing was tuned for is flown from its YAML alone: a climb, a gate that looks up,
-a stacked pair."""
+"""A course that nothing was tuned for: a climb, a gate that looks up, a stacked pair."""
 
-import json
-import subprocess
-import sys
-from pathlib import Path
+import quadsim
 
 UNSEEN = """
 opening: [1.6, 1.6]
@@ -22,16 +18,6 @@ gates:
 def test_an_unseen_course_with_a_12_m_climb_and_stacked_gates_flies_from_its_yaml_alone(tmp_path):
     course = tmp_path / "unseen.yaml"
     course.write_text(UNSEEN)
-    command = [
-        str(Path(sys.executable).with_name("race")),
-        "fly",
-        str(course),
-        "--json",
-        "--runs-dir",
-        str(tmp_path),
-    ]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    flight = json.loads(done.stdout)
-    assert flight["outcome"] == "finished"
-    assert [g["gate"] for g in flight["gates"]] == [1, 2, 3, 4, 5, 6]
+    run = quadsim.fly(course=str(course))
+    assert run.outcome == "finished"
+    assert [event.gate for event in run.events if event.kind == "pass"] == [1, 2, 3, 4, 5, 6]

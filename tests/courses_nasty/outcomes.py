@@ -38,13 +38,13 @@ def main() -> int:
     ask.add_argument("courses", nargs="*", help="names; default: all")
     ask.add_argument("--seeds", type=int, default=3)
     ask.add_argument("--threads", type=int, help="of the planner; default: all")
-    said = ask.parse_args()
-    paths = [p for p in COURSES if p.stem in said.courses or not said.courses]
-    print("| course |", " | ".join(f"seed {seed}" for seed in range(said.seeds)), "|")
-    print("|---|", "---|" * said.seeds, sep="", flush=True)
+    options = ask.parse_args()
+    paths = [p for p in COURSES if p.stem in options.courses or not options.courses]
+    print("| course |", " | ".join(f"seed {seed}" for seed in range(options.seeds)), "|")
+    print("|---|", "---|" * options.seeds, sep="", flush=True)
     wrong = 0
     for path in paths:
-        ends = [outcome(path, seed, threads=said.threads) for seed in range(said.seeds)]
+        ends = [outcome(path, seed, threads=options.threads) for seed in range(options.seeds)]
         wrong += sum(not end.startswith(("finished", "refused")) for end in ends)
         print(f"| `{path.stem}` |", " | ".join(ends), "|", flush=True)
     return 1 if wrong else 0

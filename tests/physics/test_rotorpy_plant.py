@@ -94,7 +94,7 @@ def test_a_vehicle_without_rotors_is_one_line():
 
 
 @needs_rotorpy
-def test_a_flight_finishes_says_where_it_was_flown_and_repeats_to_the_last_bit():
+def test_a_flight_finishes_records_its_plant_and_repeats_to_the_last_bit():
     settings = {"plant": "rotorpy", "seed": 3, "randomize": 1.0, "samples": 512, "threads": 1}
     run = quadsim.fly(course(gate(5.0), gate(10.0)), **settings)
     assert (run.outcome, run.spec["plant"]) == ("finished", "rotorpy")

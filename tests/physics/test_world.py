@@ -141,7 +141,7 @@ def test_flying_through_the_opening_touches_nothing(world, number):
 
 @pytest.mark.parametrize("side", [(1, 0), (-1, 0), (0, 1), (0, -1)])
 @pytest.mark.parametrize("number", [1, 2, 3])
-def test_bars_stand_where_geometry_says_to_a_millimetre(world, number, side):
+def test_bars_stand_where_their_geometry_puts_them_to_a_millimetre(world, number, side):
     gate, mm = GATES[number - 1], 1e-3
     along, name = np.array((0.0, *side)), (f"gate {number}",)
     inner = np.abs(along[1:]) @ gate.opening / 2

@@ -17,7 +17,7 @@ DT, PERIOD = 0.0025, 0.01  # four physics steps in a control period
 
 
 class FakeTime:
-    """A time source that moves on only when it is told to."""
+    """A time source that moves on only by calls."""
 
     def __init__(self):
         self.seconds = 100.0

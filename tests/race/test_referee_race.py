@@ -50,7 +50,7 @@ def test_timeout_ends_the_flight_at_its_second_unless_the_race_is_over():
     assert referee.outcome == "finished"
 
 
-def test_nothing_is_said_after_the_end():
+def test_no_event_follows_the_end():
     referee = make_referee(gate())
     fly(referee, through())
     assert referee.outcome == "finished"

@@ -73,7 +73,7 @@ def test_gate_corners_are_those_of_the_openings():
 
 
 @pytest.mark.parametrize("name", camera_names())
-def test_every_camera_of_the_project_loads_and_says_where_it_is_from(name):
+def test_every_camera_of_the_project_loads_and_has_a_source(name):
     assert load_camera(name).source
 
 

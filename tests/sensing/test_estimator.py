@@ -67,7 +67,7 @@ SENSED = [s for s in map(load_sensing, sensing_names()) if not s.exact]
 
 
 @pytest.mark.parametrize("sensing", SENSED, ids=lambda s: s.name)
-def test_an_estimate_is_as_good_as_it_says(sensing):
+def test_errors_of_an_estimate_are_as_large_as_its_covariance(sensing):
     """NEES over seeds within bounds of chi-square with 9 degrees of freedom; NIS near its own.
 
     A sensor better than the filter takes any for leaves the covariance too large: then only the

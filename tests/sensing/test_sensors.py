@@ -28,7 +28,7 @@ def at_rest(position):
     return State(*position, *(0.0,) * 3, *(1.0, 0.0, 0.0, 0.0), *(0.0,) * 7)
 
 
-def said(sensor, flight=LONG):
+def measured(sensor, flight=LONG):
     return [m for m in map(sensor.sample, flight) if m is not None]
 
 
@@ -46,7 +46,7 @@ def test_a_unit_without_noise_gives_back_the_flight():
 
     first, last = LONG[0], LONG[-1]
     nominal = Nominal(first.t, first.x.position, first.x.velocity, first.x.attitude)
-    for sample in said(Imu(ImuConfig(rate=250), SEED)):
+    for sample in measured(Imu(ImuConfig(rate=250), SEED)):
         nominal = nominal.moved(sample, sample.t)
     np.testing.assert_allclose(nominal.position, last.x.position, atol=2e-3)
     np.testing.assert_allclose(nominal.velocity, last.x.velocity, atol=1e-3)
@@ -60,14 +60,14 @@ def test_a_units_noise_bias_and_saturation():
     level = at_rest(circle(0.0).x.position)
     rest = [PlantState(k / 400, level, ()) for k in range(4001)]
     unit = Imu(config, SEED)
-    samples = np.array([(*m.gyro, *m.specific_force) for m in said(unit, rest)])
+    samples = np.array([(*m.gyro, *m.specific_force) for m in measured(unit, rest)])
     assert len(samples) == 4000
     np.testing.assert_allclose(samples.std(axis=0), [0.02] * 3 + [0.3] * 3, rtol=0.06)
     np.testing.assert_allclose(
         samples.mean(axis=0), unit.bias + np.array([0, 0, 0, 0, 0, GRAVITY]), atol=0.02
     )
     assert abs(unit.bias).max() > 0.05  # the bias is there
-    most = said(Imu(replace(config, accelerometer_max=5.0), SEED), rest)
+    most = measured(Imu(replace(config, accelerometer_max=5.0), SEED), rest)
     assert max(m.specific_force[2] for m in most) == 5.0
 
 
@@ -75,13 +75,13 @@ def test_a_biased_unit_walks():
     ends = []
     for seed in range(40):
         unit = Imu(ImuConfig(rate=50, gyro_walk=0.1), np.random.SeedSequence(seed))
-        said(unit, LONG[::8])
+        measured(unit, LONG[::8])
         ends.append(unit.bias[:3])
     assert np.std(ends) == pytest.approx(0.1 * np.sqrt(8.0), rel=0.2)
 
 
 def test_a_poses_noise_drift_spikes_and_dropouts():
-    noisy = said(
+    noisy = measured(
         PoseSensor(
             PoseConfig(rate=400, position_noise=0.02, attitude_noise_deg=1.0, velocity_noise=0.1),
             SEED,
@@ -95,33 +95,36 @@ def test_a_poses_noise_drift_spikes_and_dropouts():
     ends = []
     for seed in range(60):
         sensor = PoseSensor(PoseConfig(rate=20, drift=0.1), np.random.SeedSequence(seed))
-        said(sensor, LONG[::20])
+        measured(sensor, LONG[::20])
         ends.append(sensor.drift)
     assert np.std(ends) == pytest.approx(0.1 * np.sqrt(8.0), rel=0.2)
-    spikes = said(PoseSensor(PoseConfig(rate=400, spikes=0.05, spike=3.0), SEED))
+    spikes = measured(PoseSensor(PoseConfig(rate=400, spikes=0.05, spike=3.0), SEED))
     far = [np.linalg.norm(np.subtract(m.position, truth[m.t][:3])) > 1.0 for m in spikes]
     assert np.mean(far) == pytest.approx(0.05, abs=0.012)
-    times = [m.t for m in said(PoseSensor(PoseConfig(rate=400, dropouts=0.002, dropout=0.2), SEED))]
+    times = [
+        m.t for m in measured(PoseSensor(PoseConfig(rate=400, dropouts=0.002, dropout=0.2), SEED))
+    ]
     assert 0.2 <= np.diff(times).max() < 0.8
-    dead = said(PoseSensor(PoseConfig(rate=400, dies_at=3.0), SEED))
+    dead = measured(PoseSensor(PoseConfig(rate=400, dies_at=3.0), SEED))
     assert max(m.t for m in dead) < 3.0
 
 
 def test_a_dropout_changes_no_later_noise():
     """The stream of a sensor gives every sample the same numbers, whether it is silent or not."""
     noisy = PoseConfig(rate=100, position_noise=0.02)
-    whole = {m.t: m for m in said(PoseSensor(noisy, SEED))}
-    gaps = said(PoseSensor(replace(noisy, dropouts=0.01, dropout=0.1), SEED))
+    whole = {m.t: m for m in measured(PoseSensor(noisy, SEED))}
+    gaps = measured(PoseSensor(replace(noisy, dropouts=0.01, dropout=0.1), SEED))
     assert 0 < len(gaps) < len(whole)
     assert all(m == whole[m.t] for m in gaps)
 
 
 def test_rotor_speeds_say_the_thrust():
     swift, true = load_vehicle("swift"), LONG[0].x.thrust
-    exact = said(RotorSpeeds(RotorConfig(rate=100), SEED, swift))
+    exact = measured(RotorSpeeds(RotorConfig(rate=100), SEED, swift))
     assert [m.thrust for m in exact] == pytest.approx([true] * len(exact))
     off = [
-        m.thrust - true for m in said(RotorSpeeds(RotorConfig(rate=400, noise=10.0), SEED, swift))
+        m.thrust - true
+        for m in measured(RotorSpeeds(RotorConfig(rate=400, noise=10.0), SEED, swift))
     ]
     speed = swift.rotors.speed(0.25 * swift.mass * true)
     assert np.std(off) == pytest.approx(
@@ -144,7 +147,7 @@ def test_a_point_on_the_optical_axis_is_in_the_middle():
 
 def test_a_camera_without_noise_finds_every_corner_where_it_is():
     camera = GateCamera(CAMERA, SEED, GATES)
-    for picture in said(camera, LONG[:400]):
+    for picture in measured(camera, LONG[:400]):
         x = circle(picture.t).x
         assert len(picture.pixels) == picture.in_view > 0
         for gate, corner, pixel in zip(picture.gates, picture.corners, picture.pixels, strict=True):
@@ -165,9 +168,9 @@ def test_a_frame_hides_the_corners_behind_it():
     assert left.in_view == 2
 
 
-def test_misses_outliers_and_false_associations_come_as_often_as_said():
+def test_misses_outliers_and_false_associations_come_as_often_as_configured():
     config = replace(CAMERA, rate=400.0, misses=0.1, outliers=0.05, swaps=0.03)
-    pictures = said(GateCamera(config, SEED, GATES))
+    pictures = measured(GateCamera(config, SEED, GATES))
     seen, found = sum(p.in_view for p in pictures), sum(len(p.pixels) for p in pictures)
     wrong = 0
     for picture in pictures:

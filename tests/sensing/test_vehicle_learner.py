@@ -73,7 +73,7 @@ def errors(gust, seeds=40):
     return np.array(found)
 
 
-def test_errors_are_as_large_as_the_filter_says():
+def test_errors_are_as_large_as_the_covariance():
     off = errors(REAL.gust)
     # chi^2 with 40 degrees of freedom: .5 to 1.7 is 99.8 %
     mean_square = np.mean(off[:, :2] ** 2, axis=0)
@@ -232,7 +232,7 @@ def test_an_accelerometer_worse_than_it_is_taken_for_makes_errors_beyond_the_fil
 
 
 def test_rotor_speeds_make_the_thrust_better_known():
-    """By a force alone, weak rotors are told from a heavy vehicle by the model of the rotors
+    """By a force alone, weak rotors are distinguished from a heavy vehicle by the model of the rotors
     only."""
     std = {}
     for rotors in (None, 0.1):

@@ -146,7 +146,7 @@ def test_each_fault_of_a_vehicle_is_one_line_with_its_place_and_key(text, old, n
     assert "\n" not in str(error.value)
 
 
-def test_a_vehicle_without_rotors_keeps_what_its_file_says():
+def test_a_vehicle_without_rotors_has_the_numbers_of_its_file():
     vehicle = parse_vehicle(SIMPLE, "folder/mine.yaml")
     assert (vehicle.name, vehicle.mass, vehicle.inertia, vehicle.radius) == (
         "mine",
