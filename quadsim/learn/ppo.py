@@ -44,7 +44,7 @@ class Learner:
     """A policy and its value function with the environments they learn in.
 
     Args:
-        task: what is learnt.
+        task: courses, vehicle, starts and rewards.
         config: numbers of the algorithm.
         seed: of the environments, the weights at the start and the exploration.
     """
@@ -79,8 +79,10 @@ class Learner:
         self._envs.seed(seed)
         # untrained, the policy hovers
         hover = torch.as_tensor(hover_action(task.vehicle, task.dt))
+        output = self._model.policy.action_net
+        assert isinstance(output, torch.nn.Linear)
         with torch.no_grad():
-            self._model.policy.action_net.bias.copy_(hover)
+            output.bias.copy_(hover)
 
     def learn(self, crash_share: float) -> float:
         """Fly config.steps actions in every environment, then update the policy.
@@ -107,6 +109,7 @@ class Learner:
         hidden = policy.mlp_extractor.policy_net
         found: list[np.ndarray] = []
         for layer in (hidden[0], hidden[2], policy.action_net):
+            assert isinstance(layer, torch.nn.Linear)
             found.append(layer.weight.detach().numpy().T.copy())
             found.append(layer.bias.detach().numpy().copy())
         return found

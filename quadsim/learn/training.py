@@ -109,7 +109,7 @@ def train(training: Training, report: Callable[[dict], None] = lambda row: None)
     A training goes on from the checkpoint beside the pilot, where there is one.
 
     Args:
-        training: what is asked for.
+        training: the settings, and the files to write.
         report: is called after each evaluation with its row of the history.
 
     Returns:
