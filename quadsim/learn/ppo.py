@@ -2,7 +2,7 @@
 
 This module loads PyTorch, which takes seconds. Two things are added to the library's algorithm: an
 action is held for several steps of the environment, and a crash does not weigh in full before the
-policy flies (see `crash_share` in quadsim.learn.training).
+policy flies (see `crash_share` in quadsim.learn.ppo_config).
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 
+from quadsim.learn.ppo_config import PPOConfig
 from quadsim.learn.reward import RewardParams, RewardWeights
 from quadsim.learn.stable_baselines import RacingVecEnv
 from quadsim.learn.starts import hover_action
 from quadsim.learn.task import LearningTask
-from quadsim.learn.training import PPOConfig
 from quadsim.streams import training_stream
 
 REWARD_SCALE = 0.1  # so that values are of the order of one
