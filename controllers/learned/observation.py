@@ -1,6 +1,6 @@
 """Observations of a pilot: plain functions over scalars, like the models.
 
-Lanes and single flights share them. The state is told in the vehicle's own frame, so that it does
+Lanes and single flights share them. The state is given in the vehicle's own frame, so that it does
 not depend on where the course lies or which way it turns: velocity, direction of gravity, body
 rates, height, the corners of the next two gates, and the last action. Every number is divided by a
 fixed unit that brings it to the order of one; UNITS names it.

@@ -41,7 +41,7 @@ LAYERS = {
 
 @dataclass(frozen=True)
 class About:
-    """What a pilot was made for, and how."""
+    """The record in a pilot's file: what it was made for, and how."""
 
     vehicle: str
     dt: float  # control period [s]

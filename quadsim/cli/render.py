@@ -37,7 +37,7 @@ CHUNK = 4  # pictures a worker makes at a time
 
 TARGET = "a run (its folder, a part of its name, last), or a course by name or as FILE.yaml"
 OUT = "folder for pictures and labels; a folder with pictures of the same settings is continued"
-VARY = "what is drawn for each picture: textures, light, background, joined by commas, or all"
+VARY = "traits drawn anew for each picture: textures, light, background, joined by commas, or all"
 MP4 = "write a film of the pictures too, video.mp4; needs the extra render"
 Count = Annotated[int, Meta(ge=1, le=10**5)]
 Seed = Annotated[int, Meta(ge=0, le=10**9)]
@@ -53,7 +53,7 @@ def render(
     frames: Annotated[
         Count | None, Help("pictures; default: the flight's, 100 of a course")
     ] = None,
-    seed: Annotated[Seed, Help("random seed of a course's poses, and of what is varied")] = 0,
+    seed: Annotated[Seed, Help("random seed of a course's poses, and of the traits that vary")] = 0,
     vary: Annotated[str | None, Help(VARY)] = None,
     mp4: Annotated[bool, Switch(MP4)] = False,
     jobs: Annotated[Workers | None, Help("worker processes; default: one for each core")] = None,
@@ -146,7 +146,7 @@ def _check_extras(mp4: bool) -> None:
 
 
 def _varied(given: str | None) -> tuple[str, ...]:
-    """Return what is varied, in the order of VARIED. Raises UsageError."""
+    """Return the traits that vary, in the order of VARIED. Raises UsageError."""
     if not given:
         return ()
     if given == "all":

@@ -146,7 +146,8 @@ def _learn(
     quiet: bool,
 ) -> list[dict]:
     """Return a row for each evaluation. Raises UsageError, FileError, KeyboardInterrupt."""
-    from quadsim.learn.training import PPOConfig, Training, train
+    from quadsim.learn.ppo_config import PPOConfig
+    from quadsim.learn.training import Training, train
 
     if find_spec("stable_baselines3") is None:
         raise UsageError(needs_extra("stable-baselines3", "train"))

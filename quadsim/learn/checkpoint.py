@@ -32,8 +32,8 @@ def checkpoint_bytes(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> byt
     """Return the content of a checkpoint's file.
 
     Args:
-        checkpoint: what is kept.
-        identity: what was asked for; a training goes on only where it is the same.
+        checkpoint: the training up to now.
+        identity: settings of the training, which goes on only where they are the same.
     """
     state = {
         "format": FORMAT,
@@ -52,7 +52,7 @@ def read_checkpoint(
     Args:
         path: the file.
         parameters: arrays whose names, types and shapes the file has to have.
-        identity: what is asked for now.
+        identity: settings that are asked for now.
 
     Raises:
         FileError: the file is damaged, or it is of another training.

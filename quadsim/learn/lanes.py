@@ -87,7 +87,7 @@ class LaneEnvironments:
     """Environments of a task, in lanes.
 
     Args:
-        task: what is flown.
+        task: courses, vehicle, starts and rewards.
         n: number of environments.
         seed: of their starts.
         autoreset: when an episode that has ended starts anew: SAME_STEP, NEXT_STEP or DISABLED.
@@ -119,30 +119,38 @@ class LaneEnvironments:
         self.lanes_to_rows = self._module.to_rows
 
         B = blocks(n)
-        numbers = {
-            "states": len(system.states),
-            "rows": cost.targets.shape[1] + 2 * GATE_NUMBERS,
-            "models": len(system.params),
-            "actions_before": len(system.controls),
-            "obs": SIZE,
-        }
+        n_row = cost.targets.shape[1] + 2 * GATE_NUMBERS
+
+        def numbers(*rows: int) -> np.ndarray:
+            return np.zeros((B, *rows, LANES), np.float32)
+
+        def counts() -> np.ndarray:
+            return np.zeros((B, LANES), np.int32)
+
+        def flags() -> np.ndarray:
+            return np.zeros((B, LANES), bool)
+
         self.episodes = Episodes(
-            **{name: np.zeros((B, k, LANES), np.float32) for name, k in numbers.items()},
-            way=np.zeros((B, LANES), np.float32),
-            room=np.zeros((B, LANES), np.float32),
-            row=np.zeros((B, LANES), np.int32),
-            steps=np.zeros((B, LANES), np.int32),
-            passes=np.zeros((B, LANES), np.int32),
-            episode=np.zeros((B, LANES), np.int32),
-            over=np.zeros((B, LANES), bool),
+            states=numbers(len(system.states)),
+            rows=numbers(n_row),
+            models=numbers(len(system.params)),
+            actions_before=numbers(len(system.controls)),
+            way=numbers(),
+            room=numbers(),
+            row=counts(),
+            steps=counts(),
+            passes=counts(),
+            episode=counts(),
+            over=flags(),
+            obs=numbers(SIZE),
         )
         self._outcome = Outcome(
-            final=np.zeros((B, SIZE, LANES), np.float32),
-            reward_of=np.zeros((B, LANES), np.float32),
-            ended=np.zeros((B, LANES), bool),
-            cut=np.zeros((B, LANES), bool),
-            passed=np.zeros((B, LANES), bool),
-            crashed_now=np.zeros((B, LANES), bool),
+            final=numbers(SIZE),
+            reward_of=numbers(),
+            ended=flags(),
+            cut=flags(),
+            passed=flags(),
+            crashed_now=flags(),
         )
         self.course = (np.arange(B) % len(task.courses)).astype(np.int32)
         self.X = self.episodes.states

@@ -2,7 +2,7 @@
 
 This module loads PyTorch, which takes seconds. Two things are added to the library's algorithm: an
 action is held for several steps of the environment, and a crash does not weigh in full before the
-policy flies (see `crash_share` in quadsim.learn.training).
+policy flies (see `crash_share` in quadsim.learn.ppo_config).
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 
+from quadsim.learn.ppo_config import PPOConfig
 from quadsim.learn.reward import RewardParams, RewardWeights
 from quadsim.learn.stable_baselines import RacingVecEnv
 from quadsim.learn.starts import hover_action
 from quadsim.learn.task import LearningTask
-from quadsim.learn.training import PPOConfig
 from quadsim.streams import training_stream
 
 REWARD_SCALE = 0.1  # so that values are of the order of one
@@ -44,7 +44,7 @@ class Learner:
     """A policy and its value function with the environments they learn in.
 
     Args:
-        task: what is learnt.
+        task: courses, vehicle, starts and rewards.
         config: numbers of the algorithm.
         seed: of the environments, the weights at the start and the exploration.
     """
@@ -79,8 +79,10 @@ class Learner:
         self._envs.seed(seed)
         # untrained, the policy hovers
         hover = torch.as_tensor(hover_action(task.vehicle, task.dt))
+        output = self._model.policy.action_net
+        assert isinstance(output, torch.nn.Linear)
         with torch.no_grad():
-            self._model.policy.action_net.bias.copy_(hover)
+            output.bias.copy_(hover)
 
     def learn(self, crash_share: float) -> float:
         """Fly config.steps actions in every environment, then update the policy.
@@ -107,6 +109,7 @@ class Learner:
         hidden = policy.mlp_extractor.policy_net
         found: list[np.ndarray] = []
         for layer in (hidden[0], hidden[2], policy.action_net):
+            assert isinstance(layer, torch.nn.Linear)
             found.append(layer.weight.detach().numpy().T.copy())
             found.append(layer.bias.detach().numpy().copy())
         return found

@@ -17,6 +17,7 @@ from controllers.learned.pilot import About, Pilot, pilot_bytes
 from quadsim.course import Course
 from quadsim.files.atomic import replace_file
 from quadsim.learn.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
+from quadsim.learn.ppo_config import PPOConfig, crash_share
 from quadsim.learn.task import LearningTask
 from quadsim.race.events import flown_laps
 from quadsim.spec.build import flight_frames
@@ -26,30 +27,6 @@ if TYPE_CHECKING:
     from quadsim.learn.ppo import Learner
 
 EVALUATION_SEED = 10_000  # the first of those that evaluations fly; a comparison's seeds begin at 0
-
-
-@dataclass(frozen=True)
-class PPOConfig:
-    """Numbers of the algorithm."""
-
-    environments: int = 1024
-    steps: int = 32  # actions of each environment between two updates
-    hold: int = 2  # steps of the environment for which an action is held
-    epochs: int = 4
-    minibatch: int = 4096
-    discount: float = 0.99
-    gae: float = 0.95  # lambda of generalised advantage estimation
-    clip: float = 0.2
-    entropy: float = 0.001
-    first_rate: float = 1e-3  # learning rate at the start
-    last_rate: float = 1e-4  # and at the end; in between it falls in proportion to the steps
-    hidden: int = 64  # neurons of each of two hidden layers
-    log_std: float = -1.0  # of actions in -1..1, at the start
-    # Share of a crash's weight at the start. A policy that fears crashes from the
-    # start learns to hover.
-    first_crash: float = 0.2
-    # reward per second flown at which the share begins to grow, and at which it is 1
-    crash_grows: tuple[float, float] = (4.0, 7.0)
 
 
 @dataclass(frozen=True)
@@ -109,7 +86,7 @@ def train(training: Training, report: Callable[[dict], None] = lambda row: None)
     A training goes on from the checkpoint beside the pilot, where there is one.
 
     Args:
-        training: what is asked for.
+        training: the settings, and the files to write.
         report: is called after each evaluation with its row of the history.
 
     Returns:
@@ -157,13 +134,6 @@ def train(training: Training, report: Callable[[dict], None] = lambda row: None)
         replace_file(training.checkpoint, checkpoint_bytes(checkpoint, training.identity))
         report(row)
     return history
-
-
-def crash_share(reward: float, config: PPOConfig) -> float:
-    """Return the share of a crash's weight for a policy that earns this reward [1/s]."""
-    begins, ends = config.crash_grows
-    grown = float(np.clip((reward - begins) / (ends - begins), 0.0, 1.0))
-    return config.first_crash + (1.0 - config.first_crash) * grown
 
 
 def pilot_of(learner: Learner, training: Training) -> Pilot:

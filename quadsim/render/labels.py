@@ -32,7 +32,8 @@ def label(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray) 
     """Return the camera and the gates of one picture as JSON holds them.
 
     Args:
-        course, camera, pose: what is seen, by what and from where.
+        course, camera: the scene and the camera on the vehicle.
+        pose: of the vehicle.
         segmentation: (height, width), gate numbers from 1.
     """
     position, axes = camera.pose(pose.p, pose.q)
@@ -70,7 +71,7 @@ def _gates(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray)
 
 
 def _box(rows: np.ndarray, columns: np.ndarray) -> list[int]:
-    """Return x, y, width and height of what is seen of a frame [px]; zeros where nothing is."""
+    """Return x, y, width and height of the visible part of a frame [px]; zeros without one."""
     if not len(rows):
         return [0, 0, 0, 0]
     x = int(columns.min())

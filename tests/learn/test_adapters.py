@@ -7,11 +7,11 @@ pytest.importorskip("gymnasium", reason="the extra rl is not installed")
 pytest.importorskip("stable_baselines3", reason="the extra train is not installed")
 
 from quadsim.learn.ppo import Learner
+from quadsim.learn.ppo_config import PPOConfig
 from quadsim.learn.stable_baselines import RacingVecEnv
 from quadsim.learn.starts import hover_action
 from quadsim.learn.task import task
-from quadsim.learn.training import PPOConfig, pilot_of
-from quadsim.learn.training import Training as Asked
+from quadsim.learn.training import Training, pilot_of
 from quadsim.learn.vector_env import RacingVectorEnv
 
 N = 70
@@ -72,7 +72,7 @@ def test_a_learner_hovers_at_first_and_its_pilot_does_what_its_policy_means(tmp_
     after = learner.parameters()
     assert any((before[name] != after[name]).any() for name in before)
 
-    pilot = pilot_of(learner, Asked(asked, config, 0, 1, tmp_path / "p.npz"))
+    pilot = pilot_of(learner, Training(asked, config, 0, 1, tmp_path / "p.npz"))
     obs = np.random.default_rng(0).normal(size=(5, 38)).astype(np.float32)
     distribution = learner._model.policy.get_distribution(torch.from_numpy(obs))
     mean = distribution.mode().detach().numpy()

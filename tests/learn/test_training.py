@@ -9,7 +9,8 @@ from controllers.learned.pilot import load_pilot
 from quadsim.cli.cli import race
 from quadsim.files.strict_yaml import FileError
 from quadsim.learn.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
-from quadsim.learn.training import PPOConfig, Score, crash_share
+from quadsim.learn.ppo_config import PPOConfig, crash_share
+from quadsim.learn.training import Score
 
 NETWORK = {
     "weight": np.arange(6, dtype=np.float32).reshape(2, 3),
