@@ -4,7 +4,8 @@ A test is marked by what it uses, so that nobody keeps lists of tests:
 
 * browser: it asks for the fixture `browser`.
 * process: it, a fixture that it asks for, or a helper that they call uses one of PROCESSES.
-* flight: it, a fixture or a helper calls one of the project's functions in FLIGHTS.
+* flight: it, a fixture or a helper calls one of the project's functions in FLIGHTS, or `race` in a
+  folder of FLYING_COMMANDS; or it lies in a folder of FLYING.
 
 A test that takes seconds for another reason carries one of these markers in its own file.
 """
@@ -28,7 +29,12 @@ PROJECT = ("quadsim", "controllers", "web")
 # Names by which tests start other processes.
 PROCESSES = {"subprocess", "Popen", "fork", "multiprocessing", "Processes", "LocalCluster"}
 # Functions of the project that fly, train or search for seconds.
-FLIGHTS = {"fly", "frames", "compare", "simulate", "fly_attempt", "fly_all", "solve"}
+FLIGHTS = {
+    "fly", "frames", "compare", "simulate", "launch", "flight_frames", "fly_attempt", "fly_all",
+}  # fmt: skip
+# Folders of tests/ where the commands that tests call fly, and where every test flies or searches.
+FLYING_COMMANDS = {"campaign", "learn", "render"}
+FLYING = {"courses_nasty", "lap_times", "limit", "paper"}
 
 # A shell's job in the background inherits an ignored Ctrl-C. Tests send it to themselves and to
 # commands, so it must work.
@@ -61,7 +67,9 @@ def _mark(item: pytest.Function) -> None:
             used.look(fixture.func)
     if used.names & PROCESSES:
         item.add_marker("process")
-    if used.functions & FLIGHTS:
+    folder = item.path.relative_to(TESTS).parts[0]
+    commands = "race" in used.functions and folder in FLYING_COMMANDS
+    if folder in FLYING or commands or used.functions & FLIGHTS:
         item.add_marker("flight")
 
 
