@@ -44,6 +44,13 @@ EXPOSURE = 0.6
 BRIGHT = np.pi
 
 
+class Shown(NamedTuple):
+    """What is shown of a drone."""
+
+    frame: int
+    by_speed: bool
+
+
 class Drone:
     """One competitor's drone and trail.
 
@@ -120,13 +127,6 @@ class Drone:
             gaps = (first + np.arange(len(pieces))) % (2 * DASH) >= DASH
             pieces[gaps, 1] = pieces[gaps, 0]
         return pieces
-
-
-class Shown(NamedTuple):
-    """What is shown of a drone."""
-
-    frame: int
-    by_speed: bool
 
 
 class SampledTrajectoriesView:
