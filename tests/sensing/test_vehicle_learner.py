@@ -232,8 +232,7 @@ def test_an_accelerometer_worse_than_it_is_taken_for_makes_errors_beyond_the_fil
 
 
 def test_rotor_speeds_make_the_thrust_better_known():
-    """By a force alone, weak rotors are distinguished from a heavy vehicle by the model of the rotors
-    only."""
+    """A force alone tells weak rotors from a heavy vehicle by the model of the rotors only."""
     std = {}
     for rotors in (None, 0.1):
         learner = VehicleLearner.for_sensors(NOMINAL, DT, ImuConfig(250.0, accelerometer_noise=0.1))
