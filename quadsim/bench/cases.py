@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -145,7 +145,11 @@ def _sizes() -> Iterator[Case]:
 
 def starting(case: Case) -> Start:
     """Return the planner at this budget, with the paper's other settings, and its start state."""
-    budget = {"samples": case.samples, "horizon": case.horizon, "iterations": case.iterations}
+    budget: dict[str, Any] = {
+        "samples": case.samples,
+        "horizon": case.horizon,
+        "iterations": case.iterations,
+    }
     if case.system == QUADROTOR:
         spec = Spec.of(COURSE, preset=PRESET, sampler=case.sampler, **budget)
         x = start_state(spec.course.start, spec.vehicle.radius)

@@ -64,8 +64,9 @@ def spec_of(course: str | None, settings: Given = None) -> Spec:
         UsageError: a flag that cannot be used.
         FileError: a file that cannot be read.
     """
+    given = settings or {}
     with settings_as_flags():
-        return with_threads(Spec.of(course, **(settings or {})))
+        return with_threads(Spec.of(course, **given))
 
 
 def _recorded(flight: Iterable[Frame], spec: Spec, quiet: bool) -> Recorder:

@@ -1,4 +1,4 @@
-"""The live line of a flight on stderr: gates, time, speed, effective sample size, real-time factor."""
+"""The live line of a flight on stderr: gates, time, speed, sample size, real-time factor."""
 
 from __future__ import annotations
 

@@ -350,9 +350,7 @@ class ModelParams:
     ] = (0.0, 0.0)
     yaw_cost: Annotated[
         TiltCost,
-        setting(
-            "room to the thrust's limits per angular acceleration about z; 0: none is needed"
-        ),
+        setting("room to the thrust's limits per angular acceleration about z; 0: none is needed"),
     ] = 0.0
     thrust_gain: Annotated[
         Factor,

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -20,7 +20,7 @@ from quadsim.course import Course, Gate
 from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.physics.domain_randomization import draw, gusts
-from quadsim.physics.plant import PLANTS, NamedPlant, Plant, start_state
+from quadsim.physics.plant import PLANTS, NamedPlant, Plant, PlantName, start_state
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
 from quadsim.race.flight import Controller, PlainController, RefereeProtocol, simulate
@@ -117,7 +117,7 @@ def plant_of(spec: Spec) -> Plant:
     """
     if not isinstance(spec.plant, str):
         return NamedPlant(made(spec.plant, spec))
-    plant = PLANTS[spec.plant]
+    plant = PLANTS[cast(PlantName, spec.plant)]
     course = spec.flown_course
     if spec.randomize == 0:
         return plant(course, spec.vehicle, spec.plant_dt)

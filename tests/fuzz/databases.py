@@ -19,7 +19,8 @@ TABLE = (
     "ALTER TABLE attempts RENAME COLUMN result TO results",
     "ALTER TABLE attempts RENAME TO flown", "ALTER TABLE attempts ADD COLUMN more TEXT",
     "DROP TABLE attempts; CREATE TABLE attempts (key TEXT)", "UPDATE attempts SET seed = 0",
-    "DROP TABLE trials", "DELETE FROM trial_params", "UPDATE trials SET state = 'x'", "DELETE FROM alembic_version",
+    "DROP TABLE trials", "DELETE FROM trial_params", "UPDATE trials SET state = 'x'",
+    "DELETE FROM alembic_version",
 )  # fmt: skip
 
 
