@@ -16,7 +16,7 @@ NEEDS = {"train_with_stable_baselines": "stable_baselines3"}
 # Patterns of what scripts print; any other script prints that its flight finished.
 OUTCOMES = {
     "foreign_loop": r"6 s: 0\.0\d\d m from the goal",
-    "own_term": r"square: 0\.[3-9]\d* rad/s\n.*square: 0\.[01]\d* rad/s",
+    "own_term": r"square: 0\.[3-9]\d* rad/s\n.*square: 0\.[0-2]\d* rad/s",
     "own_system": r"angle from upright at the end: [0-5]\.\d deg",
     "sweep_gamma": r"gamma 4: lap \d+\.\d+ s",
     "two_samplers": r"colored - gaussian: [+-]\d+\.\d+ s a lap",

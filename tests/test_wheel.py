@@ -7,7 +7,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("quadsim", "courses", "controllers", "web")
-KINDS = (".py", ".yaml", ".typed", ".js", ".npz")
+KINDS = (".py", ".yaml", ".typed", ".js", ".css", ".npz")
 QUESTION = """
 import quadsim.course, quadsim.vehicle
 print(quadsim.course.__file__)

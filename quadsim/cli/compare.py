@@ -11,7 +11,7 @@ from rich.markup import escape
 from quadsim.campaign.compare import comparison, identity, write_report
 from quadsim.campaign.runner import Runner
 from quadsim.campaign.variants import make_variants, parse_variants
-from quadsim.cli.flags import Given, Help, Json, Switch, settings_as_flags
+from quadsim.cli.flags import Given, Help, Json, Switch, course_help, settings_as_flags
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.record.run import RunError
 from quadsim.record.whole_files import expect_file, expect_writable
@@ -27,7 +27,7 @@ Scheduler = Annotated[
 
 
 def compare(
-    *courses: Annotated[str, Help("a name (see `race courses`) or a FILE.yaml")],
+    *courses: Annotated[str, course_help()],
     variants: Annotated[
         str, Help("samplers, or NAME=preset+flag=value+..., joined by commas")
     ] = "gaussian,colored",

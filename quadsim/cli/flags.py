@@ -78,6 +78,18 @@ COMPLETERS = {
     "vehicle": names(vehicle_names),
     "sensing": names(sensing_names),
 }
+
+
+def course_help(text: str = "a name (see `race courses`) or a FILE.yaml") -> Parameter:
+    """Return the help of a course, whose names are proposed."""
+    return Help(text, completer=names(course_names))
+
+
+def vehicle_help(text: str = "a name (see `race vehicles`) or a FILE.yaml") -> Parameter:
+    """Return the help of a vehicle, whose names are proposed."""
+    return Help(text, completer=names(vehicle_names))
+
+
 Json = Annotated[bool, Switch("print one JSON value in place of tables")]
 RunsDir = Annotated[str, Help("folder of the runs")]
 Stored = Annotated[
@@ -85,10 +97,7 @@ Stored = Annotated[
 ]
 CourseName = Annotated[
     str | None,
-    Help(
-        "a name (see `race courses`) or a FILE.yaml; default: split_s_swift",
-        completer=names(course_names),
-    ),
+    course_help("a name (see `race courses`) or a FILE.yaml; default: split_s_swift"),
 ]
 
 

@@ -13,7 +13,7 @@ from msgspec import Meta
 from rich.console import Console
 from rich.markup import escape
 
-from quadsim.cli.flags import Help, Json, RunsDir, Stored, Switch
+from quadsim.cli.flags import Help, Json, RunsDir, Stored, Switch, course_help, vehicle_help
 from quadsim.cli.fly import EXIT
 from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted
 from quadsim.course import load_course
@@ -43,10 +43,10 @@ Ratio = Annotated[float, Meta(gt=1, le=20)]
 
 
 def limit(
-    course: Annotated[str, Help("a name, see `race courses`, or a FILE.yaml")] = "split_s_swift",
+    course: Annotated[str, course_help()] = "split_s_swift",
     /,
     *,
-    vehicle: Annotated[str, Help("a name, see `race vehicles`, or a FILE.yaml")] = "swift",
+    vehicle: Annotated[str, vehicle_help()] = "swift",
     thrust_to_weight: Annotated[Ratio | None, Help("stronger or weaker propellers")] = None,
     laps: Annotated[
         Laps | None, Help("laps from the standing start; default: those of the course")

@@ -16,7 +16,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from quadsim.campaign.pool import Pool, finished, open_pool
-from quadsim.cli.flags import Help, Json, RunsDir, Switch
+from quadsim.cli.flags import Help, Json, RunsDir, Switch, course_help
 from quadsim.console import UsageError, complain, emit, emit_json, progress_console
 from quadsim.course import load_course
 from quadsim.course.course_file import course_names
@@ -45,7 +45,7 @@ Workers = Annotated[int, Meta(ge=1)]
 
 
 def render(
-    target: Annotated[str, Help(TARGET)] = "last",
+    target: Annotated[str, course_help(TARGET)] = "last",
     /,
     *,
     camera: Annotated[str, Help("a camera by name, or a FILE.yaml")] = "aigp",

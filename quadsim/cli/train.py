@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from msgspec import Meta
 
-from quadsim.cli.flags import Help, Json, settings_as_flags
+from quadsim.cli.flags import Help, Json, course_help, settings_as_flags, vehicle_help
 from quadsim.console import UsageError, complain, emit, emit_json
 from quadsim.files.extras import needs_extra
 from quadsim.files.strict_yaml import unit
@@ -34,14 +34,14 @@ Flights = Annotated[int, Meta(ge=1, le=1000)]
 
 
 def train(
-    course: Annotated[str, Help(COURSE)],
+    course: Annotated[str, course_help(COURSE)],
     /,
     *,
     steps: Annotated[Whole, Help("steps of the environments, over all of them")] = 200_000_000,
     out: Annotated[
         str, Help("FILE.npz of the pilot; a checkpoint and a plot lie beside it")
     ] = "pilots/pilot.npz",
-    vehicle: Annotated[str, Help("a name or a FILE.yaml")] = "swift",
+    vehicle: Annotated[str, vehicle_help()] = "swift",
     laps: Annotated[Whole | None, Help("laps of a race; default: the course's")] = None,
     seed: Annotated[Seed, Help("random seed")] = 0,
     randomize: Annotated[Size, Help("scale of domain randomization")] = 1.0,

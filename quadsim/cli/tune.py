@@ -15,7 +15,7 @@ from quadsim.campaign.parameters import GROUPS, Group, parameters, preset_text, 
 from quadsim.campaign.tables import TextTable, as_table
 from quadsim.campaign.variants import Variant, resolve
 from quadsim.cli.compare import CAMPAIGN, Campaign, Jobs, Scheduler
-from quadsim.cli.flags import Given, Help, Json, settings_as_flags
+from quadsim.cli.flags import Given, Help, Json, course_help, settings_as_flags
 from quadsim.console import UsageError, complain, emit, emit_json
 from quadsim.files.extras import needs_extra
 from quadsim.record.whole_files import expect_file, expect_writable, write_whole
@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # these load optuna, for which --help does not wait
 
 
 def tune(
-    course: Annotated[str, Help("a name (see `race courses`) or a FILE.yaml")] = "split_s_swift",
+    course: Annotated[str, course_help()] = "split_s_swift",
     /,
     *,
     trials: Annotated[

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from quadsim.cli.flags import Help, Json, RunsDir, Stored
+from quadsim.cli.flags import Help, Json, RunsDir, Stored, course_help
 from quadsim.cli.fly import EXIT
 from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted
 from quadsim.course import load_course
@@ -20,7 +20,7 @@ WAKE = 0.5  # [s] after which a signal that another thread received ends the wai
 
 def web(
     *runs: Stored,
-    course: Annotated[str, Help("chosen at first; a FILE.yaml joins the list")] = "split_s_swift",
+    course: Annotated[str, course_help("course chosen at first")] = "split_s_swift",
     host: Annotated[
         str, Help("address to listen on; any but this machine's own asks for a token")
     ] = "127.0.0.1",

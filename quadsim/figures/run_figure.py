@@ -120,7 +120,8 @@ def draw_views(
         axes.margins(0.07)
     top.set_title("from above")
     top.set_aspect("equal", adjustable="datalim")
-    top.legend(loc="best")
+    if top.get_legend_handles_labels()[1]:
+        top.legend(loc="best")
     below.set_title("from the side, height stretched")
     below.axhline(0.0, color=MARK, linewidth=1.0)
     below.set_ylim(-0.3, float(extent[:, 2].max()) + 0.8)

@@ -239,7 +239,7 @@ def validate(spec: Spec) -> None:
         name = spec.sensing.name if spec.sensing else PERFECT
         raise SettingError("view_weight", f"expected a sensing with a camera, got {name}")
     if isinstance(spec.planner.cost, ReferenceWeights):
-        for name in ("view_weight", "displace_gates"):
+        for name in ("displace_gates", "view_weight"):
             if getattr(spec, name):
                 why = "for a preset that follows a reference, which knows no other gates or views"
                 raise SettingError(name, f"expected 0 {why}, got {getattr(spec, name):g}")

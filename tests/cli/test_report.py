@@ -23,7 +23,7 @@ GATES, LAPS = 7, 3
 
 def spec(**model):
     return Spec.of(
-        "split_s_swift", **{f"model.{name}": value for name, value in model.items()}
+        "split_s_swift", **{f"model_{name}": value for name, value in model.items()}
     ).record()
 
 

@@ -24,7 +24,7 @@ from quadsim.vehicle import load_vehicle
 
 COURSE, SWIFT, DT = load_course("split_s_swift"), load_vehicle("swift"), 0.01
 WEIGHTS = ReferenceWeights()
-LIMIT = stored_reference(COURSE, SWIFT, 3, WEIGHTS)
+LIMIT = stored_reference(COURSE, SWIFT, 3, WEIGHTS, "runs")
 ROWS = 100
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 
@@ -136,4 +136,4 @@ def test_what_the_reference_does_not_know_is_refused(name):
 
 def test_the_reserve_is_part_of_which_solution_is_followed():
     with pytest.raises(FileError):
-        stored_reference(COURSE, SWIFT, 3, replace(WEIGHTS, reserve=0.05))
+        stored_reference(COURSE, SWIFT, 3, replace(WEIGHTS, reserve=0.05), "runs")

@@ -77,7 +77,7 @@ DAMAGE = {
     ),
     "term alone": (
         changed_npz(**{f"{TERM}crash": np.zeros(61)}),
-        "missing or unknown: cost.crash",
+        "cost.crash: ",
     ),
     "bit": (changed_npz(vz=np.full(61, 1e-300)), "digest"),
 }

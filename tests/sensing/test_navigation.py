@@ -23,7 +23,7 @@ from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.prediction import Commands, GateCounter, predict
 from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.navigation import CourseEstimate, TrueState
-from quadsim.spec.build import build, distinct, flight_frames, navigation_of
+from quadsim.spec.build import FlightParts, build, distinct, flight_frames, navigation_of
 from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
 
@@ -143,7 +143,7 @@ def test_the_estimate_has_the_sensed_places_of_gates():
     spec = Spec.of("split_s_swift", sensing="gates", displace_gates=0.15, **SMALL)
     plant, controller, referee = build(spec)
     with closing(plant):
-        navigation = navigation_of(spec, plant, controller, referee)
+        navigation = navigation_of(spec, FlightParts(plant, controller, referee))
         estimate = navigation.estimate(0.0)
     assert estimate.course is not None
     assert all(isinstance(gate, EstimatedGate) and gate.std > 0.0 for gate in estimate.course.gates)
@@ -159,7 +159,7 @@ def test_exact_knowledge_is_the_true_state_and_the_referees_count():
     plant, controller, _ = build(spec)
     plant.close()
     assert not {"sensing", "displace_gates"} & spec.record().keys()
-    at_once = navigation_of(spec, plant, controller, SimpleNamespace(passed=3))
+    at_once = navigation_of(spec, FlightParts(plant, controller, SimpleNamespace(passed=3)))
     estimate = at_once.estimate(0.0)
     assert (tuple(estimate.x), estimate.target, estimate.course) == (plant.state.x, 3, None)
     assert at_once.record(plant.state) == ()
@@ -173,7 +173,7 @@ def test_where_commands_act_late_the_state_is_predicted_and_gates_are_counted_on
     plant, controller, _ = build(spec)
     counted = SimpleNamespace(passed=3)
     with closing(plant):
-        navigation = navigation_of(spec, plant, controller, counted)
+        navigation = navigation_of(spec, FlightParts(plant, controller, counted))
         x = tuple(plant.state.x)
         assert navigation.estimate(0.0).target == 0
         for k in range(1, 11):  # at full thrust, each plan taking 5 ms where time passes

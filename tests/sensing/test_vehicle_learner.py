@@ -144,10 +144,11 @@ def test_a_flight_with_a_vehicle_too_heavy_learns_it():
     spec = Spec.of(
         "paper_flat", vehicle="swift", preset="race", **small, timeout=1.5, randomize=1.0, seed=4
     )
-    plant, mppi, referee = build(spec)
-    navigation = navigation_of(spec, plant, mppi, referee)
-    with closing(plant):
-        *_, last = launch(spec, plant, mppi, referee, navigation)
+    parts = build(spec)
+    mppi = parts.controller
+    navigation = navigation_of(spec, parts)
+    with closing(parts.plant):
+        *_, last = launch(spec, parts, navigation)
     mass = spec.record()["variation"]["mass"]
     assert mass > 0.03
     assert last.t == pytest.approx(1.5)
@@ -166,9 +167,9 @@ def test_a_planner_that_does_not_adapt_is_given_no_model():
     spec = Spec.of(
         "paper_flat", vehicle="swift", preset="race", adapt=False, samples=128, horizon=50
     )
-    plant, mppi, referee = build(spec)
-    navigation = navigation_of(spec, plant, mppi, referee)
-    plant.close()
+    parts = build(spec)
+    navigation = navigation_of(spec, parts)
+    parts.plant.close()
     assert navigation.learner is None
     estimate = navigation.estimate(0.0)
     assert isinstance(estimate, Estimate)
