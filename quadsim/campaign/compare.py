@@ -143,8 +143,8 @@ def _section(flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path) -> Sect
     stats = []
     for variant, of_variant in flown:
         record = variant.spec.record()
-        limits = lap_limit(record), best_known_time(record)
-        stats.append(variant_stats(variant.name, of_variant, *limits))
+        best_known = best_known_time(record, variant.spec.runs_dir)
+        stats.append(variant_stats(variant.name, of_variant, lap_limit(record), best_known))
     first, _ = flown[0]
     return Section(
         course=first.spec.course,

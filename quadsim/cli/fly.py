@@ -48,7 +48,7 @@ def fly(course: CourseName = None, /, *, settings: Given = None, json: Json = Fa
         with suppress(KeyboardInterrupt), uninterrupted():
             failure = _save(folder, run)
 
-    present(run, None if failure else folder.path, json)
+    present(run, None if failure else folder.path, json, spec.runs_dir)
     if failure:
         raise failure
     if run.outcome == "interrupted":
