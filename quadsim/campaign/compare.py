@@ -92,7 +92,7 @@ class Comparison:
 
 
 def compare(
-    courses: Place | list[Place] | tuple[Place, ...],
+    courses: Place | Sequence[Place],
     variants: Mapping[str, Settings] | Sequence[str],
     attempts: int,
     jobs: int | None,
@@ -101,7 +101,7 @@ def compare(
 ) -> Comparison:
     """Compare variants, see `quadsim.compare`."""
     named = variants if isinstance(variants, Mapping) else {name: {} for name in variants}
-    several = courses if isinstance(courses, list | tuple) else [courses]
+    several = [courses] if isinstance(courses, str | Path | Course) else list(courses)
     made = make_variants(
         several, {name: _with_sampler(name, own) for name, own in named.items()}, settings
     )
