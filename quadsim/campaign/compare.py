@@ -27,6 +27,7 @@ from quadsim.campaign.summary_stats import (
 )
 from quadsim.campaign.tables import INDENT, as_markdown, as_table, comparison_tables, notes
 from quadsim.campaign.variants import Place, Settings, Variant, make_variants
+from quadsim.course import Course
 from quadsim.figures.style import save_figure, write_figure
 from quadsim.record.run import canonical
 from quadsim.record.whole_files import write_whole
