@@ -88,6 +88,8 @@ def train(
             reward={"crash": crash, "clearance": CLEARANCE},
             laps=laps,
         )
+    if find_spec("stable_baselines3") is None:
+        raise UsageError(needs_extra("stable-baselines3", "train"))
     path = _out(out)
     command = _command(course, flags)
     sizes = {"environments": environments, "hidden": hidden}
@@ -149,8 +151,6 @@ def _learn(
     from quadsim.learn.ppo_config import PPOConfig
     from quadsim.learn.training import Training, train
 
-    if find_spec("stable_baselines3") is None:
-        raise UsageError(needs_extra("stable-baselines3", "train"))
     training = Training(
         task=task,
         config=PPOConfig(environments=sizes["environments"], hidden=sizes["hidden"]),
