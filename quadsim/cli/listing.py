@@ -20,7 +20,6 @@ from quadsim.files.data_files import locate, read_text
 from quadsim.files.strict_yaml import FileError, parse
 from quadsim.files.yaml_errors import did_you_mean
 from quadsim.record.whole_files import expect_writable
-from quadsim.sensing.config import RotorConfig
 from quadsim.sensing.sensing_file import (
     SENSINGS,
     SENSORS,
@@ -116,8 +115,7 @@ def _sensors_text(sensing: Sensing) -> str:
     for name in SENSORS:
         config = getattr(sensing, name)
         if config:
-            latency = 0.0 if isinstance(config, RotorConfig) else config.latency
-            parts.append(f"{name} {config.rate:g}, {1e3 * latency:g}")
+            parts.append(f"{name} {config.rate:g}, {1e3 * config.latency:g}")
     return "; ".join(parts) or "none: the true state"
 
 

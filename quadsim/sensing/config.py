@@ -7,7 +7,7 @@ one sample, per axis.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -121,8 +121,10 @@ class PoseConfig:
 
 @dataclass(frozen=True)
 class RotorConfig:
-    """The numbers of the electronic speed controllers."""
+    """The numbers of the electronic speed controllers, which report without delay."""
 
+    # [s]
+    latency: ClassVar[float] = 0.0
     rate: Annotated[Rate, setting("samples a second [Hz]")]
     noise: Annotated[
         float, setting("noise of a rotor's speed [rad/s]", unit="rad/s", ge=0, le=1000)

@@ -66,4 +66,6 @@ class Corners:
     in_view: int
 
 
-Measurement = Inertial | Pose | RotorThrust | Corners
+# Those that correct the estimate, which the inertial unit alone would let run away.
+Aiding = Pose | Corners
+Measurement = Inertial | RotorThrust | Aiding

@@ -21,10 +21,9 @@ from quadsim.vehicle import Vehicle
 class RotorSpeeds:
     """Samples the thrust that a flight's rotors deliver."""
 
-    latency = 0.0
-
     def __init__(self, config: RotorConfig, seeds: np.random.SeedSequence, vehicle: Vehicle):
         """Read thrusts of a vehicle; noise comes from the stream `seeds`."""
+        self.latency = config.latency
         self._rng = np.random.default_rng(seeds)
         self._ticks = Ticks(config.rate)
         self._rotors = vehicle.rotors

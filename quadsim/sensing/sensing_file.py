@@ -21,7 +21,6 @@ from quadsim.sensing.config import GateCameraConfig, ImuConfig, PoseConfig, Roto
 
 SENSINGS = Path(__file__).parent
 PERFECT = "perfect"
-SENSORS = ("imu", "pose", "rotors", "camera")
 
 
 @dataclass(frozen=True)
@@ -43,12 +42,12 @@ class Sensing:
     @property
     def latest(self) -> float:
         """The longest time from a measurement to its arrival [s]."""
-        sensors = (self.imu, self.pose, self.camera)
+        sensors = (getattr(self, key) for key in SENSORS)
         return max((sensor.latency for sensor in sensors if sensor), default=0.0)
 
 
 class SensingFile(Struct, frozen=True, kw_only=True):
-    """The keys of a sensing file."""
+    """The keys of a sensing file. All but the first two are sensors, as `Sensing` has them."""
 
     source: Annotated[str, setting("origin of the numbers")] = ""
     exact: Annotated[bool, setting("whether the true state is known, without sensors")] = False
@@ -56,6 +55,9 @@ class SensingFile(Struct, frozen=True, kw_only=True):
     pose: PoseConfig | None = None
     rotors: RotorConfig | None = None
     camera: GateCameraConfig | None = None
+
+
+SENSORS = tuple(key for key in SensingFile.__struct_fields__ if key not in ("source", "exact"))
 
 
 def sensing_names() -> tuple[str, ...]:
@@ -87,14 +89,8 @@ def parse_sensing(text: str, file: str) -> Sensing:
     entry = document.fill(SensingFile)
     for fault in _faults(entry):
         raise document.error(fault.key, fault.problem)
-    return Sensing(
-        name=Path(file).stem,
-        source=entry.source,
-        imu=entry.imu,
-        pose=entry.pose,
-        rotors=entry.rotors,
-        camera=entry.camera,
-    )
+    sensors = {key: getattr(entry, key) for key in SENSORS}
+    return Sensing(name=Path(file).stem, source=entry.source, **sensors)
 
 
 class Fault(NamedTuple):
@@ -114,7 +110,7 @@ def _faults(entry: SensingFile) -> Iterator[Fault]:
         expected = "expected an inertial measurement unit: {rate: 250}, or exact: true"
         yield Fault("imu", f"missing, {expected}")
     if entry.imu and not (entry.pose or entry.camera):
-        problem = "expected a pose or a camera beside it, as positions by an imu alone run away"
+        problem = "expected a pose or a camera beside it, as without one positions run away"
         yield Fault("imu", problem)
     if entry.pose and entry.pose.spikes > 0.0 and entry.pose.spike == 0.0:
         yield Fault("pose.spike", "expected how far off spikes are [m], got 0")

@@ -23,6 +23,7 @@ from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.prediction import Commands, GateCounter, predict
 from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.navigation import CourseEstimate, TrueState
+from quadsim.sensing.sensing_file import SENSORS
 from quadsim.spec.build import FlightParts, build, distinct, flight_frames, navigation_of
 from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
@@ -273,6 +274,14 @@ def test_a_fault_of_a_sensing_file_is_one_line_with_its_place_and_key(text):
         parse_sensing(text, "s.yaml")
     assert str(error.value).startswith(BAD[text])
     assert "\n" not in str(error.value)
+
+
+def test_every_sensor_of_a_file_is_one_of_the_vehicle():
+    """None is read, checked and then left out."""
+    needed = {"camera": ", width: 640, height: 360, fx: 320, fy: 320"}
+    lines = [f"{name}: {{rate: 50{needed.get(name, '')}}}" for name in SENSORS]
+    sensing = parse_sensing("\n".join(lines), "s.yaml")
+    assert [name for name in SENSORS if getattr(sensing, name) is None] == []
 
 
 def test_sensings_have_a_source_and_names_are_proposed():

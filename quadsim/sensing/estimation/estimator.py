@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import radians, sqrt
+from typing import assert_never
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from quadsim.rotation import exp
 from quadsim.sensing.estimation.error_state import MOVING, FilterState, Motion
 from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.estimation.updates import CornerUpdate, Innovation, PoseUpdate
-from quadsim.sensing.measurements import Corners, Inertial, Pose
+from quadsim.sensing.measurements import Aiding, Corners, Inertial, Pose
 from quadsim.sensing.sensing_file import Sensing
 
 # Standard deviations where the vehicle is set down: position [m], roll and pitch [deg], heading
@@ -41,7 +42,7 @@ AS_MAPPED = 1e-3
 class Applied:
     """A measurement that the filter has used, and the filter's state after it."""
 
-    measurement: Pose | Corners
+    measurement: Aiding
     state: FilterState
     innovation: Innovation
 
@@ -85,7 +86,7 @@ class Estimator:
         # of the measurements taken since the last `innovations.clear()`
         self.innovations: list[Innovation] = []
 
-    def take(self, measurement: Inertial | Pose | Corners) -> None:
+    def take(self, measurement: Inertial | Aiding) -> None:
         """Use a measurement that has just arrived."""
         if isinstance(measurement, Inertial):
             self._samples.append(measurement)
@@ -119,7 +120,7 @@ class Estimator:
             return self.state.P
         return self._motion.moved(self.state, self._samples[-1], t)
 
-    def _apply(self, measurement: Pose | Corners) -> Innovation:
+    def _apply(self, measurement: Aiding) -> Innovation:
         """Move the filter to the instant of a measurement and correct it there."""
         before = self._moved(measurement.t)
         match measurement:
@@ -129,6 +130,8 @@ class Estimator:
             case Corners():
                 assert self._corners
                 self.state, innovation = self._corners(before, measurement)
+            case _:
+                assert_never(measurement)
         self._applied.append(Applied(measurement, self.state, innovation))
         return innovation
 

@@ -22,7 +22,7 @@ from quadsim.sensing.estimation.error_state import DRIFT, POSITION, TURN, VELOCI
 from quadsim.sensing.measurements import Corners, Pose
 
 # .999 quantiles of chi-square, by its degrees of freedom
-GATE = {2: 13.8, 3: 16.3}
+GATE = {1: 10.8, 2: 13.8, 3: 16.3}
 # standard deviations sqrt(2 m) of chi-square above its mean m
 JOINT = 4.0
 # [m] standard deviation below which a gate counts as found; until then a lone corner is no evidence
