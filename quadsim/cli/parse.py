@@ -45,30 +45,6 @@ def run(argv: Sequence[str]) -> int:
     return function(*bound.args, **bound.kwargs)
 
 
-def parse_flight(argv: Sequence[str]) -> tuple[str | None, dict[str, Any]]:
-    """Return the course and the settings of a command line of `race fly`.
-
-    Raises:
-        UsageError: it is none.
-    """
-    from quadsim.cli.flags import CourseName, Given
-
-    found: list[tuple[str | None, dict[str, Any]]] = []
-
-    def flight(course: CourseName = None, /, *, settings: Given = None) -> None:
-        found.append((course, dict(settings or {})))
-
-    flight.__annotations__ = {"course": CourseName, "settings": Given}
-    app = App(name="race fly", version_flags=(), help_flags=())
-    app.default(flight)
-    try:
-        function, bound, _ = app.parse_args(argv, print_error=False, exit_on_error=False)
-    except CycloptsError as error:
-        raise UsageError(_line(error, app)) from None
-    function(*bound.args, **bound.kwargs)
-    return found[0]
-
-
 def _check(function: Callable[..., Any], arguments: Mapping[str, Any]) -> None:
     """Check the numbers of a command's own flags by their annotations. Raises UsageError."""
     hints = get_type_hints(function, include_extras=True)
