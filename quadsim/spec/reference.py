@@ -1,4 +1,4 @@
-"""A stored solution of `race limit` as what a planner follows."""
+"""Stored solutions of `race limit` as references that a planner follows."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def stored_reference(
 
     Args:
         course, vehicle, laps: the race.
-        weights: their margin and reserve are the solution's.
-        runs_dir: folder of runs; solutions are looked for there, beside those of the project.
+        weights: weights with the margin and the reserve of the solution to look for.
+        runs_dir: folder of runs, searched for solutions as well as the project's own.
 
     Raises:
         FileError: there is no solution of this race.
@@ -49,7 +49,7 @@ def reference_of(limit: StoredSolution, vehicle: Vehicle, dt: float) -> Referenc
 
     Args:
         limit: the solution.
-        vehicle: that it was searched for.
+        vehicle: vehicle that the solution was computed for.
         dt: control period [s].
     """
     solution = limit.solution
@@ -59,7 +59,7 @@ def reference_of(limit: StoredSolution, vehicle: Vehicle, dt: float) -> Referenc
     middle = np.searchsorted(solution.t, t + dt / 2) - 1
     interval = np.clip(middle, 0, len(solution.u) - 1)
 
-    # A gate is passed where the last interval that aims at it ends.
+    # A gate is passed at the end of the last interval that aims at it.
     gates = range(int(solution.target.max()) + 1)
     passes = [float(solution.t[1:][solution.target == gate][-1]) for gate in gates]
     rows = [round(t_pass / dt) for t_pass in passes]
