@@ -1,5 +1,7 @@
-"""The functions of the public interface; `import quadsim` loads this module when one of them is
-used."""
+"""The functions of the public interface.
+
+`import quadsim` loads this module when one of them is first used.
+"""
 
 from __future__ import annotations
 
@@ -37,8 +39,9 @@ def fly(course: CourseLike | Spec | None = None, **settings: Unpack[Keywords]) -
         number of threads.
 
     Raises:
-        SettingError: an invalid setting (a ValueError): name, what was expected, what was found.
-        FileError: a course, vehicle or preset that cannot be read (a ValueError).
+        SettingError: a setting is invalid; the message has its name, what was expected and what
+            was found (a ValueError).
+        FileError: a course, vehicle or preset cannot be read (a ValueError).
     """
     spec = spec_of(course, settings)
     return Run.from_frames(spec.record(), flight_frames(spec))
@@ -78,11 +81,12 @@ def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
 
 
 def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
-    """Store a run as `race fly` does: run.json, telemetry.npz and events.csv in a folder of its own
-    under `runs_dir`.
+    """Store a run as `race fly` does, in a folder of its own under `runs_dir`.
+
+    The files are run.json, telemetry.npz and events.csv.
 
     Returns:
-        That folder.
+        The run's folder.
 
     Raises:
         RunError: it cannot be written.
@@ -95,13 +99,13 @@ def plot(run: Run, path: str | Path | None = None) -> Figure:
     """Draw a run on one page: path, controls over time, spectrum of the thrust.
 
     Args:
-        run: of a quadrotor.
+        run: a quadrotor's run.
         path: a file to write: .png, .svg or .pdf; None writes nothing.
 
     Returns:
         The matplotlib Figure.
     """
-    from quadsim.figures.run_figure import draw  # which loads matplotlib
+    from quadsim.figures.run_figure import draw  # here: it loads matplotlib
     from quadsim.figures.style import save_figure
 
     figure = draw(run)
@@ -118,8 +122,9 @@ def compare(
     campaign: str | Path | None = None,
     **settings: Any,
 ) -> Comparison:
-    """Compare variants over many flights, paired by seed: lap times, finish rates, thrust chatter,
-    95 % intervals.
+    """Compare variants over many flights, paired by seed.
+
+    The comparison has lap times, finish rates and thrust chatter with 95 % intervals.
 
     Args:
         courses: one course or several.
@@ -130,15 +135,15 @@ def compare(
             by them.
         campaign: an SQLite file that stores finished attempts; the same call resumes where it
             stopped.
-        settings: of all variants, as for `fly`; randomize=1.0 randomizes vehicle, start and wind by
-            seed.
+        settings: settings of all variants, as for `fly`; randomize=1.0 randomizes vehicle, start
+            and wind by seed.
 
     Returns:
         A Comparison: `.variants` and `.pairs` with the numbers, `print(comparison)` for tables,
             `.plot(path)`.
 
     Raises:
-        ValueError: as `fly`.
+        ValueError: as for `fly`.
     """
     from quadsim.campaign.compare import compare as run_comparison
 

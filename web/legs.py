@@ -13,7 +13,7 @@ class Legs:
     Attributes:
         gates: number of gates of a lap.
         ends: length of the way to the start and to each gate [m]  (legs + 1,)
-        length: of the whole race [m]
+        length: length of the whole race [m]
         lap_ends: length of the way to the end of each lap [m]  (laps,)
     """
 

@@ -40,7 +40,7 @@ NAME_LENGTH = 120  # characters of the courses and variants there
 
 @dataclass(frozen=True)
 class Comparison:
-    """What variants did against each other; `print` it for tables."""
+    """The result of comparing variants; `print` shows it as tables."""
 
     sections: list[Section]  # one for each course
     _folder: TemporaryDirectory | None = None  # of the telemetry, where no campaign keeps it
@@ -203,8 +203,8 @@ def write_report(comparison: Comparison, folder: Path, identity: str) -> list[Pa
     """Write a comparison as Markdown, PNG and SVG.
 
     Args:
-        comparison: at least one section.
-        folder: where the files are put, named after courses and variants.
+        comparison: comparison of at least one section.
+        folder: folder for the files, which are named after courses and variants.
         identity: ends the files' names.
 
     Raises:

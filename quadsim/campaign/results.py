@@ -93,7 +93,7 @@ def find(groups: Sequence[Group], wanted: str) -> Group:
     """Return the one group with this id.
 
     Args:
-        groups: to look in.
+        groups: groups to look in.
         wanted: the first digits of a variant, or ID@COMMIT.
 
     Raises:

@@ -111,7 +111,7 @@ class Runner:
         Args:
             campaign: the SQLite file.
             jobs: the number of workers, see `open_pool`.
-            scheduler: of a Dask cluster, see `open_pool`.
+            scheduler: address of a Dask cluster, see `open_pool`.
             this_commit: count only what this commit has flown.
             telemetry: keep the telemetry of what is flown.
         """
@@ -131,7 +131,7 @@ class Runner:
         self._open.close()
         if error is None or not self._kept:
             return
-        kept = f"what has been flown is kept in {self.campaign}: the same command goes on there"
+        kept = f"what has been flown is kept in {self.campaign}: the same command continues there"
         if isinstance(error, KeyboardInterrupt):
             raise KeyboardInterrupt(kept) from None
         complain(kept)
@@ -147,7 +147,7 @@ class Runner:
         """Return the attempts of every variant, and fly what is missing.
 
         Args:
-            variants: of one comparison or search.
+            variants: variants of one comparison or search.
             attempts: the number of consecutive seeds.
             quiet: show no progress.
 

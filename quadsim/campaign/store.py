@@ -124,7 +124,7 @@ class Store:
 
         Args:
             spec: what was flown.
-            name: of its variant.
+            name: name of its variant.
             flown: the flight.
             telemetry: whether to keep that too.
 
@@ -179,7 +179,7 @@ class Store:
         """Return attempts, oldest first; a row that cannot be read is named and left out.
 
         Args:
-            keys: of the attempts that are wanted; None: all.
+            keys: keys of the attempts that are wanted; None: all.
 
         Raises:
             RunError: the file cannot be read.

@@ -133,8 +133,8 @@ def notes(
     """Yield what has to be read with the tables of one course.
 
     Args:
-        variants: of the course.
-        pairs: of these variants.
+        variants: variants of the course.
+        pairs: comparisons of these variants.
         limit: time limit of a lap [s].
     """
     if any(v.finished < v.attempts for v in variants):

@@ -26,7 +26,7 @@ REPEAT = 4  # times the attempts of a trial
 
 @dataclass(frozen=True)
 class Goal:
-    """What a search looks for."""
+    """The goal of a search: its size, and the share of flights that must finish."""
 
     trials: int  # planners to try, the one that the search begins with included
     attempts: int  # flights of each trial
@@ -47,7 +47,7 @@ class Finalist:
 
 @dataclass(frozen=True)
 class Tuned:
-    """What a search has found."""
+    """The result of a search."""
 
     finals: list[Finalist]  # best first
     front: list[FlownTrial]  # that no other dominates, see `pareto_front`
@@ -62,15 +62,15 @@ def tune(
     jobs: int | None = None,
     scheduler: str | None = None,
 ) -> Tuned:
-    """Search, or continue the search of the same arguments; more trials go on from there.
+    """Search for the fastest planner, or continue the search that these arguments began.
 
     Args:
-        base: what the search begins with.
-        parameters: what is searched.
-        goal: what the search looks for.
+        base: variant that the search begins with.
+        parameters: parameters to search.
+        goal: goal of the search.
         campaign: the SQLite file that keeps attempts and trials.
         jobs: the number of workers, see `open_pool`.
-        scheduler: of a Dask cluster, see `open_pool`.
+        scheduler: address of a Dask cluster, see `open_pool`.
 
     Raises:
         RunError: the campaign cannot be read or written, or a worker has other libraries.
@@ -104,8 +104,8 @@ def _search(search: Search, base: Variant, goal: Goal, runner: Runner) -> None:
                 continue
             stats = _stats(variant, rows)
             lap = stats.lap_mean if stats.finished else None
-            told = TrialStats(lap, stats.finished, stats.thrust_tv)
-            search.tell(trial, objective(stats, goal.floor), told)
+            trial_stats = TrialStats(lap, stats.finished, stats.thrust_tv)
+            search.tell(trial, objective(stats, goal.floor), trial_stats)
             complain(f"{search.done}/{goal.trials} {summary(stats)}")
 
 
@@ -140,7 +140,7 @@ def objective(stats: VariantStats, floor: float) -> float:
     does not finish counts as the time limit.
 
     Args:
-        stats: of a trial.
+        stats: statistics of a trial.
         floor: share of the attempts that must finish.
     """
     enough = stats.finished and stats.finished >= floor * stats.attempts

@@ -49,7 +49,7 @@ class Variant:
         return self.spec.course.name
 
     def attempts(self, number: int) -> list[Spec]:
-        """Return so many flights with consecutive seeds, beginning with the spec's own."""
+        """Return a number of flights with consecutive seeds, beginning with the spec's own."""
         first = self.spec.seed
         return [replace(self.spec, seed=seed) for seed in range(first, first + number)]
 
@@ -129,7 +129,7 @@ def make_variants(
     Args:
         courses: names, files or courses.
         variants: the settings of each variant by name.
-        settings: of all variants; those of samplers that a variant does not have are left out.
+        settings: settings of all variants; settings of a sampler apply to its variants only.
 
     Raises:
         SettingError: an invalid setting.

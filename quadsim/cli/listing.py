@@ -171,7 +171,7 @@ def describe(text: str, file: str) -> Described:
     """Return what kind of file this is, by a key that only that kind has, and what it holds.
 
     Args:
-        text: of the file.
+        text: text of the file.
         file: named in errors.
 
     Raises:

@@ -41,7 +41,7 @@ COLUMNS: dict[str, Callable[[Verdict], str]] = {
 
 @dataclass(frozen=True)
 class Found:
-    """How one baseline was flown now."""
+    """The new results of one baseline, with the verdicts on them."""
 
     path: Path
     baseline: Baseline

@@ -39,7 +39,7 @@ def unit(name: str, **bounds: Any) -> msgspec.Meta:
 
     Args:
         name: the unit, which errors show.
-        bounds: of msgspec, gt, ge, lt or le.
+        bounds: msgspec's bounds gt, ge, lt or le.
     """
     return msgspec.Meta(extra={"unit": name}, **bounds)
 
@@ -50,7 +50,7 @@ def setting(text: str, unit: str = "", **bounds: Any) -> msgspec.Meta:
     Args:
         text: the help of a flag, a slider or a page of the documentation.
         unit: shown by errors.
-        bounds: of msgspec, gt, ge, lt or le.
+        bounds: msgspec's bounds gt, ge, lt or le.
     """
     extra = {"unit": unit} if unit else None
     return msgspec.Meta(description=text, extra=extra, **bounds)

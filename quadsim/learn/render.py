@@ -103,7 +103,7 @@ def picture(course: Course, states: np.ndarray) -> np.ndarray:
     """Return a picture of gates and vehicles from above.
 
     Args:
-        course: whose bounds fill the picture.
+        course: course with the bounds that fill the picture.
         states: position, velocity and attitude of the vehicles.  (vehicles, 10)
 
     Returns:

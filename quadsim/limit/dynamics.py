@@ -36,7 +36,7 @@ from quadsim.physics.allocation import mixer
 from quadsim.rotation import quaternion_rate, to_body, to_world
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
-# CasADi 3.8 warns until it is told what to make of numpy's functions in `step`: CasADi's own
+# CasADi 3.8 warns unless it is set how numpy's functions in `step` are taken: as CasADi's own
 if hasattr(casadi.GlobalOptions, "setNumpyMode"):
     casadi.GlobalOptions.setNumpyMode(-1)
 

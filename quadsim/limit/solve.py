@@ -95,9 +95,9 @@ def solve(
 
     Args:
         route: the gates.
-        model: of the vehicle.
+        model: model of the vehicle.
         intervals: on each of the route's legs.
-        guess: where the optimiser starts.
+        guess: flight that the optimiser starts from.
         show: see Show.
         around: detours around frames and boxes beside the route.
 

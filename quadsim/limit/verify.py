@@ -62,7 +62,7 @@ class Verified:
 
 
 def referee_of(problem: LimitProblem) -> Referee:
-    """Return a new referee of a race, one that goes on after a hit and so reports all hits.
+    """Return a new referee that continues after a hit, so that it reports all hits of a race.
 
     Raises:
         ValueError: laps on an open course, or a gate too small for the vehicle.

@@ -93,8 +93,11 @@ class DriveReferee:
     """
 
     def __init__(self, corridor: Corridor, half_width: float, timeout: float):
-        """half_width: of the vehicle [m]; timeout [s]"""
-        self.outcome: str | None = None  # None while the drive goes on
+        """Start before the corridor.
+
+        half_width: half the width of the vehicle [m]; timeout: time limit [s].
+        """
+        self.outcome: str | None = None  # None until the drive has ended
         self.legs = 0  # driven to their end lines
         self._corridor = corridor
         self._timeout = timeout

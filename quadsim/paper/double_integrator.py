@@ -59,7 +59,7 @@ class Best(NamedTuple):
 
 
 def make(runs: int, folder: Path) -> Result:
-    """Move so many times with each sampler, and look at the run of least cost."""
+    """Move `runs` times with each sampler, and plot the run of least cost."""
     cells = [Cell(name, SIGMA) for name in PAPER_SAMPLERS]
     best = {
         cell.sampler: best_run(cell.sampler, [run.cost for run in of_cell])

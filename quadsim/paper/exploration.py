@@ -81,7 +81,7 @@ def draw(
 
     Args:
         spread: places of each case [m]  (samples, times, 2).
-        variance: of x in each case [m^2]  (times,).
+        variance: variance of x in each case [m^2]  (times,).
         t: times [s]  (times,).
     """
     with rc_context(STYLE):

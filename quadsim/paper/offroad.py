@@ -133,7 +133,7 @@ def drive(task: DriveTask) -> Drive:
 
 
 def make(runs: int, folder: Path) -> Result:
-    """Drive so many times with each sampler, and a quarter as often at the lower temperature."""
+    """Drive `runs` times with each sampler, and a quarter as often at the lower temperature."""
     cold_runs = ceil(runs / 4)
     tasks = {
         "gaussian": [DriveTask(GAUSSIAN, CONFIG, seed, TIMEOUT) for seed in range(runs)],

@@ -74,7 +74,7 @@ def draw(seeds: np.random.SeedSequence, size: float) -> Randomization:
 
     Args:
         seeds: the stream of the vehicle.
-        size: of all changes; 0: none.
+        size: scale of all changes; 0: none.
     """
     if size == 0:
         return Randomization()

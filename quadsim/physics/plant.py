@@ -100,9 +100,9 @@ class RigidPlant:
 
         Args:
             course: gates and obstacles that stand in the world.
-            vehicle: whose actuators fly.
+            vehicle: vehicle that has the actuators.
             dt: physics step [s].
-            start: in place of the course's own.
+            start: start in place of the course's own.
             body: its mass and inertia are the world's; by default the vehicle's own, by which the
                 flight controller works in either case.
             gusts: acceleration in each physics step, world frame [m/s^2].
@@ -197,7 +197,10 @@ class NamedPlant:
     """
 
     def __init__(self, plant: Plant):
-        """plant: whose states are to be named."""
+        """Wrap the user's plant.
+
+        plant: plant with states in the order of State.
+        """
         self._plant = plant
         self.dt = plant.dt
         self.velocity_lag = getattr(plant, "velocity_lag", 0.0)
@@ -260,7 +263,7 @@ class ModelPlant:
         return self.state
 
     def close(self) -> None:
-        """Release nothing, as nothing is held."""
+        """Do nothing, as nothing is held."""
 
 
 def diffusion(std: Vector, dt: float, rng: np.random.Generator) -> Callable[[Vector], Vector]:
@@ -269,7 +272,7 @@ def diffusion(std: Vector, dt: float, rng: np.random.Generator) -> Callable[[Vec
     Args:
         std: standard deviations that are reached after 1 s, for any dt  (n_x,).
         dt: step [s].
-        rng: of the disturbance.
+        rng: random numbers of the disturbance.
     """
     scale = np.asarray(std) * np.sqrt(dt)
 

@@ -105,7 +105,7 @@ class RigidBody:
         return self._contacts
 
     def close(self) -> None:
-        """Release nothing, as nothing is held."""
+        """Do nothing, as nothing is held."""
 
     def _touched(self, p0: Vec3, p1: Vec3) -> tuple[str, ...]:
         """Return the gates and obstacles that are touched on the way from p0 to p1."""

@@ -233,7 +233,7 @@ def limit_of(spec: dict, *folders: Path) -> StoredSolution | None:
 
     Args:
         spec: the spec of the run.
-        folders: where to look, beside the project; see `limits_folder`.
+        folders: folders to search besides the project's own; see `limits_folder`.
     """
     with suppress(FileError, KeyError, msgspec.ValidationError):
         problem = LimitProblem.of_run(spec)

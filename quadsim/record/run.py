@@ -272,7 +272,7 @@ class Recorder:
     def views(self, columns: Iterable[str]) -> dict[str, np.ndarray]:
         """Return the telemetry so far, not copied, each column (frames,).
 
-        A view stays valid while the flight goes on.
+        A view stays valid while the flight continues.
 
         Args:
             columns: the names of `columns_of`, in order.

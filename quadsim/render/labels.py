@@ -33,7 +33,7 @@ def label(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray) 
 
     Args:
         course, camera: the scene and the camera on the vehicle.
-        pose: of the vehicle.
+        pose: pose of the vehicle.
         segmentation: (height, width), gate numbers from 1.
     """
     position, axes = camera.pose(pose.p, pose.q)
@@ -83,7 +83,7 @@ def coco(course: Course, camera: Camera, labels: Iterable[dict]) -> dict:
     """Return all labels as one document.
 
     Args:
-        course, camera: of all pictures.
+        course, camera: the course and the camera of all pictures.
         labels: results of `label`, with the `files` of the picture.
     """
     images: list[dict] = []

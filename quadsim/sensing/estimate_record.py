@@ -53,7 +53,7 @@ def estimate_row(
         state: the truth.
         nominal: the estimate.
         P: covariance of its error  (n, n).
-        innovations: of the measurements taken in this period.
+        innovations: innovations of the measurements taken in this period.
         picture: corners that stood in the last picture of this period, and that were found in it.
         spent: time that the estimate took [ms].
     """

@@ -41,7 +41,7 @@ class GateCamera:
             config: the camera.
             seeds: stream of its noise and mistakes.
             gates: each once, in the order of their indices.
-            obstacles: that may hide corners.
+            obstacles: obstacles, which may hide corners.
         """
         self.latency = config.latency
         self._config = config
@@ -73,8 +73,8 @@ class GateCamera:
         """Return what is found of the corners in view.
 
         Args:
-            t: of the exposure [s].
-            pixels: of all corners of the course  (n, 2).
+            t: time of the exposure [s].
+            pixels: pixels of all corners of the course  (n, 2).
             view: indices of the corners in view.
         """
         # Every picture takes the same number of draws.

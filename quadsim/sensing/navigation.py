@@ -106,7 +106,7 @@ class GateCount(Protocol):
 
         Args:
             x: state, which begins with the position [m]  (n_x,).
-            course: as it is estimated; None: the map.
+            course: the estimated course; None: the map.
         """
         ...
 
@@ -124,7 +124,10 @@ class RefereeCount:
     """The true number of gates passed, by the referee."""
 
     def __init__(self, referee: PassedGates):
-        """referee: of this flight."""
+        """Take the gate count of a referee.
+
+        referee: the flight's referee.
+        """
         self._referee = referee
 
     def at(self, x: tuple[float, ...], course: Course | None) -> int:
@@ -143,7 +146,7 @@ class TrueState:
         Args:
             state: the plant's.
             dt: control period [s].
-            learner: of the vehicle's numbers, for exact states; None: they are not estimated.
+            learner: estimator of the vehicle's parameters; None: they are not estimated.
         """
         self._state = state
         self._dt = dt
@@ -198,13 +201,13 @@ class SensedState:
         """Put sensors and estimators together.
 
         Args:
-            sensors: warmed up, at the flight's first state.
-            estimator: of position, velocity and attitude, and of the places of gates.
+            sensors: sensors after their warm-up, at the flight's first state.
+            estimator: estimator of position, velocity and attitude, and of the places of gates.
             body_rates: observes the rates and the angular accelerations.
-            learner: of the thrust and the vehicle's numbers, for sensors.
-            course: as it is estimated; None: for a controller that flies by the map.
+            learner: estimator of the thrust and the vehicle's parameters.
+            course: the estimated course; None: the controller uses the map.
             dt: control period [s].
-            adapt: whether the planner uses what is learnt of the vehicle.
+            adapt: whether the planner uses the estimated vehicle parameters.
             rotor_std: standard deviation of the thrust by rotor speeds [m/s^2].
         """
         self._sensors = sensors
@@ -323,7 +326,10 @@ class CourseEstimate:
     """The course with its gates where the estimator has them, and their uncertainty."""
 
     def __init__(self, course: Course):
-        """course: the map."""
+        """Begin with the map.
+
+        course: the course as the map has it.
+        """
         self._map = course
         self._course = course
         self._distinct: tuple[Gate, ...] = tuple(dict.fromkeys(course.gates))
@@ -361,7 +367,7 @@ class Navigation:
         """Put the parts together.
 
         Args:
-            source: of the present state.
+            source: source of the present state.
             gates: counts the gates passed.
             commands: given before the flight.
             dt: control period [s].

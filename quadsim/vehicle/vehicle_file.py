@@ -178,8 +178,8 @@ def _rotor_faults(entry: RotorsEntry, weight: float) -> Iterator[Fault]:
     """Yield the faults of the rotors.
 
     Args:
-        entry: of the file.
-        weight: of the vehicle [N].
+        entry: entry of the file.
+        weight: weight of the vehicle [N].
     """
     sides = [entry.rotor_x is not None, entry.rotor_y is not None]
     one_way = not any(sides) if entry.arm_l is not None else all(sides)

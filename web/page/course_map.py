@@ -1,4 +1,4 @@
-"""Where the race is: the course from above, and the time line with laps, gates and hits."""
+"""The map of the race, from above, and its time line with laps, gates and hits."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def timeline(entries: Sequence[Competitor], t: float, end: float) -> str:
 
     Args:
         t: now [s]
-        end: of the time line [s]
+        end: end of the time line [s]
     """
     scale = LONG / max(end, 1e-3)  # [px/s]
     height = ROW * len(entries) + 11

@@ -41,7 +41,7 @@ NOTICE = 6.0  # [s] for which a notice is shown
 
 
 class Due:
-    """Whether to show something again: when it has changed, but once a period at most.
+    """Decides when to show something again: when it has changed, but once a period at most.
 
     Args:
         period: [s]
@@ -63,7 +63,7 @@ class Due:
 
 
 class Look(NamedTuple):
-    """How the race is to be shown."""
+    """The choices of how to show the race."""
 
     by_place: bool
     by_speed: bool

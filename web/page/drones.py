@@ -45,7 +45,7 @@ BRIGHT = np.pi
 
 
 class Shown(NamedTuple):
-    """What is shown of a drone."""
+    """The state of a drone's display."""
 
     frame: int
     by_speed: bool
@@ -57,7 +57,7 @@ class Drone:
     The arrays keep their length: viser accepts another one, but draws it wrong.
 
     Args:
-        name: of its nodes.
+        name: name of its nodes.
         ghost: whether it is drawn paler and with its name, as every competitor but the first.
         scale: factor on its size.
         width: factor on that of lines.
@@ -223,9 +223,9 @@ def add_quadrotor(
     """Add a quadrotor to a scene.
 
     Args:
-        span: from rotor to rotor [m]
+        span: distance from rotor to rotor [m]
         body, rotors: their colours.
-        opacity: of all of it; None: of a solid body with rotors that let some light through.
+        opacity: opacity of the whole mesh; None: the body is opaque, the rotors translucent.
     """
     meshes = quadrotor(span)
     look = {"flat_shading": True, "side": "double"}

@@ -57,7 +57,7 @@ class Guard:
     """The checks of one server.
 
     Args:
-        host, port: where it listens.
+        host, port: address that the server listens on.
         token: required of every visitor; None: of none.
 
     Attributes:

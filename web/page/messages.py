@@ -113,7 +113,7 @@ class PageConnection(ServerConnection):
 
     Args:
         find_control: returns the control with a uuid.
-        arguments, keywords: of websockets' own class.
+        arguments, keywords: arguments of websockets' own class.
     """
 
     def __init__(self, find_control: FindControl, *arguments: Any, **keywords: Any):

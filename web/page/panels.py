@@ -89,7 +89,7 @@ class PlaybackPanel:
 
 
 class ViewPanel:
-    """How the race is shown."""
+    """The controls of the display: camera, ghosts, size and colours."""
 
     def __init__(self, gui: viser.GuiApi, camera: Camera):
         with gui.add_folder("View"):
@@ -127,7 +127,7 @@ class Key(NamedTuple):
 def add_keys(gui: viser.GuiApi, session: Session, camera: Camera, controls: FlightControls) -> None:
     """Add the keys that control the race."""
     keys = [
-        Key("space", "pause, go on", lambda _: session.tell(PageRace.play)),
+        Key("space", "pause, continue", lambda _: session.tell(PageRace.play)),
         Key("N", "one step", lambda _: session.tell(PageRace.step, 1)),
         Key("B", "one step back", lambda _: session.tell(PageRace.step, -1)),
         Key("S", "start", controls.start),

@@ -57,11 +57,11 @@ class RaceScene:
     """Everything in the scene of one race.
 
     Args:
-        true_size: of the drones, else they are enlarged.
+        true_size: whether the drones have their true size; else they are enlarged.
         samples: sampled trajectories that are drawn.
 
     Attributes:
-        drone_size: of the drones as they are drawn [m]
+        drone_size: size of the drones as they are drawn [m]
     """
 
     def __init__(
@@ -185,10 +185,10 @@ class Impacts:
 class CourseView:
     """Gates with their numbers, obstacles, the ground.
 
-    All bars are one node: recolouring them sends one array. Each scene's has a name of its own. A
-    page that is told to replace a node by another one of the same name gives the old one new
-    arrays, and may draw it once more after its buffers are gone: GL_INVALID_OPERATION in the
-    console.
+    The bars of all gates are one node, so that recolouring them sends one array. Each scene gives
+    this node a name of its own. A page that replaces a node by another one of the same name gives
+    the old one new arrays, and may draw it once more after its buffers are gone, which logs
+    GL_INVALID_OPERATION in the console.
     """
 
     def __init__(self, scene: viser.SceneApi, course: Course):

@@ -1,4 +1,4 @@
-"""The page's server: viser's behind a Guard, on this machine alone unless told otherwise."""
+"""The page's server: viser's behind a Guard, on this machine alone unless a host is given."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def serve(host: str, port: int, token: str | None, label: str) -> viser.ViserSer
     """Return a running server.
 
     Args:
-        host, port: where it listens; port 0 is any that is free.
+        host, port: address to listen on; port 0 is any that is free.
         token: required of every visitor; None: of none.
         label: its name on the page.
 
@@ -125,7 +125,7 @@ def forget_removed(server: viser.ViserServer) -> None:
 
     By itself it does so only when another page connects: until then the messages that remove a
     race's charts pile up, race by race. Not forced, it keeps removals that open pages have yet to
-    be told; without those they would show the last race's charts and drones for ever.
+    receive; without those they would show the last race's charts and drones for ever.
 
     The method is private in viser 1.1.1, the version that is pinned. If another one has no such
     method: look at what it runs when a page connects, or drop this call where

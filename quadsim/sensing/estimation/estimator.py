@@ -61,8 +61,8 @@ class Estimator:
 
         Args:
             sensing: the vehicle's sensors.
-            gates: of the map, each once.
-            start: where the vehicle is set down, as it is known.
+            gates: gates of the map, each once.
+            start: the known pose in which the vehicle is set down.
             t: when that is [s].
             displaced: how far each gate may stand off the map, along x and y [m]; 0: the map is
                 taken as true.
@@ -161,7 +161,7 @@ def _set_down(
 
     Args:
         sensing: the vehicle's sensors.
-        start: where the vehicle is set down, as it is known.
+        start: the known pose in which the vehicle is set down.
         t: when that is [s].
         drifts: states of an odometry's drift, 3 or 0.
         gates: number of gates whose places are states.

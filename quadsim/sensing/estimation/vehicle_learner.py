@@ -143,8 +143,8 @@ class VehicleLearner:
             model: the nominal one.
             dt: control period [s].
             tolerances: how far the vehicle may be from its model.
-            covariance: of the numbers at the start  (7, 7).
-            force_variance: of a specific force per axis [m^2/s^4].
+            covariance: covariance of the numbers at the start  (7, 7).
+            force_variance: variance of a specific force per axis [m^2/s^4].
             delivered: share of the angular acceleration asked for that is delivered at the highest
                 thrust; None: it is not learnt.
         """
