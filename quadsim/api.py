@@ -89,7 +89,7 @@ def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
         The run's folder.
 
     Raises:
-        RunError: it cannot be written.
+        RunError: the run cannot be written.
     """
     with RunFolder.open(runs_dir, run.spec) as folder:
         return folder.save(run)

@@ -322,7 +322,7 @@ def check_number(function: Callable, value: Any) -> Value:
     """Return the result of a traced function.
 
     Raises:
-        TraceError: it is neither a number nor a condition.
+        TraceError: the result is neither a number nor a condition.
     """
     if isinstance(value, tuple | list):
         raise wrong_result(function, "one number", value)

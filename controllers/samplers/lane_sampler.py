@@ -60,7 +60,7 @@ class Sampling(Protocol):
 
     @property
     def sigma(self) -> tuple[float, ...]:
-        """One number for each control."""
+        """The standard deviations, one for each control."""
         ...
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:

@@ -27,7 +27,7 @@ from quadsim.console import UsageError
 from quadsim.files.extras import needs_extra
 
 AGREEMENT = 1e-3  # relative, of float32 costs over 150 steps
-# Of the noise that the other libraries draw [rad/s, rad/s, rad/s, m/s^2].
+# Standard deviations of the noise that the other libraries draw [rad/s, rad/s, rad/s, m/s^2].
 SIGMA = (0.3, 0.3, 0.3, 3.5)
 POINT = (50.0, 0.0, 2.0)  # [m]
 

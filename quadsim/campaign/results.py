@@ -64,7 +64,7 @@ def stored(campaigns: Sequence[str]) -> list[Group]:
     for path in campaigns:
         with Store(Path(path), create=False) as store:
             for row in store.rows():
-                # By key, as one attempt in two campaigns counts once.
+                # The key is unique: an attempt that is in two campaigns counts once.
                 groups.setdefault((row.variant, row.code), {})[row.key] = row
                 if row.variant not in limits:
                     limits[row.variant] = _limits(store, row)
@@ -97,7 +97,7 @@ def find(groups: Sequence[Group], wanted: str) -> Group:
         wanted: the first digits of a variant, or ID@COMMIT.
 
     Raises:
-        ValueError: none or several have it.
+        ValueError: no group or several have this id.
     """
     variant, _, commit = wanted.partition("@")
     found = [

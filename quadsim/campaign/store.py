@@ -123,16 +123,16 @@ class Store:
         """Keep an attempt.
 
         Args:
-            spec: what was flown.
+            spec: specification of the flight.
             name: name of its variant.
             flown: the flight.
-            telemetry: whether to keep that too.
+            telemetry: whether to keep its telemetry too.
 
         Returns:
-            False if another campaign has stored this attempt meanwhile, whose row stays.
+            False if another campaign has stored this attempt meanwhile; its row stays.
 
         Raises:
-            RunError: it cannot be written.
+            RunError: the file cannot be written.
         """
         if not telemetry:
             return self._insert(spec, name, flown, folder="")

@@ -214,10 +214,10 @@ def _describe_course(course: Course) -> Described:
 
 
 def _find(name: str) -> Path:
-    """Return the file of a course, vehicle or sensing by its name; a path as it stands.
+    """Return the file of a course, vehicle or sensing by its name, or the path if one is given.
 
     Raises:
-        FileError: there is neither.
+        FileError: the name is not known, or there is no such file.
     """
     known = dict.fromkeys(vehicle_names(), (VEHICLES, "vehicle"))
     known |= dict.fromkeys(sensing_names(), (SENSINGS, "sensing"))

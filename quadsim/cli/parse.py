@@ -49,7 +49,7 @@ def parse_flight(argv: Sequence[str]) -> tuple[str | None, dict[str, Any]]:
     """Return the course and the settings of a command line of `race fly`.
 
     Raises:
-        UsageError: it is none.
+        UsageError: the command line is not valid.
     """
     from quadsim.cli.flags import CourseName, Given
 

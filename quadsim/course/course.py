@@ -43,7 +43,7 @@ class Gate:
     roll: float
     # width (y) and height (z) [m]
     opening: tuple[float, float]
-    # of the bars around the opening [m]
+    # width of the bars around the opening [m]
     frame_width: float
 
     @cached_property

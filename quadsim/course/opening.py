@@ -77,7 +77,7 @@ class HalfSizes(NamedTuple):
 class Crossing(NamedTuple):
     """The point at which a segment crosses the plane of a gate."""
 
-    # of the segment
+    # share of the segment before the crossing
     fraction: float
     # from the centre of the opening [m]
     offset: Offset

@@ -20,7 +20,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_errors import shown
 
 LARGEST = 500_000_000  # [bytes], of a file and of all of its arrays together
-SUFFIX = ".npy"  # of an array's name within the archive
+SUFFIX = ".npy"  # ends an array's name within the archive
 
 
 class Declared(NamedTuple):

@@ -18,7 +18,7 @@ import yaml
 from quadsim.files.yaml_values import Misfit, descend, value
 
 Schema = TypeVar("Schema")
-DEPTH = 12  # of nesting; the deepest schema here has 5
+DEPTH = 12  # deepest nesting allowed; the deepest schema here has 5
 EXCERPT = 100  # columns of a source line worth showing
 
 

@@ -65,7 +65,7 @@ def read_checkpoint(
     state = record_of(arrays.pop("state"), path, WHAT)
     if state.get("format") != FORMAT:
         raise FileError(f"{path}: expected format {FORMAT!r}: it was written by another version")
-    # as JSON holds it, lists in place of tuples
+    # The round trip through JSON turns tuples into lists, as in the stored identity.
     asked = json.loads(json.dumps(dict(identity)))
     stored = state["identity"]
     if stored != asked:

@@ -49,7 +49,7 @@ class Training:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """All that decides the numbers but the steps, which may grow."""
+        """The settings that decide the training's numbers, except its steps, which may grow."""
         task = self.task
         return {
             "courses": [course.text for course in task.courses],

@@ -61,7 +61,7 @@ class Detour:
     """
 
     segment: int
-    # Of the segment's intervals, from 0 to 1
+    # Part of the segment's intervals, from 0 to 1
     part: tuple[float, float]
     gate: Gate | Box
     side: Side

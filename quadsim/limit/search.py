@@ -48,7 +48,7 @@ class Attempt:
 
     @property
     def time(self) -> float | None:
-        """Duration of the race [s], None where there is no solution."""
+        """The duration of the race [s], None without a solution."""
         return self.solved.solution.time if self.solved else None
 
 

@@ -29,11 +29,11 @@ RATE_SHARE = 0.05
 RATE_MORE = 0.06
 # Least room for the torque, rounding aside [m/s^2]
 SPARE = -1e-2
-# Of the limit of a control, for rounding
+# Share of a control's limit by which it may exceed it, for rounding
 CONTROL_SHARE = 1e-4
 # Events that a race without faults does not have
 FOUL = ("hit", "ground", "bounds", "timeout")
-# Of the referee; a solution has an end [s]
+# Time limit of the referee, which no solution reaches [s]
 TIMEOUT = 1e4
 
 

@@ -83,7 +83,7 @@ PAPER_SAMPLERS = ("gaussian", "smooth", "smooth_star", "log_normal", "colored_1"
 
 @dataclass(frozen=True)
 class MotionTask:
-    """All that decides one run."""
+    """The settings that decide one run."""
 
     sampling: Sampling
     seed: int

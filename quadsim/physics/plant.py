@@ -109,7 +109,7 @@ class RigidPlant:
         """
         body = body or vehicle
         self.dt = dt
-        # By semi-implicit Euler p <- p + v dt, so v is the velocity in the middle of the step.
+        # Semi-implicit Euler sets p <- p + v dt, so v is the velocity in the middle of the step.
         self.velocity_lag = dt / 2
         self._actuators = Actuators(vehicle, dt)
         self._world = self._new_world(course, body, dt)

@@ -92,13 +92,13 @@ class Run:
 
     @cached_property
     def laps(self) -> list[float]:
-        """Times of the completed laps, penalties included [s]."""
+        """The times of the completed laps, penalties included [s]."""
         flown = flown_laps(self.events, self._completed)
         return [t + penalty for t, penalty in zip(flown, self.penalties, strict=True)]
 
     @cached_property
     def penalties(self) -> list[float]:
-        """Part of each completed lap's time that was added for hits [s]."""
+        """The part of each completed lap's time that was added for hits [s]."""
         return lap_penalties(self.events, self._completed)
 
     @cached_property
@@ -116,7 +116,7 @@ class Run:
 
     @cached_property
     def duration(self) -> float:
-        """Time until the event that ended the flight; without one, until the last frame [s]."""
+        """The time of the event that ended the flight, or of the last frame without one [s]."""
         t = self.telemetry["t"]
         if not len(t):
             return 0.0
@@ -128,7 +128,7 @@ class Run:
 
     @cached_property
     def _completed(self) -> int:
-        """Number of laps flown to their end, as far as a pass tells when each ended."""
+        """The number of completed laps in which a pass was recorded."""
         laps = self.telemetry["lap"]
         if not len(laps):
             return 0

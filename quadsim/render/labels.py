@@ -18,7 +18,7 @@ from quadsim.render.poses import Pose
 from quadsim.sensing.camera import Camera
 from quadsim.sensing.visibility import hidden_corners
 
-# of the opening, seen along the passage
+# Corners of the opening, seen along the passage
 CORNERS = ("right_bottom", "right_top", "left_bottom", "left_top")
 CATEGORY = {
     "id": 1,
@@ -63,7 +63,7 @@ def _gates(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray)
         yield {
             "gate": number,
             "keypoints": np.column_stack([corners, visibility]).ravel().tolist(),
-            # of the corners, along the optical axis [m]; negative: behind the camera
+            # depths of the corners along the optical axis [m]; negative: behind the camera
             "depth": depth[k].tolist(),
             "bbox": _box(rows, columns),
             "area": len(rows),

@@ -63,7 +63,7 @@ class GateCamera:
         pixels, seen = self._config.seen(points @ matrix(state.x.attitude))
         seen &= (points**2).sum(axis=1) <= self._config.range**2
 
-        # Of these, the corners that nothing hides.
+        # Keep the corners that nothing hides.
         for k in np.flatnonzero(seen.reshape(-1, 4).any(axis=1)).tolist():
             others = self._gates[:k] + self._gates[k + 1 :]
             seen[4 * k : 4 * k + 4] &= ~hidden(self._corners[k], position, others, self._obstacles)

@@ -42,7 +42,7 @@ from quadsim.sensing.sensors import Sensors
 MOVED = 0.01
 # weight of the last planning time in the running mean of planning times
 PLAN_TIME = 0.1
-# of a period; a number of periods this near to a whole one is taken for it
+# A number of periods that differs this little from a whole number is taken to be whole.
 WHOLE = 1e-6
 # [s] by which instants may differ that are taken for one
 ROUNDING = 1e-9
@@ -53,9 +53,9 @@ class Present(NamedTuple):
 
     # state now, of a quadrotor a State  (n_x,)
     x: tuple[float, ...]
-    # as it is estimated; None: it is not estimated
+    # the estimated model; None: it is not estimated
     model: ModelParams | None = None
-    # as it is estimated; None: the map is all that is known
+    # the estimated course; None: only the map is known
     course: Course | None = None
 
 
@@ -333,7 +333,7 @@ class CourseEstimate:
         self._map = course
         self._course = course
         self._distinct: tuple[Gate, ...] = tuple(dict.fromkeys(course.gates))
-        # of gates from the map, and their standard deviations [m]  (gates, 4)
+        # displacements of gates from the map, and their standard deviations [m]  (gates, 4)
         self._offsets: np.ndarray | None = None
 
     def updated(self, state: FilterState) -> Course:

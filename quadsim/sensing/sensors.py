@@ -42,7 +42,7 @@ class Coming(NamedTuple):
 
     # time of arrival [s]
     t: float
-    # of the measurement; it settles the order of those that arrive at once
+    # number of the measurement, which orders those that arrive at once
     number: int
     measurement: Measurement
 

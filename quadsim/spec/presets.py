@@ -26,7 +26,7 @@ from quadsim.files.strict_yaml import Document, parse, unit
 from quadsim.files.yaml_errors import did_you_mean
 from quadsim.spec.settings import CONTROL_UNITS
 
-GROUPS = ("sampling", "mppi", "cost")  # of a Planner, and of a preset file
+GROUPS = ("sampling", "mppi", "cost")  # groups of numbers in a Planner and in a preset file
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,11 @@ from web.competitor import CRASHES, MISSES, Competitor
 from web.lap_timing import LapTiming, crashed_gates
 from web.page.html import DIM, GREY, MARKER_EDGE, RED, TRACK, svg
 
-# of the map [px]
+# size of the map [px]
 WIDTH = 330
 HEIGHT = 190
-SHORTEST = 9.0  # of a gate on the map [px]
-# of the time line and of one competitor on it [px]
+SHORTEST = 9.0  # least length of a gate on the map [px]
+# length of the time line and height of a competitor's row [px]
 LONG = 500
 ROW = 11
 

@@ -33,7 +33,7 @@ from web.session import Session
 SCENE = 1 / 25
 TABLES = 1 / 8
 SIGNALS = 1 / 5
-SLOW = 1.0  # of spectra and gaps
+SLOW = 1.0  # period of spectra and gaps [s]
 
 Colour = Literal["red", "orange", "green", "blue"]
 COLOURS: dict[str, Colour] = {"error": "red", "crash": "orange", "lap": "green", "wait": "blue"}

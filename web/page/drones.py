@@ -26,7 +26,7 @@ TRAIL_SPAN = 4.0  # the time that it shows [s]
 PATH = 500  # segments of a whole run
 DASH = 3  # segments of a dash, and of the gap after it
 FAST = 16.0  # [m/s] the bright end of the speed colours
-SPAN = 0.34  # of a drone from rotor to rotor [m]
+SPAN = 0.34  # distance from rotor to rotor of a drone [m]
 ROTOR_COLOUR = (205, 208, 212)
 
 RGB = tuple[int, int, int]

@@ -24,7 +24,7 @@ COVARIANCE = tuple(f"cov_{axes}" for axes in ("xx", "xy", "xz", "xy", "yy", "yz"
 SENSED = (0, 229, 255)  # colour of all that is sensed or estimated
 SIGMAS = 3.0
 MOST = 64  # corners that are drawn
-ARM = 0.02  # of a corner's cross, per metre of its distance
+ARM = 0.02  # half length of a corner's cross, per metre of its distance
 SHOWN = 0.25  # [s] for which corners are shown
 
 

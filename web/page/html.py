@@ -9,11 +9,11 @@ from pathlib import Path
 from quadsim.palette import Style
 from web.competitor import Competitor
 
-DIM = "#9aa3b2"  # of text
+DIM = "#9aa3b2"  # secondary text
 MARKER_EDGE = "#111"  # outlines of dots
 TRACK = "#2c3038"  # background of bars and strips
 RED = "#ff6b6b"  # hits and crashes, as light as text on a dark page has to be
-GREY = "#e2e6ec"  # what is neither good nor bad
+GREY = "#e2e6ec"  # values that are neither good nor bad
 MONOSPACE = "ui-monospace,Menlo,Consolas,monospace"
 MONO = {"font_family": MONOSPACE, "font_variant_numeric": "tabular-nums"}
 

@@ -31,7 +31,7 @@ from web.page.html import (
     text,
 )
 
-# of the strips [px]
+# sizes of the strips [px]
 WIDTH = 330
 ROW = 30
 GATES = 8  # columns of the split table

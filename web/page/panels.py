@@ -16,7 +16,7 @@ from web.race import PageRace, Snapshot
 from web.session import Session
 
 HOLD = 0.4  # [s] after the time slider was moved by hand, before it follows the race again
-RESOLUTION = 0.01  # of the time slider [s]
+RESOLUTION = 0.01  # step of the time slider [s]
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")  # race seconds a second
 TIME, PLACE = "by time", "by place"
 AUTO, SPEED, SAMPLER = "auto", "speed", "sampler"

@@ -40,9 +40,9 @@ CELL = (48, 53, 61)
 SECTION = (84, 94, 110)
 
 GATE = 1.5  # opening of a racing gate [m]
-GROUND_MARGIN = 5.0  # of the ground around the course [m]
+GROUND_MARGIN = 5.0  # width of the ground around the course [m]
 IMPACTS = 12  # most that are marked, the last ones
-ARM = 0.35  # of the cross at an impact, for a racing gate [m]
+ARM = 0.35  # half length of the cross at an impact, for a racing gate [m]
 SCENES = count()  # numbers of their gates' nodes
 
 

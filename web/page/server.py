@@ -33,7 +33,7 @@ def serve(host: str, port: int, token: str | None, label: str) -> viser.ViserSer
         label: its name on the page.
 
     Raises:
-        ValueError: it cannot listen there; one line says why.
+        ValueError: the server cannot listen there; the message is one line.
     """
     port = probe(host, port)
     # viser prints banners through rich; stdout is for results
@@ -55,7 +55,7 @@ def probe(host: str, port: int) -> int:
     viser itself would hang on a wrong host, and silently use the next port where one is busy.
 
     Raises:
-        ValueError: it cannot be listened on; one line says why.
+        ValueError: the port cannot be listened on; the message is one line.
     """
     if not 0 <= port <= 65535:
         raise ValueError(f"port: expected 0 to 65535, got {port}")

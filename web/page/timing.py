@@ -33,7 +33,7 @@ from web.page.laps import best_sectors, coloured_time
 from web.race import Snapshot
 
 EVENTS = 60  # newest that are listed
-SLOWER = "#8b93a1"  # of a sector that is no best
+SLOWER = "#8b93a1"  # a sector that is not the best
 GOOD_SHARE = 0.1  # effective of all samples, for which the meter is full
 FEW_SAMPLES = 5  # effective samples, below which the meter is red
 LOWERS_COST = NEXT

@@ -82,7 +82,7 @@ class Estimator:
         # measurements applied of late, and the state before all of them
         self._applied: deque[Applied] = deque()
         self._oldest = self.state
-        # of the measurements taken since the last `innovations.clear()`
+        # innovations of the measurements taken since the last `innovations.clear()`
         self.innovations: list[Innovation] = []
 
     def take(self, measurement: Inertial | Pose | Corners) -> None:
@@ -171,7 +171,7 @@ def _set_down(
     assert imu
     level = radians(LEVEL)
     heading = radians(HEADING)
-    # of a uniform distribution
+    # standard deviation of a uniform distribution
     of_gates = displaced / sqrt(3)
     std = [SET_DOWN] * 3
     std += [AT_REST] * 3

@@ -37,7 +37,7 @@ LEAST_ATTITUDE = 1e-3
 class Innovation:
     """The consistency of a measurement with the state, and how much of it was used."""
 
-    # of the used part
+    # normalised innovation squared of the used part
     nis: float
     # degrees of freedom of the used part
     used: int
@@ -48,11 +48,11 @@ class Innovation:
 class Part(NamedTuple):
     """A vector that a pose sensor measures."""
 
-    # of the error, which it shows
+    # rows of the error that it measures
     rows: slice
     # measured less expected  (3,)
     innovation: np.ndarray
-    # of its noise
+    # standard deviation of its noise
     std: float
 
 
