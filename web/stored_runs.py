@@ -102,7 +102,7 @@ def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
 
 
 def stored_numbers(spec: dict) -> dict[str, float]:
-    """Return what the sliders show of a run's planner at its start."""
+    """Return the values of the sliders for a run's planner at its start."""
     planner = msgspec.convert(spec["planner"], StoredPlanner)
     sampling = planner.sampling
     if not isinstance(sampling, StoredSampling):

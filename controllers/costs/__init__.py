@@ -80,7 +80,7 @@ class Term:
             changed without compiling again.
 
     Raises:
-        ValueError: the name is no identifier.
+        ValueError: the name is not an identifier.
     """
 
     def __init__(

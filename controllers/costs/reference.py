@@ -171,7 +171,7 @@ def time_ahead(x_next, target):
 
 
 def reached(x, x_next, u, target, p):
-    """Return that the target is reached: each row is the target of one step."""
+    """Return True: every step reaches its target, which is one row."""
     return True
 
 

@@ -55,7 +55,7 @@ def attempt_key(record: dict, versions: Mapping[str, str | None] | None = None) 
 
 
 def variant_key(record: dict, versions: Mapping[str, str | None] | None = None) -> str:
-    """Return what `attempt_key` returns, but the same for all seeds of a variant."""
+    """Return the key of a variant: like `attempt_key`, but the same for all seeds."""
     return attempt_key(_without_seed(record), versions)
 
 

@@ -80,7 +80,7 @@ def baseline_text(baseline: Baseline, stored: Stored) -> str:
 
 
 def baseline_variant(name: str, baseline: Baseline, settings: Settings) -> Variant:
-    """Return what a baseline flies.
+    """Return the variant that a baseline flies.
 
     Args:
         name: name of the variant.
@@ -88,8 +88,8 @@ def baseline_variant(name: str, baseline: Baseline, settings: Settings) -> Varia
         settings: put on top of the variant's own.
 
     Raises:
-        SettingError: an invalid setting.
-        FileError: a course, a vehicle or a preset that cannot be read.
+        SettingError: a setting is invalid.
+        FileError: a course, a vehicle or a preset cannot be read.
         ValueError: course, laps and vehicle do not fit together.
     """
     own = parse_parts(baseline.variant)
@@ -97,7 +97,7 @@ def baseline_variant(name: str, baseline: Baseline, settings: Settings) -> Varia
 
 
 def fly_baselines(pool: Pool, variants: Sequence[Variant], attempts: Sequence[int]) -> list[Stored]:
-    """Fly every attempt of every variant, and return how they went.
+    """Fly every attempt of every variant, and return the results.
 
     Args:
         pool: pool that flies the attempts.

@@ -76,7 +76,7 @@ class Comparison:
         return figure
 
     def renderables(self) -> list[RenderableType]:
-        """Return what prints the comparison in a terminal."""
+        """Return the tables and lines that show the comparison in a terminal."""
         return [part for section in self.sections for part in _shown(section)]
 
     def markdown(self, picture: str) -> str:

@@ -40,7 +40,7 @@ class FlownAttempt(NamedTuple):
 class Tally(Progress):
     """A bar that counts attempts: `with Tally(10) as tally: tally.count("seed 0")`.
 
-    Where stderr is no terminal, it is one line for each attempt.
+    If stderr is not a terminal, each attempt is one line instead.
     """
 
     def __init__(self, total: int, kept: int = 0):
@@ -180,9 +180,9 @@ class Runner:
         return [[rows[key] for key in of_variant if key in rows] for of_variant in wanted]
 
     def _rows(self, keys: Iterable[str]) -> dict[str, Row]:
-        """Return what is stored and counts, by key.
+        """Return the stored row of each attempt, by key.
 
-        Of several commits that flew an attempt this one counts, else the latest.
+        If several commits flew an attempt, the row of this commit counts, else the latest.
         """
         code = code_of(this_provenance())
         found: dict[str, Row] = {}

@@ -190,7 +190,7 @@ def commanded_tv(row: Row) -> float:
 
 
 def lap_limit(spec: dict) -> float:
-    """Return what a flight that does not finish counts as, a lap [s], from the record of a Spec."""
+    """Return the lap time that a flight without a finish counts as [s], from a Spec's record."""
     return spec["timeout"] / spec["laps"]
 
 

@@ -134,7 +134,7 @@ def _stats(variant: Variant, rows: Sequence[Row]) -> VariantStats:
 
 
 def objective(stats: VariantStats, floor: float) -> float:
-    """Return what is minimised [s].
+    """Return the objective, which is minimised [s].
 
     It is the mean lap of the attempts that finish if enough of them do. Otherwise each attempt that
     does not finish counts as the time limit.
@@ -159,7 +159,7 @@ def pareto_front(trials: Sequence[FlownTrial]) -> list[FlownTrial]:
 
 
 def _point(stats: TrialStats) -> tuple[float, ...]:
-    """Return what a trial is compared in; less is better."""
+    """Return the values in which trials are compared; less is better."""
     lap = inf if stats.lap is None else stats.lap
     return lap, -stats.finished, stats.thrust_tv
 

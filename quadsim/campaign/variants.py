@@ -154,7 +154,7 @@ def _settings_of_other_samplers(sampler: object) -> set[str]:
 
 
 def resolve(course: Place, settings: Settings) -> Spec:
-    """Return what `quadsim.fly` would fly, on one thread.
+    """Return the Spec that `quadsim.fly` would fly, on one thread.
 
     Raises:
         SettingError: an invalid setting.

@@ -168,7 +168,7 @@ def examine(name: str) -> dict:
 
 
 def describe(text: str, file: str) -> Described:
-    """Return what kind of file this is, by a key that only that kind has, and what it holds.
+    """Return the kind of a file, known by a key that only this kind has, and its content.
 
     Args:
         text: text of the file.

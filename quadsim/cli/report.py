@@ -127,7 +127,7 @@ def _parts(run: Run, columns: int) -> Iterator[RenderableType]:
 
 
 def _planning(run: Run) -> str:
-    """Return how long planning took and how fast the simulation ran."""
+    """Return the planning times and the speed of the simulation, as text."""
     plan_ms = run.wall["plan_ms"]
     ess = run.telemetry["ess"]
     name = "pilot"
@@ -143,7 +143,7 @@ def _planning(run: Run) -> str:
 
 
 def _sensing(run: Run) -> str:
-    """Return how far the estimate was off; empty where the planner was given the truth."""
+    """Return the estimate's errors as text; empty where the planner was given the truth."""
     n = sensing_numbers(run)
     if n is None:
         return ""

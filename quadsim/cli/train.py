@@ -117,7 +117,7 @@ def _courses(given: str) -> list[str]:
 
 
 def _out(out: str) -> Path:
-    """Return where the pilot is written, and make its folder. Raises UsageError, RunError."""
+    """Return the path of the pilot's file, and make its folder. Raises UsageError, RunError."""
     path = Path(out)
     if path.suffix != ".npz":
         raise UsageError(f"--out: expected FILE.npz, got {out!r}")

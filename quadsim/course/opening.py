@@ -157,7 +157,7 @@ def margin_inside(free: HalfSizes, wanted: float) -> float:
 
 
 def approach_length(opening: tuple[float, float]) -> float:
-    """Return how far in front of a gate its approach begins: the larger of width and height [m]."""
+    """Return the length of a gate's approach: the larger of its width and height [m]."""
     return max(opening)
 
 

@@ -137,7 +137,7 @@ def _draw_ring(axes: Axes, corners: np.ndarray, colour: str, width: float) -> No
 
 
 def _label_position(gate: Gate, plane: tuple[int, int], scale: float) -> np.ndarray:
-    """Return where a gate's number stands, outside its frame.
+    """Return the place of a gate's number, outside its frame.
 
     From above it is before the gate and to its left; from the side above the gate, or before it
     where its opening is seen edge on.

@@ -144,7 +144,7 @@ class _Member(NamedTuple):
 def _members(
     archive: zipfile.ZipFile, declared: Mapping[str, Declared], largest: int
 ) -> dict[str, _Member]:
-    """Return what the archive holds by name, in the order of the declarations.
+    """Return the archive's arrays by name, in the order of the declarations.
 
     Raises:
         ArrayError: an array is missing, unknown or there twice, or all together are too large.

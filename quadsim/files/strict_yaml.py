@@ -35,7 +35,7 @@ class FileError(ValueError):
 
 
 def unit(name: str, **bounds: Any) -> msgspec.Meta:
-    """Return what a number of a schema says in Annotated: its unit and its range.
+    """Return the metadata of a schema's number for Annotated: its unit and its range.
 
     Args:
         name: the unit, which errors show.
@@ -45,7 +45,7 @@ def unit(name: str, **bounds: Any) -> msgspec.Meta:
 
 
 def setting(text: str, unit: str = "", **bounds: Any) -> msgspec.Meta:
-    """Return what a field of settings says in Annotated: its help, its unit and its range.
+    """Return the metadata of a setting for Annotated: its help, its unit and its range.
 
     Args:
         text: the help of a flag, a slider or a page of the documentation.

@@ -36,7 +36,7 @@ class Side(NamedTuple):
     sign: float
 
     def depth(self, local: np.ndarray, half: Sequence[float]) -> np.ndarray:
-        """Return how deep points (..., 3) lie behind this side of a box [m].  (...)
+        """Return the depth of points (..., 3) behind this side of a box [m].  (...)
 
         Args:
             local: the points in the frame [m].

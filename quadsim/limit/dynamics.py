@@ -80,7 +80,7 @@ class Dynamics(ABC):
         """Return x and u of the same motion and thrust as a state of the planner's model."""
 
     def spare(self, x: Any, u: Any) -> tuple:
-        """Return what has to stay at or above 0."""
+        """Return the quantities that have to stay at or above 0."""
         return ()
 
 
@@ -290,7 +290,7 @@ def _plus(x: Any, h: Any, rate: tuple) -> tuple:
 
 
 def _whole(x: Any) -> State:
-    """Return the state with zeros for what is no state without rotor lag."""
+    """Return the state with zeros for the fields that only rotor lag makes states."""
     missing = len(State._fields) - len(x)
     return State(*x, *(0.0,) * missing)
 

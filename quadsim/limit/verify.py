@@ -72,7 +72,7 @@ def referee_of(problem: LimitProblem) -> Referee:
 
 
 def verify(solution: Solution, model: Dynamics, referee: Referee | None = None) -> Verified:
-    """Return what a check of a solution finds.
+    """Return the findings of the check of a solution.
 
     Args:
         solution: what the optimiser found.

@@ -45,7 +45,7 @@ class Corridor:
         return both / np.linalg.norm(both, axis=1, keepdims=True)
 
     def offset(self, leg: int, p: np.ndarray) -> float:
-        """Return how far a point is off the centre line of a leg, positive to the left [m].
+        """Return the distance of a point from a leg's centre line, positive to the left [m].
 
         Args:
             leg: index, from 0.

@@ -73,7 +73,7 @@ class World(Protocol):
         ...
 
     def contacts(self) -> tuple[str, ...]:
-        """Return what the vehicle touched in the last step: "ground", "gate 3", "obstacle 2"."""
+        """Return the objects touched in the last step, e.g. "ground", "gate 3", "obstacle 2"."""
         ...
 
     def close(self) -> None:

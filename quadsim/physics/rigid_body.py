@@ -101,7 +101,7 @@ class RigidBody:
         return self._p, self._v, self._q, self._omega
 
     def contacts(self) -> tuple[str, ...]:
-        """Return what the vehicle touched in the last step: "ground", "gate 3", "obstacle 2"."""
+        """Return the objects touched in the last step, e.g. "ground", "gate 3", "obstacle 2"."""
         return self._contacts
 
     def close(self) -> None:

@@ -184,7 +184,7 @@ class LimitProblem:
     def key(self) -> str:
         """The sha256 of all that decides the limit [16 hex digits]."""
         decided = asdict(self)
-        # What is left at its default is no part of the key
+        # Numbers at their defaults do not enter the key.
         for name in ("margin", "reserve"):
             if not decided[name]:
                 del decided[name]
@@ -287,7 +287,7 @@ def _check_nodes(solution: Solution) -> None:
 
 
 def _rounded(value: Any) -> Any:
-    """Round all numbers to 9 digits: the last bits of an angle in radians are no other course."""
+    """Round all numbers to 9 digits, as the last bits of an angle do not make another course."""
     match value:
         case dict():
             return {key: _rounded(inner) for key, inner in value.items()}

@@ -39,7 +39,7 @@ COLUMNS = {
 }
 # Integer columns
 COUNTS = ("passed", "lap")
-# Columns that differ from flight to flight and are no part of the digest
+# Columns that differ from flight to flight and do not enter the digest
 WALL_CLOCK = ("plan_ms", "estimate_ms")
 FIRST_ROWS = 1024
 
@@ -144,7 +144,7 @@ class Run:
     def digest(self) -> str:
         """Return the sha256 [hex] of all that a seed determines.
 
-        The wall clock, spec["host"] and the snapshots are no part of it.
+        The wall clock, spec["host"] and the snapshots do not enter it.
         """
         decided = {
             "spec": hostless(self.spec),

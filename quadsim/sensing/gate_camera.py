@@ -70,7 +70,7 @@ class GateCamera:
         return self._found(state.t, pixels, np.flatnonzero(seen))
 
     def _found(self, t: float, pixels: np.ndarray, view: np.ndarray) -> Corners:
-        """Return what is found of the corners in view.
+        """Return the corners that are found among those in view.
 
         Args:
             t: time of the exposure [s].

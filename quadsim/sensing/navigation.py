@@ -178,7 +178,7 @@ class TrueState:
     def _whole_periods(self, duration: float) -> float:
         """Return the control periods in a duration [s].
 
-        It is no whole number where planning took longer on the wall clock.
+        It is not a whole number where planning took longer on the wall clock.
         """
         periods = duration / self._dt
         return round(periods) if abs(periods - round(periods)) <= WHOLE else periods

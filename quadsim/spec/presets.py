@@ -57,7 +57,7 @@ def parse_planner(text: str, file: str, sampler: str) -> Planner:
     so that one file serves several samplers.
 
     Raises:
-        FileError: the file is no preset.
+        FileError: the file is not a preset.
     """
     document = parse(text, file)
     base = _base(document, sampler)

@@ -90,7 +90,7 @@ def load_vehicle(name_or_path: str | Path) -> Vehicle:
     """Return a vehicle by name ("swift") or path ("mine.yaml").
 
     Raises:
-        FileError: no such vehicle, or a file that is no vehicle.
+        FileError: there is no such vehicle, or the file is not a vehicle.
     """
     path = locate(name_or_path, VEHICLES, "vehicle")
     return parse_vehicle(read_text(path), str(path))
@@ -104,7 +104,7 @@ def parse_vehicle(text: str, file: str) -> Vehicle:
         file: shown in errors; gives the vehicle its name.
 
     Raises:
-        FileError: the text is no vehicle.
+        FileError: the text is not a vehicle.
     """
     document = parse(text, file)
     entry = document.fill(VehicleFile)

@@ -133,7 +133,7 @@ class Map:
         return svg("svg", "".join(parts), viewBox=f"0 0 {WIDTH} {HEIGHT}", style=style)
 
     def _pixels(self, p: np.ndarray) -> np.ndarray:
-        """Return where x, y [m] is on the map [px].  (2,)"""
+        """Return the place of x, y [m] on the map [px].  (2,)"""
         if self._turned:
             p = p[::-1]
         x, y = (p - self._low) * self._scale + self._margin

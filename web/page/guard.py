@@ -75,7 +75,7 @@ class Guard:
 
     @contextmanager
     def guarding(self) -> Iterator[None]:
-        """Guard a viser server that starts meanwhile: viser has no argument for that."""
+        """Guard the viser server that starts in this context: viser has no argument for that."""
         original = websockets_server.serve
 
         def serve(*arguments: Any, process_request: ProcessRequest, **keywords: Any) -> Any:

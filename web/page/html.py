@@ -119,7 +119,7 @@ def label(entry: Competitor) -> str:
 
 
 def bar(share: float, colour: str, height: int = 5, width: str = "100%") -> str:
-    """Return a bar that is filled up to a share of 0 to 1. height: [px]"""
+    """Return a bar of a height [px] that is filled up to a share of 0 to 1."""
     percent = f"{100 * min(max(share, 0.0), 1.0):.1f}%"
     fill = div("", width=percent, height="100%", background=colour)
     look = {"background": TRACK, "border_radius": "2px", "overflow": "hidden"}
