@@ -120,9 +120,9 @@ def _of_cost(planner: Planner, groups: Sequence[str]) -> Iterator[Parameter]:
 
 def weights_of(cost: RaceWeights | ReferenceWeights) -> tuple[str, ...]:
     """Return the names of the cost's weights that are searched."""
-    _, of_weights = get_args(Weight)
+    _, weight_setting = get_args(Weight)
     hints = get_type_hints(type(cost), include_extras=True)
-    weights = [name for name, hint in hints.items() if of_weights in get_args(hint)]
+    weights = [name for name, hint in hints.items() if weight_setting in get_args(hint)]
     return tuple(name for name in weights if name != FIXED_WEIGHT)
 
 

@@ -91,7 +91,7 @@ def tables(task: LearningTask, seed: int) -> Tables:
         rows.append(np.hstack([cost.targets, gate_rows(course, task.laps[k])]))
         if cost.obstacles:
             obstacles.append(cost.obstacles.rows)
-        of_course = start_rows(
+        course_starts = start_rows(
             course,
             cost,
             task.vehicle,
@@ -100,7 +100,7 @@ def tables(task: LearningTask, seed: int) -> Tables:
             task.randomize,
             seeds=start_stream(seed, k),
         )
-        starts.append(of_course)
+        starts.append(course_starts)
     return Tables(
         targets=_padded(rows),
         final_row=np.array([len(r) - 1 for r in rows], np.int32),

@@ -195,9 +195,9 @@ def race_cost_on(spec: Spec, course: Course) -> Cost:
     weights = spec.planner.cost
     radius = spec.vehicle.radius
     if isinstance(weights, ReferenceWeights):
-        known = stored_reference(course, spec.vehicle, spec.laps, weights, spec.runs_dir)
-        followed = reference_of(known, spec.vehicle, spec.planner.mppi.dt)
-        return reference_cost(course, radius, weights, followed)
+        solution = stored_reference(course, spec.vehicle, spec.laps, weights, spec.runs_dir)
+        reference = reference_of(solution, spec.vehicle, spec.planner.mppi.dt)
+        return reference_cost(course, radius, weights, reference)
     cost = race_cost(course, radius, weights, spec.laps)
     if spec.sensing and spec.sensing.camera and spec.view_weight:
         return with_view(cost, spec.view_weight)

@@ -64,11 +64,11 @@ def parse_planner(text: str, file: str, sampler: str) -> Planner:
     entry = document.fill(_schema(base))
     changes: dict[str, Any] = {"preset": file, "vehicle": entry.vehicle or base.vehicle}
     for group, keys in _groups(document):
-        of_base = getattr(base, group)
-        known = {f.name for f in fields(of_base)}
+        base_part = getattr(base, group)
+        known = {f.name for f in fields(base_part)}
         given = getattr(entry, group)
         numbers = {key: getattr(given, key) for key in keys if key in known}
-        changes[group] = replace(of_base, **numbers)
+        changes[group] = replace(base_part, **numbers)
     planner = replace(base, **changes)
     for path, problem in faults(planner):
         raise document.error(path, problem)
@@ -102,8 +102,8 @@ def _schema(base: Planner) -> type[Any]:
     """Return the schema of a preset file: every number of the base's groups, none required."""
     keys: list[Any] = [("base", str), ("vehicle", str | None, None)]
     for group in GROUPS:
-        of_base = type(getattr(base, group))
-        classes = SAMPLERS.values() if group == "sampling" else (of_base,)
+        base_class = type(getattr(base, group))
+        classes = SAMPLERS.values() if group == "sampling" else (base_class,)
         kinds: dict[str, Any] = {}
         for cls in classes:
             kinds |= get_type_hints(cls, include_extras=True)

@@ -29,19 +29,19 @@ def stored_reference(
     """
     problem = LimitProblem(course, vehicle, laps, "rates")
     problem = replace(problem, margin=weights.margin, reserve=weights.reserve)
-    found = problem.best_known(Path(runs_dir) / LIMITS)
-    if found:
-        return found
+    stored = problem.best_known(Path(runs_dir) / LIMITS)
+    if stored:
+        return stored
     name, _, ratio = vehicle.name.partition("-twr")
-    flown = f"{name} --thrust-to-weight {ratio}" if ratio else name
+    vehicle_flags = f"{name} --thrust-to-weight {ratio}" if ratio else name
     command = (
-        f"race limit {course.name} --vehicle {flown} --laps {laps} --model rates"
+        f"race limit {course.name} --vehicle {vehicle_flags} --laps {laps} --model rates"
         f" --margin {weights.margin:g} --reserve {weights.reserve:g}"
     )
     if str(runs_dir) != "runs":
         command += f" --runs-dir {runs_dir}"
-    problem_text = "preset: expected a stored solution of this race to follow, got none"
-    raise FileError(f"{problem_text}: search it with {command}")
+    message = "preset: expected a stored solution of this race to follow, got none"
+    raise FileError(f"{message}: search it with {command}")
 
 
 def reference_of(limit: StoredSolution, vehicle: Vehicle, dt: float) -> Reference:

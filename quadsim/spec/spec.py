@@ -294,8 +294,8 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     pilot = _loaded(given, "pilot", Pilot, load_pilot, None, read)
     sensing = _loaded(given, "sensing", Sensing, load_sensing, PERFECT, read)
     base = _base_planner(given, flight, read)
-    named = pilot.about.vehicle if pilot else base.vehicle
-    vehicle = _loaded(given, "vehicle", Vehicle, load_vehicle, named, read)
+    default_vehicle = pilot.about.vehicle if pilot else base.vehicle
+    vehicle = _loaded(given, "vehicle", Vehicle, load_vehicle, default_vehicle, read)
     if flight.thrust_to_weight:
         vehicle = with_thrust_to_weight(vehicle, flight.thrust_to_weight)
 

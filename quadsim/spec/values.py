@@ -124,10 +124,10 @@ def _wanted(kind: Kind) -> str:
 
 def _shown(given: object, kind: Kind) -> str:
     """Return the value as an error shows it: a list of the wrong length as its length."""
-    several = bare(kind)
+    bare_kind = bare(kind)
     if not isinstance(given, list | tuple | np.ndarray):
         text = repr(given)
         return text if len(text) <= 60 else text[:57] + "..."
-    if isinstance(several, inspect.TupleType) and len(given) != len(several.item_types):
+    if isinstance(bare_kind, inspect.TupleType) and len(given) != len(bare_kind.item_types):
         return str(len(given))
     return " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in given)

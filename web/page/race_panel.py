@@ -192,7 +192,7 @@ class RacePanel:
     def _show_controls(self, _: viser.GuiEvent | None = None) -> None:
         """Show the controls that the mode needs."""
         mode = self.mode.value
-        of_flights = (
+        flight_controls = (
             self.course,
             self.preset,
             self.vehicle,
@@ -201,7 +201,7 @@ class RacePanel:
             self.seed,
             self.laps,
         )
-        for control in of_flights:
+        for control in flight_controls:
             control.visible = mode != REPLAY
         self.second.visible = mode == GHOSTS
         self.run.visible = mode in (AGAINST, REPLAY)
