@@ -68,7 +68,7 @@ class Comparison:
         Args:
             path: a file to write: .png, .svg or .pdf; None writes nothing.
         """
-        from quadsim.campaign.figure import draw  # which loads matplotlib
+        from quadsim.campaign.figure import draw  # here: it loads matplotlib
 
         figure = draw(self.sections)
         if path is not None:

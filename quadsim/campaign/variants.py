@@ -132,8 +132,8 @@ def make_variants(
         settings: settings of all variants; settings of a sampler apply to its variants only.
 
     Raises:
-        SettingError: an invalid setting.
-        FileError: a course, a vehicle or a preset that cannot be read.
+        SettingError: a setting is invalid.
+        FileError: a course, a vehicle or a preset cannot be read.
         ValueError: course, laps and vehicle do not fit together.
     """
     made = []
@@ -157,8 +157,8 @@ def resolve(course: Place, settings: Settings) -> Spec:
     """Return the Spec that `quadsim.fly` would fly, on one thread.
 
     Raises:
-        SettingError: an invalid setting.
-        FileError: a course, a vehicle or a preset that cannot be read.
+        SettingError: a setting is invalid.
+        FileError: a course, a vehicle or a preset cannot be read.
         ValueError: course, laps and vehicle do not fit together.
     """
     if settings.get("threads"):
