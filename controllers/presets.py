@@ -6,7 +6,7 @@ courses.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,13 +27,11 @@ class Planner:
     vehicle: str  # the vehicle to fly unless another is asked for
     sampling: Sampling
     mppi: MPPIConfig
-    cost: Any  # weights of a cost; those of a race are RaceWeights or ReferenceWeights
+    cost: RaceWeights | ReferenceWeights
     preset: str = "own"  # the preset that its numbers started from
     # Weight of the view term, for flights by camera among gates that are off the map
     view_weight: float = 1.0
 
-
-Presets = Mapping[str, Mapping[str, Planner]]
 
 # Section IV-B: "I = 2 iterations, M = 4096 samples, lambda = 0.3, dt = 0.01 s, and T = 150";
 # Gaussian "standard deviations of [0.3, 0.3, 0.3, 3.5] for the angular rates and thrust"; colored
@@ -199,24 +197,23 @@ PRESETS = {
 }
 
 
-def preset(name: str, sampler: str, presets: Presets = PRESETS) -> Planner:
+def preset(name: str, sampler: str) -> Planner:
     """Return the preset's numbers for a sampler.
 
     Args:
         name: name of the preset.
         sampler: name of the sampler.
-        presets: the presets to choose from.
 
     Raises:
         FileError: there is no such preset, or it has no numbers for this sampler.
     """
-    if name not in presets:
-        raise FileError(f"no preset {name!r}: {did_you_mean(name, presets)} (or a FILE.yaml)")
-    if sampler not in presets[name]:
+    if name not in PRESETS:
+        raise FileError(f"no preset {name!r}: {did_you_mean(name, PRESETS)} (or a FILE.yaml)")
+    if sampler not in PRESETS[name]:
         raise FileError(
-            f"preset {name!r} has no sampler {sampler!r}: {did_you_mean(sampler, presets[name])}"
+            f"preset {name!r} has no sampler {sampler!r}: {did_you_mean(sampler, PRESETS[name])}"
         )
-    return presets[name][sampler]
+    return PRESETS[name][sampler]
 
 
 def per_channel(rates: float, thrust: float) -> tuple[float, float, float, float]:

@@ -1,13 +1,10 @@
-"""The functions of the public interface.
-
-`import quadsim` loads this module when one of them is first used.
-"""
+"""The functions of the public interface, which `import quadsim` loads when one of them is used."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Unpack
 
 from quadsim.race.events import Frame
 from quadsim.record.archive import RunFolder, find_run
@@ -81,9 +78,11 @@ def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
 
 
 def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
-    """Store a run as `race fly` does, in a folder of its own under `runs_dir`.
+    """Store a run as `race fly` does: run.json, telemetry.npz and events.csv.
 
-    The files are run.json, telemetry.npz and events.csv.
+    Args:
+        run: the flight.
+        runs_dir: the run gets a folder of its own under this one.
 
     Returns:
         The run's folder.
@@ -115,12 +114,12 @@ def plot(run: Run, path: str | Path | None = None) -> Figure:
 
 
 def compare(
-    courses: Any,
-    variants: Mapping[str, Mapping[str, Any]] | tuple[str, ...] = ("gaussian", "colored"),
+    courses: CourseLike | Sequence[CourseLike],
+    variants: Mapping[str, Keywords] | Sequence[str] = ("gaussian", "colored"),
     attempts: int = 10,
     jobs: int | None = None,
     campaign: str | Path | None = None,
-    **settings: Any,
+    **settings: Unpack[Keywords],
 ) -> Comparison:
     """Compare variants over many flights, paired by seed.
 

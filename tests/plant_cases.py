@@ -4,6 +4,7 @@ import pytest
 
 from quadsim.course import Course, Gate, Start
 from quadsim.physics.plant import BulletPlant, RigidPlant, has_bullet
+from quadsim.physics.plant_state import PlantState
 from quadsim.vehicle import GRAVITY, Rotors
 
 NO_BULLET = "PyBullet is not installed: its wheels end at Python 3.11"
@@ -30,3 +31,23 @@ ROTORS = Rotors(
     tau=0.04,
     kappa=0.014,
 )
+
+
+class ModelPlant:
+    """A system that is flown by its own step; it touches nothing."""
+
+    def __init__(self, system, x0):
+        self.dt = system.dt
+        self._system = system
+        self._steps = 0
+        self.state = PlantState(0.0, system.state(*x0), ())
+
+    def step(self, u):
+        """Advance by one step of the system under the control u."""
+        self._steps += 1
+        x = self._system.next(self.state.x, u)
+        self.state = PlantState(self._steps * self.dt, x, ())
+        return self.state
+
+    def close(self):
+        """Release nothing, as nothing is held."""

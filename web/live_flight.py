@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from quadsim.dynamics.estimate import Estimate
 from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.race.flight import simulate
 from quadsim.record.archive import RunFolder, remove_unfinished
-from quadsim.record.limits import LIMITS, limit_of
+from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import INTERACTIVE, Recorder, columns_of
 from quadsim.spec.build import build, navigation_of, planner_of
 from web.choices import Choices
@@ -87,7 +86,7 @@ class LiveFlight:
         """Claim a folder among the runs, for the run that the flight will be."""
         remove_unfinished(root)
         self._folder = RunFolder.open(root, self.now.spec)
-        self.now = replace(self.now, limit=limit_of(self.now.spec, Path(root) / LIMITS))
+        self.now = replace(self.now, limit=limit_of(self.now.spec, limits_folder(root)))
 
     def advance(self) -> Frame:
         """Plan with the numbers that are asked for and fly one period.

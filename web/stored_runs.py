@@ -13,7 +13,7 @@ import msgspec
 from controllers.presets import PRESETS
 from quadsim.course import Course, parse_course
 from quadsim.record.archive import list_runs, load_run
-from quadsim.record.limits import LIMITS, limit_of
+from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import Run, RunError
 from web.competitor import Competitor
 from web.legs import Legs
@@ -97,7 +97,7 @@ def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
         snapshots=run.snapshots,
         folder=path,
         start_numbers=stored_numbers(spec),
-        limit=limit_of(spec, path.parent / LIMITS) if path else limit_of(spec),
+        limit=limit_of(spec, limits_folder(path.parent)) if path else limit_of(spec),
     )
 
 

@@ -27,6 +27,7 @@ from quadsim.campaign.summary_stats import (
 )
 from quadsim.campaign.tables import INDENT, as_markdown, as_table, comparison_tables, notes
 from quadsim.campaign.variants import Place, Settings, Variant, make_variants
+from quadsim.course import Course
 from quadsim.figures.style import save_figure, write_figure
 from quadsim.record.run import canonical
 from quadsim.record.whole_files import write_whole
@@ -92,7 +93,7 @@ class Comparison:
 
 
 def compare(
-    courses: Place | list[Place] | tuple[Place, ...],
+    courses: Place | Sequence[Place],
     variants: Mapping[str, Settings] | Sequence[str],
     attempts: int,
     jobs: int | None,
@@ -101,7 +102,7 @@ def compare(
 ) -> Comparison:
     """Compare variants, see `quadsim.compare`."""
     named = variants if isinstance(variants, Mapping) else {name: {} for name in variants}
-    several = courses if isinstance(courses, list | tuple) else [courses]
+    several = [courses] if isinstance(courses, str | Path | Course) else list(courses)
     made = make_variants(
         several, {name: _with_sampler(name, own) for name, own in named.items()}, settings
     )
@@ -143,8 +144,8 @@ def _section(flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path) -> Sect
     stats = []
     for variant, of_variant in flown:
         record = variant.spec.record()
-        limits = lap_limit(record), best_known_time(record)
-        stats.append(variant_stats(variant.name, of_variant, *limits))
+        best_known = best_known_time(record, variant.spec.runs_dir)
+        stats.append(variant_stats(variant.name, of_variant, lap_limit(record), best_known))
     first, _ = flown[0]
     return Section(
         course=first.spec.course,

@@ -57,8 +57,16 @@ class _Limits(NamedTuple):
     race: float  # best known limit [s]
 
 
-def stored(campaigns: Sequence[str]) -> list[Group]:
-    """Return every group of these campaigns, in the order of its first flight. Raises RunError."""
+def stored(campaigns: Sequence[str], runs_dir: str | Path = "runs") -> list[Group]:
+    """Return every group of these campaigns, in the order of its first flight.
+
+    Args:
+        campaigns: their files.
+        runs_dir: folder of runs, where solutions of `race limit` are looked for.
+
+    Raises:
+        RunError: a campaign cannot be read.
+    """
     groups: dict[tuple[str, str], dict[str, Row]] = {}
     limits: dict[str, _Limits] = {}
     for path in campaigns:
@@ -67,7 +75,7 @@ def stored(campaigns: Sequence[str]) -> list[Group]:
                 # The key is unique: an attempt that is in two campaigns counts once.
                 groups.setdefault((row.variant, row.code), {})[row.key] = row
                 if row.variant not in limits:
-                    limits[row.variant] = _limits(store, row)
+                    limits[row.variant] = _limits(store, row, runs_dir)
     found = []
     for (variant, _), by_key in groups.items():
         rows = tuple(sorted(by_key.values(), key=lambda row: row.seed))
@@ -75,11 +83,11 @@ def stored(campaigns: Sequence[str]) -> list[Group]:
     return found
 
 
-def _limits(store: Store, row: Row) -> _Limits:
+def _limits(store: Store, row: Row, runs_dir: str | Path) -> _Limits:
     """Return the limits of a row's flight; nan where its specification is damaged."""
     try:
         spec = store.spec(row.key)
-        return _Limits(lap_limit(spec), best_known_time(spec))
+        return _Limits(lap_limit(spec), best_known_time(spec, runs_dir))
     except (KeyError, TypeError, ZeroDivisionError):
         complain(
             f"{store.path}: the specification of attempt {row.key[:8]} is damaged: no time limit"

@@ -16,7 +16,7 @@ from statistics import fmean, median
 
 from quadsim.campaign.store import Row
 from quadsim.course import Course
-from quadsim.record.limits import LIMITS, limit_of
+from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.statistics import (
     Mean,
     detectable,
@@ -194,12 +194,16 @@ def lap_limit(spec: dict) -> float:
     return spec["timeout"] / spec["laps"]
 
 
-def best_known_time(spec: dict) -> float:
-    """Return the best known limit of a race [s], from the record of a Spec; nan: not known.
+def best_known_time(spec: dict, runs_dir: str | Path) -> float:
+    """Return the best known limit of a race [s], nan where none is known.
 
     It is the limit of the nominal vehicle.
+
+    Args:
+        spec: record of a Spec.
+        runs_dir: folder of runs; solutions are looked for there, beside those of the project.
     """
-    limit = limit_of(spec, Path("runs") / LIMITS)
+    limit = limit_of(spec, limits_folder(runs_dir))
     return limit.time if limit else nan
 
 

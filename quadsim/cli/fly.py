@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from contextlib import closing, suppress
 
+from quadsim.cli.commands import EXIT
 from quadsim.cli.flags import CourseName, Given, Json, settings_as_flags
 from quadsim.cli.progress import Progress
 from quadsim.cli.report import present
@@ -14,8 +15,6 @@ from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.run import Recorder, Run, RunError
 from quadsim.spec.build import build, launch, with_threads
 from quadsim.spec.spec import Spec
-
-EXIT = {"finished": 0, "crashed": 1, "stuck": 1, "timeout": 1, "interrupted": 130}
 
 
 def fly(course: CourseName = None, /, *, settings: Given = None, json: Json = False) -> int:
@@ -48,7 +47,7 @@ def fly(course: CourseName = None, /, *, settings: Given = None, json: Json = Fa
         with suppress(KeyboardInterrupt), uninterrupted():
             failure = _save(folder, run)
 
-    present(run, None if failure else folder.path, json)
+    present(run, None if failure else folder.path, json, spec.runs_dir)
     if failure:
         raise failure
     if run.outcome == "interrupted":

@@ -13,8 +13,8 @@ from msgspec import Meta
 from rich.console import Console
 from rich.markup import escape
 
+from quadsim.cli.commands import EXIT
 from quadsim.cli.flags import Help, Json, RunsDir, Stored, Switch, course_help, vehicle_help
-from quadsim.cli.fly import EXIT
 from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted
 from quadsim.course import load_course
 from quadsim.files.extras import needs_extra

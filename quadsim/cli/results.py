@@ -16,7 +16,7 @@ from quadsim.campaign.results import Group, find, stored
 from quadsim.campaign.summary_stats import PairStats, pair_stats
 from quadsim.campaign.tables import PAIRS, TextTable, as_table, number, short
 from quadsim.cli.compare import CAMPAIGN
-from quadsim.cli.flags import Help, Json
+from quadsim.cli.flags import Help, Json, RunsDir
 from quadsim.console import UsageError, emit, emit_json
 
 ABOVE_LIMIT = "above [%]"  # the median race, above the best known limit
@@ -47,6 +47,7 @@ def results(
     sampler: Annotated[str, Help("pattern of the samplers to list")] = "*",
     vehicle: Annotated[str, Help("pattern of the vehicles to list")] = "*",
     commit: Annotated[str, Help("first digits of the commit that flew")] = "",
+    runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
     """List what is stored, one line for each variant and the commit that flew it.
@@ -59,7 +60,7 @@ def results(
     """
     groups = [
         group
-        for group in stored(campaigns)
+        for group in stored(campaigns, runs_dir)
         if fnmatch(group.first.course, course)
         and fnmatch(group.first.sampler, sampler)
         and fnmatch(group.first.vehicle, vehicle)

@@ -9,8 +9,8 @@ from typing import Annotated
 
 from msgspec import Meta
 
+from quadsim.cli.commands import EXIT
 from quadsim.cli.flags import Help, Json, RunsDir, Stored, course_help
-from quadsim.cli.fly import EXIT
 from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted
 from quadsim.course import load_course
 from quadsim.record.archive import find_run

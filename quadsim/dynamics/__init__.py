@@ -1,8 +1,8 @@
 """Models x_{t+1} = x_t + F(x_t, u_t) dt as plain functions over named scalars.
 
 A model is three records and a function: State, Control and Params are NamedTuples of numbers, and
-`step(x, u, p, dt)` returns the next State. The same function is flown on floats (ModelPlant),
-checked on float64 arrays (the oracle of the tests), given to CasADi by the optimiser, and inlined
+`step(x, u, p, dt)` returns the next State. The same function runs on floats,
+on float64 arrays (the oracle of the tests) and in CasADi, which the optimiser uses, and is inlined
 into the compiled lanes that MPPI runs. So a step uses only what all of them know: arithmetic,
 comparisons joined by `&` and `|`, `abs`, and NumPy's where, minimum, maximum, sqrt, exp, log, sin,
 cos, tan, tanh, arctan2; it may call functions of the same kind.

@@ -1,19 +1,16 @@
 """Plants: the simulated vehicle. The controller plans with a model of it, which may differ.
 
 A quadrotor is a rigid body behind its actuators; two worlds move the rigid body, PyBullet's and our
-own. Another simulator, RotorPy, has a multirotor of its own. A ModelPlant flies a model's own step.
+own. Another simulator, RotorPy, has a multirotor of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from typing import Any, Literal, Protocol
 
-import numpy as np
-
 from quadsim.course import Course, Start
-from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import State
 from quadsim.physics.actuators import Actuators
 from quadsim.physics.plant_state import PlantState, start_state
@@ -21,8 +18,6 @@ from quadsim.physics.rigid_body import RigidBody
 from quadsim.physics.rotorpy_plant import RotorpyPlant
 from quadsim.rotation import Quaternion, Vec3, to_body
 from quadsim.vehicle import Vehicle
-
-Vector = tuple[float, ...]  # a state of any system
 
 
 class Plant(Protocol):
@@ -232,51 +227,3 @@ def named(state: PlantState[Any]) -> PlantState[State]:
             f"plant: expected a state of {len(State._fields)} numbers, got {len(state.x)}"
         )
     return PlantState(state.t, State(*state.x), state.contacts)
-
-
-class ModelPlant:
-    """A system flown by its own step, with an optional disturbance; it touches nothing."""
-
-    def __init__(
-        self, system: System, x0: Sequence[float], disturb: Callable[[Vector], Vector] | None = None
-    ):
-        """Start at the state x0 (n_x,).
-
-        Args:
-            system: flown in steps of its dt.
-            x0: state at the start.
-            disturb: changes the state after each step, e.g. `diffusion`.
-        """
-        self.dt = system.dt
-        self._system = system
-        self._disturb = disturb
-        self._steps = 0
-        self.state: PlantState[Any] = PlantState(0.0, system.state(*x0), ())
-
-    def step(self, u: Sequence[float]) -> PlantState[Any]:
-        """Advance by one step of the system under the control u  (n_u,)."""
-        x = self._system.next(self.state.x, u)
-        if self._disturb:
-            x = self._system.state(*self._disturb(x))
-        self._steps += 1
-        self.state = PlantState(self._steps * self.dt, x, ())
-        return self.state
-
-    def close(self) -> None:
-        """Do nothing, as nothing is held."""
-
-
-def diffusion(std: Vector, dt: float, rng: np.random.Generator) -> Callable[[Vector], Vector]:
-    """Return a Brownian disturbance, x_i += std_i sqrt(dt) N(0, 1) in each step.
-
-    Args:
-        std: standard deviations that are reached after 1 s, for any dt  (n_x,).
-        dt: step [s].
-        rng: random numbers of the disturbance.
-    """
-    scale = np.asarray(std) * np.sqrt(dt)
-
-    def disturb(x: Vector) -> Vector:
-        return tuple((x + scale * rng.standard_normal(len(scale))).tolist())
-
-    return disturb

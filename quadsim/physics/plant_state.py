@@ -20,8 +20,8 @@ X = TypeVar("X", bound=tuple[float, ...])
 class PlantState(Generic[X]):
     """The state after a physics step.
 
-    The plants of a quadrotor give a `State`. A ModelPlant gives a tuple in the order of its
-    system's states, and so may a plant of a user's own: see `quadsim.physics.plant.NamedPlant`.
+    The plants of quadsim give a `State`. A plant of a user's own may give a tuple in the order of
+    its numbers: see `quadsim.physics.plant.NamedPlant`.
     """
 
     # [s]

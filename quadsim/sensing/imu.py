@@ -34,7 +34,7 @@ class Imu:
         # Numbers of the gyroscope's three axes, then of the accelerometer's
         self._noise = np.repeat([config.gyro_noise, config.accelerometer_noise], 3)
         self._walk = np.repeat([config.gyro_walk, config.accelerometer_walk], 3)
-        self._most = np.repeat([config.gyro_max, config.accelerometer_max], 3)
+        self._limits = np.repeat([config.gyro_max, config.accelerometer_max], 3)
         bias_std = np.repeat([config.gyro_bias, config.accelerometer_bias], 3)
         # [rad/s, m/s^2]  (6,)
         self.bias = bias_std * self._rng.standard_normal(6)
@@ -71,5 +71,5 @@ class Imu:
         # The unit's errors.
         self.bias += self._walk * np.sqrt(dt) * self._rng.standard_normal(6)
         noisy = true + self.bias + self._noise * self._rng.standard_normal(6)
-        gx, gy, gz, fx, fy, fz = np.clip(noisy, -self._most, self._most).tolist()
+        gx, gy, gz, fx, fy, fz = np.clip(noisy, -self._limits, self._limits).tolist()
         return Inertial(state.t, dt, gyro=(gx, gy, gz), specific_force=(fx, fy, fz))

@@ -10,7 +10,7 @@ import numpy as np
 from controllers.costs.reference import Reference, ReferenceWeights
 from quadsim.course import Course
 from quadsim.files.strict_yaml import FileError
-from quadsim.record.limits import LIMITS, LimitProblem, StoredSolution
+from quadsim.record.limits import LimitProblem, StoredSolution, limits_folder
 from quadsim.vehicle import Vehicle
 
 
@@ -29,7 +29,7 @@ def stored_reference(
     """
     problem = LimitProblem(course, vehicle, laps, "rates")
     problem = replace(problem, margin=weights.margin, reserve=weights.reserve)
-    stored = problem.best_known(Path(runs_dir) / LIMITS)
+    stored = problem.best_known(limits_folder(runs_dir))
     if stored:
         return stored
     name, _, ratio = vehicle.name.partition("-twr")

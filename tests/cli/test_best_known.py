@@ -139,7 +139,7 @@ def test_the_limits_path_is_drawn_with_the_run(runs):
 
 def test_a_comparison_says_how_far_above_the_limit_the_median_race_was(runs):
     rows = [row(seed, laps=(time,)) for seed, time in enumerate((0.9, 1.0, 1.2))]
-    stats = variant_stats("colored", rows, 20.0, best_known_time(spec()))
+    stats = variant_stats("colored", rows, 20.0, best_known_time(spec(), "runs"))
     assert stats.above_limit == pytest.approx(0.25)
     table = next(comparison_tables([stats], []))
     assert table.rows[0][table.head.index("above the\nlimit [%]")] == "25.0"
@@ -148,7 +148,7 @@ def test_a_comparison_says_how_far_above_the_limit_the_median_race_was(runs):
 
 def test_without_a_known_limit_nothing_is_said(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    stats = variant_stats("colored", [row(laps=(1.0,))], 20.0, best_known_time(spec()))
+    stats = variant_stats("colored", [row(laps=(1.0,))], 20.0, best_known_time(spec(), "runs"))
     assert "above the\nlimit [%]" not in next(comparison_tables([stats], [])).head
     assert not any("limit (race limit)" in note for note in notes([stats], [], 20.0))
 

@@ -179,6 +179,7 @@ def test_a_full_disk_costs_the_run_but_not_its_report(cwd, capsys, monkeypatch):
     assert outcome(f"show --runs-dir {cwd}/runs", capsys)[0] == 2, "nothing that looks finished"
 
 
+@pytest.mark.flight
 def test_plot_writes_a_png_and_an_svg(cwd, capsys):
     race(["fly", "mine.yaml", *TINY])
     capsys.readouterr()

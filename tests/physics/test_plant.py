@@ -4,16 +4,13 @@ import subprocess
 import sys
 from dataclasses import replace
 from math import exp, pi
-from typing import NamedTuple
 
 import numpy as np
 import pytest
-from plant_cases import DT, HOVER, SKY, both_plants
+from plant_cases import DT, HOVER, SKY, ModelPlant, both_plants
 
 from quadsim.course import Start, course_names, load_course
-from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import STATE, ModelParams, quadrotor
-from quadsim.physics.plant import ModelPlant, diffusion
 from quadsim.physics.plant_state import CLEARANCE
 from quadsim.vehicle import GRAVITY, load_vehicle, vehicle_names
 
@@ -172,53 +169,6 @@ def test_a_model_at_100_hz_predicts_a_plant_at_400_hz_to_5_mm_in_a_second(launch
     worst = gap(launch, 1 / 100, 1 / 400)
     assert worst[:3].max() < 0.005
     assert worst[6:10].max() < 0.005
-
-
-class Rail(NamedTuple):
-    s: float
-    v: float
-
-
-class Push(NamedTuple):
-    a: float
-
-
-class Gain(NamedTuple):
-    k: float
-
-
-def slide(x, u, p, dt):
-    return Rail(s=x.s + x.v * dt, v=x.v + p.k * u.a * dt)
-
-
-def stay(x, u, p, dt):
-    return x
-
-
-def on_rail(step, dt):
-    return System("rail", Rail, Push, step, Gain(2.0), dt, low=(-9.0,), high=(9.0,), rest=(0.0,))
-
-
-def test_a_model_is_flown_by_its_own_step():
-    plant = ModelPlant(on_rail(slide, 0.1), (1.0, 0.5))
-    state = plant.step((3.0,))
-    assert state.x == pytest.approx((1.05, 1.1))
-    assert (plant.state.t, plant.state.contacts) == (0.1, ())
-    assert fly(plant, 0.9, (0.0,)).t == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("dt", [0.1, 0.02])
-def test_a_disturbance_diffuses_to_its_std_in_one_second_for_any_step(dt):
-    def end(seed, std):
-        disturb = diffusion((0.0, std), dt, np.random.default_rng(seed))
-        return fly(ModelPlant(on_rail(stay, dt), (0.0, 0.0), disturb), 1.0, (0.0,)).x
-
-    ends = np.array([end(seed, 0.7) for seed in range(400)])
-    # 400 samples: std within 3.5 %, so 3.4 sigma
-    assert ends[:, 1].std() == pytest.approx(0.7, rel=0.12)
-    assert (ends[:, 0] == 0.0).all()
-    # negative control: half the std is seen
-    assert end(0, 0.35)[1] == pytest.approx(ends[0, 1] / 2)
 
 
 def test_models_and_referees_do_not_load_the_physics_engine():

@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from plant_cases import ModelPlant
 
 from controllers.plan import PlanStats
 from quadsim.dynamics import System
 from quadsim.dynamics.control_periods import ControlPeriods
-from quadsim.physics.plant import ModelPlant
 from quadsim.race.clock import Clock, WallClock
 from quadsim.race.flight import simulate
 

@@ -37,6 +37,7 @@ def running(*flags):
         program.communicate()
 
 
+@pytest.mark.flight
 def test_the_address_opens_the_page_one_click_flies_and_ctrl_c_keeps_what_was_flown(tmp_path):
     """Open to other machines, which need the token in the address that is printed."""
 

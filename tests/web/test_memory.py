@@ -10,6 +10,7 @@ from wire import connect, received
 
 from web.race import PageRace
 
+pytestmark = pytest.mark.flight  # races of some seconds
 CHARTS = 8  # of a race
 GHOST = [choices("colored"), choices("gaussian")]
 

@@ -90,8 +90,9 @@ def test_a_lost_connection_is_lost_in_words_until_it_is_back(page, session):
     assert "disconnected" in page.title()
     page.context.set_offline(False)
     assert waited(page, lambda: lost.count() == 0 and page.title() == "race", 30)
+    # What the browser reports while it is offline is no fault of the page.
+    page.complaints.clear()
 
 
 def test_the_console_holds_no_error_and_no_warning(page):
-    cut = ("WebSocket", "ERR_INTERNET_DISCONNECTED")  # as the test above did to it
-    assert [text for text in page.complaints if not any(part in text for part in cut)] == []
+    assert page.complaints == []
