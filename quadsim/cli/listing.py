@@ -217,7 +217,7 @@ def _find(name: str) -> Path:
     """Return the file of a course, vehicle or sensing by its name, or the path if one is given.
 
     Raises:
-        FileError: the name is not known, or there is no such file.
+        FileError: the name is neither known nor a path.
     """
     known = dict.fromkeys(vehicle_names(), (VEHICLES, "vehicle"))
     known |= dict.fromkeys(sensing_names(), (SENSINGS, "sensing"))

@@ -67,7 +67,7 @@ class Training:
 
 
 class Score(NamedTuple):
-    """The quality of a pilot in its evaluation, compared by the first number that differs."""
+    """The quality of a pilot in its evaluation. A greater score is better, field by field."""
 
     finished: float  # share of the races
     speed: float  # negative lap time [s]; 0 without a finished race

@@ -44,7 +44,7 @@ if hasattr(casadi.GlobalOptions, "setNumpyMode"):
 # what they deliver.
 BODY = RIGID_BODY.stop
 ROTOR_SPEEDS = slice(BODY, BODY + 4)
-# Angular acceleration of the body, beyond that of any vehicle [rad/s^2]
+# Limit of the body's angular acceleration, beyond what any vehicle reaches [rad/s^2]
 SPIN_UP_MAX = 1000.0
 # In a race to be flown: rotors near full thrust cannot yaw, which this problem leaves out [rad/s]
 YAW_MAX = 0.5

@@ -25,7 +25,7 @@ ESTIMATE_UNITS = {
     **dict.fromkeys(("cov_xx", "cov_xy", "cov_xz", "cov_yy", "cov_yz", "cov_zz"), "m^2"),
     # 9 degrees of freedom
     "nees": "1",
-    # innovations squared of this period's measurements, and their degrees of freedom
+    # normalised innovation squared of this period's measurements, and its degrees of freedom
     "nis": "1",
     "nis_dof": "1",
     # degrees of freedom of measurements taken for outliers

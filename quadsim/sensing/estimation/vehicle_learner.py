@@ -62,7 +62,8 @@ STEP = 0.1
 ON_TIME = 0.1
 # share of the highest thrust; a smaller reserve shows little of the share delivered
 LEAST_RESERVE = 0.03
-# share of the angular acceleration asked for, at the highest thrust; below it thrust is given up
+# share of the angular acceleration asked for, at the highest thrust; below it the planner gives up
+# thrust
 LEAST_DELIVERED = 0.7
 
 # Learning from sensors.
