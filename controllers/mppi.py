@@ -15,7 +15,7 @@ cost.
 
 There are extensions, most of them optional in MPPIConfig:
 
-* The last samples perturb another sequence than the plan (rest_fraction).
+* A fraction of the samples perturbs a sequence other than the plan (rest_fraction).
 * The control limits are tightened (tighten), and the plan may exceed them while the command does
   not (overshoot).
 * Perturbations and cost are weighted along the horizon (controllers.schedule).
@@ -67,7 +67,7 @@ class Iteration:
     target: int  # row of the cost's targets
     call: int  # index of the sampler call
     nominal: np.ndarray  # control sequence U that the samples perturb  (T, n_u)
-    # (alternative - nominal) / ramp, which the last samples are perturbed by too  (2, T, n_u)
+    # (alternative - nominal) / ramp, added to the perturbations of the last samples  (2, T, n_u)
     rest_offset: np.ndarray
     J: np.ndarray  # cost of each sample  (M,)
 
@@ -96,8 +96,8 @@ class MPPI:
         config: the sampling budget and the update; its dt must be the system's.
         seed: seed of the random perturbations. They depend on it and on the index of the call
             alone, never on threads.
-        cost_of: function that makes the cost of a course, for courses that are estimated in
-            flight; None: the cost stays as it is.
+        cost_of: function that returns the cost on a course, for courses that are estimated in
+            flight; None: the cost never changes.
 
     Raises:
         ValueError: sampler, system and configuration differ in the number of controls or in dt.
@@ -118,7 +118,7 @@ class MPPI:
         self.config = config
         self.cost = cost
         self.cost_of = cost_of
-        # The course as it was estimated last; None: the one that `cost` was made for
+        # The last estimated course; None: the course that `cost` was made for
         self.course: Course | None = None
         self.periods = ControlPeriods(config.dt)
         self.schedule = Schedule(config.first_noise, config.cost_rise)
@@ -131,17 +131,17 @@ class MPPI:
             key=stream_key(seed),
             dt=config.dt,
         )
-        # The plan may exceed the limits by so much  (n_u,)
+        # Amount by which the plan may exceed the control limits  (n_u,)
         self.beyond = np.zeros(n_u)
         if config.overshoot:
-            # In standard deviations of the perturbations drawn before the first call
+            # overshoot is in standard deviations of the perturbations; draw some to measure them.
             drawn = self.sampler.sample(0)
             self.beyond = config.overshoot * drawn.std(axis=(0, 2, 3), dtype=float)
         self.set_model(system)
         # The control at rest; that of a quadrotor is hover: no rates, thrust g  (n_u,)
         self.rest = np.array(system.rest)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
-        self.guide = self.plan  # controls that the last samples perturb  (T, n_u)
+        self.guide = self.plan  # the sequence that the last samples perturb  (T, n_u)
         # The last two controls, left padding of the smoothing filter  (2, n_u)
         self.executed = np.tile(self.rest, (2, 1))
         self.temperature = config.temperature
@@ -150,20 +150,20 @@ class MPPI:
         self._calls = 0
 
     def control(self, known: Estimate | np.ndarray) -> tuple[np.ndarray, PlanStats]:
-        """Return the control to apply.
+        """Plan, and return the control to apply.
 
         The plan is shifted by as many steps as control periods have passed since the last call.
 
         Args:
-            known: an estimate of the vehicle, or its state x (n_x,) alone. A state alone is taken
-                to be one control period after the last one, with the first row of the cost's
-                targets as the target.
+            known: an estimate of the vehicle, or its state x (n_x,) alone. A bare state is taken
+                to be one control period after the last call, with row 0 of the cost's targets as
+                the target.
 
         Returns:
             The control (n_u,) and statistics of the plan.
 
         Raises:
-            ValueError: x has another length or is not finite, as when the plant has diverged.
+            ValueError: x has the wrong length or is not finite, as when the plant has diverged.
             FloatingPointError: no sample has a finite cost.
         """
         estimate = known if isinstance(known, Estimate) else Estimate(self.periods.next, known)
@@ -256,10 +256,10 @@ class MPPI:
 
         Args:
             it: the iteration.
-            chunk: numbers of the samples.
+            chunk: indices of the samples.
 
         Returns:
-            (series, n_u, halves * T, LANES), a layout described in controllers.lanes.layout.
+            Perturbations  (series, n_u, halves * T, LANES), see controllers.lanes.layout.
         """
         count = chunk.stop - chunk.start
         T = self.config.horizon
@@ -282,10 +282,10 @@ class MPPI:
         Args:
             it: the iteration.
             z: perturbations of these samples  (series, n_u, halves * T, LANES).
-            chunk: numbers of the samples.
+            chunk: indices of the samples.
 
         Returns:
-            (samples,)
+            Costs  (samples,).
         """
         count = chunk.stop - chunk.start
         J = np.empty((layout.blocks(count), layout.LANES), z.dtype)
@@ -309,7 +309,7 @@ class MPPI:
     # From one control step to the next
 
     def use_estimates(self, estimate: Estimate) -> None:
-        """Plan with the estimated course and model from now on, where they have changed."""
+        """Replace the cost and the model where the estimated course or model has changed."""
         course, model = estimate.course, estimate.model
         if self.cost_of and course is not None and course is not self.course:
             self.course = course
@@ -318,7 +318,7 @@ class MPPI:
             self.set_model(model)
 
     def warm_start(self, estimate: Estimate) -> int:
-        """Shift the plan to the present. Return the number of iterations to improve it by."""
+        """Shift the plan to the present time, and return the number of iterations to run."""
         self.guide = self.guided(estimate.target, estimate.x)
         steps = self.periods.advance(estimate.t)
         is_first = self._calls == 0
@@ -331,14 +331,14 @@ class MPPI:
         return self.config.iterations
 
     def shift(self, steps: int) -> None:
-        """Drop the controls of the plan that lie in the past, and append the guide's."""
+        """Drop the plan's first `steps` controls, which are past, and append the guide's last."""
         self.executed = np.vstack([self.executed, self.clipped(self.plan[:steps])])[-2:]
         self.plan = np.vstack([self.plan[steps:], self.guide[-steps:]])
         if self.sampler.momentum:
             self.sampler.momentum.shift(steps)
 
     def guided(self, target: int, x: np.ndarray) -> np.ndarray:
-        """Return the controls that the last samples perturb: the cost's guide, else rest.  (T, n_u)
+        """Return the sequence that the last samples perturb: the cost's guide, else rest.  (T, n_u)
 
         Args:
             target: row of the cost's targets.
@@ -370,7 +370,7 @@ class MPPI:
     # Model, cost and state of the planner
 
     def set_model(self, system: System) -> None:
-        """Plan with this system from now on: the same states and controls, other parameters."""
+        """Use this system as the model: the same states and controls with other parameters."""
         self.model = system
         self.system = system.tightened(self.config.tighten)
         self.rollout = Rollout(self.system, self.cost, schedule=self.schedule)
@@ -380,18 +380,18 @@ class MPPI:
         self.plan_high = self.high + self.beyond
 
     def set_cost(self, cost: Cost) -> None:
-        """Plan with this cost from now on.
+        """Use this cost from now on.
 
-        Terms that were planned with before are not compiled again, whatever their numbers.
+        Terms that were used before are not compiled again, even where their numbers change.
         """
         self.cost = cost
         self.rollout = Rollout(self.system, cost, schedule=self.schedule)
 
     def continue_from(self, planner: MPPI) -> None:
-        """Start from another planner's plan, momentum and time.
+        """Take over another planner's plan, momentum and time.
 
         Args:
-            planner: with the same system and horizon.
+            planner: a planner with the same system and horizon.
         """
         self.plan = planner.plan
         self.executed = planner.executed
@@ -404,7 +404,7 @@ class MPPI:
     def is_cached(self) -> bool:
         """Whether the loops were compiled on this machine before.
 
-        Otherwise the first plan takes some 20 s.
+        If they were not, the first plan takes some 20 s longer.
         """
         if not self.rollout.is_cached:
             return False

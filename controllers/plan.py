@@ -1,4 +1,4 @@
-"""Records that a controller hands out: the statistics of a plan, and a snapshot for display."""
+"""Records that a controller returns: the statistics of a plan, and a snapshot for display."""
 
 from __future__ import annotations
 

@@ -7,11 +7,11 @@ The factor n_t rises linearly from first_noise at t = 0 to 1 at the last step, o
 The factor s_t is ((t + 1) / T)^cost_rise, divided by its mean.
 
 The plan is kept from one control step to the next, shifted: its first controls have been improved
-by a hundred updates, its last by few. Perturbing the first ones less leaves more samples to the
-search further on and calms the control that is executed. Every second block of samples is perturbed
-in full all the same: where the plan no longer leads through a gate, as after a gust, these find
-another way. A cost that rises over the horizon weighs the place that a sample reaches more than the
-way it begins.
+by a hundred updates, its last by few. Perturbing the first controls less leaves more of the
+search to the later ones and makes the executed control smoother. Every second block of samples is
+still perturbed in full: where the plan no longer leads through a gate, as after a gust, these
+samples find another way. A cost that rises over the horizon gives the place that a sample reaches
+more weight than the beginning of its path.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ class Schedule:
         """Return n_t, the factors on the perturbations.
 
         Returns:
-            Those of blocks of samples with an even number, and with an odd one.  (2, T)
+            Factors of the blocks of samples with an even index, and of those with an odd one
+            (2, T).
         """
         even = np.linspace(self.first_noise, 1.0, horizon)
         odd = np.ones(horizon)

@@ -43,7 +43,7 @@ limits = {"low": (-20.0,), "high": (20.0,), "rest": (0.0,)}
 cart = System("cart_pole", State, Control, step, params, dt=0.02, **limits)
 
 
-# A cost is a sum of weighted terms. They are told the target: here the middle of the rail.
+# A cost is a sum of weighted terms. They are given the target: here the middle of the rail.
 class Middle(NamedTuple):
     position: float  # [m]
 

@@ -1,4 +1,4 @@
-"""quadsim: quadrotor racing simulated and flown by MPPI with Gaussian or colored sampling.
+"""quadsim simulates quadrotor races flown by MPPI with Gaussian, colored or other sampling.
 
     import quadsim
     run = quadsim.fly("split_s_swift", sampler="colored", seed=0)

@@ -36,8 +36,9 @@ def fly(course: CourseLike | Spec | None = None, **settings: Unpack[Keywords]) -
         number of threads.
 
     Raises:
-        SettingError: an invalid setting (a ValueError): name, what was expected, what was found.
-        FileError: a course, vehicle or preset that cannot be read (a ValueError).
+        SettingError: a setting is invalid; the message has its name, what was expected and what
+            was found (a ValueError).
+        FileError: a course, vehicle or preset cannot be read (a ValueError).
     """
     spec = spec_of(course, settings)
     return Run.from_frames(spec.record(), flight_frames(spec))
@@ -87,7 +88,7 @@ def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
         The run's folder.
 
     Raises:
-        RunError: it cannot be written.
+        RunError: the run cannot be written.
     """
     with RunFolder.open(runs_dir, run.spec) as folder:
         return folder.save(run)
@@ -97,13 +98,13 @@ def plot(run: Run, path: str | Path | None = None) -> Figure:
     """Draw a run on one page: path, controls over time, spectrum of the thrust.
 
     Args:
-        run: of a quadrotor.
+        run: a quadrotor's run.
         path: a file to write: .png, .svg or .pdf; None writes nothing.
 
     Returns:
         The matplotlib Figure.
     """
-    from quadsim.figures.run_figure import draw  # which loads matplotlib
+    from quadsim.figures.run_figure import draw  # here: it loads matplotlib
     from quadsim.figures.style import save_figure
 
     figure = draw(run)
@@ -122,7 +123,7 @@ def compare(
 ) -> Comparison:
     """Compare variants over many flights, paired by seed.
 
-    Lap times, finish rates and thrust chatter come with 95 % intervals.
+    The comparison has lap times, finish rates and thrust chatter with 95 % intervals.
 
     Args:
         courses: one course or several.
@@ -133,15 +134,15 @@ def compare(
             by them.
         campaign: an SQLite file that stores finished attempts; the same call resumes where it
             stopped.
-        settings: of all variants, as for `fly`; randomize=1.0 randomizes vehicle, start and wind by
-            seed.
+        settings: settings of all variants, as for `fly`; randomize=1.0 randomizes vehicle, start
+            and wind by seed.
 
     Returns:
         A Comparison: `.variants` and `.pairs` with the numbers, `print(comparison)` for tables,
             `.plot(path)`.
 
     Raises:
-        ValueError: as `fly`.
+        ValueError: as for `fly`.
     """
     from quadsim.campaign.compare import compare as run_comparison
 

@@ -97,7 +97,7 @@ def plain_table(*heads: str, left: Collection[int] = (), no_wrap: bool = False) 
     """Return an empty table without lines, with a dimmed head.
 
     Args:
-        heads: of the columns.
+        heads: headings of the columns.
         left: indices of the columns of text; the others are of numbers.
         no_wrap: keep each cell on one line.
     """

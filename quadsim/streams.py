@@ -121,7 +121,7 @@ def start_stream(seed: int, course: int) -> SeedSequence:
     """Return the stream that decides where episodes on a course start in flight.
 
     Args:
-        seed: of the environment.
+        seed: seed of the environment.
         course: index of the course, from 0.
     """
     return _child(SeedSequence(seed), course)
@@ -156,7 +156,7 @@ def pose_stream(seed: int, picture: int) -> SeedSequence:
     """Return the stream that decides from where a picture is taken.
 
     Args:
-        seed: of all pictures.
+        seed: seed of all pictures.
         picture: number of the picture, from 0.
     """
     return SeedSequence([seed, picture])
@@ -166,7 +166,7 @@ def look_streams(seed: int, picture: int) -> LookStreams:
     """Return the streams that decide how a picture looks.
 
     Args:
-        seed: of all pictures.
+        seed: seed of all pictures.
         picture: number of the picture, from 0.
     """
     look = SeedSequence([seed, LOOKS + picture])
@@ -186,7 +186,7 @@ def course_stream(seed: int, number: int) -> SeedSequence:
     """Return the stream that decides a generated course.
 
     Args:
-        seed: of all generated courses.
+        seed: seed of all generated courses.
         number: number of the course, from 1.
     """
     return _child(SeedSequence(seed), number - 1)

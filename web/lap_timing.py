@@ -159,7 +159,7 @@ def gap(place: np.ndarray, way: Way, reference: Way) -> np.ndarray:
 def best_lap(entries: Sequence[Competitor]) -> Way | None:
     """Return the way of the fastest lap of all, from its beginning."""
     best: tuple[float, Competitor, int] | None = None
-    # Of laps of the same time it is the one with the lowest number.
+    # Among laps of the same time the one with the lowest number is taken.
     for entry in entries:
         for k, lap in enumerate(entry.laps):
             if best is None or (lap, k) < (best[0], best[2]):

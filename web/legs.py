@@ -13,7 +13,7 @@ class Legs:
     Attributes:
         gates: number of gates of a lap.
         ends: length of the way to the start and to each gate [m]  (legs + 1,)
-        length: of the whole race [m]
+        length: length of the whole race [m]
         lap_ends: length of the way to the end of each lap [m]  (laps,)
     """
 
@@ -30,7 +30,7 @@ class Legs:
         self.lap_ends = self.ends[self.gates :: self.gates]
 
     def progress(self, p: np.ndarray, passed: np.ndarray) -> np.ndarray:
-        """Return how far along the race positions are.
+        """Return the distances of positions along the race.
 
         On a leg it is the share d0 / (d0 + d1) of the leg, by the distances from its two ends: it
         grows right after a gate, also where the path makes a detour, and never decreases.

@@ -207,10 +207,10 @@ class LiveFlight:
         return self._planner.control(estimate)
 
     def _replan(self, before: Planner) -> None:
-        """Let a planner with the present numbers go on with the plan of the last one.
+        """Replace the planner by one with the present numbers that takes over the last plan.
 
         Args:
-            before: numbers of the last one.
+            before: numbers of the replaced planner.
         """
         planner = planner_of(self._spec)
         planner.continue_from(self._planner)

@@ -52,7 +52,7 @@ def slider_values(
     target_ess: float | None,
     samples: int,
 ) -> dict[str, float]:
-    """Return what the sliders show of a planner with these numbers.
+    """Return the values of the sliders for a planner with these numbers.
 
     Args:
         sigma, preset_sigma: standard deviations of the controls, and those that the scale 1 stands
@@ -71,7 +71,7 @@ def slider_values(
 
 
 def numbers_of(planner: Planner, preset: Planner) -> dict[str, float]:
-    """Return what the sliders show of a planner that was made from a preset."""
+    """Return the values of the sliders for a planner that was made from a preset."""
     return slider_values(
         sigma=planner.sampling.sigma,
         preset_sigma=preset.sampling.sigma,

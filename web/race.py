@@ -74,10 +74,10 @@ class PageRace:
         self._pace = Pace()
 
     def start(self, choices: Sequence[Choices], runs: Sequence[Path] = ()) -> None:
-        """Fly these side by side with stored runs.
+        """Fly the choices side by side with stored runs.
 
         Raises:
-            ValueError, RunError: they cannot be flown or shown; the old race goes on.
+            ValueError, RunError: a flight or run cannot be flown or shown; the old race continues.
         """
         stored = tuple(stored_competitor(path) for path in runs)
         flights = [self._take_off(one) for one in choices]
@@ -126,9 +126,9 @@ class PageRace:
         return max(wait, 0.0)
 
     def play(self, on: bool | None = None) -> None:
-        """Go on or pause; None: whichever it does not.
+        """Continue or pause the race; None switches between the two.
 
-        A replay at its end begins again; a flight goes on where it has come to.
+        A replay at its end begins again; a flight continues from its last frame.
         """
         self._playing = not self._playing if on is None else on
         if self._playing and self._flying:
@@ -222,7 +222,7 @@ class PageRace:
             self._playing = bool(self._flying)
 
     def _move(self, t: float) -> None:
-        """Come to t [s]."""
+        """Set the race time to t [s]."""
         self._t = t
         self._pace.mark(t)
 
@@ -237,7 +237,7 @@ class PageRace:
 
     @property
     def _flown(self) -> float:
-        """The time until which some flight that goes on has been flown [s]."""
+        """The time that the farthest of the running flights has reached [s]."""
         return max((flight.t for flight in self._flying), default=0.0)
 
     @property

@@ -1,4 +1,4 @@
-"""Session: a race on a thread of its own. Commands go in, snapshots come out.
+"""Session: a race on a thread of its own, which takes commands and publishes snapshots.
 
 A flight never waits for a page.
 """
@@ -28,7 +28,7 @@ class Session:
 
     Args:
         root: the folder of runs.
-        take_off: makes a live flight of choices.
+        take_off: function that begins a live flight of the given choices.
     """
 
     def __init__(self, root: str, take_off: Callable[[Choices], LiveFlight] = LiveFlight):
@@ -50,17 +50,17 @@ class Session:
         self._commands.put(partial(command, self._race, *arguments, **keywords))
 
     def show_trajectories(self, on: bool) -> None:
-        """Say whether the sampled trajectories are needed: each costs 0.3 ms."""
+        """Switch the sampled trajectories on or off: each of their updates takes 0.3 ms."""
         self._race.show_trajectories = on
 
     def close(self) -> None:
-        """End every flight, store what has passed a gate, end the thread."""
+        """End every flight, store those that have passed a gate, and end the thread."""
         self.tell(PageRace.end_flights)
         self._commands.put(self._end)
         self._worker.join()
 
     def _run(self) -> None:
-        """Do one command or one turn after another."""
+        """Run commands as they come, and turns of the race between them, until closed."""
         wait = REST
         while not self._closing:
             wait = self._do(self._next(wait)) or 0.0
@@ -74,14 +74,14 @@ class Session:
             return self._race.turn
 
     def _do(self, command: Callable[[], float | None]) -> float | None:
-        """Do a command. Return the time to wait for the next one [s], None: none."""
+        """Run a command; return the time to wait for the next one [s], None for no wait."""
         notices = self._race.notices
         try:
             return command()
         except (ValueError, RunError) as error:
             notices.add("error", "Cannot do that", str(error))
         except Exception as error:
-            # an unforeseen error must not end the thread that flies
+            # An unforeseen error must not end the thread that flies.
             traceback.print_exc()
             notices.add("error", "The race broke off", f"{type(error).__name__}: {error}")
             self._race.play(False)

@@ -102,7 +102,7 @@ def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
 
 
 def stored_numbers(spec: dict) -> dict[str, float]:
-    """Return what the sliders show of a run's planner at its start."""
+    """Return the values of the sliders for a run's planner at its start."""
     planner = msgspec.convert(spec["planner"], StoredPlanner)
     sampling = planner.sampling
     if not isinstance(sampling, StoredSampling):
@@ -150,7 +150,7 @@ def titled_runs(root: str, most: int) -> dict[str, Path]:
         clock = when.strftime("%H:%M" if today else "%d %b %H:%M")
         title = f"{clock} {_result(path)}"
         if title in found:
-            # Two alike within a minute are told apart by their seconds.
+            # The seconds distinguish two runs of one title within a minute.
             title = f"{clock}:{when.strftime('%S')} {_result(path)}"
         if title in found:
             title = path.name

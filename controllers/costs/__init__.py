@@ -80,7 +80,7 @@ class Term:
             changed without compiling again.
 
     Raises:
-        ValueError: the name is no identifier.
+        ValueError: the name is not an identifier.
     """
 
     def __init__(
@@ -181,7 +181,7 @@ class Cost:
 
     @property
     def term_names(self) -> tuple[str, ...]:
-        """Names of the terms, in order."""
+        """The names of the terms, in order."""
         return tuple(term.name for term in self.terms)
 
     @property
@@ -200,7 +200,7 @@ class Cost:
 
     @cached_property
     def number_names(self) -> tuple[str, ...]:
-        """Names of the numbers that the compiled loops are given, in order: weights, parameters."""
+        """The names of the numbers that the compiled loops take: weights, then parameters."""
         names = [f"weight_{term.name}" for term in self.terms]
         names += [f"p_{name}" for name in self.params._fields]
         for term in self.terms:

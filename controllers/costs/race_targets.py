@@ -90,7 +90,7 @@ def targets(
     Args:
         course: its start, gates and obstacles.
         radius: radius of the vehicle [m].
-        margin: wanted between vehicle and frame.
+        margin: wanted distance between vehicle and frame.
         room: the room in which the vehicle may fly.
         laps: number of laps.
 
@@ -120,7 +120,7 @@ def gate_stop(gate: Gate, radius: float, margin: Margin, behind: float) -> Stop:
     Args:
         gate: the gate to fly through.
         radius: radius of the vehicle [m].
-        margin: wanted between vehicle and frame.
+        margin: wanted distance between vehicle and frame.
         behind: distance from the gate's plane to the exit [m].
     """
     passage, left = gate.rotation[:, 0], gate.rotation[:, 1]
@@ -150,7 +150,7 @@ def finish_stop(last: Gate, radius: float, margin: Margin) -> Stop:
     Args:
         last: the last gate.
         radius: radius of the vehicle [m].
-        margin: wanted between vehicle and frame.
+        margin: wanted distance between vehicle and frame.
     """
     stop = gate_stop(last, radius, margin, RUN_OUT)
     return stop._replace(free=HalfSizes(RUN_OUT, RUN_OUT))
@@ -161,7 +161,7 @@ def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
 
     Args:
         course: its start.
-        stops: in the order in which they are flown to.
+        stops: stops in the order in which they are flown to.
 
     Returns:
         Rows of `GateTarget`  (stops, 20)

@@ -77,9 +77,9 @@ class Reference:
 
     @classmethod
     def of(cls, x: np.ndarray, u: np.ndarray, passes: Sequence[int], dt: float) -> Reference:
-        """Return a reference that goes on behind the finish.
+        """Return a reference that is extended beyond the finish.
 
-        It keeps the last acceleration for a second and then flies straight.
+        The extension keeps the last acceleration for a second and then flies straight.
 
         Args:
             x: position and velocity [m, m/s]  (rows, 6).
@@ -127,9 +127,9 @@ class Reference:
         return self.nearest(target, x) + 1
 
     def controls(self, target: int, x: np.ndarray, horizon: int) -> np.ndarray:
-        """Return the reference's controls from the state nearest to x on.  (T, n_u)
+        """Return the reference's controls from its state nearest to x onwards.  (T, n_u)
 
-        A plan that is longer than the reference goes on with its last control.
+        Beyond the end of the reference its last control is repeated.
         """
         rows = self.nearest(target, x) + np.arange(horizon)
         return self.u[np.minimum(rows, len(self.u) - 1)]
@@ -171,7 +171,7 @@ def time_ahead(x_next, target):
 
 
 def reached(x, x_next, u, target, p):
-    """Return that the target is reached: each row is the target of one step."""
+    """Return True: every step reaches its target, which is one row."""
     return True
 
 

@@ -54,7 +54,7 @@ def leaves_room(x, x_next, p):
         p: parameters that have the fields of Room.
     """
     pz = x_next.pz
-    # A start on the ground is no crash, coming down is.
+    # A start on the ground is not a crash; coming down is.
     below_floor = (pz < p.floor) & (pz < x.pz)
     out_x = (x_next.px < p.x_low) | (x_next.px > p.x_high)
     out_of_bounds = out_x | (x_next.py < p.y_low) | (x_next.py > p.y_high) | (pz > p.z_high)

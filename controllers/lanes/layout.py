@@ -82,7 +82,7 @@ def add_from(z: np.ndarray, first: int, samples: int, offset: np.ndarray) -> Non
         z: perturbations  (series, n_u, halves * T, LANES).
         first: number of the first sample that is changed.
         samples: number of samples.
-        offset: that of even and of odd blocks  (2, T, n_u).
+        offset: offsets of even and of odd blocks  (2, T, n_u).
     """
     T = offset.shape[1]
     for b in range(first // LANES, blocks(samples)):
@@ -95,7 +95,7 @@ def in_lanes(rows: np.ndarray, z: np.ndarray) -> np.ndarray:
 
     Args:
         rows: perturbations  (samples, T, n_u).
-        z: to fill  (blocks, n_u, T, LANES).
+        z: array to fill  (blocks, n_u, T, LANES).
     """
     z[-1] = 0
     for b, lanes in enumerate(np.split(rows, range(LANES, len(rows), LANES))):

@@ -101,10 +101,10 @@ def normal_rows(out, scale, lane, group, key, call):
     One Philox counter (lane, group of four rows, call) gives four normals.
 
     Args:
-        out: to fill  (rows, lanes).
+        out: array to fill  (rows, lanes).
         scale: standard deviations  (rows,).
         lane, group: lane and group of four rows of its first number.
-        key: of the generator  (2,) uint32.
+        key: key of the generator  (2,) uint32.
         call: index of the call.
     """
     rows, lanes = out.shape
@@ -134,9 +134,9 @@ def fill_normals(out, scale, key, call, first=0):
     """Fill out with out[b, r, l] = scale[r] N(0, 1), independent over everything.
 
     Args:
-        out: to fill  (blocks, rows, LANES).
+        out: array to fill  (blocks, rows, LANES).
         scale: standard deviations  (rows,).
-        key: of the generator  (2,) uint32.
+        key: key of the generator  (2,) uint32.
         call: index of the call.
         first: number of the first block.
     """

@@ -1,4 +1,4 @@
-"""The weighted mean of the sampled controls, one pass over the noise."""
+"""The weighted mean of the sampled controls, computed in one pass over the noise."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from controllers.lanes import FAST
 from controllers.lanes.compiled import kept
 from controllers.lanes.layout import in_blocks
 
-CHUNK = 25  # steps that a thread sums at a time: 6 kB of partial sums
+CHUNK = 25  # steps of the horizon that a thread sums at a time: 6 kB of partial sums
 
 
 @kept
@@ -17,7 +17,7 @@ CHUNK = 25  # steps that a thread sums at a time: 6 kB of partial sums
 def _lane_sums(noise, ramp, U, low, high, weights, sums):
     """Fill sums with sums[c, t, l] = sum_b w[b, l] (clip(U + ramp noise) - U).
 
-    Block is added after block, so that any number of threads adds alike.
+    Blocks are added in their order, so that the sums do not depend on the number of threads.
     """
     T, n_u = U.shape
     halves = noise.shape[2] // T
@@ -62,7 +62,7 @@ def weighted_mean(
         w: weight of each sample  (M,).
 
     Returns:
-        (T, n_u)
+        The weighted mean  (T, n_u).
     """
     d = noise.dtype
     w_blocks = in_blocks(w).astype(d)

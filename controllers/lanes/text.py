@@ -60,7 +60,7 @@ BINDING = {
     **dict.fromkeys(("mul", "div"), 6),
     "neg": 7,
 }
-TIGHTEST = 99  # of a call, a name or a number
+TIGHTEST = 99  # precedence of a call, a name or a number
 LEAVES = ("input", "variable")
 
 

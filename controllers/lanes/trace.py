@@ -11,8 +11,8 @@ writes the graph as the body of a compiled loop.
 
 Because the function itself is called, records (NamedTuples), properties, helper functions, loops of
 fixed length and numbers held by closures need no translation. What cannot be recorded is a branch
-on a symbol, as it has no value yet: that raises a `TraceError` with the function, the line and the
-way out.
+on a symbol, as it has no value yet: that raises a `TraceError` with the function, the line and
+what to write instead.
 
 Equal operations on equal operands are one node, so that terms may compute the same quantity, a
 gate's frame for example, without computing it twice.
@@ -71,7 +71,7 @@ LARGEST_POWER = 4  # x**n with a whole n up to this is written as products
 
 
 class TraceError(TypeError):
-    """The error of a function that cannot be compiled for the rollouts.
+    """A function cannot be compiled for the rollouts.
 
     It names the function and the line, and says what to write instead.
     """
@@ -83,8 +83,8 @@ class Symbol:
     Args:
         graph: the graph that it is a node of.
         kind: an operation, "input" or "variable".
-        args: operands, Symbols and numbers; of an input the expression that it is read from.
-        number: number of nodes before it, a topological order.
+        args: operands, Symbols and numbers; for an input the expression that it is read from.
+        number: number of nodes before it, which orders the graph topologically.
     """
 
     __slots__ = ("args", "graph", "hint", "kind", "name", "number", "section")
@@ -98,7 +98,7 @@ class Symbol:
         self.name = ""
         # Name if no variable held it: that of the function that returned it
         self.hint = ""
-        # Part of the text that it belongs to
+        # Part of the generated text that it belongs to
         self.section = graph.section
 
     def __repr__(self) -> str:
@@ -209,7 +209,7 @@ class Symbol:
         raise trace_error("a scalar was taken for a sequence")
 
 
-# A number or a condition that a traced function computes with: known, or not known yet
+# A number or a condition in a traced function, known (float, bool) or not yet known (Symbol)
 Value = Symbol | float | bool
 
 
@@ -218,7 +218,7 @@ class Graph:
 
     def __init__(self) -> None:
         self.nodes: list[Symbol] = []
-        self.section = ""  # the part of the text that new nodes belong to
+        self.section = ""  # the part of the generated text that new nodes belong to
         self._known: dict[tuple, Symbol] = {}
 
     def variable(self, name: str) -> Symbol:
@@ -247,7 +247,7 @@ class Graph:
         return unflat(kind, iter(symbols))
 
     def apply(self, kind: str, *args: Any) -> Symbol:
-        """Return the node of this operation on these operands, a new one unless it is known."""
+        """Return the node of this operation on these operands, a new one only if there is none."""
         operands = tuple(operand(arg) for arg in args)
         key = (kind, *(_key(each) for each in operands))
         if key not in self._known:
@@ -322,7 +322,7 @@ def check_number(function: Callable, value: Any) -> Value:
     """Return the result of a traced function.
 
     Raises:
-        TraceError: it is neither a number nor a condition.
+        TraceError: the result is neither a number nor a condition.
     """
     if isinstance(value, tuple | list):
         raise wrong_result(function, "one number", value)
@@ -344,7 +344,7 @@ def wrong_result(function: Callable, expected: str, value: Any) -> TraceError:
 
 @contextmanager
 def naming() -> Iterator[None]:
-    """Name symbols after the local variables of the functions that are called meanwhile."""
+    """Name symbols after the local variables of the functions that are called in this context."""
     before = sys.getprofile()
 
     def name_locals(frame: FrameType, event: str, value: Any) -> None:
@@ -356,7 +356,7 @@ def naming() -> Iterator[None]:
         for name, local in named.f_locals.items():
             _name(name, local)
         function_name = frame.f_code.co_name
-        # "<lambda>" is no name of a variable.
+        # "<lambda>" is not a variable's name.
         if event == "return" and function_name.isidentifier():
             _name(function_name, value, weakly=True)
 
@@ -368,7 +368,7 @@ def naming() -> Iterator[None]:
 
 
 def _is_traced(frame: FrameType) -> bool:
-    """Return whether this is a function of a model or a cost, none of this module or of NumPy."""
+    """Return whether a frame is of a model's or a cost's function, not of this module or NumPy."""
     module = frame.f_globals.get("__name__", "")
     return frame.f_code.co_filename != __file__ and not module.startswith(
         ("numpy", "contextlib", "collections")
@@ -412,7 +412,7 @@ def trace_error(problem: str) -> TraceError:
 
 
 def _place() -> str:
-    """Return file and line at which a traced function raised the exception handled now."""
+    """Return the file and line where a traced function raised the exception being handled."""
     traceback = sys.exc_info()[2]
     place = ""
     while traceback is not None:

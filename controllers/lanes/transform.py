@@ -70,11 +70,11 @@ def fill_transformed(
     """Fill out with z_t - offset_t z_1, two series from one transform.
 
     Args:
-        out: to fill  (series, channels, steps, LANES), at most n steps.
+        out: array to fill  (series, channels, steps, LANES), at most n steps.
         scale: s of the real parts, then of the imaginary parts, which are the same
             (channels, 2 n).
         offset: all zero where the first one is  (steps,).
-        key: of the generator  (2,) uint32.
+        key: key of the generator  (2,) uint32.
         call: index of the call.
         first: number of the first pair of series, which the normals depend on.
     """

@@ -22,7 +22,7 @@ from quadsim.rotation import along, body_axes
 SPEED = 10.0  # unit of velocities [m/s]
 RATE = 10.0  # unit of body rates [rad/s]
 LENGTH = 10.0  # unit of lengths [m]
-AFTER_LAST = 5.0  # from the last gate of an open course to the gate that is shown after it [m]
+AFTER_LAST = 5.0  # distance from an open course's last gate to the gate shown after it [m]
 
 
 class Vector(NamedTuple):

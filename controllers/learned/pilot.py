@@ -83,7 +83,7 @@ class Pilot:
             raise FileError(f"pilot {self.name}: dt: {wanted}, got {dt:g}")
 
     def record(self) -> dict[str, Any]:
-        """Return what a run keeps of the pilot."""
+        """Return the record of the pilot that a run stores."""
         return {"name": self.name, "sha256": self.digest}
 
 

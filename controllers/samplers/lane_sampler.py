@@ -23,7 +23,7 @@ class Momentum:
     Args:
         horizon: T, number of control periods.
         controls: n_u, number of controls.
-        shift: the way in which it moves with time.
+        shift: how it is shifted from one control period to the next.
     """
 
     def __init__(self, horizon: int, controls: int, shift: Shift):
@@ -31,7 +31,7 @@ class Momentum:
         self._shift = shift
 
     def shift(self, steps: int) -> None:
-        """Move on by so many control periods; beyond the horizon the last change goes on."""
+        """Shift by a number of control periods; beyond the horizon the last change is repeated."""
         T = len(self.change)
         rows = np.minimum(np.arange(T) + steps, T - 1)
         if self._shift == "published":
@@ -60,7 +60,7 @@ class Sampling(Protocol):
 
     @property
     def sigma(self) -> tuple[float, ...]:
-        """One number for each control."""
+        """The standard deviations, one for each control."""
         ...
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:

@@ -1,4 +1,4 @@
-"""The cases of `race bench`: whole control steps, from the noise to the updated plan."""
+"""The cases of `race bench`, each of which times whole control steps."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ HORIZONS = (25, 75, 150, 300)
 # Samplers that are timed beyond the quadrotor at the paper's budget.
 SWEPT = ("gaussian", "colored")
 WARM_UP = 3  # calls that are not timed
-LEAST = 15  # calls that are timed, however long they take
+LEAST = 15  # calls that are timed at least, however long they take
 QUADROTOR = "quadrotor"
-PRESET = "paper"  # of the quadrotor
+PRESET = "paper"  # preset of the quadrotor
 COURSE = "paper_flat"
 
 
@@ -36,7 +36,7 @@ class PaperSystem(NamedTuple):
     planner: Callable[[Sampling, MPPIConfig], MPPI]
     config: MPPIConfig
     start: tuple[float, ...]
-    samplings: Mapping[str, Sampling]  # of SWEPT
+    samplings: Mapping[str, Sampling]  # name of SWEPT -> sampler
 
 
 PAPER_SYSTEMS = {
@@ -61,14 +61,14 @@ TIMED = (QUADROTOR, *PAPER_SYSTEMS)
 
 @dataclass(frozen=True)
 class Case:
-    """One control step."""
+    """A control step to be timed: a system, a sampler and a budget."""
 
-    system: str  # of TIMED
+    system: str  # one of TIMED
     sampler: str
     samples: int
     horizon: int
     iterations: int
-    threads: int | None = None  # None: all
+    threads: int | None = None  # None: all threads
 
     @property
     def size(self) -> str:
@@ -82,7 +82,7 @@ class Case:
 
     @property
     def steps(self) -> int:
-        """Steps of all samples in all iterations, M T I."""
+        """The number of model steps of all samples in all iterations, M T I."""
         return self.samples * self.horizon * self.iterations
 
 
@@ -98,7 +98,7 @@ class CaseTime(NamedTuple):
     threads: int
     ms_p50: float  # median of the control steps
     ms_p95: float  # 95th percentile
-    steps_per_s: float  # of one sample, by the median
+    steps_per_s: float  # model steps per second, by the median
 
 
 class Start(NamedTuple):
@@ -120,7 +120,7 @@ def paper_case(system: str, sampler: str) -> Case:
 def cases(most: int) -> Iterator[Case]:
     """Yield the paper's budgets, then sweeps over samples and horizon.
 
-    Each is timed on one thread, then on `most`.
+    Each case is timed on one thread, then on `most` threads.
     """
     for case in _sizes():
         for threads in sorted({1, most}):
@@ -144,7 +144,7 @@ def _sizes() -> Iterator[Case]:
 
 
 def starting(case: Case) -> Start:
-    """Return the planner at this budget, with the paper's other settings, and its start state."""
+    """Return a case's planner, with the paper's other settings, and its start state."""
     budget: dict[str, Any] = {
         "samples": case.samples,
         "horizon": case.horizon,
@@ -160,7 +160,7 @@ def starting(case: Case) -> Start:
 
 
 def measure(case: Case, seconds: float) -> CaseTime:
-    """Time the control steps of a case for about so many seconds."""
+    """Time the control steps of a case for about the given number of seconds."""
     threads = use_threads(case.threads)
     start = starting(case)
     times = times_ms(lambda: start.mppi.control(start.x), seconds)
@@ -180,10 +180,14 @@ def measure(case: Case, seconds: float) -> CaseTime:
 
 
 def times_ms(call: Callable[[], object], seconds: float) -> np.ndarray:
-    """Return the wall-clock time of each call, for about so many seconds after the warm-up [ms].
+    """Return the wall-clock times of repeated calls, warm-up excluded [ms].
+
+    Args:
+        call: the function to time.
+        seconds: approximate duration of the timing.
 
     Returns:
-        (calls,)
+        Times  (calls,).
     """
     for _ in range(WARM_UP):
         call()
@@ -197,5 +201,5 @@ def times_ms(call: Callable[[], object], seconds: float) -> np.ndarray:
 
 
 def median_ms(call: Callable[[], object], seconds: float) -> float:
-    """Return the median time of a call, over about so many seconds [ms]."""
+    """Return the median time of a call, repeated for about the given number of seconds [ms]."""
     return float(np.median(times_ms(call, seconds)))

@@ -1,8 +1,9 @@
-"""Env steps a second: step of the model, gate tests, obstacles, reward, observation and restart.
+"""Time learning environments in steps per second.
 
-Each size is timed in lanes, as `race train` steps it, and through Gymnasium's arrays, one after the
-other in each repetition; the shortest time of each is what it takes when nothing else disturbs the
-machine.
+A step consists of the model's step, gate tests, obstacles, reward, observation and restart. Each
+number of vehicles is timed in the compiled lanes, as `race train` steps it, and through Gymnasium's
+arrays, one after the other in each repetition; the shortest time is the least disturbed by other
+programs on the machine.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ if TYPE_CHECKING:
     from quadsim.learn.vector_env import RacingVectorEnv  # needs Gymnasium
 
 VEHICLES = (64, 512, 4096, 65536)
-PIECE = 0.02  # [s] that one timed piece takes, about
+PIECE = 0.02  # approximate duration of one timed piece [s]
 
 
 class PublishedSpeed(NamedTuple):
-    """A figure that others give, by their own machines and models: no measurement of ours."""
+    """A speed that others have published for their machines and models, not measured here."""
 
     who: str
     steps_per_s: float
@@ -46,7 +47,7 @@ PUBLISHED = (
 
 
 class EnvsSpeed(NamedTuple):
-    """Env steps a second of so many vehicles."""
+    """The environment steps per second of a number of vehicles."""
 
     vehicles: int
     threads: int
@@ -58,7 +59,7 @@ def measure_envs(seconds: float) -> list[EnvsSpeed]:
     """Time environments of each number of VEHICLES on one thread and on all.
 
     Args:
-        seconds: of timing for each row, about.
+        seconds: approximate duration of the timing for each row.
 
     Raises:
         UsageError: Gymnasium is not installed.
@@ -81,7 +82,7 @@ def measure_envs(seconds: float) -> list[EnvsSpeed]:
 
 
 def lane_steps(n: int) -> Callable[[], None]:
-    """Return one step of n environments in lanes, with actions around hover."""
+    """Return a function that steps n environments in lanes, with actions around hover."""
     envs = LaneEnvironments(task(start="anywhere"), n, 0, SAME_STEP)
     envs.begin(0)
     actions = around_hover(envs.last.shape)
@@ -89,7 +90,7 @@ def lane_steps(n: int) -> Callable[[], None]:
 
 
 def array_steps(envs: RacingVectorEnv) -> Callable[[], None]:
-    """Return the same through Gymnasium's arrays."""
+    """Return a function that steps environments through Gymnasium's arrays, around hover."""
     actions = around_hover((envs.num_envs, 4))
 
     def step() -> None:
@@ -99,17 +100,17 @@ def array_steps(envs: RacingVectorEnv) -> Callable[[], None]:
 
 
 def around_hover(shape: tuple[int, ...]) -> np.ndarray:
-    """Return actions near hover. shape: of the array; its second axis has the controls."""
+    """Return actions near hover in an array of this shape; its second axis has the controls."""
     actions = np.random.default_rng(0).normal(0, 0.1, shape).astype(np.float32)
     actions[:, 3] -= 0.5
     return actions
 
 
 def measure_plants(seconds: float) -> dict[str, float]:
-    """Return the steps of 10 ms a second of one vehicle in hover, in each simulator.
+    """Return the speed of each simulator with one vehicle in hover [steps of 10 ms / s].
 
     Args:
-        seconds: of timing for all that are installed, about.
+        seconds: approximate duration of the timing, for all installed simulators together.
     """
     course = load_course("split_s_swift")
     vehicle = load_vehicle("swift")
@@ -121,11 +122,11 @@ def measure_plants(seconds: float) -> dict[str, float]:
 
 
 def shortest(steps: Mapping[str, Callable[[], object]], seconds: float) -> dict[str, float]:
-    """Return the least time of a call of each step [s], over pieces in turn.
+    """Return the least time of a call of each function [s], timed in turn in short pieces.
 
     Args:
         steps: functions to call, by name.
-        seconds: of timing for all, about.
+        seconds: approximate duration of the timing, for all functions together.
     """
     calls = {
         name: max(1, round(PIECE / max(_timed(step, 3), 1e-7))) for name, step in steps.items()
@@ -139,7 +140,7 @@ def shortest(steps: Mapping[str, Callable[[], object]], seconds: float) -> dict[
 
 
 def _timed(step: Callable[[], object], calls: int) -> float:
-    """Return the mean time of so many calls [s]."""
+    """Return the mean time of a number of calls [s]."""
     began = perf_counter()
     for _ in range(calls):
         step()

@@ -1,4 +1,4 @@
-"""Whether time grows with the number of gates: flights along lines of few and of many gates.
+"""Measure whether time grows with the number of gates, on lines of few and of many gates.
 
 The flights take their control steps in turn. Flights of one seed repeat each other exactly, so the
 work of a control step is the same in each repetition; the least time of each step is what it takes
@@ -28,7 +28,7 @@ HEAD = "opening: [1.5, 1.5]\nstart: {position: [0, 0, 2], yaw_deg: 0}\ngates:\n"
 
 
 class GatesTime(NamedTuple):
-    """The time that a flight along so many gates takes."""
+    """The time that a flight along a line of gates takes."""
 
     gates: int
     flown: float  # simulated time [s]
@@ -56,7 +56,7 @@ def measure_gates(flown: float = FLOWN, **settings: Any) -> list[GatesTime]:
 
     Args:
         flown: simulated time of each flight [s].
-        settings: of the flights, e.g. samples.
+        settings: settings of the flights, e.g. samples.
     """
     specs = [with_threads(Spec.of(line_of_gates(n), timeout=flown, **settings)) for n in GATES]
     # (repetitions, control steps, courses, numbers of StepTime)

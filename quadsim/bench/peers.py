@@ -27,7 +27,7 @@ from quadsim.console import UsageError
 from quadsim.files.extras import needs_extra
 
 AGREEMENT = 1e-3  # relative, of float32 costs over 150 steps
-# Of the noise that the other libraries draw [rad/s, rad/s, rad/s, m/s^2].
+# Standard deviations of the noise that the other libraries draw [rad/s, rad/s, rad/s, m/s^2].
 SIGMA = (0.3, 0.3, 0.3, 3.5)
 POINT = (50.0, 0.0, 2.0)  # [m]
 
@@ -50,7 +50,7 @@ def require_peers() -> None:
 
 
 def compare(seconds: float) -> list[PeerTime]:
-    """Time each library, and ours beside it, for about so many seconds each."""
+    """Time each library, and ours beside it, for about the given number of seconds each."""
     mppi, x = starting(paper_case("quadrotor", "gaussian"))
     config = replace(mppi.config, rest_fraction=0.0)
     ours = MPPI(mppi.system, point_cost(), preset("paper", "gaussian").sampling, config)
@@ -207,7 +207,10 @@ class TorchPeer:
     """pytorch_mppi.MPPI as its users call it: float32, batched dynamics, and our threads."""
 
     def __init__(self, ours: MPPI):
-        """ours: the planner whose model, cost and budget it has."""
+        """Take over a planner's model, cost and budget.
+
+        ours: the planner.
+        """
         import pytorch_mppi
         import torch
 
@@ -265,7 +268,10 @@ class JaxPeer:
     """The same algorithm in JAX: one compiled function, a scan over the horizon."""
 
     def __init__(self, ours: MPPI):
-        """ours: the planner whose model, cost and budget it has."""
+        """Take over a planner's model, cost and budget.
+
+        ours: the planner.
+        """
         import jax
 
         self._jax = jax

@@ -1,4 +1,4 @@
-"""The parts of a control step: where its time goes."""
+"""Time the parts of a control step."""
 
 from __future__ import annotations
 

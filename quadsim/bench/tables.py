@@ -149,7 +149,7 @@ def other_simulators(plants: Mapping[str, float]) -> Iterator[str]:
 
 
 def _beside(number: float, first: float) -> str:
-    """A number, and its ratio to the first row's."""
+    """Return a number with its ratio to the first row's, as text."""
     return f"{number:.2f} ({number / first:.3f})"
 
 

@@ -46,8 +46,8 @@ def attempt_key(record: dict, versions: Mapping[str, str | None] | None = None) 
     """Return the sha256 [hex] of a full specification, its seed and the libraries' versions.
 
     Args:
-        record: of a Spec.
-        versions: of libraries by name; None: those of this process.
+        record: record of a Spec.
+        versions: versions of libraries by name; None: those of this process.
     """
     used = this_provenance()["versions"] if versions is None else versions
     names = LIBRARIES + LIBRARIES_OF_PLANT.get(record["plant"], ())
@@ -55,7 +55,7 @@ def attempt_key(record: dict, versions: Mapping[str, str | None] | None = None) 
 
 
 def variant_key(record: dict, versions: Mapping[str, str | None] | None = None) -> str:
-    """Return what `attempt_key` returns, but the same for all seeds of a variant."""
+    """Return the key of a variant: like `attempt_key`, but the same for all seeds."""
     return attempt_key(_without_seed(record), versions)
 
 
@@ -102,7 +102,7 @@ def fly_attempt(spec: Spec) -> Flown:
 
 
 class Crash(TypedDict):
-    """Where a flight crashed."""
+    """The place and the kind of a crash."""
 
     kind: str  # of CRASHES, or planner
     gate: int  # 0: none
@@ -112,7 +112,7 @@ class Crash(TypedDict):
 
 
 class Variation(TypedDict):
-    """The total variation of a control in a second."""
+    """The total variation of a control per second."""
 
     commanded: float
     delivered: float

@@ -1,9 +1,9 @@
-"""Baseline files guard lap times: what was flown once, and whether it is flown worse now.
+"""Baseline files guard lap times: they store results, against which new flights are tested.
 
     course: figure8
     variant: race+laps=1+randomize=1   # as in --variants: presets, samplers and settings
     attempts: 20                       # consecutive seeds
-    effects: {lap: 0.03, success: 0.2, thrust_tv: 0.25}   # what must not get worse by as much
+    effects: {lap: 0.03, success: 0.2, thrust_tv: 0.25}   # worsening to rule out
     stored: ...                        # written by race regress --regen
 
 A number passes when its worsening is below its effect with 95 % confidence. So a racer that is
@@ -42,7 +42,7 @@ ThrustVariation = Annotated[float, unit("m/s^2/s", ge=0)]
 
 
 class Effects(Struct, frozen=True):
-    """By how much a number must not get worse."""
+    """The worsening of each number that a test has to rule out."""
 
     lap: Share = 0.03  # relative
     success: Annotated[float, Meta(gt=0, le=1)] = 0.2  # points of the share that finishes
@@ -50,7 +50,7 @@ class Effects(Struct, frozen=True):
 
 
 class Stored(Struct, frozen=True):
-    """How a baseline was flown: one number an attempt, by seed."""
+    """The results of a baseline's attempts, one number for each, ordered by seed."""
 
     commit: str
     cpu: str
@@ -80,16 +80,16 @@ def baseline_text(baseline: Baseline, stored: Stored) -> str:
 
 
 def baseline_variant(name: str, baseline: Baseline, settings: Settings) -> Variant:
-    """Return what a baseline flies.
+    """Return the variant that a baseline flies.
 
     Args:
-        name: of the variant.
-        baseline: whose course and variant are flown.
+        name: name of the variant.
+        baseline: baseline with the course and the variant to fly.
         settings: put on top of the variant's own.
 
     Raises:
-        SettingError: an invalid setting.
-        FileError: a course, a vehicle or a preset that cannot be read.
+        SettingError: a setting is invalid.
+        FileError: a course, a vehicle or a preset cannot be read.
         ValueError: course, laps and vehicle do not fit together.
     """
     own = parse_parts(baseline.variant)
@@ -97,11 +97,11 @@ def baseline_variant(name: str, baseline: Baseline, settings: Settings) -> Varia
 
 
 def fly_baselines(pool: Pool, variants: Sequence[Variant], attempts: Sequence[int]) -> list[Stored]:
-    """Fly every attempt of every variant, and return how they went.
+    """Fly every attempt of every variant, and return the results.
 
     Args:
-        pool: that flies.
-        variants: of the baselines.
+        pool: pool that flies the attempts.
+        variants: variants of the baselines.
         attempts: the number of attempts of each variant.
 
     Raises:

@@ -41,7 +41,7 @@ NAME_LENGTH = 120  # characters of the courses and variants there
 
 @dataclass(frozen=True)
 class Comparison:
-    """What variants did against each other; `print` it for tables."""
+    """The result of comparing variants; `print` shows it as tables."""
 
     sections: list[Section]  # one for each course
     _folder: TemporaryDirectory | None = None  # of the telemetry, where no campaign keeps it
@@ -69,7 +69,7 @@ class Comparison:
         Args:
             path: a file to write: .png, .svg or .pdf; None writes nothing.
         """
-        from quadsim.campaign.figure import draw  # which loads matplotlib
+        from quadsim.campaign.figure import draw  # here: it loads matplotlib
 
         figure = draw(self.sections)
         if path is not None:
@@ -77,7 +77,7 @@ class Comparison:
         return figure
 
     def renderables(self) -> list[RenderableType]:
-        """Return what prints the comparison in a terminal."""
+        """Return the tables and lines that show the comparison in a terminal."""
         return [part for section in self.sections for part in _shown(section)]
 
     def markdown(self, picture: str) -> str:
@@ -204,8 +204,8 @@ def write_report(comparison: Comparison, folder: Path, identity: str) -> list[Pa
     """Write a comparison as Markdown, PNG and SVG.
 
     Args:
-        comparison: at least one section.
-        folder: where the files are put, named after courses and variants.
+        comparison: comparison of at least one section.
+        folder: folder for the files, which are named after courses and variants.
         identity: ends the files' names.
 
     Raises:

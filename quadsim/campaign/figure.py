@@ -23,7 +23,7 @@ from quadsim.record.archive import load_run
 from quadsim.record.run import RunError
 from quadsim.record.statistics import mean_interval
 
-PATHS = 6  # of each variant on the map
+PATHS = 6  # number of paths of each variant on the map
 JITTER = 0.1  # vertical, of the dots of a variant
 QUARTILES = (25, 50, 75)  # [%]
 PLANE = (0, 1)  # x and y: the map is seen from above

@@ -1,4 +1,4 @@
-"""The numbers of a planner that `race tune` searches: their ranges, and a planner with new ones."""
+"""The planner's numbers that `race tune` searches, with their ranges."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ Values = Mapping[str, float]  # name of a parameter -> its value
 
 @dataclass(frozen=True)
 class Channels:
-    """A parameter of the sampler that several controls share: roll and pitch have one."""
+    """A sampler's parameter that several controls share, such as sigma of roll and pitch."""
 
     field: Literal["sigma", "gamma"]
-    controls: tuple[int, ...]  # of body rates x, y, z and thrust
+    controls: tuple[int, ...]  # indices: 0, 1, 2 body rates x, y, z, 3 thrust
 
 
 CHANNELS = {
@@ -34,10 +34,10 @@ CHANNELS = {
     "gamma_thrust": Channels("gamma", (3,)),
 }
 OF_MPPI = ("temperature", "target_ess", "tighten", "horizon")
-# With the temperature free, only the ratios of the weights matter: one of them stays.
+# The temperature scales all weights, so only their ratios matter and one of them stays fixed.
 FIXED_WEIGHT = "progress"
 
-FACTOR = 4.0  # standard deviations and weights: from a quarter of the base's to four times
+FACTOR = 4.0  # standard deviations and weights range from base / FACTOR to base * FACTOR
 GAMMA = (0.0, 4.0)
 ESS = (4.0, 800.0)
 TEMPERATURE = (0.01, 10.0)
@@ -49,7 +49,7 @@ HORIZON_STEP = 10
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of a search: its range, and its value where the search begins."""
+    """One number that is searched: its range, and the value at which the search begins."""
 
     name: str
     low: float
@@ -60,7 +60,7 @@ class Parameter:
 
     @property
     def start(self) -> float:
-        """Return the base, or the end of the range that is nearest to it."""
+        """The base, or the end of the range that is nearest to it."""
         return min(max(self.base, self.low), self.high)
 
 
@@ -68,7 +68,7 @@ def parameters(planner: Planner, groups: Sequence[str]) -> Iterator[Parameter]:
     """Yield the parameters of these groups that the planner has.
 
     Args:
-        planner: where the search begins.
+        planner: planner that the search begins with.
         groups: some of GROUPS.
     """
     yield from _of_sampler(planner, groups)
@@ -99,7 +99,7 @@ def _of_mppi(planner: Planner, groups: Sequence[str]) -> Iterator[Parameter]:
 
 
 def _temperature(mppi: MPPIConfig) -> Parameter:
-    """Return the temperature, or the effective sample size that steers it."""
+    """Return the parameter of the temperature, or of the effective sample size that sets it."""
     if mppi.target_ess is None:
         return Parameter("temperature", *TEMPERATURE, mppi.temperature, log=True)
     low, high = ESS
@@ -108,7 +108,7 @@ def _temperature(mppi: MPPIConfig) -> Parameter:
 
 def _of_cost(planner: Planner, groups: Sequence[str]) -> Iterator[Parameter]:
     cost = planner.cost
-    # The margin of a reference is not searched: the reference was computed with it.
+    # The margin of a reference cost is not searched, as the reference was computed with it.
     if "margin" in groups and isinstance(cost, RaceWeights):
         yield Parameter("margin", *MARGIN, cost.margin)
     if "cost" in groups:
@@ -120,9 +120,9 @@ def _of_cost(planner: Planner, groups: Sequence[str]) -> Iterator[Parameter]:
 
 def weights_of(cost: RaceWeights | ReferenceWeights) -> tuple[str, ...]:
     """Return the names of the cost's weights that are searched."""
-    _, of_weights = get_args(Weight)
+    _, weight_setting = get_args(Weight)
     hints = get_type_hints(type(cost), include_extras=True)
-    weights = [name for name, hint in hints.items() if of_weights in get_args(hint)]
+    weights = [name for name, hint in hints.items() if weight_setting in get_args(hint)]
     return tuple(name for name in weights if name != FIXED_WEIGHT)
 
 
@@ -160,14 +160,14 @@ def _three_digits(value: float) -> float:
 
 
 def preset_text(planner: Planner, preset: str, comment: str) -> str:
-    """Return a preset file with every number of the planner.
+    """Return the text of a preset file with every number of the planner.
 
-    It does not change when the presets of the library do.
+    As it holds them all, it stays the same when the presets of the library change.
 
     Args:
-        planner: with one of the library's samplers.
-        preset: the name of the preset, or the file, that the planner comes from.
-        comment: lines that are put above.
+        planner: planner with one of the library's samplers.
+        preset: name or file of the preset that the planner comes from.
+        comment: comment lines at the head of the file.
     """
     content: dict[str, object] = {
         "base": preset if preset in PRESETS else next(iter(PRESETS)),

@@ -59,7 +59,7 @@ class Processes(Pool):
     lost = (BrokenExecutor,)
 
     def __init__(self, jobs: int | None = None):
-        """Start so many workers; None: one for each core."""
+        """Start a number of workers; None: one for each core."""
         self.size = jobs or _cores()
         self.window = self.size
         self._executor = self._start()

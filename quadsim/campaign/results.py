@@ -72,7 +72,7 @@ def stored(campaigns: Sequence[str], runs_dir: str | Path = "runs") -> list[Grou
     for path in campaigns:
         with Store(Path(path), create=False) as store:
             for row in store.rows():
-                # By key, as one attempt in two campaigns counts once.
+                # The key is unique: an attempt that is in two campaigns counts once.
                 groups.setdefault((row.variant, row.code), {})[row.key] = row
                 if row.variant not in limits:
                     limits[row.variant] = _limits(store, row, runs_dir)
@@ -101,11 +101,11 @@ def find(groups: Sequence[Group], wanted: str) -> Group:
     """Return the one group with this id.
 
     Args:
-        groups: to look in.
+        groups: groups to look in.
         wanted: the first digits of a variant, or ID@COMMIT.
 
     Raises:
-        ValueError: none or several have it.
+        ValueError: no group or several have this id.
     """
     variant, _, commit = wanted.partition("@")
     found = [

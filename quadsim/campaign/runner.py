@@ -40,7 +40,7 @@ class FlownAttempt(NamedTuple):
 class Tally(Progress):
     """A bar that counts attempts: `with Tally(10) as tally: tally.count("seed 0")`.
 
-    Where stderr is no terminal, it is one line for each attempt.
+    If stderr is not a terminal, each attempt is one line instead.
     """
 
     def __init__(self, total: int, kept: int = 0):
@@ -111,7 +111,7 @@ class Runner:
         Args:
             campaign: the SQLite file.
             jobs: the number of workers, see `open_pool`.
-            scheduler: of a Dask cluster, see `open_pool`.
+            scheduler: address of a Dask cluster, see `open_pool`.
             this_commit: count only what this commit has flown.
             telemetry: keep the telemetry of what is flown.
         """
@@ -131,7 +131,7 @@ class Runner:
         self._open.close()
         if error is None or not self._kept:
             return
-        kept = f"what has been flown is kept in {self.campaign}: the same command goes on there"
+        kept = f"what has been flown is kept in {self.campaign}: the same command continues there"
         if isinstance(error, KeyboardInterrupt):
             raise KeyboardInterrupt(kept) from None
         complain(kept)
@@ -147,7 +147,7 @@ class Runner:
         """Return the attempts of every variant, and fly what is missing.
 
         Args:
-            variants: of one comparison or search.
+            variants: variants of one comparison or search.
             attempts: the number of consecutive seeds.
             quiet: show no progress.
 
@@ -180,9 +180,9 @@ class Runner:
         return [[rows[key] for key in of_variant if key in rows] for of_variant in wanted]
 
     def _rows(self, keys: Iterable[str]) -> dict[str, Row]:
-        """Return what is stored and counts, by key.
+        """Return the stored row of each attempt, by key.
 
-        Of several commits that flew an attempt this one counts, else the latest.
+        If several commits flew an attempt, the row of this commit counts, else the latest.
         """
         code = code_of(this_provenance())
         found: dict[str, Row] = {}

@@ -1,4 +1,4 @@
-"""The search of `race tune`: optuna proposes parameters and is told how they flew.
+"""The search of `race tune`: optuna proposes parameters and learns from their flights.
 
 Trials are kept in the campaign's own SQLite file, in tables that optuna makes. Each of its
 transactions is there whole or not at all, so a kill at any moment loses no trial that has finished.
@@ -36,7 +36,7 @@ warnings.filterwarnings("ignore", category=optuna.exceptions.ExperimentalWarning
 
 @dataclass(frozen=True)
 class TrialStats:
-    """What a trial is judged by besides its value."""
+    """The statistics of a trial besides the value of the objective."""
 
     lap: float | None  # [s]; None: no attempt finished
     finished: int  # attempts
@@ -126,7 +126,7 @@ class Search:
         return len(self._trials(TrialState.COMPLETE, TrialState.RUNNING)) + len(lost)
 
     def ask(self, number: int) -> list[Trial]:
-        """Return so many trials to fly. Raises RunError."""
+        """Return a number of trials to fly. Raises RunError."""
         with self._one_line():
             return [self._ask() for _ in range(number)]
 
@@ -139,12 +139,12 @@ class Search:
         return self._study.ask(self._space)
 
     def tell(self, trial: Trial, value: float, stats: TrialStats) -> None:
-        """Keep how a trial flew.
+        """Store the result of a trial.
 
         Args:
             trial: one that `ask` returned.
-            value: of the objective; less is better.
-            stats: what else it is judged by.
+            value: value of the objective; less is better.
+            stats: its other statistics.
 
         Raises:
             RunError: the file cannot be written.

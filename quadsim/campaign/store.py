@@ -123,16 +123,16 @@ class Store:
         """Keep an attempt.
 
         Args:
-            spec: what was flown.
-            name: of its variant.
+            spec: specification of the flight.
+            name: name of its variant.
             flown: the flight.
-            telemetry: whether to keep that too.
+            telemetry: whether to keep its telemetry too.
 
         Returns:
-            False if another campaign has stored this attempt meanwhile, whose row stays.
+            False if another campaign has stored this attempt meanwhile; its row stays.
 
         Raises:
-            RunError: it cannot be written.
+            RunError: the file cannot be written.
         """
         if not telemetry:
             return self._insert(spec, name, flown, folder="")
@@ -179,7 +179,7 @@ class Store:
         """Return attempts, oldest first; a row that cannot be read is named and left out.
 
         Args:
-            keys: of the attempts that are wanted; None: all.
+            keys: keys of the attempts that are wanted; None: all.
 
         Raises:
             RunError: the file cannot be read.

@@ -93,7 +93,7 @@ def variant_stats(
     """Return the numbers of one variant.
 
     Args:
-        name: of the variant.
+        name: name of the variant.
         rows: its attempts, at least one.
         limit: time limit of the flight for each lap [s]; the same for all variants of a comparison.
         best_known: limit of the race [s], see `best_known_time`.
@@ -168,7 +168,7 @@ def all_pairs(names: Sequence[str], rows: Sequence[Sequence[Row]]) -> list[PairS
     """Return the numbers of every two variants of one course.
 
     Args:
-        names: of the variants.
+        names: names of the variants.
         rows: the attempts of each variant; variants without attempts are left out.
     """
     flown = [(name, of_variant) for name, of_variant in zip(names, rows, strict=True) if of_variant]
@@ -190,7 +190,7 @@ def commanded_tv(row: Row) -> float:
 
 
 def lap_limit(spec: dict) -> float:
-    """Return what a flight that does not finish counts as, a lap [s], from the record of a Spec."""
+    """Return the lap time that a flight without a finish counts as [s], from a Spec's record."""
     return spec["timeout"] / spec["laps"]
 
 

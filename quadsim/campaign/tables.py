@@ -52,10 +52,10 @@ class TextTable:
 
 
 def as_table(table: TextTable, columns: int | None = None) -> Group:
-    """Return what prints a table.
+    """Return a table in a form that a console prints.
 
-    Where it is too wide, it is several tables below each other, each with the first column. No word
-    is broken.
+    A table that is too wide becomes several, one below the other, each with the first column. No
+    word is broken.
 
     Args:
         table: what to print.
@@ -72,7 +72,7 @@ def as_table(table: TextTable, columns: int | None = None) -> Group:
 
 
 def _least_width(table: TextTable, column: int) -> int:
-    """Return how wide a column has to be, so that no word is broken."""
+    """Return the least width of a column in which no word is broken."""
     cells = [row[column] for row in table.rows]
     lines = [*table.head[column].split("\n"), *cells]
     longest = max(map(len, lines))
@@ -133,8 +133,8 @@ def notes(
     """Yield what has to be read with the tables of one course.
 
     Args:
-        variants: of the course.
-        pairs: of these variants.
+        variants: variants of the course.
+        pairs: comparisons of these variants.
         limit: time limit of a lap [s].
     """
     if any(v.finished < v.attempts for v in variants):

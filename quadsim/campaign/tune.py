@@ -26,7 +26,7 @@ REPEAT = 4  # times the attempts of a trial
 
 @dataclass(frozen=True)
 class Goal:
-    """What a search looks for."""
+    """The goal of a search: its size, and the share of flights that must finish."""
 
     trials: int  # planners to try, the one that the search begins with included
     attempts: int  # flights of each trial
@@ -47,7 +47,7 @@ class Finalist:
 
 @dataclass(frozen=True)
 class Tuned:
-    """What a search has found."""
+    """The result of a search."""
 
     finals: list[Finalist]  # best first
     front: list[FlownTrial]  # that no other dominates, see `pareto_front`
@@ -62,15 +62,15 @@ def tune(
     jobs: int | None = None,
     scheduler: str | None = None,
 ) -> Tuned:
-    """Search, or continue the search of the same arguments; more trials go on from there.
+    """Search for the fastest planner, or continue the search that these arguments began.
 
     Args:
-        base: what the search begins with.
-        parameters: what is searched.
-        goal: what the search looks for.
+        base: variant that the search begins with.
+        parameters: parameters to search.
+        goal: goal of the search.
         campaign: the SQLite file that keeps attempts and trials.
         jobs: the number of workers, see `open_pool`.
-        scheduler: of a Dask cluster, see `open_pool`.
+        scheduler: address of a Dask cluster, see `open_pool`.
 
     Raises:
         RunError: the campaign cannot be read or written, or a worker has other libraries.
@@ -104,8 +104,8 @@ def _search(search: Search, base: Variant, goal: Goal, runner: Runner) -> None:
                 continue
             stats = _stats(variant, rows)
             lap = stats.lap_mean if stats.finished else None
-            told = TrialStats(lap, stats.finished, stats.thrust_tv)
-            search.tell(trial, objective(stats, goal.floor), told)
+            trial_stats = TrialStats(lap, stats.finished, stats.thrust_tv)
+            search.tell(trial, objective(stats, goal.floor), trial_stats)
             complain(f"{search.done}/{goal.trials} {summary(stats)}")
 
 
@@ -134,13 +134,13 @@ def _stats(variant: Variant, rows: Sequence[Row]) -> VariantStats:
 
 
 def objective(stats: VariantStats, floor: float) -> float:
-    """Return what is minimised [s].
+    """Return the objective, which is minimised [s].
 
     It is the mean lap of the attempts that finish if enough of them do. Otherwise each attempt that
     does not finish counts as the time limit.
 
     Args:
-        stats: of a trial.
+        stats: statistics of a trial.
         floor: share of the attempts that must finish.
     """
     enough = stats.finished and stats.finished >= floor * stats.attempts
@@ -159,7 +159,7 @@ def pareto_front(trials: Sequence[FlownTrial]) -> list[FlownTrial]:
 
 
 def _point(stats: TrialStats) -> tuple[float, ...]:
-    """Return what a trial is compared in; less is better."""
+    """Return the values in which trials are compared; less is better."""
     lap = inf if stats.lap is None else stats.lap
     return lap, -stats.finished, stats.thrust_tv
 

@@ -49,7 +49,7 @@ class Variant:
         return self.spec.course.name
 
     def attempts(self, number: int) -> list[Spec]:
-        """Return so many flights with consecutive seeds, beginning with the spec's own."""
+        """Return a number of flights with consecutive seeds, beginning with the spec's own."""
         first = self.spec.seed
         return [replace(self.spec, seed=seed) for seed in range(first, first + number)]
 
@@ -129,11 +129,11 @@ def make_variants(
     Args:
         courses: names, files or courses.
         variants: the settings of each variant by name.
-        settings: of all variants; those of samplers that a variant does not have are left out.
+        settings: settings of all variants; settings of a sampler apply to its variants only.
 
     Raises:
-        SettingError: an invalid setting.
-        FileError: a course, a vehicle or a preset that cannot be read.
+        SettingError: a setting is invalid.
+        FileError: a course, a vehicle or a preset cannot be read.
         ValueError: course, laps and vehicle do not fit together.
     """
     made = []
@@ -154,11 +154,11 @@ def _settings_of_other_samplers(sampler: object) -> set[str]:
 
 
 def resolve(course: Place, settings: Settings) -> Spec:
-    """Return what `quadsim.fly` would fly, on one thread.
+    """Return the Spec that `quadsim.fly` would fly, on one thread.
 
     Raises:
-        SettingError: an invalid setting.
-        FileError: a course, a vehicle or a preset that cannot be read.
+        SettingError: a setting is invalid.
+        FileError: a course, a vehicle or a preset cannot be read.
         ValueError: course, laps and vehicle do not fit together.
     """
     if settings.get("threads"):

@@ -84,7 +84,7 @@ def _check_compiler() -> None:
 
 
 def _about(argv: list[str]) -> int:
-    """Answer what is no command: help, version, completion."""
+    """Handle arguments that are not a command: help, version, completion."""
     name = argv[0]
     if name in ("-h", "--help"):
         commands = "\n".join(f"  {name:<10}{c.summary}" for name, c in COMMANDS.items())

@@ -1,4 +1,4 @@
-"""Whether the environment lets numba compile the planner."""
+"""Check that the environment lets numba compile the planner."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def check_compiler() -> None:
     """Check that no NUMBA_ variable keeps the planner from being compiled, here or in a worker.
 
     Raises:
-        UsageError: one does.
+        UsageError: a variable does.
     """
     variables = {k: v for k, v in sorted(os.environ.items()) if k.startswith("NUMBA_")}
     if not variables:
@@ -24,7 +24,7 @@ def check_compiler() -> None:
 
 
 def _compiler_problem() -> str:
-    """Return the first line of what numba says against its variables, or ""."""
+    """Return the first line of numba's complaint about its variables, or ""."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:

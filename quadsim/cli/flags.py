@@ -52,12 +52,12 @@ def flag(name: str) -> str:
 
 
 def Help(text: str, **parameter: Any) -> Parameter:  # noqa: N802 (reads as an annotation)
-    """Return what --help says of a flag."""
+    """Return the parameter of a flag with its text in --help."""
     return Parameter(help=text, **parameter)
 
 
 def Switch(text: str) -> Parameter:  # noqa: N802
-    """Return what --help says of a flag without a value, which is off unless it is given."""
+    """Return the parameter of a flag without a value, which is off unless it is given."""
     return Help(text, negative="", show_default=False)
 
 
@@ -67,7 +67,7 @@ def names(known: Callable[[], Iterable[str]]) -> Callable[[object], list[str]]:
 
 
 def stored_runs() -> list[str]:
-    """Return what names a stored run in the folder `runs`."""
+    """Return the names of the stored runs in the folder `runs`, and "last"."""
     from quadsim.record.archive import list_runs
 
     return ["last", *(run.name for run in list_runs(FlightSettings.runs_dir))]

@@ -57,11 +57,11 @@ def fly(course: CourseName = None, /, *, settings: Given = None, json: Json = Fa
 
 
 def spec_of(course: str | None, settings: Given = None) -> Spec:
-    """Return what these flags fly, with the threads in use.
+    """Return the Spec of these flags, with its threads in use.
 
     Raises:
-        UsageError: a flag that cannot be used.
-        FileError: a file that cannot be read.
+        UsageError: a flag cannot be used.
+        FileError: a file cannot be read.
     """
     given = settings or {}
     with settings_as_flags():

@@ -178,8 +178,8 @@ def _flight(problem: LimitProblem, name: str, runs_dir: str) -> Flight:
     """Return a run to start from.
 
     Raises:
-        UsageError: it is no finished flight of this race.
-        RunError: it cannot be read.
+        UsageError: the run is not a finished flight of this race.
+        RunError: the run cannot be read.
     """
     run = load_run(find_run(name, runs_dir))
     passes = [gate["t"] for gate in run.gates]

@@ -166,10 +166,10 @@ def examine(name: str) -> dict:
 
 
 def describe(text: str, file: str) -> Described:
-    """Return what kind of file this is, by a key that only that kind has, and what it holds.
+    """Return the kind of a file, known by a key that only this kind has, and its content.
 
     Args:
-        text: of the file.
+        text: text of the file.
         file: named in errors.
 
     Raises:
@@ -212,10 +212,10 @@ def _describe_course(course: Course) -> Described:
 
 
 def _find(name: str) -> Path:
-    """Return the file of a course, vehicle or sensing by its name; a path as it stands.
+    """Return the file of a course, vehicle or sensing by its name, or the path if one is given.
 
     Raises:
-        FileError: there is neither.
+        FileError: the name is neither known nor a path.
     """
     known = dict.fromkeys(vehicle_names(), (VEHICLES, "vehicle"))
     known |= dict.fromkeys(sensing_names(), (SENSINGS, "sensing"))

@@ -60,7 +60,7 @@ def differing(spec: dict) -> dict[str, dict[str, list[float]]]:
 
 
 def _compared(spec: dict) -> dict[str, Pair]:
-    """Return what both have: model and vehicle describe the same by other numbers."""
+    """Return the parameters that a model and a vehicle both have, in common quantities."""
     model = spec["model"]
     vehicle = spec["vehicle"]
     rotors = vehicle["rotors"]

@@ -46,8 +46,8 @@ def paper(
     """Rerun a table or figure of the paper.
 
     The paper is "Low Frequency Sampling in Model Predictive Path Integral Control", 2024. Finished
-    runs are kept in the folder `paper` of --runs-dir: an interrupted command goes on where it
-    stopped, and a larger --runs adds to those that there are.
+    runs are kept in the folder `paper` of --runs-dir: an interrupted command continues where
+    it stopped, and a larger --runs adds to the stored runs.
 
     race paper table2 --runs 1000
     """

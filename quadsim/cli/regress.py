@@ -41,7 +41,7 @@ COLUMNS: dict[str, Callable[[Verdict], str]] = {
 
 @dataclass(frozen=True)
 class Found:
-    """How one baseline was flown now."""
+    """The new results of one baseline, with the verdicts on them."""
 
     path: Path
     baseline: Baseline
@@ -102,7 +102,7 @@ def regress(
 
 
 def _variant(path: Path, baseline: Baseline, settings: Settings) -> Variant:
-    """Return what a file flies. Raises UsageError, which names the file."""
+    """Return the variant that a file flies. Raises UsageError, which names the file."""
     try:
         with settings_as_flags():
             return baseline_variant(path.stem, baseline, settings)

@@ -84,11 +84,11 @@ def render(
             for made in make_all(pool, pictures, folder, missing):
                 line.advance(line.tasks[0].id, made)
     except BrokenExecutor:
-        kept_text = "whole pictures are kept: the same command goes on"
+        kept_text = "whole pictures are kept: the same command continues"
         raise UsageError(f"a worker process was killed; {kept_text}") from None
     except KeyboardInterrupt:
         there = f"{len(whole(folder, count))} of {count} pictures are whole"
-        advice = "the same command goes on"
+        advice = "the same command continues"
         raise KeyboardInterrupt(f"race render: interrupted, {there}: {advice}") from None
     rate = len(missing) / (perf_counter() - began)
     annotate(folder, pictures, count)

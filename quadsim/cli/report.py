@@ -34,8 +34,8 @@ def present(
     """Print the report of a run.
 
     Args:
-        run: to report.
-        folder: where the run is stored, None if it could not be.
+        run: run to report.
+        folder: folder of the stored run, None if it could not be stored.
         as_json: one JSON object in place of text.
         runs_dir: see `known_limit`.
     """
@@ -53,8 +53,8 @@ def known_limit(
     It is looked for in the project, beside the run and in the folder of runs.
 
     Args:
-        run: whose race is asked for.
-        folder: where the run is stored.
+        run: run of the race.
+        folder: folder of the stored run.
         runs_dir: folder of runs that the command was given.
     """
     places = [folder.parent] if folder else []
@@ -69,9 +69,9 @@ def report(
     """Yield the parts of the report of a run.
 
     Args:
-        run: to report.
-        folder: where the run is stored, None if it could not be.
-        columns: of the terminal.
+        run: run to report.
+        folder: folder of the stored run, None if it could not be stored.
+        columns: width of the terminal in columns.
         runs_dir: see `known_limit`.
     """
     yield from _head(run, known_limit(run, folder, runs_dir))
@@ -104,7 +104,7 @@ def _head(run: Run, limit: StoredSolution | None) -> Iterator[str]:
 
 
 def _parts(run: Run, columns: int) -> Iterator[RenderableType]:
-    """Yield what stands below the head, for so many columns of the terminal."""
+    """Yield the tables below the head, fitted to the terminal's width in columns."""
     course = parse_course(run.spec["course_text"], run.spec["course"])
     yield from lap_tables(run, len(course.gates), columns)
     yield incident_table(run)
@@ -127,7 +127,7 @@ def _parts(run: Run, columns: int) -> Iterator[RenderableType]:
 
 
 def _planning(run: Run) -> str:
-    """Return how long planning took and how fast the simulation ran."""
+    """Return the planning times and the speed of the simulation, as text."""
     plan_ms = run.wall["plan_ms"]
     ess = run.telemetry["ess"]
     name = "pilot"
@@ -143,7 +143,7 @@ def _planning(run: Run) -> str:
 
 
 def _sensing(run: Run) -> str:
-    """Return how far the estimate was off; empty where the planner was given the truth."""
+    """Return the estimate's errors as text; empty where the planner was given the truth."""
     n = sensing_numbers(run)
     if n is None:
         return ""
@@ -175,8 +175,8 @@ def summary(run: Run, folder: Path | None, runs_dir: str | Path | None = None) -
     limit is null where none is known, run_dir where the run could not be stored.
 
     Args:
-        run: to report.
-        folder: where the run is stored, None if it could not be.
+        run: run to report.
+        folder: folder of the stored run, None if it could not be stored.
         runs_dir: see `known_limit`.
     """
     spec = run.spec

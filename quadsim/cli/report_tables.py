@@ -52,8 +52,8 @@ def lap_tables(run: Run, gates: int, width: int) -> Iterator[Table | str]:
     The best of each column is green.
 
     Args:
-        run: to report.
-        gates: of the course.
+        run: run to report.
+        gates: gates of the course.
         width: columns of the terminal.
     """
     rows = splits(run)

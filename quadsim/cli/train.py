@@ -54,8 +54,8 @@ def train(
 ) -> int:
     """Learn to fly a course by Proximal Policy Optimization (PPO) of stable-baselines3.
 
-    Evaluates twenty times on the way, keeps the best pilot, and goes on from its checkpoint after
-    an interruption.
+    The training evaluates the pilot twenty times, keeps the best one, and continues from its
+    checkpoint after an interruption.
 
     race train split_s_swift --out pilots/split_s.npz
 
@@ -119,7 +119,7 @@ def _courses(given: str) -> list[str]:
 
 
 def _out(out: str) -> Path:
-    """Return where the pilot is written, and make its folder. Raises UsageError, RunError."""
+    """Return the path of the pilot's file, and make its folder. Raises UsageError, RunError."""
     path = Path(out)
     if path.suffix != ".npz":
         raise UsageError(f"--out: expected FILE.npz, got {out!r}")
@@ -166,7 +166,7 @@ def _learn(
     except SettingError as error:
         raise UsageError(f"--{error.name}: {error.problem}") from None
     except KeyboardInterrupt:
-        advice = "the same command goes on from the last checkpoint"
+        advice = "the same command continues from the last checkpoint"
         raise KeyboardInterrupt(f"race train: interrupted: {advice}") from None
 
 

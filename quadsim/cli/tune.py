@@ -48,8 +48,8 @@ def tune(
 
     Below the floor, attempts that do not finish count as their time limit. The
     best few trials fly again on fresh seeds, and the best of those becomes the
-    preset file. Every flag of `race fly` holds. The same command goes on where
-    it was; more --trials go on from there.
+    preset file. Every flag of `race fly` applies. The same command continues
+    an interrupted search; a larger --trials adds to it.
 
     race tune split_s_swift --trials 200 --randomize 1 --out fast.yaml
 

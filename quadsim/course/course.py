@@ -43,7 +43,7 @@ class Gate:
     roll: float
     # width (y) and height (z) [m]
     opening: tuple[float, float]
-    # of the bars around the opening [m]
+    # width of the bars around the opening [m]
     frame_width: float
 
     @cached_property
@@ -109,8 +109,8 @@ class EstimatedGate(Gate):
         """Return a gate that is estimated to stand off the map.
 
         Args:
-            gate: of the map.
-            moved: by how much it stands off [m].
+            gate: gate of the map.
+            moved: its displacement from the map [m].
             std: standard deviation of its position relative to the vehicle [m].
         """
         x, y, z = gate.position

@@ -107,7 +107,7 @@ def load_course(name_or_path: str | Path) -> Course:
     """Return a course by name ("split_s_swift") or path ("mine.yaml").
 
     Raises:
-        FileError: no such course, or a file that is no course.
+        FileError: there is no such course, or the file is not a course.
     """
     path = locate(name_or_path, COURSES, "course")
     return parse_course(read_text(path), str(path))
@@ -123,7 +123,7 @@ def parse_course(text: str, file: str) -> Course:
         file: shown in errors; names a course without a name.
 
     Raises:
-        FileError: the text is no course.
+        FileError: the text is not a course.
     """
     document = parse(text, file)
     entry = document.fill(CourseFile)

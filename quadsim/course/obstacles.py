@@ -24,7 +24,7 @@ class Box:
     centre: Vec3
     # along its own x, y and z [m]
     size: Vec3
-    # of its x axis [rad]
+    # direction of its x axis [rad]
     yaw: float = 0.0
 
     @cached_property
@@ -36,7 +36,7 @@ class Box:
 
     @cached_property
     def half(self) -> Vec3:
-        """Half of the box's size [m]."""
+        """The half of the box's size [m]."""
         x, y, z = self.size
         return x / 2, y / 2, z / 2
 

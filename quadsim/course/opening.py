@@ -77,7 +77,7 @@ class HalfSizes(NamedTuple):
 class Crossing(NamedTuple):
     """The point at which a segment crosses the plane of a gate."""
 
-    # of the segment
+    # share of the segment before the crossing
     fraction: float
     # from the centre of the opening [m]
     offset: Offset
@@ -106,7 +106,7 @@ def free_half_sizes(opening: tuple[float, float], radius: float, margin: float =
 
     Args:
         opening: width and height [m].
-        radius: of the sphere [m].
+        radius: radius of the sphere [m].
         margin: kept between the sphere and the edges of the opening [m].
     """
     half = half_sizes(opening)
@@ -123,8 +123,8 @@ def outer_half_sizes(
 
     Args:
         opening: width and height [m].
-        frame_width: of the bars around the opening [m].
-        radius: of the sphere [m].
+        frame_width: width of the bars around the opening [m].
+        radius: radius of the sphere [m].
         margin: kept between the sphere and the frame [m].
     """
     half = half_sizes(opening)
@@ -140,7 +140,7 @@ def half_depth(radius: float, margin: float = 0.0) -> float:
     There a sphere is clear of the frame.
 
     Args:
-        radius: of the sphere [m].
+        radius: radius of the sphere [m].
         margin: kept between the sphere and the frame [m].
     """
     return FRAME_DEPTH / 2 + radius + margin
@@ -157,7 +157,7 @@ def margin_inside(free: HalfSizes, wanted: float) -> float:
 
 
 def approach_length(opening: tuple[float, float]) -> float:
-    """Return how far in front of a gate its approach begins: the larger of width and height [m]."""
+    """Return the length of a gate's approach: the larger of its width and height [m]."""
     return max(opening)
 
 

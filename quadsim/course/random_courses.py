@@ -47,8 +47,8 @@ def random_courses(number: int, seed: int) -> tuple[Course, ...]:
     The same arguments give the same courses, and a larger number begins with the same.
 
     Args:
-        number: of courses, at least 1.
-        seed: from 0.
+        number: number of courses, at least 1.
+        seed: seed, at least 0.
 
     Raises:
         ValueError: an argument is below its least value.

@@ -96,9 +96,9 @@ class SweptGate:
         """Prepare the tests of one gate.
 
         Args:
-            gate: of the course.
+            gate: gate of the course.
             index: reported with its incidents.
-            radius: of the sphere [m].
+            radius: radius of the sphere [m].
         """
         self.gate = gate
         self.index = index
@@ -174,8 +174,8 @@ class SweptGates:
         """Prepare the tests of all gates.
 
         Args:
-            gates: of the course, in order.
-            radius: of the vehicle [m].
+            gates: gates of the course, in order.
+            radius: radius of the vehicle [m].
         """
         first: dict[Gate, SweptGate] = {}
         for index, gate in enumerate(gates):

@@ -24,9 +24,9 @@ class SweptObstacle:
         """Prepare the tests of one obstacle.
 
         Args:
-            obstacle: of the course.
+            obstacle: obstacle of the course.
             index: reported with its incidents.
-            radius: of the sphere [m].
+            radius: radius of the sphere [m].
         """
         self.obstacle = obstacle
         self.index = index
@@ -90,8 +90,8 @@ class SweptObstacles:
         """Prepare the tests of all obstacles.
 
         Args:
-            obstacles: of the course, in order.
-            radius: of the vehicle [m].
+            obstacles: obstacles of the course, in order.
+            radius: radius of the vehicle [m].
         """
         self.all = tuple(SweptObstacle(obstacle, k, radius) for k, obstacle in enumerate(obstacles))
         self._centres = np.array([s.obstacle.centre for s in self.all]).reshape(-1, 3)

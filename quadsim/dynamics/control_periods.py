@@ -11,7 +11,10 @@ class ControlPeriods:
     """
 
     def __init__(self, dt: float):
-        """dt: control period [s]."""
+        """Start before the first call.
+
+        dt: control period [s].
+        """
         self._dt = dt
         # time of the last call [s]
         self._last: float | None = None

@@ -35,7 +35,7 @@ def units_of(kind: type) -> dict[str, str]:
 def flat(value: Any) -> Iterator[Any]:
     """Yield the numbers of a record in order, those of inner records in their place.
 
-    A number that is no record is yielded itself.
+    A number that is not a record is yielded as it is.
     """
     if isinstance(value, tuple):
         for inner in value:

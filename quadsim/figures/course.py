@@ -49,8 +49,8 @@ def draw_course(axes: Axes, course: Course, *, bounds: bool = False, numbers: bo
     """Draw a course from above, north up and to scale: gates, obstacles and the start.
 
     Args:
-        axes: of matplotlib.
-        course: to draw.
+        axes: axes of matplotlib.
+        course: course to draw.
         bounds: draw the bounds as well.
         numbers: write each gate's number beside it.
     """
@@ -90,8 +90,8 @@ def draw_gates(
     """Draw frame and opening of each gate, an arrow along the passage, and its number.
 
     Args:
-        axes: of matplotlib.
-        course: whose gates to draw.
+        axes: axes of matplotlib.
+        course: course with the gates.
         plane: world axes of the view.
         scale: see arrow_scale [m].
         numbers: write each gate's number beside it.
@@ -112,8 +112,8 @@ def draw_obstacles(axes: Axes, course: Course, plane: tuple[int, int], scale: fl
     """Draw the outlines of the obstacles, filled, and from above the number of each.
 
     Args:
-        axes: of matplotlib.
-        course: whose obstacles to draw.
+        axes: axes of matplotlib.
+        course: course with the obstacles.
         plane: world axes of the view.
         scale: see arrow_scale [m].
     """
@@ -137,7 +137,7 @@ def _draw_ring(axes: Axes, corners: np.ndarray, colour: str, width: float) -> No
 
 
 def _label_position(gate: Gate, plane: tuple[int, int], scale: float) -> np.ndarray:
-    """Return where a gate's number stands, outside its frame.
+    """Return the place of a gate's number, outside its frame.
 
     From above it is before the gate and to its left; from the side above the gate, or before it
     where its opening is seen edge on.

@@ -12,7 +12,7 @@ def draw(history: Sequence[dict], title: str) -> Figure:
 
     Args:
         history: rows of quadsim.learn.training.train.
-        title: of the figure.
+        title: title of the figure.
     """
     steps = [row["steps"] / 1e6 for row in history]
     # without a finished race there is no lap, and no point

@@ -57,7 +57,7 @@ def draw(run: Run, limit: StoredSolution | None = None) -> Figure:
     """Draw a run.
 
     Args:
-        run: to draw.
+        run: run to draw.
         limit: the best known solution of its race, whose path is drawn as well.
     """
     course = parse_course(run.spec["course_text"], run.spec["course"])
@@ -94,8 +94,8 @@ def draw_views(
     """Draw the path from above, to scale, and from the side, the longer of x and y and the height.
 
     Args:
-        figure: of matplotlib.
-        run: to draw.
+        figure: figure of matplotlib.
+        run: run to draw.
         course: its course.
         limit: see `draw`.
     """
@@ -132,9 +132,9 @@ def draw_path(axes: Axes, points: np.ndarray, speed: np.ndarray) -> LineCollecti
     """Draw a path coloured by speed, fast is bright, with one scale for all laps.
 
     Args:
-        axes: of matplotlib.
+        axes: axes of matplotlib.
         points: the path in the view [m].  (frames, 2)
-        speed: at each point [m/s].  (frames,)
+        speed: speed at each point [m/s]  (frames,).
     """
     segments = np.stack([points[:-1], points[1:]], axis=1)
     lines = LineCollection(list(segments), cmap="plasma", linewidths=1.8, capstyle="round")

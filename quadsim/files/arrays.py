@@ -20,7 +20,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_errors import shown
 
 LARGEST = 500_000_000  # [bytes], of a file and of all of its arrays together
-SUFFIX = ".npy"  # of an array's name within the archive
+SUFFIX = ".npy"  # ends an array's name within the archive
 
 
 class Declared(NamedTuple):
@@ -144,7 +144,7 @@ class _Member(NamedTuple):
 def _members(
     archive: zipfile.ZipFile, declared: Mapping[str, Declared], largest: int
 ) -> dict[str, _Member]:
-    """Return what the archive holds by name, in the order of the declarations.
+    """Return the archive's arrays by name, in the order of the declarations.
 
     Raises:
         ArrayError: an array is missing, unknown or there twice, or all together are too large.

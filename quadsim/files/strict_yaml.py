@@ -18,7 +18,7 @@ import yaml
 from quadsim.files.yaml_values import Misfit, descend, value
 
 Schema = TypeVar("Schema")
-DEPTH = 12  # of nesting; the deepest schema here has 5
+DEPTH = 12  # deepest nesting allowed; the deepest schema here has 5
 EXCERPT = 100  # columns of a source line worth showing
 
 
@@ -35,22 +35,22 @@ class FileError(ValueError):
 
 
 def unit(name: str, **bounds: Any) -> msgspec.Meta:
-    """Return what a number of a schema says in Annotated: its unit and its range.
+    """Return the metadata of a schema's number for Annotated: its unit and its range.
 
     Args:
         name: the unit, which errors show.
-        bounds: of msgspec, gt, ge, lt or le.
+        bounds: msgspec's bounds gt, ge, lt or le.
     """
     return msgspec.Meta(extra={"unit": name}, **bounds)
 
 
 def setting(text: str, unit: str = "", **bounds: Any) -> msgspec.Meta:
-    """Return what a field of settings says in Annotated: its help, its unit and its range.
+    """Return the metadata of a setting for Annotated: its help, its unit and its range.
 
     Args:
         text: the help of a flag, a slider or a page of the documentation.
         unit: shown by errors.
-        bounds: of msgspec, gt, ge, lt or le.
+        bounds: msgspec's bounds gt, ge, lt or le.
     """
     extra = {"unit": unit} if unit else None
     return msgspec.Meta(description=text, extra=extra, **bounds)

@@ -87,7 +87,7 @@ class RacingBulletEnv(Env):
 
         Args:
             seed: decides what is randomized.
-            options: are not used.
+            options: not used.
         """
         super().reset(seed=seed)
         self._close_plant()
@@ -174,5 +174,5 @@ class _NoController:
     """A stand-in for the controller of a flight whose controls come from outside."""
 
     def control(self, x: np.ndarray) -> np.ndarray:
-        """Never called: the actions of `step` take its place."""
+        """Raise, as the actions of `step` take the place of a controller's."""
         raise NotImplementedError

@@ -1,6 +1,6 @@
 """Checkpoints of a training: the parameters of policy and value function, and its history.
 
-A training that goes on from a checkpoint draws new episodes and new exploration. The file holds
+A training that continues from a checkpoint draws new episodes and new exploration. The file holds
 numbers and JSON alone; nothing in it is executed.
 """
 
@@ -33,7 +33,7 @@ def checkpoint_bytes(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> byt
 
     Args:
         checkpoint: the training up to now.
-        identity: settings of the training, which goes on only where they are the same.
+        identity: settings of the training, which continues only where they are the same.
     """
     state = {
         "format": FORMAT,
@@ -65,7 +65,7 @@ def read_checkpoint(
     state = record_of(arrays.pop("state"), path, WHAT)
     if state.get("format") != FORMAT:
         raise FileError(f"{path}: expected format {FORMAT!r}: it was written by another version")
-    # as JSON holds it, lists in place of tuples
+    # The round trip through JSON turns tuples into lists, as in the stored identity.
     asked = json.loads(json.dumps(dict(identity)))
     stored = state["identity"]
     if stored != asked:

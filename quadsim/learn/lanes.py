@@ -89,16 +89,16 @@ class LaneEnvironments:
     Args:
         task: courses, vehicle, starts and rewards.
         n: number of environments.
-        seed: of their starts.
+        seed: seed of their starts.
         autoreset: when an episode that has ended starts anew: SAME_STEP, NEXT_STEP or DISABLED.
 
     Attributes:
         X: states (blocks, n_x, LANES).
         row: numbers of the target rows (blocks, LANES).
-        steps, passes: of the episodes (blocks, LANES).
+        steps, passes: numbers of steps and passed gates of the episodes  (blocks, LANES).
         obs: observations (blocks, SIZE, LANES).
         final: observations at the end of episodes that start anew in the same step.
-        reward, ended, cut, hit, crashed: of the last step (blocks, LANES); cut: ended by the time
+        reward, ended, cut, hit, crashed: results of the last step (blocks, LANES); cut: by the time
             limit; hit: a gate was passed.
     """
 

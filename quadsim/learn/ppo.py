@@ -46,7 +46,7 @@ class Learner:
     Args:
         task: courses, vehicle, starts and rewards.
         config: numbers of the algorithm.
-        seed: of the environments, the weights at the start and the exploration.
+        seed: seed of the environments, the weights at the start and the exploration.
     """
 
     def __init__(self, task: LearningTask, config: PPOConfig, seed: int):

@@ -15,7 +15,7 @@ from quadsim.spec.settings import SettingError
 
 RENDER_MODES = ("human", "rgb_array")
 
-WIDTH = 640  # of a picture [pixels]
+WIDTH = 640  # width of a picture [pixels]
 HEIGHT = 480
 BORDER = 10  # around the course [pixels]
 FRAME = (70, 70, 80)
@@ -24,7 +24,7 @@ BACKGROUND = (250, 250, 252)
 LOW = np.array((30, 90, 200))
 HIGH = np.array((220, 60, 30))
 AHEAD = 0.1  # a vehicle's velocity is drawn as the way of so many seconds [s]
-RADIUS = 2.5  # of a vehicle [pixels]
+RADIUS = 2.5  # radius of a vehicle [pixels]
 
 
 class Viewer(Protocol):
@@ -103,7 +103,7 @@ def picture(course: Course, states: np.ndarray) -> np.ndarray:
     """Return a picture of gates and vehicles from above.
 
     Args:
-        course: whose bounds fill the picture.
+        course: course with the bounds that fill the picture.
         states: position, velocity and attitude of the vehicles.  (vehicles, 10)
 
     Returns:

@@ -59,7 +59,7 @@ def reward(progress, clearance, crashed, reached, action, last, p):
     """Return the reward of one step.
 
     Args:
-        progress: by how much the way that is left became shorter [m].
+        progress: decrease of the remaining way [m].
         clearance: what is short of the margin, times the way in the gate [m^2].
         crashed, reached: 0 or 1.
         action, last: this and the last action, Control in -1..1.

@@ -29,7 +29,7 @@ def checked_actions(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
     """Return actions as float32 of this shape.
 
     Raises:
-        ValueError: they are no numbers, of another shape, or not finite.
+        ValueError: the actions are not numbers, have another shape, or are not finite.
     """
     try:
         found = np.asarray(actions, np.float32)

@@ -58,7 +58,7 @@ def start_rows(
         dt: duration of a step [s].
         start: standing or anywhere.
         randomize: size of domain randomization.
-        seeds: of everything that is drawn.
+        seeds: seeds of everything that is drawn.
 
     Returns:
         (rows, n_x + 1 + n_p + n_u) float32.

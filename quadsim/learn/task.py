@@ -1,6 +1,6 @@
-"""What is flown in an environment: courses, vehicle, rewards and starts.
+"""The task of an environment: courses, vehicle, rewards and starts.
 
-`tables` turns a task into the arrays of numbers that the lanes read.
+`tables` turns a task into the arrays that the compiled lanes read.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from quadsim.streams import start_stream
 from quadsim.vehicle import Vehicle, load_vehicle
 
 STARTS = ("standing", "anywhere")
-# setting of a task -> its lowest and its highest value
+# name of a setting -> its lowest and its highest value
 RANGES = {
     "dt": (1e-3, 0.05),
     "randomize": (0.0, 3.0),
@@ -39,16 +39,16 @@ RANGES = {
 
 @dataclass(frozen=True)
 class LearningTask:
-    """A race to be learnt. `task` makes one: it looks names up and checks values."""
+    """A race to be learnt. The function `task` makes one from names and checks its values."""
 
     courses: tuple[Course, ...]
     vehicle: Vehicle
-    laps: tuple[int, ...]  # of each course
-    dt: float = 0.01  # of an environment's step [s]
-    start: str = "standing"  # of STARTS
-    # size of domain randomization: start and vehicle, see quadsim.physics.domain_randomization
+    laps: tuple[int, ...]  # one number for each course
+    dt: float = 0.01  # duration of an environment's step [s]
+    start: str = "standing"  # one of STARTS
+    # scale of the randomization of start and vehicle, see quadsim.physics.domain_randomization
     randomize: float = 0.0
-    time_limit: float = 60.0  # of an episode [s]
+    time_limit: float = 60.0  # longest duration of an episode [s]
     noise: float = 0.0  # standard deviation of each number observed, in its unit
     rewards: RewardWeights = field(default_factory=RewardWeights)
 
@@ -60,7 +60,8 @@ class LearningTask:
     def cost(self, k: int) -> Cost:
         """Return the racing cost of course k.
 
-        It measures progress and tests the gates; the weights are those of the reward.
+        An environment uses its progress and its tests of the gates, not its weights: those are in
+        the reward.
         """
         weights = RaceWeights(margin=self.rewards.margin)
         return race_cost(self.courses[k], self.vehicle.radius, weights, self.laps[k])
@@ -68,7 +69,7 @@ class LearningTask:
 
 @dataclass(frozen=True)
 class Tables:
-    """The numbers of each course, padded to the largest, float32."""
+    """The arrays of all courses, padded to the longest, in float32 unless stated otherwise."""
 
     targets: np.ndarray  # (courses, rows, n_row)
     final_row: np.ndarray  # (courses,) int32: the row at which a race is finished
@@ -79,7 +80,7 @@ class Tables:
 
 
 def tables(task: LearningTask, seed: int) -> Tables:
-    """Return the numbers of a task's courses, with starts drawn from the seed."""
+    """Return the arrays of a task's courses, with starts drawn from the seed."""
     costs: list[Cost] = []
     rows: list[np.ndarray] = []
     obstacles: list[np.ndarray] = []
@@ -90,7 +91,7 @@ def tables(task: LearningTask, seed: int) -> Tables:
         rows.append(np.hstack([cost.targets, gate_rows(course, task.laps[k])]))
         if cost.obstacles:
             obstacles.append(cost.obstacles.rows)
-        of_course = start_rows(
+        course_starts = start_rows(
             course,
             cost,
             task.vehicle,
@@ -99,7 +100,7 @@ def tables(task: LearningTask, seed: int) -> Tables:
             task.randomize,
             seeds=start_stream(seed, k),
         )
-        starts.append(of_course)
+        starts.append(course_starts)
     return Tables(
         targets=_padded(rows),
         final_row=np.array([len(r) - 1 for r in rows], np.int32),
@@ -111,7 +112,7 @@ def tables(task: LearningTask, seed: int) -> Tables:
 
 
 def _padded(arrays: Sequence[np.ndarray]) -> np.ndarray:
-    """Return one array of all, with the last row repeated.  (n, most rows, columns) float32"""
+    """Return the arrays stacked, padded by their last rows.  (n, most rows, columns) float32"""
     most = max(map(len, arrays))
     padded = [np.pad(a, ((0, most - len(a)), (0, 0)), mode="edge") for a in arrays]
     return np.array(padded, np.float32)
@@ -124,17 +125,17 @@ def task(
     reward: Any = None,
     **settings: Any,
 ) -> LearningTask:
-    """Return a task; names of courses and vehicles are looked up.
+    """Return a task, with the courses and the vehicle of these names.
 
     Args:
         course: a name, a FILE.yaml, a Course, or a list of these.
         vehicle: a name, a FILE.yaml or a Vehicle.
-        laps: of every course; None: its own.
-        reward: RewardWeights, or {term: weight} that differ from its own.
+        laps: number of laps of every course; None: each course's own.
+        reward: RewardWeights, or {term: weight} for the terms that differ from the defaults.
         settings: dt [s], start, randomize, time_limit [s], noise.
 
     Raises:
-        SettingError: a value does not fit. It is a ValueError of one line.
+        SettingError: a value is invalid; its message is one line (a ValueError).
         FileError: a course or a vehicle cannot be read.
     """
     given = course if isinstance(course, list | tuple) else [course]
@@ -179,7 +180,7 @@ def _check_settings(settings: Mapping[str, Any]) -> None:
 
 
 def _weights(given: Any) -> RewardWeights:
-    """Return the weights that were given. Raises SettingError."""
+    """Return the reward's weights from what the user gave. Raises SettingError."""
     if given is None:
         return RewardWeights()
     if isinstance(given, RewardWeights):

@@ -49,7 +49,7 @@ class Training:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """All that decides the numbers but the steps, which may grow."""
+        """The settings that decide the training's numbers, except its steps, which may grow."""
         task = self.task
         return {
             "courses": [course.text for course in task.courses],
@@ -67,7 +67,7 @@ class Training:
 
 
 class Score(NamedTuple):
-    """How good a pilot was in its evaluation. A greater one is better, the first number first."""
+    """The quality of a pilot in its evaluation. A greater score is better, field by field."""
 
     finished: float  # share of the races
     speed: float  # negative lap time [s]; 0 without a finished race
@@ -83,11 +83,11 @@ class Score(NamedTuple):
 def train(training: Training, report: Callable[[dict], None] = lambda row: None) -> list[dict]:
     """Learn, evaluate and keep the best pilot.
 
-    A training goes on from the checkpoint beside the pilot, where there is one.
+    If there is a checkpoint beside the pilot, the training continues from it.
 
     Args:
         training: the settings, and the files to write.
-        report: is called after each evaluation with its row of the history.
+        report: function called after each evaluation with its row of the history.
 
     Returns:
         A row for each evaluation: steps, reward per second, finished, lap, gates, seconds.
@@ -97,7 +97,7 @@ def train(training: Training, report: Callable[[dict], None] = lambda row: None)
         ImportError: stable-baselines3 is not installed.
         OSError: a file cannot be written.
     """
-    # PyTorch is an extra, and takes seconds to load
+    # PyTorch is an extra, and takes seconds to load.
     from quadsim.learn.ppo import Learner
 
     config = training.config

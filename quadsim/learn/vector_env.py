@@ -84,7 +84,7 @@ class RacingVectorEnv(VectorEnv):
         self.lanes = LaneEnvironments(self.task, self.num_envs, 0, MODES[mode])
         self._actions = np.zeros((len(self.lanes.X), ACTIONS, LANES), np.float32)
         gates = [len(course.gates) for course in self.task.courses]
-        # of the course that each block flies, as a column beside its lanes
+        # Gates per lap of each block's course, as a column beside its lanes
         self._gates_per_lap = np.array(gates, np.int32)[self.lanes.course][:, None]
         self._begun = False
 

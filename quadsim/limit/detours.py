@@ -36,7 +36,7 @@ class Side(NamedTuple):
     sign: float
 
     def depth(self, local: np.ndarray, half: Sequence[float]) -> np.ndarray:
-        """Return how deep points (..., 3) lie behind this side of a box [m].  (...)
+        """Return the depth of points (..., 3) behind this side of a box [m].  (...)
 
         Args:
             local: the points in the frame [m].
@@ -61,7 +61,7 @@ class Detour:
     """
 
     segment: int
-    # Of the segment's intervals, from 0 to 1
+    # Part of the segment's intervals, from 0 to 1
     part: tuple[float, float]
     gate: Gate | Box
     side: Side

@@ -36,7 +36,7 @@ from quadsim.physics.allocation import mixer
 from quadsim.rotation import quaternion_rate, to_body, to_world
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
-# CasADi 3.8 warns until it is told what to make of numpy's functions in `step`: CasADi's own
+# CasADi 3.8 warns unless it is set how numpy's functions in `step` are taken: as CasADi's own
 if hasattr(casadi.GlobalOptions, "setNumpyMode"):
     casadi.GlobalOptions.setNumpyMode(-1)
 
@@ -44,7 +44,7 @@ if hasattr(casadi.GlobalOptions, "setNumpyMode"):
 # what they deliver.
 BODY = RIGID_BODY.stop
 ROTOR_SPEEDS = slice(BODY, BODY + 4)
-# Of the body, beyond what any vehicle reaches [rad/s^2]
+# Limit of the body's angular acceleration, beyond what any vehicle reaches [rad/s^2]
 SPIN_UP_MAX = 1000.0
 # In a race to be flown: rotors near full thrust cannot yaw, which this problem leaves out [rad/s]
 YAW_MAX = 0.5
@@ -80,7 +80,7 @@ class Dynamics(ABC):
         """Return x and u of the same motion and thrust as a state of the planner's model."""
 
     def spare(self, x: Any, u: Any) -> tuple:
-        """Return what has to stay at or above 0."""
+        """Return the quantities that have to stay at or above 0."""
         return ()
 
 
@@ -290,7 +290,7 @@ def _plus(x: Any, h: Any, rate: tuple) -> tuple:
 
 
 def _whole(x: Any) -> State:
-    """Return the state with zeros for what is no state without rotor lag."""
+    """Return the state with zeros for the fields that only rotor lag makes states."""
     missing = len(State._fields) - len(x)
     return State(*x, *(0.0,) * missing)
 

@@ -90,7 +90,7 @@ def straight(points: Sequence[Sequence[float]], model: Dynamics, speed: float) -
     Args:
         points: positions, see Route.points [m].
         model: the model whose states and controls are wanted.
-        speed: of the flight [m/s].
+        speed: speed of the flight [m/s].
     """
     states: list[State] = []
     times: list[float] = []

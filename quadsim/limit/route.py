@@ -35,7 +35,7 @@ class Route:
     start: Start | None
     # Ranges of x, y and z of the sphere's centre [m]
     bounds: tuple[tuple[float, float], ...]
-    # Of the sphere [m]
+    # Radius of the sphere [m]
     radius: float = 0.0
     obstacles: tuple[Obstacle, ...] = ()
     # Kept to the frames within openings, in narrow ones half of the room [m]
@@ -63,18 +63,18 @@ class Route:
 
     @property
     def points(self) -> list[Vec3]:
-        """Places between which the vehicle flies: where it begins, and the gates' centres [m]."""
+        """The places between which the vehicle flies: its start, and the gates' centres [m]."""
         first = self.start.position if self.start else self.gates[-1].position
         return [first, *(gate.position for gate in self.gates)]
 
     @property
     def legs(self) -> list[float]:
-        """Straight lengths between the points [m]."""
+        """The straight lengths between the points [m]."""
         return [dist(a, b) for a, b in pairwise(self.points)]
 
     @property
     def reach(self) -> float:
-        """Distance of a gate's entry and exit from its plane; the sphere is clear there [m]."""
+        """The distance of a gate's entry and exit from its plane; the sphere is clear there [m]."""
         return half_depth(self.radius)
 
     def room(self, gate: Gate) -> HalfSizes:

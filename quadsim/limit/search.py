@@ -19,7 +19,7 @@ from quadsim.limit.verify import Verified, referee_of, verify
 from quadsim.race.events import Event, flown_laps
 from quadsim.record.limits import LimitProblem, Solution, StoredSolution
 
-# Makes a function that is told each iteration, from a start's name and the number of nodes
+# Makes the callback of each iteration from a start's name and the number of nodes
 Progress = Callable[[str, int], Show]
 # Rounds of detours, at most
 ROUNDS = 6
@@ -48,7 +48,7 @@ class Attempt:
 
     @property
     def time(self) -> float | None:
-        """Duration of the race [s], None where there is no solution."""
+        """The duration of the race [s], None without a solution."""
         return self.solved.solution.time if self.solved else None
 
 

@@ -95,9 +95,9 @@ def solve(
 
     Args:
         route: the gates.
-        model: of the vehicle.
+        model: model of the vehicle.
         intervals: on each of the route's legs.
-        guess: where the optimiser starts.
+        guess: flight that the optimiser starts from.
         show: see Show.
         around: detours around frames and boxes beside the route.
 
@@ -139,7 +139,7 @@ def _show_nothing(iteration: int, time: float) -> None:
 
 
 def _read(s: Shooting, found: dict, in_segment: np.ndarray) -> Solution:
-    """Return what the optimiser found; in_segment: intervals of each segment."""
+    """Return the solution that the optimiser found; in_segment: intervals of each segment."""
     z = casadi.vertcat(*s.program.z)
     outputs = [casadi.horzcat(*s.x), casadi.horzcat(*s.u), casadi.vertcat(*s.lengths)]
     read = casadi.Function("read", [z], outputs)

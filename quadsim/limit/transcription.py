@@ -63,8 +63,8 @@ class Program:
         """Add a variable and return it in its own unit.
 
         Args:
-            name: of the symbol.
-            start: where the optimiser starts.  (n,)
+            name: name of the symbol.
+            start: values that the optimiser starts from  (n,).
             low: limits, one or (n,).
             high: limits, one or (n,).
             scale: the optimiser sees the variable divided by this, one or (n,).
@@ -158,7 +158,7 @@ class Interval:
         """Make an interval of h [s] lead from one state to the next, within the model's limits.
 
         Args:
-            program: to add the constraints to.
+            program: program to add the constraints to.
             x: the state at its beginning.
             u: the control.
             h: its length.
@@ -187,9 +187,9 @@ def shooting(
 
     Args:
         route: the gates.
-        model: of the vehicle.
+        model: model of the vehicle.
         intervals: on each of the route's legs.
-        guess: where the optimiser starts.
+        guess: flight that the optimiser starts from.
         around: detours around frames and boxes beside the route.
     """
     s = Shooting(route, model, segments(route, intervals))

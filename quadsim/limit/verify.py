@@ -29,11 +29,11 @@ RATE_SHARE = 0.05
 RATE_MORE = 0.06
 # Least room for the torque, rounding aside [m/s^2]
 SPARE = -1e-2
-# Of the limit of a control, for rounding
+# Share of a control's limit by which it may exceed it, for rounding
 CONTROL_SHARE = 1e-4
 # Events that a race without faults does not have
 FOUL = ("hit", "ground", "bounds", "timeout")
-# Of the referee; a solution has an end [s]
+# Time limit of the referee, which no solution reaches [s]
 TIMEOUT = 1e4
 
 
@@ -62,7 +62,7 @@ class Verified:
 
 
 def referee_of(problem: LimitProblem) -> Referee:
-    """Return a new referee of a race, one that goes on after a hit and so reports all hits.
+    """Return a new referee that continues after a hit, so that it reports all hits of a race.
 
     Raises:
         ValueError: laps on an open course, or a gate too small for the vehicle.
@@ -72,7 +72,7 @@ def referee_of(problem: LimitProblem) -> Referee:
 
 
 def verify(solution: Solution, model: Dynamics, referee: Referee | None = None) -> Verified:
-    """Return what a check of a solution finds.
+    """Return the findings of the check of a solution.
 
     Args:
         solution: what the optimiser found.

@@ -45,7 +45,7 @@ class Corridor:
         return both / np.linalg.norm(both, axis=1, keepdims=True)
 
     def offset(self, leg: int, p: np.ndarray) -> float:
-        """Return how far a point is off the centre line of a leg, positive to the left [m].
+        """Return the distance of a point from a leg's centre line, positive to the left [m].
 
         Args:
             leg: index, from 0.
@@ -93,8 +93,11 @@ class DriveReferee:
     """
 
     def __init__(self, corridor: Corridor, half_width: float, timeout: float):
-        """half_width: of the vehicle [m]; timeout [s]"""
-        self.outcome: str | None = None  # None while the drive goes on
+        """Start before the corridor.
+
+        half_width: half the width of the vehicle [m]; timeout: time limit [s].
+        """
+        self.outcome: str | None = None  # None until the drive has ended
         self.legs = 0  # driven to their end lines
         self._corridor = corridor
         self._timeout = timeout

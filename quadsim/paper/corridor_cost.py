@@ -1,11 +1,10 @@
-"""The off-road cost on flat ground: the terms of Vlahov et al. 2024, section IV-A, that make sense
-there.
+"""The off-road cost on flat ground, from Vlahov et al. 2024, section IV-A.
 
     q = a_0 CostToGo + d (a_1 Lethal + a_2 Rollover + a_3 Speed),    d = v dt
 
-The risks count by the metre travelled, so standing still is safe. The other terms of the paper
-(wheels, body, roll, pitch) are about terrain. A leg of the corridor ends at the line that halves
-its bend; a sample that crosses it goes on along the next leg.
+The risks count by the metre travelled, so standing still is safe. The paper's other terms (wheels,
+body, roll, pitch) need terrain and are left out. A leg of the corridor ends at the line that halves
+its bend; a sample that crosses it continues along the next leg.
 """
 
 from __future__ import annotations
@@ -108,10 +107,10 @@ def corridor_cost(
     """Return the cost of driving along a corridor. Nothing is latched: a wall costs by the metre.
 
     Args:
-        corridor: to drive along.
-        half_width: of the vehicle [m].
+        corridor: corridor to drive along.
+        half_width: half the width of the vehicle [m].
         dt: control period [s].
-        weights: of the terms, and what they refer to.
+        weights: weights of the terms, and what they refer to.
     """
     terms = (
         Term(to_go, weights.to_go),

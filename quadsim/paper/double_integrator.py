@@ -59,7 +59,7 @@ class Best(NamedTuple):
 
 
 def make(runs: int, folder: Path) -> Result:
-    """Move so many times with each sampler, and look at the run of least cost."""
+    """Move `runs` times with each sampler, and plot the run of least cost."""
     cells = [Cell(name, SIGMA) for name in PAPER_SAMPLERS]
     best = {
         cell.sampler: best_run(cell.sampler, [run.cost for run in of_cell])
@@ -83,7 +83,7 @@ def make(runs: int, folder: Path) -> Result:
 
 
 def best_run(name: str, costs: list[float]) -> Best:
-    """Return the run of least cost, which is computed once more. costs: by seed."""
+    """Return the run of least cost, computed once more, from the costs by seed."""
     seed = int(np.argmin(costs))
     motion = move(MotionTask(samplings(SIGMA)[name], seed))
     if accumulated_cost(motion) != costs[seed]:
@@ -97,7 +97,7 @@ def best_run(name: str, costs: list[float]) -> Best:
 
 
 def summary(track: Track) -> dict[str, float | None]:
-    """Return what the figure shows, in numbers.
+    """Return the numbers that the figure shows.
 
     Returns:
         settled: time from which on the axis is AT_GOAL [s]; None: it never is.

@@ -16,7 +16,7 @@ from quadsim.paper.car import NOMINAL, State, car
 from quadsim.paper.noise import DT, HORIZON, perturbations
 from quadsim.paper.result import Result, write_csv
 
-SPEED = 5.0  # of the vehicle at the start [m/s]
+SPEED = 5.0  # speed of the vehicle at the start [m/s]
 SAMPLES = 300
 CASES: dict[str, Sampling] = {
     "colored, sigma 0.4": Colored((0.4, 0.4), (4.0, 4.0)),
@@ -81,7 +81,7 @@ def draw(
 
     Args:
         spread: places of each case [m]  (samples, times, 2).
-        variance: of x in each case [m^2]  (times,).
+        variance: variance of x in each case [m^2]  (times,).
         t: times [s]  (times,).
     """
     with rc_context(STYLE):

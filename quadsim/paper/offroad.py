@@ -42,7 +42,7 @@ COLD = replace(CONFIG, temperature=0.02)  # to see whether the temperature holds
 
 PLANT_DT = 0.005  # step of the vehicle that is driven [s]
 TIMEOUT = 40.0  # [s]
-SECONDS_SHOWN = 8.0  # of the controls in the figure, as in the paper
+SECONDS_SHOWN = 8.0  # duration of the controls in the figure [s], as in the paper
 START = State(
     px=ZIGZAG.points[0][0],
     py=ZIGZAG.points[0][1],
@@ -57,7 +57,7 @@ START = State(
 
 @dataclass(frozen=True)
 class DriveTask:
-    """All that decides one drive."""
+    """The settings that decide one drive."""
 
     sampling: Sampling
     config: MPPIConfig
@@ -133,7 +133,7 @@ def drive(task: DriveTask) -> Drive:
 
 
 def make(runs: int, folder: Path) -> Result:
-    """Drive so many times with each sampler, and a quarter as often at the lower temperature."""
+    """Drive `runs` times with each sampler, and a quarter as often at the lower temperature."""
     cold_runs = ceil(runs / 4)
     tasks = {
         "gaussian": [DriveTask(GAUSSIAN, CONFIG, seed, TIMEOUT) for seed in range(runs)],

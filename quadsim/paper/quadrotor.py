@@ -39,7 +39,7 @@ CSV_COLUMNS = ("t", "px", "py", "vx", "vy", *CONTROL)
 
 
 def make(runs: int, folder: Path) -> Result:
-    """Fly so many laps with each sampler."""
+    """Fly `runs` laps with each sampler."""
     variants = [
         Variant(sampler, Spec.of(COURSE, preset="paper", sampler=sampler)) for sampler in SAMPLERS
     ]
@@ -75,7 +75,7 @@ def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, lis
         rows = runner(variants, runs)
     if any(len(of_variant) < runs for of_variant in rows):
         raise RunError(
-            f"{path}: a worker process was lost twice; the same command goes on from here"
+            f"{path}: a worker process was lost twice; the same command continues from here"
         )
     return {variant.name: of_variant for variant, of_variant in zip(variants, rows, strict=True)}
 

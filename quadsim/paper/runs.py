@@ -3,7 +3,7 @@
 A run is a frozen dataclass of all that decides it, its seed too, and a function that makes a result
 of it. Its text is its key, with the versions of the libraries that it is computed with. A row is
 written in one transaction as soon as its run has ended, so that a command that is killed at any
-moment goes on where it stopped.
+moment continues where it stopped.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from quadsim.record.provenance import versions
 from quadsim.record.run import RunError
 
 FILE = "runs.sqlite"
-GO_ON = "the same command goes on from there"
+GO_ON = "the same command continues from there"
 LIBRARIES = ("numpy", "numba")  # whose versions decide a run
 WAIT = 60.0  # [s] for another command that writes to the same file
 TABLE = "CREATE TABLE IF NOT EXISTS runs (run TEXT PRIMARY KEY, result BLOB NOT NULL)"
@@ -45,7 +45,7 @@ def kept_runs(
         tasks: frozen dataclasses of all that decides a run.
         fly: a function of a module, that computes a run in a worker process.
         kind: the NamedTuple that it returns, of numbers, texts and arrays.
-        folder: in which the results are kept, in FILE.
+        folder: folder that holds FILE with the results.
 
     Raises:
         RunError: the file cannot be used, or a worker process has died.

@@ -27,7 +27,7 @@ class Published(NamedTuple):
 
 
 class Attempt(NamedTuple):
-    """An attempt of ours."""
+    """One of our attempts."""
 
     time: float | None  # from the start to the goal [s]; None: it did not finish
     plan_ms: float  # median of its control steps
@@ -89,7 +89,7 @@ def draw_paths(
     """Draw paths from above, and return them for a bar of colours.
 
     Args:
-        axes: to draw on.
+        axes: axes to draw on.
         paths: places of each attempt [m]  (steps, 2) each.
         colours: a number from 0 to `top` for each of these places  (steps,) each.
         cmap: colours by number, a name of matplotlib.

@@ -83,7 +83,7 @@ PAPER_SAMPLERS = ("gaussian", "smooth", "smooth_star", "log_normal", "colored_1"
 
 @dataclass(frozen=True)
 class MotionTask:
-    """All that decides one run."""
+    """The settings that decide one run."""
 
     sampling: Sampling
     seed: int
@@ -182,7 +182,7 @@ def scores(cells: Sequence[Cell], runs: int, folder: Path) -> dict[Cell, list[Sc
 
 
 def make(runs: int, folder: Path) -> Result:
-    """Run every cell so many times."""
+    """Run every cell `runs` times."""
     cells = [Cell(sampler, sigma) for sigma in SIGMAS for sampler in samplings(sigma)]
     rows = [row(cell, of_cell) for cell, of_cell in scores(cells, runs, folder).items()]
     return Result({"cells": rows}, (table(rows),), (write_csv(folder / "table2.csv", rows),))
@@ -191,7 +191,7 @@ def make(runs: int, folder: Path) -> Result:
 def row(cell: Cell, runs: Sequence[Score]) -> dict:
     """Return one cell of the table as JSON; what the paper does not have is None.
 
-    ms: of a control step, on one thread with every core busy; paper_ms: on an RTX 3080.
+    ms is the time of a control step on one thread with every core busy, paper_ms on an RTX 3080.
     """
     cost = np.array([run.cost for run in runs])
     paper = TABLE2.get(cell)

@@ -33,8 +33,8 @@ def clamp_command(command: Sequence[float], vehicle: Vehicle) -> Control:
     """Return the command with body rates within +-rate_max and thrust within [0, thrust_max].
 
     Args:
-        command: in the order of Control  (4,).
-        vehicle: whose limits hold.
+        command: command in the order of Control  (4,).
+        vehicle: vehicle with the limits.
 
     Raises:
         ValueError: a number of the command is not finite.

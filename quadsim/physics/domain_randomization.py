@@ -30,9 +30,9 @@ VEHICLE = VehicleTolerances()
 class Randomization:
     """Changes of the nominal start and vehicle. Shares are relative: 0.03 is 3 % more."""
 
-    # of the start's position [m]
+    # displacement of the start [m]
     offset: Vec3 = (0.0, 0.0, 0.0)
-    # of the start's yaw [rad]
+    # change of the start's yaw [rad]
     turn: float = 0.0
     mass: float = 0.0
     thrust: float = 0.0
@@ -74,7 +74,7 @@ def draw(seeds: np.random.SeedSequence, size: float) -> Randomization:
 
     Args:
         seeds: the stream of the vehicle.
-        size: of all changes; 0: none.
+        size: scale of all changes; 0: none.
     """
     if size == 0:
         return Randomization()

@@ -68,7 +68,7 @@ class World(Protocol):
         ...
 
     def contacts(self) -> tuple[str, ...]:
-        """Return what the vehicle touched in the last step: "ground", "gate 3", "obstacle 2"."""
+        """Return the objects touched in the last step, e.g. "ground", "gate 3", "obstacle 2"."""
         ...
 
     def close(self) -> None:
@@ -95,16 +95,16 @@ class RigidPlant:
 
         Args:
             course: gates and obstacles that stand in the world.
-            vehicle: whose actuators fly.
+            vehicle: vehicle that has the actuators.
             dt: physics step [s].
-            start: in place of the course's own.
+            start: start in place of the course's own.
             body: its mass and inertia are the world's; by default the vehicle's own, by which the
                 flight controller works in either case.
             gusts: acceleration in each physics step, world frame [m/s^2].
         """
         body = body or vehicle
         self.dt = dt
-        # By semi-implicit Euler p <- p + v dt, so v is the velocity in the middle of the step.
+        # Semi-implicit Euler sets p <- p + v dt, so v is the velocity in the middle of the step.
         self.velocity_lag = dt / 2
         self._actuators = Actuators(vehicle, dt)
         self._world = self._new_world(course, body, dt)
@@ -192,7 +192,10 @@ class NamedPlant:
     """
 
     def __init__(self, plant: Plant):
-        """plant: whose states are to be named."""
+        """Wrap the user's plant.
+
+        plant: plant with states in the order of State.
+        """
         self._plant = plant
         self.dt = plant.dt
         self.velocity_lag = getattr(plant, "velocity_lag", 0.0)

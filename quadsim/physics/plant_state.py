@@ -45,8 +45,8 @@ def start_state(start: Start, radius: float) -> State:
     """Return the state at rest, level, with hover thrust.
 
     Args:
-        start: where the vehicle stands; on the ground it is lifted clear of it.
-        radius: of the vehicle [m].
+        start: pose of the vehicle; if it touches the ground it is lifted clear of it.
+        radius: radius of the vehicle [m].
     """
     x, y, z = start.position
     return State.of(

@@ -101,11 +101,11 @@ class RigidBody:
         return self._p, self._v, self._q, self._omega
 
     def contacts(self) -> tuple[str, ...]:
-        """Return what the vehicle touched in the last step: "ground", "gate 3", "obstacle 2"."""
+        """Return the objects touched in the last step, e.g. "ground", "gate 3", "obstacle 2"."""
         return self._contacts
 
     def close(self) -> None:
-        """Release nothing, as nothing is held."""
+        """Do nothing, as nothing is held."""
 
     def _touched(self, p0: Vec3, p1: Vec3) -> tuple[str, ...]:
         """Return the gates and obstacles that are touched on the way from p0 to p1."""

@@ -118,7 +118,7 @@ class RotorpyPlant:
         return PlantState(self._steps * self.dt, x, ())
 
     def close(self) -> None:
-        """Release nothing, as nothing is held."""
+        """Do nothing, as nothing is held."""
 
 
 def _quadratic(rotors: Rotors) -> Rotors:
@@ -131,9 +131,9 @@ def _multirotor(vehicle: Vehicle, rotors: Rotors, body: Vehicle, dt: float) -> A
     """Return RotorPy's multirotor, with its parameters by the names of RotorPy's files.
 
     Args:
-        vehicle: whose flight controller flies.
-        rotors: with a thrust map k W^2.
-        body: whose mass and inertia are moved.
+        vehicle: vehicle with the flight controller's numbers.
+        rotors: rotors with a thrust map k W^2.
+        body: vehicle with the true mass and inertia.
         dt: physics step [s].
     """
     try:

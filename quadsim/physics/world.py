@@ -186,7 +186,7 @@ class World:
         return p, v, q, to_body(q, omega)
 
     def contacts(self) -> tuple[str, ...]:
-        """Return what the vehicle touches now: "ground", "gate 3", "obstacle 2".
+        """Return the objects that the vehicle touches, e.g. "ground", "gate 3", "obstacle 2".
 
         Bullet also lists near pairs, at a positive distance, which are left out.
         """

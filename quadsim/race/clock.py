@@ -9,7 +9,7 @@ from time import perf_counter, sleep
 class Clock:
     """Simulated clock: planning takes no simulated time.
 
-    Every flight is reproducible to the last bit by it. Time t [s] counts from the start of the
+    With it every flight is reproducible to the last bit. Time t [s] counts from the start of the
     flight.
     """
 
@@ -31,7 +31,7 @@ class WallClock(Clock):
     def __init__(
         self, time: Callable[[], float] = perf_counter, sleep: Callable[[float], None] = sleep
     ):
-        """Use a clock and a way to wait.
+        """Make a clock of two functions.
 
         Args:
             time: returns the time from any origin [s].

@@ -26,7 +26,7 @@ class Event:
     gate: int
     # number of the lap, from 1
     lap: int
-    # from the gate's centre, left and up in the gate frame [m]
+    # distance from the gate's centre, left and up in the gate frame [m]
     offset: tuple[float, float]
     # [m/s]
     speed: float
@@ -58,7 +58,7 @@ class Frame:
 
     # [s]
     t: float
-    # state at t, see the system's STATE_UNITS  (n_x,)
+    # state at t, for a quadrotor as in quadsim.dynamics.quadrotor.STATE_UNITS  (n_x,)
     x: tuple[float, ...]
     # control for the following control period  (n_u,)
     u: tuple[float, ...]

@@ -27,7 +27,7 @@ from quadsim.sensing.navigation import Navigation, RefereeCount, TrueState
 
 @runtime_checkable
 class Controller(Protocol):
-    """Computes the next control from what is known of the vehicle; MPPI is one."""
+    """Computes the next control from an estimate of the vehicle; MPPI is a controller."""
 
     @property
     def rest(self) -> np.ndarray:
@@ -42,14 +42,14 @@ class Controller(Protocol):
                 estimated in flight.
 
         Returns:
-            The control u (n_u,), of a quadrotor body rates [rad/s] and thrust [m/s^2], and
-            PlanStats.
+            The control u (n_u,), for a quadrotor the body rates [rad/s] and the thrust [m/s^2],
+            and PlanStats.
         """
         ...
 
 
 class ControlLaw(Protocol):
-    """A controller of a user's own in its plainest form."""
+    """The simplest interface of a user's own controller: a control for a state."""
 
     def control(self, x: np.ndarray, /) -> ArrayLike:
         """Return the control u (n_u,) at the state x (n_x,)."""
@@ -64,7 +64,7 @@ class PlainController:
 
         Args:
             inner: the control law.
-            rest: the control until the first one is ready  (n_u,).
+            rest: the control that acts until the first one is ready  (n_u,).
         """
         self._inner = inner
         self.rest = np.array(rest)
@@ -83,7 +83,7 @@ class RefereeProtocol(Protocol):
 
     @property
     def outcome(self) -> str | None:
-        """The outcome of the flight, None while it goes on."""
+        """The outcome of the flight; None until it has ended."""
         ...
 
     @property
@@ -114,12 +114,12 @@ class RefereeProtocol(Protocol):
         ...
 
 
-# control periods from one PlannerSnapshot to the next
+# A PlannerSnapshot is taken once in this number of control periods.
 SNAPSHOT_EVERY = 10
 
 
 class Plan(NamedTuple):
-    """A control and how it was found."""
+    """A control, with the statistics and the duration of its planning."""
 
     # control to apply  (n_u,)
     u: tuple[float, ...]
@@ -146,15 +146,15 @@ def simulate(
     later. With the default clock, planning takes no simulated time.
 
     Args:
-        plant, controller, referee: used for this one flight.
+        plant, controller, referee: the parts, which serve for one flight only.
         period: control period [s], a whole multiple of the plant's step.
-        clock: default: simulated time.
+        clock: None: simulated time.
         snapshot: called every SNAPSHOT_EVERY periods; the result is stored in the frame.
-        navigation: makes the estimate that the controller is given; default: of the true state and
-            the referee's count.
+        navigation: source of the controller's estimates; None: the true state and the referee's
+            count of gates.
 
     Raises:
-        ValueError: period is no whole multiple of the plant's step.
+        ValueError: the period is not a whole multiple of the plant's step.
     """
     whole_multiple(period, plant.dt)
     began = perf_counter()
@@ -169,7 +169,7 @@ def simulate(
         flying = referee.outcome is None
         previous = plan
 
-        # Plan from what is known now.
+        # Plan from the present estimate.
         if flying:
             plan = plan_next(controller, navigation, state.t)
         # The clock is read before the frame is yielded, as its consumer may take a while.
@@ -177,7 +177,7 @@ def simulate(
         best = snapshot() if snapshot and flying and k % SNAPSHOT_EVERY == 0 else None
         navigation.commanded(state.t, ready, plan.u)
 
-        # Hand over what happened until now, and the control from now on.
+        # Yield the events up to now, and the control that acts from now on.
         yield Frame(
             t=state.t,
             x=state.x,
@@ -207,7 +207,7 @@ def simulate(
 
 
 def plan_next(controller: Controller, navigation: Navigation, t: float) -> Plan:
-    """Return the controller's next control by what is known at t [s], and the time it took."""
+    """Return the controller's next control from the estimate at t [s], and its planning time."""
     before = perf_counter()
     u, stats = controller.control(navigation.estimate(t))
     ms = 1e3 * (perf_counter() - before)
@@ -222,9 +222,9 @@ def exact_navigation(
     Model and course are not estimated.
 
     Args:
-        state: the plant's at the start.
-        referee: counts the gates.
-        rest: the control until the first one is given  (n_u,).
+        state: state of the plant at the start.
+        referee: referee that counts the gates.
+        rest: the control that acts until the first one is given  (n_u,).
         dt: control period [s].
     """
     return Navigation(
@@ -246,11 +246,11 @@ def apply_control(
     """Step the plant under a control, while the referee checks every step and sensors watch it.
 
     Args:
-        plant: that is stepped.
-        referee: whose outcome ends the flight.
+        plant: plant to step.
+        referee: referee that checks every step; its outcome ends the loop.
         u: control  (n_u,).
-        until: time [s]; the last physics step ends nearest to it.
-        navigation: notes every state; None: no sensors.
+        until: end time [s]; the last physics step is the one that ends nearest to it.
+        navigation: navigation whose sensors see every state; None: no sensors.
 
     Returns:
         The events of these steps, in order.
@@ -275,7 +275,7 @@ def whole_multiple(period: float, dt: float) -> int:
         dt: physics step [s].
 
     Raises:
-        ValueError: it is no whole number.
+        ValueError: the number is not whole.
     """
     substeps = round(period / dt)
     if substeps < 1 or abs(substeps * dt - period) > 1e-9:

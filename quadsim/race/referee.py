@@ -55,7 +55,7 @@ class Nearest(NamedTuple):
 
 
 class Referee:
-    """Watches one flight.
+    """Applies the rules of a race to one flight.
 
     `passed` counts the gates since the start, `events` holds all events so far, and `outcome` is
     None while the vehicle flies, then "finished", "crashed", "stuck" or "timeout".
@@ -67,11 +67,11 @@ class Referee:
         """Start before the first gate.
 
         Args:
-            course: with its gates where they truly stand.
-            radius: of the vehicle [m].
-            laps: after which the flight is finished.
-            timeout: after which it is over [s].
-            penalties: whether it is the timed mode, in which a hit costs time.
+            course: course with its gates where they truly stand.
+            radius: radius of the vehicle [m].
+            laps: number of laps to fly.
+            timeout: time limit of the flight [s].
+            penalties: whether a hit adds time instead of ending the flight (timed mode).
 
         Raises:
             ValueError: more than one lap of an open course, or a gate too small for the vehicle.
@@ -273,10 +273,10 @@ def check(course: Course, laps: int, gates: Sequence[SweptGate], radius: float) 
     """Raise ValueError unless a vehicle can fly these laps through these gates.
 
     Args:
-        course: that is flown.
+        course: course of the race.
         laps: more than one on a closed course only.
         gates: the distinct gates of the course.
-        radius: of the vehicle [m].
+        radius: radius of the vehicle [m].
     """
     most = laps if course.loop else 1
     if not 1 <= laps <= most:

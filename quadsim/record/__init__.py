@@ -1,1 +1,1 @@
-"""What a flight leaves behind: runs, their folders on the disk, and the numbers read off them."""
+"""The records of flights: runs, their folders on the disk, and the metrics computed from them."""

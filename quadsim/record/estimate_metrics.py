@@ -1,4 +1,4 @@
-"""How good the estimate of a sensed flight was: short pure functions of a Run."""
+"""The accuracy of the estimate in a flight with sensors: short pure functions of a Run."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ SOLUTIONS = Path(__file__).parent / "solutions"
 # Name of the folder among the runs for those that are found here
 LIMITS = "limits"
 WHAT = "the solution of a race"
-# Of a file: arrays in single precision, and the fields of a StoredSolution beside its arrays
+# Arrays of a file: the solution in single precision, and the other fields of a StoredSolution
 ARRAYS = {
     "facts": TEXT,
     "t": Declared("float64", ("nodes",), finite=True),
@@ -74,7 +74,7 @@ class Solution:
 
     @property
     def time(self) -> float:
-        """Duration of the race [s]."""
+        """The duration of the race [s]."""
         return float(self.t[-1])
 
     def position(self, t: np.ndarray) -> np.ndarray:
@@ -94,18 +94,18 @@ class StoredSolution:
     vehicle: str
     laps: int
     closed: bool
-    # By the referee [s]
+    # Lap times by the referee [s]
     lap_times: list[float]
     # See quadsim.limit.verify.Verified.summary
     verified: dict
     solution: Solution
-    # As in LimitProblem
+    # Margin and reserve as in LimitProblem
     margin: float = 0.0
     reserve: float = 0.0
 
     @property
     def time(self) -> float:
-        """Duration of the race by the referee [s]."""
+        """The duration of the race by the referee [s]."""
         return sum(self.lap_times)
 
     def path(self, rate: float = 100.0) -> np.ndarray:
@@ -184,7 +184,7 @@ class LimitProblem:
     def key(self) -> str:
         """The sha256 of all that decides the limit [16 hex digits]."""
         decided = asdict(self)
-        # What is left at its default is no part of the key
+        # Numbers at their defaults do not enter the key.
         for name in ("margin", "reserve"):
             if not decided[name]:
                 del decided[name]
@@ -198,7 +198,7 @@ class LimitProblem:
 
     @property
     def file_name(self) -> str:
-        """Name of the file of its solution, with the key at the end."""
+        """The name of the file of its solution, with the key at the end."""
         parts = [self.course.name, self.vehicle.name, str(self.laps)]
         if self.closed:
             parts.append("closed")
@@ -233,7 +233,7 @@ def limit_of(spec: dict, *folders: Path) -> StoredSolution | None:
 
     Args:
         spec: the spec of the run.
-        folders: where to look, beside the project; see `limits_folder`.
+        folders: folders to search besides the project's own; see `limits_folder`.
     """
     with suppress(FileError, KeyError, msgspec.ValidationError):
         problem = LimitProblem.of_run(spec)
@@ -287,7 +287,7 @@ def _check_nodes(solution: Solution) -> None:
 
 
 def _rounded(value: Any) -> Any:
-    """Round all numbers to 9 digits: the last bits of an angle in radians are no other course."""
+    """Round all numbers to 9 digits, as the last bits of an angle do not make another course."""
     match value:
         case dict():
             return {key: _rounded(inner) for key, inner in value.items()}

@@ -148,7 +148,7 @@ def splits(run: Run) -> list[list[float]]:
 
 
 def missed_deadlines(run: Run) -> int:
-    """Return how many control periods came late because a plan was not ready.
+    """Return the number of control periods that came late because a plan was not ready.
 
     Under the simulated clock none does.
     """

@@ -1,6 +1,6 @@
 """PlannerSnapshots: the planner's best sampled paths at some frames of a run, for display.
 
-They are no part of a run's digest.
+They do not enter a run's digest.
 """
 
 from __future__ import annotations

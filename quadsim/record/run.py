@@ -39,7 +39,7 @@ COLUMNS = {
 }
 # Integer columns
 COUNTS = ("passed", "lap")
-# Columns that differ from flight to flight and are no part of the digest
+# Columns that differ from flight to flight and do not enter the digest
 WALL_CLOCK = ("plan_ms", "estimate_ms")
 FIRST_ROWS = 1024
 
@@ -92,13 +92,13 @@ class Run:
 
     @cached_property
     def laps(self) -> list[float]:
-        """Times of the completed laps, penalties included [s]."""
+        """The times of the completed laps, penalties included [s]."""
         flown = flown_laps(self.events, self._completed)
         return [t + penalty for t, penalty in zip(flown, self.penalties, strict=True)]
 
     @cached_property
     def penalties(self) -> list[float]:
-        """Part of each completed lap's time that was added for hits [s]."""
+        """The part of each completed lap's time that was added for hits [s]."""
         return lap_penalties(self.events, self._completed)
 
     @cached_property
@@ -116,7 +116,7 @@ class Run:
 
     @cached_property
     def duration(self) -> float:
-        """Time until the event that ended the flight; without one, until the last frame [s]."""
+        """The time of the event that ended the flight, or of the last frame without one [s]."""
         t = self.telemetry["t"]
         if not len(t):
             return 0.0
@@ -128,7 +128,7 @@ class Run:
 
     @cached_property
     def _completed(self) -> int:
-        """Number of laps flown to their end, as far as a pass tells when each ended."""
+        """The number of completed laps in which a pass was recorded."""
         laps = self.telemetry["lap"]
         if not len(laps):
             return 0
@@ -144,7 +144,7 @@ class Run:
     def digest(self) -> str:
         """Return the sha256 [hex] of all that a seed determines.
 
-        The wall clock, spec["host"] and the snapshots are no part of it.
+        The wall clock, spec["host"] and the snapshots do not enter it.
         """
         decided = {
             "spec": hostless(self.spec),
@@ -272,7 +272,7 @@ class Recorder:
     def views(self, columns: Iterable[str]) -> dict[str, np.ndarray]:
         """Return the telemetry so far, not copied, each column (frames,).
 
-        A view stays valid while the flight goes on.
+        A view stays valid while the flight continues.
 
         Args:
             columns: the names of `columns_of`, in order.

@@ -79,7 +79,7 @@ def false_alarm(sd: float, n: int, effect: float, confidence: float) -> float:
         sd: standard deviation of one difference.
         n: number of differences.
         effect: the bound that raises an alarm.
-        confidence: of `upper_bound`.
+        confidence: confidence of `upper_bound`.
     """
     if n < 2:
         return 1.0
@@ -131,7 +131,7 @@ def proportion_difference(
         n_a: attempts of a.
         k_b: successes of b.
         n_b: attempts of b.
-        confidence: of the interval.
+        confidence: confidence of the interval.
     """
     p_a = k_a / n_a
     p_b = k_b / n_b

@@ -36,7 +36,7 @@ class TurnedBack(TypedDict):
 
 
 def turned_back(run: Run) -> list[TurnedBack]:
-    """Return where a run turned back, once at most for each gate of each lap.
+    """Return the places where a run turned back, at most one for each gate of each lap.
 
     A run whose course cannot be read has none.
     """
@@ -50,7 +50,7 @@ def turned_back(run: Run) -> list[TurnedBack]:
 
 
 def turns(course: Course, t: np.ndarray, p: np.ndarray, passed: np.ndarray) -> list[TurnedBack]:
-    """Return where a path turned back.
+    """Return the places where a path turned back.
 
     Args:
         course: the gates.

@@ -22,7 +22,7 @@ def settle(out: Path, pictures: Pictures) -> None:
 
     Raises:
         FileError: the folder has pictures of other settings, or other files.
-        OSError: it cannot be made.
+        OSError: the folder cannot be made.
     """
     path = out / SETTINGS
     settings = pictures.settings()

@@ -18,7 +18,7 @@ from quadsim.render.poses import Pose
 from quadsim.sensing.camera import Camera
 from quadsim.sensing.visibility import hidden_corners
 
-# of the opening, seen along the passage
+# Corners of the opening, seen along the passage
 CORNERS = ("right_bottom", "right_top", "left_bottom", "left_top")
 CATEGORY = {
     "id": 1,
@@ -33,7 +33,7 @@ def label(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray) 
 
     Args:
         course, camera: the scene and the camera on the vehicle.
-        pose: of the vehicle.
+        pose: pose of the vehicle.
         segmentation: (height, width), gate numbers from 1.
     """
     position, axes = camera.pose(pose.p, pose.q)
@@ -63,7 +63,7 @@ def _gates(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray)
         yield {
             "gate": number,
             "keypoints": np.column_stack([corners, visibility]).ravel().tolist(),
-            # of the corners, along the optical axis [m]; negative: behind the camera
+            # depths of the corners along the optical axis [m]; negative: behind the camera
             "depth": depth[k].tolist(),
             "bbox": _box(rows, columns),
             "area": len(rows),
@@ -83,7 +83,7 @@ def coco(course: Course, camera: Camera, labels: Iterable[dict]) -> dict:
     """Return all labels as one document.
 
     Args:
-        course, camera: of all pictures.
+        course, camera: the course and the camera of all pictures.
         labels: results of `label`, with the `files` of the picture.
     """
     images: list[dict] = []

@@ -17,9 +17,9 @@ import numpy as np
 from quadsim.rotation import Vec3
 from quadsim.streams import LookStreams, texture_stream
 
-VARIED = ("textures", "light", "background")  # what can be drawn from a seed
+VARIED = ("textures", "light", "background")  # parts that can be drawn from a seed
 SIZE = 128  # pixels of a texture's edge
-CLOUDS = 512  # of the sky's
+CLOUDS = 512  # pixels of the sky texture's edge
 TEXTURES = 24  # number of textures, of which the first two are not drawn
 FLAT = 0
 CHEQUERED = 1

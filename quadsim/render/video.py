@@ -18,7 +18,7 @@ def write_video(pictures: Iterable[Path], size: tuple[int, int], rate: float, pa
         pictures: the files in order.
         size: their width and height [px].
         rate: pictures a second [Hz].
-        path: of the film.
+        path: path of the film.
 
     Raises:
         ImportError: imageio-ffmpeg, of the extra `render`, is not installed.

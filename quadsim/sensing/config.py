@@ -160,7 +160,7 @@ class GateCameraConfig(Camera):
         """Return the pixels of points, and whether each is in front and in the picture.
 
         Args:
-            points: of the body frame [m]  (n, 3).
+            points: points of the body frame [m]  (n, 3).
 
         Returns:
             Pixels (n, 2), and the mask (n,).

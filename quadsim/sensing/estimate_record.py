@@ -25,7 +25,7 @@ ESTIMATE_UNITS = {
     **dict.fromkeys(("cov_xx", "cov_xy", "cov_xz", "cov_yy", "cov_yz", "cov_zz"), "m^2"),
     # 9 degrees of freedom
     "nees": "1",
-    # of the measurements taken in this period, and their degrees of freedom
+    # normalised innovation squared of this period's measurements, and its degrees of freedom
     "nis": "1",
     "nis_dof": "1",
     # degrees of freedom of measurements taken for outliers
@@ -53,7 +53,7 @@ def estimate_row(
         state: the truth.
         nominal: the estimate.
         P: covariance of its error  (n, n).
-        innovations: of the measurements taken in this period.
+        innovations: innovations of the measurements taken in this period.
         picture: corners that stood in the last picture of this period, and that were found in it.
         spent: time that the estimate took [ms].
     """

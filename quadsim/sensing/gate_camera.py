@@ -41,7 +41,7 @@ class GateCamera:
             config: the camera.
             seeds: stream of its noise and mistakes.
             gates: each once, in the order of their indices.
-            obstacles: that may hide corners.
+            obstacles: obstacles, which may hide corners.
         """
         self.latency = config.latency
         self._config = config
@@ -63,18 +63,18 @@ class GateCamera:
         pixels, seen = self._config.seen(points @ matrix(state.x.attitude))
         seen &= (points**2).sum(axis=1) <= self._config.range**2
 
-        # Of these, the corners that nothing hides.
+        # Keep the corners that nothing hides.
         for k in np.flatnonzero(seen.reshape(-1, 4).any(axis=1)).tolist():
             others = self._gates[:k] + self._gates[k + 1 :]
             seen[4 * k : 4 * k + 4] &= ~hidden(self._corners[k], position, others, self._obstacles)
         return self._found(state.t, pixels, np.flatnonzero(seen))
 
     def _found(self, t: float, pixels: np.ndarray, view: np.ndarray) -> Corners:
-        """Return what is found of the corners in view.
+        """Return the corners that are found among those in view.
 
         Args:
-            t: of the exposure [s].
-            pixels: of all corners of the course  (n, 2).
+            t: time of the exposure [s].
+            pixels: pixels of all corners of the course  (n, 2).
             view: indices of the corners in view.
         """
         # Every picture takes the same number of draws.

@@ -31,7 +31,7 @@ class Imu:
         """Draw the biases at the start from the stream `seeds`."""
         self.latency = config.latency
         self._rng = np.random.default_rng(seeds)
-        # Of the gyroscope's three axes, then of the accelerometer's.
+        # Numbers of the gyroscope's three axes, then of the accelerometer's
         self._noise = np.repeat([config.gyro_noise, config.accelerometer_noise], 3)
         self._walk = np.repeat([config.gyro_walk, config.accelerometer_walk], 3)
         self._limits = np.repeat([config.gyro_max, config.accelerometer_max], 3)

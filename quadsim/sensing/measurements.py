@@ -54,7 +54,7 @@ class Corners:
     Each may be taken for another: the association may be wrong.
     """
 
-    # of the exposure [s]
+    # time of the exposure [s]
     t: float
     # index of the gate that each is taken to belong to  (n,)
     gates: np.ndarray

@@ -42,7 +42,7 @@ from quadsim.sensing.sensors import Sensors
 MOVED = 0.01
 # weight of the last planning time in the running mean of planning times
 PLAN_TIME = 0.1
-# of a period; a number of periods this near to a whole one is taken for it
+# A number of periods that differs this little from a whole number is taken to be whole.
 WHOLE = 1e-6
 # [s] by which instants may differ that are taken for one
 ROUNDING = 1e-9
@@ -53,9 +53,9 @@ class Present(NamedTuple):
 
     # state now, of a quadrotor a State  (n_x,)
     x: tuple[float, ...]
-    # as it is estimated; None: it is not estimated
+    # the estimated model; None: it is not estimated
     model: ModelParams | None = None
-    # as it is estimated; None: the map is all that is known
+    # the estimated course; None: only the map is known
     course: Course | None = None
 
 
@@ -106,7 +106,7 @@ class GateCount(Protocol):
 
         Args:
             x: state, which begins with the position [m]  (n_x,).
-            course: as it is estimated; None: the map.
+            course: the estimated course; None: the map.
         """
         ...
 
@@ -124,7 +124,10 @@ class RefereeCount:
     """The true number of gates passed, by the referee."""
 
     def __init__(self, referee: PassedGates):
-        """referee: of this flight."""
+        """Take the gate count of a referee.
+
+        referee: the flight's referee.
+        """
         self._referee = referee
 
     def at(self, x: tuple[float, ...], course: Course | None) -> int:
@@ -143,7 +146,7 @@ class TrueState:
         Args:
             state: the plant's.
             dt: control period [s].
-            learner: of the vehicle's numbers, for exact states; None: they are not estimated.
+            learner: estimator of the vehicle's parameters; None: they are not estimated.
         """
         self._state = state
         self._dt = dt
@@ -175,7 +178,7 @@ class TrueState:
     def _whole_periods(self, duration: float) -> float:
         """Return the control periods in a duration [s].
 
-        It is no whole number where planning took longer on the wall clock.
+        It is not a whole number where planning took longer on the wall clock.
         """
         periods = duration / self._dt
         return round(periods) if abs(periods - round(periods)) <= WHOLE else periods
@@ -198,13 +201,13 @@ class SensedState:
         """Put sensors and estimators together.
 
         Args:
-            sensors: warmed up, at the flight's first state.
-            estimator: of position, velocity and attitude, and of the places of gates.
+            sensors: sensors after their warm-up, at the flight's first state.
+            estimator: estimator of position, velocity and attitude, and of the places of gates.
             body_rates: observes the rates and the angular accelerations.
-            learner: of the thrust and the vehicle's numbers, for sensors.
-            course: as it is estimated; None: for a controller that flies by the map.
+            learner: estimator of the thrust and the vehicle's parameters.
+            course: the estimated course; None: the controller uses the map.
             dt: control period [s].
-            adapt: whether the planner uses what is learnt of the vehicle.
+            adapt: whether the planner uses the estimated vehicle parameters.
             rotor_std: standard deviation of the thrust by rotor speeds [m/s^2].
         """
         self._sensors = sensors
@@ -323,11 +326,14 @@ class CourseEstimate:
     """The course with its gates where the estimator has them, and their uncertainty."""
 
     def __init__(self, course: Course):
-        """course: the map."""
+        """Begin with the map.
+
+        course: the course as the map has it.
+        """
         self._map = course
         self._course = course
         self._distinct: tuple[Gate, ...] = tuple(dict.fromkeys(course.gates))
-        # of gates from the map, and their standard deviations [m]  (gates, 4)
+        # displacements of gates from the map, and their standard deviations [m]  (gates, 4)
         self._offsets: np.ndarray | None = None
 
     def updated(self, state: FilterState) -> Course:
@@ -361,7 +367,7 @@ class Navigation:
         """Put the parts together.
 
         Args:
-            source: of the present state.
+            source: source of the present state.
             gates: counts the gates passed.
             commands: given before the flight.
             dt: control period [s].

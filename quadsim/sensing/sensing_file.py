@@ -69,7 +69,7 @@ def load_sensing(name_or_path: str | Path) -> Sensing:
     """Return a sensing by name ("mocap") or path ("mine.yaml").
 
     Raises:
-        FileError: no such sensing, or a file that is no sensing.
+        FileError: there is no such sensing, or the file is not a sensing file.
     """
     path = locate(name_or_path, SENSINGS, "sensing")
     return parse_sensing(read_text(path), str(path))
@@ -83,7 +83,7 @@ def parse_sensing(text: str, file: str) -> Sensing:
         file: shown in errors; gives the sensing its name.
 
     Raises:
-        FileError: the text is no sensing.
+        FileError: the text is not a sensing file.
     """
     document = parse(text, file)
     entry = document.fill(SensingFile)

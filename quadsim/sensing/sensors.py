@@ -42,7 +42,7 @@ class Coming(NamedTuple):
 
     # time of arrival [s]
     t: float
-    # of the measurement; it settles the order of those that arrive at once
+    # number of the measurement, which orders those that arrive at once
     number: int
     measurement: Measurement
 
@@ -62,15 +62,15 @@ class Sensors:
         velocity_lag: float = 0.0,
         obstacles: Sequence[Obstacle] = (),
     ):
-        """Put up the sensors.
+        """Make the sensors of a flight.
 
         Args:
-            sensing: which there are, and their numbers.
+            sensing: the set of sensors, with their numbers.
             seeds: the flight's stream of sensors.
             vehicle: the true one, as the plant has it.
-            gates: where they truly stand, each once.
+            gates: the gates where they truly stand, each once.
             velocity_lag: see quadsim.physics.plant.Plant [s].
-            obstacles: that stand on the course.
+            obstacles: obstacles on the course.
         """
         streams = sensor_streams(seeds)
         self._sensors: list[Sensor] = []

@@ -12,7 +12,10 @@ class Ticks:
     """
 
     def __init__(self, rate: float):
-        """rate: [Hz]"""
+        """Begin at t = 0.
+
+        rate: sampling rate [Hz].
+        """
         self._rate = rate
         self._done: int | None = None
 

@@ -32,10 +32,10 @@ def hidden(
     """Return which points a bar of any gate, or any obstacle, hides from an eye.
 
     Args:
-        points: in the world [m]  (n, 3).
-        eye: in the world [m]  (3,).
-        gates: whose frames may stand between.
-        obstacles: that may stand between.
+        points: points in the world [m]  (n, 3).
+        eye: point of view in the world [m]  (3,).
+        gates: gates, whose frames may hide points.
+        obstacles: obstacles, which may hide points.
 
     Returns:
         (n,) bool
@@ -67,8 +67,8 @@ def hidden_corners(
 
     Args:
         gates: each once.
-        eye: in the world [m]  (3,).
-        obstacles: that may stand between.
+        eye: point of view in the world [m]  (3,).
+        obstacles: obstacles, which may hide points.
 
     Returns:
         In the order of `Gate.corners`  (gates, 4) bool.

@@ -1,4 +1,4 @@
-"""From a Spec to a flight: build plant, controller and referee, then simulate."""
+"""Build the plant, the controller and the referee of a Spec, and simulate its flight."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ from quadsim.vehicle import Vehicle
 if TYPE_CHECKING:
     from controllers.mppi import MPPI
 
-LEAST_ROTOR_STD = 0.05  # [m/s^2] of the thrust by rotor speeds
+LEAST_ROTOR_STD = 0.05  # least standard deviation of the thrust by rotor speeds [m/s^2]
 
 
 class FlightParts(NamedTuple):
-    """What flies one flight. Whoever built it closes the plant."""
+    """The plant, the controller and the referee of one flight. Their owner closes the plant."""
 
     plant: Plant
     controller: Controller
@@ -63,9 +63,9 @@ def with_threads(spec: Spec) -> Spec:
     """Use the spec's number of CPU threads from now on and return the spec with that number.
 
     Raises:
-        SettingError: this machine has fewer.
+        SettingError: this machine has fewer threads.
     """
-    from controllers.lanes.threads import most_threads, use_threads  # which loads the compiler
+    from controllers.lanes.threads import most_threads, use_threads  # here: it loads the compiler
 
     most = most_threads()
     threads = most if spec.threads is None else spec.threads
@@ -98,7 +98,7 @@ def start_of(spec: Spec) -> State:
 
 
 def referee_of(spec: Spec) -> RefereeProtocol:
-    """Return the referee of one flight: the user's own, or that of races.
+    """Return the referee of one flight: the user's own, or the racing referee.
 
     Raises:
         ValueError: course, laps and vehicle do not fit together.
@@ -134,21 +134,21 @@ def plant_of(spec: Spec) -> Plant:
 
 
 def pilot_of(spec: Spec) -> PilotController | None:
-    """Return the learned pilot, where one flies in the planner's place."""
+    """Return the learned pilot that flies in the planner's place, None without one."""
     if spec.pilot is None:
         return None
     return PilotController(spec.pilot, spec.course, spec.laps, system_of(spec).rest)
 
 
 def planner_of(spec: Spec, stream: SeedSequence | None = None) -> MPPI:
-    """Return the planner alone.
+    """Return the planner of a flight, without the other parts.
 
     Args:
-        spec: of the flight.
-        stream: seeds the planner's perturbations; default: the flight's own.
+        spec: specification of the flight.
+        stream: seed of the planner's perturbations; None: the flight's own.
 
     Raises:
-        SettingError: a term or cost of the user's own cannot be compiled.
+        SettingError: the user's term or cost cannot be compiled.
     """
     from controllers.mppi import MPPI  # here: it loads the compiler
 
@@ -162,7 +162,7 @@ def planner_of(spec: Spec, stream: SeedSequence | None = None) -> MPPI:
 
 
 def check_cost(spec: Spec, cost: Cost) -> None:
-    """Check that a cost with parts of the user's own can be compiled. Raises SettingError."""
+    """Check that a cost with the user's own parts can be compiled. Raises SettingError."""
     from controllers.lanes.planner_loops import module_source
     from controllers.lanes.trace import TraceError
 
@@ -173,7 +173,7 @@ def check_cost(spec: Spec, cost: Cost) -> None:
 
 
 def cost_on(spec: Spec, course: Course) -> Cost:
-    """Return the planner's cost on this course, with the terms of the user's own after its own.
+    """Return the planner's cost on this course, followed by the user's own terms.
 
     Raises:
         ValueError: two terms have one name.
@@ -188,16 +188,16 @@ def cost_on(spec: Spec, course: Course) -> Cost:
 
 
 def race_cost_on(spec: Spec, course: Course) -> Cost:
-    """Return the cost of the planner's weights on this course.
+    """Return the racing or reference cost on this course, with the planner's weights.
 
-    With a camera that has to find gates, the nose points where the vehicle flies.
+    Where a camera has to find the gates, a term keeps the nose in the direction of flight.
     """
     weights = spec.planner.cost
     radius = spec.vehicle.radius
     if isinstance(weights, ReferenceWeights):
-        known = stored_reference(course, spec.vehicle, spec.laps, weights, spec.runs_dir)
-        followed = reference_of(known, spec.vehicle, spec.planner.mppi.dt)
-        return reference_cost(course, radius, weights, followed)
+        solution = stored_reference(course, spec.vehicle, spec.laps, weights, spec.runs_dir)
+        reference = reference_of(solution, spec.vehicle, spec.planner.mppi.dt)
+        return reference_cost(course, radius, weights, reference)
     cost = race_cost(course, radius, weights, spec.laps)
     if spec.sensing and spec.sensing.camera and spec.view_weight:
         return with_view(cost, spec.view_weight)
@@ -205,12 +205,12 @@ def race_cost_on(spec: Spec, course: Course) -> Cost:
 
 
 def launch(spec: Spec, parts: FlightParts, navigation: Navigation | None = None) -> Iterator[Frame]:
-    """Return the frames of a flight, of the parts that `build` returned.
+    """Return the frames of a flight with the parts that `build` returned.
 
     Args:
-        spec: of the flight.
-        parts: used for this one flight.
-        navigation: makes the estimates that the controller is given; default: the spec's.
+        spec: specification of the flight.
+        parts: the parts, which serve for one flight only.
+        navigation: source of the controller's estimates; None: the spec's.
     """
     from controllers.deadline import Deadline
     from controllers.mppi import MPPI
@@ -233,7 +233,7 @@ def launch(spec: Spec, parts: FlightParts, navigation: Navigation | None = None)
 
 
 def navigation_of(spec: Spec, parts: FlightParts) -> Navigation:
-    """Return what makes the estimates that the controller is given, at the start of a flight."""
+    """Return the navigation of a flight, which makes the estimates for the controller."""
     dt = spec.planner.mppi.dt
     rest = tuple(parts.controller.rest.tolist())
     # A pilot has no model that could be adapted.
@@ -244,7 +244,7 @@ def navigation_of(spec: Spec, parts: FlightParts) -> Navigation:
         learner = VehicleLearner.for_exact_states(spec.model, dt) if adapts else None
         source = TrueState(parts.plant.state, dt, learner)
 
-    # A prediction ahead of the referee needs a count of its own.
+    # A state that is predicted ahead of the referee needs its own count of gates.
     is_late = spec.vehicle.latency or spec.clock == "wall"
     if spec.sensing or is_late:
         gates = GateCounter(spec.course, spec.laps)
@@ -254,9 +254,9 @@ def navigation_of(spec: Spec, parts: FlightParts) -> Navigation:
 
 
 def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> SensedState:
-    """Return the state by a flight's sensors.
+    """Return the source of the state that is estimated from the sensors of a flight.
 
-    adapts: whether the planner uses what is learnt of the vehicle.
+    adapts: whether the planner uses the vehicle parameters estimated in flight.
     """
     imu = sensing.imu
     if imu is None:
@@ -280,7 +280,7 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
         Estimator(sensing, gates, spec.course.start, -WARM_UP, spec.displace_gates),
         BodyRates(spec.model, dt, imu),
         VehicleLearner.for_sensors(spec.model, dt, imu),
-        None if spec.pilot else CourseEstimate(spec.course),  # a pilot flies by the map
+        None if spec.pilot else CourseEstimate(spec.course),  # a pilot uses the map
         dt,
         adapts,
         rotor_std(sensing.rotors, spec.vehicle),
@@ -293,9 +293,9 @@ def distinct(gates: Sequence[Gate]) -> tuple[Gate, ...]:
 
 
 def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:
-    """Return the standard deviation of the thrust that is measured by the rotors' speeds [m/s^2].
+    """Return the standard deviation of the thrust that is measured by rotor speeds [m/s^2].
 
-    It is that at full speed, for independent noises of the four rotors.
+    It holds at full rotor speed, for independent noise of the four rotors.
     """
     if config is None or vehicle.rotors is None:
         return LEAST_ROTOR_STD
@@ -305,7 +305,7 @@ def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:
 
 
 def flight_frames(spec: Spec) -> Iterator[Frame]:
-    """Build and simulate: yield one Frame for each control step, the last one with the outcome."""
+    """Build and simulate a flight; yield a Frame per control step, the last with the outcome."""
     parts = build(spec)
     with closing(parts.plant):
         yield from launch(spec, parts)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class Keywords(TypedDict, total=False):
-    """Settings by name, None for the default. `Spec.of` takes the same."""
+    """The settings by name; None stands for the default. `Spec.of` takes the same keywords."""
 
     sampler: str | Sampling | PlainSampler | None
     pilot: str | Path | Pilot | None

@@ -1,7 +1,7 @@
-"""Objects of the user's own in a flight.
+"""The user's own objects in a flight: how they are checked, called and recorded.
 
-They are a sampler, terms, a cost, a plant, a controller and a referee. A run keeps what they are
-called and the numbers that they hold, not what they do.
+They are a sampler, terms, a cost, a plant, a controller and a referee. A run stores their names and
+the numbers that they hold, not their code.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from controllers.samplers import SAMPLERS, PlainSampler, Sampling
 from quadsim.files.yaml_errors import did_you_mean
 from quadsim.spec.settings import SettingError
 
-Json = Any  # what JSON holds
+Json = Any  # a value that JSON can hold
 Sampler = Sampling | PlainSampler
 WANTED_TERMS = "expected terms=[(function, weight), ...] or controllers.costs.Term objects"
 WANTED_SAMPLER = "expected a sampler: an object with sample(rng, samples, horizon, controls)"
-LARGE = 1000  # an array of more numbers is not kept by a run
+LARGE = 1000  # of an array of more numbers a run stores the shape only
 METHODS = {"plant": "step", "controller": "control", "referee": "observe"}
 
 
 def check_part(role: str, part: object) -> None:
-    """Check that a plant, controller or referee of the user's own can be one.
+    """Check that the user's plant, controller or referee has the method that it needs.
 
     Args:
         role: one of METHODS.
         part: an object with that method, or a class or function that is called with the Spec.
 
     Raises:
-        SettingError: it is neither.
+        SettingError: the part is neither.
     """
     if not (callable(part) or hasattr(part, METHODS[role])):
         wanted = f"expected an object with {METHODS[role]!r}, or a function that makes one"
@@ -43,7 +43,7 @@ def check_part(role: str, part: object) -> None:
 
 
 def made(part: Any, spec: object) -> Any:
-    """Return the part itself, or what its class or function makes for this flight."""
+    """Return the part itself, or the object that its class or function makes for this flight."""
     return part(spec) if _is_maker(part) else part
 
 
@@ -51,7 +51,7 @@ def terms_of(objects: object) -> tuple[Term, ...]:
     """Return cost terms that were given as Term objects or as (function, weight).
 
     Raises:
-        SettingError: they are something else.
+        SettingError: the objects are anything else.
     """
     if not isinstance(objects, tuple | list):
         raise SettingError("terms", f"{WANTED_TERMS}, got {objects!r}")
@@ -74,7 +74,7 @@ def _term(given: object) -> Term:
 
 
 def term_of_text(text: str) -> Term:
-    """Return the term of "package.module:function=WEIGHT". Raises SettingError."""
+    """Return the term that "package.module:function=WEIGHT" names. Raises SettingError."""
     place, _, weight = text.rpartition("=")
     wanted = f"expected package.module:function=WEIGHT, got {text!r}"
     try:
@@ -126,7 +126,7 @@ def _sampler(given: object) -> Sampler:
 
 
 def sampler_name(sampler: Sampler) -> str:
-    """Return the name of a registered sampler, the class name of the user's own."""
+    """Return the name of a registered sampler, or the class name of the user's own."""
     for name, cls in SAMPLERS.items():
         if type(sampler) is cls:
             return name
@@ -169,7 +169,7 @@ def _is_maker(part: object) -> bool:
 
 
 def plain(value: object) -> Json:
-    """Return a value as JSON holds it: of a large array its shape, of another object its class."""
+    """Return a value as JSON can hold it: a large array as its shape, an object as its class."""
     if isinstance(value, str | int | float | bool) or value is None:
         return value
     if isinstance(value, Path):

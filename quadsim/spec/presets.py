@@ -1,9 +1,11 @@
 """Presets of a flight's planner: named ones, and YAML files that name one as their base.
 
-base: race
-sampling: {gamma: [3, 3, 3, 2]}
-mppi: {samples: 2048}
-cost: {margin: 0.3}
+A preset file holds the numbers that differ from those of its base:
+
+    base: race
+    sampling: {gamma: [3, 3, 3, 2]}
+    mppi: {samples: 2048}
+    cost: {margin: 0.3}
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from quadsim.files.strict_yaml import Document, parse, unit
 from quadsim.files.yaml_errors import did_you_mean
 from quadsim.spec.settings import CONTROL_UNITS
 
-GROUPS = ("sampling", "mppi", "cost")  # of a Planner, and of a preset file
+GROUPS = ("sampling", "mppi", "cost")  # groups of numbers in a Planner and in a preset file
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class PresetSource:
 
     @classmethod
     def read(cls, name_or_path: str) -> PresetSource:
-        """Return the preset of a name or of a FILE.yaml. Raises FileError for a file not read."""
+        """Return the preset of a name or a FILE.yaml. Raises FileError if it cannot be read."""
         if name_or_path.endswith(SUFFIXES):
             return cls(name_or_path, read_text(Path(name_or_path)))
         return cls(name_or_path)
@@ -55,18 +57,18 @@ def parse_planner(text: str, file: str, sampler: str) -> Planner:
     so that one file serves several samplers.
 
     Raises:
-        FileError: the file is no preset.
+        FileError: the file is not a preset.
     """
     document = parse(text, file)
     base = _base(document, sampler)
     entry = document.fill(_schema(base))
     changes: dict[str, Any] = {"preset": file, "vehicle": entry.vehicle or base.vehicle}
     for group, keys in _groups(document):
-        of_base = getattr(base, group)
-        known = {f.name for f in fields(of_base)}
+        base_part = getattr(base, group)
+        known = {f.name for f in fields(base_part)}
         given = getattr(entry, group)
         numbers = {key: getattr(given, key) for key in keys if key in known}
-        changes[group] = replace(of_base, **numbers)
+        changes[group] = replace(base_part, **numbers)
     planner = replace(base, **changes)
     for path, problem in faults(planner):
         raise document.error(path, problem)
@@ -81,7 +83,10 @@ def _groups(document: Document) -> Iterator[tuple[str, list[str]]]:
 
 
 def _base(document: Document, sampler: str) -> Planner:
-    """Return what the file's `base` names; without one the first preset, for the error to come."""
+    """Return the preset that the file's `base` names.
+
+    A file without `base` gets the first preset; its schema then reports the missing key.
+    """
     name = None
     for key, node in getattr(document.root, "value", ()):
         if isinstance(key, yaml.ScalarNode) and key.value == "base":
@@ -94,11 +99,11 @@ def _base(document: Document, sampler: str) -> Planner:
 
 
 def _schema(base: Planner) -> type[Any]:
-    """Return what a preset file may hold: every number of the base's groups, none required."""
+    """Return the schema of a preset file: every number of the base's groups, none required."""
     keys: list[Any] = [("base", str), ("vehicle", str | None, None)]
     for group in GROUPS:
-        of_base = type(getattr(base, group))
-        classes = SAMPLERS.values() if group == "sampling" else (of_base,)
+        base_class = type(getattr(base, group))
+        classes = SAMPLERS.values() if group == "sampling" else (base_class,)
         kinds: dict[str, Any] = {}
         for cls in classes:
             kinds |= get_type_hints(cls, include_extras=True)
@@ -108,7 +113,7 @@ def _schema(base: Planner) -> type[Any]:
 
 
 def _of_each_control(name: str, kind: Any) -> Any:
-    """Return the kind of one number for each control in place of a tuple of any length."""
+    """Return a tuple's type with one number for each control in place of any length."""
     if get_origin(kind) is Annotated:
         inner, *metadata = get_args(kind)
         return Annotated[_of_each_control(name, inner), *metadata]

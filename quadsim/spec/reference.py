@@ -1,4 +1,4 @@
-"""A stored solution of `race limit` as what a planner follows."""
+"""Stored solutions of `race limit` as references that a planner follows."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ def stored_reference(
 
     Args:
         course, vehicle, laps: the race.
-        weights: their margin and reserve are the solution's.
-        runs_dir: folder of runs; solutions are looked for there, beside those of the project.
+        weights: weights with the margin and the reserve of the solution to look for.
+        runs_dir: folder of runs, searched for solutions as well as the project's own.
 
     Raises:
         FileError: there is no solution of this race.
     """
     problem = LimitProblem(course, vehicle, laps, "rates")
     problem = replace(problem, margin=weights.margin, reserve=weights.reserve)
-    found = problem.best_known(limits_folder(runs_dir))
-    if found:
-        return found
+    stored = problem.best_known(limits_folder(runs_dir))
+    if stored:
+        return stored
     name, _, ratio = vehicle.name.partition("-twr")
-    flown = f"{name} --thrust-to-weight {ratio}" if ratio else name
+    vehicle_flags = f"{name} --thrust-to-weight {ratio}" if ratio else name
     command = (
-        f"race limit {course.name} --vehicle {flown} --laps {laps} --model rates"
+        f"race limit {course.name} --vehicle {vehicle_flags} --laps {laps} --model rates"
         f" --margin {weights.margin:g} --reserve {weights.reserve:g}"
     )
     if str(runs_dir) != "runs":
         command += f" --runs-dir {runs_dir}"
-    problem_text = "preset: expected a stored solution of this race to follow, got none"
-    raise FileError(f"{problem_text}: search it with {command}")
+    message = "preset: expected a stored solution of this race to follow, got none"
+    raise FileError(f"{message}: search it with {command}")
 
 
 def reference_of(limit: StoredSolution, vehicle: Vehicle, dt: float) -> Reference:
@@ -49,7 +49,7 @@ def reference_of(limit: StoredSolution, vehicle: Vehicle, dt: float) -> Referenc
 
     Args:
         limit: the solution.
-        vehicle: that it was searched for.
+        vehicle: vehicle that the solution was computed for.
         dt: control period [s].
     """
     solution = limit.solution
@@ -59,7 +59,7 @@ def reference_of(limit: StoredSolution, vehicle: Vehicle, dt: float) -> Referenc
     middle = np.searchsorted(solution.t, t + dt / 2) - 1
     interval = np.clip(middle, 0, len(solution.u) - 1)
 
-    # A gate is passed where the last interval that aims at it ends.
+    # A gate is passed at the end of the last interval that aims at it.
     gates = range(int(solution.target.max()) + 1)
     passes = [float(solution.t[1:][solution.target == gate][-1]) for gate in gates]
     rows = [round(t_pass / dt) for t_pass in passes]

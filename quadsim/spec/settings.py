@@ -25,7 +25,7 @@ from quadsim.files.yaml_errors import unless_null
 from quadsim.physics.plant import PlantName
 from quadsim.sensing import PERFECT
 
-Kind = inspect.Type  # what a value has to be: type, range and unit, as msgspec reads an annotation
+Kind = inspect.Type  # type, range and unit of a value, as msgspec reads an annotation
 Clock = Literal["simulated", "wall"]
 LapCount = Annotated[int, Meta(ge=1, le=1000)]
 ThreadCount = Annotated[int, Meta(ge=1)]
@@ -37,7 +37,7 @@ CONTROL_UNITS = ", ".join(units_of(Control).values())
 
 @dataclass(frozen=True)
 class FlightSettings:
-    """The settings of a flight around its planner. None is the default that the help names."""
+    """The settings of a flight apart from its planner. None stands for the default in the help."""
 
     sampler: Annotated[
         str, setting("sampling distribution, or package.module:Class of your own")
@@ -90,7 +90,7 @@ class FlightSettings:
     ] = None
     plant_dt: Annotated[float, setting("physics step", "s", ge=1e-4, le=0.02)] = 1 / 400
     clock: Annotated[
-        Clock, setting("simulated: planning takes no time; wall: the flight goes on meanwhile")
+        Clock, setting("simulated: planning takes no time; wall: the flight continues meanwhile")
     ] = "simulated"
     deadline_ms: Annotated[
         Milliseconds | None, setting("fewer samples, so that a plan takes no longer")
@@ -106,17 +106,17 @@ OWNERS: dict[Group, tuple[type, ...]] = {
     "cost": (RaceWeights, ReferenceWeights),
     "model": (ModelParams,),
 }
-PREFIX = "model_"  # of the settings of the planner's model, some of which a vehicle has too
+PREFIX = "model_"  # begins the settings of the planner's model; a vehicle has some of them too
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One setting, which several classes of a group may have, such as sigma of every sampler."""
+    """One setting. Several classes of a group may share it: every sampler has a sigma."""
 
     name: str  # keyword, "model_drag"
     group: Group
     field: str  # in its dataclass, "drag"
-    kinds: Mapping[type, Kind]  # dataclass that has it -> what it takes there
+    kinds: Mapping[type, Kind]  # dataclass that has it -> its kind there
     help: str
 
     @property
@@ -131,12 +131,12 @@ class Setting:
 
     @property
     def kind(self) -> Kind:
-        """What the setting takes in the first of its dataclasses."""
+        """The kind of the setting in the first of its dataclasses."""
         return next(iter(self.kinds.values()))
 
 
 class SettingError(ValueError):
-    """An invalid setting: its name, the value expected with its unit, the value found."""
+    """A setting is invalid. The message has its name, what was expected and what was found."""
 
     def __init__(self, name: str, problem: str):
         super().__init__(f"{name}: {problem}")
@@ -185,7 +185,7 @@ def bare(kind: Kind) -> Kind:
 
 
 def _kind_of_each_control(name: str, kind: Kind) -> Kind:
-    """Return the kind of one number for each control in place of a tuple of any length."""
+    """Return a tuple's kind with one number for each control in place of any length."""
     if isinstance(kind, inspect.Metadata):
         inner = _kind_of_each_control(name, kind.type)
         return inspect.Metadata(inner, kind.extra_json_schema, kind.extra)

@@ -1,4 +1,4 @@
-"""Spec: one flight, whole. The same record builds the flight and is stored with its run."""
+"""Spec: the complete specification of one flight, which builds it and is stored with its run."""
 
 from __future__ import annotations
 
@@ -60,49 +60,50 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True)
 class Spec:
-    """One flight, whole: the same spec gives the same Run to the last bit on the same machine.
+    """A complete specification of one flight.
 
-    `Spec.of("split_s_swift", sampler="gaussian", horizon=120)` makes one of settings, every setting
-    of `race fly` being a keyword; `spec.but(seed=7)` changes some. Course and preset are labels of
-    what the spec holds, and cannot disagree with it.
+    The same spec gives the same Run to the last bit on the same machine.
 
-    plant, controller and referee may be objects of the user's own: an object for one flight, or a
-    class or function that is called with the Spec and makes one. The sampler of the user's own is
+    `Spec.of("split_s_swift", sampler="gaussian", horizon=120)` makes one of settings, where every
+    setting of `race fly` is a keyword; `spec.but(seed=7)` returns one with changed settings.
+
+    plant, controller and referee may be the user's own: an object for one flight, or a class or
+    function that is called with the Spec and makes one. The user's own sampler is
     `planner.sampling`.
 
     Raises:
-        SettingError: parts that do not fit together (a ValueError).
+        SettingError: the parts do not fit together (a ValueError).
     """
 
     course: Course  # the planner's map
     vehicle: Vehicle
     planner: Planner
-    model: ModelParams  # what the planner assumes of the vehicle
+    model: ModelParams  # the planner's model of the vehicle
     laps: int
     timeout: float  # [s]
     sensing: Sensing | None = None  # None: the planner is given the true state
-    pilot: Pilot | None = None  # a learned one in the planner's place
+    pilot: Pilot | None = None  # a learned pilot in the planner's place
     seed: int = 0
     randomize: float = 0.0  # scale of quadsim.physics.domain_randomization
     displace_gates: float = 0.0  # how far gates may stand off the map, along x and y [m]
-    view_weight: float = 0.0  # of a camera that looks along the flight
+    view_weight: float = 0.0  # weight of a camera that looks along the flight
     penalties: bool = False
     plant: PlantName | Plant | Callable[[Spec], Plant] = field(default_factory=default_plant)
     plant_dt: float = FlightSettings.plant_dt  # [s]
     clock: Clock = "simulated"
     deadline_ms: float | None = None  # fewer samples, so that a plan takes no longer
-    terms: tuple[Term, ...] = ()  # of the user's own, beside those of the cost
-    cost: Cost | Callable[[Cost], Cost] | None = None  # in place of the cost, or made of it
+    terms: tuple[Term, ...] = ()  # the user's own, beside those of the cost
+    cost: Cost | Callable[[Cost], Cost] | None = None  # replaces or changes the cost
     controller: Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw] | None = None
     referee: RefereeProtocol | Callable[[Spec], RefereeProtocol] | None = None
-    threads: int | None = None  # None: as many as are in use; they do not change the flight
+    threads: int | None = None  # None: as many as are in use; the number does not change the flight
     runs_dir: str = FlightSettings.runs_dir  # where solutions of `race limit` are looked for
     # The settings that this spec was made of. Files that they name have been read: `but` does not
     # read them again.
     given: Mapping[str, Any] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Check the parts against each other; a spec made of its parts has all of them as given."""
+        """Check the parts against each other, and keep them as the settings that were given."""
         validate(self)
         parts = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
         object.__setattr__(self, "given", parts)
@@ -113,11 +114,11 @@ class Spec:
 
         Args:
             course: a name, a FILE.yaml or a Course.
-            settings: as of `quadsim.fly`.
+            settings: keywords of `quadsim.fly`.
 
         Raises:
-            SettingError: a ValueError of one line that names the setting.
-            FileError: a course, vehicle or preset that cannot be read (a ValueError).
+            SettingError: a setting is invalid; its message is one line (a ValueError).
+            FileError: a course, vehicle or preset cannot be read (a ValueError).
         """
         given: dict[str, Any] = dict(settings)
         if course is not None:
@@ -125,16 +126,16 @@ class Spec:
         return _resolved(given)
 
     def but(self, course: CourseLike | None = None, **changes: Unpack[Keywords]) -> Spec:
-        """Return the spec of the same settings with some changed, everything else resolved anew.
+        """Return the spec of the same settings with some changed; defaults are resolved anew.
 
         A new sampler, preset or vehicle brings its own defaults; settings that were given stay.
 
         Args:
             course: another course; default: the same.
-            changes: as of `quadsim.fly`; None: the default again.
+            changes: keywords of `quadsim.fly`; None resets a setting to its default.
 
         Raises:
-            SettingError, FileError: as `of`.
+            SettingError, FileError: as for `of`.
         """
         given = {**self.given, **changes}
         if course is not None:
@@ -158,13 +159,13 @@ class Spec:
 
     @property
     def flown_course(self) -> Course:
-        """The course as it stands, which may differ from the planner's map `course`."""
+        """The course with its gates where they truly stand; `course` is the planner's map."""
         if not self.displace_gates:
             return self.course
         return displaced(self.course, self.streams.gates, self.displace_gates)
 
     def record(self) -> dict[str, Any]:
-        """Return the JSON that a run keeps of its spec."""
+        """Return the spec as JSON, as a run stores it."""
         own = self._own_parts()
         named_plant = self.plant if isinstance(self.plant, str) else default_plant()
         record = {
@@ -193,7 +194,7 @@ class Spec:
             "variation": asdict(draw(self.streams.vehicle, self.randomize)),
             "host": {"threads": self.threads},
         }
-        # These are left out where they are not used.
+        # Parts that a flight does not use are left out.
         used = {
             "sensing": plain(self.sensing),
             "displace_gates": self.displace_gates,
@@ -204,7 +205,7 @@ class Spec:
         return record | {name: value for name, value in used.items() if value}
 
     def _own_parts(self) -> dict[str, Any]:
-        """Return {role: description} of the objects of the user's own."""
+        """Return {role: description} of the user's own objects."""
         parts = {"cost": self.cost, "controller": self.controller, "referee": self.referee}
         if not isinstance(self.plant, str):
             parts["plant"] = self.plant
@@ -222,7 +223,7 @@ def validate(spec: Spec) -> None:
     """Check the parts of a spec against each other.
 
     Raises:
-        SettingError: some do not fit together.
+        SettingError: some parts do not fit together.
         FileError: the pilot is for another vehicle or control period.
     """
     _check_types(spec)
@@ -287,14 +288,14 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     _check_names(given)
     flight = _flight_settings(given)
 
-    # What files hold is read once; `but` uses the objects.
+    # Each file is read once; `but` uses the objects that were read.
     read: dict[str, Any] = {}
     course = _loaded(given, "course", Course, load_course, DEFAULT_COURSE, read)
     pilot = _loaded(given, "pilot", Pilot, load_pilot, None, read)
     sensing = _loaded(given, "sensing", Sensing, load_sensing, PERFECT, read)
     base = _base_planner(given, flight, read)
-    named = pilot.about.vehicle if pilot else base.vehicle
-    vehicle = _loaded(given, "vehicle", Vehicle, load_vehicle, named, read)
+    default_vehicle = pilot.about.vehicle if pilot else base.vehicle
+    vehicle = _loaded(given, "vehicle", Vehicle, load_vehicle, default_vehicle, read)
     if flight.thrust_to_weight:
         vehicle = with_thrust_to_weight(vehicle, flight.thrust_to_weight)
 
@@ -341,11 +342,11 @@ def _check_names(given: Mapping[str, Any]) -> None:
 
 
 def _flight_settings(given: Mapping[str, Any]) -> FlightSettings:
-    """Return the flight's settings, but for those given as objects. Raises SettingError."""
+    """Return the flight's settings except those given as objects. Raises SettingError."""
     values: dict[str, Any] = {}
     for f in fields(FlightSettings):
         value = given.get(f.name)
-        # Of settings that have a name, an object may be given in its place.
+        # These settings take an object in place of a name.
         is_object = f.name in ("sampler", "pilot", "vehicle", "sensing", "plant", "preset")
         if value is None or (is_object and not isinstance(value, str | Path)):
             continue
@@ -367,11 +368,11 @@ def _loaded(
 
     Args:
         given: the settings.
-        name: of the setting.
-        kind: of the object.
+        name: name of the setting.
+        kind: type of the object.
         load: reads the part that a name or path stands for; raises FileError.
-        default: the name that is loaded where none is given; None: there is no such part.
-        read: is given what was loaded by a name that was given.
+        default: name to load where none is given; None: the part may be missing.
+        read: collects the parts that were loaded by a given name.
     """
     part = given.get(name)
     if isinstance(part, kind):
@@ -388,9 +389,9 @@ def _loaded(
 def _base_planner(
     given: Mapping[str, Any], flight: FlightSettings, read: dict[str, Any]
 ) -> Planner:
-    """Return the planner before single numbers are changed: the preset's, for the sampler.
+    """Return the preset's planner for the sampler, before single numbers are changed.
 
-    read: is given the text of a preset file, and a sampler of the user's own.
+    read: collects the text of a preset file, and the user's own sampler.
     """
     sampling = own_sampler(given["sampler"]) if given.get("sampler") is not None else None
     planner = given.get("planner")
@@ -406,26 +407,26 @@ def _base_planner(
     if sampling is None:
         return preset.planner(flight.sampler)
     read["sampler"] = sampling
-    # The numbers around an own sampler are those of the default one.
+    # The user's own sampler gets the MPPI and cost numbers of the default sampler.
     name = sampler_name(sampling) if is_registered(sampling) else FlightSettings.sampler
     return replace(preset.planner(name), sampling=sampling)
 
 
 def _with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:
-    """Return the planner with the numbers of its sampler, MPPI and cost that were given."""
+    """Return the planner with the given numbers of its sampler, MPPI and cost."""
     groups: tuple[Group, ...] = ("sampling", "mppi", "cost")
     changed = {group: _changed(group, getattr(planner, group), given) for group in groups}
     return replace(planner, **changed)
 
 
 def _model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:
-    """Return the planner's model: the vehicle's nominal one, with the numbers that were given."""
+    """Return the planner's model: the vehicle's nominal model with the given numbers."""
     model = given.get("model") or ModelParams.of(vehicle)
     return _changed("model", model, given)
 
 
 def _changed(group: Group, values: Any, given: Mapping[str, Any]) -> Any:
-    """Return a group's dataclass with the settings of it that were given. Raises SettingError."""
+    """Return a group's dataclass with its given settings. Raises SettingError."""
     changes = {}
     for name, value in given.items():
         setting = SETTINGS.get(name)
@@ -441,7 +442,7 @@ def _changed(group: Group, values: Any, given: Mapping[str, Any]) -> Any:
 
 
 def _owners(setting: Setting) -> str:
-    """Return whose setting this is, for the error where another sampler or cost is flown."""
+    """Return an error's text with the samplers or costs that have this setting."""
     names = [name for name, cls in SAMPLERS.items() if cls in setting.kinds]
     if names:
         return f"expected none, it is a setting of {' and '.join(names)} sampling only"
@@ -450,9 +451,9 @@ def _owners(setting: Setting) -> str:
 
 
 def _view_weight(flight: FlightSettings, base: Planner, sensing: Sensing) -> float:
-    """Return the weight of looking along the flight.
+    """Return the weight of the cost term that makes the camera look along the flight.
 
-    A camera has to find gates that stand off the map; else the vehicle is faster without yaw.
+    It matters where a camera has to find displaced gates; elsewhere a flight without yaw is faster.
     """
     if flight.view_weight is not None:
         return flight.view_weight
@@ -460,5 +461,5 @@ def _view_weight(flight: FlightSettings, base: Planner, sensing: Sensing) -> flo
 
 
 def default_timeout(course: Course, laps: int) -> float:
-    """Return a time limit [s]: 10 s to get going, and 2 m/s along the lines between the gates."""
+    """Return the time limit [s]: 10 s, and the laps at 2 m/s along the lines between gates."""
     return 10.0 + laps * course.lap_length / 2.0

@@ -1,4 +1,4 @@
-"""The value of one setting, given as a number in Python or as text on a command line."""
+"""Check the value of a setting, given as a number in Python or as text on a command line."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Number = TypeVar("Number", int, float)
 
 
 class _Unfit(Exception):  # noqa: N818 (it never leaves this module)
-    """A value that is not of the kind asked for."""
+    """A value is not of the expected kind."""
 
 
 def checked(name: str, given: object, kind: Kind) -> object:
@@ -26,9 +26,9 @@ def checked(name: str, given: object, kind: Kind) -> object:
     Text is read as a number where one is asked for. A list, a tuple or an array becomes a tuple.
 
     Args:
-        name: of the setting, for the error.
+        name: name of the setting, for the error.
         given: the value.
-        kind: what is asked for.
+        kind: the expected kind.
 
     Raises:
         SettingError: the value is of another type or out of range.
@@ -114,7 +114,7 @@ def _within(number: Number, kind: inspect.IntType | inspect.FloatType) -> Number
 
 
 def _wanted(kind: Kind) -> str:
-    """Return what a kind asks for with its unit and range, "4 numbers [m] >= 0"."""
+    """Return a kind in words with its unit and range, e.g. "4 numbers [m] >= 0"."""
     number = bare(kind)
     if isinstance(number, inspect.TupleType):
         number = bare(number.item_types[0])
@@ -123,11 +123,11 @@ def _wanted(kind: Kind) -> str:
 
 
 def _shown(given: object, kind: Kind) -> str:
-    """Return the value as an error shows it; of a list of another length its length alone."""
-    several = bare(kind)
+    """Return the value as an error shows it: a list of the wrong length as its length."""
+    bare_kind = bare(kind)
     if not isinstance(given, list | tuple | np.ndarray):
         text = repr(given)
         return text if len(text) <= 60 else text[:57] + "..."
-    if isinstance(several, inspect.TupleType) and len(given) != len(several.item_types):
+    if isinstance(bare_kind, inspect.TupleType) and len(given) != len(bare_kind.item_types):
         return str(len(given))
     return " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in given)

@@ -2,8 +2,8 @@
 
     python -m quadsim.spec.write_keywords
 
-The names and types are those of quadsim.spec.settings. A type checker cannot read them off
-dataclasses, so they are written out; a test finds a file that is out of date.
+The names and types are those of quadsim.spec.settings. A type checker cannot derive
+them from dataclasses, so they are written out; a test fails when the file is out of date.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ if TYPE_CHECKING:
 
 
 class Keywords(TypedDict, total=False):
-    """Settings by name, None for the default. `Spec.of` takes the same."""
+    """The settings by name; None stands for the default. `Spec.of` takes the same keywords."""
 
 '''
-# What a setting with a name takes beside the name, and the keywords that are objects alone.
+# Types of the keywords that take an object, most of them in place of a name.
 OBJECTS = {
     "sampler": "str | Sampling | PlainSampler",
     "pilot": "str | Path | Pilot",

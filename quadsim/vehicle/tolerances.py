@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class VehicleTolerances:
-    """Half widths of uniform distributions about the nominal numbers, and a gust.
+    """The half widths of uniform distributions about the nominal numbers, and a gust.
 
     Domain randomization draws vehicles from these distributions, and what is learnt of a vehicle in
     flight starts at them. The defaults are those of a careful outdoor flight: a battery more or
@@ -17,9 +17,9 @@ class VehicleTolerances:
 
     # relative; the thrust gain is off by as much
     mass: float = 0.05
-    # of the highest thrust, relative
+    # highest thrust, relative
     thrust: float = 0.05
-    # of the body rates and of the rotors, relative
+    # lags of the body rates and of the rotors, relative
     lag: float = 0.2
     # relative
     drag: float = 0.25

@@ -58,7 +58,7 @@ class Vehicle:
     mass: float
     # principal moments [kg m^2]
     inertia: Vec3
-    # of the sphere that stands for the vehicle in contacts [m]
+    # radius of the sphere that stands for the vehicle in contacts [m]
     radius: float
     # lags of the first-order rate loop about x, y, z [s]
     rate_tau: Vec3

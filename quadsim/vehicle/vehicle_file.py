@@ -90,7 +90,7 @@ def load_vehicle(name_or_path: str | Path) -> Vehicle:
     """Return a vehicle by name ("swift") or path ("mine.yaml").
 
     Raises:
-        FileError: no such vehicle, or a file that is no vehicle.
+        FileError: there is no such vehicle, or the file is not a vehicle.
     """
     path = locate(name_or_path, VEHICLES, "vehicle")
     return parse_vehicle(read_text(path), str(path))
@@ -104,7 +104,7 @@ def parse_vehicle(text: str, file: str) -> Vehicle:
         file: shown in errors; gives the vehicle its name.
 
     Raises:
-        FileError: the text is no vehicle.
+        FileError: the text is not a vehicle.
     """
     document = parse(text, file)
     entry = document.fill(VehicleFile)
@@ -178,8 +178,8 @@ def _rotor_faults(entry: RotorsEntry, weight: float) -> Iterator[Fault]:
     """Yield the faults of the rotors.
 
     Args:
-        entry: of the file.
-        weight: of the vehicle [N].
+        entry: entry of the file.
+        weight: weight of the vehicle [N].
     """
     sides = [entry.rotor_x is not None, entry.rotor_y is not None]
     one_way = not any(sides) if entry.arm_l is not None else all(sides)

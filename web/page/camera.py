@@ -72,7 +72,7 @@ class Camera:
 
     def __init__(self, server: viser.ViserServer):
         self._server = server
-        # of visitors, by their number
+        # camera modes of the visitors, by the visitor's number
         self._modes: defaultdict[int, str] = defaultdict(lambda: FREE)
         self._placed: dict[int, Placed] = {}
         self._course: Course | None = None

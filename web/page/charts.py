@@ -165,7 +165,7 @@ class Charts:
 
         Args:
             x: places of the points  (n,)
-            lines: of the curves; the last one is the mark.
+            lines: lines of the curves; the last one is the mark.
             height: [px]
             log: whether both axes are logarithmic.
         """

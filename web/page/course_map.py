@@ -1,4 +1,4 @@
-"""Where the race is: the course from above, and the time line with laps, gates and hits."""
+"""The map of the race, from above, and its time line with laps, gates and hits."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from web.competitor import CRASHES, MISSES, Competitor
 from web.lap_timing import LapTiming, crashed_gates
 from web.page.html import DIM, GREY, MARKER_EDGE, RED, TRACK, svg
 
-# of the map [px]
+# size of the map [px]
 WIDTH = 330
 HEIGHT = 190
-SHORTEST = 9.0  # of a gate on the map [px]
-# of the time line and of one competitor on it [px]
+SHORTEST = 9.0  # least length of a gate on the map [px]
+# length of the time line and height of a competitor's row [px]
 LONG = 500
 ROW = 11
 
@@ -31,7 +31,7 @@ def timeline(entries: Sequence[Competitor], t: float, end: float) -> str:
 
     Args:
         t: now [s]
-        end: of the time line [s]
+        end: end of the time line [s]
     """
     scale = LONG / max(end, 1e-3)  # [px/s]
     height = ROW * len(entries) + 11
@@ -133,7 +133,7 @@ class Map:
         return svg("svg", "".join(parts), viewBox=f"0 0 {WIDTH} {HEIGHT}", style=style)
 
     def _pixels(self, p: np.ndarray) -> np.ndarray:
-        """Return where x, y [m] is on the map [px].  (2,)"""
+        """Return the place of x, y [m] on the map [px].  (2,)"""
         if self._turned:
             p = p[::-1]
         x, y = (p - self._low) * self._scale + self._margin

@@ -33,7 +33,7 @@ from web.session import Session
 SCENE = 1 / 25
 TABLES = 1 / 8
 SIGNALS = 1 / 5
-SLOW = 1.0  # of spectra and gaps
+SLOW = 1.0  # period of spectra and gaps [s]
 
 Colour = Literal["red", "orange", "green", "blue"]
 COLOURS: dict[str, Colour] = {"error": "red", "crash": "orange", "lap": "green", "wait": "blue"}
@@ -41,7 +41,7 @@ NOTICE = 6.0  # [s] for which a notice is shown
 
 
 class Due:
-    """Whether to show something again: when it has changed, but once a period at most.
+    """Decides when to show something again: when it has changed, but once a period at most.
 
     Args:
         period: [s]
@@ -63,7 +63,7 @@ class Due:
 
 
 class Look(NamedTuple):
-    """How the race is to be shown."""
+    """The choices of how to show the race."""
 
     by_place: bool
     by_speed: bool

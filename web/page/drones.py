@@ -26,7 +26,7 @@ TRAIL_SPAN = 4.0  # the time that it shows [s]
 PATH = 500  # segments of a whole run
 DASH = 3  # segments of a dash, and of the gap after it
 FAST = 16.0  # [m/s] the bright end of the speed colours
-SPAN = 0.34  # of a drone from rotor to rotor [m]
+SPAN = 0.34  # distance from rotor to rotor of a drone [m]
 ROTOR_COLOUR = (205, 208, 212)
 
 RGB = tuple[int, int, int]
@@ -45,7 +45,7 @@ BRIGHT = np.pi
 
 
 class Shown(NamedTuple):
-    """What is shown of a drone."""
+    """The state of a drone's display."""
 
     frame: int
     by_speed: bool
@@ -57,7 +57,7 @@ class Drone:
     The arrays keep their length: viser accepts another one, but draws it wrong.
 
     Args:
-        name: of its nodes.
+        name: name of its nodes.
         ghost: whether it is drawn paler and with its name, as every competitor but the first.
         scale: factor on its size.
         width: factor on that of lines.
@@ -203,12 +203,12 @@ def ramp(share: np.ndarray) -> np.ndarray:
 
 @cache
 def _shades() -> np.ndarray:
-    """Return what to send in an array for 256 shares of the ramp.  (256, 3) uint8"""
+    """Return colours for an array at 256 shares of the ramp, see `array_colour`.  (256, 3) uint8"""
     return array_colour(ramp(np.linspace(0.0, 1.0, 256)))
 
 
 def shades_of(share: np.ndarray) -> np.ndarray:
-    """Return what to send in an array for the ramp's colours of 0..1.  (n,) -> (n, 3) uint8"""
+    """Return the ramp's colours at shares (n,) of 0 to 1, for an array.  (n, 3) uint8"""
     return _shades()[(255 * np.clip(share, 0.0, 1.0)).astype(int)]
 
 
@@ -223,9 +223,9 @@ def add_quadrotor(
     """Add a quadrotor to a scene.
 
     Args:
-        span: from rotor to rotor [m]
+        span: distance from rotor to rotor [m]
         body, rotors: their colours.
-        opacity: of all of it; None: of a solid body with rotors that let some light through.
+        opacity: opacity of the whole mesh; None: the body is opaque, the rotors translucent.
     """
     meshes = quadrotor(span)
     look = {"flat_shading": True, "side": "double"}
@@ -242,7 +242,10 @@ def add_quadrotor(
 
 
 def quadrotor(span: float) -> dict[str, trimesh.Trimesh]:
-    """Return an X frame: a body with its nose forward, and four rotor discs. span: [m]"""
+    """Return an X frame: a body with its nose forward, and four rotor discs.
+
+    span: distance from rotor to rotor [m].
+    """
     side = 0.5 * span / np.sqrt(2)
     thick = 0.05 * span
     arm = (span, 2 * thick, 1.4 * thick)
@@ -258,12 +261,12 @@ def quadrotor(span: float) -> dict[str, trimesh.Trimesh]:
 
 
 def array_colour(rgb: RGB | np.ndarray) -> np.ndarray:
-    """Return what to send in an array for what is to look like sRGB colours.  (..., 3) uint8"""
+    """Return colours that, sent in an array, look like these sRGB colours.  (..., 3) uint8"""
     return np.rint(255 * _linear(rgb)).astype(np.uint8)
 
 
 def single_colour(rgb: RGB | np.ndarray) -> RGB:
-    """Return what to send alone for what is to look like this sRGB colour, on a lit side."""
+    """Return the colour that, sent alone, looks like this sRGB colour on a lit side."""
     red, green, blue = np.rint(255 * encoded(_linear(rgb))).astype(int).tolist()
     return red, green, blue
 

@@ -33,7 +33,7 @@ class EnvPage:
     Args:
         course: what is flown.
         vehicles: how many fly.
-        dt: of a step, which takes as long on the page [s].
+        dt: duration of a step, which takes as long on the page [s].
     """
 
     def __init__(self, course: Course, vehicles: int, dt: float):

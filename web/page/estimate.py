@@ -1,6 +1,6 @@
-"""What a vehicle with sensors makes of them, in the scene.
+"""Estimates in the scene, for vehicles that fly by sensors.
 
-Its estimate is a ghost with its 3-sigma ellipsoid; crosses are the corners of gates where its
+The estimated pose is a ghost with its 3-sigma ellipsoid; crosses mark the gates' corners where the
 camera found them.
 """
 
@@ -24,7 +24,7 @@ COVARIANCE = tuple(f"cov_{axes}" for axes in ("xx", "xy", "xz", "xy", "yy", "yz"
 SENSED = (0, 229, 255)  # colour of all that is sensed or estimated
 SIGMAS = 3.0
 MOST = 64  # corners that are drawn
-ARM = 0.02  # of a corner's cross, per metre of its distance
+ARM = 0.02  # half length of a corner's cross, per metre of its distance
 SHOWN = 0.25  # [s] for which corners are shown
 
 
@@ -32,9 +32,9 @@ class EstimateView:
     """The estimate of one competitor that has one.
 
     Args:
-        name: of its nodes.
-        scale: that of the drone, and of the error and the ellipsoid with it: at their true size
-            they would be hidden in a drone that is drawn larger than it is.
+        name: name of its nodes.
+        scale: factor on the sizes of the drone, the error and the ellipsoid; at their true size the
+            latter would be hidden in a drone that is drawn larger than it is.
     """
 
     def __init__(self, scene: viser.SceneApi, name: str, scale: float):
@@ -86,7 +86,7 @@ def ellipsoid(covariance: np.ndarray) -> tuple[tuple[float, float, float], np.nd
     """Return the ellipsoid of three standard deviations.
 
     Args:
-        covariance: of a position [m^2]  (3, 3)
+        covariance: covariance of a position [m^2]  (3, 3)
 
     Returns:
         Its half axes [m] (3,), and the rotation wxyz to them (4,).

@@ -28,7 +28,7 @@ from web.race import Snapshot
 from web.session import Session
 from web.stored_runs import stored_competitor
 
-GROUND = "#141517"  # of a picture, the page's dark ground
+GROUND = "#141517"  # background of a picture, the dark one of the page
 LINE = 20  # height of a line of text in a picture [px]
 DPI = 100
 RATE = 25  # frames a second of the page that plays offline

@@ -45,7 +45,7 @@ class FlightControls:
         self._session.tell(PageRace.start, choices, self._race.runs)
 
     def _choices(self, sampler: str) -> Choices:
-        """Return what is chosen for a sampler, with the numbers of the planner."""
+        """Return the chosen flight of a sampler, with the numbers of the planner."""
         return replace(
             self._race.choices(sampler),
             numbers=self._sampler.moved,

@@ -57,7 +57,7 @@ class Guard:
     """The checks of one server.
 
     Args:
-        host, port: where it listens.
+        host, port: address that the server listens on.
         token: required of every visitor; None: of none.
 
     Attributes:
@@ -75,7 +75,7 @@ class Guard:
 
     @contextmanager
     def guarding(self) -> Iterator[None]:
-        """Guard a viser server that starts meanwhile: viser has no argument for that."""
+        """Guard the viser server that starts in this context: viser has no argument for that."""
         original = websockets_server.serve
 
         def serve(*arguments: Any, process_request: ProcessRequest, **keywords: Any) -> Any:

@@ -9,11 +9,11 @@ from pathlib import Path
 from quadsim.palette import Style
 from web.competitor import Competitor
 
-DIM = "#9aa3b2"  # of text
+DIM = "#9aa3b2"  # secondary text
 MARKER_EDGE = "#111"  # outlines of dots
 TRACK = "#2c3038"  # background of bars and strips
 RED = "#ff6b6b"  # hits and crashes, as light as text on a dark page has to be
-GREY = "#e2e6ec"  # what is neither good nor bad
+GREY = "#e2e6ec"  # values that are neither good nor bad
 MONOSPACE = "ui-monospace,Menlo,Consolas,monospace"
 MONO = {"font_family": MONOSPACE, "font_variant_numeric": "tabular-nums"}
 
@@ -119,7 +119,7 @@ def label(entry: Competitor) -> str:
 
 
 def bar(share: float, colour: str, height: int = 5, width: str = "100%") -> str:
-    """Return a bar that is filled up to a share of 0 to 1. height: [px]"""
+    """Return a bar of a height [px] that is filled up to a share of 0 to 1."""
     percent = f"{100 * min(max(share, 0.0), 1.0):.1f}%"
     fill = div("", width=percent, height="100%", background=colour)
     look = {"background": TRACK, "border_radius": "2px", "overflow": "hidden"}

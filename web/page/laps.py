@@ -31,7 +31,7 @@ from web.page.html import (
     text,
 )
 
-# of the strips [px]
+# sizes of the strips [px]
 WIDTH = 330
 ROW = 30
 GATES = 8  # columns of the split table
@@ -81,7 +81,7 @@ class Strips:
         self._pad = max(0.08 * (self.high - self.low), 0.02)
 
     def x(self, t: float) -> float:
-        """Return where a time is on the strip [px]."""
+        """Return the place of a time on the strip [px]."""
         share = (t - self.low + self._pad) / (self.high - self.low + 2 * self._pad)
         return 8 + (WIDTH - 16) * share
 
@@ -102,7 +102,7 @@ def _strips(entries: Sequence[Competitor]) -> str:
 
 
 def _strip(entry: Competitor, y: float, scale: Strips) -> str:
-    """Return the strip of a run. y: of its middle [px]"""
+    """Return the strip of a run, with its middle at y [px]."""
     colour = entry.style.colour
     marks = svg("line", x1=4, x2=WIDTH - 4, y1=y, y2=y, stroke=TRACK)
     if len(entry.laps) >= 3:

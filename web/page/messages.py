@@ -15,7 +15,7 @@ import viser
 from websockets.asyncio.server import ServerConnection
 from websockets.typing import Data
 
-MAX_BYTES = 16 * 1024 * 1024  # of one message; the largest is a rendered picture
+MAX_BYTES = 16 * 1024 * 1024  # largest message; the largest that pages send is a rendered picture
 MAX_TEXT = 200  # characters of a control's value
 
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
@@ -113,7 +113,7 @@ class PageConnection(ServerConnection):
 
     Args:
         find_control: returns the control with a uuid.
-        arguments, keywords: of websockets' own class.
+        arguments, keywords: arguments of websockets' own class.
     """
 
     def __init__(self, find_control: FindControl, *arguments: Any, **keywords: Any):

@@ -16,7 +16,7 @@ from web.race import PageRace, Snapshot
 from web.session import Session
 
 HOLD = 0.4  # [s] after the time slider was moved by hand, before it follows the race again
-RESOLUTION = 0.01  # of the time slider [s]
+RESOLUTION = 0.01  # step of the time slider [s]
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")  # race seconds a second
 TIME, PLACE = "by time", "by place"
 AUTO, SPEED, SAMPLER = "auto", "speed", "sampler"
@@ -89,7 +89,7 @@ class PlaybackPanel:
 
 
 class ViewPanel:
-    """How the race is shown."""
+    """The controls of the display: camera, ghosts, size and colours."""
 
     def __init__(self, gui: viser.GuiApi, camera: Camera):
         with gui.add_folder("View"):
@@ -127,7 +127,7 @@ class Key(NamedTuple):
 def add_keys(gui: viser.GuiApi, session: Session, camera: Camera, controls: FlightControls) -> None:
     """Add the keys that control the race."""
     keys = [
-        Key("space", "pause, go on", lambda _: session.tell(PageRace.play)),
+        Key("space", "pause, continue", lambda _: session.tell(PageRace.play)),
         Key("N", "one step", lambda _: session.tell(PageRace.step, 1)),
         Key("B", "one step back", lambda _: session.tell(PageRace.step, -1)),
         Key("S", "start", controls.start),

@@ -1,4 +1,4 @@
-"""RacePanel: what to fly or to replay."""
+"""RacePanel: the controls that choose what to fly or to replay."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ AGAINST = "live against a run"
 REPLAY = "replay"
 MODES = (LIVE, GHOSTS, AGAINST, REPLAY)
 NONE: str = "none"
-RUNS = 200  # latest that are offered
+RUNS = 200  # number of the latest runs that are offered
 LAPS = (1, 2, 3, 5, 10, 20, 50, 100)
 
 
@@ -39,12 +39,15 @@ class Menu:
     courses: tuple[str, ...]
     vehicles: tuple[str, ...]
     presets: Mapping[str, str]  # name -> the vehicle it is meant for
-    samplers: tuple[str, ...]  # and learned pilots, see web.choices.PILOT
+    samplers: tuple[str, ...]  # samplers and learned pilots, see web.choices.PILOT
     sensings: tuple[str, ...] = (PERFECT,)
 
     @classmethod
     def of_everything(cls, course: str) -> Menu:
-        """Return the menu of all that comes with quadsim. course: one more, if it is a file."""
+        """Return the menu of everything that comes with quadsim, and of one more course.
+
+        course: a name, or a FILE.yaml that is added to the menu.
+        """
         pilots = [PILOT + name for name in pilot_names()]
         return cls(
             courses=tuple(dict.fromkeys((*course_names(), course))),
@@ -63,17 +66,17 @@ class LoadedCourse(NamedTuple):
 
 
 class RacePanel:
-    """The controls of a race.
+    """The controls that choose a race.
 
     Args:
-        first: what they show at first.
+        first: the flight that the controls show at first.
     """
 
     def __init__(self, gui: viser.GuiApi, session: Session, menu: Menu, first: Choices):
         self._session = session
         self._menu = menu
         self._loaded = LoadedCourse("", None)
-        self._paths: dict[str, Path] = {}  # of the stored runs, by title
+        self._paths: dict[str, Path] = {}  # title of a stored run -> its folder
         with gui.add_folder("Race"):
             self.mode = gui.add_dropdown("Mode", MODES, initial_value=LIVE)
             self.course = gui.add_dropdown("Course", menu.courses, initial_value=first.course)
@@ -107,7 +110,7 @@ class RacePanel:
 
     @property
     def is_replay(self) -> bool:
-        """Whether stored runs alone are to be shown."""
+        """Whether only stored runs are to be shown."""
         return self.mode.value == REPLAY
 
     @property
@@ -130,7 +133,7 @@ class RacePanel:
         return [self._paths[title] for title in titles if title in self._paths]
 
     def choices(self, sampler: str) -> Choices:
-        """Return the flight that is chosen, without numbers of the planner."""
+        """Return the chosen flight; the planner's numbers are chosen elsewhere."""
         laps = self.laps.value
         return Choices(
             course=self.course.value,
@@ -161,10 +164,10 @@ class RacePanel:
             self.run.value = options[1]
 
     def update(self, s: Snapshot) -> None:
-        """Show what can be done at present."""
+        """Enable and label the controls for the present state of the race."""
         self.stop.disabled = not s.flying
         own = self._own_laps()
-        # viser sends options also where they stay
+        # viser sends options even if they have not changed.
         if self.laps.options[0] != own:
             self.laps.options = (own, *self.laps.options[1:])
 
@@ -173,7 +176,7 @@ class RacePanel:
         return None if self.is_replay else self._course()
 
     def _course(self) -> Course | None:
-        """Return the course that is chosen, None where its file cannot be read; START says why."""
+        """Return the chosen course; None if its file cannot be read, which START reports."""
         name = self.course.value
         if self._loaded.name != name:
             self._loaded = LoadedCourse(name, None)
@@ -189,7 +192,7 @@ class RacePanel:
     def _show_controls(self, _: viser.GuiEvent | None = None) -> None:
         """Show the controls that the mode needs."""
         mode = self.mode.value
-        of_flights = (
+        flight_controls = (
             self.course,
             self.preset,
             self.vehicle,
@@ -198,20 +201,20 @@ class RacePanel:
             self.seed,
             self.laps,
         )
-        for control in of_flights:
+        for control in flight_controls:
             control.visible = mode != REPLAY
         self.second.visible = mode == GHOSTS
         self.run.visible = mode in (AGAINST, REPLAY)
         self.second_run.visible = mode == REPLAY
         self.start.label = "REPLAY" if mode == REPLAY else "START"
 
-    # As a coroutine, so that it runs before what else the choice of a preset changes.
+    # It is a coroutine so that it runs before the other callbacks of a new preset.
     async def _choose_vehicle(self, _: viser.GuiEvent) -> None:
         """Choose the vehicle that the preset is meant for."""
         self.vehicle.value = self._menu.presets[self.preset.value]
 
     def _choose_course(self, _: viser.GuiEvent) -> None:
-        """Choose the course of the run, which its name contains, for a flight beside it."""
+        """Choose the course in the run's name, for a live flight beside the run."""
         path = self._paths.get(self.run.value)
         if path is None or self.mode.value != AGAINST:
             return

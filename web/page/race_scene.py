@@ -40,9 +40,9 @@ CELL = (48, 53, 61)
 SECTION = (84, 94, 110)
 
 GATE = 1.5  # opening of a racing gate [m]
-GROUND_MARGIN = 5.0  # of the ground around the course [m]
+GROUND_MARGIN = 5.0  # width of the ground around the course [m]
 IMPACTS = 12  # most that are marked, the last ones
-ARM = 0.35  # of the cross at an impact, for a racing gate [m]
+ARM = 0.35  # half length of the cross at an impact, for a racing gate [m]
 SCENES = count()  # numbers of their gates' nodes
 
 
@@ -57,11 +57,11 @@ class RaceScene:
     """Everything in the scene of one race.
 
     Args:
-        true_size: of the drones, else they are enlarged.
+        true_size: whether the drones have their true size; else they are enlarged.
         samples: sampled trajectories that are drawn.
 
     Attributes:
-        drone_size: of the drones as they are drawn [m]
+        drone_size: size of the drones as they are drawn [m]
     """
 
     def __init__(
@@ -185,10 +185,10 @@ class Impacts:
 class CourseView:
     """Gates with their numbers, obstacles, the ground.
 
-    All bars are one node: recolouring them sends one array. Each scene's has a name of its own. A
-    page that is told to replace a node by another one of the same name gives the old one new
-    arrays, and may draw it once more after its buffers are gone: GL_INVALID_OPERATION in the
-    console.
+    The bars of all gates are one node, so that recolouring them sends one array. Each scene gives
+    this node a name of its own. A page that replaces a node by another one of the same name gives
+    the old one new arrays, and may draw it once more after its buffers are gone, which logs
+    GL_INVALID_OPERATION in the console.
     """
 
     def __init__(self, scene: viser.SceneApi, course: Course):

@@ -85,7 +85,7 @@ class SamplerPanel:
                 slider.value = value
 
     def _whose_numbers(self, shown: Competitor | None, flying: int) -> str:
-        """Return whose numbers the sliders show."""
+        """Return a line that names the flight whose numbers the sliders show."""
         if shown:
             has_pilot = bool(shown.spec.get("pilot"))
         else:
@@ -169,7 +169,7 @@ class OtherNumbers:
                     self._fields[name] = self._add(found)
 
     def changed(self, sampler: str) -> dict[str, Any]:
-        """Return what differs from the preset and a sampler has, as settings of quadsim.fly."""
+        """Return a sampler's settings of quadsim.fly that differ from the preset."""
         known = self._settings(sampler)
         return {
             name: read(field.control.value, field.found.kind)

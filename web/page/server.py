@@ -1,4 +1,4 @@
-"""The page's server: viser's behind a Guard, on this machine alone unless told otherwise."""
+"""The page's server: viser's behind a Guard, on this machine alone unless a host is given."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def serve(host: str, port: int, token: str | None, label: str) -> viser.ViserSer
     """Return a running server.
 
     Args:
-        host, port: where it listens; port 0 is any that is free.
+        host, port: address to listen on; port 0 is any that is free.
         token: required of every visitor; None: of none.
         label: its name on the page.
 
     Raises:
-        ValueError: it cannot listen there; one line says why.
+        ValueError: the server cannot listen there; the message is one line.
     """
     port = probe(host, port)
     # viser prints banners through rich; stdout is for results
@@ -55,7 +55,7 @@ def probe(host: str, port: int) -> int:
     viser itself would hang on a wrong host, and silently use the next port where one is busy.
 
     Raises:
-        ValueError: it cannot be listened on; one line says why.
+        ValueError: the port cannot be listened on; the message is one line.
     """
     if not 0 <= port <= 65535:
         raise ValueError(f"port: expected 0 to 65535, got {port}")
@@ -125,7 +125,7 @@ def forget_removed(server: viser.ViserServer) -> None:
 
     By itself it does so only when another page connects: until then the messages that remove a
     race's charts pile up, race by race. Not forced, it keeps removals that open pages have yet to
-    be told; without those they would show the last race's charts and drones for ever.
+    receive; without those they would show the last race's charts and drones for ever.
 
     The method is private in viser 1.1.1, the version that is pinned. If another one has no such
     method: look at what it runs when a page connects, or drop this call where

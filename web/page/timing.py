@@ -33,7 +33,7 @@ from web.page.laps import best_sectors, coloured_time
 from web.race import Snapshot
 
 EVENTS = 60  # newest that are listed
-SLOWER = "#8b93a1"  # of a sector that is no best
+SLOWER = "#8b93a1"  # a sector that is not the best
 GOOD_SHARE = 0.1  # effective of all samples, for which the meter is full
 FEW_SAMPLES = 5  # effective samples, below which the meter is red
 LOWERS_COST = NEXT
@@ -86,7 +86,7 @@ def _numbers(timings: list[LapTiming]) -> str:
 
 
 def _result(s: LapTiming, has_name: bool) -> str:
-    """Return how a flight ended. It stays until another race begins."""
+    """Return the result of a flight as HTML, which stays until another race begins."""
     ended = result(s)
     name = label(s.entry) + " " if has_name else ""
     shown = name + coloured(ended.content, ended.colour)
@@ -95,9 +95,9 @@ def _result(s: LapTiming, has_name: bool) -> str:
 
 
 def above_limit(entry: Competitor) -> str:
-    """Return how much slower than the best known limit a flight was that finished.
+    """Return the share by which a flight was slower than the best known limit, as text.
 
-    It is empty where no limit of its race is known.
+    The text is empty for a flight that did not finish, and where no limit is known.
     """
     if entry.outcome != "finished" or entry.limit is None:
         return ""
@@ -113,7 +113,7 @@ class Result(NamedTuple):
 
 
 def result(s: LapTiming) -> Result:
-    """Return how a flight ended."""
+    """Return the result of a flight."""
     entry = s.entry
     if entry.outcome == "finished":
         return Result(f"FINISHED {sum(entry.laps):.3f} s", FASTER)
@@ -125,7 +125,7 @@ def result(s: LapTiming) -> Result:
 
 
 def _state(s: Snapshot, first: LapTiming) -> str:
-    """Return what the race is doing."""
+    """Return the state of the race as text: flying, paused, ended or replay."""
     if s.playing:
         doing = "flying" if s.flying else "replay"
         pace = f"{s.factor:.2f} x real time"
@@ -164,7 +164,10 @@ def tower(timings: list[LapTiming]) -> str:
 
 
 def _row(place: int, s: LapTiming, best: float) -> list[str]:
-    """Return a run's row of the tower. best: the best lap of all [s]"""
+    """Return a run's row of the timing tower.
+
+    best: the best lap of all [s].
+    """
     own = s.best or 0.0
     return [
         str(place),
@@ -218,7 +221,7 @@ class Happening(NamedTuple):
 
 
 def events(entries: Sequence[Competitor], t: float) -> str:
-    """Return what happened, newest first; the later events of a replay are dim."""
+    """Return the list of events, newest first; the later events of a replay are dim."""
     found = []
     for entry in entries:
         for event in entry.events:
@@ -251,7 +254,7 @@ def _change(change: Mapping) -> str:
 
 
 def planner(s: LapTiming) -> str:
-    """Return what the planner makes of its samples, and what its plan costs."""
+    """Return the planner's statistics: effective sample size, temperature, cost and time."""
     x = s.entry.x
     plan_ms = x["plan_ms"][s.i]
     pilot = s.entry.spec.get("pilot")

@@ -31,7 +31,7 @@ class BodyRates:
         Args:
             model: the nominal one.
             dt: control period [s].
-            imu: whose gyroscope measures.
+            imu: numbers of the unit with the gyroscope.
         """
         self._dt = dt
         self._tilt_cost = model.tilt_cost
@@ -86,7 +86,7 @@ def steady_gain(
     Args:
         dt: control period [s].
         rotor_response: share of the way to its command that a rotor makes in a period.
-        acceleration_std: of the process [rad/s^2].
+        acceleration_std: standard deviation of the process [rad/s^2].
         noise: standard deviation of the gyroscope [rad/s].
     """
     keep = 1.0 - rotor_response

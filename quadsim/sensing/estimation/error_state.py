@@ -44,7 +44,7 @@ class FilterState:
     """
 
     nominal: Nominal
-    # of an odometry's position [m]  (3,) or (0,)
+    # drift of an odometry's position [m]  (3,) or (0,)
     drift: np.ndarray
     # positions of gates relative to the map [m]  (gates, 3) or (0, 3)
     gates: np.ndarray

@@ -62,8 +62,8 @@ class Estimator:
 
         Args:
             sensing: the vehicle's sensors.
-            gates: of the map, each once.
-            start: where the vehicle is set down, as it is known.
+            gates: gates of the map, each once.
+            start: the known pose in which the vehicle is set down.
             t: when that is [s].
             displaced: how far each gate may stand off the map, along x and y [m]; 0: the map is
                 taken as true.
@@ -83,7 +83,7 @@ class Estimator:
         # measurements applied of late, and the state before all of them
         self._applied: deque[Applied] = deque()
         self._oldest = self.state
-        # of the measurements taken since the last `innovations.clear()`
+        # innovations of the measurements taken since the last `innovations.clear()`
         self.innovations: list[Innovation] = []
 
     def take(self, measurement: Inertial | Aiding) -> None:
@@ -164,7 +164,7 @@ def _set_down(
 
     Args:
         sensing: the vehicle's sensors.
-        start: where the vehicle is set down, as it is known.
+        start: the known pose in which the vehicle is set down.
         t: when that is [s].
         drifts: states of an odometry's drift, 3 or 0.
         gates: number of gates whose places are states.
@@ -174,7 +174,7 @@ def _set_down(
     assert imu
     level = radians(LEVEL)
     heading = radians(HEADING)
-    # of a uniform distribution
+    # standard deviation of a uniform distribution
     of_gates = displaced / sqrt(3)
     std = [SET_DOWN] * 3
     std += [AT_REST] * 3

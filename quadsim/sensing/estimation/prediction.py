@@ -43,8 +43,8 @@ class Commands:
         """Begin without a command.
 
         Args:
-            rest: acts until the first command does  (n_u,).
-            latency: from a command to its action [s].
+            rest: command that acts until the first one does  (n_u,).
+            latency: time from a command to its action [s].
         """
         self.latency = latency
         self._given: deque[Given] = deque([Given(float("-inf"), rest)])
@@ -119,7 +119,7 @@ class GateCounter:
 
         Args:
             x: state, which begins with the position [m]  (n_x,).
-            course: as it is estimated; None: the map.
+            course: the estimated course; None: the map.
         """
         position = (x[0], x[1], x[2])
         before = self._before

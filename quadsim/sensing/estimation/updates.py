@@ -35,9 +35,9 @@ LEAST_ATTITUDE = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Innovation:
-    """How well a measurement fitted, and how much of it was used."""
+    """The consistency of a measurement with the state, and how much of it was used."""
 
-    # of the used part
+    # normalised innovation squared of the used part
     nis: float
     # degrees of freedom of the used part
     used: int
@@ -48,11 +48,11 @@ class Innovation:
 class Part(NamedTuple):
     """A vector that a pose sensor measures."""
 
-    # of the error, which it shows
+    # rows of the error that it measures
     rows: slice
     # measured less expected  (3,)
     innovation: np.ndarray
-    # of its noise
+    # standard deviation of its noise
     std: float
 
 
@@ -110,7 +110,7 @@ class CornerUpdate:
 
         Args:
             config: the camera.
-            gates: of the map, each once.
+            gates: gates of the map, each once.
             free: whether gates may stand off the map, as states of the filter.
         """
         self._config = config
@@ -223,7 +223,7 @@ def corrected(
         state: before the measurement.
         H: Jacobian by the error  (m, n).
         innovation: measured less expected  (m,).
-        variance: of the measurement's noise  (m,).
+        variance: variance of the measurement's noise  (m,).
         group: number of rows that are used or refused together.
     """
     z = innovation

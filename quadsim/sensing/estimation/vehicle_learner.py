@@ -58,11 +58,12 @@ SHORTFALL = 0.5
 MAX_RESERVE = 0.05
 # share of the error by which each such period corrects the highest thrust, or the share delivered
 STEP = 0.1
-# of a period; the share delivered is judged over a single period alone
+# share of a period by which its duration may differ; the share delivered needs a single period
 ON_TIME = 0.1
 # share of the highest thrust; a smaller reserve shows little of the share delivered
 LEAST_RESERVE = 0.03
-# of the angular acceleration asked for, at the highest thrust; less: the planner gives up thrust
+# share of the angular acceleration asked for, at the highest thrust; below it the planner gives up
+# thrust
 LEAST_DELIVERED = 0.7
 
 # Learning from sensors.
@@ -75,11 +76,11 @@ LEAST_DRAG = 0.1
 FORCE_STD = 0.3
 # [m/s^2] of the delivered thrust after a period, at least
 THRUST_STD = 0.05
-# of the reserve, relative
+# relative standard deviation of the reserve
 RESERVE_STD = 0.3
 # [m/s^2/sqrt(s)] of the highest thrust, as a battery empties
 THRUST_MAX_WALK = 1e-2
-# of the normalised innovation squared, 3 degrees of freedom
+# limit of the normalised innovation squared, 3 degrees of freedom
 OUTLIER = 25.0
 
 
@@ -143,8 +144,8 @@ class VehicleLearner:
             model: the nominal one.
             dt: control period [s].
             tolerances: how far the vehicle may be from its model.
-            covariance: of the numbers at the start  (7, 7).
-            force_variance: of a specific force per axis [m^2/s^4].
+            covariance: covariance of the numbers at the start  (7, 7).
+            force_variance: variance of a specific force per axis [m^2/s^4].
             delivered: share of the angular acceleration asked for that is delivered at the highest
                 thrust; None: it is not learnt.
         """
