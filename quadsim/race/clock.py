@@ -55,4 +55,4 @@ class WallClock(Clock):
         self._sleep(max(t - self.now(t), 0.0))
 
 
-CLOCKS = {"simulated": Clock, "wall": WallClock}
+CLOCKS: dict[str, type[Clock]] = {"simulated": Clock, "wall": WallClock}

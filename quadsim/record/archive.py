@@ -16,6 +16,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Run, RunError, canonical, hostless
@@ -35,7 +36,7 @@ class RunFolder:
     `folder.save(run)` inside writes the run. A folder that is left without a save is removed.
     """
 
-    def __init__(self, path: Path, lock: int, flown_by: dict | None = None):
+    def __init__(self, path: Path, lock: int, flown_by: dict[str, Any] | None = None):
         """Take a claimed folder.
 
         Args:
@@ -50,7 +51,9 @@ class RunFolder:
         self._provenance = flown_by or provenance()
 
     @classmethod
-    def open(cls, root: str | Path, spec: dict, flown_by: dict | None = None) -> RunFolder:
+    def open(
+        cls, root: str | Path, spec: dict[str, Any], flown_by: dict[str, Any] | None = None
+    ) -> RunFolder:
         """Claim a folder before the flight.
 
         Args:
@@ -139,7 +142,7 @@ def remove_unfinished(root: str | Path, complete: Callable[[str], bool] | None =
                 os.close(handle)
 
 
-def run_name(spec: dict) -> str:
+def run_name(spec: dict[str, Any]) -> str:
     """Return `<UTC>_<course>_<sampler>_s<seed>_<hash>`.
 
     The hash is the first 8 hex digits of the sha256 of what decides the flight.

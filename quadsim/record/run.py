@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
-from typing import Literal, TypedDict, get_args
+from typing import Any, Literal, TypedDict, get_args
 
 import numpy as np
 
@@ -57,7 +57,7 @@ class RunError(Exception):
     """A run that cannot be saved or read. One line: the path, what is wrong, what to do."""
 
 
-def columns_of(spec: dict) -> dict[str, str]:
+def columns_of(spec: dict[str, Any]) -> dict[str, str]:
     """Return the telemetry columns of a run, name -> unit, in order; more where it has sensors."""
     if spec.get("sensing"):
         return COLUMNS | ESTIMATE_UNITS
@@ -72,7 +72,7 @@ class Run:
     """
 
     # The resolved configuration, JSON
-    spec: dict
+    spec: dict[str, Any]
     # The columns of `columns_of(spec)`, each (frames,)
     telemetry: dict[str, np.ndarray]
     events: tuple[Event, ...]
@@ -83,7 +83,7 @@ class Run:
     snapshots: PlannerSnapshots | None = None
 
     @classmethod
-    def from_frames(cls, spec: dict, frames: Iterable[Frame]) -> Run:
+    def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> Run:
         """Collect the frames of a flight."""
         recorder = Recorder()
         for frame in frames:
@@ -159,7 +159,7 @@ class Run:
         return found.hexdigest()
 
 
-def own_parts(spec: dict) -> dict[str, str]:
+def own_parts(spec: dict[str, Any]) -> dict[str, str]:
     """Return the user's own objects that took part, role -> class, or names and weights of terms.
 
     Where there are any, the spec cannot fly the run again.
@@ -178,7 +178,7 @@ def weight_text(weight: float | list) -> str:
     return "one for each step" if isinstance(weight, list) else f"{weight:g}"
 
 
-def flown_with(spec: dict) -> str:
+def flown_with(spec: dict[str, Any]) -> str:
     """Return in one line what controlled a flight: controller, preset, vehicle, plant and seed."""
     own = own_parts(spec)
     pilot = spec.get("pilot")
@@ -199,12 +199,12 @@ def flown_with(spec: dict) -> str:
     return ", ".join(parts)
 
 
-def hostless(spec: dict) -> dict:
+def hostless(spec: dict[str, Any]) -> dict:
     """Return the part of a spec that decides a flight."""
     return {key: value for key, value in spec.items() if key != "host"}
 
 
-def not_comparable(spec: dict) -> str:
+def not_comparable(spec: dict[str, Any]) -> str:
     """Return a remark for a run whose planner was changed in flight, empty for any other run.
 
     The remark is shown wherever the run stands beside others.
@@ -281,7 +281,7 @@ class Recorder:
         rows = self._table[: len(self)].reshape(len(self), len(names))
         return dict(zip(names, rows.T, strict=True))
 
-    def run(self, spec: dict) -> Run:
+    def run(self, spec: dict[str, Any]) -> Run:
         """Return the flight so far, interrupted where its last frame has no outcome.
 
         Raises:

@@ -206,7 +206,11 @@ class Spec:
 
     def _own_parts(self) -> dict[str, Any]:
         """Return {role: description} of the user's own objects."""
-        parts = {"cost": self.cost, "controller": self.controller, "referee": self.referee}
+        parts: dict[str, object] = {
+            "cost": self.cost,
+            "controller": self.controller,
+            "referee": self.referee,
+        }
         if not isinstance(self.plant, str):
             parts["plant"] = self.plant
         if not is_registered(self.planner.sampling):
@@ -427,12 +431,13 @@ def _model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:
 
 def _changed(group: Group, values: Any, given: Mapping[str, Any]) -> Any:
     """Return a group's dataclass with its given settings. Raises SettingError."""
-    changes = {}
+    owner: type[object] = type(values)
+    changes: dict[str, object] = {}
     for name, value in given.items():
         setting = SETTINGS.get(name)
         if setting is None or setting.group != group:
             continue
-        kind = setting.kinds.get(type(values))
+        kind = setting.kinds.get(owner)
         if value is None and (kind is None or not is_optional(kind)):
             continue  # the default
         if kind is None:
