@@ -431,7 +431,7 @@ def _model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:
 
 def _changed(group: Group, values: Any, given: Mapping[str, Any]) -> Any:
     """Return a group's dataclass with its given settings. Raises SettingError."""
-    owner: type[object] = type(values)
+    owner: type[object] = values.__class__
     changes: dict[str, object] = {}
     for name, value in given.items():
         setting = SETTINGS.get(name)
