@@ -31,14 +31,12 @@ def fly(course: CourseName = None, /, *, settings: Given = None, json: Json = Fa
         parts = build(spec)
     except ValueError as error:  # laps on an open course, a gate too small for the vehicle
         raise UsageError(str(error)) from None
-    if spec.plant == "rigid" and not (settings or {}).get("plant"):
-        complain(
-            "PyBullet is not installed: using the built-in rigid-body simulation (--plant rigid)"
-        )
     remove_unfinished(spec.runs_dir)
 
     record = spec.record()
     with closing(parts.plant), RunFolder.open(spec.runs_dir, record) as folder:
+        if spec.plant == "rigid" and not (settings or {}).get("plant"):
+            complain("PyBullet is not installed: the built-in rigid body flies (--plant rigid)")
         if not getattr(parts.controller, "is_cached", True):
             complain(COMPILING)
         recorder = _recorded(launch(spec, parts), spec, quiet=json)

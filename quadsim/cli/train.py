@@ -88,9 +88,10 @@ def train(
             reward={"crash": crash, "clearance": CLEARANCE},
             laps=laps,
         )
+    path = _out(out)
     if find_spec("stable_baselines3") is None:
         raise UsageError(needs_extra("stable-baselines3", "train"))
-    path = _out(out)
+    path.parent.mkdir(parents=True, exist_ok=True)
     command = _command(course, flags)
     sizes = {"environments": environments, "hidden": hidden}
     history = _learn(asked, sizes, seed, steps, path, flights, command, quiet=json)
@@ -125,7 +126,6 @@ def _out(out: str) -> Path:
         raise UsageError(f"--out: expected FILE.npz, got {out!r}")
     expect_file(path)
     expect_writable(path.parent)
-    path.parent.mkdir(parents=True, exist_ok=True)
     return path
 
 
