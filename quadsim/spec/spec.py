@@ -176,7 +176,7 @@ class Spec:
             "sampler": self.sampler,
             "preset": self.preset,
             "planner": {
-                "vehicle": self.planner.vehicle,
+                "vehicle": self.vehicle.name,
                 "sampling": plain(self.planner.sampling),
                 "mppi": plain(self.planner.mppi),
                 "cost": plain(self.planner.cost),

@@ -144,6 +144,8 @@ def test_labels_follow_the_content():
     gaussian = replace(spec, planner=PRESETS["paper"]["gaussian"])
     assert (gaussian.sampler, gaussian.preset) == ("gaussian", "paper")
     assert gaussian.record()["sampler"] == "gaussian"
+    other = replace(spec, vehicle=load_vehicle("kingfisher")).record()
+    assert other["vehicle"]["name"] == other["planner"]["vehicle"] == "kingfisher"
 
 
 def test_a_spec_made_of_its_parts_keeps_them_when_it_is_changed():
