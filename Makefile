@@ -48,8 +48,9 @@ lint: $(VENV)/.dev
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 
-# Mend what ruff can mend by itself: order of imports, simple rewrites, layout.
+# Write what is made from settings, then mend what ruff can: order of imports, simple rewrites, layout.
 fix: $(VENV)/.dev
+	$(BIN)/python -m quadsim.spec.write_keywords
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
