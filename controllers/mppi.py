@@ -19,11 +19,13 @@ There are extensions, most of them optional in MPPIConfig:
 * The control limits are tightened (tighten), and the plan may exceed them while the command does
   not (overshoot).
 * Perturbations and cost are weighted along the horizon (controllers.schedule).
+* The first control of the plan may be left unperturbed (freeze_first).
+* Only a fraction of the update in equation (5) may be applied (step_size).
 * The first plan has more iterations (first_iterations).
 * The temperature is adapted to an effective sample size (target_ess).
 * The plan is filtered (smooth), and a sampler may have momentum (controllers.samplers.smooth).
 
-The model and the course that are estimated in flight come with the state, as an Estimate
+A model and a course that are estimated in flight come with the state, in an Estimate
 (quadsim.dynamics.estimate). The memory layout of the samples, and the reason why they are drawn in
 chunks, are described in controllers.lanes.layout.
 
@@ -142,7 +144,7 @@ class MPPI:
         self.rest = np.array(system.rest)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
         self.guide = self.plan  # the sequence that the last samples perturb  (T, n_u)
-        # The last two controls, left padding of the smoothing filter  (2, n_u)
+        # The last two controls, which stand before the plan in the smoothing filter  (2, n_u)
         self.executed = np.tile(self.rest, (2, 1))
         self.temperature = config.temperature
         self.samples = config.samples  # M, which a deadline may change
@@ -195,7 +197,7 @@ class MPPI:
         # overwritten by those of the next one, so each chunk is averaged at once.
         means = []  # weighted mean of v - U of each chunk  (T, n_u)
         for chunk in layout.chunks(self.samples):
-            # Draw the perturbations z of the plan, eq. (1).
+            # Draw the perturbations z, eq. (1).
             z = self.perturbations(it, chunk)  # (series, n_u, halves * T, LANES)
 
             # Roll out v = clip(U + n z), eq. (2) and (3).
@@ -296,7 +298,7 @@ class MPPI:
         """Set the plan, clipped to its limits and filtered if configured, and the momentum.
 
         Args:
-            plan: weighted mean of the samples  (T, n_u).
+            plan: U after equation (5)  (T, n_u).
         """
         plan = np.clip(plan, self.plan_low, self.plan_high)
         if self.sampler.momentum:
@@ -350,7 +352,7 @@ class MPPI:
         return np.tile(self.rest, (T, 1))
 
     def command(self, x: np.ndarray) -> np.ndarray:
-        """Return the plan's first control, as far as the vehicle can follow it.  (n_u,)
+        """Return the plan's first control, limited to what the vehicle can attain.  (n_u,)
 
         Args:
             x: state  (n_x,).
@@ -364,7 +366,7 @@ class MPPI:
         return np.array(attainable(state, control, self.system.params))
 
     def clipped(self, u: np.ndarray) -> np.ndarray:
-        """Return controls (..., n_u) within the limits, which the plan may exceed."""
+        """Return controls (..., n_u) clipped to the control limits, which the plan may exceed."""
         return np.clip(u, self.low, self.high)
 
     # Model, cost and state of the planner

@@ -1,4 +1,4 @@
-"""PageRace: the competitors of a page, live and stored, and the race time.
+"""PageRace: the race that a page shows, with live and stored competitors on one race time.
 
 Flights are flown in turns on one thread: two threads in numba's parallel loops abort the process.
 """
@@ -18,8 +18,8 @@ from web.numbers import Change
 from web.pace import Pace
 from web.stored_runs import stored_competitor
 
-REST = 0.02  # [s] between two turns while nothing is flown
-TRAJECTORIES_PERIOD = 0.06  # [s] of wall clock between two updates of the sampled trajectories
+REST = 0.02  # wait between two turns while nothing is flown [s]
+TRAJECTORIES_PERIOD = 0.06  # wall-clock time between updates of the sampled trajectories [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,15 +27,15 @@ class Snapshot:
     """The race as a page shows it."""
 
     t: float = 0.0  # race time [s]
-    end: float = 0.0  # of the race so far [s]
-    flown: float = 0.0  # the time that can be shown [s]: before the end, beside a longer run
+    end: float = 0.0  # end of the longest competitor so far [s]
+    flown: float = 0.0  # last time that can be shown [s]; `end` is later beside a longer run
     playing: bool = False
-    flying: bool = False  # some live competitor has not ended
-    factor: float = 0.0  # race seconds a second, measured
+    flying: bool = False  # whether some live competitor has not ended
+    factor: float = 0.0  # measured real-time factor: race time per wall-clock time
     competitors: tuple[Competitor, ...] = ()
-    race: int = 0  # counts the races: for another number, another scene
+    race: int = 0  # number of the race; a page draws a new scene when it changes
     notices: tuple[Notice, ...] = ()
-    compiling: bool = False  # a flight has no first plan yet, as its planner is being compiled
+    compiling: bool = False  # whether a flight waits for its planner to be compiled
 
     @property
     def next_event(self) -> float | None:
@@ -56,7 +56,7 @@ class PageRace:
 
     Args:
         root: the folder of runs.
-        take_off: makes a live flight of choices.
+        take_off: function that starts a live flight from its choices.
     """
 
     def __init__(self, root: str, take_off: Callable[[Choices], LiveFlight] = LiveFlight):
@@ -138,7 +138,7 @@ class PageRace:
         self._pace.anchor(self._t)
 
     def step(self, by: int = 1) -> None:
-        """Move by control periods; beyond what has been flown, fly the next one."""
+        """Pause and move by control periods; beyond what has been flown, fly the next one."""
         self._playing = False
         flight = self._next_to_fly()
         if flight is not None and by > 0 and self._t >= self._flown - 1e-9:
@@ -166,17 +166,17 @@ class PageRace:
             self.scrub(t)
 
     def set_speed(self, factor: float) -> None:
-        """Set the race seconds a second; a live flight comes as near as the machine can."""
+        """Set the real-time factor; a live flight comes as near to it as the machine can."""
         self._pace.speed = factor
         self._pace.anchor(self._t)
 
     def change(self, change: Change) -> None:
-        """Let every live flight use a number from its next plan on."""
+        """Let every live flight use a changed number from its next plan on."""
         for flight in self._flying:
             flight.change(change)
 
     def end_flights(self) -> None:
-        """End every live flight; all stay in view."""
+        """End every live flight; the page keeps showing them."""
         for flight in self._flying:
             flight.end()
         self._playing = False

@@ -71,20 +71,20 @@ def fill(template: str, **parts: str | int) -> str:
                 indentation = line[: -len(line.lstrip())]
                 lines.append(indent(part, indentation))
             continue
-        for each, part in parts.items():
-            line = line.replace(f"<{each}>", str(part))
+        for place, part in parts.items():
+            line = line.replace(f"<{place}>", str(part))
         lines.append(line)
     return "\n".join(lines) + "\n"
 
 
 def read(kind: type, name: str, where: str, writer: Writer) -> str:
-    """Return a line for each number of a record that is used, which reads it: `p_x = numbers[2]`.
+    """Return lines that read the numbers of a record that are used, such as `p_x = numbers[2]`.
 
     Args:
         kind: the NamedTuple.
         name: prefix of the variables, as in `Graph.record`.
-        where: the text that they are read from, with {k} for the number of the field.
-        writer: the writer of the lines that need them.
+        where: the text that the numbers are read from, with {k} for the number of the field.
+        writer: the writer of the lines that use the numbers.
     """
     names = [f"{name}_{field}" for field in flat_names(kind)]
     lines = [f"{each} = {where.format(k=k)}" for k, each in enumerate(names) if each in writer.read]
@@ -92,12 +92,12 @@ def read(kind: type, name: str, where: str, writer: Writer) -> str:
 
 
 def store(values: Any, where: str, writer: Writer) -> str:
-    """Return a line for each number of a record, which stores the number: `state[0, l] = px`.
+    """Return lines that store each number of a record, such as `state[0, l] = px`.
 
     Args:
         values: the record, of symbols.
-        where: the text that they are stored in, with {k} for the number of the field.
-        writer: the writer of the lines that compute them.
+        where: the text that the numbers are stored in, with {k} for the number of the field.
+        writer: the writer of the lines that compute the numbers.
     """
     lines = [f"{where.format(k=k)} = {writer(value)}" for k, value in enumerate(flat(values))]
     return "\n".join(lines)
@@ -154,7 +154,7 @@ def line_test(touches: Callable, row: type[Record], p0: str, p1: str, around: st
     hit = trace(touches, start, end, obstacle)
     writer = Writer(around)
     lines = writer.lines([hit])
-    # The test that comes before reads the box.
+    # The obstacle's box is tested before these lines, so its numbers are read too.
     writer.read |= {f"obstacle_{side}" for side in row._fields[:6]}
     return LineTest(
         read_obstacle=read(row, "obstacle", "obstacles[o, {k}]", writer),

@@ -78,7 +78,7 @@ class TraceError(TypeError):
 
 
 class Symbol:
-    """A scalar that has no value yet: an input of a graph, or an operation on other operands.
+    """A scalar that has no value yet: an input of a graph, or an operation on operands.
 
     Args:
         graph: the graph that it is a node of.
@@ -344,19 +344,19 @@ def wrong_result(function: Callable, expected: str, value: Any) -> TraceError:
 
 @contextmanager
 def naming() -> Iterator[None]:
-    """Name symbols after the local variables of the functions that are called in this context."""
+    """Name symbols after the local variables of the functions that run in this context."""
     before = sys.getprofile()
 
     def name_locals(frame: FrameType, event: str, value: Any) -> None:
-        # Before a call, what the caller has computed gets the caller's names, not those of the
-        # arguments.
+        # At a call, name what the caller has computed after the caller's variables, before the
+        # arguments of the called function can name it.
         named = frame.f_back if event == "call" else frame
         if event not in ("call", "return") or named is None or not _is_traced(named):
             return
         for name, local in named.f_locals.items():
             _name(name, local)
         function_name = frame.f_code.co_name
-        # "<lambda>" is not a variable's name.
+        # "<lambda>" cannot be the name of a variable.
         if event == "return" and function_name.isidentifier():
             _name(function_name, value, weakly=True)
 

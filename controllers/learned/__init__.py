@@ -1,1 +1,1 @@
-"""Learned controllers: what a pilot observes, and the pilot with its file."""
+"""Learned controllers (pilots): what a pilot observes, its network and its file."""

@@ -4,9 +4,9 @@
         def sample(self, rng, samples, horizon, controls):
             return rng.uniform(-1.0, 1.0, (samples, horizon, controls))
 
-At most CHUNK = 2048 samples are drawn at a time, and the same ones may be drawn again, with the
-same state of the generator: the sampler should keep no state of its own. Its draws then depend on
-(seed, call, chunk) alone, never on threads.
+At most CHUNK = 2048 samples are drawn at a time. The same samples may be drawn again, from a
+generator in the same state, so the sampler should keep no state of its own. Its draws then depend
+on (seed, call, chunk) alone, never on threads.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 A step consists of the model's step, gate tests, obstacles, reward, observation and restart. Each
 number of vehicles is timed in the compiled lanes, as `race train` steps it, and through Gymnasium's
-arrays, one after the other in each repetition; the shortest time is the least disturbed by other
-programs on the machine.
+arrays. The two take turns in short pieces, and the shortest time of each is reported, as it is the
+least disturbed by other programs on the machine.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ PIECE = 0.02  # approximate duration of one timed piece [s]
 
 
 class PublishedSpeed(NamedTuple):
-    """A speed that others have published for their machines and models, not measured here."""
+    """A speed that others have published, for their own machines and models."""
 
     who: str
     steps_per_s: float
@@ -47,12 +47,12 @@ PUBLISHED = (
 
 
 class EnvsSpeed(NamedTuple):
-    """The environment steps per second of a number of vehicles."""
+    """The speed of environments with this number of vehicles."""
 
     vehicles: int
     threads: int
-    lanes: float
-    arrays: float
+    lanes: float  # through the compiled lanes [1/s]
+    arrays: float  # through Gymnasium's arrays [1/s]
 
 
 def measure_envs(seconds: float) -> list[EnvsSpeed]:
@@ -102,12 +102,12 @@ def array_steps(envs: RacingVectorEnv) -> Callable[[], None]:
 def around_hover(shape: tuple[int, ...]) -> np.ndarray:
     """Return actions near hover in an array of this shape; its second axis has the controls."""
     actions = np.random.default_rng(0).normal(0, 0.1, shape).astype(np.float32)
-    actions[:, 3] -= 0.5
+    actions[:, 3] -= 0.5  # about hover: a quarter of the thrust range
     return actions
 
 
 def measure_plants(seconds: float) -> dict[str, float]:
-    """Return the speed of each simulator with one vehicle in hover [steps of 10 ms / s].
+    """Return the speed of each simulator with one vehicle in hover [steps of 10 ms per second].
 
     Args:
         seconds: approximate duration of the timing, for all installed simulators together.

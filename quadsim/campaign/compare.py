@@ -1,4 +1,4 @@
-"""Comparisons: variants against each other on courses, paired by seed, with intervals."""
+"""Comparisons of variants on courses: flights paired by seed, differences with intervals."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ from quadsim.record.whole_files import write_whole
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ID_DIGITS = 6  # hex digits of a comparison in the names of its files
-NAME_LENGTH = 120  # characters of the courses and variants there
+ID_DIGITS = 6  # hex digits that identify a comparison in the names of its files
+NAME_LENGTH = 120  # most characters in these names that list courses and variants
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Comparison:
     """The result of comparing variants; `print` shows it as tables."""
 
     sections: list[Section]  # one for each course
-    _folder: TemporaryDirectory | None = None  # of the telemetry, where no campaign keeps it
+    _folder: TemporaryDirectory | None = None  # holds the telemetry where no campaign keeps it
 
     @property
     def variants(self) -> list[VariantStats]:
@@ -100,7 +100,7 @@ def compare(
     campaign: str | Path | None,
     settings: Settings,
 ) -> Comparison:
-    """Compare variants, see `quadsim.compare`."""
+    """Compare variants; `quadsim.compare` describes the arguments."""
     named = variants if isinstance(variants, Mapping) else {name: {} for name in variants}
     several = [courses] if isinstance(courses, str | Path | Course) else list(courses)
     made = make_variants(
@@ -127,10 +127,10 @@ def comparison(
     """Return the comparison of what was flown.
 
     Args:
-        variants: on one course or several; those without an attempt are left out.
+        variants: the variants, on one course or several; those without an attempt are left out.
         rows: the attempts of each variant.
-        home: the folder that their telemetry is relative to.
-        folder: one to keep as long as the comparison.
+        home: the folder to which the paths of their telemetry are relative.
+        folder: temporary folder of the telemetry, kept as long as the comparison exists.
     """
     by_course: dict[str, list[tuple[Variant, Sequence[Row]]]] = {}
     for variant, of_variant in zip(variants, rows, strict=True):
@@ -159,7 +159,7 @@ def _section(flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path) -> Sect
 
 
 def _setting(variant: Variant, rows: Sequence[Sequence[Row]]) -> str:
-    """Return under which conditions the variants of a course flew."""
+    """Return the conditions under which the variants of a course flew, as text."""
     spec = variant.spec
     laps = f"{spec.laps} lap" + "s" * (spec.laps > 1)
     vehicles = ", ".join(dict.fromkeys(of_variant[0].vehicle for of_variant in rows))
@@ -195,7 +195,7 @@ def _written(section: Section) -> list[str]:
 
 
 def identity(variants: Sequence[Variant], attempts: int) -> str:
-    """Return digits that no comparison with other flags has."""
+    """Return hex digits that tell a comparison from those with other flags."""
     specs = [{"name": variant.name} | variant.spec.record() for variant in variants]
     return sha256(canonical([attempts, specs])).hexdigest()[:ID_DIGITS]
 

@@ -20,10 +20,10 @@ Values = Mapping[str, float]  # name of a parameter -> its value
 
 @dataclass(frozen=True)
 class Channels:
-    """A sampler's parameter that several controls share, such as sigma of roll and pitch."""
+    """Controls that share one number of a sampler, such as sigma of the roll and pitch rates."""
 
     field: Literal["sigma", "gamma"]
-    controls: tuple[int, ...]  # indices: 0, 1, 2 body rates x, y, z, 3 thrust
+    controls: tuple[int, ...]  # indices: 0, 1, 2 are the body rates about x, y, z; 3 is thrust
 
 
 CHANNELS = {
@@ -56,11 +56,11 @@ class Parameter:
     high: float
     base: float
     log: bool = False
-    step: int | None = None  # the value is a whole number, a multiple of this from `low`
+    step: int | None = None  # the value is a whole number, `low` plus a multiple of this
 
     @property
     def start(self) -> float:
-        """The base, or the end of the range that is nearest to it."""
+        """The base, or the nearest end of the range if the base lies outside."""
         return min(max(self.base, self.low), self.high)
 
 

@@ -60,8 +60,8 @@ class LearningTask:
     def cost(self, k: int) -> Cost:
         """Return the racing cost of course k.
 
-        An environment uses its progress and its tests of the gates, not its weights: those are in
-        the reward.
+        An environment uses the progress and the gate tests of this cost, not its weights: an
+        environment's weights are those of the reward.
         """
         weights = RaceWeights(margin=self.rewards.margin)
         return race_cost(self.courses[k], self.vehicle.radius, weights, self.laps[k])
@@ -69,7 +69,7 @@ class LearningTask:
 
 @dataclass(frozen=True)
 class Tables:
-    """The arrays of all courses, padded to the longest, in float32 unless stated otherwise."""
+    """Arrays over all courses, float32 unless stated otherwise; shorter courses are padded."""
 
     targets: np.ndarray  # (courses, rows, n_row)
     final_row: np.ndarray  # (courses,) int32: the row at which a race is finished
@@ -112,7 +112,7 @@ def tables(task: LearningTask, seed: int) -> Tables:
 
 
 def _padded(arrays: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the arrays stacked, padded by their last rows.  (n, most rows, columns) float32"""
+    """Return the arrays stacked, each padded with its last row.  (n, most rows, columns) float32"""
     most = max(map(len, arrays))
     padded = [np.pad(a, ((0, most - len(a)), (0, 0)), mode="edge") for a in arrays]
     return np.array(padded, np.float32)

@@ -114,7 +114,7 @@ class RefereeProtocol(Protocol):
         ...
 
 
-# A PlannerSnapshot is taken once in this number of control periods.
+# Number of control periods from one PlannerSnapshot to the next.
 SNAPSHOT_EVERY = 10
 
 
@@ -124,7 +124,7 @@ class Plan(NamedTuple):
     # control to apply  (n_u,)
     u: tuple[float, ...]
     stats: PlanStats
-    # planning time, wall clock [ms]
+    # planning time on the wall clock [ms]
     ms: float
 
 
@@ -148,7 +148,7 @@ def simulate(
     Args:
         plant, controller, referee: the parts, which serve for one flight only.
         period: control period [s], a whole multiple of the plant's step.
-        clock: None: simulated time.
+        clock: tells when a plan is ready; None: the simulated clock, on which it is at once.
         snapshot: called every SNAPSHOT_EVERY periods; the result is stored in the frame.
         navigation: source of the controller's estimates; None: the true state and the referee's
             count of gates.
@@ -174,7 +174,7 @@ def simulate(
             plan = plan_next(controller, navigation, state.t)
         # The clock is read before the frame is yielded, as its consumer may take a while.
         ready = clock.now(state.t)
-        best = snapshot() if snapshot and flying and k % SNAPSHOT_EVERY == 0 else None
+        taken = snapshot() if snapshot and flying and k % SNAPSHOT_EVERY == 0 else None
         navigation.commanded(state.t, ready, plan.u)
 
         # Yield the events up to now, and the control that acts from now on.
@@ -192,7 +192,7 @@ def simulate(
             elapsed=perf_counter() - began,
             events=tuple(events),
             outcome=referee.outcome,
-            snapshot=best,
+            snapshot=taken,
             estimate=navigation.record(state),
         )
         if not flying:
@@ -243,7 +243,7 @@ def apply_control(
     until: float,
     navigation: Navigation | None = None,
 ) -> list[Event]:
-    """Step the plant under a control, while the referee checks every step and sensors watch it.
+    """Step the plant with a constant control; the referee and the sensors see every step.
 
     Args:
         plant: plant to step.

@@ -48,7 +48,7 @@ from quadsim.vehicle import Vehicle
 if TYPE_CHECKING:
     from controllers.mppi import MPPI
 
-LEAST_ROTOR_STD = 0.05  # least standard deviation of the thrust by rotor speeds [m/s^2]
+LEAST_ROTOR_STD = 0.05  # least standard deviation of the thrust from rotor speeds [m/s^2]
 
 
 class FlightParts(NamedTuple):
@@ -60,10 +60,10 @@ class FlightParts(NamedTuple):
 
 
 def with_threads(spec: Spec) -> Spec:
-    """Use the spec's number of CPU threads from now on and return the spec with that number.
+    """Use the spec's number of CPU threads from now on, and return the spec with it filled in.
 
     Raises:
-        SettingError: this machine has fewer threads.
+        SettingError: the number is less than 1, or more than this machine has.
     """
     from controllers.lanes.threads import most_threads, use_threads  # here: it loads the compiler
 
@@ -88,7 +88,7 @@ def build(spec: Spec) -> FlightParts:
 
 
 def system_of(spec: Spec) -> System:
-    """Return the planner's model of the vehicle, stepped once in a control period."""
+    """Return the planner's model of the vehicle; one step of it is one control period."""
     return quadrotor(spec.model, spec.planner.mppi.dt)
 
 
@@ -176,7 +176,7 @@ def cost_on(spec: Spec, course: Course) -> Cost:
     """Return the planner's cost on this course, followed by the user's own terms.
 
     Raises:
-        ValueError: two terms have one name.
+        ValueError: two terms have the same name.
     """
     if isinstance(spec.cost, Cost):
         cost = spec.cost
@@ -190,7 +190,7 @@ def cost_on(spec: Spec, course: Course) -> Cost:
 def race_cost_on(spec: Spec, course: Course) -> Cost:
     """Return the racing or reference cost on this course, with the planner's weights.
 
-    Where a camera has to find the gates, a term keeps the nose in the direction of flight.
+    With a camera and a view_weight, a term keeps the nose in the direction of flight.
     """
     weights = spec.planner.cost
     radius = spec.vehicle.radius
@@ -293,9 +293,9 @@ def distinct(gates: Sequence[Gate]) -> tuple[Gate, ...]:
 
 
 def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:
-    """Return the standard deviation of the thrust that is measured by rotor speeds [m/s^2].
+    """Return the standard deviation of the thrust computed from rotor speeds [m/s^2].
 
-    It holds at full rotor speed, for independent noise of the four rotors.
+    It is that at full rotor speed, for independent noise of the four rotors.
     """
     if config is None or vehicle.rotors is None:
         return LEAST_ROTOR_STD

@@ -23,12 +23,13 @@ Json = Any  # a value that JSON can hold
 Sampler = Sampling | PlainSampler
 WANTED_TERMS = "expected terms=[(function, weight), ...] or controllers.costs.Term objects"
 WANTED_SAMPLER = "expected a sampler: an object with sample(rng, samples, horizon, controls)"
-LARGE = 1000  # of an array of more numbers a run stores the shape only
+LARGE = 1000  # a run stores only the shape of an array of more numbers than this
+# role of the user's own object -> the method that it needs
 METHODS = {"plant": "step", "controller": "control", "referee": "observe"}
 
 
 def check_part(role: str, part: object) -> None:
-    """Check that the user's plant, controller or referee has the method that it needs.
+    """Check that the user's plant, controller or referee can be used in a flight.
 
     Args:
         role: one of METHODS.
@@ -48,7 +49,7 @@ def made(part: Any, spec: object) -> Any:
 
 
 def terms_of(objects: object) -> tuple[Term, ...]:
-    """Return cost terms that were given as Term objects or as (function, weight).
+    """Return the cost terms of a list of Term objects and pairs (function, weight).
 
     Raises:
         SettingError: the objects are anything else.
@@ -139,7 +140,7 @@ def is_registered(sampler: Sampler) -> bool:
 
 
 def describe(part: object) -> dict[str, Json]:
-    """Return {class, parameters} of a user's object."""
+    """Return {class, parameters} of one of the user's own objects."""
     kind = part if _is_maker(part) else type(part)
     values = {} if kind is part else getattr(part, "__dict__", {})
     parameters = {name: plain(value) for name, value in values.items()}

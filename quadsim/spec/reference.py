@@ -22,7 +22,7 @@ def stored_reference(
     Args:
         course, vehicle, laps: the race.
         weights: weights with the margin and the reserve of the solution to look for.
-        runs_dir: folder of runs, searched for solutions as well as the project's own.
+        runs_dir: folder of runs, which is searched as well as the solutions that quadsim brings.
 
     Raises:
         FileError: there is no solution of this race.
@@ -41,7 +41,7 @@ def stored_reference(
     if str(runs_dir) != "runs":
         command += f" --runs-dir {runs_dir}"
     message = "preset: expected a stored solution of this race to follow, got none"
-    raise FileError(f"{message}: search it with {command}")
+    raise FileError(f"{message}: search for one with {command}")
 
 
 def reference_of(limit: StoredSolution, vehicle: Vehicle, dt: float) -> Reference:
@@ -55,7 +55,7 @@ def reference_of(limit: StoredSolution, vehicle: Vehicle, dt: float) -> Referenc
     solution = limit.solution
     t = np.arange(0.0, solution.t[-1], dt)
 
-    # The control of a period is that of the solution's interval around the period's middle.
+    # A period takes the control of that interval of the solution in which its middle lies.
     middle = np.searchsorted(solution.t, t + dt / 2) - 1
     interval = np.clip(middle, 0, len(solution.u) - 1)
 

@@ -1,4 +1,4 @@
-"""The settings of a flight: one table, read off annotated dataclasses.
+"""The settings of a flight: one table, made from annotated dataclasses.
 
 A setting is a field of one of the dataclasses below. Its annotation holds its help, its unit and
 its range. Everything else follows from it: the key of a preset file, the flag of `race fly`, the
@@ -37,7 +37,10 @@ CONTROL_UNITS = ", ".join(units_of(Control).values())
 
 @dataclass(frozen=True)
 class FlightSettings:
-    """The settings of a flight apart from its planner. None stands for the default in the help."""
+    """The settings of a flight apart from its planner's.
+
+    None stands for the default that the help names.
+    """
 
     sampler: Annotated[
         str, setting("sampling distribution, or package.module:Class of your own")
@@ -106,7 +109,8 @@ OWNERS: dict[Group, tuple[type, ...]] = {
     "cost": (RaceWeights, ReferenceWeights),
     "model": (ModelParams,),
 }
-PREFIX = "model_"  # begins the settings of the planner's model; a vehicle has some of them too
+# Begins the names of the model's settings, as a vehicle has numbers of the same names.
+PREFIX = "model_"
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Spec: the complete specification of one flight, which builds it and is stored with its run."""
+"""Spec: the complete specification of one flight, which is built from it and stored with it."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from quadsim.spec.keywords import CourseLike, Keywords
 
 DEFAULT_COURSE = "split_s_swift"
-# Keywords whose values are objects, beside the settings that have a name or a number.
+# Keywords that take an object and are not settings.
 OBJECTS = ("course", "planner", "model", "controller", "referee", "cost", "terms")
 PLANTS = get_args(PlantName)
 
@@ -64,7 +64,7 @@ class Spec:
 
     The same spec gives the same Run to the last bit on the same machine.
 
-    `Spec.of("split_s_swift", sampler="gaussian", horizon=120)` makes one of settings, where every
+    `Spec.of("split_s_swift", sampler="gaussian", horizon=120)` makes one from settings, and every
     setting of `race fly` is a keyword; `spec.but(seed=7)` returns one with changed settings.
 
     plant, controller and referee may be the user's own: an object for one flight, or a class or
@@ -86,7 +86,7 @@ class Spec:
     seed: int = 0
     randomize: float = 0.0  # scale of quadsim.physics.domain_randomization
     displace_gates: float = 0.0  # how far gates may stand off the map, along x and y [m]
-    view_weight: float = 0.0  # weight of a camera that looks along the flight
+    view_weight: float = 0.0  # weight of the term that keeps the camera along the flight
     penalties: bool = False
     plant: PlantName | Plant | Callable[[Spec], Plant] = field(default_factory=default_plant)
     plant_dt: float = FlightSettings.plant_dt  # [s]
@@ -98,7 +98,7 @@ class Spec:
     referee: RefereeProtocol | Callable[[Spec], RefereeProtocol] | None = None
     threads: int | None = None  # None: as many as are in use; the number does not change the flight
     runs_dir: str = FlightSettings.runs_dir  # where solutions of `race limit` are looked for
-    # The settings that this spec was made of. Files that they name have been read: `but` does not
+    # The settings that this spec was made from. Files that they name have been read: `but` does not
     # read them again.
     given: Mapping[str, Any] = field(init=False, repr=False, compare=False)
 
@@ -118,7 +118,7 @@ class Spec:
 
         Raises:
             SettingError: a setting is invalid; its message is one line (a ValueError).
-            FileError: a course, vehicle or preset cannot be read (a ValueError).
+            FileError: a file that a setting names cannot be read (a ValueError).
         """
         given: dict[str, Any] = dict(settings)
         if course is not None:
@@ -126,9 +126,10 @@ class Spec:
         return _resolved(given)
 
     def but(self, course: CourseLike | None = None, **changes: Unpack[Keywords]) -> Spec:
-        """Return the spec of the same settings with some changed; defaults are resolved anew.
+        """Return the spec of the same settings with some of them changed.
 
-        A new sampler, preset or vehicle brings its own defaults; settings that were given stay.
+        Defaults are resolved anew: a new sampler, preset or vehicle brings its own. Settings that
+        were given stay.
 
         Args:
             course: another course; default: the same.
@@ -246,7 +247,7 @@ def validate(spec: Spec) -> None:
     if isinstance(spec.planner.cost, ReferenceWeights):
         for name in ("displace_gates", "view_weight"):
             if getattr(spec, name):
-                why = "for a preset that follows a reference, which knows no other gates or views"
+                why = "for a preset that follows a reference, which knows the map's gates only"
                 raise SettingError(name, f"expected 0 {why}, got {getattr(spec, name):g}")
     if spec.pilot:
         spec.pilot.check(spec.vehicle.name, dt)
@@ -430,7 +431,7 @@ def _model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:
 
 
 def _changed(group: Group, values: Any, given: Mapping[str, Any]) -> Any:
-    """Return a group's dataclass with its given settings. Raises SettingError."""
+    """Return a group's dataclass with the settings that were given. Raises SettingError."""
     owner: type[object] = values.__class__
     changes: dict[str, object] = {}
     for name, value in given.items():
@@ -458,7 +459,7 @@ def _owners(setting: Setting) -> str:
 def _view_weight(flight: FlightSettings, base: Planner, sensing: Sensing) -> float:
     """Return the weight of the cost term that makes the camera look along the flight.
 
-    It matters where a camera has to find displaced gates; elsewhere a flight without yaw is faster.
+    It helps where a camera has to find displaced gates; elsewhere a flight without yaw is faster.
     """
     if flight.view_weight is not None:
         return flight.view_weight

@@ -2,8 +2,8 @@
 
     python -m quadsim.spec.write_keywords
 
-The names and types are those of quadsim.spec.settings. A type checker cannot derive
-them from dataclasses, so they are written out; a test fails when the file is out of date.
+The names and types are those of quadsim.spec.settings. A type checker cannot derive them from
+dataclasses, so they are written out; a test fails when the file is out of date.
 """
 
 from __future__ import annotations
