@@ -295,7 +295,7 @@ def distinct(gates: Sequence[Gate]) -> tuple[Gate, ...]:
 def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:
     """Return the standard deviation of the thrust computed from rotor speeds [m/s^2].
 
-    It is that at full rotor speed, for independent noise of the four rotors.
+    It is the value at full rotor speed, for independent noise of the four rotors.
     """
     if config is None or vehicle.rotors is None:
         return LEAST_ROTOR_STD

@@ -29,7 +29,7 @@ METHODS = {"plant": "step", "controller": "control", "referee": "observe"}
 
 
 def check_part(role: str, part: object) -> None:
-    """Check that the user's plant, controller or referee can be used in a flight.
+    """Check that the user's plant, controller or referee has the method that its role needs.
 
     Args:
         role: one of METHODS.

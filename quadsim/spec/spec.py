@@ -118,7 +118,8 @@ class Spec:
 
         Raises:
             SettingError: a setting is invalid; its message is one line (a ValueError).
-            FileError: a file that a setting names cannot be read (a ValueError).
+            FileError: a file or a stored solution that the settings need cannot be read (a
+                ValueError).
         """
         given: dict[str, Any] = dict(settings)
         if course is not None:
@@ -247,7 +248,7 @@ def validate(spec: Spec) -> None:
     if isinstance(spec.planner.cost, ReferenceWeights):
         for name in ("displace_gates", "view_weight"):
             if getattr(spec, name):
-                why = "for a preset that follows a reference, which knows the map's gates only"
+                why = "for a preset whose reference ignores displaced gates and the camera"
                 raise SettingError(name, f"expected 0 {why}, got {getattr(spec, name):g}")
     if spec.pilot:
         spec.pilot.check(spec.vehicle.name, dt)
