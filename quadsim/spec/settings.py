@@ -73,8 +73,8 @@ class FlightSettings:
     view_weight: Annotated[
         Weight | None,
         setting(
-            "weight of a camera that looks along the flight (default: the preset's with"
-            " displaced gates, else 0)"
+            "weight of the cost term that points the camera along the flight (default: the"
+            " preset's with displaced gates, else 0)"
         ),
     ] = None
     term: Annotated[
@@ -96,7 +96,8 @@ class FlightSettings:
         Clock, setting("simulated: planning takes no time; wall: the flight continues meanwhile")
     ] = "simulated"
     deadline_ms: Annotated[
-        Milliseconds | None, setting("fewer samples, so that a plan takes no longer")
+        Milliseconds | None,
+        setting("longest time of a plan, kept by fewer samples (default: none)"),
     ] = None
     runs_dir: Annotated[str, setting("folder of runs and of the solutions of race limit")] = "runs"
 

@@ -91,7 +91,7 @@ class Spec:
     plant: PlantName | Plant | Callable[[Spec], Plant] = field(default_factory=default_plant)
     plant_dt: float = FlightSettings.plant_dt  # [s]
     clock: Clock = "simulated"
-    deadline_ms: float | None = None  # fewer samples, so that a plan takes no longer
+    deadline_ms: float | None = None  # longest time of a plan, kept by fewer samples
     terms: tuple[Term, ...] = ()  # the user's own, beside those of the cost
     cost: Cost | Callable[[Cost], Cost] | None = None  # replaces or changes the cost
     controller: Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw] | None = None
