@@ -69,15 +69,10 @@ class Document:
 
     def fill(self, schema: type[Schema]) -> Schema:
         """Return the document as an instance of the schema. Raises FileError."""
-        kind = msgspec.inspect.type_info(schema)
         try:
-            return msgspec.convert(value(self.root, kind), schema)
+            return value(self.root, msgspec.inspect.type_info(schema))
         except Misfit as misfit:
             raise _error(self.text, self.file, misfit.mark, misfit.path, misfit.problem) from None
-        # a ValueError of the schema's own __post_init__
-        except msgspec.ValidationError as error:
-            problem, _, path = str(error).partition(" - at `$")
-            raise self.error(path.strip(".`"), problem) from None
 
     def error(self, path: str, problem: str) -> FileError:
         """Return an error at a key such as "gates[3].opening", for checks beyond the schema."""

@@ -105,8 +105,8 @@ def _within_range(number: float, node: yaml.Node, kind: Any, path: str, unit: st
     return number
 
 
-def _mapping(node: yaml.Node, kind: Any, path: str) -> dict[str, Any]:
-    """Return the values of a mapping by key. Raises Misfit."""
+def _mapping(node: yaml.Node, kind: Any, path: str) -> Any:
+    """Return a mapping as an instance of its schema. Raises Misfit."""
     if not isinstance(node, yaml.MappingNode):
         raise Misfit(node.start_mark, path, f"expected a mapping (key: value), got {found(node)}")
     fields = {f.encode_name: f for f in kind.fields}
@@ -120,7 +120,10 @@ def _mapping(node: yaml.Node, kind: Any, path: str) -> dict[str, Any]:
         if field.required and name not in values:
             problem = f"missing, expected {expected(field.type)}"
             raise Misfit(node.start_mark, _join(path, name), problem)
-    return values
+    try:
+        return kind.cls(**values)
+    except ValueError as error:  # a check of the schema's own
+        raise Misfit(node.start_mark, path, str(error)) from None
 
 
 def _key(node: yaml.Node, path: str, known: Iterable[str], lines: dict[str, int]) -> str:
@@ -137,7 +140,7 @@ def _key(node: yaml.Node, path: str, known: Iterable[str], lines: dict[str, int]
     return key
 
 
-def _sequence(node: yaml.SequenceNode, kind: Any, path: str, unit: str) -> list[Any]:
+def _sequence(node: yaml.SequenceNode, kind: Any, path: str, unit: str) -> tuple[Any, ...]:
     """Return the items of a list. Raises Misfit."""
     count = len(node.value)
     if isinstance(kind, inspect.TupleType):
@@ -149,7 +152,7 @@ def _sequence(node: yaml.SequenceNode, kind: Any, path: str, unit: str) -> list[
     if not fits:
         raise Misfit(node.start_mark, path, f"expected {expected(kind, unit)}, got {count}")
     items = enumerate(zip(node.value, kinds, strict=True))
-    return [value(item, of_item, f"{path}[{i}]", unit) for i, (item, of_item) in items]
+    return tuple(value(item, of_item, f"{path}[{i}]", unit) for i, (item, of_item) in items)
 
 
 def _join(path: str, key: str) -> str:
