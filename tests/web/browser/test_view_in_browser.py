@@ -128,6 +128,8 @@ def test_paths_have_the_colours_of_the_legend(page, race):
 def test_all_text_can_be_read(page, race):
     for tab in ("Laps", "Events", "Planner", "Spectrum", "Timing"):
         page.get_by_role("tab", name=tab).click()
+        # A hint that fades in or out has little contrast for a moment.
+        waited(page, lambda: page.evaluate(CONTRAST, 4.5)[1] == [])
         count, poor = page.evaluate(CONTRAST, 4.5)
         assert count > 40
         assert poor == []
