@@ -21,7 +21,7 @@ import numpy as np
 
 from quadsim.course import Course, parse_course
 from quadsim.dynamics.quadrotor import BODY_RATES, POSITION, RIGID_BODY, VELOCITY, Control, State
-from quadsim.files.arrays import TEXT, Declared, npz_bytes, read_arrays, record_of
+from quadsim.files.arrays import TEXT, Declared, arrays_of, npz_bytes, read_bytes, record_of
 from quadsim.files.strict_yaml import FileError
 from quadsim.vehicle import Vehicle
 
@@ -39,7 +39,17 @@ ARRAYS = {
     "costate": Declared("float32", ("intervals", "states"), finite=True),
     "target": Declared("int16", ("intervals",)),
 }
-FACTS = ("course", "vehicle", "laps", "closed", "lap_times", "verified", "margin", "reserve")
+FACTS = (
+    "course",
+    "vehicle",
+    "laps",
+    "closed",
+    "lap_times",
+    "verified",
+    "margin",
+    "reserve",
+    "key",
+)
 # Fields of a course and of a vehicle that change no race
 NAMES = ("name", "source", "text", "published", "laps", "loop")
 
@@ -102,6 +112,10 @@ class StoredSolution:
     # Margin and reserve as in LimitProblem
     margin: float = 0.0
     reserve: float = 0.0
+    # The sha256 of the file that it was read from, hexadecimal
+    digest: str = ""
+    # The problem's key
+    key: str = ""
 
     @property
     def time(self) -> float:
@@ -262,7 +276,8 @@ def load(path: Path) -> StoredSolution:
         LimitError: the file is damaged or no solution.
     """
     try:
-        arrays = read_arrays(path, ARRAYS, WHAT)
+        data = read_bytes(path, WHAT)
+        arrays = arrays_of(data, ARRAYS, path, WHAT)
         facts = record_of(arrays.pop("facts"), path, WHAT)
     except FileError as error:
         raise LimitError(str(error)) from None
@@ -270,7 +285,10 @@ def load(path: Path) -> StoredSolution:
     doubles = {name: array.astype(float) for name, array in arrays.items()}
     try:
         solution = Solution(facts.pop("model"), target=target, **doubles)
-        stored = StoredSolution(**facts, solution=solution)
+        # A file of an earlier version has its key in its name alone
+        facts.setdefault("key", path.stem.rpartition("_")[2])
+        digest = sha256(data).hexdigest()
+        stored = StoredSolution(**facts, solution=solution, digest=digest)
         _check_nodes(solution)
     except (KeyError, TypeError, ValueError) as error:
         raise LimitError(f"{path}: expected {WHAT}: {error}") from None
