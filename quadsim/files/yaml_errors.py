@@ -90,6 +90,12 @@ def shown(text: str) -> str:
     return repr(text if len(text) <= LONGEST else text[: LONGEST - 3] + "...")
 
 
+def shown_value(value: object) -> str:
+    """Return the value as Python writes it, on one line, cut where long."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return "did you mean 'yaw_deg'?", or the list of all known names where none is near."""
     names = list(known)

@@ -14,7 +14,7 @@ from controllers.presets import Planner, faults
 from controllers.samplers import SAMPLERS
 from quadsim.course import Course, load_course
 from quadsim.dynamics.quadrotor import Control, ModelParams
-from quadsim.files.yaml_errors import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean, shown_value
 from quadsim.physics.domain_randomization import displaced, draw
 from quadsim.physics.plant import Plant, default_plant
 from quadsim.race.flight import ControlLaw, Controller, RefereeProtocol, whole_multiple
@@ -41,6 +41,7 @@ from quadsim.spec.settings import (
     PlantName,
     Setting,
     SettingError,
+    bare,
     is_optional,
 )
 from quadsim.spec.values import checked
@@ -54,6 +55,25 @@ DEFAULT_COURSE = "split_s_swift"
 # Keywords that take an object and are not settings.
 OBJECTS = ("course", "planner", "model", "controller", "referee", "cost", "terms")
 PLANTS = get_args(PlantName)
+# The settings that a Spec holds as numbers or names, and their kinds. Those of the first row have
+# no default in a Spec: None, which stands for one in FlightSettings, has been resolved.
+NUMBERS = {
+    **{name: bare(SETTINGS[name].kind) for name in ("laps", "timeout", "view_weight")},
+    **{
+        name: SETTINGS[name].kind
+        for name in (
+            "seed",
+            "randomize",
+            "displace_gates",
+            "penalties",
+            "plant_dt",
+            "clock",
+            "deadline_ms",
+            "threads",
+            "runs_dir",
+        )
+    },
+}
 
 T = TypeVar("T")
 
@@ -104,6 +124,8 @@ class Spec:
 
     def __post_init__(self) -> None:
         """Check the parts against each other, and keep them as the settings that were given."""
+        for name, kind in NUMBERS.items():
+            object.__setattr__(self, name, checked(name, getattr(self, name), kind))
         validate(self)
         parts = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
         object.__setattr__(self, "given", parts)
@@ -251,16 +273,25 @@ def validate(spec: Spec) -> None:
                 why = "for a preset whose reference ignores displaced gates and the camera"
                 raise SettingError(name, f"expected 0 {why}, got {getattr(spec, name):g}")
     if spec.pilot:
+        _check_beside_pilot(spec)
         spec.pilot.check(spec.vehicle.name, dt)
+
+
+def _check_beside_pilot(spec: Spec) -> None:
+    """Check that no part is given that a flight with a pilot would ignore. Raises SettingError."""
+    if spec.controller is not None:
+        problem = f"expected none beside a pilot, got {shown_value(spec.controller)}"
+        raise SettingError("controller", problem)
+    if spec.deadline_ms is not None:
+        problem = f"expected none beside a pilot, which has no samples, got {spec.deadline_ms:g}"
+        raise SettingError("deadline_ms", problem)
 
 
 def _check_types(spec: Spec) -> None:
     """Check that the parts are objects of the right type. Raises SettingError."""
     wanted = {"course": Course, "vehicle": Vehicle, "planner": Planner, "model": ModelParams}
     for name, kind in wanted.items():
-        part = getattr(spec, name)
-        if not isinstance(part, kind):
-            raise SettingError(name, f"expected a {kind.__name__}, got {part!r}")
+        _check_type(name, getattr(spec, name), kind)
     if isinstance(spec.plant, str):
         if spec.plant not in PLANTS:
             known = " or ".join(map(repr, PLANTS))
@@ -269,11 +300,17 @@ def _check_types(spec: Spec) -> None:
         check_part("plant", spec.plant)
     if not (spec.cost is None or isinstance(spec.cost, Cost) or callable(spec.cost)):
         wanted = "expected a Cost, or a function of the default Cost that returns one"
-        raise SettingError("cost", f"{wanted}, got {spec.cost!r}")
+        raise SettingError("cost", f"{wanted}, got {shown_value(spec.cost)}")
     if spec.controller is not None:
         check_part("controller", spec.controller)
     if spec.referee is not None:
         check_part("referee", spec.referee)
+
+
+def _check_type(name: str, part: object, kind: type) -> None:
+    """Raise SettingError unless a part is an object of its type."""
+    if not isinstance(part, kind):
+        raise SettingError(name, f"expected a {kind.__name__}, got {shown_value(part)}")
 
 
 def _check_channels(planner: Planner) -> None:
@@ -293,11 +330,14 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     """Return the spec of these settings; the others come from preset, course and vehicle."""
     _check_names(given)
     flight = _flight_settings(given)
+    plant = given.get("plant")
+    own_terms = given.get("terms")
 
     # Each file is read once; `but` uses the objects that were read.
     read: dict[str, Any] = {}
     course = _loaded(given, "course", Course, load_course, DEFAULT_COURSE, read)
-    pilot = _loaded(given, "pilot", Pilot, load_pilot, None, read)
+    own_pilot = given.get("pilot")
+    pilot = None if own_pilot is None else _part("pilot", own_pilot, Pilot, load_pilot, read)
     sensing = _loaded(given, "sensing", Sensing, load_sensing, PERFECT, read)
     base = _base_planner(given, flight, read)
     default_vehicle = pilot.about.vehicle if pilot else base.vehicle
@@ -324,11 +364,11 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         displace_gates=flight.displace_gates,
         view_weight=_view_weight(flight, base, sensing),
         penalties=flight.penalties,
-        plant=given.get("plant") or default_plant(),
+        plant=default_plant() if plant is None else plant,
         plant_dt=flight.plant_dt,
         clock=flight.clock,
         deadline_ms=flight.deadline_ms,
-        terms=(*terms_of(given.get("terms", ())), *map(term_of_text, flight.term)),
+        terms=(*terms_of(() if own_terms is None else own_terms), *map(term_of_text, flight.term)),
         cost=given.get("cost"),
         controller=given.get("controller"),
         referee=given.get("referee"),
@@ -367,29 +407,38 @@ def _loaded(
     name: str,
     kind: type[T],
     load: Callable[[str], T],
-    default: str | None,
+    default: str,
     read: dict[str, Any],
-) -> Any:
-    """Return a part that was given by name, as a FILE.yaml or as an object.
+) -> T:
+    """Return a part that was given by name, as a FILE.yaml or as an object, or the default.
 
     Args:
         given: the settings.
         name: name of the setting.
         kind: type of the object.
         load: reads the part that a name or path stands for; raises FileError.
-        default: name to load where none is given; None: the part may be missing.
+        default: name to load where none is given.
         read: collects the parts that were loaded by a given name.
+
+    Raises:
+        SettingError: the part is neither a name nor an object of its type.
     """
     part = given.get(name)
+    return load(default) if part is None else _part(name, part, kind, load, read)
+
+
+def _part(
+    name: str, part: object, kind: type[T], load: Callable[[str], T], read: dict[str, Any]
+) -> T:
+    """Return a part that was given, see `_loaded`. Raises SettingError."""
     if isinstance(part, kind):
         return part
-    if part is None:
-        return load(default) if default is not None else None
     if not isinstance(part, str | Path):
         wanted = f"expected a name, a FILE.yaml or a {kind.__name__}"
-        raise SettingError(name, f"{wanted}, got {part!r}")
-    read[name] = load(str(part))
-    return read[name]
+        raise SettingError(name, f"{wanted}, got {shown_value(part)}")
+    loaded = load(str(part))
+    read[name] = loaded
+    return loaded
 
 
 def _base_planner(
@@ -405,9 +454,14 @@ def _base_planner(
         for name in ("sampler", "preset"):
             if given.get(name) is not None:
                 raise SettingError(name, "expected none beside a whole planner=")
+        _check_type("planner", planner, Planner)
         return planner
     preset = given.get("preset")
     if not isinstance(preset, PresetSource):
+        if not (preset is None or isinstance(preset, str | Path)):
+            raise SettingError(
+                "preset", f"expected a name or a FILE.yaml, got {shown_value(preset)}"
+            )
         preset = PresetSource.read(flight.preset)
         read |= {"preset": preset} if "preset" in given else {}
     if sampling is None:
@@ -427,7 +481,10 @@ def _with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:
 
 def _model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:
     """Return the planner's model: the vehicle's nominal model with the given numbers."""
-    model = given.get("model") or ModelParams.of(vehicle)
+    model = given.get("model")
+    if model is None:
+        model = ModelParams.of(vehicle)
+    _check_type("model", model, ModelParams)
     return _changed("model", model, given)
 
 
