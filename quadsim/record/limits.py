@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -231,13 +232,22 @@ class LimitProblem:
         Raises:
             LimitError: a file cannot be read.
         """
-        fastest = None
-        for folder in (SOLUTIONS, *folders):
-            for path in sorted(folder.glob(f"*_{self.key}.npz")):
-                found = load(path)
-                if fastest is None or found.time < fastest.time:
-                    fastest = found
-        return fastest
+        return min(solutions_of(self.key, *folders), key=lambda found: found.time, default=None)
+
+
+def solutions_of(key: str, *folders: Path) -> Iterator[StoredSolution]:
+    """Yield the solutions of a problem in these folders and of the project.
+
+    Args:
+        key: key of the LimitProblem.
+        folders: see `limits_folder`.
+
+    Raises:
+        LimitError: a file cannot be read.
+    """
+    for folder in (SOLUTIONS, *folders):
+        for path in sorted(folder.glob(f"*_{key}.npz")):
+            yield load(path)
 
 
 def limit_of(spec: dict, *folders: Path) -> StoredSolution | None:

@@ -10,8 +10,16 @@ import numpy as np
 from controllers.costs.reference import Reference, ReferenceWeights
 from quadsim.course import Course
 from quadsim.files.strict_yaml import FileError
-from quadsim.record.limits import LimitProblem, StoredSolution, limits_folder
+from quadsim.record.limits import LimitProblem, StoredSolution, limits_folder, solutions_of
 from quadsim.vehicle import Vehicle
+
+
+def followed_problem(
+    course: Course, vehicle: Vehicle, laps: int, weights: ReferenceWeights
+) -> LimitProblem:
+    """Return the problem whose solution a planner with these weights follows."""
+    problem = LimitProblem(course, vehicle, laps, "rates")
+    return replace(problem, margin=weights.margin, reserve=weights.reserve)
 
 
 def stored_reference(
@@ -27,8 +35,7 @@ def stored_reference(
     Raises:
         FileError: there is no solution of this race.
     """
-    problem = LimitProblem(course, vehicle, laps, "rates")
-    problem = replace(problem, margin=weights.margin, reserve=weights.reserve)
+    problem = followed_problem(course, vehicle, laps, weights)
     stored = problem.best_known(limits_folder(runs_dir))
     if stored:
         return stored
@@ -42,6 +49,27 @@ def stored_reference(
         command += f" --runs-dir {runs_dir}"
     message = "preset: expected a stored solution of this race to follow, got none"
     raise FileError(f"{message}: search for one with {command}")
+
+
+def followed_reference(key: str, digest: str, runs_dir: str | Path) -> StoredSolution:
+    """Return the solution that a recorded flight has followed.
+
+    Args:
+        key: key of its problem, with which its file's name ends.
+        digest: sha256 of its file.
+        runs_dir: folder of runs, which is searched as well as the solutions that quadsim brings.
+
+    Raises:
+        FileError: the solution is not there any more.
+    """
+    folder = limits_folder(runs_dir)
+    found = list(solutions_of(key, folder))
+    for solution in found:
+        if solution.digest == digest:
+            return solution
+    others = f"{len(found)} of other content" if found else "none"
+    wanted = f"the solution that was followed, *_{key}.npz with sha256 {digest[:12]}..."
+    raise FileError(f"{folder}: expected {wanted}, got {others}")
 
 
 def reference_of(limit: StoredSolution, vehicle: Vehicle, dt: float) -> Reference:

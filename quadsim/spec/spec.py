@@ -18,11 +18,15 @@ from quadsim.files.yaml_errors import did_you_mean, shown_value
 from quadsim.physics.domain_randomization import displaced, draw
 from quadsim.physics.plant import Plant, default_plant
 from quadsim.race.flight import ControlLaw, Controller, RefereeProtocol, whole_multiple
+from quadsim.record.limits import StoredSolution
+from quadsim.record.run import INTERACTIVE
 from quadsim.sensing import PERFECT, Sensing, load_sensing
+from quadsim.spec.changes import PlannerChange
 from quadsim.spec.parts import (
     check_part,
     describe,
     describe_term,
+    is_described,
     is_registered,
     own_sampler,
     plain,
@@ -31,7 +35,7 @@ from quadsim.spec.parts import (
     terms_of,
 )
 from quadsim.spec.presets import PresetSource
-from quadsim.spec.reference import stored_reference
+from quadsim.spec.reference import followed_problem, stored_reference
 from quadsim.spec.settings import (
     CONTROL_UNITS,
     SETTINGS,
@@ -54,6 +58,7 @@ if TYPE_CHECKING:
 DEFAULT_COURSE = "split_s_swift"
 # Keywords that take an object and are not settings.
 OBJECTS = ("course", "planner", "model", "controller", "referee", "cost", "terms")
+KEYWORDS = (*SETTINGS, *OBJECTS)
 PLANTS = get_args(PlantName)
 # The settings that a Spec holds as numbers or names, and their kinds. Those of the first row have
 # no default in a Spec: None, which stands for one in FlightSettings, has been resolved.
@@ -118,6 +123,10 @@ class Spec:
     referee: RefereeProtocol | Callable[[Spec], RefereeProtocol] | None = None
     threads: int | None = None  # None: as many as are in use; the number does not change the flight
     runs_dir: str = FlightSettings.runs_dir  # where solutions of `race limit` are looked for
+    # The stored solution that a preset with ReferenceWeights follows
+    reference: StoredSolution | None = field(default=None, compare=False)
+    # The planner's numbers that change in flight, in the order of their times
+    changes: tuple[PlannerChange, ...] = ()
     # The settings that this spec was made from. Files that they name have been read: `but` does not
     # read them again.
     given: Mapping[str, Any] = field(init=False, repr=False, compare=False)
@@ -127,7 +136,7 @@ class Spec:
         for name, kind in NUMBERS.items():
             object.__setattr__(self, name, checked(name, getattr(self, name), kind))
         validate(self)
-        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name in KEYWORDS}
         object.__setattr__(self, "given", parts)
 
     @classmethod
@@ -152,7 +161,8 @@ class Spec:
         """Return the spec of the same settings with some of them changed.
 
         Defaults are resolved anew: a new sampler, preset or vehicle brings its own. Settings that
-        were given stay.
+        were given stay. Changes in flight do not: they belong to the one flight in which they were
+        made.
 
         Args:
             course: another course; default: the same.
@@ -165,6 +175,12 @@ class Spec:
         if course is not None:
             given["course"] = course
         return _resolved(given)
+
+    def on_threads(self, threads: int) -> Spec:
+        """Return the spec of the same flight with another number of CPU threads."""
+        spec = replace(self, threads=threads)
+        object.__setattr__(spec, "given", {**self.given, "threads": threads})
+        return spec
 
     @property
     def sampler(self) -> str:
@@ -190,8 +206,6 @@ class Spec:
 
     def record(self) -> dict[str, Any]:
         """Return the spec as JSON, as a run stores it."""
-        own = self._own_parts()
-        named_plant = self.plant if isinstance(self.plant, str) else default_plant()
         record = {
             "system": "quadrotor",
             "course": self.course.name,
@@ -210,13 +224,13 @@ class Spec:
             "laps": self.laps,
             "timeout": self.timeout,
             "penalties": self.penalties,
-            "plant": named_plant,
+            "plant": self.plant if isinstance(self.plant, str) else "own",
             "plant_dt": self.plant_dt,
             "randomize": self.randomize,
             "clock": self.clock,
             "deadline_ms": self.deadline_ms,
             "variation": asdict(draw(self.streams.vehicle, self.randomize)),
-            "host": {"threads": self.threads},
+            "host": self._host(),
         }
         # Parts that a flight does not use are left out.
         used = {
@@ -224,27 +238,50 @@ class Spec:
             "displace_gates": self.displace_gates,
             "view_weight": self.view_weight,
             "pilot": self.pilot.record() if self.pilot else None,
-            "own": own,
+            "reference": _followed(self.reference),
+            "own": self._own_parts(),
+            INTERACTIVE: [change.record() for change in self.changes],
         }
         return record | {name: value for name, value in used.items() if value}
 
-    def _own_parts(self) -> dict[str, Any]:
-        """Return {role: description} of the user's own objects."""
+    def own_objects(self) -> dict[str, object]:
+        """Return {role: part} of the user's own objects; the role `terms` has a tuple."""
         parts: dict[str, object] = {
             "cost": self.cost,
             "controller": self.controller,
             "referee": self.referee,
+            "terms": self.terms or None,
         }
         if not isinstance(self.plant, str):
             parts["plant"] = self.plant
         if not is_registered(self.planner.sampling):
             parts["sampler"] = self.planner.sampling
-        own: dict[str, Any] = {
-            role: describe(part) for role, part in parts.items() if part is not None
-        }
-        if self.terms:
-            own["terms"] = [describe_term(term) for term in self.terms]
+        # A course that was made in Python, or changed after its text was read
+        if not is_described(self.course):
+            parts["course"] = self.course
+        return {role: part for role, part in parts.items() if part is not None}
+
+    def _own_parts(self) -> dict[str, Any]:
+        """Return {role: description} of the user's own objects."""
+        own: dict[str, Any] = {}
+        for role, part in self.own_objects().items():
+            if role == "terms":
+                own[role] = [describe_term(term) for term in self.terms]
+            else:
+                own[role] = describe(part)
         return own
+
+    def _host(self) -> dict[str, Any]:
+        """Return where the flight takes place: nothing in it changes the flight."""
+        files = {"runs_dir": self.runs_dir}
+        if self.pilot:
+            files["pilot"] = self.pilot.path
+        return {"threads": self.threads} | files
+
+
+def _followed(reference: StoredSolution | None) -> dict[str, str] | None:
+    """Return what a record says of the solution that a planner follows."""
+    return {"key": reference.key, "sha256": reference.digest} if reference else None
 
 
 def validate(spec: Spec) -> None:
@@ -272,9 +309,18 @@ def validate(spec: Spec) -> None:
             if getattr(spec, name):
                 why = "for a preset whose reference ignores displaced gates and the camera"
                 raise SettingError(name, f"expected 0 {why}, got {getattr(spec, name):g}")
+        _check_reference(spec, spec.planner.cost)
     if spec.pilot:
         _check_beside_pilot(spec)
         spec.pilot.check(spec.vehicle.name, dt)
+
+
+def _check_reference(spec: Spec, weights: ReferenceWeights) -> None:
+    """Check that the solution to be followed is one of this race. Raises SettingError."""
+    problem = followed_problem(spec.course, spec.vehicle, spec.laps, weights)
+    if spec.reference is None or spec.reference.key != problem.key:
+        got = spec.reference.key if spec.reference else None
+        raise SettingError("reference", f"expected a solution of {problem.file_name}, got {got}")
 
 
 def _check_beside_pilot(spec: Spec) -> None:
@@ -348,8 +394,9 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     planner = _with_numbers(replace(base, vehicle=vehicle.name), given)
     model = _model(given, vehicle)
     laps = flight.laps or course.laps
+    reference = None
     if isinstance(planner.cost, ReferenceWeights):
-        stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir)
+        reference = stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir)
     spec = Spec(
         course=course,
         vehicle=vehicle,
@@ -374,6 +421,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         referee=given.get("referee"),
         threads=flight.threads,
         runs_dir=flight.runs_dir,
+        reference=reference,
     )
     object.__setattr__(spec, "given", {**given, **read})
     return spec
@@ -381,10 +429,9 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
 
 def _check_names(given: Mapping[str, Any]) -> None:
     """Check that each name is a setting's. Raises SettingError."""
-    known = (*SETTINGS, *OBJECTS)
     for name in given:
-        if name not in known:
-            raise SettingError(name, f"no such setting, {did_you_mean(name, known)}")
+        if name not in KEYWORDS:
+            raise SettingError(name, f"no such setting, {did_you_mean(name, KEYWORDS)}")
 
 
 def _flight_settings(given: Mapping[str, Any]) -> FlightSettings:
