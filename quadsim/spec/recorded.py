@@ -23,11 +23,14 @@ from quadsim.sensing import Sensing
 from quadsim.spec.changes import PlannerChange
 from quadsim.spec.parts import is_registered, own_sampler, term_of_text, terms_of
 from quadsim.spec.reference import followed_reference
-from quadsim.spec.settings import Clock, FlightSettings
+from quadsim.spec.settings import SETTINGS, Clock, FlightSettings
 from quadsim.spec.spec import PLANTS, Spec
+from quadsim.spec.values import checked
 from quadsim.vehicle import Vehicle
 
 WHAT = "the record of a flight, such as run.spec"
+# Settings that change no flight
+HOST = ("threads", "runs_dir")
 
 
 class RecordError(FileError):
@@ -77,7 +80,6 @@ class RecordedChange(msgspec.Struct):
 class RecordedHost(msgspec.Struct):
     """Where a flight was flown: nothing in it changes the flight."""
 
-    threads: int | None = None
     runs_dir: str = FlightSettings.runs_dir
     pilot: str | None = None
 
@@ -142,27 +144,39 @@ def recorded_spec(record: Mapping[str, Any], settings: Mapping[str, Any]) -> Spe
 
     Args:
         record: the spec of a run.
-        settings: keywords of `quadsim.fly`. Those that give the user's own parts of the flight are
-            no changes; with any other, changes made in flight are not made again.
+        settings: keywords of `quadsim.fly`. Those that give the user's own parts of the flight, the
+            folder of runs and the threads change no flight; with any other, changes made in flight
+            are not made again.
 
     Raises:
         RecordError: see `spec_of_record`.
         SettingError: see `Spec.but`.
     """
-    described = record.get("own", {})
-    own: dict[str, object] = {}
-    changed: dict[str, Any] = {}
-    for name, value in settings.items():
-        role = "terms" if name == "term" else name
-        if role not in described:
-            changed[name] = value
-        elif name == "term":
-            texts = [value] if isinstance(value, str) else value
-            own[role] = tuple(map(term_of_text, texts))
-        else:
-            own[role] = value
-    spec = spec_of_record(record, **own)
+    given, changed = sorted_settings(record, settings)
+    own = dict(given)
+    host = {name: own.pop(name) for name in HOST if name in own}
+    term = own.pop("term", None)
+    if term is not None:
+        texts = [term] if isinstance(term, str) else term
+        own["terms"] = tuple(map(term_of_text, texts))
+    for name, value in host.items():
+        host[name] = checked(name, value, SETTINGS[name].kind)
+    spec = replace(spec_of_record(record, **own), **host)
     return spec.but(**changed) if changed else spec
+
+
+def sorted_settings(
+    record: Mapping[str, Any], settings: Mapping[str, Any]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the settings that a recorded flight needs anew, and those that change it."""
+    described = record.get("own")
+    needed = {*HOST, *(described if isinstance(described, Mapping) else ())}
+    if "terms" in needed:
+        needed.add("term")
+    asked = {name: value for name, value in settings.items() if value is not None}
+    given = {name: value for name, value in asked.items() if name in needed}
+    changed = {name: value for name, value in asked.items() if name not in needed}
+    return given, changed
 
 
 def _check_own(described: set[str], own: Mapping[str, object]) -> None:
@@ -203,7 +217,6 @@ def _built(read: Recorded, own: Mapping[str, Any]) -> Spec:
         cost=own.get("cost"),
         controller=own.get("controller"),
         referee=own.get("referee"),
-        threads=read.host.threads,
         runs_dir=read.host.runs_dir,
         reference=reference,
         changes=tuple(_changes(read)),
