@@ -22,7 +22,7 @@ SIGMA = (0.8, 0.8, 0.5, 4.0)
 
 
 class Timed:
-    """A referee: a flight has finished after so many seconds."""
+    """A referee that ends a flight as finished after `duration` seconds."""
 
     lap = 1
     next_gate = 0
