@@ -24,7 +24,8 @@ from quadsim.spec.build import build, launch
 from quadsim.spec.spec import Spec
 
 LABELS = ("host", "preset")  # keys of a spec's record that do not decide the flight
-DRAWN = ("seed", "variation")  # keys that differ between the attempts of one variant
+# keys that differ between the attempts of one variant
+DRAWN = ("seed", "variation", "drawn_faults")
 # Libraries whose versions decide a flight. The commit of this project stands beside the key.
 LIBRARIES = ("numpy", "numba", "pybullet")
 LIBRARIES_OF_PLANT = {"rotorpy": ("rotorpy", "scipy")}

@@ -4,6 +4,7 @@ gaussian                      a sampler, with the preset's numbers for it
 soft=race+target-ess=200      a name; then presets, samplers and settings, joined by +
 wild=gaussian+sigma=3:3:.6:6  several numbers are joined by colons
 calm=race+term=mine:calm=50   a cost term of one's own and its weight
+weak=race+fault=rotor2=.5@3   a fault in flight; faults and terms may be repeated
 pilot=split_s.npz             a learned pilot in the planner's place: a file, or split_s_swift
 """
 
@@ -28,7 +29,8 @@ from quadsim.spec.spec import Spec
 
 Place = str | Path | Course  # a course by name, a FILE.yaml, or the course itself
 Settings = Mapping[str, Any]  # name of a setting of `quadsim.fly` -> its value, or a text for it
-NAMES_OF_CODE = ("sampler", "term")  # settings whose text names a module, with a colon in it
+WITH_COLONS = ("sampler", "term", "fault")  # settings whose text may have colons of its own
+REPEATED = ("term", "fault")  # settings that a variant may have several times
 SWITCH = {"yes": True, "no": False}
 
 
@@ -96,7 +98,13 @@ def parse_parts(text: str) -> dict[str, Any]:
     Raises:
         ValueError: a part is none of these.
     """
-    return dict(_setting(part) for part in text.split("+"))
+    settings: dict[str, Any] = {}
+    for part in text.split("+"):
+        name, value = _setting(part)
+        if name in REPEATED:
+            value = (*settings.get(name, ()), value)
+        settings[name] = value
+    return settings
 
 
 def _setting(part: str) -> tuple[str, Any]:
@@ -105,7 +113,7 @@ def _setting(part: str) -> tuple[str, Any]:
     if not has_value:
         return _kind_of(part), part
     setting = name.replace("-", "_")
-    if setting in NAMES_OF_CODE:
+    if setting in WITH_COLONS:
         return setting, text
     if text in SWITCH:
         return setting, SWITCH[text]

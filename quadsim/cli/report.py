@@ -204,6 +204,7 @@ def summary(run: Run, folder: Path | None, runs_dir: str | Path | None = None) -
         "chatter": chatter(run),
         "model_differs": differing(spec),
         "sensing": sensing_numbers(run),
+        "faults": spec.get("drawn_faults", []),
         "own_parts": own_parts(spec),
         "clock": spec["clock"],
         INTERACTIVE: spec.get(INTERACTIVE, []),

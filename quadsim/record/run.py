@@ -199,7 +199,7 @@ def weight_text(weight: float | list) -> str:
 
 
 def flown_with(spec: dict[str, Any]) -> str:
-    """Return in one line what controlled a flight: controller, preset, vehicle, plant and seed."""
+    """Return in one line what controlled a flight, its vehicle, plant, seed and faults."""
     own = own_parts(spec)
     pilot = spec.get("pilot")
     if "controller" in own:
@@ -216,6 +216,9 @@ def flown_with(spec: dict[str, Any]) -> str:
     if spec.get("plant") == "rotorpy":
         parts.append("plant rotorpy")
     parts.append(f"seed {spec['seed']}")
+    faults = spec.get("drawn_faults")
+    if faults:
+        parts.append(f"fault{'s' if len(faults) > 1 else ''} {' and '.join(faults)}")
     return ", ".join(parts)
 
 

@@ -21,7 +21,8 @@ from quadsim.course import Course, Gate
 from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.physics.domain_randomization import draw, gusts
-from quadsim.physics.plant import PLANTS, NamedPlant, Plant, PlantName, start_state
+from quadsim.physics.faults import BiasJump, CommandLoss, RotorFault, SensorFault
+from quadsim.physics.plant import PLANTS, LossyLink, NamedPlant, Plant, PlantName, start_state
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
 from quadsim.race.flight import Controller, PlainController, RefereeProtocol, simulate
@@ -86,7 +87,11 @@ def build(spec: Spec) -> FlightParts:
     controller = made(spec.controller, spec) or pilot_of(spec) or planner_of(spec)
     if not isinstance(controller, Controller):
         controller = PlainController(controller, system_of(spec).rest)
-    return FlightParts(plant_of(spec), controller, referee)
+    plant = plant_of(spec)
+    losses = [fault for fault in spec.drawn_faults if isinstance(fault, CommandLoss)]
+    if losses:
+        plant = LossyLink(plant, losses)
+    return FlightParts(plant, controller, referee)
 
 
 def system_of(spec: Spec) -> System:
@@ -121,8 +126,9 @@ def plant_of(spec: Spec) -> Plant:
         return NamedPlant(made(spec.plant, spec))
     plant = PLANTS[cast(PlantName, spec.plant)]
     course = spec.flown_course
+    faults = [fault for fault in spec.drawn_faults if isinstance(fault, RotorFault)]
     if spec.randomize == 0:
-        return plant(course, spec.vehicle, spec.plant_dt)
+        return plant(course, spec.vehicle, spec.plant_dt, faults=faults)
     streams = spec.streams
     varied = draw(streams.vehicle, spec.randomize)
     return plant(
@@ -132,6 +138,7 @@ def plant_of(spec: Spec) -> Plant:
         start=varied.start(spec.course.start),
         body=varied.body(spec.vehicle),
         gusts=gusts(streams.gusts, varied.gust, spec.plant_dt),
+        faults=faults,
     )
 
 
@@ -287,6 +294,7 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
         distinct(flown.gates),
         lag,
         flown.obstacles,
+        [f for f in spec.drawn_faults if isinstance(f, SensorFault | BiasJump)],
     )
     sensors.warm_up(plant.state, plant.dt)
     sensors.observe(plant.state)

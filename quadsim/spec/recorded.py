@@ -107,6 +107,7 @@ class Recorded(msgspec.Struct):
     sensing: Sensing | None = None
     displace_gates: float = 0.0
     view_weight: float = 0.0
+    faults: tuple[str, ...] = ()
     pilot: RecordedPilot | None = None
     reference: RecordedReference | None = None
     own: dict[str, Any] = {}
@@ -209,6 +210,7 @@ def _built(read: Recorded, own: Mapping[str, Any]) -> Spec:
         displace_gates=read.displace_gates,
         view_weight=read.view_weight,
         penalties=read.penalties,
+        fault=read.faults,
         plant=own.get("plant") or _plant(read.plant),
         plant_dt=read.plant_dt,
         clock=read.clock,

@@ -10,12 +10,22 @@ from typing import TYPE_CHECKING, Any, TypeVar, Unpack, get_args
 from controllers.costs import Cost, Term
 from controllers.costs.reference import ReferenceWeights
 from controllers.learned.pilot import Pilot, load_pilot
-from controllers.presets import Planner, faults
+from controllers.presets import Planner
+from controllers.presets import faults as faults_of_planner
 from controllers.samplers import SAMPLERS
 from quadsim.course import Course, load_course
 from quadsim.dynamics.quadrotor import Control, ModelParams
 from quadsim.files.yaml_errors import did_you_mean, shown_value
 from quadsim.physics.domain_randomization import displaced, draw
+from quadsim.physics.faults import (
+    CommandLoss,
+    Fault,
+    RotorFault,
+    drawn,
+    first_lap,
+    parse_fault,
+    sensor_key,
+)
 from quadsim.physics.plant import Plant, default_plant
 from quadsim.race.flight import ControlLaw, Controller, RefereeProtocol, whole_multiple
 from quadsim.record.limits import StoredSolution
@@ -79,6 +89,8 @@ NUMBERS = {
         )
     },
 }
+# Plants whose rotors are those of quadsim.physics.actuators.
+PLANTS_WITH_ROTOR_FAULTS = ("bullet", "rigid")
 
 T = TypeVar("T")
 
@@ -112,6 +124,7 @@ class Spec:
     randomize: float = 0.0  # scale of quadsim.physics.domain_randomization
     displace_gates: float = 0.0  # how far gates may stand off the map, along x and y [m]
     view_weight: float = 0.0  # weight of the term that keeps the camera along the flight
+    fault: tuple[str, ...] = ()  # texts of quadsim.physics.faults
     penalties: bool = False
     plant: PlantName | Plant | Callable[[Spec], Plant] = field(default_factory=default_plant)
     plant_dt: float = FlightSettings.plant_dt  # [s]
@@ -204,6 +217,19 @@ class Spec:
             return self.course
         return displaced(self.course, self.streams.gates, self.displace_gates)
 
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """The faults as they were given, with gaps where the seed draws."""
+        return tuple(parse_fault(text) for text in self.fault)
+
+    @property
+    def drawn_faults(self) -> tuple[Fault, ...]:
+        """The faults of this flight, with what its seed draws: times, rotors, directions."""
+        if not self.fault:
+            return ()
+        latest = first_lap(self.course, self.vehicle)
+        return drawn(self.faults, self.streams.faults, latest)
+
     def record(self) -> dict[str, Any]:
         """Return the spec as JSON, as a run stores it."""
         record = {
@@ -237,6 +263,8 @@ class Spec:
             "sensing": plain(self.sensing),
             "displace_gates": self.displace_gates,
             "view_weight": self.view_weight,
+            "faults": [str(fault) for fault in self.faults],
+            "drawn_faults": [str(fault) for fault in self.drawn_faults],
             "pilot": self.pilot.record() if self.pilot else None,
             "reference": _followed(self.reference),
             "own": self._own_parts(),
@@ -299,7 +327,7 @@ def validate(spec: Spec) -> None:
         wanted = f"expected a whole multiple of the plant's step {spec.plant_dt:g} [s]"
         raise SettingError("dt", f"{wanted}, got {dt:g}") from None
     _check_channels(spec.planner)
-    for path, problem in faults(spec.planner):
+    for path, problem in faults_of_planner(spec.planner):
         raise SettingError(path.partition(".")[2], problem)
     if spec.view_weight and not (spec.sensing and spec.sensing.camera):
         name = spec.sensing.name if spec.sensing else PERFECT
@@ -310,6 +338,7 @@ def validate(spec: Spec) -> None:
                 why = "for a preset whose reference ignores displaced gates and the camera"
                 raise SettingError(name, f"expected 0 {why}, got {getattr(spec, name):g}")
         _check_reference(spec, spec.planner.cost)
+    _check_faults(spec)
     if spec.pilot:
         _check_beside_pilot(spec)
         spec.pilot.check(spec.vehicle.name, dt)
@@ -331,6 +360,29 @@ def _check_beside_pilot(spec: Spec) -> None:
     if spec.deadline_ms is not None:
         problem = f"expected none beside a pilot, which has no samples, got {spec.deadline_ms:g}"
         raise SettingError("deadline_ms", problem)
+
+
+def _check_faults(spec: Spec) -> None:
+    """Check that the parts that fail are there. Raises SettingError."""
+    for text in spec.fault:
+        try:
+            fault = parse_fault(text)
+        except ValueError as error:
+            raise SettingError("fault", str(error)) from None
+        if isinstance(fault, RotorFault):
+            if spec.vehicle.rotors is None:
+                wanted = "expected a vehicle with rotors"
+                raise SettingError("fault", f"{wanted} for {text!r}, got {spec.vehicle.name}")
+            if spec.plant not in PLANTS_WITH_ROTOR_FAULTS:
+                plant = spec.plant if isinstance(spec.plant, str) else "a plant of your own"
+                wanted = f"expected plant {' or '.join(PLANTS_WITH_ROTOR_FAULTS)}"
+                raise SettingError("fault", f"{wanted} for {text!r}, got {plant}")
+        elif not isinstance(fault, CommandLoss):
+            key = sensor_key(fault)
+            if spec.sensing is None or getattr(spec.sensing, key) is None:
+                name = spec.sensing.name if spec.sensing else PERFECT
+                wanted = f"expected a sensing with {key!r}"
+                raise SettingError("fault", f"{wanted} for {text!r}, got {name}")
 
 
 def _check_types(spec: Spec) -> None:
@@ -410,6 +462,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         randomize=flight.randomize,
         displace_gates=flight.displace_gates,
         view_weight=_view_weight(flight, base, sensing),
+        fault=flight.fault,
         penalties=flight.penalties,
         plant=default_plant() if plant is None else plant,
         plant_dt=flight.plant_dt,
@@ -443,7 +496,7 @@ def _flight_settings(given: Mapping[str, Any]) -> FlightSettings:
         is_object = f.name in ("sampler", "pilot", "vehicle", "sensing", "plant", "preset")
         if value is None or (is_object and not isinstance(value, str | Path)):
             continue
-        if f.name == "term" and isinstance(value, str):
+        if f.name in ("term", "fault") and isinstance(value, str):
             value = (value,)
         values[f.name] = checked(f.name, value, SETTINGS[f.name].kind)
     return FlightSettings(**values)
