@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from controllers.learned.pilot import About, Pilot, pilot_bytes
-from quadsim.course import Course
 from quadsim.files.atomic import replace_file
 from quadsim.learn.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from quadsim.learn.ppo_config import PPOConfig, crash_share
@@ -172,8 +171,15 @@ def evaluate(
     gates: list[float] = []
     for number in range(flights):
         course = task.courses[number % len(task.courses)]
-        flight = _spec(course, task, seed + number)
-        spec = replace(flight, pilot=pilot, sampler="pilot")
+        spec = Spec.of(
+            course,
+            vehicle=task.vehicle,
+            pilot=pilot,
+            laps=task.laps[task.courses.index(course)],
+            seed=seed + number,
+            randomize=task.randomize,
+            dt=task.dt,
+        )
         frames = list(flight_frames(spec))
         done = frames[-1].outcome == "finished"
         finished.append(done)
@@ -186,10 +192,3 @@ def evaluate(
         "lap": float(np.mean(laps)) if laps else 0.0,
         "gates": float(np.mean(gates)),
     }
-
-
-def _spec(course: Course, task: LearningTask, seed: int) -> Spec:
-    """Return the specification of a race of the task."""
-    laps = task.laps[task.courses.index(course)]
-    spec = Spec.of(course, seed=seed, randomize=task.randomize, laps=laps, dt=task.dt)
-    return replace(spec, vehicle=task.vehicle)
