@@ -184,7 +184,7 @@ def _members(
             missing.append(pattern)
     unknown = [name for name in counts if name not in found]
     if missing or unknown:
-        raise ArrayError(f"arrays missing or unknown: {_listed(sorted(missing + unknown))}")
+        raise ArrayError(f"arrays missing or unknown: {listed(sorted(missing + unknown))}")
     return found
 
 
@@ -298,7 +298,7 @@ def _kind(dtype: np.dtype, shape: tuple[int, ...]) -> str:
     return f"{kind} {size}"
 
 
-def _listed(names: Iterable[str]) -> str:
+def listed(names: Iterable[str]) -> str:
     """Return the first of these names, and how many more there are."""
     every = [name if name.isprintable() and len(name) <= LONGEST else shown(name) for name in names]
     more = len(every) - NAMES
