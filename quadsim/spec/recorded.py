@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, cast
 
@@ -22,7 +22,7 @@ from quadsim.record.run import INTERACTIVE, canonical, hostless, own_parts
 from quadsim.sensing import Sensing
 from quadsim.spec.changes import PlannerChange
 from quadsim.spec.parts import is_registered, own_sampler, term_of_text, terms_of
-from quadsim.spec.reference import followed_reference
+from quadsim.spec.reference import followed_problem, followed_reference
 from quadsim.spec.settings import SETTINGS, Clock, FlightSettings
 from quadsim.spec.spec import PLANTS, Spec
 from quadsim.spec.values import checked
@@ -114,7 +114,7 @@ class Recorded(msgspec.Struct):
     interactive: list[RecordedChange] = []
 
 
-def spec_of_record(record: Mapping[str, Any], **own: object) -> Spec:
+def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own: object) -> Spec:
     """Return the Spec of a recorded flight, which flies the same to the last bit.
 
     Files that the flight has followed (a pilot, a solution of `race limit`) are looked for where
@@ -123,6 +123,7 @@ def spec_of_record(record: Mapping[str, Any], **own: object) -> Spec:
 
     Args:
         record: the spec of a run.
+        runs_dir: folder of runs in place of the recorded one.
         own: {role: part} of the user's own parts that took part in the flight.
 
     Raises:
@@ -132,8 +133,9 @@ def spec_of_record(record: Mapping[str, Any], **own: object) -> Spec:
         read = msgspec.convert(dict(record), Recorded)
         described = set(read.own)
         _check_own(described, own)
-        spec = _built(read, own)
-        spec = replace(spec, **_whole_numbers(spec, record))
+        recorded = read.host.runs_dir
+        spec = _built(read, own, [runs_dir or recorded, recorded])
+        spec = replace(spec, runs_dir=runs_dir or recorded, **_whole_numbers(spec, record))
     except msgspec.ValidationError as error:
         raise RecordError(f"expected {WHAT}: {error}") from None
     _check_same(record, spec)
@@ -162,7 +164,8 @@ def recorded_spec(record: Mapping[str, Any], settings: Mapping[str, Any]) -> Spe
         own["terms"] = tuple(map(term_of_text, texts))
     for name, value in host.items():
         host[name] = checked(name, value, SETTINGS[name].kind)
-    spec = replace(spec_of_record(record, **own), **host)
+    threads = host.pop("threads", None)
+    spec = replace(spec_of_record(record, **own, **host), threads=threads)
     return spec.but(**changed) if changed else spec
 
 
@@ -189,17 +192,24 @@ def _check_own(described: set[str], own: Mapping[str, object]) -> None:
         raise RecordError(f"{role}: expected none, as the recorded flight had none of its own")
 
 
-def _built(read: Recorded, own: Mapping[str, Any]) -> Spec:
-    """Return the Spec of a record that has been read."""
+def _built(read: Recorded, own: Mapping[str, Any], folders: Sequence[str]) -> Spec:
+    """Return the Spec of a record that has been read.
+
+    Args:
+        read: the record.
+        own: the user's own parts by role.
+        folders: folders of runs in which to look for a solution that was followed.
+    """
     course: Course = own.get("course") or parse_course(read.course_text, read.course)
+    planner = _planner(read, own)
     reference = None
-    if read.reference:
-        key, digest = read.reference.key, read.reference.sha256
-        reference = followed_reference(key, digest, read.host.runs_dir)
+    if read.reference and isinstance(planner.cost, ReferenceWeights):
+        problem = followed_problem(course, read.vehicle, read.laps, planner.cost)
+        reference = followed_reference(problem, read.reference.sha256, folders)
     return Spec(
         course=course,
         vehicle=read.vehicle,
-        planner=_planner(read, own),
+        planner=planner,
         model=read.model,
         laps=read.laps,
         timeout=read.timeout,
@@ -219,7 +229,6 @@ def _built(read: Recorded, own: Mapping[str, Any]) -> Spec:
         cost=own.get("cost"),
         controller=own.get("controller"),
         referee=own.get("referee"),
-        runs_dir=read.host.runs_dir,
         reference=reference,
         changes=tuple(_changes(read)),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 from controllers.costs.reference import Reference, ReferenceWeights
 from quadsim.course import Course
 from quadsim.files.strict_yaml import FileError
-from quadsim.record.limits import LimitProblem, StoredSolution, limits_folder, solutions_of
+from quadsim.record.limits import LimitProblem, StoredSolution, limits_folder
 from quadsim.vehicle import Vehicle
 
 
@@ -51,25 +52,29 @@ def stored_reference(
     raise FileError(f"{message}: search for one with {command}")
 
 
-def followed_reference(key: str, digest: str, runs_dir: str | Path) -> StoredSolution:
+def followed_reference(
+    problem: LimitProblem, digest: str, folders: Sequence[str | Path]
+) -> StoredSolution:
     """Return the solution that a recorded flight has followed.
 
     Args:
-        key: key of its problem, with which its file's name ends.
+        problem: the problem that it solves.
         digest: sha256 of its file.
-        runs_dir: folder of runs, which is searched as well as the solutions that quadsim brings.
+        folders: folders of runs, which are searched as well as the solutions that quadsim brings.
 
     Raises:
         FileError: the solution is not there any more.
     """
-    folder = limits_folder(runs_dir)
-    found = list(solutions_of(key, folder))
-    for solution in found:
+    files = problem.files(*map(limits_folder, folders))
+    for path in files:
+        solution = problem.read(path)
         if solution.digest == digest:
             return solution
-    others = f"{len(found)} of other content" if found else "none"
-    wanted = f"the solution that was followed, *_{key}.npz with sha256 {digest[:12]}..."
-    raise FileError(f"{folder}: expected {wanted}, got {others}")
+    others = f"{len(files)} of other content" if files else "none"
+    wanted = f"the solution that was followed, with sha256 {digest[:12]}..."
+    raise FileError(
+        f"{limits_folder(folders[0])}/{problem.file_name}: expected {wanted}, got {others}"
+    )
 
 
 def reference_of(limit: StoredSolution, vehicle: Vehicle, dt: float) -> Reference:
