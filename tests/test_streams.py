@@ -176,8 +176,7 @@ def test_streams_of_two_seeds_and_of_two_pictures_differ():
 
 
 def test_drawing_from_a_stream_or_appending_one_changes_no_other():
-    """What is derived depends on the seed and its own key alone, not on what was derived or drawn
-    before."""
+    """A derived stream depends on the seed and its key alone, not on earlier streams or draws."""
     untouched = quadrotor_streams(3)
     streams = quadrotor_streams(3)
     np.random.default_rng(streams.planner).random(1000)

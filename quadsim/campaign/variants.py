@@ -23,6 +23,7 @@ from quadsim.course import Course
 from quadsim.files.data_files import SUFFIXES
 from quadsim.files.yaml_errors import did_you_mean
 from quadsim.spec.build import referee_of
+from quadsim.spec.identity import IdentityError, identity_of
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec
 
@@ -39,6 +40,9 @@ class Variant:
 
     name: str
     spec: Spec
+    # Tells variants of one call whose records are equal but whose own parts are different objects:
+    # 0 for the first of them, then 1, 2, ...
+    twin: int = 0
 
     @property
     def key(self) -> str:
@@ -151,7 +155,40 @@ def make_variants(
             others = _settings_of_other_samplers(sampler)
             shared = {key: value for key, value in settings.items() if key not in others}
             made.append(Variant(name, resolve(course, shared | dict(own))))
-    return made
+    return _told_apart(made)
+
+
+def _told_apart(variants: Sequence[Variant]) -> list[Variant]:
+    """Return the variants with the number of each twin, so that none flies under another's name."""
+    found: list[Variant] = []
+    objects: dict[str, list[list[int]]] = {}
+    for variant in variants:
+        own = variant.spec.own_objects()
+        terms = own.pop("terms", ())
+        functions = [term.function for term in terms] if isinstance(terms, tuple) else []
+        ids = [id(part) for part in (*own.values(), *functions)]
+        # The own parts of the variants with this record so far
+        twins = objects.setdefault(variant.key, [])
+        if ids not in twins:
+            twins.append(ids)
+        found.append(replace(variant, twin=twins.index(ids)))
+    return found
+
+
+def expect_identities(variants: Sequence[Variant]) -> None:
+    """Check that the own parts of variants can be told from others in a later call.
+
+    Raises:
+        SettingError: a part has no identity, so that a campaign could not tell whether it has flown
+            before.
+    """
+    for variant in variants:
+        for role, part in variant.spec.own_objects().items():
+            try:
+                identity_of(part)
+            except IdentityError as error:
+                wanted = f"expected a {role} that can be told from others"
+                raise SettingError("campaign", f"{wanted}, got {error}") from None
 
 
 def _settings_of_other_samplers(sampler: object) -> set[str]:

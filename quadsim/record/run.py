@@ -42,6 +42,8 @@ COUNTS = ("passed", "lap")
 # Columns that differ from flight to flight and do not enter the digest
 WALL_CLOCK = ("plan_ms", "estimate_ms")
 FIRST_ROWS = 1024
+# Kinds of events that may end a flight
+CRASHES = ("hit", "ground", "bounds", "wall")
 
 Outcome = Literal["finished", "crashed", "stuck", "timeout", "interrupted"]
 
@@ -162,7 +164,7 @@ class Run:
 def own_parts(spec: dict[str, Any]) -> dict[str, str]:
     """Return the user's own objects that took part, role -> class, or names and weights of terms.
 
-    Where there are any, the spec cannot fly the run again.
+    Where there are any, the run cannot be flown again without them.
     """
     parts = dict(spec.get("own", {}))
     terms = parts.pop("terms", [])
@@ -171,6 +173,24 @@ def own_parts(spec: dict[str, Any]) -> dict[str, str]:
         described = [f"{term['name']} {weight_text(term['weight'])}" for term in terms]
         names["terms"] = ", ".join(described)
     return names
+
+
+def why_not_repeatable(run: Run) -> str:
+    """Return why the spec alone does not give the same run again, "" where it does."""
+    spec = run.spec
+    if run.outcome == "interrupted":
+        return "the flight was interrupted"
+    if spec.get("clock") == "wall":
+        return "planning took time on the wall clock"
+    if spec.get("deadline_ms"):
+        return "the samples of each plan followed the wall clock"
+    if run.outcome == "crashed" and not (run.events and run.events[-1].kind in CRASHES):
+        return "the planner raised an error"
+    own = own_parts(spec)
+    if own:
+        named = ", ".join(f"{role} {name}" for role, name in own.items())
+        return f"it needs parts of your own: {named}"
+    return ""
 
 
 def weight_text(weight: float | list) -> str:

@@ -16,6 +16,7 @@ from controllers.costs.race import race_cost
 from controllers.costs.race_view import with_view
 from controllers.costs.reference import ReferenceWeights, reference_cost
 from controllers.learned.pilot import PilotController
+from controllers.presets import Planner
 from quadsim.course import Course, Gate
 from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import State, quadrotor
@@ -40,8 +41,9 @@ from quadsim.sensing.navigation import (
     TrueState,
 )
 from quadsim.sensing.sensors import WARM_UP, Sensors
+from quadsim.spec.changes import ChangeablePlanner
 from quadsim.spec.parts import made
-from quadsim.spec.reference import reference_of, stored_reference
+from quadsim.spec.reference import reference_of
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec
 from quadsim.vehicle import Vehicle
@@ -72,7 +74,7 @@ def with_threads(spec: Spec) -> Spec:
     threads = most if spec.threads is None else spec.threads
     if not 1 <= threads <= most:
         raise SettingError("threads", f"expected 1 to {most} on this machine, got {threads}")
-    return spec.but(threads=use_threads(threads))
+    return spec.on_threads(use_threads(threads))
 
 
 def build(spec: Spec) -> FlightParts:
@@ -202,8 +204,9 @@ def race_cost_on(spec: Spec, course: Course) -> Cost:
     weights = spec.planner.cost
     radius = spec.vehicle.radius
     if isinstance(weights, ReferenceWeights):
-        solution = stored_reference(course, spec.vehicle, spec.laps, weights, spec.runs_dir)
-        reference = reference_of(solution, spec.vehicle, spec.planner.mppi.dt)
+        if spec.reference is None:
+            raise SettingError("reference", "expected the solution that this preset follows")
+        reference = reference_of(spec.reference, spec.vehicle, spec.planner.mppi.dt)
         return reference_cost(course, radius, weights, reference)
     cost = race_cost(course, radius, weights, spec.laps)
     if spec.sensing and spec.sensing.camera and spec.view_weight:
@@ -221,13 +224,17 @@ def launch(spec: Spec, parts: FlightParts, navigation: Navigation | None = None)
     """
     from controllers.deadline import Deadline
     from controllers.mppi import MPPI
-    from controllers.sampled_trajectories import take_snapshot
 
     plant, controller, referee = parts
     navigation = navigation or navigation_of(spec, parts)
-    snapshot = partial(take_snapshot, controller) if isinstance(controller, MPPI) else None
-    if spec.deadline_ms and isinstance(controller, MPPI):
-        controller = Deadline(controller, spec.deadline_ms)
+    snapshot = None
+    if isinstance(controller, MPPI):
+        changeable = changeable_planner(spec, controller)
+        snapshot = changeable.snapshot
+        if spec.changes:
+            controller = changeable
+        elif spec.deadline_ms:
+            controller = Deadline(controller, spec.deadline_ms)
     return simulate(
         plant,
         controller,
@@ -237,6 +244,15 @@ def launch(spec: Spec, parts: FlightParts, navigation: Navigation | None = None)
         snapshot=snapshot,
         navigation=navigation,
     )
+
+
+def changeable_planner(spec: Spec, planner: MPPI) -> ChangeablePlanner:
+    """Return the planner of a flight whose numbers may change, with the changes of the spec."""
+
+    def make(numbers: Planner) -> MPPI:
+        return planner_of(replace(spec, planner=numbers))
+
+    return ChangeablePlanner(planner, spec.planner, make, spec.changes)
 
 
 def navigation_of(spec: Spec, parts: FlightParts) -> Navigation:
