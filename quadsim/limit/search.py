@@ -106,6 +106,7 @@ class Search:
             solution=solution,
             margin=problem.margin,
             reserve=problem.reserve,
+            key=problem.key,
         )
 
     def _guesses(self, flights: Iterable[Flight]) -> Iterator[Guess]:

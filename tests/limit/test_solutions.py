@@ -1,5 +1,7 @@
 """The solutions that come with the project hold: read back, integrated finely and judged."""
 
+from hashlib import sha256
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from quadsim.limit.dynamics import dynamics
 from quadsim.limit.route import MARGIN
 from quadsim.limit.verify import referee_of, verify
 from quadsim.race.events import flown_laps
-from quadsim.record.limits import SOLUTIONS, LimitProblem, load
+from quadsim.record.limits import SOLUTIONS, LimitProblem, dump, load
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 
 FILES = sorted(SOLUTIONS.glob("*.npz"))
@@ -33,6 +35,20 @@ def test_a_solution_of_the_project_holds(path):
         room = np.subtract(free, np.abs(passed.offset))
         assert room.min() >= margin_inside(free, problem.margin) - MARGIN
     assert np.abs(np.linalg.norm(solution.x[:, ATTITUDE], axis=1) - 1.0).max() < 2e-5
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_a_solution_knows_its_file_and_its_problem(path):
+    stored = load(path)
+    assert stored.digest == sha256(path.read_bytes()).hexdigest()
+    assert stored.key == problem_of(stored).key
+
+
+def test_a_solution_keeps_its_key_under_another_name(tmp_path):
+    stored = load(FILES[0])
+    path = tmp_path / "mine.npz"
+    path.write_bytes(dump(stored))
+    assert load(path).key == stored.key
 
 
 def problem_of(stored):
