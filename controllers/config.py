@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from quadsim.files.strict_yaml import setting
+from quadsim.files.values import check_fields
 
 
 @dataclass(frozen=True)
@@ -14,6 +15,9 @@ class MPPIConfig:
 
     These are the library's defaults; `race fly` takes its values from a preset, see
     controllers/presets.py.
+
+    Raises:
+        SettingError: a number is of another type or out of its range (a ValueError).
     """
 
     samples: Annotated[
@@ -79,3 +83,6 @@ class MPPIConfig:
         Annotated[float, setting("effective sample size that the temperature is adapted to", ge=1)]
         | None
     ) = None
+
+    def __post_init__(self) -> None:
+        check_fields(self)

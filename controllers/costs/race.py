@@ -51,6 +51,7 @@ from controllers.costs.room import leaves_room, room_to_fly
 from quadsim.course import Course, in_frame
 from quadsim.course.opening import InGate
 from quadsim.files.strict_yaml import setting
+from quadsim.files.values import check_fields
 
 AT_TARGET = 0.5  # distance to the target below which the bearing to it is not used [m]
 
@@ -100,6 +101,9 @@ class RaceWeights:
         float,
         setting("share of the opening whose nearest point progress aims at", ge=0, le=1),
     ] = 0.0
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 class RaceParams(NamedTuple):

@@ -27,6 +27,7 @@ from controllers.costs.race import Weight
 from controllers.costs.room import leaves_room, room_to_fly
 from quadsim.course import Course
 from quadsim.files.strict_yaml import setting
+from quadsim.files.values import check_fields
 
 GATE_TIME = 0.06  # time before and behind a gate in which g falls to exp(-1/2) [s]
 AT_REST = 1.0  # added to |v_r|^2, by which tau divides [m^2/s^2]
@@ -64,6 +65,9 @@ class ReferenceWeights:
         float,
         setting("reserve of the solution to follow, the --reserve of `race limit`", ge=0, le=0.2),
     ] = 0.002
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -91,6 +91,7 @@ class Pilot:
     about: About
     weights: tuple[np.ndarray, ...]  # of LAYERS
     digest: str = ""  # sha256 of the file, hexadecimal
+    path: str = ""  # of the file, or the name of one that comes with the project
 
     def __call__(self, obs: np.ndarray) -> np.ndarray:
         """Return the action in -1..1.
@@ -178,7 +179,8 @@ def load_pilot(path: str | Path) -> Pilot:
     Raises:
         FileError: there is no such pilot, or its file is damaged.
     """
-    if str(path) in pilot_names():
+    given = str(path)
+    if given in pilot_names():
         path = PILOTS / f"{path}.npz"
     path = Path(path)
     if not os.path.lexists(path):
@@ -189,7 +191,7 @@ def load_pilot(path: str | Path) -> Pilot:
     arrays = arrays_of(data, {"about": TEXT} | LAYERS, path, WHAT, LARGEST)
     about = _about(path, arrays["about"])
     weights = tuple(arrays[name] for name in LAYERS)
-    return Pilot(path.stem, about, weights, hashlib.sha256(data).hexdigest())
+    return Pilot(path.stem, about, weights, hashlib.sha256(data).hexdigest(), given)
 
 
 def _about(path: Path, text: np.ndarray) -> About:

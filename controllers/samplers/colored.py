@@ -25,6 +25,7 @@ from controllers.lanes.layout import LANES
 from controllers.lanes.passes import fast_length
 from controllers.samplers.lane_sampler import Gamma, LaneSampler, Sigma
 from quadsim.files.strict_yaml import setting
+from quadsim.files.values import SettingError, check_fields
 
 Law = Literal["exact", "paper", "library"]
 LAWS: tuple[Law, ...] = get_args(Law)
@@ -76,7 +77,7 @@ class Colored:
     The methods are described in this module's docstring.
 
     Raises:
-        ValueError: gamma and sigma have different lengths.
+        SettingError: gamma and sigma have different lengths (a ValueError).
     """
 
     sigma: Annotated[Sigma, setting("standard deviation of each control, in its unit")]
@@ -92,10 +93,10 @@ class Colored:
     ] = "exact"
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if len(self.gamma) != len(self.sigma):
-            raise ValueError(
-                f"gamma: expected {len(self.sigma)} numbers, as sigma has, got {len(self.gamma)}"
-            )
+            wanted = f"expected {len(self.sigma)} numbers, as sigma has"
+            raise SettingError("gamma", f"{wanted}, got {len(self.gamma)}")
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""

@@ -10,6 +10,7 @@ import numpy as np
 from controllers.lanes.layout import LANES, blocks
 from controllers.samplers.lane_sampler import LaneSampler, Sigma
 from quadsim.files.strict_yaml import setting
+from quadsim.files.values import check_fields
 
 
 @dataclass(frozen=True)
@@ -17,6 +18,9 @@ class Gaussian:
     """v = u + sigma xi, xi ~ N(0, 1) independent at every time step; Williams et al. 2018."""
 
     sigma: Annotated[Sigma, setting("standard deviation of each control, in its unit")]
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""

@@ -17,6 +17,7 @@ import numpy as np
 from controllers.lanes.layout import LANES, blocks
 from controllers.samplers.lane_sampler import LaneSampler, Sigma
 from quadsim.files.strict_yaml import setting
+from quadsim.files.values import check_fields
 
 # Largest exponent: exp(60) is far beyond any control and far below float32's largest number
 CEILING = np.float32(60.0)
@@ -31,6 +32,9 @@ class LogNormal:
     """
 
     sigma: Annotated[Sigma, setting("scale of both normals for each control, in its unit")]
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""

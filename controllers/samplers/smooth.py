@@ -21,6 +21,7 @@ import numpy as np
 from controllers.samplers.gaussian import Gaussian
 from controllers.samplers.lane_sampler import LaneSampler, Momentum, Shift, Sigma
 from quadsim.files.strict_yaml import setting
+from quadsim.files.values import check_fields
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,9 @@ class SmoothStar:
 
     sigma: Annotated[Sigma, setting("standard deviation of each control, in its unit")]
     shift: Annotated[Shift, setting("shift of the momentum with time")] = "corrected"
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""
@@ -44,6 +48,9 @@ class Smooth:
         Sigma, setting("standard deviation of each control's derivative, in its unit per second")
     ]
     shift: Annotated[Shift, setting("shift of the momentum with time")] = "corrected"
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""

@@ -87,7 +87,17 @@ def found(node: yaml.Node, kind: Any = None) -> str:
 
 def shown(text: str) -> str:
     """Return the text in quotes, on one line, with escaped control characters, cut where long."""
-    return repr(text if len(text) <= LONGEST else text[: LONGEST - 3] + "...")
+    return repr(cut(text))
+
+
+def shown_value(value: object) -> str:
+    """Return the value as Python writes it, on one line, cut where long."""
+    return cut(" ".join(repr(value).split()))
+
+
+def cut(text: str) -> str:
+    """Return the text, cut where it is long."""
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -206,7 +206,7 @@ class StoredSolution:
         """Return the mass-normalised thrust at the nodes [m/s^2].  (nodes,)"""
         s = self.solution
         controls = np.vstack([s.u, s.u[-1:]])
-        # What the model has beside the rigid body
+        # The model's states beside those of the rigid body
         lagging = s.x[:, RIGID_BODY.stop :]
         rotors = vehicle.rotors
         if s.model == "rotors" and rotors:

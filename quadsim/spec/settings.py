@@ -21,11 +21,14 @@ from controllers.samplers import SAMPLERS
 from quadsim.dynamics.quadrotor import Control, ModelParams
 from quadsim.dynamics.records import units_of
 from quadsim.files.strict_yaml import setting, unit
+from quadsim.files.values import Kind as Kind
+from quadsim.files.values import SettingError as SettingError
+from quadsim.files.values import bare as bare
+from quadsim.files.values import is_optional as is_optional
 from quadsim.files.yaml_errors import unless_null
 from quadsim.physics.plant import PlantName
 from quadsim.sensing import PERFECT
 
-Kind = inspect.Type  # type, range and unit of a value, as msgspec reads an annotation
 Clock = Literal["simulated", "wall"]
 LapCount = Annotated[int, Meta(ge=1, le=1000)]
 ThreadCount = Annotated[int, Meta(ge=1)]
@@ -80,6 +83,13 @@ class FlightSettings:
     term: Annotated[
         tuple[str, ...],
         setting("cost term of your own, package.module:function=WEIGHT; may be repeated"),
+    ] = ()
+    fault: Annotated[
+        tuple[str, ...],
+        setting(
+            "failure in flight, such as rotor2=.5@3.2, gyro=frozen@2-2.5, camera=lost~1 or"
+            " commands=lost@2~.1; the seed draws what is left out; may be repeated"
+        ),
     ] = ()
     timeout: Annotated[
         TimeLimit | None, setting("time limit (default: by the course's length)")
@@ -140,18 +150,6 @@ class Setting:
         return next(iter(self.kinds.values()))
 
 
-class SettingError(ValueError):
-    """A setting is invalid. The message has its name, what was expected and what was found."""
-
-    def __init__(self, name: str, problem: str):
-        super().__init__(f"{name}: {problem}")
-        self.name = name
-        self.problem = problem
-
-    def __reduce__(self) -> tuple[type[SettingError], tuple[str, str]]:
-        return SettingError, (self.name, self.problem)
-
-
 def description(kind: Kind) -> str:
     """Return the help in an annotation, "" where it has none."""
     match kind:
@@ -173,20 +171,6 @@ def unit_of(kind: Kind) -> str:
         case inspect.TupleType():
             return unit_of(kind.item_types[0])
     return ""
-
-
-def is_optional(kind: Kind) -> bool:
-    """Return whether a setting of this kind may be None."""
-    if isinstance(kind, inspect.Metadata):
-        return is_optional(kind.type)
-    return isinstance(kind, inspect.UnionType)
-
-
-def bare(kind: Kind) -> Kind:
-    """Return the kind without its metadata and without its `| None`."""
-    while isinstance(kind, inspect.Metadata | inspect.UnionType):
-        kind = kind.type if isinstance(kind, inspect.Metadata) else unless_null(kind)
-    return kind
 
 
 def _kind_of_each_control(name: str, kind: Kind) -> Kind:

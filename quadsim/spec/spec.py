@@ -10,19 +10,33 @@ from typing import TYPE_CHECKING, Any, TypeVar, Unpack, get_args
 from controllers.costs import Cost, Term
 from controllers.costs.reference import ReferenceWeights
 from controllers.learned.pilot import Pilot, load_pilot
-from controllers.presets import Planner, faults
+from controllers.presets import Planner
+from controllers.presets import faults as faults_of_planner
 from controllers.samplers import SAMPLERS
 from quadsim.course import Course, load_course
 from quadsim.dynamics.quadrotor import Control, ModelParams
-from quadsim.files.yaml_errors import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean, shown_value
 from quadsim.physics.domain_randomization import displaced, draw
+from quadsim.physics.faults import (
+    CommandLoss,
+    Fault,
+    RotorFault,
+    drawn,
+    first_lap,
+    parse_fault,
+    sensor_key,
+)
 from quadsim.physics.plant import Plant, default_plant
 from quadsim.race.flight import ControlLaw, Controller, RefereeProtocol, whole_multiple
+from quadsim.record.limits import StoredSolution
+from quadsim.record.run import INTERACTIVE
 from quadsim.sensing import PERFECT, Sensing, load_sensing
+from quadsim.spec.changes import PlannerChange
 from quadsim.spec.parts import (
     check_part,
     describe,
     describe_term,
+    is_described,
     is_registered,
     own_sampler,
     plain,
@@ -31,7 +45,7 @@ from quadsim.spec.parts import (
     terms_of,
 )
 from quadsim.spec.presets import PresetSource
-from quadsim.spec.reference import stored_reference
+from quadsim.spec.reference import followed_problem, stored_reference
 from quadsim.spec.settings import (
     CONTROL_UNITS,
     SETTINGS,
@@ -41,6 +55,7 @@ from quadsim.spec.settings import (
     PlantName,
     Setting,
     SettingError,
+    bare,
     is_optional,
 )
 from quadsim.spec.values import checked
@@ -53,7 +68,29 @@ if TYPE_CHECKING:
 DEFAULT_COURSE = "split_s_swift"
 # Keywords that take an object and are not settings.
 OBJECTS = ("course", "planner", "model", "controller", "referee", "cost", "terms")
+KEYWORDS = (*SETTINGS, *OBJECTS)
 PLANTS = get_args(PlantName)
+# The settings that a Spec holds as numbers or names, and their kinds. Those of the first row have
+# no default in a Spec: None, which stands for one in FlightSettings, has been resolved.
+NUMBERS = {
+    **{name: bare(SETTINGS[name].kind) for name in ("laps", "timeout", "view_weight")},
+    **{
+        name: SETTINGS[name].kind
+        for name in (
+            "seed",
+            "randomize",
+            "displace_gates",
+            "penalties",
+            "plant_dt",
+            "clock",
+            "deadline_ms",
+            "threads",
+            "runs_dir",
+        )
+    },
+}
+# Plants whose rotors are those of quadsim.physics.actuators.
+PLANTS_WITH_ROTOR_FAULTS = ("bullet", "rigid")
 
 T = TypeVar("T")
 
@@ -87,6 +124,7 @@ class Spec:
     randomize: float = 0.0  # scale of quadsim.physics.domain_randomization
     displace_gates: float = 0.0  # how far gates may stand off the map, along x and y [m]
     view_weight: float = 0.0  # weight of the term that keeps the camera along the flight
+    fault: tuple[str, ...] = ()  # texts of quadsim.physics.faults
     penalties: bool = False
     plant: PlantName | Plant | Callable[[Spec], Plant] = field(default_factory=default_plant)
     plant_dt: float = FlightSettings.plant_dt  # [s]
@@ -98,14 +136,20 @@ class Spec:
     referee: RefereeProtocol | Callable[[Spec], RefereeProtocol] | None = None
     threads: int | None = None  # None: as many as are in use; the number does not change the flight
     runs_dir: str = FlightSettings.runs_dir  # where solutions of `race limit` are looked for
+    # The stored solution that a preset with ReferenceWeights follows
+    reference: StoredSolution | None = field(default=None, compare=False)
+    # The planner's numbers that change in flight, in the order of their times
+    changes: tuple[PlannerChange, ...] = ()
     # The settings that this spec was made from. Files that they name have been read: `but` does not
     # read them again.
     given: Mapping[str, Any] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check the parts against each other, and keep them as the settings that were given."""
+        for name, kind in NUMBERS.items():
+            object.__setattr__(self, name, checked(name, getattr(self, name), kind))
         validate(self)
-        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name in KEYWORDS}
         object.__setattr__(self, "given", parts)
 
     @classmethod
@@ -130,7 +174,8 @@ class Spec:
         """Return the spec of the same settings with some of them changed.
 
         Defaults are resolved anew: a new sampler, preset or vehicle brings its own. Settings that
-        were given stay.
+        were given stay. Changes in flight do not: they belong to the one flight in which they were
+        made.
 
         Args:
             course: another course; default: the same.
@@ -143,6 +188,12 @@ class Spec:
         if course is not None:
             given["course"] = course
         return _resolved(given)
+
+    def on_threads(self, threads: int) -> Spec:
+        """Return the spec of the same flight with another number of CPU threads."""
+        spec = replace(self, threads=threads)
+        object.__setattr__(spec, "given", {**self.given, "threads": threads})
+        return spec
 
     @property
     def sampler(self) -> str:
@@ -166,10 +217,21 @@ class Spec:
             return self.course
         return displaced(self.course, self.streams.gates, self.displace_gates)
 
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """The faults as they were given, with gaps where the seed draws."""
+        return tuple(parse_fault(text) for text in self.fault)
+
+    @property
+    def drawn_faults(self) -> tuple[Fault, ...]:
+        """The faults of this flight, with what its seed draws: times, rotors, directions."""
+        if not self.fault:
+            return ()
+        latest = first_lap(self.course, self.vehicle)
+        return drawn(self.faults, self.streams.faults, latest)
+
     def record(self) -> dict[str, Any]:
         """Return the spec as JSON, as a run stores it."""
-        own = self._own_parts()
-        named_plant = self.plant if isinstance(self.plant, str) else default_plant()
         record = {
             "system": "quadrotor",
             "course": self.course.name,
@@ -188,41 +250,66 @@ class Spec:
             "laps": self.laps,
             "timeout": self.timeout,
             "penalties": self.penalties,
-            "plant": named_plant,
+            "plant": self.plant if isinstance(self.plant, str) else "own",
             "plant_dt": self.plant_dt,
             "randomize": self.randomize,
             "clock": self.clock,
             "deadline_ms": self.deadline_ms,
             "variation": asdict(draw(self.streams.vehicle, self.randomize)),
-            "host": {"threads": self.threads},
+            "host": self._host(),
         }
         # Parts that a flight does not use are left out.
         used = {
             "sensing": plain(self.sensing),
             "displace_gates": self.displace_gates,
             "view_weight": self.view_weight,
+            "faults": [str(fault) for fault in self.faults],
+            "drawn_faults": [str(fault) for fault in self.drawn_faults],
             "pilot": self.pilot.record() if self.pilot else None,
-            "own": own,
+            "reference": _followed(self.reference),
+            "own": self._own_parts(),
+            INTERACTIVE: [change.record() for change in self.changes],
         }
         return record | {name: value for name, value in used.items() if value}
 
-    def _own_parts(self) -> dict[str, Any]:
-        """Return {role: description} of the user's own objects."""
+    def own_objects(self) -> dict[str, object]:
+        """Return {role: part} of the user's own objects; the role `terms` has a tuple."""
         parts: dict[str, object] = {
             "cost": self.cost,
             "controller": self.controller,
             "referee": self.referee,
+            "terms": self.terms or None,
         }
         if not isinstance(self.plant, str):
             parts["plant"] = self.plant
         if not is_registered(self.planner.sampling):
             parts["sampler"] = self.planner.sampling
-        own: dict[str, Any] = {
-            role: describe(part) for role, part in parts.items() if part is not None
-        }
-        if self.terms:
-            own["terms"] = [describe_term(term) for term in self.terms]
+        # A course that was made in Python, or changed after its text was read
+        if not is_described(self.course):
+            parts["course"] = self.course
+        return {role: part for role, part in parts.items() if part is not None}
+
+    def _own_parts(self) -> dict[str, Any]:
+        """Return {role: description} of the user's own objects."""
+        own: dict[str, Any] = {}
+        for role, part in self.own_objects().items():
+            if role == "terms":
+                own[role] = [describe_term(term) for term in self.terms]
+            else:
+                own[role] = describe(part)
         return own
+
+    def _host(self) -> dict[str, Any]:
+        """Return where the flight takes place: nothing in it changes the flight."""
+        files = {"runs_dir": self.runs_dir}
+        if self.pilot:
+            files["pilot"] = self.pilot.path
+        return {"threads": self.threads} | files
+
+
+def _followed(reference: StoredSolution | None) -> dict[str, str] | None:
+    """Return what a record says of the solution that a planner follows."""
+    return {"key": reference.key, "sha256": reference.digest} if reference else None
 
 
 def validate(spec: Spec) -> None:
@@ -240,7 +327,7 @@ def validate(spec: Spec) -> None:
         wanted = f"expected a whole multiple of the plant's step {spec.plant_dt:g} [s]"
         raise SettingError("dt", f"{wanted}, got {dt:g}") from None
     _check_channels(spec.planner)
-    for path, problem in faults(spec.planner):
+    for path, problem in faults_of_planner(spec.planner):
         raise SettingError(path.partition(".")[2], problem)
     if spec.view_weight and not (spec.sensing and spec.sensing.camera):
         name = spec.sensing.name if spec.sensing else PERFECT
@@ -250,17 +337,59 @@ def validate(spec: Spec) -> None:
             if getattr(spec, name):
                 why = "for a preset whose reference ignores displaced gates and the camera"
                 raise SettingError(name, f"expected 0 {why}, got {getattr(spec, name):g}")
+        _check_reference(spec, spec.planner.cost)
+    _check_faults(spec)
     if spec.pilot:
+        _check_beside_pilot(spec)
         spec.pilot.check(spec.vehicle.name, dt)
+
+
+def _check_reference(spec: Spec, weights: ReferenceWeights) -> None:
+    """Check that the solution to be followed is one of this race. Raises SettingError."""
+    problem = followed_problem(spec.course, spec.vehicle, spec.laps, weights)
+    if spec.reference is None or spec.reference.key != problem.key:
+        got = spec.reference.key if spec.reference else None
+        raise SettingError("reference", f"expected a solution of {problem.file_name}, got {got}")
+
+
+def _check_beside_pilot(spec: Spec) -> None:
+    """Check that no part is given that a flight with a pilot would ignore. Raises SettingError."""
+    if spec.controller is not None:
+        problem = f"expected none beside a pilot, got {shown_value(spec.controller)}"
+        raise SettingError("controller", problem)
+    if spec.deadline_ms is not None:
+        problem = f"expected none beside a pilot, which has no samples, got {spec.deadline_ms:g}"
+        raise SettingError("deadline_ms", problem)
+
+
+def _check_faults(spec: Spec) -> None:
+    """Check that the parts that fail are there. Raises SettingError."""
+    for text in spec.fault:
+        try:
+            fault = parse_fault(text)
+        except ValueError as error:
+            raise SettingError("fault", str(error)) from None
+        if isinstance(fault, RotorFault):
+            if spec.vehicle.rotors is None:
+                wanted = "expected a vehicle with rotors"
+                raise SettingError("fault", f"{wanted} for {text!r}, got {spec.vehicle.name}")
+            if spec.plant not in PLANTS_WITH_ROTOR_FAULTS:
+                plant = spec.plant if isinstance(spec.plant, str) else "a plant of your own"
+                wanted = f"expected plant {' or '.join(PLANTS_WITH_ROTOR_FAULTS)}"
+                raise SettingError("fault", f"{wanted} for {text!r}, got {plant}")
+        elif not isinstance(fault, CommandLoss):
+            key = sensor_key(fault)
+            if spec.sensing is None or getattr(spec.sensing, key) is None:
+                name = spec.sensing.name if spec.sensing else PERFECT
+                wanted = f"expected a sensing with {key!r}"
+                raise SettingError("fault", f"{wanted} for {text!r}, got {name}")
 
 
 def _check_types(spec: Spec) -> None:
     """Check that the parts are objects of the right type. Raises SettingError."""
     wanted = {"course": Course, "vehicle": Vehicle, "planner": Planner, "model": ModelParams}
     for name, kind in wanted.items():
-        part = getattr(spec, name)
-        if not isinstance(part, kind):
-            raise SettingError(name, f"expected a {kind.__name__}, got {part!r}")
+        _check_type(name, getattr(spec, name), kind)
     if isinstance(spec.plant, str):
         if spec.plant not in PLANTS:
             known = " or ".join(map(repr, PLANTS))
@@ -269,11 +398,17 @@ def _check_types(spec: Spec) -> None:
         check_part("plant", spec.plant)
     if not (spec.cost is None or isinstance(spec.cost, Cost) or callable(spec.cost)):
         wanted = "expected a Cost, or a function of the default Cost that returns one"
-        raise SettingError("cost", f"{wanted}, got {spec.cost!r}")
+        raise SettingError("cost", f"{wanted}, got {shown_value(spec.cost)}")
     if spec.controller is not None:
         check_part("controller", spec.controller)
     if spec.referee is not None:
         check_part("referee", spec.referee)
+
+
+def _check_type(name: str, part: object, kind: type) -> None:
+    """Raise SettingError unless a part is an object of its type."""
+    if not isinstance(part, kind):
+        raise SettingError(name, f"expected a {kind.__name__}, got {shown_value(part)}")
 
 
 def _check_channels(planner: Planner) -> None:
@@ -293,11 +428,14 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     """Return the spec of these settings; the others come from preset, course and vehicle."""
     _check_names(given)
     flight = _flight_settings(given)
+    plant = given.get("plant")
+    own_terms = given.get("terms")
 
     # Each file is read once; `but` uses the objects that were read.
     read: dict[str, Any] = {}
     course = _loaded(given, "course", Course, load_course, DEFAULT_COURSE, read)
-    pilot = _loaded(given, "pilot", Pilot, load_pilot, None, read)
+    own_pilot = given.get("pilot")
+    pilot = None if own_pilot is None else _part("pilot", own_pilot, Pilot, load_pilot, read)
     sensing = _loaded(given, "sensing", Sensing, load_sensing, PERFECT, read)
     base = _base_planner(given, flight, read)
     default_vehicle = pilot.about.vehicle if pilot else base.vehicle
@@ -308,8 +446,9 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     planner = _with_numbers(replace(base, vehicle=vehicle.name), given)
     model = _model(given, vehicle)
     laps = flight.laps or course.laps
+    reference = None
     if isinstance(planner.cost, ReferenceWeights):
-        stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir)
+        reference = stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir)
     spec = Spec(
         course=course,
         vehicle=vehicle,
@@ -323,17 +462,19 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         randomize=flight.randomize,
         displace_gates=flight.displace_gates,
         view_weight=_view_weight(flight, base, sensing),
+        fault=flight.fault,
         penalties=flight.penalties,
-        plant=given.get("plant") or default_plant(),
+        plant=default_plant() if plant is None else plant,
         plant_dt=flight.plant_dt,
         clock=flight.clock,
         deadline_ms=flight.deadline_ms,
-        terms=(*terms_of(given.get("terms", ())), *map(term_of_text, flight.term)),
+        terms=(*terms_of(() if own_terms is None else own_terms), *map(term_of_text, flight.term)),
         cost=given.get("cost"),
         controller=given.get("controller"),
         referee=given.get("referee"),
         threads=flight.threads,
         runs_dir=flight.runs_dir,
+        reference=reference,
     )
     object.__setattr__(spec, "given", {**given, **read})
     return spec
@@ -341,10 +482,9 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
 
 def _check_names(given: Mapping[str, Any]) -> None:
     """Check that each name is a setting's. Raises SettingError."""
-    known = (*SETTINGS, *OBJECTS)
     for name in given:
-        if name not in known:
-            raise SettingError(name, f"no such setting, {did_you_mean(name, known)}")
+        if name not in KEYWORDS:
+            raise SettingError(name, f"no such setting, {did_you_mean(name, KEYWORDS)}")
 
 
 def _flight_settings(given: Mapping[str, Any]) -> FlightSettings:
@@ -356,7 +496,7 @@ def _flight_settings(given: Mapping[str, Any]) -> FlightSettings:
         is_object = f.name in ("sampler", "pilot", "vehicle", "sensing", "plant", "preset")
         if value is None or (is_object and not isinstance(value, str | Path)):
             continue
-        if f.name == "term" and isinstance(value, str):
+        if f.name in ("term", "fault") and isinstance(value, str):
             value = (value,)
         values[f.name] = checked(f.name, value, SETTINGS[f.name].kind)
     return FlightSettings(**values)
@@ -367,29 +507,38 @@ def _loaded(
     name: str,
     kind: type[T],
     load: Callable[[str], T],
-    default: str | None,
+    default: str,
     read: dict[str, Any],
-) -> Any:
-    """Return a part that was given by name, as a FILE.yaml or as an object.
+) -> T:
+    """Return a part that was given by name, as a FILE.yaml or as an object, or the default.
 
     Args:
         given: the settings.
         name: name of the setting.
         kind: type of the object.
         load: reads the part that a name or path stands for; raises FileError.
-        default: name to load where none is given; None: the part may be missing.
+        default: name to load where none is given.
         read: collects the parts that were loaded by a given name.
+
+    Raises:
+        SettingError: the part is neither a name nor an object of its type.
     """
     part = given.get(name)
+    return load(default) if part is None else _part(name, part, kind, load, read)
+
+
+def _part(
+    name: str, part: object, kind: type[T], load: Callable[[str], T], read: dict[str, Any]
+) -> T:
+    """Return a part that was given, see `_loaded`. Raises SettingError."""
     if isinstance(part, kind):
         return part
-    if part is None:
-        return load(default) if default is not None else None
     if not isinstance(part, str | Path):
         wanted = f"expected a name, a FILE.yaml or a {kind.__name__}"
-        raise SettingError(name, f"{wanted}, got {part!r}")
-    read[name] = load(str(part))
-    return read[name]
+        raise SettingError(name, f"{wanted}, got {shown_value(part)}")
+    loaded = load(str(part))
+    read[name] = loaded
+    return loaded
 
 
 def _base_planner(
@@ -405,9 +554,14 @@ def _base_planner(
         for name in ("sampler", "preset"):
             if given.get(name) is not None:
                 raise SettingError(name, "expected none beside a whole planner=")
+        _check_type("planner", planner, Planner)
         return planner
     preset = given.get("preset")
     if not isinstance(preset, PresetSource):
+        if not (preset is None or isinstance(preset, str | Path)):
+            raise SettingError(
+                "preset", f"expected a name or a FILE.yaml, got {shown_value(preset)}"
+            )
         preset = PresetSource.read(flight.preset)
         read |= {"preset": preset} if "preset" in given else {}
     if sampling is None:
@@ -427,7 +581,10 @@ def _with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:
 
 def _model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:
     """Return the planner's model: the vehicle's nominal model with the given numbers."""
-    model = given.get("model") or ModelParams.of(vehicle)
+    model = given.get("model")
+    if model is None:
+        model = ModelParams.of(vehicle)
+    _check_type("model", model, ModelParams)
     return _changed("model", model, given)
 
 

@@ -85,7 +85,7 @@ def test_timeout_grows_with_the_laps():
     assert small(timeout=7).timeout == 7.0
 
 
-# What changes when a spec is changed
+# A spec that is changed
 
 
 def test_a_changed_sampler_brings_its_own_numbers():
@@ -172,6 +172,66 @@ def test_parts_of_the_wrong_kind_are_refused_by_name():
     for name in ("controller", "referee"):
         with pytest.raises(SettingError, match=f"^{name}: expected"):
             replace(spec, **{name: 3})
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"planner": "race"},
+        {"preset": 3},
+        {"preset": object()},
+        {"model": 0},
+        {"model": "swift", "model_drag": 0.1},
+        {"plant": ""},
+        {"terms": 0},
+        {"pilot": 3},
+        {"course": np.zeros((3, 3))},
+    ],
+    ids=str,
+)
+def test_an_object_of_the_wrong_type_is_refused_in_one_line(settings):
+    (name, *_) = settings
+    with pytest.raises(SettingError, match=f"^{name}: expected") as refused:
+        Spec.of(**settings)
+    assert "\n" not in str(refused.value)
+
+
+def test_no_terms_are_the_default_again():
+    def calm(x, x_next, u, gate, p):
+        return u.wx * u.wx
+
+    assert small(terms=[(calm, 1.0)]).but(terms=None) == small()
+
+
+@pytest.mark.parametrize(
+    "number",
+    [
+        {"laps": None},
+        {"laps": 0},
+        {"timeout": float("nan")},
+        {"seed": -1},
+        {"plant_dt": 0.0},
+        {"randomize": float("inf")},
+        {"clock": "sundial"},
+        {"threads": 1.5},
+        {"view_weight": None},
+    ],
+    ids=str,
+)
+def test_a_spec_made_of_its_parts_has_the_ranges_of_its_settings(number):
+    """A timeout that is not a number would never end a flight."""
+    (name,) = number
+    with pytest.raises(SettingError, match=f"^{name}: expected"):
+        replace(small(), **number)
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [("deadline_ms", 5.0), ("controller", lambda spec: None)],
+)
+def test_a_pilot_has_neither_a_deadline_nor_another_controller_beside_it(name, part):
+    with pytest.raises(SettingError, match=f"^{name}: expected none beside a pilot"):
+        Spec.of("split_s_swift", pilot="split_s_swift", **{name: part})
 
 
 def test_a_spec_survives_pickling_with_what_was_given():

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from web_cases import PERIOD, Glider, Gliders, choices, until
 
+from quadsim.files.values import checked
 from quadsim.record.archive import list_runs, load_run
 from quadsim.record.limits import limit_of
-from quadsim.spec.values import checked
 from web.choices import planner_settings, preset_of
 from web.numbers import SLIDERS, Change, with_change
 from web.race import PageRace
@@ -29,7 +29,7 @@ def over(session):
 
 
 def flown(session, frames):
-    """Whether the first competitor comes to have more frames."""
+    """Return whether the first competitor comes to have more frames."""
     return until(
         lambda: session.snapshot.competitors and len(session.snapshot.competitors[0].t) > frames
     )

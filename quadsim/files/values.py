@@ -1,0 +1,206 @@
+"""Check values against annotations: their type, their range and their unit.
+
+A setting is given as a number in Python or as text on a command line. Its annotation, for example
+`Annotated[float, setting("control period", unit="s", gt=0)]`, holds all that is checked.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from math import isfinite
+from pathlib import Path
+from typing import Any, TypeVar, get_args, get_type_hints
+
+import numpy as np
+from msgspec import Meta, inspect
+
+from quadsim.files.yaml_errors import cut, expected, limits, shown_value, unless_null
+from quadsim.files.yaml_values import DECIMAL, WHOLE
+
+Kind = inspect.Type  # type, range and unit of a value, as msgspec reads an annotation
+Number = TypeVar("Number", int, float)
+
+
+class SettingError(ValueError):
+    """A setting is invalid. The message has its name, what was expected and what was found."""
+
+    def __init__(self, name: str, problem: str):
+        super().__init__(f"{name}: {problem}")
+        self.name = name
+        self.problem = problem
+
+    def __reduce__(self) -> tuple[type[SettingError], tuple[str, str]]:
+        return SettingError, (self.name, self.problem)
+
+
+class _Unfit(Exception):  # noqa: N818 (it never leaves this module)
+    """A value is not of the expected kind."""
+
+
+def checked(name: str, given: object, kind: Kind) -> object:
+    """Return the value as a setting holds it.
+
+    Text is read as a number where one is asked for. A list, a tuple or an array becomes a tuple.
+
+    Args:
+        name: name of the setting, for the error.
+        given: the value.
+        kind: the expected kind.
+
+    Raises:
+        SettingError: the value is of another type or out of range.
+    """
+    if given is None and is_optional(kind):
+        return None
+    try:
+        return _read(given, bare(kind))
+    except _Unfit:
+        raise SettingError(name, f"expected {_wanted(kind)}, got {_shown(given, kind)}") from None
+
+
+def check_fields(record: object) -> None:
+    """Check the annotated fields of a dataclass, for its `__post_init__`.
+
+    A list or an array becomes a tuple, and a number of NumPy one of Python. Text is no number here.
+
+    Args:
+        record: an object of a frozen dataclass. Fields whose type has no annotation of a setting
+            are left alone.
+
+    Raises:
+        SettingError: a field is of another type or out of range.
+    """
+    for name, kind in kinds_of(type(record)).items():
+        given = getattr(record, name)
+        value = checked(name, given, kind)
+        # `checked` reads a text as a number, and gives a text that it keeps as it was.
+        items = given if isinstance(given, list | tuple | np.ndarray) else [given]
+        if any(isinstance(item, str) for item in items) and value != given:
+            raise SettingError(name, f"expected {_wanted(kind)}, got {_shown(given, kind)}")
+        if isinstance(given, list | np.ndarray | np.generic):
+            object.__setattr__(record, name, value)
+
+
+@cache
+def kinds_of(cls: type) -> dict[str, Kind]:
+    """Return {field: kind} of the annotated fields of a dataclass, in order."""
+    hints = get_type_hints(cls, include_extras=True)
+    return {name: inspect.type_info(hint) for name, hint in hints.items() if _is_annotated(hint)}
+
+
+def _is_annotated(hint: Any) -> bool:
+    """Return whether a type, or one of those that it unites, has metadata of a setting."""
+    united = (hint, *get_args(hint))
+    return any(isinstance(m, Meta) for one in united for m in getattr(one, "__metadata__", ()))
+
+
+def is_optional(kind: Kind) -> bool:
+    """Return whether a setting of this kind may be None."""
+    if isinstance(kind, inspect.Metadata):
+        return is_optional(kind.type)
+    return isinstance(kind, inspect.UnionType)
+
+
+def bare(kind: Kind) -> Kind:
+    """Return the kind without its metadata and without its `| None`."""
+    while isinstance(kind, inspect.Metadata | inspect.UnionType):
+        kind = kind.type if isinstance(kind, inspect.Metadata) else unless_null(kind)
+    return kind
+
+
+def _read(given: object, kind: Kind) -> object:
+    """Return the value as `kind` asks for it. Raises _Unfit."""
+    if isinstance(given, np.generic):
+        given = given.item()
+    match kind:
+        case inspect.BoolType():
+            return _truth(given)
+        case inspect.IntType():
+            return _within(_whole(given), kind)
+        case inspect.FloatType():
+            return _within(_number(given), kind)
+        case inspect.LiteralType():
+            return _one_of(given, kind.values)
+        case inspect.StrType() if isinstance(given, str | Path):
+            return str(given)
+        case inspect.TupleType():
+            items = _items(given)
+            if len(items) != len(kind.item_types):
+                raise _Unfit
+            return tuple(_read(x, bare(k)) for x, k in zip(items, kind.item_types, strict=True))
+        case inspect.VarTupleType():
+            return tuple(_read(x, bare(kind.item_type)) for x in _items(given))
+    raise _Unfit
+
+
+def _truth(given: object) -> bool:
+    if isinstance(given, bool):
+        return given
+    if isinstance(given, str) and given.lower() in ("true", "false"):
+        return given.lower() == "true"
+    raise _Unfit
+
+
+def _whole(given: object) -> int:
+    if isinstance(given, str) and WHOLE.fullmatch(given) and isfinite(float(given)):
+        return int(given)
+    if isinstance(given, int) and not isinstance(given, bool):
+        return given
+    raise _Unfit
+
+
+def _number(given: object) -> float:
+    if isinstance(given, str) and DECIMAL.fullmatch(given):
+        given = float(given)
+    if isinstance(given, int | float) and not isinstance(given, bool):
+        try:
+            number = float(given)
+        except OverflowError:
+            raise _Unfit from None
+        if isfinite(number):
+            return number
+    raise _Unfit
+
+
+def _one_of(given: object, values: tuple[object, ...]) -> object:
+    if not isinstance(given, str | int) or given not in values:
+        raise _Unfit
+    return given
+
+
+def _items(given: object) -> list[object]:
+    if isinstance(given, np.ndarray):
+        given = given.tolist()
+    if not isinstance(given, list | tuple):
+        raise _Unfit
+    return list(given)
+
+
+def _within(number: Number, kind: inspect.IntType | inspect.FloatType) -> Number:
+    """Return the number. Raises _Unfit where it lies outside the range of its kind."""
+    above = (kind.ge is None or number >= kind.ge) and (kind.gt is None or number > kind.gt)
+    below = (kind.le is None or number <= kind.le) and (kind.lt is None or number < kind.lt)
+    if not (above and below):
+        raise _Unfit
+    return number
+
+
+def _wanted(kind: Kind) -> str:
+    """Return a kind in words with its unit and range, e.g. "4 numbers [m] >= 0"."""
+    number = bare(kind)
+    if isinstance(number, inspect.TupleType):
+        number = bare(number.item_types[0])
+    if isinstance(number, inspect.VarTupleType):
+        number = bare(number.item_type)
+    bounded = isinstance(number, inspect.IntType | inspect.FloatType)
+    return f"{expected(kind)} {limits(number)}".rstrip() if bounded else expected(kind)
+
+
+def _shown(given: object, kind: Kind) -> str:
+    """Return the value as an error shows it: a list of the wrong length as its length."""
+    bare_kind = bare(kind)
+    if not isinstance(given, list | tuple | np.ndarray) or np.ndim(given) == 0:
+        return shown_value(given)
+    if isinstance(bare_kind, inspect.TupleType) and len(given) != len(bare_kind.item_types):
+        return str(len(given))
+    return cut(" ".join(f"{x:g}" if isinstance(x, float) else shown_value(x) for x in given))
