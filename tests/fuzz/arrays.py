@@ -1,4 +1,4 @@
-"""Damaged .npz files: arrays and JSON of other kinds, archives that lie, places that are no file."""
+"""Damaged .npz files: other arrays, other JSON, archives that lie, places that are no file."""
 
 from __future__ import annotations
 
