@@ -448,7 +448,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     laps = flight.laps or course.laps
     reference = None
     if isinstance(planner.cost, ReferenceWeights):
-        reference = stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir)
+        reference = stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir, given)
     spec = Spec(
         course=course,
         vehicle=vehicle,
