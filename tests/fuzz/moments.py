@@ -88,21 +88,37 @@ def full_disk(command: str, at: random.Random, stored: Path | None, undisturbed:
 def _continues(command: str, folder: Path, undisturbed: Reference) -> str:
     """Run a disturbed command again. Return what differs from the undisturbed one, or ""."""
     kept = State.of(folder)
-    for name, before in undisturbed.begun.limits.items():
-        if kept.limits.get(name, inf) > before:
-            return "an earlier solution is lost"
-    if (folder / PILOT).exists():
-        load_pilot(folder / PILOT)
-    elif undisturbed.begun.learnt:
-        return "an earlier pilot is lost"
-    earlier = undisturbed.begun.learnt
-    if kept.learnt[: len(earlier)] != earlier:
-        return "an earlier training is lost"
+    lost = _lost(folder, kept, undisturbed.begun)
+    if lost:
+        return lost
     code, _, err = run(command, folder).finish()
     if code != undisturbed.code or "Traceback" in err:
         return f"does not continue: exit code {code}: {err.rstrip()[-200:]}"
-    now = State.of(folder)
-    wanted = undisturbed.state
+    return _differs(State.of(folder), kept, undisturbed.state)
+
+
+def _lost(folder: Path, kept: State, begun: State) -> str:
+    """Return what was there before a command and is not after it was disturbed, or ""."""
+    for name, before in begun.limits.items():
+        if kept.limits.get(name, inf) > before:
+            return "an earlier solution is lost"
+    if kept.learnt[: len(begun.learnt)] != begun.learnt:
+        return "an earlier training is lost"
+    if begun.learnt and not (folder / PILOT).exists():
+        return "an earlier pilot is lost"
+    if (folder / PILOT).exists():
+        load_pilot(folder / PILOT)
+    return ""
+
+
+def _differs(now: State, kept: State, wanted: State) -> str:
+    """Return what differs from an undisturbed command, or "".
+
+    Args:
+        now: what there is after the command was started again.
+        kept: what there was before that.
+        wanted: what an undisturbed command leaves.
+    """
     if now.twice or now.loose:
         return f"twice {now.twice}, loose {now.loose}"
     if not kept.rows.items() <= now.rows.items():
