@@ -34,7 +34,9 @@ DATACLASSES = dataclasses.__file__
 IGNORED = frozenset(
     {
         "__abstractmethods__",
+        "__annotate_func__",
         "__annotations__",
+        "__annotations_cache__",
         "__dataclass_params__",
         "__dict__",
         "__doc__",
@@ -43,7 +45,10 @@ IGNORED = frozenset(
         "__module__",
         "__orig_bases__",
         "__parameters__",
+        "__protocol_attrs__",
         "__qualname__",
+        "__signature__",
+        "__slotnames__",
         "__slots__",
         "__static_attributes__",
         "__weakref__",

@@ -134,7 +134,8 @@ def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own
         described = set(read.own)
         _check_own(described, own)
         recorded = read.host.runs_dir
-        spec = _built(read, own, [runs_dir or recorded, recorded])
+        folders = dict.fromkeys([runs_dir or recorded, recorded])
+        spec = _built(read, own, list(folders))
         spec = replace(spec, runs_dir=runs_dir or recorded, **_whole_numbers(spec, record))
     except msgspec.ValidationError as error:
         raise RecordError(f"expected {WHAT}: {error}") from None
@@ -187,7 +188,11 @@ def _check_own(described: set[str], own: Mapping[str, object]) -> None:
     """Raise RecordError unless the user's own parts are those that the record has."""
     for role in sorted(described - own.keys()):
         what = "of your own, whose code is not in the record"
-        raise RecordError(f"{role}: the flight had one {what}; give it again as {role}=...")
+        how = f"give it again as {role}=..."
+        if role == "course":
+            # `quadsim.fly` takes the record in the course's place
+            how = "fly spec_of_record(run.spec, course=...) of quadsim.spec.recorded"
+        raise RecordError(f"{role}: the flight had one {what}; {how}")
     for role in sorted(own.keys() - described):
         raise RecordError(f"{role}: expected none, as the recorded flight had none of its own")
 
@@ -355,7 +360,7 @@ def _check_same(record: Mapping[str, Any], spec: Spec) -> None:
         if asked.get(key) == found.get(key):
             continue
         if key == "own":
-            _check_same_parts(asked[key], found[key])
+            _check_same_parts(asked.get(key, {}), found.get(key, {}))
         wanted = "expected what this version of quadsim flies with"
         raise RecordError(f"{key}: {wanted}, got another in the record: it cannot be flown again")
 

@@ -4,6 +4,7 @@ import functools
 import subprocess
 import sys
 import threading
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -155,6 +156,14 @@ def test_a_property_that_was_computed_does_not_count():
     before = identity_of(record)
     assert record.total == 3.0
     assert identity_of(record) == before
+
+
+def test_a_copy_has_the_same_identity_and_leaves_that_of_the_original():
+    held = Held([matrix(), scaled(2.0), {"one", "two"}])
+    before = identity_of(held)
+    copy = deepcopy(held)
+    assert identity_of(held) == before
+    assert identity_of(copy) == before
 
 
 @pytest.mark.parametrize(
