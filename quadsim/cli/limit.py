@@ -265,7 +265,7 @@ class Keeper:
         raise RunError(f"{self._failure}: {advice}")
 
     def _is_fastest(self, found: StoredSolution) -> bool:
-        """Return whether a solution is faster than all others, those of other processes included."""
+        """Return whether a solution is faster than all others, those of other processes too."""
         with suppress(LimitError):
             newest = self._problem.best_known(self._path.parent)
             if newest and (self.best is None or newest.time < self.best.time):
