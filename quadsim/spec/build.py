@@ -65,13 +65,9 @@ def with_threads(spec: Spec) -> Spec:
     Raises:
         SettingError: the number is less than 1, or more than this machine has.
     """
-    from controllers.lanes.threads import most_threads, use_threads  # here: it loads the compiler
+    from controllers.lanes.threads import use_threads  # here: it loads the compiler
 
-    most = most_threads()
-    threads = most if spec.threads is None else spec.threads
-    if not 1 <= threads <= most:
-        raise SettingError("threads", f"expected 1 to {most} on this machine, got {threads}")
-    return spec.but(threads=use_threads(threads))
+    return spec.but(threads=use_threads(spec.threads))
 
 
 def build(spec: Spec) -> FlightParts:
