@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 from quadsim.race.events import Frame
 from quadsim.record.archive import RunFolder, find_run
 from quadsim.record.archive import load_run as _load_run
 from quadsim.record.run import Run
 from quadsim.spec.build import flight_frames, with_threads
+from quadsim.spec.recorded import recorded_spec
 from quadsim.spec.spec import Spec
 
 if TYPE_CHECKING:
@@ -20,12 +21,15 @@ if TYPE_CHECKING:
     from quadsim.spec.keywords import CourseLike, Keywords
 
 
-def fly(course: CourseLike | Spec | None = None, **settings: Unpack[Keywords]) -> Run:
+def fly(
+    course: CourseLike | Spec | Mapping[str, Any] | None = None, **settings: Unpack[Keywords]
+) -> Run:
     """Simulate one flight and return the Run: laps, events, telemetry.
 
     Args:
-        course: a course by name ("split_s_swift"), a FILE.yaml, a Course, or a complete Spec, which
-            `settings` change as `Spec.but` does.
+        course: a course by name ("split_s_swift"), a FILE.yaml, a Course, a complete Spec, which
+            `settings` change as `Spec.but` does, or `run.spec` of a stored run, which flies that
+            run again. Objects of your own that flew in it are given again.
         settings: every flight, planner, cost and model option of `race fly`, with `_` for `-`:
             sampler="gaussian", seed=3, horizon=120, sigma=(1, 1, 1, 4) [rad/s, rad/s, rad/s,
             m/s^2], vehicle="swift", laps=1, model_drag=0.0. sampler, terms, cost, plant, controller
@@ -38,14 +42,15 @@ def fly(course: CourseLike | Spec | None = None, **settings: Unpack[Keywords]) -
     Raises:
         SettingError: a setting is invalid; the message has its name, what was expected and what
             was found (a ValueError).
-        FileError: a course, vehicle or preset cannot be read (a ValueError).
+        FileError: a course, vehicle or preset cannot be read, or a file or an object that took part
+            in a stored run is missing or differs (a ValueError).
     """
     spec = spec_of(course, settings)
     return Run.from_frames(spec.record(), flight_frames(spec))
 
 
 def frames(
-    course: CourseLike | Spec | None = None, **settings: Unpack[Keywords]
+    course: CourseLike | Spec | Mapping[str, Any] | None = None, **settings: Unpack[Keywords]
 ) -> Iterator[Frame]:
     """Simulate step by step and yield one Frame for each control period, the last with the outcome.
 
@@ -55,9 +60,11 @@ def frames(
     return flight_frames(spec_of(course, settings))
 
 
-def spec_of(course: CourseLike | Spec | None, settings: Keywords) -> Spec:
+def spec_of(course: CourseLike | Spec | Mapping[str, Any] | None, settings: Keywords) -> Spec:
     """Return the Spec that `fly` flies, with its threads in use."""
-    if isinstance(course, Spec):
+    if isinstance(course, Mapping):
+        spec = recorded_spec(course, settings)
+    elif isinstance(course, Spec):
         spec = course.but(**settings) if settings else course
     else:
         spec = Spec.of(course, **settings)

@@ -9,10 +9,13 @@ new stream with a new key changes none of those below.
 
 Flights of a seed are compared across versions, so the keys are never changed:
 
-    flight of a quadrotor   planner (0), vehicle (1, 0), gusts (1, 1), sensors (2), gates (3)
+    flight of a quadrotor   planner (0), vehicle (1, 0), gusts (1, 1), sensors (2), gates (3),
+                            faults (4); fault k, counted from 0, (4, k)
     its sensors             imu (2, 0), rotors (2, 1), pose (2, 2), camera (2, 3)
-    off-road vehicle        planner (0), gusts (1); vehicle (2), sensors (3), gates (4) are not used
-    double integrator       planner (); vehicle (0), gusts (1), sensors (2), gates (3) are not used
+    off-road vehicle        planner (0), gusts (1); vehicle (2), sensors (3), gates (4), faults (5)
+                            are not used
+    double integrator       planner (); vehicle (0), gusts (1), sensors (2), gates (3), faults (4)
+                            are not used
     environments            starts of course k (k), vehicle of its row i (k, i)
     generated courses       course number k, counted from 1, (k - 1)
 
@@ -43,6 +46,7 @@ class Streams(NamedTuple):
     gusts: SeedSequence  # disturbance of every physics step
     sensors: SeedSequence  # noise of all sensors, see `sensor_streams`
     gates: SeedSequence  # how far the gates stand off the map
+    faults: SeedSequence  # what the texts of faults leave out, see `fault_stream`
 
 
 class SensorStreams(NamedTuple):
@@ -77,7 +81,18 @@ def quadrotor_streams(seed: int) -> Streams:
         gusts=_child(root, 1, 1),
         sensors=_child(root, 2),
         gates=_child(root, 3),
+        faults=_child(root, 4),
     )
+
+
+def fault_stream(faults: SeedSequence, index: int) -> SeedSequence:
+    """Return the stream of one fault of a flight.
+
+    Args:
+        faults: the stream `faults` of the flight.
+        index: index of the fault, from 0.
+    """
+    return _child(faults, index)
 
 
 def sensor_streams(sensors: SeedSequence) -> SensorStreams:
@@ -93,7 +108,7 @@ def sensor_streams(sensors: SeedSequence) -> SensorStreams:
 def offroad_streams(seed: int) -> Streams:
     """Return the streams of an off-road drive.
 
-    `gusts` is the disturbance of its state; vehicle, sensors and gates are not used.
+    `gusts` is the disturbance of its state; vehicle, sensors, gates and faults are not used.
     """
     root = SeedSequence(seed)
     return Streams(
@@ -102,6 +117,7 @@ def offroad_streams(seed: int) -> Streams:
         vehicle=_child(root, 2),
         sensors=_child(root, 3),
         gates=_child(root, 4),
+        faults=_child(root, 5),
     )
 
 
@@ -114,6 +130,7 @@ def double_integrator_streams(seed: int) -> Streams:
         gusts=_child(root, 1),
         sensors=_child(root, 2),
         gates=_child(root, 3),
+        faults=_child(root, 4),
     )
 
 

@@ -27,7 +27,7 @@ def variant(name="colored", **settings) -> Variant:
 
 
 def specs(number):
-    """Return so many flights that differ in their seeds."""
+    """Return `number` flights that differ in their seeds."""
     return variant("gaussian").attempts(number)
 
 
@@ -52,7 +52,7 @@ def seeds_flown(campaign: Path) -> list[tuple]:
 
 
 def end_after(process: subprocess.Popen, campaign: Path, rows: int, sign: signal.Signals) -> None:
-    """Signal the program alone once so many attempts are kept."""
+    """Signal the program alone once the campaign holds `rows` attempts."""
     while len(seeds_flown(campaign)) < rows and process.poll() is None:
         time.sleep(0.02)
     os.kill(process.pid, sign)

@@ -52,7 +52,7 @@ def term(name, cost, p, v=(0.0, 0.0, 0.0), q=(1.0, 0.0, 0.0, 0.0), row=0):
 
 
 class Flown(NamedTuple):
-    """What the cost makes of a path."""
+    """The evaluation of a path by a cost."""
 
     terms: np.ndarray  # weighted  (steps, terms)
     rows: list[int]  # the target row after each step

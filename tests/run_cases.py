@@ -14,7 +14,14 @@ SPEC = {
     "course_text": "name: test course\n",
     "vehicle": {"name": "probe", "drag": (0.1, 0.1, 0.1), "rotors": {"tau": 0.05}},
     "sampler": "colored",
+    "preset": "race",
     "seed": 3,
+    "laps": 2,
+    "penalties": False,
+    "plant": "bullet",
+    "clock": "simulated",
+    "planner": {},
+    "model": {},
     "host": {"threads": 2},
 }
 

@@ -22,7 +22,7 @@ SIGMA = (0.8, 0.8, 0.5, 4.0)
 
 
 class Timed:
-    """A referee: a flight has finished after so many seconds."""
+    """A referee that ends a flight as finished after `duration` seconds."""
 
     lap = 1
     next_gate = 0
@@ -190,7 +190,9 @@ def test_a_sampler_of_ones_own_on_the_command_line_lies_in_the_current_folder(tm
     assert done.returncode == 1, done.stderr
     run = quadsim.load_run("last", str(tmp_path / "runs"))
     assert run.spec["sampler"] == "Still"
-    assert run.spec["own"]["sampler"] == {"class": "mine.Still", "parameters": {}}
+    own = run.spec["own"]["sampler"]
+    assert (own["class"], own["parameters"]) == ("mine.Still", {})
+    assert len(own["sha256"]) == 64
     monkeypatched = "mine" in sys.modules or "" in sys.path
     with pytest.raises(
         quadsim.SettingError, match=r"sampler: expected package.module:Class .* got 'mine:Still'"

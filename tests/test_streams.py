@@ -20,6 +20,7 @@ from quadsim.streams import (
     Streams,
     course_stream,
     double_integrator_streams,
+    fault_stream,
     fresh_seed,
     look_streams,
     observation_noise_key,
@@ -54,7 +55,7 @@ def assert_same(stream, before):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_quadrotor_flies_with_the_streams_it_has_always_had(seed):
-    planner, plant, sensors, gates = np.random.SeedSequence(seed).spawn(4)
+    planner, plant, sensors, gates, faults = np.random.SeedSequence(seed).spawn(5)
     vehicle, gusts = plant.spawn(2)
     streams = quadrotor_streams(seed)
     assert_same(streams.planner, planner)
@@ -62,6 +63,9 @@ def test_a_quadrotor_flies_with_the_streams_it_has_always_had(seed):
     assert_same(streams.gusts, gusts)
     assert_same(streams.sensors, sensors)
     assert_same(streams.gates, gates)
+    assert_same(streams.faults, faults)
+    for k, before in enumerate(faults.spawn(3)):
+        assert_same(fault_stream(streams.faults, k), before)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -121,6 +125,7 @@ def test_the_numbers_of_seed_0_are_those_of_earlier_versions():
         "gusts": [3613627650, 618621610],
         "sensors": [3241444873, 3830689794],
         "gates": [3685993406, 3082302701],
+        "faults": [1216546553, 3895736788],
     }
     assert offroad_streams(0).gusts.generate_state(2).tolist() == [673228719, 1136656250]
     assert double_integrator_streams(0).planner.generate_state(2).tolist() == [
@@ -171,8 +176,7 @@ def test_streams_of_two_seeds_and_of_two_pictures_differ():
 
 
 def test_drawing_from_a_stream_or_appending_one_changes_no_other():
-    """What is derived depends on the seed and its own key alone, not on what was derived or drawn
-    before."""
+    """A derived stream depends on the seed and its key alone, not on earlier streams or draws."""
     untouched = quadrotor_streams(3)
     streams = quadrotor_streams(3)
     np.random.default_rng(streams.planner).random(1000)
@@ -183,10 +187,10 @@ def test_drawing_from_a_stream_or_appending_one_changes_no_other():
     again = sensor_streams(streams.sensors)
     for one, other in zip(again, sensor_streams(untouched.sensors), strict=True):
         assert generated(one) == generated(other)
-    # a sixth stream of a flight would have the next key, as if one more had been spawned
-    appended = np.random.SeedSequence(3).spawn(5)
+    # a seventh stream of a flight would have the next key, as if one more had been spawned
+    appended = np.random.SeedSequence(3).spawn(6)
     assert generated(streams.gates) == generated(appended[3])
-    assert generated(appended[4]) not in [generated(stream) for stream in streams]
+    assert generated(appended[5]) not in [generated(stream) for stream in streams]
 
 
 def test_a_spec_has_the_streams_of_its_seed_anew_at_each_access():

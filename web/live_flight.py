@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from controllers.plan import PlannerSnapshot, PlanStats
 from controllers.presets import Planner
-from quadsim.dynamics.estimate import Estimate
 from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.race.flight import simulate
 from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import INTERACTIVE, Recorder, columns_of
-from quadsim.spec.build import build, navigation_of, planner_of
+from quadsim.spec.build import build, changeable_planner, navigation_of
+from quadsim.spec.changes import ChangeablePlanner, PlannerChange
 from web.choices import Choices
 from web.competitor import Competitor
 from web.legs import Legs
@@ -52,6 +50,8 @@ class LiveFlight:
             for name, value in choices.numbers.items():
                 planner = with_change(planner, self._preset, Change(name, value))
         self._spec = replace(spec, planner=planner)
+        # The numbers that fly at present
+        self._numbers = planner
         self.period = planner.mppi.dt
         self._pending: dict[str, Change] = {}
         self._frames = self._take_off()
@@ -109,7 +109,7 @@ class LiveFlight:
         )
         # A change is on the record once a plan has used it.
         if changes and not self.is_over:
-            noted = [{"t": frame.t, **change} for change in changes]
+            noted = [change(frame.t).record() for change in changes]
             spec = {**self.now.spec, INTERACTIVE: [*self.now.changes, *noted]}
             self.now = replace(self.now, spec=spec)
         return frame
@@ -120,7 +120,7 @@ class LiveFlight:
             return
         self._pending[change.name] = change
         asked = numbers_of(self._asked_planner(), self._preset)
-        flown = numbers_of(self._spec.planner, self._preset)
+        flown = numbers_of(self._numbers, self._preset)
         differing = {name: value for name, value in asked.items() if value != flown[name]}
         self.now = replace(self.now, pending_numbers=differing)
 
@@ -150,87 +150,73 @@ class LiveFlight:
 
     def _asked_planner(self) -> Planner:
         """Return the planner with the numbers that are asked for."""
-        planner = self._spec.planner
+        planner = self._numbers
         for change in self._pending.values():
             planner = with_change(planner, self._preset, change)
         return planner
 
-    def _use_pending(self) -> list[dict]:
+    def _use_pending(self) -> list[Callable[[float], PlannerChange]]:
         """Plan with the numbers that are asked for, from the next plan on.
 
         Returns:
-            {name, from, to} of each number that differs.
+            For each number that differs, a function from the time of this plan [s] to its change.
         """
-        if not self._pending:
+        if not self._pending or self._planner is None:
             return []
-        before = self._spec.planner
         after = self._asked_planner()
-        self._pending.clear()
-        old = numbers_of(before, self._preset)
+        old = numbers_of(self._numbers, self._preset)
         new = numbers_of(after, self._preset)
-        changes = [
-            {"name": name, "from": old[name], "to": value}
-            for name, value in new.items()
-            if value != old[name]
+        self._pending.clear()
+        differing = [name for name in new if new[name] != old[name]]
+        if differing:
+            self._numbers = after
+            self._planner.change(after)
+        return [
+            partial(
+                PlannerChange,
+                name=name,
+                before=old[name],
+                after=new[name],
+                sampling=after.sampling,
+                mppi=after.mppi,
+            )
+            for name in differing
         ]
-        if changes:
-            self._spec = replace(self._spec, planner=after)
-            self._replan(before)
-        return changes
 
     # What follows is the simulation behind the flight.
 
     def _take_off(self) -> Iterator[Frame]:
         """Build plant, planner and referee. Return the frames of the flight."""
+        from controllers.mppi import MPPI  # here, as it loads the compiler
+
         parts = build(self._spec)
         self._plant = parts.plant
-        # MPPI, whose module loads the compiler, or a learned pilot
-        self._planner: Any = parts.controller
-        self.is_cached = self._spec.pilot is not None or self._planner.is_cached
+        controller = parts.controller
+        snapshot = None
+        # None: a learned pilot flies, which has no numbers to change
+        self._planner: ChangeablePlanner | None = None
+        if isinstance(controller, MPPI):
+            self.is_cached = controller.is_cached
+            controller = self._planner = changeable_planner(self._spec, controller)
+            snapshot = self._planner.snapshot
+        else:
+            self.is_cached = True
         self._navigation = navigation_of(self._spec, parts)
         return simulate(
             parts.plant,
-            controller=self,
+            controller=controller,
             referee=parts.referee,
             period=self.period,
-            snapshot=self._snapshot,
+            snapshot=snapshot,
             navigation=self._navigation,
         )
-
-    @property
-    def rest(self) -> np.ndarray:
-        """The control at rest, which is applied until the first plan is ready.  (n_u,)"""
-        return self._planner.rest
-
-    def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
-        """Return the control of the planner that flies at present."""
-        return self._planner.control(estimate)
-
-    def _replan(self, before: Planner) -> None:
-        """Replace the planner by one with the present numbers that takes over the last plan.
-
-        Args:
-            before: numbers of the replaced planner.
-        """
-        planner = planner_of(self._spec)
-        planner.continue_from(self._planner)
-        # A temperature that was reached by steering to the target ESS stays.
-        if planner.config.temperature == before.mppi.temperature:
-            planner.temperature = self._planner.temperature
-        self._planner = planner
 
     def sampled_trajectories(self) -> SampledTrajectories | None:
         """Return the sampled trajectories of the last plan; a learned pilot has none."""
         # imported here, as it loads the compiler
         from controllers.sampled_trajectories import sampled_trajectories
 
-        return None if self._spec.pilot else sampled_trajectories(self._planner)
-
-    def _snapshot(self) -> PlannerSnapshot | None:
-        """Return the planner snapshot that is stored with the run."""
-        from controllers.sampled_trajectories import take_snapshot
-
-        return None if self._spec.pilot else take_snapshot(self._planner)
+        return sampled_trajectories(self._planner.planner) if self._planner else None
 
     def _corners(self) -> Corners | None:
         """Return the corners in the last picture, where the vehicle has a gate camera."""

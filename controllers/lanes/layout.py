@@ -20,7 +20,7 @@ CHUNK = 2048  # samples: 5 MB of perturbations at the paper's horizon
 
 
 def blocks(samples: int) -> int:
-    """Return the number of blocks that hold so many samples."""
+    """Return the number of blocks that hold `samples` samples."""
     return -(-samples // LANES)
 
 

@@ -2,24 +2,32 @@
 
 The file is an .npz: the weights of each layer, and `about`, the JSON of an `About`: what the pilot
 observes and commands, which vehicle it was trained for, and how. Nothing in it is executed.
+
+A file is read where every number is one that a vehicle file or a training could have: control
+periods of 1 to 100 ms, actions held for at most 100 of them, body rates up to 100 rad/s, thrust up
+to 1000 m/s^2, each lower limit below its upper one, and weights up to 1e6, which cannot overflow in
+flight.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta, Struct, structs
 
 from controllers.learned.observation import SIZE, UNITS, command, gate_rows, normalised, observe
 from controllers.plan import PlanStats
 from quadsim.course import Course
 from quadsim.dynamics.control_periods import ControlPeriods
 from quadsim.dynamics.estimate import Estimate
+from quadsim.dynamics.quadrotor import CONTROL
 from quadsim.files.arrays import TEXT, Declared, arrays_of, npz_bytes, read_bytes, record_of
 from quadsim.files.strict_yaml import FileError
 
@@ -28,29 +36,51 @@ FORMAT = "quadsim pilot 1"
 WHAT = "a pilot as `race train` writes it"
 LARGEST = 50_000_000  # bytes of a file that is read
 ACTIONS = 4
+# greatest absolute value of a weight: sums of so large products are far from float32's limit
+LARGEST_WEIGHT = 1e6
 # matrix (inputs, outputs) and bias of each of three layers
 LAYERS = {
-    "layer_0": Declared("float32", (SIZE, "first hidden"), finite=True),
-    "layer_1": Declared("float32", ("first hidden",), finite=True),
-    "layer_2": Declared("float32", ("first hidden", "second hidden"), finite=True),
-    "layer_3": Declared("float32", ("second hidden",), finite=True),
-    "layer_4": Declared("float32", ("second hidden", ACTIONS), finite=True),
-    "layer_5": Declared("float32", (ACTIONS,), finite=True),
+    "layer_0": Declared("float32", (SIZE, "first hidden"), most=LARGEST_WEIGHT),
+    "layer_1": Declared("float32", ("first hidden",), most=LARGEST_WEIGHT),
+    "layer_2": Declared("float32", ("first hidden", "second hidden"), most=LARGEST_WEIGHT),
+    "layer_3": Declared("float32", ("second hidden",), most=LARGEST_WEIGHT),
+    "layer_4": Declared("float32", ("second hidden", ACTIONS), most=LARGEST_WEIGHT),
+    "layer_5": Declared("float32", (ACTIONS,), most=LARGEST_WEIGHT),
 }
 
+Name = Annotated[str, Meta(pattern=r"^[^/]{1,200}$")]
+Rate = Annotated[float, Meta(ge=-100, le=100)]
+Thrust = Annotated[float, Meta(ge=0, le=1000)]
+# the commands of a Control
+Limits = tuple[Rate, Rate, Rate, Thrust]
 
-@dataclass(frozen=True)
-class About:
+
+class About(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The record in a pilot's file: what it was made for, and how."""
 
-    vehicle: str
-    dt: float  # control period [s]
-    hold: int  # control periods for which an action is held
-    low: tuple[float, ...]  # commands at -1 [rad/s, m/s^2]
-    high: tuple[float, ...]  # commands at 1
+    vehicle: Name
+    dt: Annotated[float, Meta(ge=1e-3, le=0.1)]  # control period [s]
+    hold: Annotated[int, Meta(ge=1, le=100)]  # control periods for which an action is held
+    low: Limits  # commands at -1 [rad/s, m/s^2]
+    high: Limits  # commands at 1
     course: str  # that it was trained on
-    training: dict = field(default_factory=dict)  # seed, steps, time, settings, command
+    training: dict[str, Any] = {}  # seed, steps, time, settings, command
     observes: tuple[str, ...] = tuple(UNITS)
+    # sha256 of the vehicle that it was trained with, hexadecimal, "" in an older file. A flight may
+    # change the vehicle's numbers, which its record names.
+    vehicle_sha256: str = ""
+
+
+class AboutFile(About, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The record with the format of the file."""
+
+    format: str
+
+
+class Header(Struct):
+    """The key of the record that says how to read the others."""
+
+    format: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +91,7 @@ class Pilot:
     about: About
     weights: tuple[np.ndarray, ...]  # of LAYERS
     digest: str = ""  # sha256 of the file, hexadecimal
+    path: str = ""  # of the file, or the name of one that comes with the project
 
     def __call__(self, obs: np.ndarray) -> np.ndarray:
         """Return the action in -1..1.
@@ -130,7 +161,7 @@ def forward(weights: Sequence[np.ndarray], x: np.ndarray) -> np.ndarray:
 
 def pilot_bytes(weights: Sequence[np.ndarray], about: About) -> bytes:
     """Return the content of a pilot's file."""
-    text = json.dumps({"format": FORMAT} | asdict(about), allow_nan=False)
+    text = json.dumps({"format": FORMAT} | structs.asdict(about), allow_nan=False)
     arrays = {"about": np.array(text)}
     for name, layer in zip(LAYERS, weights, strict=True):
         arrays[name] = np.asarray(layer, np.float32)
@@ -148,37 +179,31 @@ def load_pilot(path: str | Path) -> Pilot:
     Raises:
         FileError: there is no such pilot, or its file is damaged.
     """
-    if str(path) in pilot_names():
+    given = str(path)
+    if given in pilot_names():
         path = PILOTS / f"{path}.npz"
     path = Path(path)
-    if not path.exists():
+    if not os.path.lexists(path):
         names = ", ".join(pilot_names())
         wanted = f"expected FILE.npz, or one that comes with quadsim: {names}"
         raise FileError(f"no pilot {str(path)!r}: {wanted}")
     data = read_bytes(path, WHAT, LARGEST)
     arrays = arrays_of(data, {"about": TEXT} | LAYERS, path, WHAT, LARGEST)
-    about = _about(path, record_of(arrays["about"], path, WHAT))
+    about = _about(path, arrays["about"])
     weights = tuple(arrays[name] for name in LAYERS)
-    return Pilot(path.stem, about, weights, hashlib.sha256(data).hexdigest())
+    return Pilot(path.stem, about, weights, hashlib.sha256(data).hexdigest(), given)
 
 
-def _about(path: Path, record: dict[str, Any]) -> About:
+def _about(path: Path, text: np.ndarray) -> About:
     """Return the checked record of a pilot's file. Raises FileError."""
-    if record.pop("format", None) != FORMAT:
+    if record_of(text, Header, path, WHAT).format != FORMAT:
         raise FileError(f"{path}: expected format {FORMAT!r}: it was written by another version")
-    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in record.items()}
-    try:
-        about = About(**values)
-        numbers = np.array([about.dt, about.hold, *about.low, *about.high], float)
-    except (TypeError, ValueError) as error:
-        raise FileError(f"{path}: expected {WHAT}: about: {error}") from None
+    about = record_of(text, AboutFile, path, WHAT)
     if about.observes != tuple(UNITS):
         wanted = f"expected a pilot that observes the {SIZE} numbers of this version"
         raise FileError(f"{path}: {wanted}, got other ones")
-    has_limits = len(about.low) == len(about.high) == ACTIONS
-    has_period = np.isfinite(numbers).all() and about.dt > 0 and about.hold >= 1
-    has_names = isinstance(about.vehicle, str) and isinstance(about.course, str)
-    if not (has_limits and has_period and has_names):
-        wanted = "limits, a control period and names"
-        raise FileError(f"{path}: expected {WHAT}: about: expected {wanted}")
+    for name, low, high in zip(CONTROL, about.low, about.high, strict=True):
+        if low >= high:
+            wanted = f"expected a lower limit of {name} below its upper one"
+            raise FileError(f"{path}: expected {WHAT}: about: {wanted}, got {low:g} and {high:g}")
     return about

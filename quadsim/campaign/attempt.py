@@ -10,6 +10,7 @@ import multiprocessing as mp
 import sys
 from collections.abc import Mapping
 from contextlib import closing
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
@@ -17,17 +18,17 @@ from typing import NotRequired, TypedDict
 
 from quadsim.record.metrics import chatter
 from quadsim.record.provenance import provenance
-from quadsim.record.run import PlanTime, Recorder, Run, canonical
+from quadsim.record.run import CRASHES, PlanTime, Recorder, Run, canonical
 from quadsim.record.turning_back import TurnedBack, turned_back
 from quadsim.spec.build import build, launch
 from quadsim.spec.spec import Spec
 
 LABELS = ("host", "preset")  # keys of a spec's record that do not decide the flight
-DRAWN = ("seed", "variation")  # keys that differ between the attempts of one variant
+# keys that differ between the attempts of one variant
+DRAWN = ("seed", "variation", "drawn_faults")
 # Libraries whose versions decide a flight. The commit of this project stands beside the key.
 LIBRARIES = ("numpy", "numba", "pybullet")
 LIBRARIES_OF_PLANT = {"rotorpy": ("rotorpy", "scipy")}
-CRASHES = ("hit", "ground", "bounds", "wall")  # kinds of events that may end a flight
 
 # The provenance of this process: of the code as it was loaded.
 this_provenance = lru_cache(provenance)
@@ -42,21 +43,27 @@ class Flown:
     fault: str | None  # the planner's error, if it raised one in flight
 
 
-def attempt_key(record: dict, versions: Mapping[str, str | None] | None = None) -> str:
+def attempt_key(
+    record: dict, versions: Mapping[str, str | None] | None = None, twin: int = 0
+) -> str:
     """Return the sha256 [hex] of a full specification, its seed and the libraries' versions.
 
     Args:
         record: record of a Spec.
         versions: versions of libraries by name; None: those of this process.
+        twin: see quadsim.campaign.variants.Variant.
     """
     used = this_provenance()["versions"] if versions is None else versions
     names = LIBRARIES + LIBRARIES_OF_PLANT.get(record["plant"], ())
-    return _hash(record | {"libraries": {name: used.get(name) for name in names}})
+    decided = record | {"libraries": {name: used.get(name) for name in names}}
+    return _hash(decided | {"twin": twin} if twin else decided)
 
 
-def variant_key(record: dict, versions: Mapping[str, str | None] | None = None) -> str:
+def variant_key(
+    record: dict, versions: Mapping[str, str | None] | None = None, twin: int = 0
+) -> str:
     """Return the key of a variant: like `attempt_key`, but the same for all seeds."""
-    return attempt_key(_without_seed(record), versions)
+    return attempt_key(_without_seed(record), versions, twin)
 
 
 def planner_key(record: dict) -> str:
@@ -82,8 +89,10 @@ def fly_attempt(spec: Spec) -> Flown:
         from controllers.lanes.threads import use_threads  # here: it loads the compiler
 
         use_threads(1)
-    # Before the flight, as this names the code that flies.
+    spec = _with_fresh_parts(spec)
+    # Before the flight, as these name the code and the parts that fly.
     flown_by = this_provenance()
+    record = spec.record()
     parts = build(spec)
     recorder = Recorder()
     fault = None
@@ -95,10 +104,23 @@ def fly_attempt(spec: Spec) -> Flown:
             if not len(recorder):
                 raise
             fault = str(error)
-    run = recorder.run(spec.record())
+    run = recorder.run(record)
     if fault is not None:
         run = replace(run, outcome="crashed")
     return Flown(run, flown_by, fault)
+
+
+def _with_fresh_parts(spec: Spec) -> Spec:
+    """Return the spec with copies of the user's own parts, which one flight may change.
+
+    So an attempt does not depend on those that this process has flown before, as in a worker.
+    """
+    if not spec.own_objects():
+        return spec
+    try:
+        return deepcopy(spec)
+    except Exception:  # a part with an open file, say, which is flown as it is
+        return spec
 
 
 class Crash(TypedDict):

@@ -149,7 +149,7 @@ class Verdict:
     worse: float
     bound: float  # `worse` is below this with 95 % confidence; nan: too few attempts
     effect: float
-    # Probability at most that as many attempts of an unchanged racer, on another machine, fail.
+    # Greatest probability that an unchanged racer on another machine fails.
     unchanged_fails: float
 
     @property

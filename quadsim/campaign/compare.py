@@ -108,7 +108,7 @@ def compare(
     )
     folder = None if campaign else TemporaryDirectory(prefix="quadsim-")
     path = Path(folder.name) / "campaign.sqlite" if folder else Path(campaign or "")
-    with Runner(path, jobs or 0) as runner:
+    with Runner(path, jobs or 0, temporary=folder is not None) as runner:
         rows = runner(made, attempts)
     return comparison(made, rows, path.parent, folder)
 

@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from quadsim.campaign.attempt import LIBRARIES, Flown, attempt_key, this_provenance
 from quadsim.campaign.pool import Pool, fly_all, open_pool
 from quadsim.campaign.store import Row, Store, code_of
-from quadsim.campaign.variants import Variant
+from quadsim.campaign.variants import Variant, expect_identities
 from quadsim.console import complain, progress_console, uninterrupted
 from quadsim.record.run import RunError
 from quadsim.spec.spec import Spec
@@ -105,6 +105,7 @@ class Runner:
         scheduler: str | None = None,
         this_commit: bool = False,
         telemetry: bool = True,
+        temporary: bool = False,
     ):
         """Prepare to fly.
 
@@ -114,12 +115,15 @@ class Runner:
             scheduler: address of a Dask cluster, see `open_pool`.
             this_commit: count only what this commit has flown.
             telemetry: keep the telemetry of what is flown.
+            temporary: the campaign is used by one call only, so that parts without an identity can
+                fly in it.
         """
         self.campaign = campaign
         self._jobs = jobs
         self._scheduler = scheduler
         self._this_commit = this_commit
         self._telemetry = telemetry
+        self._temporary = temporary
         self._kept = 0  # attempts that are in the campaign
         self._open = ExitStack()
 
@@ -156,10 +160,16 @@ class Runner:
 
         Raises:
             RunError: the campaign cannot be read or written, or a worker has other libraries.
+            SettingError: a part of the user's own has no identity.
             KeyboardInterrupt: what has been flown until then is kept.
         """
+        if not self._temporary:
+            expect_identities(variants)
         wanted = [
-            {attempt_key(s.record()): Attempt(variant, s) for s in variant.attempts(attempts)}
+            {
+                attempt_key(spec.record(), twin=variant.twin): Attempt(variant, spec)
+                for spec in variant.attempts(attempts)
+            }
             for variant in variants
         ]
         # Seed by seed, so that an interrupted campaign has pairs to compare.
@@ -173,7 +183,7 @@ class Runner:
             with nullcontext() if quiet else Tally(len(in_order), len(rows)) as tally:
                 for variant, spec, flown in fly_attempts(self.pool, missing, tally):
                     with uninterrupted():
-                        self._store.add(spec, variant.name, flown, self._telemetry)
+                        self._store.add(spec, variant.name, flown, self._telemetry, variant.twin)
                     self._kept += 1
                     _expect_same_libraries(flown.provenance["versions"])
             rows = self._rows(in_order)

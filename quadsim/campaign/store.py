@@ -119,7 +119,9 @@ class Store:
         with suppress(sqlite3.OperationalError):
             self._db.execute("PRAGMA journal_mode = WAL")
 
-    def add(self, spec: Spec, name: str, flown: Flown, telemetry: bool = True) -> bool:
+    def add(
+        self, spec: Spec, name: str, flown: Flown, telemetry: bool = True, twin: int = 0
+    ) -> bool:
         """Keep an attempt.
 
         Args:
@@ -127,6 +129,7 @@ class Store:
             name: name of its variant.
             flown: the flight.
             telemetry: whether to keep its telemetry too.
+            twin: see quadsim.campaign.variants.Variant.
 
         Returns:
             False if another campaign has stored this attempt meanwhile; its row stays.
@@ -135,25 +138,25 @@ class Store:
             RunError: the file cannot be written.
         """
         if not telemetry:
-            return self._insert(spec, name, flown, folder="")
+            return self._insert(spec, name, flown, folder="", twin=twin)
         with RunFolder.open(self.flights, spec.record(), flown.provenance) as folder:
             folder.write(flown.run)
             relative = str(folder.path.relative_to(self.path.parent))
-            added = self._insert(spec, name, flown, relative)
+            added = self._insert(spec, name, flown, relative, twin)
             if added:
                 folder.finish()
             else:
                 folder.drop()
         return added
 
-    def _insert(self, spec: Spec, name: str, flown: Flown, folder: str) -> bool:
+    def _insert(self, spec: Spec, name: str, flown: Flown, folder: str, twin: int) -> bool:
         """Insert a row, in the place of one that cannot be read. Return whether it was inserted."""
         record = spec.record()
         versions = flown.provenance["versions"]
         row = Row(
-            key=attempt_key(record, versions),
+            key=attempt_key(record, versions, twin),
             code=code_of(flown.provenance),
-            variant=variant_key(record, versions),
+            variant=variant_key(record, versions, twin),
             name=name,
             course=record["course"],
             sampler=record["sampler"],

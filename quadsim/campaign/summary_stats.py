@@ -66,7 +66,7 @@ class PairStats:
     a: str
     b: str
     lap_difference: Mean  # [s] over the seeds that both finish
-    detectable: float  # [s] true difference that so many pairs detect with a power of 80 %
+    detectable: float  # [s] true difference that these pairs detect with a power of 80 %
     only_a: int  # seeds that only a finished
     only_b: int
     success_p: float  # McNemar's exact p over the shared seeds, Fisher's where there are none

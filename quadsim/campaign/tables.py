@@ -147,7 +147,7 @@ def notes(
     known = [p for p in pairs if isfinite(p.detectable)]
     if known:
         each = ", ".join(f"{p.b} - {p.a} {p.detectable:.3f} s" for p in known)
-        yield f"Lap differences that so many pairs detect with power 80 %: {each}."
+        yield f"Lap differences that these pairs detect with power 80 %: {each}."
     if _limit_known(variants):
         yield (
             "Above the limit: the median race over the best known limit of the same, nominal "

@@ -4,6 +4,7 @@ gaussian                      a sampler, with the preset's numbers for it
 soft=race+target-ess=200      a name; then presets, samplers and settings, joined by +
 wild=gaussian+sigma=3:3:.6:6  several numbers are joined by colons
 calm=race+term=mine:calm=50   a cost term of one's own and its weight
+weak=race+fault=rotor2=.5@3   a fault in flight; faults and terms may be repeated
 pilot=split_s.npz             a learned pilot in the planner's place: a file, or split_s_swift
 """
 
@@ -22,12 +23,14 @@ from quadsim.course import Course
 from quadsim.files.data_files import SUFFIXES
 from quadsim.files.yaml_errors import did_you_mean
 from quadsim.spec.build import referee_of
+from quadsim.spec.identity import IdentityError, identity_of
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec
 
 Place = str | Path | Course  # a course by name, a FILE.yaml, or the course itself
 Settings = Mapping[str, Any]  # name of a setting of `quadsim.fly` -> its value, or a text for it
-NAMES_OF_CODE = ("sampler", "term")  # settings whose text names a module, with a colon in it
+WITH_COLONS = ("sampler", "term", "fault")  # settings whose text may have colons of its own
+REPEATED = ("term", "fault")  # settings that a variant may have several times
 SWITCH = {"yes": True, "no": False}
 
 
@@ -37,6 +40,9 @@ class Variant:
 
     name: str
     spec: Spec
+    # Tells variants of one call whose records are equal but whose own parts are different objects:
+    # 0 for the first of them, then 1, 2, ...
+    twin: int = 0
 
     @property
     def key(self) -> str:
@@ -92,7 +98,13 @@ def parse_parts(text: str) -> dict[str, Any]:
     Raises:
         ValueError: a part is none of these.
     """
-    return dict(_setting(part) for part in text.split("+"))
+    settings: dict[str, Any] = {}
+    for part in text.split("+"):
+        name, value = _setting(part)
+        if name in REPEATED:
+            value = (*settings.get(name, ()), value)
+        settings[name] = value
+    return settings
 
 
 def _setting(part: str) -> tuple[str, Any]:
@@ -101,7 +113,7 @@ def _setting(part: str) -> tuple[str, Any]:
     if not has_value:
         return _kind_of(part), part
     setting = name.replace("-", "_")
-    if setting in NAMES_OF_CODE:
+    if setting in WITH_COLONS:
         return setting, text
     if text in SWITCH:
         return setting, SWITCH[text]
@@ -143,7 +155,40 @@ def make_variants(
             others = _settings_of_other_samplers(sampler)
             shared = {key: value for key, value in settings.items() if key not in others}
             made.append(Variant(name, resolve(course, shared | dict(own))))
-    return made
+    return _told_apart(made)
+
+
+def _told_apart(variants: Sequence[Variant]) -> list[Variant]:
+    """Return the variants with the number of each twin, so that none flies under another's name."""
+    found: list[Variant] = []
+    objects: dict[str, list[list[int]]] = {}
+    for variant in variants:
+        own = variant.spec.own_objects()
+        terms = own.pop("terms", ())
+        functions = [term.function for term in terms] if isinstance(terms, tuple) else []
+        ids = [id(part) for part in (*own.values(), *functions)]
+        # The own parts of the variants with this record so far
+        twins = objects.setdefault(variant.key, [])
+        if ids not in twins:
+            twins.append(ids)
+        found.append(replace(variant, twin=twins.index(ids)))
+    return found
+
+
+def expect_identities(variants: Sequence[Variant]) -> None:
+    """Check that the own parts of variants can be told from others in a later call.
+
+    Raises:
+        SettingError: a part has no identity, so that a campaign could not tell whether it has flown
+            before.
+    """
+    for variant in variants:
+        for role, part in variant.spec.own_objects().items():
+            try:
+                identity_of(part)
+            except IdentityError as error:
+                wanted = f"expected a {role} that can be told from others"
+                raise SettingError("campaign", f"{wanted}, got {error}") from None
 
 
 def _settings_of_other_samplers(sampler: object) -> set[str]:

@@ -30,6 +30,8 @@ TITLES = {
     "cost": "Cost",
     "model": "Planner's model of the vehicle",
 }
+# Forms of the texts of flags that may be repeated.
+METAVARS = {"term": "MODULE:FUNCTION=WEIGHT", "fault": "PART=WHAT@TIME"}
 DEFAULT_PLANNER = PRESETS[FlightSettings.preset][FlightSettings.sampler]
 
 
@@ -137,7 +139,7 @@ def _flag(setting: Setting, group: Group, default: object) -> Any:
             metavar = " ".join("X" * len(items))
         case inspect.VarTupleType():
             hint = list[str]
-            metavar = "MODULE:FUNCTION=WEIGHT"
+            metavar = METAVARS[setting.name]
         case inspect.FloatType():
             metavar = "X"
         case inspect.IntType():

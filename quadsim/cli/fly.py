@@ -2,22 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import closing, suppress
+from typing import Annotated, Any
 
 from quadsim.cli.commands import EXIT
-from quadsim.cli.flags import CourseName, Given, Json, settings_as_flags
+from quadsim.cli.flags import CourseName, Given, Help, Json, names, settings_as_flags, stored_runs
 from quadsim.cli.progress import Progress
 from quadsim.cli.report import present
 from quadsim.console import COMPILING, UsageError, complain, uninterrupted
 from quadsim.race.events import Frame
-from quadsim.record.archive import RunFolder, remove_unfinished
-from quadsim.record.run import Recorder, Run, RunError
+from quadsim.record.archive import RunFolder, find_run, load_run, remove_unfinished
+from quadsim.record.run import Recorder, Run, RunError, own_parts, why_not_repeatable
 from quadsim.spec.build import build, launch, with_threads
+from quadsim.spec.recorded import recorded_spec, sorted_settings
+from quadsim.spec.settings import FlightSettings
 from quadsim.spec.spec import Spec
 
 
-def fly(course: CourseName = None, /, *, settings: Given = None, json: Json = False) -> int:
+def fly(
+    course: CourseName = None,
+    /,
+    *,
+    from_: Annotated[
+        str | None,
+        Help(
+            "fly a stored run again: its folder, a part of its name, or last; further flags change"
+            " it",
+            name="--from",
+            completer=names(stored_runs),
+        ),
+    ] = None,
+    settings: Given = None,
+    json: Json = False,
+) -> int:
     """Simulate one flight: lap and split times, crashes, thrust chatter, planning time.
 
     The default is three laps of the Split-S course.
@@ -25,8 +43,17 @@ def fly(course: CourseName = None, /, *, settings: Given = None, json: Json = Fa
     race fly split_s_swift --sampler gaussian --seed 3
 
     race fly mine.yaml --preset race --vehicle kingfisher --laps 2 --samples 2048 --model-drag 0
+
+    race fly --from last
     """
-    spec = spec_of(course, settings)
+    before = None
+    if from_ is None:
+        spec = spec_of(course, settings)
+    else:
+        if course is not None:
+            raise UsageError(f"--from: expected no course beside a run, got {course!r}")
+        before = stored_run(from_, settings or {})
+        spec = spec_again(before, settings or {})
     try:
         parts = build(spec)
     except ValueError as error:  # laps on an open course, a gate too small for the vehicle
@@ -46,6 +73,8 @@ def fly(course: CourseName = None, /, *, settings: Given = None, json: Json = Fa
             failure = _save(folder, run)
 
     present(run, None if failure else folder.path, json, spec.runs_dir)
+    if before:
+        complain(compared(run, before, settings or {}))
     if failure:
         raise failure
     if run.outcome == "interrupted":
@@ -64,6 +93,36 @@ def spec_of(course: str | None, settings: Given = None) -> Spec:
     given = settings or {}
     with settings_as_flags():
         return with_threads(Spec.of(course, **given))
+
+
+def stored_run(name: str, settings: Mapping[str, Any]) -> Run:
+    """Return the run that is to be flown again. Raises RunError."""
+    return load_run(find_run(name, settings.get("runs_dir") or FlightSettings.runs_dir))
+
+
+def spec_again(before: Run, settings: Mapping[str, Any]) -> Spec:
+    """Return the Spec of a stored run with the given flags, with its threads in use.
+
+    Raises:
+        UsageError: a flag cannot be used.
+        FileError: a file or a part that took part in the run is missing or differs.
+    """
+    with settings_as_flags():
+        return with_threads(recorded_spec(before.spec, settings))
+
+
+def compared(run: Run, before: Run, settings: Mapping[str, Any]) -> str:
+    """Return in one line whether a run that was flown again is the same."""
+    _, changed = sorted_settings(before.spec, settings)
+    if changed:
+        return f"the stored run was flown with other values of {', '.join(sorted(changed))}"
+    if run.digest() == before.digest():
+        return "the same flight as the stored run, to the last bit"
+    reason = why_not_repeatable(before)
+    if own_parts(before.spec):
+        reason = ""  # they were given again
+    # The same spec gives the same bits on one machine with the same libraries only
+    return f"not the same flight as the stored run: {reason or 'see its cpu and versions'}"
 
 
 def _recorded(flight: Iterable[Frame], spec: Spec, quiet: bool) -> Recorder:

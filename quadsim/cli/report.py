@@ -17,7 +17,14 @@ from quadsim.course import parse_course
 from quadsim.record.estimate_metrics import sensing_numbers
 from quadsim.record.limits import StoredSolution, limit_of, limits_folder
 from quadsim.record.metrics import chatter, missed_deadlines, splits
-from quadsim.record.run import INTERACTIVE, Run, flown_with, not_comparable, own_parts
+from quadsim.record.run import (
+    INTERACTIVE,
+    Run,
+    flown_with,
+    not_comparable,
+    own_parts,
+    why_not_repeatable,
+)
 from quadsim.record.turning_back import turned_back
 
 # Colour of an outcome; any other is yellow
@@ -119,10 +126,9 @@ def _parts(run: Run, columns: int) -> Iterator[RenderableType]:
         yield sensing
     if not run.spec.get("pilot"):
         yield model_table(run.spec)
-    own = own_parts(run.spec)
-    if own:
-        named = ", ".join(f"{role} {escape(name)}" for role, name in own.items())
-        yield f"[dim]own parts[/]  {named}: run.json alone cannot fly it again"
+    reason = why_not_repeatable(run)
+    if reason:
+        yield f"[dim]not repeatable from run.json alone[/]  {escape(reason)}"
     yield published_table(run, course)
 
 
@@ -198,6 +204,7 @@ def summary(run: Run, folder: Path | None, runs_dir: str | Path | None = None) -
         "chatter": chatter(run),
         "model_differs": differing(spec),
         "sensing": sensing_numbers(run),
+        "faults": spec.get("drawn_faults", []),
         "own_parts": own_parts(spec),
         "clock": spec["clock"],
         INTERACTIVE: spec.get(INTERACTIVE, []),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,10 +14,11 @@ from quadsim.cli.flags import Help, Json, course_help, settings_as_flags, vehicl
 from quadsim.console import UsageError, complain, emit, emit_json
 from quadsim.files.extras import needs_extra
 from quadsim.files.strict_yaml import unit
-from quadsim.record.whole_files import expect_file, expect_writable
+from quadsim.record.whole_files import expect_file, try_writing
 from quadsim.spec.settings import SettingError
 
 if TYPE_CHECKING:
+    from quadsim.learn.checkpoint import Evaluation
     from quadsim.learn.task import LearningTask
 
 # weight of the margin in gates: twice the environments' own, as a pilot does not see a gust coming
@@ -91,7 +93,6 @@ def train(
     path = _out(out)
     if find_spec("stable_baselines3") is None:
         raise UsageError(needs_extra("stable-baselines3", "train"))
-    path.parent.mkdir(parents=True, exist_ok=True)
     command = _command(course, flags)
     sizes = {"environments": environments, "hidden": hidden}
     history = _learn(asked, sizes, seed, steps, path, flights, command, quiet=json)
@@ -120,12 +121,13 @@ def _courses(given: str) -> list[str]:
 
 
 def _out(out: str) -> Path:
-    """Return the path of the pilot's file, and make its folder. Raises UsageError, RunError."""
+    """Return the path of the pilot's file, where it can be written. Raises UsageError, RunError."""
     path = Path(out)
     if path.suffix != ".npz":
         raise UsageError(f"--out: expected FILE.npz, got {out!r}")
-    expect_file(path)
-    expect_writable(path.parent)
+    for file in (path, path.with_suffix(".checkpoint.npz"), path.with_suffix(".png")):
+        expect_file(file)
+    try_writing(path.parent)
     return path
 
 
@@ -146,7 +148,7 @@ def _learn(
     flights: int,
     command: str,
     quiet: bool,
-) -> list[dict]:
+) -> list[Evaluation]:
     """Return a row for each evaluation. Raises UsageError, FileError, KeyboardInterrupt."""
     from quadsim.learn.ppo_config import PPOConfig
     from quadsim.learn.training import Training, train
@@ -170,11 +172,11 @@ def _learn(
         raise KeyboardInterrupt(f"race train: interrupted: {advice}") from None
 
 
-def _pass(row: dict) -> None:
+def _pass(row: Evaluation) -> None:
     """Report nothing of an evaluation."""
 
 
-def _report(row: dict) -> None:
+def _report(row: Evaluation) -> None:
     """Report an evaluation in one line on standard error."""
     lap = f"lap {row['lap']:.3f} s" if row["finished"] else "no lap"
     parts = (
@@ -186,9 +188,9 @@ def _report(row: dict) -> None:
     complain(", ".join(parts))
 
 
-def _plot(history: list[dict], path: Path, title: str) -> None:
+def _plot(history: Sequence[Evaluation], path: Path, title: str) -> None:
     """Draw how the pilot learnt."""
     from quadsim.figures.learning import draw
     from quadsim.figures.style import save_figure
 
-    save_figure(draw(history, title), path)
+    save_figure(draw([dict(row) for row in history], title), path)

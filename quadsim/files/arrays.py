@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import io
-import json
 import stat
+import warnings
 import zipfile
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
-from math import prod
+from math import inf, prod
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, NamedTuple, TypeVar
 
+import msgspec
 import numpy as np
 from numpy.lib import format as npy
 
@@ -21,6 +22,12 @@ from quadsim.files.yaml_errors import shown
 
 LARGEST = 500_000_000  # [bytes], of a file and of all of its arrays together
 SUFFIX = ".npy"  # ends an array's name within the archive
+# Lengths of what an error shows: names of arrays, characters of a library's message and of a shape
+NAMES = 5
+LONGEST = 160
+LONGEST_SHAPE = 40
+
+Schema = TypeVar("Schema")
 
 
 class Declared(NamedTuple):
@@ -32,6 +39,8 @@ class Declared(NamedTuple):
     shape: tuple[int | str, ...] = ()
     finite: bool = False  # whether infinities and NaN are refused
     required: bool = True
+    # The greatest absolute value allowed. Where there is one, numbers are finite too.
+    most: float = inf
 
 
 TEXT = Declared("str")  # one text, such as a JSON document
@@ -65,14 +74,17 @@ def read_bytes(path: Path, what: str, largest: int = LARGEST) -> bytes:
         # opening a pipe would wait for a writer, and a device has no end
         if not stat.S_ISREG(status.st_mode):
             raise FileError(f"{path}: expected {what}, got a folder, a pipe or a device")
+        if status.st_size > largest:
+            size = f"at most {largest:,} bytes, got {status.st_size:,}"
+            raise FileError(f"{path}: expected {what} of {size}")
         with path.open("rb") as file:
             data = file.read(largest + 1)
     except OSError as error:
         reason = error.strerror or str(error)
         raise FileError(f"{path}: expected {what}: {reason.lower()}") from None
+    # the size that a file names may be wrong, in /proc for example
     if len(data) > largest:
-        size = f"at most {largest:,} bytes, got {status.st_size:,}"
-        raise FileError(f"{path}: expected {what} of {size}")
+        raise FileError(f"{path}: expected {what} of at most {largest:,} bytes, got more")
     return data
 
 
@@ -107,31 +119,34 @@ def arrays_of(
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = _members(archive, declared, largest)
-            found = {name: _array(archive, name, *member) for name, member in members.items()}
-        _check_shapes(found, {name: member.wanted for name, member in members.items()})
+            lengths: dict[str, int] = {}
+            return {name: _array(archive, name, m, lengths) for name, m in members.items()}
     except ArrayError as error:
         problem = str(error)
     # a damaged archive fails in a dozen ways
     except Exception as error:
-        problem = "damaged: " + " ".join(str(error).split())
-    else:
-        return found
+        problem = f"damaged: {_one_line(error)}"
     raise FileError(f"{path}: expected {what}: {problem}")
 
 
-def record_of(text: np.ndarray, path: object, what: str) -> dict[str, Any]:
-    """Return the JSON object in an array that was declared as TEXT.
+def record_of(text: np.ndarray, schema: type[Schema], path: object, what: str) -> Schema:
+    """Return the JSON document in an array that was declared as TEXT.
+
+    Args:
+        text: the array.
+        schema: the type of the document: a msgspec Struct, a dataclass, a dict of types. Numbers in
+            quotes are no numbers, and NaN is no JSON.
+        path: the file's name for error messages.
+        what: the kind of file for error messages, such as "a pilot".
 
     Raises:
-        FileError: the text is no JSON object.
+        FileError: the text is no such document.
     """
     try:
-        record = json.loads(str(text))
-    except (ValueError, RecursionError) as error:
-        raise FileError(f"{path}: expected {what}: damaged: {error}") from None
-    if not isinstance(record, dict):
-        raise FileError(f"{path}: expected {what}: expected a JSON object in it")
-    return record
+        return msgspec.json.decode(text.item(), type=schema)
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        problem = _one_line(error)
+    raise FileError(f"{path}: expected {what}: {problem}")
 
 
 class _Member(NamedTuple):
@@ -162,15 +177,20 @@ def _members(
     found: dict[str, _Member] = {}
     missing: list[str] = []
     for pattern, wanted in declared.items():
-        matching = [entry for entry in entries if fnmatchcase(_name(entry), pattern)]
+        matching = [entry for entry in entries if _matches(_name(entry), pattern)]
         for entry in matching:
             found.setdefault(_name(entry), _Member(entry, wanted))
         if wanted.required and not matching:
             missing.append(pattern)
-    unknown = [name if name.isprintable() else shown(name) for name in counts if name not in found]
+    unknown = [name for name in counts if name not in found]
     if missing or unknown:
-        raise ArrayError(f"arrays missing or unknown: {', '.join(sorted(missing + unknown))}")
+        raise ArrayError(f"arrays missing or unknown: {listed(sorted(missing + unknown))}")
     return found
+
+
+def _matches(name: str, pattern: str) -> bool:
+    """Return whether an array's name is one that was declared and that an error can show."""
+    return fnmatchcase(name, pattern) and name.isprintable() and len(name) <= LONGEST
 
 
 def _name(entry: zipfile.ZipInfo) -> str:
@@ -179,45 +199,84 @@ def _name(entry: zipfile.ZipInfo) -> str:
 
 
 def _array(
-    archive: zipfile.ZipFile, name: str, entry: zipfile.ZipInfo, wanted: Declared
+    archive: zipfile.ZipFile, name: str, member: _Member, lengths: dict[str, int]
 ) -> np.ndarray:
-    """Return one array. Its numbers are not read before its type is known. Raises ArrayError."""
+    """Return one array, whose numbers are not read before its type and its shape are known.
+
+    Args:
+        archive: the archive.
+        name: the array's name.
+        member: the array, and how it was declared.
+        lengths: the lengths of named dimensions so far; new ones are added.
+
+    Raises:
+        ArrayError: the array is not as it was declared.
+    """
+    entry, wanted = member
     with archive.open(entry) as file:
-        version = npy.read_magic(file)
-        read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-        shape, by_columns, dtype = read_header(file)
+        shape, by_columns, dtype = _header(file, name)
         is_text = wanted.dtype == "str" and dtype.kind == "U"
-        if not is_text and dtype != np.dtype(wanted.dtype):
-            raise ArrayError(f"{name}: expected {_described(wanted)}, got {_kind(dtype)} {shape}")
-        content = file.read()
-    size = dtype.itemsize * prod(shape)
-    if len(content) != size:
-        raise ArrayError(f"{name}: expected {size:,} bytes, got {len(content):,}")
+        fits = is_text or dtype == np.dtype(wanted.dtype)
+        if not fits or not _has_shape(shape, wanted, lengths):
+            known = tuple(lengths.get(str(length), length) for length in wanted.shape)
+            described = _described(wanted._replace(shape=known))
+            raise ArrayError(f"{name}: expected {described}, got {_kind(dtype, shape)}")
+
+        # a header may claim any size
+        size = dtype.itemsize * prod(shape)
+        there = entry.file_size - file.tell()
+        if there == size:
+            content = file.read()
+            there = len(content)
+        if there != size:
+            raise ArrayError(f"{name}: expected {size:,} bytes, got {there:,}")
     order = "F" if by_columns else "C"
     array = np.ndarray(shape, dtype, bytearray(content), order=order)
-    if wanted.finite and not np.isfinite(array).all():
+
+    if (wanted.finite or wanted.most < inf) and not np.isfinite(array).all():
         raise ArrayError(f"{name}: expected finite numbers")
+    if wanted.most < inf:
+        greatest = float(np.abs(array).max(initial=0.0))
+        if greatest > wanted.most:
+            raise ArrayError(f"{name}: expected numbers up to {wanted.most:g}, got {greatest:g}")
     return array
 
 
-def _check_shapes(found: Mapping[str, np.ndarray], declared: Mapping[str, Declared]) -> None:
-    """Raise ArrayError unless the shapes are those declared, with one length for each name."""
-    lengths: dict[str, int] = {}
-    for name, wanted in declared.items():
-        shape = found[name].shape
-        fits = len(shape) == len(wanted.shape)
-        for length, dimension in zip(shape, wanted.shape, strict=False):
-            expected = dimension
-            if isinstance(dimension, str):
-                # the first array with a name of a length decides it
-                expected = lengths.setdefault(dimension, length)
-            fits = fits and length == expected
-        if not fits:
-            known = tuple(d if isinstance(d, int) else lengths.get(d, d) for d in wanted.shape)
-            described = _described(wanted._replace(shape=known))
-            raise ArrayError(
-                f"{name}: expected {described}, got {_kind(found[name].dtype)} {shape}"
-            )
+def _header(file: IO[bytes], name: str) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Return the shape of an array, whether it is stored by columns, and its type.
+
+    Raises ArrayError, without NumPy's message, which advises to trust the file.
+    """
+    try:
+        # a warning, as of a file from Python 2, counts as an error
+        with warnings.catch_warnings(action="error"):
+            version = npy.read_magic(file)
+            if version == (1, 0):
+                return npy.read_array_header_1_0(file)
+            if version in ((2, 0), (3, 0)):
+                return npy.read_array_header_2_0(file)
+            raise ValueError(version)
+    except Exception:
+        raise ArrayError(f"{name}: expected an array, got a header that cannot be read") from None
+
+
+def _has_shape(shape: tuple[int, ...], wanted: Declared, lengths: dict[str, int]) -> bool:
+    """Return whether a shape is the declared one. The first array with a name decides its length.
+
+    Args:
+        shape: the shape that was found.
+        wanted: how the array was declared.
+        lengths: the lengths of named dimensions so far; new ones are added.
+    """
+    if len(shape) != len(wanted.shape) or min(shape, default=0) < 0:
+        return False
+    for length, dimension in zip(shape, wanted.shape, strict=True):
+        expected = dimension
+        if isinstance(dimension, str):
+            expected = lengths.setdefault(dimension, length)
+        if length != expected:
+            return False
+    return True
 
 
 def _described(wanted: Declared) -> str:
@@ -228,8 +287,27 @@ def _described(wanted: Declared) -> str:
     return f"{kind} ({dimensions}{comma})"
 
 
-def _kind(dtype: np.dtype) -> str:
-    """Return a found dtype as an error shows it."""
+def _kind(dtype: np.dtype, shape: tuple[int, ...]) -> str:
+    """Return a found type and shape as an error shows them: "float32 (4, 3)"."""
+    size = str(shape)
+    if len(size) > LONGEST_SHAPE:
+        size = f"({len(shape)} dimensions)"
     if dtype.hasobject:
-        return "Python objects"
-    return "text" if dtype.kind == "U" else str(dtype)
+        return f"Python objects {size}"
+    kind = {"U": "text", "V": "records"}.get(dtype.kind, str(dtype))
+    return f"{kind} {size}"
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return the first of these names, and how many more there are."""
+    every = [name if name.isprintable() and len(name) <= LONGEST else shown(name) for name in names]
+    more = len(every) - NAMES
+    return ", ".join(every[:NAMES]) + (f" and {more} more" if more > 0 else "")
+
+
+def _one_line(error: Exception) -> str:
+    """Return the message of a library on one line, without control characters, cut where long."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    if len(text) > LONGEST:
+        text = text[: LONGEST - 3] + "..."
+    return text if text.isprintable() else shown(text)

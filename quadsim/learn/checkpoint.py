@@ -7,17 +7,35 @@ numbers and JSON alone; nothing in it is executed.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypedDict
 
 import numpy as np
+from msgspec import Meta, Struct
 
-from quadsim.files.arrays import TEXT, Declared, npz_bytes, read_arrays, record_of
+from quadsim.files.arrays import TEXT, Declared, listed, npz_bytes, read_arrays, record_of
 from quadsim.files.strict_yaml import FileError
 
-FORMAT = "quadsim training 3"
+FORMAT = "quadsim training 4"
 WHAT = "a checkpoint of `race train` for this task"
+# Greatest absolute value of a parameter; the networks have numbers of the order of one
+LARGEST_PARAMETER = 1e6
+
+Share = Annotated[float, Meta(ge=0, le=1)]
+Steps = Annotated[int, Meta(ge=1, le=10**15)]
+
+
+class Evaluation(TypedDict):
+    """A row of a training's history."""
+
+    steps: Steps  # of the environments so far
+    reward: Annotated[float, Meta(ge=-1e9, le=1e9)]  # per second flown [1/s]
+    finished: Share  # of the races
+    lap: Annotated[float, Meta(ge=0, le=1e6)]  # mean of the finished races [s]; 0 without one
+    gates: Share  # that were passed
+    seconds: Annotated[float, Meta(ge=0, le=1e12)]  # of training so far [s]
 
 
 class Checkpoint(NamedTuple):
@@ -25,7 +43,22 @@ class Checkpoint(NamedTuple):
 
     parameters: dict[str, np.ndarray]  # of policy and value function
     steps_done: int
-    history: list[dict]
+    history: list[Evaluation]
+
+
+class Header(Struct):
+    """The key of the state that says how to read the others."""
+
+    format: str = ""
+
+
+class State(Struct, forbid_unknown_fields=True):
+    """The JSON in a checkpoint's file."""
+
+    format: str
+    identity: dict[str, Any]
+    steps_done: Steps
+    history: Annotated[list[Evaluation], Meta(min_length=1)]
 
 
 def checkpoint_bytes(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> bytes:
@@ -41,7 +74,8 @@ def checkpoint_bytes(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> byt
         "steps_done": checkpoint.steps_done,
         "history": checkpoint.history,
     }
-    return npz_bytes({"state": np.array(json.dumps(state))} | checkpoint.parameters)
+    text = json.dumps(state, allow_nan=False)
+    return npz_bytes({"state": np.array(text)} | checkpoint.parameters)
 
 
 def read_checkpoint(
@@ -58,19 +92,42 @@ def read_checkpoint(
         FileError: the file is damaged, or it is of another training.
     """
     declared = {
-        name: Declared(str(array.dtype), array.shape, finite=True)
+        name: Declared(str(array.dtype), array.shape, most=LARGEST_PARAMETER)
         for name, array in parameters.items()
     }
     arrays = read_arrays(path, declared | {"state": TEXT}, WHAT)
-    state = record_of(arrays.pop("state"), path, WHAT)
-    if state.get("format") != FORMAT:
-        raise FileError(f"{path}: expected format {FORMAT!r}: it was written by another version")
+    text = arrays.pop("state")
+    found = record_of(text, Header, path, WHAT).format
+    if found != FORMAT:
+        advice = "it was written by another version: take another --out, or remove the file"
+        raise FileError(f"{path}: expected format {FORMAT!r}, got {listed([found])!r}: {advice}")
+    state = record_of(text, State, path, WHAT)
+
     # The round trip through JSON turns tuples into lists, as in the stored identity.
     asked = json.loads(json.dumps(dict(identity)))
-    stored = state["identity"]
-    if stored != asked:
-        names = sorted(k for k in asked | stored if asked.get(k) != stored.get(k))
-        wanted = f"expected a training of the same {', '.join(names)}"
+    names = listed(sorted(differences(asked, state.identity)))
+    if names:
         advice = "take another --out, or remove the file to begin anew"
-        raise FileError(f"{path}: {wanted}: {advice}")
-    return Checkpoint(arrays, state["steps_done"], state["history"])
+        raise FileError(f"{path}: expected a training of the same {names}: {advice}")
+    steps = [row["steps"] for row in state.history]
+    rises = all(before < after for before, after in pairwise(steps))
+    if not rises or steps[-1] != state.steps_done:
+        wanted = f"expected rising steps up to steps_done = {state.steps_done} in its history"
+        raise FileError(f"{path}: expected {WHAT}: {wanted}, got others")
+    return Checkpoint(arrays, state.steps_done, state.history)
+
+
+def differences(asked: Any, stored: Any, name: str = "") -> Iterator[str]:
+    """Yield the names of the values that differ, such as "vehicle.mass".
+
+    Args:
+        asked: what is asked for now, as JSON.
+        stored: what a file says.
+        name: the name of both.
+    """
+    if isinstance(asked, dict) and isinstance(stored, dict):
+        for key in asked | stored:
+            inner = f"{name}.{key}" if name else key
+            yield from differences(asked.get(key), stored.get(key), inner)
+    elif asked != stored:
+        yield name

@@ -24,7 +24,7 @@ BACKGROUND = (250, 250, 252)
 # colours of vehicles at the floor and at the ceiling
 LOW = np.array((30, 90, 200))
 HIGH = np.array((220, 60, 30))
-AHEAD = 0.1  # a vehicle's velocity is drawn as the way of so many seconds [s]
+AHEAD = 0.1  # a vehicle's velocity is drawn as the way that it covers in this time [s]
 RADIUS = 2.5  # radius of a vehicle [pixels]
 
 

@@ -5,27 +5,33 @@ The best pilot of all evaluations is kept.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+import json
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from hashlib import sha256
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import msgspec
 import numpy as np
+from msgspec import structs
 
-from controllers.learned.pilot import About, Pilot, pilot_bytes
-from quadsim.course import Course
-from quadsim.files.atomic import replace_file
-from quadsim.learn.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
+from controllers.learned.pilot import About, Pilot, load_pilot, pilot_bytes
+from quadsim.dynamics.quadrotor import Control, ModelParams
+from quadsim.learn.checkpoint import Checkpoint, Evaluation, checkpoint_bytes, read_checkpoint
 from quadsim.learn.ppo_config import PPOConfig, crash_share
 from quadsim.learn.task import LearningTask
 from quadsim.race.events import flown_laps
+from quadsim.record.whole_files import write_whole
 from quadsim.spec.build import flight_frames
 from quadsim.spec.spec import Spec
 
 if TYPE_CHECKING:
     from quadsim.learn.ppo import Learner
 
+EVALUATED = "evaluated"  # key of a pilot's evaluation in the record of its training
 EVALUATION_SEED = 10_000  # the first of those that evaluations fly; a comparison's seeds begin at 0
 
 
@@ -49,11 +55,15 @@ class Training:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """The settings that decide the training's numbers, except its steps, which may grow."""
+        """The settings that decide the training's numbers, except its steps, which may grow.
+
+        The vehicle counts by its numbers, as a file of the same name may have changed.
+        """
         task = self.task
         return {
             "courses": [course.text for course in task.courses],
-            "vehicle": task.vehicle.name,
+            "vehicle": asdict(task.vehicle),
+            "model": asdict(ModelParams.of(task.vehicle)),
             "seed": self.seed,
             "laps": task.laps,
             "dt": task.dt,
@@ -66,6 +76,14 @@ class Training:
         }
 
 
+class Flown(NamedTuple):
+    """The races of an evaluation."""
+
+    finished: float  # share of the races
+    lap: float  # mean of those that finished [s]; 0 without one
+    gates: float  # mean share of the gates passed
+
+
 class Score(NamedTuple):
     """The quality of a pilot in its evaluation. A greater score is better, field by field."""
 
@@ -74,13 +92,15 @@ class Score(NamedTuple):
     gates: float  # share of the gates
 
     @classmethod
-    def of(cls, row: dict) -> Score:
+    def of(cls, row: Evaluation) -> Score:
         """Return the score of an evaluation in the history."""
         speed = -row["lap"] if row["finished"] else 0.0
         return cls(row["finished"], speed, row["gates"])
 
 
-def train(training: Training, report: Callable[[dict], None] = lambda row: None) -> list[dict]:
+def train(
+    training: Training, report: Callable[[Evaluation], None] = lambda row: None
+) -> list[Evaluation]:
     """Learn, evaluate and keep the best pilot.
 
     If there is a checkpoint beside the pilot, the training continues from it.
@@ -93,20 +113,25 @@ def train(training: Training, report: Callable[[dict], None] = lambda row: None)
         A row for each evaluation: steps, reward per second, finished, lap, gates, seconds.
 
     Raises:
-        FileError: the checkpoint is damaged or of another training.
+        FileError: the checkpoint is damaged or of another training, or the file of the pilot is
+            something else.
         ImportError: stable-baselines3 is not installed.
-        OSError: a file cannot be written.
+        RunError: a file cannot be written.
     """
     # PyTorch is an extra, and takes seconds to load.
     from quadsim.learn.ppo import Learner
 
     config = training.config
     learner = Learner(training.task, config, training.seed)
-    history: list[dict] = []
+    history: list[Evaluation] = []
+    # Beside no checkpoint, a pilot is one of another training, which this one replaces.
+    kept = load_pilot(training.out) if training.out.exists() else None
+    best = None
     if training.checkpoint.exists():
         found = read_checkpoint(training.checkpoint, learner.parameters(), training.identity)
         learner.restore(found.parameters, found.steps_done)
         history = found.history
+        best = best_score(history, kept)
     seconds_before = history[-1]["seconds"] if history else 0.0
     began = perf_counter()
     reward = history[-1]["reward"] if history else 0.0
@@ -120,20 +145,45 @@ def train(training: Training, report: Callable[[dict], None] = lambda row: None)
         if learner.steps_done < min(due, training.steps):
             continue
 
-        row = {"steps": learner.steps_done, "reward": float(np.mean(rewards))}
         pilot = pilot_of(learner, training)
-        row |= evaluate(pilot, training.task, training.flights)
-        row["seconds"] = seconds_before + perf_counter() - began
-        if Score.of(row) >= max(map(Score.of, history), default=Score.of(row)):
-            record = {"evaluated": row, "evaluations": len(history) + 1}
-            about = replace(pilot.about, training=pilot.about.training | record)
-            replace_file(training.out, pilot_bytes(pilot.weights, about))
+        flown = evaluate(pilot, training.task, training.flights)
+        row = Evaluation(
+            steps=learner.steps_done,
+            reward=float(np.mean(rewards)),
+            **flown._asdict(),
+            seconds=seconds_before + perf_counter() - began,
+        )
+        # The pilot is written before the checkpoint: a training that is killed between the two
+        # flies this evaluation again, and keeps the better one.
+        if best is None or Score.of(row) >= best:
+            best = Score.of(row)
+            record = {EVALUATED: row, "evaluations": len(history) + 1}
+            about = structs.replace(pilot.about, training=pilot.about.training | record)
+            write_whole(training.out, pilot_bytes(pilot.weights, about))
         history.append(row)
         rewards = []
         checkpoint = Checkpoint(learner.parameters(), learner.steps_done, history)
-        replace_file(training.checkpoint, checkpoint_bytes(checkpoint, training.identity))
+        write_whole(training.checkpoint, checkpoint_bytes(checkpoint, training.identity))
         report(row)
     return history
+
+
+def best_score(history: Sequence[Evaluation], kept: Pilot | None) -> Score | None:
+    """Return the score that a pilot needs to be kept, None where any will do.
+
+    The pilot on the disk may be newer than the checkpoint, and it may be gone.
+
+    Args:
+        history: the evaluations up to the checkpoint.
+        kept: the pilot on the disk.
+    """
+    if kept is None:
+        return None
+    scores = [Score.of(row) for row in history]
+    with suppress(msgspec.ValidationError):
+        evaluated = kept.about.training.get(EVALUATED)
+        scores.append(Score.of(msgspec.convert(evaluated, Evaluation)))
+    return max(scores)
 
 
 def pilot_of(learner: Learner, training: Training) -> Pilot:
@@ -144,9 +194,10 @@ def pilot_of(learner: Learner, training: Training) -> Pilot:
         vehicle=task.vehicle.name,
         dt=task.dt,
         hold=training.config.hold,
-        low=system.low,
-        high=system.high,
+        low=Control(*system.low),
+        high=Control(*system.high),
         course=", ".join(course.name for course in task.courses),
+        vehicle_sha256=sha256(json.dumps(asdict(task.vehicle)).encode()).hexdigest(),
         training={
             "seed": training.seed,
             "steps": learner.steps_done,
@@ -158,22 +209,22 @@ def pilot_of(learner: Learner, training: Training) -> Pilot:
     return Pilot(training.out.stem, about, tuple(learner.pilot_weights()))
 
 
-def evaluate(
-    pilot: Pilot, task: LearningTask, flights: int, seed: int = EVALUATION_SEED
-) -> dict[str, float]:
-    """Fly races in the simulator with rotors, gusts and the referee.
-
-    Returns:
-        finished: the share of races finished; lap: the mean lap of these [s], 0 without one;
-        gates: the mean share of gates passed.
-    """
+def evaluate(pilot: Pilot, task: LearningTask, flights: int, seed: int = EVALUATION_SEED) -> Flown:
+    """Fly races in the simulator with rotors, gusts and the referee."""
     finished: list[bool] = []
     laps: list[float] = []
     gates: list[float] = []
     for number in range(flights):
         course = task.courses[number % len(task.courses)]
-        flight = _spec(course, task, seed + number)
-        spec = replace(flight, pilot=pilot, sampler="pilot")
+        spec = Spec.of(
+            course,
+            vehicle=task.vehicle,
+            pilot=pilot,
+            laps=task.laps[task.courses.index(course)],
+            seed=seed + number,
+            randomize=task.randomize,
+            dt=task.dt,
+        )
         frames = list(flight_frames(spec))
         done = frames[-1].outcome == "finished"
         finished.append(done)
@@ -181,15 +232,8 @@ def evaluate(
         if done:
             events = [event for frame in frames for event in frame.events]
             laps.extend(flown_laps(events, spec.laps))
-    return {
-        "finished": float(np.mean(finished)),
-        "lap": float(np.mean(laps)) if laps else 0.0,
-        "gates": float(np.mean(gates)),
-    }
-
-
-def _spec(course: Course, task: LearningTask, seed: int) -> Spec:
-    """Return the specification of a race of the task."""
-    laps = task.laps[task.courses.index(course)]
-    spec = Spec.of(course, seed=seed, randomize=task.randomize, laps=laps, dt=task.dt)
-    return replace(spec, vehicle=task.vehicle)
+    return Flown(
+        finished=float(np.mean(finished)),
+        lap=float(np.mean(laps)) if laps else 0.0,
+        gates=float(np.mean(gates)),
+    )

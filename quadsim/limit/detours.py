@@ -69,7 +69,7 @@ class Detour:
     distance: float
 
     def holds_at(self, segment: int, node: int, intervals: int) -> bool:
-        """Return whether the detour constrains this node of a segment with that many intervals.
+        """Return whether the detour constrains this node of a segment with `intervals` intervals.
 
         It constrains the nodes of its part. Beyond an edge it also constrains one node on either
         side, so that the line between two nodes stays out too.

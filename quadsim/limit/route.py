@@ -84,10 +84,10 @@ class Route:
         return HalfSizes(free.left - margin, free.up - margin)
 
     def mesh(self, intervals: float) -> list[int]:
-        """Return the intervals on each leg: so many on one of mean length.
+        """Return the number of intervals on each leg.
 
-        Others have more or fewer by the root of their length: so does the time grow at the same
-        mean acceleration.
+        A leg of mean length has `intervals`. The number grows with the root of a leg's length, as
+        the time does at the same mean acceleration.
         """
         mean = sum(self.legs) / len(self.legs)
         return [max(FEWEST, round(intervals * sqrt(leg / mean))) for leg in self.legs]

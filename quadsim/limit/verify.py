@@ -22,9 +22,9 @@ RESIDUAL = 5e-3
 WORTH = 1e-3
 # Greatest error of |q|
 UNIT = 1e-3
-# A body rate may exceed its limit between two nodes by this share of it and by so many rad/s. The
-# limit is one of commands: behind it the rates of a flown vehicle overshoot by up to 8 %
-# (damping 0.62).
+# A body rate may exceed its limit between two nodes by RATE_SHARE of the limit plus RATE_MORE
+# [rad/s]. The limit is one of commands: behind it the rates of a flown vehicle overshoot by up to
+# 8 % (damping 0.62).
 RATE_SHARE = 0.05
 RATE_MORE = 0.06
 # Least room for the torque, rounding aside [m/s^2]
@@ -96,7 +96,7 @@ def verify(solution: Solution, model: Dynamics, referee: Referee | None = None) 
         found.body_rate = tuple(rates.max(axis=0).tolist())
 
         if referee:
-            # What is left at the node is part of the last step
+            # The remaining gap at the node is part of the last step
             points = [p[POSITION] for p in (x[k], *path[:-1], x[k + 1])]
             times = np.linspace(t[k], t[k + 1], len(points)).tolist()
             for i in range(len(path)):

@@ -1,6 +1,7 @@
 """Actuators: from a command to the wrench on the rigid body, the same for every plant.
 
-    limits -> latency -> rate loop -> allocation with priorities -> rotor lag -> wrench and drag
+    limits -> latency -> rate loop -> allocation with priorities -> rotor lag -> faults of rotors
+    -> wrench and drag
 
 Vehicles without rotors skip allocation and lag: their thrust and torque act at once. Scalars and
 tuples throughout: at 400 Hz the overhead of 3-element arrays would be most of the cost.
@@ -16,10 +17,13 @@ from typing import NamedTuple
 from quadsim.dynamics.first_order import remaining, response
 from quadsim.dynamics.quadrotor import Control, rate_loop
 from quadsim.physics.allocation import PerRotor, allocate, mixer, shares
+from quadsim.physics.faults import RotorFault
 from quadsim.rotation import Vec3
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
 HOVER = Control(wx=0.0, wy=0.0, wz=0.0, thrust=GRAVITY)
+# strengths of rotors that all give their thrust
+SOUND: PerRotor = (1.0, 1.0, 1.0, 1.0)
 
 
 class Wrench(NamedTuple):
@@ -104,12 +108,15 @@ class Motors:
         # [rad/s]
         self.speeds: PerRotor = (rotors.speed(0.25 * vehicle.mass * GRAVITY),) * 4
 
-    def drive(self, collective: float, torque: Vec3) -> tuple[float, Vec3]:
+    def drive(
+        self, collective: float, torque: Vec3, strengths: PerRotor = SOUND
+    ) -> tuple[float, Vec3]:
         """Advance the rotors by one step towards a demand.
 
         Args:
             collective: demanded thrust of all rotors [N].
             torque: demanded torque [N m].
+            strengths: share of its thrust that each rotor gives, unknown to the mixer  (4,).
 
         Returns:
             The collective [N] and the torque [N m] that are delivered at the end of the step.
@@ -120,7 +127,11 @@ class Motors:
             command + (speed - command) * self._remaining
             for speed, command in zip(self.speeds, commands, strict=True)
         )
-        t0, t1, t2, t3 = map(self._rotors.thrust, self.speeds)
+        # A rotor's thrust and its reaction torque fail together.
+        t0, t1, t2, t3 = (
+            strength * self._rotors.thrust(speed)
+            for strength, speed in zip(strengths, self.speeds, strict=True)
+        )
         force, x, y, z = (a * t0 + b * t1 + c * t2 + d * t3 for a, b, c, d in self._mixer)
         return force, (x, y, z)
 
@@ -128,12 +139,22 @@ class Motors:
 class Actuators:
     """The actuators of one vehicle, stepped every dt [s].
 
-    Their state is the commands within the latency and the speeds of the rotors.
+    Their state is the commands within the latency, the speeds of the rotors, and the time, which
+    decides what faults there are.
     """
 
-    def __init__(self, vehicle: Vehicle, dt: float):
-        """dt: physics step [s]."""
+    def __init__(self, vehicle: Vehicle, dt: float, faults: Sequence[RotorFault] = ()):
+        """Begin at t = 0, hovering.
+
+        Args:
+            vehicle: vehicle that has the actuators.
+            dt: physics step [s].
+            faults: faults of its rotors, with their rotors and times.
+        """
         self._vehicle = vehicle
+        self._dt = dt
+        self._steps = 0
+        self._faults = faults
         tau_x, tau_y, tau_z = vehicle.rate_tau
         # gains of the rate loop [1/s]
         self._gain = (response(tau_x, dt) / dt, response(tau_y, dt) / dt, response(tau_z, dt) / dt)
@@ -162,7 +183,8 @@ class Actuators:
         torque = rate_torque(omega_body, acting.body_rates, self._gain, vehicle.inertia)
         force = vehicle.mass * acting.thrust
         if self.motors:
-            force, torque = self.motors.drive(force, torque)
+            strengths = self._strengths() if self._faults else SOUND
+            force, torque = self.motors.drive(force, torque, strengths)
         self.thrust = force / vehicle.mass
         self.angular_acceleration = angular_acceleration(omega_body, torque, vehicle.inertia)
 
@@ -172,4 +194,15 @@ class Actuators:
         drag_x = -vehicle.mass * dx * vx
         drag_y = -vehicle.mass * dy * vy
         drag_z = -vehicle.mass * dz * vz
+        self._steps += 1
         return Wrench(force=(drag_x, drag_y, drag_z + force), torque=torque)
+
+    def _strengths(self) -> PerRotor:
+        """Return the share of its thrust that each rotor gives in the step that starts now."""
+        t = self._steps * self._dt
+        strengths = [1.0] * len(SOUND)
+        for fault in self._faults:
+            if fault.window.active(t):
+                assert fault.rotor is not None, "the rotor of this fault is not drawn yet"
+                strengths[fault.rotor - 1] *= fault.strength
+        return tuple(strengths)

@@ -16,7 +16,8 @@ from quadsim.course import Course, Start
 from quadsim.dynamics.quadrotor import State
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
-from quadsim.physics.actuators import Actuators
+from quadsim.physics.actuators import HOVER, Actuators
+from quadsim.physics.faults import CommandLoss, RotorFault
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.physics.rigid_body import RigidBody
 from quadsim.physics.rotorpy_plant import RotorpyPlant
@@ -94,6 +95,7 @@ class RigidPlant:
         start: Start | None = None,
         body: Vehicle | None = None,
         gusts: Iterator[Vec3] | None = None,
+        faults: Sequence[RotorFault] = (),
     ):
         """Start at rest.
 
@@ -105,12 +107,13 @@ class RigidPlant:
             body: its mass and inertia are the world's; by default the vehicle's own, by which the
                 flight controller works in either case.
             gusts: acceleration in each physics step, world frame [m/s^2].
+            faults: faults of the rotors, with their rotors and times.
         """
         body = body or vehicle
         self.dt = dt
         # Semi-implicit Euler sets p <- p + v dt, so v is the velocity in the middle of the step.
         self.velocity_lag = dt / 2
-        self._actuators = Actuators(vehicle, dt)
+        self._actuators = Actuators(vehicle, dt, faults)
         self._world = self._new_world(course, body, dt)
         self._mass = body.mass
         self._gusts = gusts
@@ -255,6 +258,44 @@ class NamedPlant:
 
     def _error(self, member: str, problem: str) -> SettingError:
         return SettingError("plant", f"{self.name}{member}: {problem}")
+
+    def close(self) -> None:
+        """Release what the plant holds."""
+        self._plant.close()
+
+
+class LossyLink:
+    """A plant whose commands do not always arrive; then the last one that did stays in force."""
+
+    def __init__(self, plant: Plant, losses: Sequence[CommandLoss]):
+        """Wrap a plant, which hovers until the first command arrives.
+
+        Args:
+            plant: the plant of a quadrotor.
+            losses: faults of the link, with their times.
+        """
+        self._plant = plant
+        self._losses = losses
+        self._arrived: Sequence[float] = HOVER
+        self.name = getattr(plant, "name", type(plant).__name__)
+        self.dt = plant.dt
+        self.velocity_lag = getattr(plant, "velocity_lag", 0.0)
+
+    @property
+    def state(self) -> PlantState[Any]:
+        """The state after the last physics step."""
+        return self._plant.state
+
+    def step(self, u: Sequence[float]) -> PlantState[Any]:
+        """Advance by one physics step under the last command that arrived.
+
+        Args:
+            u: command that is sent now, in the order of Control  (4,).
+        """
+        t = self._plant.state.t
+        if not any(loss.window.active(t) for loss in self._losses):
+            self._arrived = u
+        return self._plant.step(self._arrived)
 
     def close(self) -> None:
         """Release what the plant holds."""

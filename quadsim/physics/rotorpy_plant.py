@@ -29,6 +29,7 @@ from quadsim.dynamics.quadrotor import Control, State
 from quadsim.files.extras import needs_extra
 from quadsim.physics.actuators import HOVER, angular_acceleration, clamp_command
 from quadsim.physics.allocation import mixer
+from quadsim.physics.faults import RotorFault
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.rotation import Vec3
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
@@ -55,8 +56,15 @@ class RotorpyPlant:
         start: Start | None = None,
         body: Vehicle | None = None,
         gusts: Iterator[Vec3] | None = None,
+        faults: Sequence[RotorFault] = (),
     ):
-        """Start at rest; the arguments are those of quadsim.physics.plant.RigidPlant."""
+        """Start at rest; the arguments are those of quadsim.physics.plant.RigidPlant.
+
+        Raises:
+            ValueError: the vehicle has no rotors, or some are to fail: RotorPy's do not.
+        """
+        if faults:
+            raise ValueError(f"plant: 'rotorpy' has no faults of rotors, got {faults[0]}")
         if vehicle.rotors is None:
             raise ValueError(
                 f"plant: 'rotorpy' needs a vehicle with rotors, got {vehicle.name!r}: fly 'rigid'"

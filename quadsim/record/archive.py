@@ -18,6 +18,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from quadsim.files.arrays import read_bytes
+from quadsim.files.strict_yaml import FileError
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Run, RunError, canonical, hostless
 from quadsim.record.run_format import read_json, read_npz, write_csv, write_json, write_npz
@@ -278,5 +280,8 @@ def _lock(folder: Path) -> int:
 
 
 def _read(path: Path) -> bytes:
-    with one_line(path, "cannot read"):
-        return path.read_bytes()
+    """Return the content of a regular file. Raises RunError."""
+    try:
+        return read_bytes(path, "a file of a run")
+    except FileError as error:
+        raise RunError(f"{error}") from None

@@ -3,26 +3,43 @@
 The optimiser that finds them is quadsim.limit. A LimitProblem names a race; a StoredSolution is the
 fastest way known to fly it, with what its check found. Those that come with the project lie in
 SOLUTIONS, those found on this machine in the folder LIMITS among the runs.
+
+A file is read where its facts and arrays agree with each other and have plausible values: times up
+to 1e4 s, positions up to 1e5 m, speeds up to 1e3 m/s, body rates up to 1e3 rad/s. It counts for a
+race where its key is that of the race, and where it leads through the gates.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from contextlib import suppress
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from hashlib import sha256
+from math import hypot, isclose
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
+from msgspec import Meta, Struct
 
-from quadsim.course import Course, parse_course
-from quadsim.dynamics.quadrotor import BODY_RATES, POSITION, RIGID_BODY, VELOCITY, Control, State
+from quadsim.course import Course, Gate, parse_course
+from quadsim.course.opening import half_depth, half_sizes
+from quadsim.dynamics.quadrotor import (
+    ATTITUDE,
+    BODY_RATES,
+    CONTROL,
+    POSITION,
+    RIGID_BODY,
+    VELOCITY,
+    Control,
+    State,
+)
 from quadsim.files.arrays import TEXT, Declared, arrays_of, npz_bytes, read_bytes, record_of
 from quadsim.files.strict_yaml import FileError
+from quadsim.files.yaml_errors import shown
 from quadsim.vehicle import Vehicle
 
 # Folder of the solutions that come with the project
@@ -30,30 +47,74 @@ SOLUTIONS = Path(__file__).parent / "solutions"
 # Name of the folder among the runs for those that are found here
 LIMITS = "limits"
 WHAT = "the solution of a race"
+# Size of a file, and of its arrays together [bytes]; twenty laps of many gates take a tenth
+LARGEST = 100_000_000
+# Greatest absolute value of any state, control and costate
+MOST = 1e6
+CONTROLS = len(CONTROL)
+# States of a vehicle whose rotors follow at once, and of one whose rotors lag
+STATES = (RIGID_BODY.stop, RIGID_BODY.stop + 4)
 # Arrays of a file: the solution in single precision, and the other fields of a StoredSolution
 ARRAYS = {
     "facts": TEXT,
     "t": Declared("float64", ("nodes",), finite=True),
-    "x": Declared("float32", ("nodes", "states"), finite=True),
-    "u": Declared("float32", ("intervals", "controls"), finite=True),
-    "costate": Declared("float32", ("intervals", "states"), finite=True),
+    "x": Declared("float32", ("nodes", "states"), most=MOST),
+    "u": Declared("float32", ("intervals", CONTROLS), most=MOST),
+    "costate": Declared("float32", ("intervals", "states"), most=MOST),
     "target": Declared("int16", ("intervals",)),
 }
-FACTS = (
-    "course",
-    "vehicle",
-    "laps",
-    "closed",
-    "lap_times",
-    "verified",
-    "margin",
-    "reserve",
-    "key",
+# Greatest absolute values of a state's first columns [m, m/s, 1, rad/s]
+RANGES = (
+    ("position", POSITION, 1e5),
+    ("velocity", VELOCITY, 1e3),
+    ("attitude", ATTITUDE, 1.01),
+    ("body rates", BODY_RATES, 1e3),
 )
+# Greatest error of |q|
+UNIT = 1e-2
+# Longest race, and shortest time between two nodes [s]
+LONGEST = 1e4
+SHORTEST = 1e-7
+# Greatest difference between the lap times and the last node: a race ends just behind a gate [s]
+AGREE = 1e-2
+# Rounding of a place in single precision, and of a path between two nodes [m]
+ROUNDING = 0.05
 # Fields of a course and of a vehicle that change no race
 NAMES = ("name", "source", "text", "published", "laps", "loop")
 
 ModelName = Literal["rotors", "rates"]
+
+
+class Check(Struct, frozen=True, forbid_unknown_fields=True):
+    """The part of a check that readers use, see quadsim.limit.verify.Verified.summary."""
+
+    # Of the nodes from the finely integrated path [m], and their worth in time [s]
+    residual: Annotated[float, Meta(ge=0)]
+    worth: Annotated[float, Meta(ge=0)]
+    attitude: float
+    # About x, y and z [rad/s]; older files have one number
+    body_rate: tuple[float, float, float] | float
+    outcome: Literal["finished"]
+    # How often each kind occurred
+    events: dict[str, Annotated[int, Meta(ge=0)]]
+    # One line for each fault
+    broken: tuple[str, ...]
+
+
+class Facts(Struct, frozen=True, forbid_unknown_fields=True):
+    """The fields of a StoredSolution in its file, without the arrays."""
+
+    course: str
+    vehicle: str
+    laps: Annotated[int, Meta(ge=1, le=1000)]
+    closed: bool
+    lap_times: Annotated[tuple[Annotated[float, Meta(gt=0, le=LONGEST)], ...], Meta(min_length=1)]
+    verified: Check
+    model: ModelName
+    margin: Annotated[float, Meta(ge=0, le=100)] = 0.0
+    reserve: Annotated[float, Meta(ge=0, lt=1)] = 0.0
+    # The problem's key; "" in a file of an earlier version, which has it in its name alone
+    key: str = ""
 
 
 class LimitError(FileError):
@@ -145,7 +206,7 @@ class StoredSolution:
         """Return the mass-normalised thrust at the nodes [m/s^2].  (nodes,)"""
         s = self.solution
         controls = np.vstack([s.u, s.u[-1:]])
-        # What the model has beside the rigid body
+        # The model's states beside those of the rigid body
         lagging = s.x[:, RIGID_BODY.stop :]
         rotors = vehicle.rotors
         if s.model == "rotors" and rotors:
@@ -175,6 +236,12 @@ class LimitProblem:
     margin: float = 0.0
     # For a path to be flown: share of the thrust that is left unused
     reserve: float = 0.0
+
+    @property
+    def lags(self) -> bool:
+        """Whether the rotors lag, so that what they deliver is a part of the state."""
+        rotors = self.vehicle.rotors
+        return rotors is not None and rotors.tau > 0.0
 
     @classmethod
     def of(cls, course: Course, vehicle: Vehicle, laps: int) -> LimitProblem:
@@ -229,18 +296,91 @@ class LimitProblem:
             folders: see `limits_folder`.
 
         Raises:
-            LimitError: a file cannot be read.
+            LimitError: a file is damaged, or the solution of another race.
         """
-        fastest = None
-        for folder in (SOLUTIONS, *folders):
-            for path in sorted(folder.glob(f"*_{self.key}.npz")):
-                found = load(path)
-                if fastest is None or found.time < fastest.time:
-                    fastest = found
-        return fastest
+        return _fastest(self.read(path) for path in self.files(*folders))
+
+    def files(self, *folders: Path) -> list[Path]:
+        """Return the files named after this race in the project and in these folders."""
+        places = (SOLUTIONS, *folders)
+        return [path for folder in places for path in sorted(folder.glob(f"*_{self.key}.npz"))]
+
+    def read(self, path: Path) -> StoredSolution:
+        """Read a solution of this race.
+
+        Raises:
+            LimitError: the file is damaged, or the solution of another race.
+        """
+        facts, stored = _read(path)
+        problem = _other_race(self, path, facts) or _off_course(self, stored.solution)
+        if problem:
+            raise LimitError(f"{path}: expected {WHAT}: {problem}: remove the file")
+        return stored
 
 
-def limit_of(spec: dict, *folders: Path) -> StoredSolution | None:
+def _other_race(problem: LimitProblem, path: Path, facts: Facts) -> str:
+    """Return how a solution is not one of this race, "" where it is."""
+    if facts.key and facts.key != problem.key:
+        other = f"{shown(facts.course)} with {shown(facts.vehicle)}"
+        return f"expected the key {problem.key}, got {shown(facts.key)}, the race of {other}"
+    names = ["laps", "model", "closed"]
+    # A course of the same gates under another name has the same key; the project's own files are
+    # what their names say.
+    if not facts.key and path.parent != SOLUTIONS:
+        names = ["course", "vehicle", *names]
+    for name in names:
+        wanted = getattr(problem, name)
+        wanted = wanted.name if name in ("course", "vehicle") else wanted
+        if getattr(facts, name) != wanted:
+            return f"{name}: expected {wanted!r}, got {shown(str(getattr(facts, name)))}"
+    for name in ("margin", "reserve"):
+        if not isclose(getattr(facts, name), getattr(problem, name), rel_tol=1e-6, abs_tol=1e-9):
+            return f"{name}: expected {getattr(problem, name):g}, got {getattr(facts, name):g}"
+    return ""
+
+
+def _off_course(problem: LimitProblem, solution: Solution) -> str:
+    """Return how a solution does not lead through the gates of a race, "" where it does."""
+    gates = problem.course.gates * problem.laps
+    targets = int(solution.target[-1]) + 1
+    if targets != len(gates):
+        return f"target: expected {len(gates)} gates, got {targets}"
+    states = STATES[problem.lags]
+    if solution.x.shape[1] != states:
+        return f"x: expected {states} states of this vehicle, got {solution.x.shape[1]}"
+
+    # The last interval towards a gate ends on the gate's plane or right behind it
+    ends = np.searchsorted(solution.target, np.arange(targets), side="right")
+    for k, gate in enumerate(gates):
+        away = float(np.linalg.norm(solution.x[ends[k], POSITION] - gate.position))
+        most = _farthest(gate, problem.vehicle.radius)
+        if away > most:
+            return f"x: expected at most {most:.2f} m to gate {k + 1}, got {away:.2f} m"
+    return ""
+
+
+def _farthest(gate: Gate, radius: float) -> float:
+    """Return the greatest distance from a gate's centre at which it can be passed [m]."""
+    half = half_sizes(gate.opening)
+    return hypot(half.left, half.up, half_depth(radius)) + ROUNDING
+
+
+def _fastest(found: Iterator[StoredSolution]) -> StoredSolution | None:
+    """Return the fastest of these solutions, the first of equal ones, None where there is none."""
+    fastest = None
+    for stored in found:
+        if fastest is None or stored.time < fastest.time:
+            fastest = stored
+    return fastest
+
+
+def ignore(_: str) -> None:
+    """Ignore a remark."""
+
+
+def limit_of(
+    spec: dict, *folders: Path, remark: Callable[[str], object] = ignore
+) -> StoredSolution | None:
     """Return the best solution known of a run's race, None where there is none.
 
     A damaged file, and a spec that names no race, count as none.
@@ -248,12 +388,26 @@ def limit_of(spec: dict, *folders: Path) -> StoredSolution | None:
     Args:
         spec: the spec of the run.
         folders: folders to search besides the project's own; see `limits_folder`.
+        remark: is called with a line for each file that cannot be read.
     """
-    with suppress(FileError, KeyError, msgspec.ValidationError):
+    try:
         problem = LimitProblem.of_run(spec)
-        if problem:
-            return problem.best_known(*folders)
-    return None
+    except (FileError, KeyError, msgspec.ValidationError):
+        return None
+    if problem is None:
+        return None
+    return _fastest(_readable(problem, folders, remark))
+
+
+def _readable(
+    problem: LimitProblem, folders: tuple[Path, ...], remark: Callable[[str], object]
+) -> Iterator[StoredSolution]:
+    """Yield the solutions of a race that can be read; make a remark for each of the others."""
+    for path in problem.files(*folders):
+        try:
+            yield problem.read(path)
+        except LimitError as error:
+            remark(str(error))
 
 
 def dump(stored: StoredSolution) -> bytes:
@@ -261,8 +415,9 @@ def dump(stored: StoredSolution) -> bytes:
 
     States are in single precision, whose rounding the check allows for.
     """
-    facts = {name: getattr(stored, name) for name in FACTS} | {"model": stored.solution.model}
-    arrays = {"facts": np.array(json.dumps(facts))}
+    facts = {name: getattr(stored, name) for name in Facts.__struct_fields__ if name != "model"}
+    facts["model"] = stored.solution.model
+    arrays = {"facts": np.array(json.dumps(facts, allow_nan=False))}
     for name, declared in ARRAYS.items():
         if name != "facts":
             arrays[name] = getattr(stored.solution, name).astype(declared.dtype)
@@ -275,33 +430,90 @@ def load(path: Path) -> StoredSolution:
     Raises:
         LimitError: the file is damaged or no solution.
     """
+    return _read(path).stored
+
+
+class _Read(NamedTuple):
+    """The content of a file."""
+
+    facts: Facts
+    stored: StoredSolution
+
+
+def _read(path: Path) -> _Read:
+    """Read a solution's file. Raises LimitError."""
     try:
-        data = read_bytes(path, WHAT)
-        arrays = arrays_of(data, ARRAYS, path, WHAT)
-        facts = record_of(arrays.pop("facts"), path, WHAT)
+        data = read_bytes(path, WHAT, LARGEST)
+        arrays = arrays_of(data, ARRAYS, path, WHAT, LARGEST)
+        facts = record_of(arrays.pop("facts"), Facts, path, WHAT)
     except FileError as error:
         raise LimitError(str(error)) from None
     target = arrays.pop("target").astype(int)
     doubles = {name: array.astype(float) for name, array in arrays.items()}
-    try:
-        solution = Solution(facts.pop("model"), target=target, **doubles)
-        # A file of an earlier version has its key in its name alone
-        facts.setdefault("key", path.stem.rpartition("_")[2])
-        digest = sha256(data).hexdigest()
-        stored = StoredSolution(**facts, solution=solution, digest=digest)
-        _check_nodes(solution)
-    except (KeyError, TypeError, ValueError) as error:
-        raise LimitError(f"{path}: expected {WHAT}: {error}") from None
-    return stored
+    solution = Solution(facts.model, target=target, **doubles)
+    for fault in _faults(facts, solution):
+        raise LimitError(f"{path}: expected {WHAT}: {fault}")
+    stored = StoredSolution(
+        course=facts.course,
+        vehicle=facts.vehicle,
+        laps=facts.laps,
+        closed=facts.closed,
+        lap_times=list(facts.lap_times),
+        verified=msgspec.to_builtins(facts.verified),
+        solution=solution,
+        margin=facts.margin,
+        reserve=facts.reserve,
+        digest=sha256(data).hexdigest(),
+        key=facts.key or path.stem.rpartition("_")[2],
+    )
+    return _Read(facts, stored)
 
 
-def _check_nodes(solution: Solution) -> None:
-    """Raise ValueError unless intervals lie between the nodes and times rise."""
-    intervals = len(solution.t) - 1
-    if intervals < 1 or len(solution.u) != intervals:
-        raise ValueError("its arrays are not of one length")
-    if not (np.diff(solution.t) > 0.0).all():
-        raise ValueError("expected rising times")
+def _faults(facts: Facts, solution: Solution) -> Iterator[str]:
+    """Yield all faults of a solution; the first is the one to show."""
+    if facts.verified.broken:
+        yield f"expected one whose check found no fault, got {shown(facts.verified.broken[0])}"
+    if len(facts.lap_times) != facts.laps:
+        yield f"lap_times: expected {facts.laps}, got {len(facts.lap_times)}"
+    nodes, states = solution.x.shape
+    if nodes < 2 or len(solution.u) != nodes - 1:
+        yield "expected one interval between any two nodes, its arrays have other lengths"
+        return
+    if states not in STATES:
+        yield f"x: expected {STATES[0]} or {STATES[1]} states, got {states}"
+        return
+    yield from _faults_of_times(facts, solution.t)
+    yield from _faults_of_states(solution.x)
+    targets = solution.target
+    steps = np.diff(targets)
+    if targets[0] != 0 or not np.isin(steps, (0, 1)).all():
+        yield "target: expected every gate from the first in its order"
+    if (targets[-1] + 1) % facts.laps:
+        yield f"target: expected as many gates in each of {facts.laps} laps"
+
+
+def _faults_of_times(facts: Facts, t: np.ndarray) -> Iterator[str]:
+    """Yield the faults of the times of the nodes [s].  (nodes,)"""
+    if t[0] != 0.0:
+        yield f"t: expected a race that begins at 0 s, got {t[0]:g}"
+    if t[-1] > LONGEST:
+        yield f"t: expected at most {LONGEST:g} s, got {t[-1]:g}"
+    if np.diff(t).min() < SHORTEST:
+        yield "t: expected rising times"
+    total = sum(facts.lap_times)
+    if abs(total - t[-1]) > AGREE:
+        yield f"lap_times: expected {t[-1]:.3f} s together, as the nodes take, got {total:.3f} s"
+
+
+def _faults_of_states(x: np.ndarray) -> Iterator[str]:
+    """Yield the faults of the states of the nodes.  (nodes, n_x)"""
+    for name, columns, most in RANGES:
+        greatest = np.abs(x[:, columns]).max()
+        if greatest > most:
+            yield f"x: {name}: expected numbers up to {most:g}, got {greatest:g}"
+    error = np.abs(np.linalg.norm(x[:, ATTITUDE], axis=1) - 1.0).max()
+    if error > UNIT:
+        yield f"x: attitude: expected |q| = 1 within {UNIT:g}, got a difference of {error:.2g}"
 
 
 def _rounded(value: Any) -> Any:

@@ -69,7 +69,7 @@ class PlannerSnapshots:
         return cls(arrays.pop(FRAMES), arrays.pop(BEST), terms)
 
     def check(self, frames: int) -> None:
-        """Raise ValueError, one line, unless the snapshots fit a run of so many frames."""
+        """Raise ValueError, one line, unless the snapshots fit a run of `frames` frames."""
         self._check_frames(frames)
         self._check_best()
         for name, column in self.terms.items():

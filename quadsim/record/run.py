@@ -42,6 +42,8 @@ COUNTS = ("passed", "lap")
 # Columns that differ from flight to flight and do not enter the digest
 WALL_CLOCK = ("plan_ms", "estimate_ms")
 FIRST_ROWS = 1024
+# Kinds of events that may end a flight
+CRASHES = ("hit", "ground", "bounds", "wall")
 
 Outcome = Literal["finished", "crashed", "stuck", "timeout", "interrupted"]
 
@@ -162,7 +164,7 @@ class Run:
 def own_parts(spec: dict[str, Any]) -> dict[str, str]:
     """Return the user's own objects that took part, role -> class, or names and weights of terms.
 
-    Where there are any, the spec cannot fly the run again.
+    Where there are any, the run cannot be flown again without them.
     """
     parts = dict(spec.get("own", {}))
     terms = parts.pop("terms", [])
@@ -173,13 +175,31 @@ def own_parts(spec: dict[str, Any]) -> dict[str, str]:
     return names
 
 
+def why_not_repeatable(run: Run) -> str:
+    """Return why the spec alone does not give the same run again, "" where it does."""
+    spec = run.spec
+    if run.outcome == "interrupted":
+        return "the flight was interrupted"
+    if spec.get("clock") == "wall":
+        return "planning took time on the wall clock"
+    if spec.get("deadline_ms"):
+        return "the samples of each plan followed the wall clock"
+    if run.outcome == "crashed" and not (run.events and run.events[-1].kind in CRASHES):
+        return "the planner raised an error"
+    own = own_parts(spec)
+    if own:
+        named = ", ".join(f"{role} {name}" for role, name in own.items())
+        return f"it needs parts of your own: {named}"
+    return ""
+
+
 def weight_text(weight: float | list) -> str:
     """Return a term's weight as a report shows it."""
     return "one for each step" if isinstance(weight, list) else f"{weight:g}"
 
 
 def flown_with(spec: dict[str, Any]) -> str:
-    """Return in one line what controlled a flight: controller, preset, vehicle, plant and seed."""
+    """Return in one line what controlled a flight, its vehicle, plant, seed and faults."""
     own = own_parts(spec)
     pilot = spec.get("pilot")
     if "controller" in own:
@@ -196,6 +216,9 @@ def flown_with(spec: dict[str, Any]) -> str:
     if spec.get("plant") == "rotorpy":
         parts.append("plant rotorpy")
     parts.append(f"seed {spec['seed']}")
+    faults = spec.get("drawn_faults")
+    if faults:
+        parts.append(f"fault{'s' if len(faults) > 1 else ''} {' and '.join(faults)}")
     return ", ".join(parts)
 
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from hashlib import sha256
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -18,9 +18,17 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.race.events import Event
 from quadsim.record.metrics import chatter
 from quadsim.record.planner_snapshot import BEST, FRAMES, TERM, PlannerSnapshots
-from quadsim.record.run import COUNTS, Outcome, PlanTime, Run, RunError, columns_of, own_parts
+from quadsim.record.run import (
+    COUNTS,
+    Outcome,
+    PlanTime,
+    Run,
+    RunError,
+    columns_of,
+    why_not_repeatable,
+)
 
-SCHEMA_VERSION = 1
+FORMAT = "quadsim run 1"
 CSV_COLUMNS = ("t", "kind", "gate", "lap", "left", "up", "speed", "x", "y", "z", "obstacle")
 
 
@@ -38,15 +46,45 @@ class Record:
 
 @dataclass(frozen=True)
 class Header:
-    """The key of run.json that says how to read the others."""
+    """The keys of run.json that say how to read the others."""
 
-    schema_version: int
+    format: str | None = None
+    # The commit that flew the run
+    git: str | None = None
+
+
+class StoredVehicle(msgspec.Struct):
+    """The part of a vehicle that every report names."""
+
+    name: str
+
+
+class StoredSpec(msgspec.Struct):
+    """The keys of a spec that reports and pictures read. A spec has more of them."""
+
+    course: str
+    course_text: str
+    vehicle: StoredVehicle
+    sampler: str
+    preset: str
+    seed: int
+    laps: Annotated[int, msgspec.Meta(ge=1)]
+    penalties: bool
+    plant: str
+    clock: str
+    planner: dict[str, Any]
+    model: dict[str, Any]
+    host: dict[str, Any]
+    sensing: dict[str, Any] | None = None
+    pilot: dict[str, str] | None = None
+    own: dict[str, Any] = {}
+    interactive: list[dict[str, Any]] = []
 
 
 def write_json(run: Run, provenance: dict) -> bytes:
     """Return run.json."""
     record = {
-        "schema_version": SCHEMA_VERSION,
+        "format": FORMAT,
         "outcome": run.outcome,
         "laps": run.laps,
         "penalties": run.penalties,
@@ -57,7 +95,7 @@ def write_json(run: Run, provenance: dict) -> bytes:
         "spec": run.spec,
         "course_sha256": sha256(run.spec["course_text"].encode()).hexdigest(),
         "units": columns_of(run.spec),
-        "repeatable_from_spec": not own_parts(run.spec),
+        "repeatable_from_spec": not why_not_repeatable(run),
         **provenance,
         "digest": run.digest(),
     }
@@ -75,16 +113,26 @@ def read_json(data: bytes, path: object) -> Record:
         RunError: the file is damaged, or of another version.
     """
     try:
-        version = msgspec.json.decode(data, type=Header).schema_version
-        if version != SCHEMA_VERSION:
-            newer = "it comes from a newer quadsim, update this one"
-            advice = newer if version > SCHEMA_VERSION else "it is damaged"
-            raise RunError(
-                f"{path}: expected schema_version {SCHEMA_VERSION}, got {version}; {advice}"
-            )
-        return msgspec.json.decode(data, type=Record)
+        header = msgspec.json.decode(data, type=Header)
+        if header.format != FORMAT:
+            raise RunError(f"{path}: {_other_format(header)}")
+        record = msgspec.json.decode(data, type=Record)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise RunError(f"{path}: damaged: {error}") from error
+    try:
+        msgspec.convert(record.spec, StoredSpec)
+    except msgspec.ValidationError as error:
+        raise RunError(f"{path}: spec: expected that of a flight: {error}") from error
+    return record
+
+
+def _other_format(header: Header) -> str:
+    """Return the error for a run in another format than this version's."""
+    wanted = f"expected format {FORMAT!r}"
+    if header.format is not None:
+        return f"{wanted}, got {header.format!r}: the version of quadsim that wrote it can read it"
+    commit = f", commit {header.git}" if header.git else ""
+    return f"{wanted}, got none: a quadsim from before the formats{commit} flew it and can read it"
 
 
 def write_npz(run: Run) -> bytes:

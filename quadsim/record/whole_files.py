@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from uuid import uuid4
 
 from quadsim.files.atomic import replace_file
 from quadsim.record.run import RunError
+
+# [bytes] that a folder has to have room for
+PROBE = 4096
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -40,6 +44,30 @@ def expect_writable(folder: Path) -> None:
         raise RunError(f"{folder}: cannot write here: {nearest} is not a folder")
     if not os.access(nearest, os.W_OK | os.X_OK):
         raise RunError(f"{folder}: cannot write here: no permission to write in {nearest}")
+
+
+def try_writing(folder: Path) -> None:
+    """Write a file in a folder and remove it, so that long work does not end where nothing is kept.
+
+    A folder that is missing is made, and stays only where something is written later.
+
+    Raises:
+        RunError: the folder cannot be made, or a file cannot be written there.
+    """
+    probe = folder / f".{uuid4().hex}.tmp"
+    made: list[Path] = []
+    try:
+        with one_line(folder, "cannot write here"):
+            made = [place for place in (folder, *folder.parents) if not place.exists()]
+            folder.mkdir(parents=True, exist_ok=True)
+            replace_file(probe, bytes(PROBE))
+    finally:
+        with suppress(OSError):
+            probe.unlink()
+        # the innermost first; one that somebody else has used meanwhile stays
+        for place in made:
+            with suppress(OSError):
+                place.rmdir()
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from heapq import heappop, heappush
 from itertools import count
 from typing import NamedTuple, Protocol
@@ -12,10 +13,11 @@ import numpy as np
 from quadsim.course import Gate
 from quadsim.course.obstacles import Obstacle
 from quadsim.dynamics.quadrotor import State
+from quadsim.physics.faults import BiasJump, FaultOfSensor, SensorFault, sensor_key
 from quadsim.physics.plant_state import PlantState
 from quadsim.sensing.gate_camera import GateCamera
 from quadsim.sensing.imu import Imu
-from quadsim.sensing.measurements import Measurement
+from quadsim.sensing.measurements import Inertial, Measurement
 from quadsim.sensing.pose import PoseSensor
 from quadsim.sensing.rotor_speeds import RotorSpeeds
 from quadsim.sensing.sensing_file import Sensing
@@ -24,6 +26,8 @@ from quadsim.vehicle import Vehicle
 
 # [s] for which the sensors run before the flight begins, the vehicle at rest
 WARM_UP = 0.5
+# rows of a unit's bias that belong to its parts
+BIAS_OF = {"gyro": slice(0, 3), "accelerometer": slice(3, 6)}
 
 
 class Sensor(Protocol):
@@ -35,6 +39,90 @@ class Sensor(Protocol):
     def sample(self, state: PlantState[State]) -> Measurement | None:
         """Return a measurement if one is due in this true state, else None."""
         ...
+
+
+class BiasedImu:
+    """An inertial measurement unit with a bias that jumps while a fault lasts."""
+
+    def __init__(self, imu: Imu | BiasedImu, fault: BiasJump):
+        """Wrap a unit.
+
+        Args:
+            imu: the unit.
+            fault: with its direction and its time.
+        """
+        self.latency = imu.latency
+        self.bias = imu.bias
+        self._imu = imu
+        self._window = fault.window
+        self._jump = np.zeros(6)
+        self._jump[BIAS_OF[fault.sensor]] = fault.jump
+        self._has_jumped = False
+
+    def sample(self, state: PlantState[State]) -> Inertial | None:
+        """Return the unit's sample, of which the bias is a part."""
+        active = self._window.active(state.t)
+        if active and not self._has_jumped:
+            self.bias += self._jump
+        if self._has_jumped and not active:
+            self.bias -= self._jump
+        self._has_jumped = active
+        return self._imu.sample(state)
+
+
+class FaultySensor:
+    """A sensor that measures nothing, or repeats its last values, while a fault lasts.
+
+    The sensor inside goes on as before: after the fault its noise is what it would have been.
+    """
+
+    def __init__(self, sensor: Sensor, fault: SensorFault):
+        """Wrap a sensor.
+
+        Args:
+            sensor: the sensor.
+            fault: with its time.
+        """
+        self.latency = sensor.latency
+        self._sensor = sensor
+        self._fault = fault
+        # the last before the fault
+        self._last: Measurement | None = None
+
+    def sample(self, state: PlantState[State]) -> Measurement | None:
+        """Return what is left of a measurement if one is due, else None."""
+        measurement = self._sensor.sample(state)
+        if measurement is None:
+            return None
+        if not self._fault.window.active(measurement.t):
+            self._last = measurement
+            return measurement
+        if self._fault.effect == "lost" or self._last is None:
+            return None
+        return repeated(self._last, measurement, self._fault.sensor)
+
+
+def with_jumps(imu: Imu, jumps: Sequence[BiasJump]) -> Imu | BiasedImu:
+    """Return a unit whose bias jumps."""
+    biased: Imu | BiasedImu = imu
+    for jump in jumps:
+        biased = BiasedImu(biased, jump)
+    return biased
+
+
+def repeated(last: Measurement, now: Measurement, part: str) -> Measurement:
+    """Return the measurement that is due now with the values of an earlier one.
+
+    Args:
+        last: the earlier one of the same sensor.
+        now: the one that is due; its instant is kept.
+        part: what is frozen: the gyro or the accelerometer of an imu, or the whole sensor.
+    """
+    if isinstance(last, Inertial) and isinstance(now, Inertial):
+        gyro = now.gyro if part == "accelerometer" else last.gyro
+        force = now.specific_force if part == "gyro" else last.specific_force
+        return Inertial(now.t, now.dt, gyro=gyro, specific_force=force)
+    return replace(last, t=now.t)
 
 
 class Coming(NamedTuple):
@@ -61,6 +149,7 @@ class Sensors:
         gates: Sequence[Gate],
         velocity_lag: float = 0.0,
         obstacles: Sequence[Obstacle] = (),
+        faults: Sequence[FaultOfSensor] = (),
     ):
         """Make the sensors of a flight.
 
@@ -71,17 +160,24 @@ class Sensors:
             gates: the gates where they truly stand, each once.
             velocity_lag: see quadsim.physics.plant.Plant [s].
             obstacles: obstacles on the course.
+            faults: faults of these sensors, with their times.
         """
         streams = sensor_streams(seeds)
-        self._sensors: list[Sensor] = []
+        sensors: dict[str, Sensor] = {}
         if sensing.imu:
-            self._sensors.append(Imu(sensing.imu, streams.imu))
+            jumps = [fault for fault in faults if isinstance(fault, BiasJump)]
+            sensors["imu"] = with_jumps(Imu(sensing.imu, streams.imu), jumps)
         if sensing.rotors:
-            self._sensors.append(RotorSpeeds(sensing.rotors, streams.rotors, vehicle))
+            sensors["rotors"] = RotorSpeeds(sensing.rotors, streams.rotors, vehicle)
         if sensing.pose:
-            self._sensors.append(PoseSensor(sensing.pose, streams.pose))
+            sensors["pose"] = PoseSensor(sensing.pose, streams.pose)
         if sensing.camera:
-            self._sensors.append(GateCamera(sensing.camera, streams.camera, gates, obstacles))
+            sensors["camera"] = GateCamera(sensing.camera, streams.camera, gates, obstacles)
+        for fault in faults:
+            if isinstance(fault, SensorFault):
+                key = sensor_key(fault)
+                sensors[key] = FaultySensor(sensors[key], fault)
+        self._sensors = tuple(sensors.values())
         self._velocity_lag = velocity_lag
         self._before: PlantState[State] | None = None
         # the last state that was sampled, position and velocity of one instant

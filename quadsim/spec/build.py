@@ -16,12 +16,14 @@ from controllers.costs.race import race_cost
 from controllers.costs.race_view import with_view
 from controllers.costs.reference import ReferenceWeights, reference_cost
 from controllers.learned.pilot import PilotController
+from controllers.presets import Planner
 from quadsim.course import Course, Gate
 from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.files.yaml_errors import shown_value
 from quadsim.physics.domain_randomization import draw, gusts
-from quadsim.physics.plant import PLANTS, NamedPlant, Plant, PlantName, start_state
+from quadsim.physics.faults import BiasJump, CommandLoss, RotorFault, SensorFault
+from quadsim.physics.plant import PLANTS, LossyLink, NamedPlant, Plant, PlantName, start_state
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
 from quadsim.race.flight import Controller, PlainController, RefereeProtocol, rest_of, simulate
@@ -41,8 +43,9 @@ from quadsim.sensing.navigation import (
     TrueState,
 )
 from quadsim.sensing.sensors import WARM_UP, Sensors
+from quadsim.spec.changes import ChangeablePlanner
 from quadsim.spec.parts import made
-from quadsim.spec.reference import reference_of, stored_reference
+from quadsim.spec.reference import reference_of
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec
 from quadsim.vehicle import Vehicle
@@ -69,7 +72,7 @@ def with_threads(spec: Spec) -> Spec:
     """
     from controllers.lanes.threads import use_threads  # here: it loads the compiler
 
-    return spec.but(threads=use_threads(spec.threads))
+    return spec.on_threads(use_threads(spec.threads))
 
 
 def build(spec: Spec) -> FlightParts:
@@ -81,7 +84,11 @@ def build(spec: Spec) -> FlightParts:
     """
     referee = referee_of(spec)
     controller = controller_of(spec)
-    return FlightParts(plant_of(spec), controller, referee)
+    plant = plant_of(spec)
+    losses = [fault for fault in spec.drawn_faults if isinstance(fault, CommandLoss)]
+    if losses:
+        plant = LossyLink(plant, losses)
+    return FlightParts(plant, controller, referee)
 
 
 def controller_of(spec: Spec) -> Controller:
@@ -140,8 +147,9 @@ def plant_of(spec: Spec) -> Plant:
         return NamedPlant(made("plant", spec.plant, spec))
     plant = PLANTS[cast(PlantName, spec.plant)]
     course = spec.flown_course
+    faults = [fault for fault in spec.drawn_faults if isinstance(fault, RotorFault)]
     if spec.randomize == 0:
-        return plant(course, spec.vehicle, spec.plant_dt)
+        return plant(course, spec.vehicle, spec.plant_dt, faults=faults)
     streams = spec.streams
     varied = draw(streams.vehicle, spec.randomize)
     return plant(
@@ -151,6 +159,7 @@ def plant_of(spec: Spec) -> Plant:
         start=varied.start(spec.course.start),
         body=varied.body(spec.vehicle),
         gusts=gusts(streams.gusts, varied.gust, spec.plant_dt),
+        faults=faults,
     )
 
 
@@ -246,8 +255,9 @@ def race_cost_on(spec: Spec, course: Course) -> Cost:
     weights = spec.planner.cost
     radius = spec.vehicle.radius
     if isinstance(weights, ReferenceWeights):
-        solution = stored_reference(course, spec.vehicle, spec.laps, weights, spec.runs_dir)
-        reference = reference_of(solution, spec.vehicle, spec.planner.mppi.dt)
+        if spec.reference is None:
+            raise SettingError("reference", "expected the solution that this preset follows")
+        reference = reference_of(spec.reference, spec.vehicle, spec.planner.mppi.dt)
         return reference_cost(course, radius, weights, reference)
     cost = race_cost(course, radius, weights, spec.laps)
     if spec.sensing and spec.sensing.camera and spec.view_weight:
@@ -265,13 +275,17 @@ def launch(spec: Spec, parts: FlightParts, navigation: Navigation | None = None)
     """
     from controllers.deadline import Deadline
     from controllers.mppi import MPPI
-    from controllers.sampled_trajectories import take_snapshot
 
     plant, controller, referee = parts
     navigation = navigation or navigation_of(spec, parts)
-    snapshot = partial(take_snapshot, controller) if isinstance(controller, MPPI) else None
-    if spec.deadline_ms and isinstance(controller, MPPI):
-        controller = Deadline(controller, spec.deadline_ms)
+    snapshot = None
+    if isinstance(controller, MPPI):
+        changeable = changeable_planner(spec, controller)
+        snapshot = changeable.snapshot
+        if spec.changes:
+            controller = changeable
+        elif spec.deadline_ms:
+            controller = Deadline(controller, spec.deadline_ms)
     return simulate(
         plant,
         controller,
@@ -283,6 +297,15 @@ def launch(spec: Spec, parts: FlightParts, navigation: Navigation | None = None)
         # The racing referee has this limit of its own.
         time_limit=None if spec.referee is None else spec.timeout,
     )
+
+
+def changeable_planner(spec: Spec, planner: MPPI) -> ChangeablePlanner:
+    """Return the planner of a flight whose numbers may change, with the changes of the spec."""
+
+    def make(numbers: Planner) -> MPPI:
+        return planner_of(replace(spec, planner=numbers))
+
+    return ChangeablePlanner(planner, spec.planner, make, spec.changes)
 
 
 def navigation_of(spec: Spec, parts: FlightParts) -> Navigation:
@@ -324,6 +347,7 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
         distinct(flown.gates),
         lag,
         flown.obstacles,
+        [f for f in spec.drawn_faults if isinstance(f, SensorFault | BiasJump)],
     )
     sensors.warm_up(plant.state, plant.dt)
     sensors.observe(plant.state)

@@ -19,7 +19,7 @@ import re
 import sys
 import sysconfig
 import types
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import singledispatchmethod
 from hashlib import sha256
 from pathlib import Path
@@ -34,7 +34,9 @@ DATACLASSES = dataclasses.__file__
 IGNORED = frozenset(
     {
         "__abstractmethods__",
+        "__annotate_func__",
         "__annotations__",
+        "__annotations_cache__",
         "__dataclass_params__",
         "__dict__",
         "__doc__",
@@ -43,7 +45,10 @@ IGNORED = frozenset(
         "__module__",
         "__orig_bases__",
         "__parameters__",
+        "__protocol_attrs__",
         "__qualname__",
+        "__signature__",
+        "__slotnames__",
         "__slots__",
         "__static_attributes__",
         "__weakref__",
@@ -307,12 +312,18 @@ class _Walk:
                 return
         # The state of a user's object by name, even where it says how it wants to be pickled
         if not _is_library(kind.__module__):
-            state = dict(getattr(value, "__dict__", {}))
+            state = _without_caches(kind, getattr(value, "__dict__", {}))
             state |= {slot: getattr(value, slot) for slot in _slots(kind) if hasattr(value, slot)}
             yield from self._pairs(state, place)
             if all(base is object or not _is_library(base.__module__) for base in kind.__mro__):
                 return
-        # What a library's object would be pickled as
+        # A library's record by its fields
+        if dataclasses.is_dataclass(value):
+            for field in dataclasses.fields(value):
+                yield field.name
+                yield self.digest(getattr(value, field.name), f"{place}.{field.name}")
+            return
+        # Any other object of a library by what it would be pickled as
         try:
             reduced = value.__reduce_ex__(4)
         except (TypeError, ValueError, AttributeError, NotImplementedError) as error:
@@ -369,6 +380,17 @@ def _names(code: types.CodeType) -> set[str]:
         if isinstance(constant, types.CodeType):
             found |= _names(constant)
     return found
+
+
+def _without_caches(kind: type, state: Mapping[str, object]) -> dict[str, object]:
+    """Return an object's attributes without those that a property computes at its first use."""
+    caches = {
+        name
+        for base in kind.__mro__
+        for name, value in vars(base).items()
+        if isinstance(value, functools.cached_property)
+    }
+    return {name: value for name, value in state.items() if name not in caches}
 
 
 def _slots(kind: type) -> list[str]:

@@ -43,6 +43,7 @@ class Keywords(TypedDict, total=False):
     displace_gates: float | None
     view_weight: float | None
     term: str | Sequence[str] | None
+    fault: str | Sequence[str] | None
     timeout: float | None
     threads: int | None
     penalties: bool | None

@@ -1,7 +1,7 @@
 """The user's own objects in a flight: how they are checked, called and recorded.
 
-They are a sampler, terms, a cost, a plant, a controller and a referee. A run stores their names and
-the numbers that they hold, not their code.
+They are a sampler, terms, a cost, a plant, a controller and a referee. A run stores their names,
+the numbers that they hold and a hash that tells them from others, not their code.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ import numpy as np
 
 from controllers.costs import Term, Weight, is_weight
 from controllers.samplers import SAMPLERS, PlainSampler, Sampling
+from quadsim.course import Course, parse_course
+from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_errors import did_you_mean, shown_value
+from quadsim.spec.identity import IdentityError, identity_of
 from quadsim.spec.settings import SettingError
 
 Json = Any  # a value that JSON can hold
@@ -184,16 +187,31 @@ def is_registered(sampler: Sampler) -> bool:
     return type(sampler) in SAMPLERS.values()
 
 
+def is_described(course: Course) -> bool:
+    """Return whether a course is the one that its text describes."""
+    try:
+        return parse_course(course.text, course.name) == course
+    except FileError:
+        return False
+
+
 def describe(part: object) -> dict[str, Json]:
-    """Return {class, parameters} of one of the user's own objects."""
+    """Return {class, parameters, sha256} of one of the user's own objects.
+
+    The hash is that of `identity_of`, None for an object without an identity.
+    """
     kind = part if _is_maker(part) else type(part)
     values = {} if kind is part else getattr(part, "__dict__", {})
     parameters = {name: plain(value) for name, value in values.items()}
-    return {"class": qualified_name(kind), "parameters": parameters}
+    return {
+        "class": qualified_name(kind),
+        "parameters": parameters,
+        "sha256": _identity(part),
+    }
 
 
 def describe_term(term: Term) -> dict[str, Json]:
-    """Return {name, function, weight, parameters} of a term."""
+    """Return {name, function, weight, parameters, sha256} of a term."""
     record: Any = term.parameters
     values = record._asdict() if record else {}
     return {
@@ -201,12 +219,23 @@ def describe_term(term: Term) -> dict[str, Json]:
         "function": qualified_name(term.function),
         "weight": plain(term.weight),
         "parameters": plain(values),
+        "sha256": _identity(term),
     }
+
+
+def _identity(part: object) -> str | None:
+    """Return the identity of an object, None where it has none."""
+    try:
+        return identity_of(part)
+    except IdentityError:
+        return None
 
 
 def qualified_name(kind: Any) -> str:
     """Return the module and name of a class or function."""
-    return f"{kind.__module__}.{kind.__qualname__}"
+    # A worker process has the script of its parent under another name
+    module = "__main__" if kind.__module__ == "__mp_main__" else kind.__module__
+    return f"{module}.{kind.__qualname__}"
 
 
 def _is_maker(part: object) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,14 @@ from quadsim.course import Course
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.limits import LimitProblem, StoredSolution, limits_folder
 from quadsim.vehicle import Vehicle
+
+
+def followed_problem(
+    course: Course, vehicle: Vehicle, laps: int, weights: ReferenceWeights
+) -> LimitProblem:
+    """Return the problem whose solution a planner with these weights follows."""
+    problem = LimitProblem(course, vehicle, laps, "rates")
+    return replace(problem, margin=weights.margin, reserve=weights.reserve)
 
 
 def stored_reference(
@@ -27,8 +36,7 @@ def stored_reference(
     Raises:
         FileError: there is no solution of this race.
     """
-    problem = LimitProblem(course, vehicle, laps, "rates")
-    problem = replace(problem, margin=weights.margin, reserve=weights.reserve)
+    problem = followed_problem(course, vehicle, laps, weights)
     stored = problem.best_known(limits_folder(runs_dir))
     if stored:
         return stored
@@ -42,6 +50,31 @@ def stored_reference(
         command += f" --runs-dir {runs_dir}"
     message = "preset: expected a stored solution of this race to follow, got none"
     raise FileError(f"{message}: search for one with {command}")
+
+
+def followed_reference(
+    problem: LimitProblem, digest: str, folders: Sequence[str | Path]
+) -> StoredSolution:
+    """Return the solution that a recorded flight has followed.
+
+    Args:
+        problem: the problem that it solves.
+        digest: sha256 of its file.
+        folders: folders of runs, which are searched as well as the solutions that quadsim brings.
+
+    Raises:
+        FileError: the solution is not there any more.
+    """
+    files = problem.files(*map(limits_folder, folders))
+    for path in files:
+        solution = problem.read(path)
+        if solution.digest == digest:
+            return solution
+    others = f"{len(files)} of other content" if files else "none"
+    wanted = f"the solution that was followed, with sha256 {digest[:12]}..."
+    raise FileError(
+        f"{limits_folder(folders[0])}/{problem.file_name}: expected {wanted}, got {others}"
+    )
 
 
 def reference_of(limit: StoredSolution, vehicle: Vehicle, dt: float) -> Reference:

@@ -84,6 +84,13 @@ class FlightSettings:
         tuple[str, ...],
         setting("cost term of your own, package.module:function=WEIGHT; may be repeated"),
     ] = ()
+    fault: Annotated[
+        tuple[str, ...],
+        setting(
+            "failure in flight, such as rotor2=.5@3.2, gyro=frozen@2-2.5, camera=lost~1 or"
+            " commands=lost@2~.1; the seed draws what is left out; may be repeated"
+        ),
+    ] = ()
     timeout: Annotated[
         TimeLimit | None, setting("time limit (default: by the course's length)")
     ] = None

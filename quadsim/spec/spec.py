@@ -10,19 +10,33 @@ from typing import TYPE_CHECKING, Any, TypeVar, Unpack, get_args
 from controllers.costs import Cost, Term
 from controllers.costs.reference import ReferenceWeights
 from controllers.learned.pilot import Pilot, load_pilot
-from controllers.presets import Planner, faults
+from controllers.presets import Planner
+from controllers.presets import faults as faults_of_planner
 from controllers.samplers import SAMPLERS
 from quadsim.course import Course, load_course
 from quadsim.dynamics.quadrotor import Control, ModelParams
 from quadsim.files.yaml_errors import did_you_mean, shown_value
 from quadsim.physics.domain_randomization import displaced, draw
+from quadsim.physics.faults import (
+    CommandLoss,
+    Fault,
+    RotorFault,
+    drawn,
+    first_lap,
+    parse_fault,
+    sensor_key,
+)
 from quadsim.physics.plant import Plant, default_plant
 from quadsim.race.flight import ControlLaw, Controller, RefereeProtocol, whole_multiple
+from quadsim.record.limits import StoredSolution
+from quadsim.record.run import INTERACTIVE
 from quadsim.sensing import PERFECT, Sensing, load_sensing
+from quadsim.spec.changes import PlannerChange
 from quadsim.spec.parts import (
     check_part,
     describe,
     describe_term,
+    is_described,
     is_registered,
     own_sampler,
     plain,
@@ -31,7 +45,7 @@ from quadsim.spec.parts import (
     terms_of,
 )
 from quadsim.spec.presets import PresetSource
-from quadsim.spec.reference import stored_reference
+from quadsim.spec.reference import followed_problem, stored_reference
 from quadsim.spec.settings import (
     CONTROL_UNITS,
     SETTINGS,
@@ -54,6 +68,7 @@ if TYPE_CHECKING:
 DEFAULT_COURSE = "split_s_swift"
 # Keywords that take an object and are not settings.
 OBJECTS = ("course", "planner", "model", "controller", "referee", "cost", "terms")
+KEYWORDS = (*SETTINGS, *OBJECTS)
 PLANTS = get_args(PlantName)
 # The settings that a Spec holds as numbers or names, and their kinds. Those of the first row have
 # no default in a Spec: None, which stands for one in FlightSettings, has been resolved.
@@ -74,6 +89,8 @@ NUMBERS = {
         )
     },
 }
+# Plants whose rotors are those of quadsim.physics.actuators.
+PLANTS_WITH_ROTOR_FAULTS = ("bullet", "rigid")
 
 T = TypeVar("T")
 
@@ -107,6 +124,7 @@ class Spec:
     randomize: float = 0.0  # scale of quadsim.physics.domain_randomization
     displace_gates: float = 0.0  # how far gates may stand off the map, along x and y [m]
     view_weight: float = 0.0  # weight of the term that keeps the camera along the flight
+    fault: tuple[str, ...] = ()  # texts of quadsim.physics.faults
     penalties: bool = False
     plant: PlantName | Plant | Callable[[Spec], Plant] = field(default_factory=default_plant)
     plant_dt: float = FlightSettings.plant_dt  # [s]
@@ -118,6 +136,10 @@ class Spec:
     referee: RefereeProtocol | Callable[[Spec], RefereeProtocol] | None = None
     threads: int | None = None  # None: as many as are in use; the number does not change the flight
     runs_dir: str = FlightSettings.runs_dir  # where solutions of `race limit` are looked for
+    # The stored solution that a preset with ReferenceWeights follows
+    reference: StoredSolution | None = field(default=None, compare=False)
+    # The planner's numbers that change in flight, in the order of their times
+    changes: tuple[PlannerChange, ...] = ()
     # The settings that this spec was made from. Files that they name have been read: `but` does not
     # read them again.
     given: Mapping[str, Any] = field(init=False, repr=False, compare=False)
@@ -127,7 +149,7 @@ class Spec:
         for name, kind in NUMBERS.items():
             object.__setattr__(self, name, checked(name, getattr(self, name), kind))
         validate(self)
-        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name in KEYWORDS}
         object.__setattr__(self, "given", parts)
 
     @classmethod
@@ -152,7 +174,8 @@ class Spec:
         """Return the spec of the same settings with some of them changed.
 
         Defaults are resolved anew: a new sampler, preset or vehicle brings its own. Settings that
-        were given stay.
+        were given stay. Changes in flight do not: they belong to the one flight in which they were
+        made.
 
         Args:
             course: another course; default: the same.
@@ -165,6 +188,12 @@ class Spec:
         if course is not None:
             given["course"] = course
         return _resolved(given)
+
+    def on_threads(self, threads: int) -> Spec:
+        """Return the spec of the same flight with another number of CPU threads."""
+        spec = replace(self, threads=threads)
+        object.__setattr__(spec, "given", {**self.given, "threads": threads})
+        return spec
 
     @property
     def sampler(self) -> str:
@@ -188,10 +217,21 @@ class Spec:
             return self.course
         return displaced(self.course, self.streams.gates, self.displace_gates)
 
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """The faults as they were given, with gaps where the seed draws."""
+        return tuple(parse_fault(text) for text in self.fault)
+
+    @property
+    def drawn_faults(self) -> tuple[Fault, ...]:
+        """The faults of this flight, with what its seed draws: times, rotors, directions."""
+        if not self.fault:
+            return ()
+        latest = first_lap(self.course, self.vehicle)
+        return drawn(self.faults, self.streams.faults, latest)
+
     def record(self) -> dict[str, Any]:
         """Return the spec as JSON, as a run stores it."""
-        own = self._own_parts()
-        named_plant = self.plant if isinstance(self.plant, str) else default_plant()
         record = {
             "system": "quadrotor",
             "course": self.course.name,
@@ -210,41 +250,66 @@ class Spec:
             "laps": self.laps,
             "timeout": self.timeout,
             "penalties": self.penalties,
-            "plant": named_plant,
+            "plant": self.plant if isinstance(self.plant, str) else "own",
             "plant_dt": self.plant_dt,
             "randomize": self.randomize,
             "clock": self.clock,
             "deadline_ms": self.deadline_ms,
             "variation": asdict(draw(self.streams.vehicle, self.randomize)),
-            "host": {"threads": self.threads},
+            "host": self._host(),
         }
         # Parts that a flight does not use are left out.
         used = {
             "sensing": plain(self.sensing),
             "displace_gates": self.displace_gates,
             "view_weight": self.view_weight,
+            "faults": [str(fault) for fault in self.faults],
+            "drawn_faults": [str(fault) for fault in self.drawn_faults],
             "pilot": self.pilot.record() if self.pilot else None,
-            "own": own,
+            "reference": _followed(self.reference),
+            "own": self._own_parts(),
+            INTERACTIVE: [change.record() for change in self.changes],
         }
         return record | {name: value for name, value in used.items() if value}
 
-    def _own_parts(self) -> dict[str, Any]:
-        """Return {role: description} of the user's own objects."""
+    def own_objects(self) -> dict[str, object]:
+        """Return {role: part} of the user's own objects; the role `terms` has a tuple."""
         parts: dict[str, object] = {
             "cost": self.cost,
             "controller": self.controller,
             "referee": self.referee,
+            "terms": self.terms or None,
         }
         if not isinstance(self.plant, str):
             parts["plant"] = self.plant
         if not is_registered(self.planner.sampling):
             parts["sampler"] = self.planner.sampling
-        own: dict[str, Any] = {
-            role: describe(part) for role, part in parts.items() if part is not None
-        }
-        if self.terms:
-            own["terms"] = [describe_term(term) for term in self.terms]
+        # A course that was made in Python, or changed after its text was read
+        if not is_described(self.course):
+            parts["course"] = self.course
+        return {role: part for role, part in parts.items() if part is not None}
+
+    def _own_parts(self) -> dict[str, Any]:
+        """Return {role: description} of the user's own objects."""
+        own: dict[str, Any] = {}
+        for role, part in self.own_objects().items():
+            if role == "terms":
+                own[role] = [describe_term(term) for term in self.terms]
+            else:
+                own[role] = describe(part)
         return own
+
+    def _host(self) -> dict[str, Any]:
+        """Return where the flight takes place: nothing in it changes the flight."""
+        files = {"runs_dir": self.runs_dir}
+        if self.pilot:
+            files["pilot"] = self.pilot.path
+        return {"threads": self.threads} | files
+
+
+def _followed(reference: StoredSolution | None) -> dict[str, str] | None:
+    """Return what a record says of the solution that a planner follows."""
+    return {"key": reference.key, "sha256": reference.digest} if reference else None
 
 
 def validate(spec: Spec) -> None:
@@ -262,7 +327,7 @@ def validate(spec: Spec) -> None:
         wanted = f"expected a whole multiple of the plant's step {spec.plant_dt:g} [s]"
         raise SettingError("dt", f"{wanted}, got {dt:g}") from None
     _check_channels(spec.planner)
-    for path, problem in faults(spec.planner):
+    for path, problem in faults_of_planner(spec.planner):
         raise SettingError(path.partition(".")[2], problem)
     if spec.view_weight and not (spec.sensing and spec.sensing.camera):
         name = spec.sensing.name if spec.sensing else PERFECT
@@ -272,9 +337,19 @@ def validate(spec: Spec) -> None:
             if getattr(spec, name):
                 why = "for a preset whose reference ignores displaced gates and the camera"
                 raise SettingError(name, f"expected 0 {why}, got {getattr(spec, name):g}")
+        _check_reference(spec, spec.planner.cost)
+    _check_faults(spec)
     if spec.pilot:
         _check_beside_pilot(spec)
         spec.pilot.check(spec.vehicle.name, dt)
+
+
+def _check_reference(spec: Spec, weights: ReferenceWeights) -> None:
+    """Check that the solution to be followed is one of this race. Raises SettingError."""
+    problem = followed_problem(spec.course, spec.vehicle, spec.laps, weights)
+    if spec.reference is None or spec.reference.key != problem.key:
+        got = spec.reference.key if spec.reference else None
+        raise SettingError("reference", f"expected a solution of {problem.file_name}, got {got}")
 
 
 def _check_beside_pilot(spec: Spec) -> None:
@@ -285,6 +360,29 @@ def _check_beside_pilot(spec: Spec) -> None:
     if spec.deadline_ms is not None:
         problem = f"expected none beside a pilot, which has no samples, got {spec.deadline_ms:g}"
         raise SettingError("deadline_ms", problem)
+
+
+def _check_faults(spec: Spec) -> None:
+    """Check that the parts that fail are there. Raises SettingError."""
+    for text in spec.fault:
+        try:
+            fault = parse_fault(text)
+        except ValueError as error:
+            raise SettingError("fault", str(error)) from None
+        if isinstance(fault, RotorFault):
+            if spec.vehicle.rotors is None:
+                wanted = "expected a vehicle with rotors"
+                raise SettingError("fault", f"{wanted} for {text!r}, got {spec.vehicle.name}")
+            if spec.plant not in PLANTS_WITH_ROTOR_FAULTS:
+                plant = spec.plant if isinstance(spec.plant, str) else "a plant of your own"
+                wanted = f"expected plant {' or '.join(PLANTS_WITH_ROTOR_FAULTS)}"
+                raise SettingError("fault", f"{wanted} for {text!r}, got {plant}")
+        elif not isinstance(fault, CommandLoss):
+            key = sensor_key(fault)
+            if spec.sensing is None or getattr(spec.sensing, key) is None:
+                name = spec.sensing.name if spec.sensing else PERFECT
+                wanted = f"expected a sensing with {key!r}"
+                raise SettingError("fault", f"{wanted} for {text!r}, got {name}")
 
 
 def _check_types(spec: Spec) -> None:
@@ -348,8 +446,9 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     planner = _with_numbers(replace(base, vehicle=vehicle.name), given)
     model = _model(given, vehicle)
     laps = flight.laps or course.laps
+    reference = None
     if isinstance(planner.cost, ReferenceWeights):
-        stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir)
+        reference = stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir)
     spec = Spec(
         course=course,
         vehicle=vehicle,
@@ -363,6 +462,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         randomize=flight.randomize,
         displace_gates=flight.displace_gates,
         view_weight=_view_weight(flight, base, sensing),
+        fault=flight.fault,
         penalties=flight.penalties,
         plant=default_plant() if plant is None else plant,
         plant_dt=flight.plant_dt,
@@ -374,6 +474,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         referee=given.get("referee"),
         threads=flight.threads,
         runs_dir=flight.runs_dir,
+        reference=reference,
     )
     object.__setattr__(spec, "given", {**given, **read})
     return spec
@@ -381,10 +482,9 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
 
 def _check_names(given: Mapping[str, Any]) -> None:
     """Check that each name is a setting's. Raises SettingError."""
-    known = (*SETTINGS, *OBJECTS)
     for name in given:
-        if name not in known:
-            raise SettingError(name, f"no such setting, {did_you_mean(name, known)}")
+        if name not in KEYWORDS:
+            raise SettingError(name, f"no such setting, {did_you_mean(name, KEYWORDS)}")
 
 
 def _flight_settings(given: Mapping[str, Any]) -> FlightSettings:
@@ -396,7 +496,7 @@ def _flight_settings(given: Mapping[str, Any]) -> FlightSettings:
         is_object = f.name in ("sampler", "pilot", "vehicle", "sensing", "plant", "preset")
         if value is None or (is_object and not isinstance(value, str | Path)):
             continue
-        if f.name == "term" and isinstance(value, str):
+        if f.name in ("term", "fault") and isinstance(value, str):
             value = (value,)
         values[f.name] = checked(f.name, value, SETTINGS[f.name].kind)
     return FlightSettings(**values)

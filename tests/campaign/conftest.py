@@ -1,4 +1,4 @@
-"""What is flown once for all tests of campaigns."""
+"""Flights that all tests of campaigns share."""
 
 import shutil
 

@@ -32,7 +32,7 @@ def flown_in(campaign):
 
 
 def gone(group, patience=100):
-    """Whether every process of the group ends, within 5 s."""
+    """Return whether every process of the group ends within 5 s."""
     for _ in range(patience):
         try:
             os.killpg(group, 0)

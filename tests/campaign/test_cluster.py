@@ -32,7 +32,7 @@ def fly(campaign, attempts, **workers):
 
 
 def kill_one_when(cluster, campaign, rows):
-    """SIGKILL a worker once so many attempts are kept."""
+    """SIGKILL a worker once the campaign holds `rows` attempts."""
     while len(seeds_flown(campaign)) < rows:
         time.sleep(0.01)
     pid = next(iter(cluster.workers.values())).pid

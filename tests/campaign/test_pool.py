@@ -14,8 +14,10 @@ from tests.campaign_cases import specs
 
 
 class Scripted:
-    """A pool that loses the worker of some seeds, so many times; what runs at the same time is lost
-    with it."""
+    """A pool that loses the worker of some seeds.
+
+    `losses` says how often it does so for each seed. It also loses flights that run at that time.
+    """
 
     lost = (BrokenExecutor,)
     window = 3

@@ -102,7 +102,7 @@ def opened(path, space=MARGINS):
 
 
 def value_of(params):
-    """What stands for flying a trial."""
+    """Return a value in place of flying a trial."""
     return 5.0 + sum(params.values())
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from quadsim.campaign.attempt import attempt_key, this_provenance, variant_key
-from quadsim.campaign.variants import make_variants, parse_variants, resolve
+from quadsim.campaign.variants import Variant, make_variants, parse_variants, resolve
 from quadsim.cli.cli import race
 from quadsim.spec.settings import SettingError
 from tests.campaign_cases import COURSE, SETTINGS, variant
@@ -28,8 +28,29 @@ def test_every_course_meets_every_variant_in_order():
 
 def test_a_term_of_one_s_own_keeps_its_colon():
     assert parse_variants("calm=race+term=mine:calm=50") == {
-        "calm": {"preset": "race", "term": "mine:calm=50"}
+        "calm": {"preset": "race", "term": ("mine:calm=50",)}
     }
+
+
+def test_a_variant_may_have_several_faults_and_a_fault_keeps_its_colons():
+    weak, sound = make_variants(
+        [COURSE],
+        parse_variants("weak=race+sensing=vio+fault=gyro=.1:0:0@3+fault=commands=lost~.1,colored"),
+        {},
+    )
+    assert weak.spec.fault == ("gyro=.1:0:0@3", "commands=lost~.1")
+    assert sound.spec.fault == ()
+
+
+def test_a_fault_makes_another_variant_and_what_a_seed_draws_of_it_does_not():
+    sound = variant("colored", vehicle="swift").spec
+    weak = variant("colored", vehicle="swift", fault="rotor=.5").spec
+    assert variant_key(weak.record()) != variant_key(sound.record())
+    assert variant_key(weak.but(fault="rotor=.7").record()) != variant_key(weak.record())
+    one, other = Variant("weak", weak).attempts(2)
+    assert one.drawn_faults != other.drawn_faults
+    assert variant_key(one.record()) == variant_key(other.record())
+    assert attempt_key(one.record()) != attempt_key(other.record())
 
 
 def test_settings_of_other_samplers_are_left_out():

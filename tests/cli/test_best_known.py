@@ -34,6 +34,16 @@ gates:
   - {position: [4, 0, 2], yaw_deg: 0}
 """
 BEST = 0.8  # [s]
+# The summary of a check
+FOUND = {
+    "residual": 0.0,
+    "worth": 0.0,
+    "attitude": 0.0,
+    "body_rate": [0.0, 0.0, 0.0],
+    "outcome": "finished",
+    "events": {"pass": 1},
+    "broken": [],
+}
 
 
 def spec(**settings):
@@ -69,7 +79,10 @@ def limit():
     """4 m in .8 s at a constant 5 m/s."""
     x = np.zeros((3, 17))
     x[:, 0] = (0.0, 2.0, 4.0)
+    x[:, 2] = 2.0
     x[:, 3] = 5.0
+    # upright
+    x[:, 6] = 1.0
     nodes = Solution(
         model="rotors",
         t=np.array([0.0, 0.4, 0.8]),
@@ -78,7 +91,7 @@ def limit():
         costate=np.zeros((2, 17)),
         target=np.zeros(2, int),
     )
-    return StoredSolution("mine", "swift", 1, False, [BEST], {"broken": []}, nodes)
+    return StoredSolution("mine", "swift", 1, False, [BEST], FOUND, nodes)
 
 
 @pytest.fixture

@@ -45,7 +45,7 @@ def test_a_pipe_gets_no_moving_line_though_colours_are_forced(monkeypatch):
 
 
 def test_closed_streams_change_neither_exit_code_nor_files(tmp_path):
-    """Where one is closed, the next file that is opened would get its number, and the output."""
+    """The next file that is opened would get the number of a closed stream, and its output."""
     (tmp_path / "mine.yaml").write_text("gates: 3\n")
     command = ["sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh", *RACE, "check", "mine.yaml"]
     assert subprocess.run(command, cwd=tmp_path, check=False).returncode == 2

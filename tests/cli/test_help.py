@@ -1,5 +1,4 @@
-"""What commands say about themselves: listings and help, complete, within a terminal's width, and
-quickly."""
+"""Listings and help are complete, keep within a terminal's width, and come quickly."""
 
 import json
 import subprocess

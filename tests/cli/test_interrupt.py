@@ -38,7 +38,7 @@ def flying(tmp_path):
 
 
 def rest_of(terminal):
-    """What is still written to the terminal until its last writer has left."""
+    """Return what is still written to the terminal until its last writer has left."""
     text = b""
     with suppress(OSError):  # how Linux says that nobody is left
         while more := os.read(terminal, 4096):

@@ -47,7 +47,7 @@ def test_a_chunk_whose_rollouts_all_overflow_weighs_nothing(monkeypatch):
 
 
 def test_samplers_of_ones_own_are_drawn_again_chunk_by_chunk(monkeypatch):
-    """What is shown are the samples that were flown, in every chunk."""
+    """The samples that are shown are those that were flown, in every chunk."""
     monkeypatch.setattr(layout, "CHUNK", 256)
     mppi = make(sampler=White((0.8, 0.5)), samples=700)
     mppi.iterate(START, 0)

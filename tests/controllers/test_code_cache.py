@@ -40,7 +40,7 @@ def files(home):
 
 
 def loaded(function):
-    """Whether calling it found the code on the disk."""
+    """Return whether calling it found the code on the disk."""
     assert function(21) == 42
     return sum(function.stats.cache_hits.values()) == 1
 

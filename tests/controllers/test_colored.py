@@ -24,7 +24,7 @@ def draw(key, law, T, gamma=GAMMA, call=1):
 
 
 def power(n, gamma, law):
-    """What each bin adds to the variance, from the law's definition.  (n // 2 + 1,)"""
+    """Return each bin's part of the variance, from the law's definition.  (n // 2 + 1,)"""
     k = np.arange(1, n // 2 + 1) ** -float(gamma)
     bins = np.concatenate([[1.0], 4.0 * k])
     zeta = bins.sum()  # as published: every bin but DC counts four times

@@ -119,7 +119,7 @@ STEP = 1e-3  # [m] along the passage
 
 
 def paid(cost, points):
-    """What a flight along these points pays for clearance."""
+    """Return the cost of clearance of a flight along these points."""
     return fly(cost, points)[0][:, TERMS.index("clearance")]
 
 

@@ -96,7 +96,7 @@ def test_backing_out_in_front_of_the_gate_past_a_bar_is_a_crash():
 
 
 def verdicts(one, radius, points):
-    """What the referee says of a vehicle of this radius: the first of hit and pass, if any."""
+    """Return what the referee calls for a vehicle of this radius: "hit", "pass" or "neither"."""
     referee = Referee(one, radius, 1, 9.0)
     events = [
         e

@@ -1,5 +1,7 @@
-"""How the racing cost counts gates, distance and crashes inside a rollout. The gates' frames are in
-test_race_frame."""
+"""The racing cost counts gates, distance and crashes inside a rollout.
+
+The gates' frames are in test_race_frame.
+"""
 
 from dataclasses import replace
 from itertools import pairwise

@@ -37,7 +37,7 @@ def straight(speed=10.0):
 
 
 def paid(offset, velocity=(0.0, 0.0, 0.0), row=20):
-    """{term: cost} of a state that is off the straight reference by so much."""
+    """Return {term: cost} of a state that is off the straight reference by an offset [m]."""
     reference = straight()
     cost = reference_cost(COURSE, 0.14, WEIGHTS, reference)
     target = cost.targets[row]

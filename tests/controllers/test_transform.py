@@ -11,7 +11,10 @@ N = [2, 3, 4, 8, 13, 22, 34, 65, 91, 300]  # radices 2 to 13, and 17 in a loop
 
 
 def bins(n, scale, key, first=0, call=3):
-    """What the transform starts from, two series of one channel.  (n, LANES) complex"""
+    """Return the bins that the transform starts from, for two series of one channel.
+
+    They are complex, of shape (n, LANES).
+    """
     rows = np.empty((1, 2 * n, LANES), np.float32)
     fill_normals(rows, scale, key, call, first)
     return rows[0, :n] + 1j * rows[0, n:]

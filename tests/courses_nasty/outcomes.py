@@ -1,4 +1,4 @@
-"""How flights through the courses of this folder end, preset race, as the table of its README.
+"""Print how flights of preset race through these courses end, as the table of the README.
 
 python -m tests.courses_nasty.outcomes --seeds 3 --threads 1 u_turn_beside tight
 

@@ -133,7 +133,7 @@ def test_quaternion_stays_of_unit_length_in_a_tumble():
 
 
 def test_without_motor_lag_it_is_the_13_state_model_of_the_paper():
-    """What the rotors delivered before is forgotten; rates and thrust follow at once."""
+    """Earlier thrust and torque of the rotors are forgotten; rates and thrust follow at once."""
     u = (3.0, -2.0, 1.0, 15.0)
     plain, disturbed = (
         fly(SIMPLE, u, 0.3, state(vx=5.0, **rotors))

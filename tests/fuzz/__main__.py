@@ -17,12 +17,15 @@ from typing import NamedTuple
 
 from tests.fuzz.base import base, campaign_base
 from tests.fuzz.caches import caches
+from tests.fuzz.checkpoints import begun, checkpoints
 from tests.fuzz.databases import databases
 from tests.fuzz.disks import disks, exports
 from tests.fuzz.environments import environments
 from tests.fuzz.flags import commands, flags
 from tests.fuzz.harness import Case, run
+from tests.fuzz.pilots import pilots
 from tests.fuzz.runs import runs
+from tests.fuzz.solutions import solutions
 from tests.fuzz.yamls import yamls
 
 
@@ -42,6 +45,9 @@ KINDS = {
     "exports": Kind(exports, 60),
     "disks": Kind(disks, 60),
     "environments": Kind(environments, 60),
+    "pilots": Kind(pilots, 200),
+    "solutions": Kind(solutions, 200),
+    "checkpoints": Kind(checkpoints, 200),
 }
 # Modules that are loaded before the processes of the cases are forked.
 LOADED = (
@@ -115,6 +121,8 @@ def load(kinds: list[str], few: bool) -> None:
         _ = base().small_cache
         if not few:
             _ = base().cache
+    if "checkpoints" in kinds:
+        begun()
     base()
 
 

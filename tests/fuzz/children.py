@@ -107,7 +107,7 @@ def start(
     """
     out_read, out_write = os.pipe()
     err_read, err_write = os.pipe()
-    # What is buffered here would be printed by the child too.
+    # The child would print the buffered text too.
     sys.stdout.flush()
     sys.stderr.flush()
     pid = os.fork()

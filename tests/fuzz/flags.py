@@ -29,7 +29,7 @@ LONG = {
     "--timeout", "--laps", "--seconds", "--trials", "--attempts", "--runs", "--samples",
     "--horizon",
 }  # fmt: skip
-# What commands are given that would rightly run for long: a value that they refuse.
+# Commands that would rightly run for long are given a value that they refuse.
 REFUSED = {
     "bench": ("--seconds", "0"),
     "web": ("--port", "-1"),

@@ -159,7 +159,7 @@ def _variables(case: Case, folder: Path) -> dict[str, str]:
 
 
 def _hangs(child: int, seconds: float) -> bool:
-    """Return whether a child hangs after so many seconds.
+    """Return whether a child that has run for `seconds` hangs.
 
     It hangs if it has computed for HANG, or has computed next to nothing in that time, or if it is
     later than LATEST.

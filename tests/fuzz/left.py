@@ -1,6 +1,7 @@
-"""What a command has left in its folder.
+"""The contents of the folder that a command has worked in.
 
-It holds attempts, trials and files, and shows whether anything looks finished that is not.
+They are attempts, trials and files. The tests see in them whether anything looks finished that is
+not.
 """
 
 from __future__ import annotations
@@ -35,13 +36,13 @@ class Attempt(NamedTuple):
 
     @property
     def known_by(self) -> tuple[str, int]:
-        """Return what no two attempts share."""
+        """Return the key that no two attempts share."""
         return self.variant, self.seed
 
 
 @dataclass(frozen=True)
 class State:
-    """What a command has left in its folder."""
+    """The contents of the folder that a command has worked in."""
 
     files: Counter  # names without the times, which differ from flight to flight
     rows: dict[tuple[str, int], str]  # digest of each attempt that is kept

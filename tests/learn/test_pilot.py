@@ -1,6 +1,7 @@
 """Pilots: what is written is what is flown, and a file that does not fit flies nothing."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -104,12 +105,57 @@ def damaged(path):
     yield b"", "zip"
     yield saying(format="x"), "format"
     yield saying(observes=["height"]), "observes"
-    yield saying(dt=0.0), "period"
+    yield saying(dt=0.0), "dt"
+    yield saying(dt="0.01"), "dt"
+    yield saying(dt=1e308), "dt"
+    yield saying(dt=True), "dt"
+    yield saying(hold="2"), "hold"
+    yield saying(hold=1.5), "hold"
+    yield saying(hold=True), "hold"
+    yield saying(hold=0), "hold"
+    yield saying(hold=2**70), "hold"
+    yield saying(low=["-1", "-1", "-1", "0"]), "low"
+    yield saying(low="1234"), "low"
+    yield saying(low=about["low"][:3]), "low"
+    yield saying(high=[1e308] * 4), "high"
+    yield saying(high=[True] * 4), "high"
+    yield saying(low=about["high"], high=about["low"]), "lower limit"
+    yield saying(low=about["high"]), "lower limit"
+    yield saying(vehicle=3), "vehicle"
+    yield saying(vehicle="../mine"), "vehicle"
+    yield saying(course=None), "course"
+    yield saying(training=[]), "training"
+    yield but(about=np.array(json.dumps(about).replace("0.01", "NaN"))), "about|JSON"
+    yield but(about=np.array('{"training": ' + "[" * 100_000)), "recursion|JSON"
     yield saying(wings=2), "wings"
-    yield but(about=np.array("[]")), "JSON"
+    yield but(about=np.array("[]")), "object"
     yield but(layer_0=np.full_like(kept["layer_0"], np.nan)), "layer_0"
+    yield but(layer_0=np.full_like(kept["layer_0"], 3e38)), "layer_0"
+    yield but(layer_0=kept["layer_0"].astype(bool)), "layer_0"
+    yield but(layer_0=kept["layer_0"].astype(complex)), "layer_0"
     yield but(layer_2=kept["layer_0"]), "layer_2"
     yield but(layer_1=np.array([{"a": 1}], dtype=object)), "layer_1"
+
+
+def test_a_pilot_that_is_no_regular_file_is_one_line(tmp_path):
+    os.mkfifo(tmp_path / "pipe.npz")
+    (tmp_path / "zero.npz").symlink_to("/dev/zero")
+    (tmp_path / "loop.npz").symlink_to("loop.npz")
+    (tmp_path / "folder.npz").mkdir()
+    for name in ("pipe", "zero", "loop", "folder", "none"):
+        with pytest.raises(FileError) as error:
+            load_pilot(tmp_path / f"{name}.npz")
+        assert name in str(error.value)
+        assert "\n" not in str(error.value)
+
+
+def test_an_older_pilot_without_the_vehicles_sha256_is_read(hovering):
+    with np.load(hovering) as arrays:
+        kept = dict(arrays)
+    about = json.loads(str(kept["about"]))
+    del about["vehicle_sha256"]
+    np.savez(hovering, **kept | {"about": np.array(json.dumps(about))})
+    assert load_pilot(hovering).about.vehicle_sha256 == ""
 
 
 def test_a_damaged_file_is_one_line(hovering):

@@ -1,16 +1,22 @@
 """Training: a pilot is written, and a training goes on where it was."""
 
 import json
+import re
+import sys
 
 import numpy as np
 import pytest
+from msgspec import structs
 
-from controllers.learned.pilot import load_pilot
+from controllers.learned.pilot import load_pilot, pilot_bytes
+from quadsim.cli import train as command
 from quadsim.cli.cli import race
 from quadsim.files.strict_yaml import FileError
 from quadsim.learn.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from quadsim.learn.ppo_config import PPOConfig, crash_share
 from quadsim.learn.training import Score
+from quadsim.vehicle.vehicle_file import VEHICLES
+from tests.fuzz import learner
 
 NETWORK = {
     "weight": np.arange(6, dtype=np.float32).reshape(2, 3),
@@ -38,13 +44,27 @@ def test_a_pilot_that_finishes_is_better_than_a_fast_one_that_does_not():
     assert sorted([fast, none, slow, half]) == [none, half, slow, fast]
 
 
+def row(steps, **numbers):
+    """Return an evaluation."""
+    usual = {"reward": 1.5, "finished": 0.5, "lap": 9.5, "gates": 0.75, "seconds": 3.0}
+    return {"steps": steps} | usual | numbers
+
+
+HISTORY = [row(10), row(20, reward=2.5)]
+
+
+def write(path, network=NETWORK, history=HISTORY, **identity):
+    """Write a checkpoint."""
+    checkpoint = Checkpoint(network, history[-1]["steps"], history)
+    path.write_bytes(checkpoint_bytes(checkpoint, {"seed": 0} | identity))
+    return path
+
+
 def test_a_checkpoint_is_read_as_it_was_written(tmp_path):
-    path = tmp_path / "p.checkpoint.npz"
-    history = [{"steps": 10, "reward": 1.5}]
-    path.write_bytes(checkpoint_bytes(Checkpoint(NETWORK, 10, history), {"laps": (1, 2)}))
-    found = read_checkpoint(path, NETWORK, {"laps": (1, 2)})
-    assert found.history == history
-    assert found.steps_done == 10
+    path = write(tmp_path / "p.checkpoint.npz", laps=(1, 2))
+    found = read_checkpoint(path, NETWORK, {"seed": 0, "laps": (1, 2)})
+    assert found.history == HISTORY
+    assert found.steps_done == 20
     for name, array in NETWORK.items():
         np.testing.assert_array_equal(found.parameters[name], array)
 
@@ -53,15 +73,168 @@ def test_a_checkpoint_is_read_as_it_was_written(tmp_path):
     ("network", "identity", "problem"),
     [
         (NETWORK, {"seed": 1}, "same seed"),
+        (NETWORK, {"seed": 0, "vehicle": {"mass": 1.9}}, "same vehicle.mass: "),
+        (NETWORK, {"seed": 0, "more": 1}, "same more, vehicle: "),
         (NETWORK | {"bias": np.zeros(4, np.float32)}, {"seed": 0}, "bias"),
         (NETWORK | {"more": np.zeros(4, np.float32)}, {"seed": 0}, "more"),
     ],
 )
 def test_a_checkpoint_of_another_training_is_refused(tmp_path, network, identity, problem):
-    path = tmp_path / "p.checkpoint.npz"
-    path.write_bytes(checkpoint_bytes(Checkpoint(NETWORK, 10, []), {"seed": 0}))
+    path = write(tmp_path / "p.checkpoint.npz", vehicle={"mass": 0.87, "radius": 0.2})
+    asked = {"vehicle": {"mass": 0.87, "radius": 0.2}} if "more" not in identity else {}
+    if "vehicle" in identity:
+        identity = identity | {"vehicle": asked["vehicle"] | identity["vehicle"]}
     with pytest.raises(FileError, match=problem):
-        read_checkpoint(path, network, identity)
+        read_checkpoint(path, network, asked | identity)
+
+
+STATES = {
+    "an earlier version": ({"format": "quadsim training 3"}, "training 3"),
+    "a version of control characters": ({"format": "\x1b[2J"}, "format"),
+    "a version of a number": ({"format": 4}, "format"),
+    "text for steps": ({"steps_done": "20"}, "steps_done"),
+    "steps of a number": ({"steps_done": 20.5}, "steps_done"),
+    "negative steps": ({"steps_done": -1}, "steps_done"),
+    "true for steps": ({"steps_done": True}, "steps_done"),
+    "steps beyond the history's": ({"steps_done": 30}, "steps_done"),
+    "steps without an end": ({"steps_done": 2**70}, "steps_done"),
+    "no history": ({"history": []}, "history"),
+    "a history of text": ({"history": "rows"}, "history"),
+    "a row of a list": ({"history": [[1]]}, "history"),
+    "a row without a number": ({"history": [{"steps": 20}]}, "history"),
+    "a reward of text": ({"history": [row(20, reward="2.5")]}, "reward"),
+    "a far reward": ({"history": [row(20, reward=1e308)]}, "reward"),
+    "a share above 1": ({"history": [row(20, finished=1.5)]}, "finished"),
+    "a negative lap": ({"history": [row(20, lap=-1.0)]}, "lap"),
+    "a history that goes back": ({"history": [row(30), row(20)]}, "history"),
+    "an identity of text": ({"identity": "mine"}, "identity"),
+    "an identity of strange names": ({"identity": {"\x1b[2J": 1}}, "same"),
+    "an unknown key": ({"wings": 2}, "wings"),
+}
+
+
+@pytest.mark.parametrize("name", STATES)
+def test_a_damaged_checkpoint_is_one_line(name, tmp_path):
+    changes, problem = STATES[name]
+    path = write(tmp_path / "p.checkpoint.npz")
+    with np.load(path) as arrays:
+        kept = dict(arrays)
+    state = json.loads(str(kept["state"])) | changes
+    np.savez(path, **kept | {"state": np.array(json.dumps(state))})
+    with pytest.raises(FileError, match=problem) as error:
+        read_checkpoint(path, NETWORK, {"seed": 0})
+    assert str(error.value).startswith(f"{path}: expected ")
+    assert str(error.value).isprintable()
+
+
+def test_a_parameter_that_would_overflow_is_refused(tmp_path):
+    network = NETWORK | {"bias": np.full(3, 3e38, np.float32)}
+    with pytest.raises(FileError, match="bias"):
+        read_checkpoint(write(tmp_path / "c.npz", network), NETWORK, {"seed": 0})
+
+
+NEAR = """
+opening: [1.6, 1.6]
+start: {position: [0, 0, 1.5], yaw_deg: 0}
+gates:
+  - {position: [1.5, 0, 1.5], yaw_deg: 0}
+"""
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A folder with a course and a vehicle, where `race train` has a learner without PyTorch."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "quadsim.learn.ppo", learner.module())
+    monkeypatch.setattr(command, "find_spec", learner.is_installed)
+    (tmp_path / "near.yaml").write_text(NEAR)
+    vehicle = next(path for path in VEHICLES.glob("swift.yaml"))
+    (tmp_path / "v.yaml").write_text(vehicle.read_text())
+    return tmp_path
+
+
+def learns(steps, *flags, out="p.npz"):
+    """Train with the fake learner, whose update is 4096 steps; return the exit code."""
+    sizes = ["--environments", "64", "--hidden", "8", "--flights", "1", "--randomize", "0"]
+    given = ["--vehicle", "v.yaml", *sizes, "--steps", str(steps), "--out", out, *flags]
+    return race(["train", "near.yaml", *given])
+
+
+def steps_of(path):
+    """Return the steps after which the pilot in a file was evaluated."""
+    return load_pilot(path).about.training["evaluated"]["steps"]
+
+
+def test_a_training_goes_on_with_its_own_vehicle_alone(place, capsys):
+    assert learns(4096) == 0
+    before = (place / "p.npz").read_bytes()
+    text = (place / "v.yaml").read_text()
+    (place / "v.yaml").write_text(re.sub(r"(?m)^mass: \S+", "mass: 0.9", text))
+    capsys.readouterr()
+    assert learns(8192) == 2
+    err = capsys.readouterr().err
+    assert "vehicle.mass" in err
+    assert err.startswith("race train: p.checkpoint.npz: ")
+    assert err.count("\n") == 1
+    assert (place / "p.npz").read_bytes() == before
+    (place / "v.yaml").write_text(text)
+    assert learns(8192) == 0
+    assert steps_of("p.npz") == 8192
+
+
+@pytest.mark.parametrize(
+    ("flags", "name"),
+    [(["--crash", "3"], "rewards.crash"), (["--time-limit", "5"], "time_limit")],
+)
+def test_a_training_with_other_rewards_is_another_one(place, capsys, flags, name):
+    assert learns(4096) == 0
+    capsys.readouterr()
+    assert learns(8192, *flags) == 2
+    assert f"same {name}: " in capsys.readouterr().err
+
+
+def test_a_pilot_knows_the_numbers_of_its_vehicle(place):
+    assert learns(4096) == 0
+    first = load_pilot("p.npz").about
+    text = (place / "v.yaml").read_text()
+    (place / "v.yaml").write_text(re.sub(r"(?m)^mass: \S+", "mass: 0.9", text))
+    assert learns(4096, out="q.npz") == 0
+    second = load_pilot("q.npz").about
+    assert first.vehicle == second.vehicle == "v"
+    assert len(first.vehicle_sha256) == 64
+    assert first.vehicle_sha256 != second.vehicle_sha256
+
+
+def test_a_training_killed_before_its_checkpoint_keeps_the_better_pilot(place):
+    """The pilot on the disk is newer than the checkpoint, and better than what comes."""
+    assert learns(4096) == 0
+    pilot = load_pilot("p.npz")
+    best = row(8192, finished=1.0, lap=0.5, gates=1.0)
+    about = structs.replace(pilot.about, training=pilot.about.training | {"evaluated": best})
+    (place / "p.npz").write_bytes(pilot_bytes(pilot.weights, about))
+    assert learns(12288) == 0
+    assert load_pilot("p.npz").about.training["evaluated"] == best
+
+
+def test_a_training_whose_pilot_is_gone_writes_one_again(place):
+    assert learns(4096) == 0
+    (place / "p.npz").unlink()
+    assert learns(8192) == 0
+    assert steps_of("p.npz") == 8192
+
+
+def test_a_training_replaces_no_file_that_is_no_pilot(place, capsys):
+    (place / "p.npz").write_bytes(b"something else")
+    assert learns(4096) == 2
+    assert capsys.readouterr().err.startswith("race train: p.npz: expected a pilot")
+    assert (place / "p.npz").read_bytes() == b"something else"
+
+
+def test_a_training_that_cannot_write_says_so_before_it_learns(place, capsys):
+    assert learns(4096, out="/proc/x/p.npz") == 2
+    err = capsys.readouterr().err
+    assert err.startswith("race train: /proc/x: cannot write here")
+    assert err.count("\n") == 1
 
 
 def test_a_training_writes_a_pilot_that_flies_and_goes_on_from_its_checkpoint(tmp_path, capsys):

@@ -47,7 +47,7 @@ class Waypoints:
 
 
 def solved(case: Waypoints, intervals: int) -> Solution:
-    """The fastest flight, from straight lines, with so many intervals a leg."""
+    """Return the fastest flight, found from straight lines with `intervals` intervals a leg."""
     model = case.vehicle
     program = Program()
     interval = Interval(model)

@@ -165,7 +165,7 @@ def test_a_u_turn_behind_a_gate_goes_around_its_frame():
 
 
 def touched(solution, gate):
-    """When the path between nodes touches the frame [s]."""
+    """Return when the path between nodes touches the frame [s]."""
     swept = SweptGate(gate, 0, SWIFT.radius)
     path = StoredSolution("", "", 1, False, [], {}, solution).path(1000.0)
     local = [gate.to_local(tuple(p)) for p in path[:, 1:]]

@@ -133,7 +133,8 @@ def test_a_slower_solution_does_not_replace_a_faster_one(place, tmp_path, capsys
     faster = told["time"] - 0.1
     limits_folder(tmp_path).mkdir()
     file = limits_folder(tmp_path) / mine().file_name
-    file.write_bytes(dump(replace(stored, lap_times=[faster])))
+    nodes = replace(stored.solution, t=stored.solution.t * faster / told["time"])
+    file.write_bytes(dump(replace(stored, lap_times=[faster], solution=nodes)))
     words = ("limit", str(folder / "mine.yaml"), "--nodes", "8", "--runs-dir", str(tmp_path))
     code, out, _ = run(capsys, *words)
     assert code == 0

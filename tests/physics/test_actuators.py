@@ -1,4 +1,4 @@
-"""What the actuators promise, checked without a physics engine."""
+"""The actuators keep their laws; no physics engine is needed to see it."""
 
 from dataclasses import replace
 from math import exp

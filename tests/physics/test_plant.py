@@ -1,4 +1,4 @@
-"""What the plants promise: physics with actuators on, determinism, and models as worlds."""
+"""Plants obey physics with actuators on, are deterministic, and may be the planner's model."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""What the PyBullet world promises: Newton, frames, and contacts where the geometry says."""
+"""The PyBullet world obeys Newton, keeps frames, and has contacts where the geometry says."""
 
 import subprocess
 import sys
@@ -47,7 +47,7 @@ def coast(world, seconds, force=REST, torque=REST):
 
 
 def touches(world, number, local):
-    """What the vehicle touches when put at a point of the frame of gate `number`."""
+    """Return the contacts of the vehicle at a point of the frame of gate `number`."""
     gate = GATES[number - 1]
     # far off first: a jump through a bar drags
     for p in ((0.0, 0.0, 90.0), gate.position + gate.rotation @ local):

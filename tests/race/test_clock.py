@@ -30,8 +30,10 @@ class FakeTime:
 
 
 class Planner:
-    """Answers its n-th plan with the control n, after so many seconds of fake time; notes when it
-    was asked."""
+    """A planner that returns the control n from its n-th call, and notes when it was asked.
+
+    The n-th of `durations` is the fake time that its n-th call takes [s].
+    """
 
     rest = np.zeros(1)
 
@@ -76,8 +78,7 @@ class Watch:
 
 
 def flown(durations, end, clock=None):
-    """When plans were begun [s], the periods that had elapsed, and the control of every physics
-    step."""
+    """Return when plans were begun [s], the elapsed periods, and the control of every step."""
     time = FakeTime()
     planner, watch = Planner(time, durations), Watch(end)
     counter = System(

@@ -41,8 +41,10 @@ class Pass:
 
     @property
     def depth(self):
-        """How far the free flight would bring the sphere into a bar's true shape, negative outside
-        [m]."""
+        """Return how far the free flight would bring the sphere into a bar's true shape [m].
+
+        It is negative outside.
+        """
         s = np.linspace(0.0, 2 * NEAR / self.speed, 4001)[:, None]
         p = self.start + s * self.velocity  # (4001, 3)
         gaps = [np.maximum(np.abs(p - np.array(c)) - np.array(h), 0.0) for c, h in GATE.bars]
@@ -65,8 +67,10 @@ def random_pass(rng):
 
 
 def fly_pass(world, trial):
-    """Whether the referee called a HIT, and whether PyBullet touched: a contact, or a velocity that
-    changed."""
+    """Return whether the referee called a HIT, and whether PyBullet touched.
+
+    PyBullet touched if there was a contact, or if the velocity changed.
+    """
     referee = Referee(course(GATE), R, laps=99, timeout=1e3, penalties=True)
     turn, v0 = GATE.rotation, GATE.rotation @ trial.velocity
     p0 = tuple((GATE.position + turn @ trial.start).tolist())

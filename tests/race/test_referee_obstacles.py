@@ -93,8 +93,10 @@ def test_every_contact_that_pybullet_sees_is_a_hit_and_hits_are_near(obstacle):
 
 
 def passed_by(world, obstacle, p0, v):
-    """Whether the referee called a hit, whether PyBullet touched, and the least distance to the
-    obstacle's surface."""
+    """Return whether the referee called a hit, whether PyBullet touched, and the least distance.
+
+    The distance is that to the obstacle's surface [m].
+    """
     judge, nearest = referee(obstacle, gates=AWAY), np.inf
     world.place(p0, (1.0, 0.0, 0.0, 0.0), tuple(v.tolist()))
     points = [p0]

@@ -1,6 +1,7 @@
 """Reading a run folder checks everything in it."""
 
 import json
+import os
 from functools import partial
 from pathlib import Path
 
@@ -28,11 +29,16 @@ BEST = np.zeros((2, 8, 5, 3), np.float32)
 
 
 def cut_json(path):
-    (path / "run.json").write_text('{"schema_version": 1, "spec"')
+    (path / "run.json").write_text('{"format": "quadsim run 1", "spec"')
 
 
 def binary_json(path):
     (path / "run.json").write_bytes(b"\xff\x00")
+
+
+def pipe_json(path):
+    (path / "run.json").unlink()
+    os.mkfifo(path / "run.json")
 
 
 def empty_npz(path):
@@ -49,15 +55,18 @@ def changed_npz(**changes):
 
 # Name -> what harms the folder, and what the error names
 DAMAGE = {
-    "newer": (changed_json(schema_version=2), "schema_version"),
-    "no version": (changed_json(schema_version=None), "damaged"),
+    "newer": (changed_json(format="quadsim run 2"), "got 'quadsim run 2'"),
+    "before the formats": (changed_json(format=None), "got none: a quadsim from before"),
+    "format": (changed_json(format=1), "damaged"),
+    "no laps": (changed_json(spec={"course": "x"}), "spec: expected that of a flight"),
     "outcome": (changed_json(outcome="won"), "'won'"),
     "edited lap": (changed_json(events=[]), "digest"),
     "event": (changed_json(events=[{"t": "soon"}]), r"events\[0\].t"),
     "cut json": (cut_json, "damaged"),
     "binary json": (binary_json, "damaged"),
-    "no json": (lambda path: (path / "run.json").unlink(), "cannot read"),
-    "no npz": (lambda path: (path / "telemetry.npz").unlink(), "cannot read"),
+    "no json": (lambda path: (path / "run.json").unlink(), "no such file"),
+    "pipe": (pipe_json, "got a folder, a pipe or a device"),
+    "no npz": (lambda path: (path / "telemetry.npz").unlink(), "no such file"),
     "empty npz": (empty_npz, "damaged"),
     "column": (changed_npz(vz=None), "missing or unknown: vz"),
     "length": (changed_npz(vz=np.zeros(3)), "vz: "),

@@ -1,4 +1,4 @@
-"""What a run is: its columns, its laps, its identity."""
+"""A run has its columns, its laps and its identity."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What a gate's frame hides from the camera."""
+"""The frame of a gate hides what lies behind it from the camera."""
 
 from math import pi
 

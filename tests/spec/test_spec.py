@@ -85,7 +85,7 @@ def test_timeout_grows_with_the_laps():
     assert small(timeout=7).timeout == 7.0
 
 
-# What changes when a spec is changed
+# A spec that is changed
 
 
 def test_a_changed_sampler_brings_its_own_numbers():

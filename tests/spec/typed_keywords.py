@@ -1,4 +1,4 @@
-"""What a type checker says of the keywords of `quadsim.fly`; checked by `make lint`.
+"""Calls of `quadsim.fly` that a type checker accepts or refuses; `make lint` checks them.
 
 A line that pyright must refuse carries an ignore. Where pyright no longer refuses it, the ignore is
 reported as unnecessary, which fails the lint.

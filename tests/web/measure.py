@@ -1,4 +1,4 @@
-"""What a page costs. It is no test: it takes minutes and a quiet machine to itself.
+"""Measure the cost of a page. This is no test: it takes minutes and a quiet machine to itself.
 
 python tests/web/measure.py slowdown   plan time with four clients against none: < 10 % more
 python tests/web/measure.py air        from one click to the second frame: < 5 s

@@ -16,7 +16,7 @@ from web.race import PageRace
 
 
 async def settled(claim, seconds=5.0):
-    """Whether it comes true while messages are handled."""
+    """Return whether the claim comes true while messages are handled."""
     for _ in range(int(seconds / 0.01)):
         if claim():
             return True

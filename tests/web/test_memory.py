@@ -110,7 +110,7 @@ def test_the_server_keeps_no_more_after_many_races_than_after_three(
 
 
 async def falls_silent(seen):
-    """Whether a second without a message comes, longer than the longest period of the page."""
+    """Return whether a second without a message comes, longer than the page's longest period."""
     for _ in range(30):
         before = len(seen)
         await asyncio.sleep(1.2)

@@ -29,7 +29,7 @@ def over(session):
 
 
 def flown(session, frames):
-    """Whether the first competitor comes to have more frames."""
+    """Return whether the first competitor comes to have more frames."""
     return until(
         lambda: session.snapshot.competitors and len(session.snapshot.competitors[0].t) > frames
     )

@@ -135,7 +135,7 @@ def store(root, run):
 
 
 def until(claim, seconds=10.0):
-    """Whether it comes true in time."""
+    """Return whether the claim comes true in time."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         if claim():

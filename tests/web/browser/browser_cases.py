@@ -80,7 +80,7 @@ def seen(page, words):
 
 
 def waited(page, claim, seconds=90):
-    """Whether it comes true while the browser lives on."""
+    """Return whether the claim comes true while the browser lives on."""
     for _ in range(int(seconds / 0.05)):
         if claim():
             return True
@@ -106,7 +106,7 @@ def listen(page):
 
 
 def drone(page, k=0):
-    """Where the page draws a drone [m]."""
+    """Return where the page draws a drone [m]."""
     script = """name => { const n = window.__viserMutable?.nodeRefFromName[name];
                 return n ? [n.position.x, n.position.y, n.position.z] : null }"""
     return page.evaluate(script, f"/competitor/{k}")

@@ -79,7 +79,7 @@ def stands_at(page, part, place):
 
 
 def drawn(course, x, i):
-    """Where the ghost is: as far off the drone as the estimate is, enlarged as the drone is."""
+    """Return where the ghost is: off the drone as the estimate is, enlarged as the drone is."""
     truth = np.array([x[f"p{axis}"][i] for axis in "xyz"])
     estimate = np.array([x[f"est_p{axis}"][i] for axis in "xyz"])
     return truth + visible_scale(course) * (estimate - truth)
@@ -108,7 +108,7 @@ def test_the_corners_of_the_last_picture_are_drawn(page, piloted):
 
 
 def typed(page, t):
-    """Whether the time field holds t; typed again where the page set another time in between."""
+    """Return whether the time field holds t; type it again if the page has set another time."""
     if float(field(page, "Time [s]").last.input_value()) != t:
         fill(page, "Time [s]", t)
         page.wait_for_timeout(500)

@@ -87,7 +87,7 @@ def phone(browser, shared_session):
 
 
 def scene(page, name):
-    """Whether a node of the scene is drawn; None: there is none."""
+    """Return whether a node of the scene is drawn, or None if there is no such node."""
     return page.evaluate(
         "name => window.__viserMutable?.nodeRefFromName[name]?.visible ?? null", name
     )
@@ -157,7 +157,7 @@ def test_each_visitor_has_a_camera_and_fpv_is_the_drones(page, race, phone):
 
 
 def head(phone):
-    """Where the head-up display is, and what it says."""
+    """Return where the head-up display is, and its text."""
     box = phone.locator(".hud-copy").bounding_box()
     return (box["x"], box["y"], box["width"]), phone.locator(".hud-copy").inner_text()
 

@@ -1,0 +1,301 @@
+"""Faults: parts of a vehicle that fail in flight.
+
+    rotor2=.5@3.2        rotor 2 gives half the thrust that it should, from 3.2 s on
+    rotor2=0@3.2-4       it gives none until 4 s
+    camera=lost@2~1      no measurement comes for 1 s from 2 s on
+    gyro=frozen@2-2.5    the last measurement's values are repeated
+    gyro=.1:0:0@3        a bias of .1 rad/s about x is added from 3 s on
+    commands=lost@2~.1   the last command that arrived stays in force
+
+The seed draws what a text leaves out: the rotor in `rotor=.5@3`, the direction of a bias in
+`gyro=.1@3`, and the time in `rotor2=.5` and in `gyro=frozen~.1`.
+
+Neither the planner nor the estimator is told of a fault. Rotors fail in the actuators, sensors
+where they are sampled, and commands on their way to the plant.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import dist, inf, sqrt
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+
+from quadsim.course import Course
+from quadsim.files.yaml_errors import did_you_mean
+from quadsim.files.yaml_values import DECIMAL
+from quadsim.streams import fault_stream
+from quadsim.vehicle import GRAVITY, Vehicle
+
+ROTORS = 4
+# [s] by which instants may differ that are taken for one
+SAME = 1e-9
+# decimals of a time in a text [s], and of a time and of a bias that the seed draws
+NANOSECONDS = 9
+DRAWN_DIGITS = 4
+# latest time, as in the setting `timeout` [s]
+LATEST = 1e5
+
+Effect = Literal["frozen", "lost"]
+# sensors that can fail as a whole, by their keys in a sensing file
+WholeSensor = Literal["imu", "rotors", "pose", "camera"]
+WHOLE_SENSORS: tuple[WholeSensor, ...] = get_args(WholeSensor)
+# parts of an imu
+ImuPart = Literal["gyro", "accelerometer"]
+IMU_PARTS: tuple[ImuPart, ...] = get_args(ImuPart)
+# part of an imu -> unit of its bias, and the largest that is accepted
+BIASES: dict[ImuPart, tuple[str, float]] = {
+    "gyro": ("rad/s", 100.0),
+    "accelerometer": ("m/s^2", 1000.0),
+}
+EXAMPLES = "rotor2=.5@3.2, camera=lost@2-4, gyro=.1:0:0@3 or commands=lost~.1"
+
+
+class Window(NamedTuple):
+    """The time of a fault."""
+
+    # [s]; None: the seed draws it
+    start: float | None = None
+    # [s]; inf: until the end of the flight
+    duration: float = inf
+
+    def active(self, t: float) -> bool:
+        """Return whether a fault is there at t [s]. Its start belongs to it, its end does not."""
+        assert self.start is not None, "the time of this fault is not drawn yet"
+        return -SAME <= t - self.start < self.duration - SAME
+
+    @property
+    def end(self) -> float:
+        """The time at which the fault ends [s]; inf: not before the flight does."""
+        assert self.start is not None, "the time of this fault is not drawn yet"
+        return round(self.start + self.duration, NANOSECONDS)
+
+    def __str__(self) -> str:
+        """Return the time as the end of a fault's text has it."""
+        if self.start is None:
+            return "" if self.duration == inf else f"~{_short(self.duration)}"
+        if self.duration == inf:
+            return f"@{_short(self.start)}"
+        return f"@{_short(self.start)}-{_short(self.end)}"
+
+
+@dataclass(frozen=True)
+class RotorFault:
+    """A rotor gives less thrust than it should."""
+
+    # number from 1, in the order of quadsim.vehicle.Rotors; None: the seed draws it
+    rotor: int | None
+    # share of its thrust that is left, from 0 to 1
+    strength: float
+    window: Window
+
+    def __str__(self) -> str:
+        """Return the fault's text."""
+        number = "" if self.rotor is None else self.rotor
+        return f"rotor{number}={_short(self.strength)}{self.window}"
+
+
+@dataclass(frozen=True)
+class SensorFault:
+    """A sensor, or a part of the imu, repeats its last values or measures nothing."""
+
+    sensor: WholeSensor | ImuPart
+    effect: Effect
+    window: Window
+
+    def __str__(self) -> str:
+        """Return the fault's text."""
+        return f"{self.sensor}={self.effect}{self.window}"
+
+
+@dataclass(frozen=True)
+class BiasJump:
+    """A bias is added to what a part of the imu measures."""
+
+    sensor: ImuPart
+    # along x, y and z of the body, or one number: the seed draws the direction [rad/s or m/s^2]
+    jump: tuple[float, ...]
+    window: Window
+
+    def __str__(self) -> str:
+        """Return the fault's text."""
+        return f"{self.sensor}={':'.join(map(_short, self.jump))}{self.window}"
+
+
+@dataclass(frozen=True)
+class CommandLoss:
+    """No command arrives at the vehicle."""
+
+    window: Window
+
+    def __str__(self) -> str:
+        """Return the fault's text."""
+        return f"commands=lost{self.window}"
+
+
+Fault = RotorFault | SensorFault | BiasJump | CommandLoss
+FaultOfSensor = SensorFault | BiasJump
+
+
+def sensor_key(fault: FaultOfSensor) -> str:
+    """Return the key in a sensing file of the sensor that a fault belongs to."""
+    return "imu" if fault.sensor in IMU_PARTS else fault.sensor
+
+
+def _short(number: float) -> str:
+    """Return the shortest text that stands for exactly this number."""
+    return repr(float(number)).removesuffix(".0")
+
+
+# ---- from texts ---------------------------------------------------------------------------------
+
+
+def parse_fault(text: str) -> Fault:
+    """Return the fault of a text; `str` of a fault returns a text of it.
+
+    Raises:
+        ValueError: the text is not that of a fault; the message is one line.
+    """
+    target, is_fault, rest = text.strip().partition("=")
+    if not is_fault:
+        raise ValueError(f"expected TARGET=WHAT@TIME, such as {EXAMPLES}, got {text!r}")
+    what, window = _split_time(rest, text)
+    if target in IMU_PARTS:
+        return _imu_part_fault(target, what, window, text)
+    if target in WHOLE_SENSORS:
+        return SensorFault(target, _effect(what, get_args(Effect), text), window)
+    if target == "commands":
+        _effect(what, ("lost",), text)
+        return CommandLoss(window)
+    if target.startswith("rotor"):
+        return RotorFault(_rotor(target, text), _strength(what, text), window)
+    known = ["rotor1", "rotor", *WHOLE_SENSORS, *IMU_PARTS, "commands"]
+    raise ValueError(f"no part {target!r} in {text!r}: {did_you_mean(target, known)}")
+
+
+# what happens, then @start, @start-end or @start~duration, or ~duration alone
+TIME = re.compile(
+    r"(?P<what>[^@~]*)"
+    r"(?:@(?P<start>[^@~-]*)(?:-(?P<end>[^@~]*))?)?"
+    r"(?:~(?P<lasts>.*))?"
+)
+
+
+def _split_time(rest: str, text: str) -> tuple[str, Window]:
+    """Return what happens, and when, of the text after the equals sign. Raises ValueError."""
+    wanted = "expected a time [s] as in @2, @2-2.5 (from, until) or ~.5 (for .5 s)"
+    found = TIME.fullmatch(rest)
+    if found is None or (found["end"] is not None and found["lasts"] is not None):
+        raise ValueError(f"{wanted}, got {text!r}")
+    start = _seconds(found["start"], wanted, text)
+    end = _seconds(found["end"], wanted, text)
+    duration = _seconds(found["lasts"], wanted, text)
+    if end is not None and start is not None:
+        duration = round(end - start, NANOSECONDS)
+    if duration is not None and duration <= 0.0:
+        raise ValueError(f"expected a fault that ends after it begins [s], got {text!r}")
+    return found["what"], Window(start, inf if duration is None else duration)
+
+
+def _seconds(text: str | None, wanted: str, fault: str) -> float | None:
+    """Return a time [s], None where none is given. Raises ValueError."""
+    if text is None:
+        return None
+    if not DECIMAL.fullmatch(text) or not 0.0 <= float(text) <= LATEST:
+        raise ValueError(f"{wanted}, from 0 to {LATEST:g}, got {fault!r}")
+    return round(float(text), NANOSECONDS)
+
+
+def _rotor(target: str, text: str) -> int | None:
+    """Return the number of the rotor, None where the text has none. Raises ValueError."""
+    number = target.removeprefix("rotor")
+    if not number:
+        return None
+    if number not in map(str, range(1, ROTORS + 1)):
+        wanted = f"expected rotor1 to rotor{ROTORS}, or rotor for a drawn one"
+        raise ValueError(f"{wanted}, got {text!r}")
+    return int(number)
+
+
+def _strength(what: str, text: str) -> float:
+    """Return the share of its thrust that a rotor has left. Raises ValueError."""
+    if what == "lost":
+        return 0.0
+    if not DECIMAL.fullmatch(what) or not 0.0 <= float(what) <= 1.0:
+        wanted = "expected the share of thrust that is left, from 0 (lost) to 1"
+        raise ValueError(f"{wanted}, got {what!r} in {text!r}")
+    return float(what)
+
+
+def _effect(what: str, known: Sequence[Any], text: str) -> Any:
+    """Return an effect of those known. Raises ValueError."""
+    if what not in known:
+        raise ValueError(f"expected {' or '.join(known)}, got {what!r} in {text!r}")
+    return what
+
+
+def _imu_part_fault(sensor: ImuPart, what: str, window: Window, text: str) -> Fault:
+    """Return the fault of the gyroscope or the accelerometer. Raises ValueError."""
+    if what == "frozen":
+        return SensorFault(sensor, "frozen", window)
+    unit, largest = BIASES[sensor]
+    parts = what.split(":")
+    numbers = [float(part) for part in parts if DECIMAL.fullmatch(part)]
+    fits = len(numbers) == len(parts) and len(parts) in (1, 3)
+    if not fits or not all(abs(number) <= largest for number in numbers):
+        wanted = f"expected frozen, or a bias as one number or x:y:z [{unit}] up to {largest:g}"
+        hint = "; the imu is lost as a whole, imu=lost" if what == "lost" else ""
+        raise ValueError(f"{wanted}, got {what!r} in {text!r}{hint}")
+    return BiasJump(sensor, tuple(numbers), window)
+
+
+# ---- what the seed draws ------------------------------------------------------------------------
+
+
+def first_lap(course: Course, vehicle: Vehicle) -> float:
+    """Return a rough estimate of the time of the first lap [s].
+
+    It is the time to fly each straight leg between gates from rest, with the acceleration that full
+    thrust leaves beside the weight. A racer does not stop at gates, but its path is longer and its
+    thrust has to turn it: on the Split-S courses both make up for each other within a tenth.
+    """
+    acceleration = sqrt(max(vehicle.thrust_max**2 - GRAVITY**2, GRAVITY**2))
+    places = [course.start.position, *(gate.position for gate in course.gates)]
+    return sum(sqrt(2.0 * dist(a, b) / acceleration) for a, b in pairwise(places))
+
+
+def drawn(
+    faults: Sequence[Fault], seeds: np.random.SeedSequence, latest: float
+) -> tuple[Fault, ...]:
+    """Return the faults with all that their texts left out, drawn from the seed.
+
+    Each fault has a stream of its own and draws the same numbers whatever it is. So the first
+    fault of a seed begins at the same time in every variant, and a second does not change it.
+
+    Args:
+        faults: faults, whose order decides what is drawn for each.
+        seeds: the stream of the faults.
+        latest: a drawn time lies between 0 and this [s], uniformly.
+    """
+    return tuple(_drawn(fault, fault_stream(seeds, k), latest) for k, fault in enumerate(faults))
+
+
+def _drawn(fault: Fault, seeds: np.random.SeedSequence, latest: float) -> Fault:
+    rng = np.random.default_rng(seeds)
+    start = round(rng.uniform(0.0, latest), DRAWN_DIGITS)
+    rotor = int(rng.integers(ROTORS)) + 1
+    direction = rng.standard_normal(3)
+    direction /= np.linalg.norm(direction)
+
+    if fault.window.start is None:
+        fault = replace(fault, window=Window(start, fault.window.duration))
+    if isinstance(fault, RotorFault) and fault.rotor is None:
+        return replace(fault, rotor=rotor)
+    if isinstance(fault, BiasJump) and len(fault.jump) == 1:
+        jump = np.round(fault.jump[0] * direction, DRAWN_DIGITS)
+        return replace(fault, jump=tuple(jump.tolist()))
+    return fault

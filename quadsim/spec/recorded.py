@@ -1,0 +1,369 @@
+"""Specs of stored flights: the record of a Spec, read back into a Spec that flies the same."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, cast
+
+import msgspec
+
+from controllers.config import MPPIConfig
+from controllers.costs.race import RaceWeights
+from controllers.costs.reference import ReferenceWeights
+from controllers.learned.pilot import Pilot, load_pilot
+from controllers.presets import Planner
+from controllers.samplers import SAMPLERS, Sampling
+from quadsim.course import Course, parse_course
+from quadsim.dynamics.quadrotor import ModelParams
+from quadsim.files.strict_yaml import FileError
+from quadsim.record.run import INTERACTIVE, canonical, hostless, own_parts
+from quadsim.sensing import Sensing
+from quadsim.spec.changes import PlannerChange
+from quadsim.spec.parts import is_registered, own_sampler, term_of_text, terms_of
+from quadsim.spec.reference import followed_problem, followed_reference
+from quadsim.spec.settings import SETTINGS, Clock, FlightSettings
+from quadsim.spec.spec import PLANTS, Spec
+from quadsim.spec.values import checked
+from quadsim.vehicle import Vehicle
+
+WHAT = "the record of a flight, such as run.spec"
+# Settings that change no flight
+HOST = ("threads", "runs_dir")
+
+
+class RecordError(FileError):
+    """A recorded flight cannot be flown again. One line: which part of it, and what to do."""
+
+
+class RecordedPlanner(msgspec.Struct):
+    """A planner's numbers in a record; those of a sampler or a cost are read with its class."""
+
+    vehicle: str
+    sampling: dict[str, Any]
+    mppi: MPPIConfig
+    cost: dict[str, Any]
+
+
+class RecordedPilot(msgspec.Struct):
+    """A pilot in a record."""
+
+    name: str
+    sha256: str
+
+
+class RecordedReference(msgspec.Struct):
+    """The solution of `race limit` that a recorded planner followed."""
+
+    key: str
+    sha256: str
+
+
+class ChangedPlanner(msgspec.Struct):
+    """A planner's numbers after a change in flight."""
+
+    sampling: dict[str, Any]
+    mppi: MPPIConfig
+
+
+class RecordedChange(msgspec.Struct):
+    """A change in flight."""
+
+    t: float
+    name: str
+    before: float = msgspec.field(name="from")
+    after: float = msgspec.field(name="to")
+    planner: ChangedPlanner
+
+
+class RecordedHost(msgspec.Struct):
+    """Where a flight was flown: nothing in it changes the flight."""
+
+    runs_dir: str = FlightSettings.runs_dir
+    pilot: str | None = None
+
+
+class Recorded(msgspec.Struct):
+    """The keys of a record that a Spec is made from; the others follow from them."""
+
+    course: str
+    course_text: str
+    vehicle: Vehicle
+    sampler: str
+    preset: str
+    planner: RecordedPlanner
+    model: ModelParams
+    seed: int
+    laps: int
+    timeout: float
+    penalties: bool
+    plant: str
+    plant_dt: float
+    randomize: float
+    clock: Clock
+    deadline_ms: float | None
+    host: RecordedHost = msgspec.field(default_factory=RecordedHost)
+    sensing: Sensing | None = None
+    displace_gates: float = 0.0
+    view_weight: float = 0.0
+    faults: tuple[str, ...] = ()
+    pilot: RecordedPilot | None = None
+    reference: RecordedReference | None = None
+    own: dict[str, Any] = {}
+    interactive: list[RecordedChange] = []
+
+
+def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own: object) -> Spec:
+    """Return the Spec of a recorded flight, which flies the same to the last bit.
+
+    Files that the flight has followed (a pilot, a solution of `race limit`) are looked for where
+    they were, and have to be the same. A record has the names of the user's own parts and not their
+    code: each is given anew, and has to be the same.
+
+    Args:
+        record: the spec of a run.
+        runs_dir: folder of runs in place of the recorded one.
+        own: {role: part} of the user's own parts that took part in the flight.
+
+    Raises:
+        RecordError: a file or a part is missing or differs, or the record is not one of a flight.
+    """
+    try:
+        read = msgspec.convert(dict(record), Recorded)
+        described = set(read.own)
+        _check_own(described, own)
+        recorded = read.host.runs_dir
+        spec = _built(read, own, [runs_dir or recorded, recorded])
+        spec = replace(spec, runs_dir=runs_dir or recorded, **_whole_numbers(spec, record))
+    except msgspec.ValidationError as error:
+        raise RecordError(f"expected {WHAT}: {error}") from None
+    _check_same(record, spec)
+    return spec
+
+
+def recorded_spec(record: Mapping[str, Any], settings: Mapping[str, Any]) -> Spec:
+    """Return the Spec of a recorded flight with some of its settings changed.
+
+    Args:
+        record: the spec of a run.
+        settings: keywords of `quadsim.fly`. Those that give the user's own parts of the flight, the
+            folder of runs and the threads change no flight; with any other, changes made in flight
+            are not made again.
+
+    Raises:
+        RecordError: see `spec_of_record`.
+        SettingError: see `Spec.but`.
+    """
+    given, changed = sorted_settings(record, settings)
+    own = dict(given)
+    host = {name: own.pop(name) for name in HOST if name in own}
+    term = own.pop("term", None)
+    if term is not None:
+        texts = [term] if isinstance(term, str) else term
+        own["terms"] = tuple(map(term_of_text, texts))
+    for name, value in host.items():
+        host[name] = checked(name, value, SETTINGS[name].kind)
+    threads = host.pop("threads", None)
+    spec = replace(spec_of_record(record, **own, **host), threads=threads)
+    return spec.but(**changed) if changed else spec
+
+
+def sorted_settings(
+    record: Mapping[str, Any], settings: Mapping[str, Any]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the settings that a recorded flight needs anew, and those that change it."""
+    described = record.get("own")
+    needed = {*HOST, *(described if isinstance(described, Mapping) else ())}
+    if "terms" in needed:
+        needed.add("term")
+    asked = {name: value for name, value in settings.items() if value is not None}
+    given = {name: value for name, value in asked.items() if name in needed}
+    changed = {name: value for name, value in asked.items() if name not in needed}
+    return given, changed
+
+
+def _check_own(described: set[str], own: Mapping[str, object]) -> None:
+    """Raise RecordError unless the user's own parts are those that the record has."""
+    for role in sorted(described - own.keys()):
+        what = "of your own, whose code is not in the record"
+        raise RecordError(f"{role}: the flight had one {what}; give it again as {role}=...")
+    for role in sorted(own.keys() - described):
+        raise RecordError(f"{role}: expected none, as the recorded flight had none of its own")
+
+
+def _built(read: Recorded, own: Mapping[str, Any], folders: Sequence[str]) -> Spec:
+    """Return the Spec of a record that has been read.
+
+    Args:
+        read: the record.
+        own: the user's own parts by role.
+        folders: folders of runs in which to look for a solution that was followed.
+    """
+    course: Course = own.get("course") or parse_course(read.course_text, read.course)
+    planner = _planner(read, own)
+    reference = None
+    if read.reference and isinstance(planner.cost, ReferenceWeights):
+        problem = followed_problem(course, read.vehicle, read.laps, planner.cost)
+        reference = followed_reference(problem, read.reference.sha256, folders)
+    return Spec(
+        course=course,
+        vehicle=read.vehicle,
+        planner=planner,
+        model=read.model,
+        laps=read.laps,
+        timeout=read.timeout,
+        sensing=read.sensing,
+        pilot=_pilot(read),
+        seed=read.seed,
+        randomize=read.randomize,
+        displace_gates=read.displace_gates,
+        view_weight=read.view_weight,
+        penalties=read.penalties,
+        fault=read.faults,
+        plant=own.get("plant") or _plant(read.plant),
+        plant_dt=read.plant_dt,
+        clock=read.clock,
+        deadline_ms=read.deadline_ms,
+        terms=terms_of(own.get("terms", ())),
+        cost=own.get("cost"),
+        controller=own.get("controller"),
+        referee=own.get("referee"),
+        reference=reference,
+        changes=tuple(_changes(read)),
+    )
+
+
+def _plant(name: str) -> Any:
+    """Return the name of a plant. Raises RecordError."""
+    if name not in PLANTS:
+        known = " or ".join(map(repr, PLANTS))
+        raise RecordError(f"plant: expected {known}, got {name!r}")
+    return name
+
+
+def _planner(read: Recorded, own: Mapping[str, Any]) -> Planner:
+    """Return the planner of a record."""
+    stored = read.planner
+    if "sampler" in own:
+        sampling = cast(Sampling, own_sampler(own["sampler"]))
+    else:
+        # A flight by a pilot has a planner too, which does not fly
+        sampling = _sampling(read.sampler, stored.sampling)
+    cost_class = ReferenceWeights if read.reference else RaceWeights
+    return Planner(
+        vehicle=stored.vehicle,
+        sampling=sampling,
+        mppi=stored.mppi,
+        cost=msgspec.convert(stored.cost, cost_class),
+        preset=read.preset,
+    )
+
+
+def _sampling(name: str, numbers: dict[str, Any]) -> Sampling:
+    """Return a registered sampler with these numbers. Raises RecordError."""
+    if name == "pilot":
+        # The planner does not fly: any sampler with these numbers will do
+        names = [key for key, kind in SAMPLERS.items() if _field_names(kind) == numbers.keys()]
+        name = names[0] if names else name
+    if name not in SAMPLERS:
+        raise RecordError(f"sampler: expected one of {', '.join(SAMPLERS)}, got {name!r}")
+    return msgspec.convert(numbers, SAMPLERS[name])
+
+
+def _field_names(kind: type) -> set[str]:
+    return {field.name for field in fields(kind)}
+
+
+def _whole_numbers(spec: Spec, record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parts of a Spec that hold numbers, as the record has them."""
+    stored = record["planner"]
+    planner = replace(
+        spec.planner,
+        mppi=_with_whole_numbers(spec.planner.mppi, stored["mppi"]),
+        cost=_with_whole_numbers(spec.planner.cost, stored["cost"]),
+    )
+    if is_registered(planner.sampling):
+        sampling = _with_whole_numbers(planner.sampling, stored["sampling"])
+        planner = replace(planner, sampling=sampling)
+    changes = [
+        _with_whole_numbers(
+            change, {**raw["planner"], "before": raw["from"], "after": raw["to"], "t": raw["t"]}
+        )
+        for change, raw in zip(spec.changes, record.get(INTERACTIVE, ()), strict=True)
+    ]
+    names = ("vehicle", "model", "sensing", "timeout", "plant_dt", "randomize", "deadline_ms")
+    names += ("displace_gates", "view_weight")
+    numbers = {
+        name: _with_whole_numbers(getattr(spec, name), record[name])
+        for name in names
+        if name in record
+    }
+    return numbers | {"planner": planner, "changes": tuple(changes)}
+
+
+def _with_whole_numbers(value: Any, raw: Any) -> Any:
+    """Return a value that was read as floats, with whole numbers where the record has them.
+
+    They are equal, but a record tells 60 from 60.0, and the digest of a run with it.
+    """
+    if isinstance(value, float) and isinstance(raw, int):
+        return raw
+    if isinstance(value, tuple) and isinstance(raw, list):
+        items = [_with_whole_numbers(*pair) for pair in zip(value, raw, strict=True)]
+        return type(value)(*items) if hasattr(value, "_fields") else tuple(items)
+    if is_dataclass(value) and not isinstance(value, type) and isinstance(raw, dict):
+        changed = {
+            field.name: _with_whole_numbers(getattr(value, field.name), raw[field.name])
+            for field in fields(value)
+            if field.name in raw
+        }
+        return replace(value, **changed)
+    return value
+
+
+def _pilot(read: Recorded) -> Pilot | None:
+    """Return the pilot of a record from its file. Raises FileError."""
+    if read.pilot is None:
+        return None
+    path = read.host.pilot or read.pilot.name
+    pilot = load_pilot(path)
+    if pilot.digest != read.pilot.sha256:
+        wanted = f"expected the pilot that flew, sha256 {read.pilot.sha256[:12]}..."
+        raise RecordError(f"{path}: {wanted}, got {pilot.digest[:12]}...: the file has changed")
+    return pilot
+
+
+def _changes(read: Recorded) -> Iterator[PlannerChange]:
+    """Yield the changes that were made in flight."""
+    for change in read.interactive:
+        yield PlannerChange(
+            t=change.t,
+            name=change.name,
+            before=change.before,
+            after=change.after,
+            sampling=_sampling(read.sampler, change.planner.sampling),
+            mppi=change.planner.mppi,
+        )
+
+
+def _check_same(record: Mapping[str, Any], spec: Spec) -> None:
+    """Raise RecordError unless a Spec has the record that it was made from."""
+    asked = hostless(dict(record))
+    found = hostless(json.loads(canonical(spec.record())))
+    for key in sorted(asked.keys() | found.keys()):
+        if asked.get(key) == found.get(key):
+            continue
+        if key == "own":
+            _check_same_parts(asked[key], found[key])
+        wanted = "expected what this version of quadsim flies with"
+        raise RecordError(f"{key}: {wanted}, got another in the record: it cannot be flown again")
+
+
+def _check_same_parts(asked: Mapping[str, Any], found: Mapping[str, Any]) -> None:
+    """Raise RecordError with the first of the user's own parts that is not the recorded one."""
+    for role, part in asked.items():
+        if part == found.get(role):
+            continue
+        names = own_parts({"own": {role: part}})[role]
+        raise RecordError(f"{role}: expected the {names} that flew, got one that differs from it")

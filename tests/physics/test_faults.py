@@ -1,0 +1,246 @@
+"""Faults: what their texts mean, what the seed draws of them, and how rotors and commands fail."""
+
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+import pytest
+from plant_cases import FULL, ROTORS, SKY, both_plants
+
+from quadsim.course import load_course
+from quadsim.physics.actuators import HOVER, Actuators
+from quadsim.physics.faults import (
+    BiasJump,
+    CommandLoss,
+    RotorFault,
+    SensorFault,
+    Window,
+    drawn,
+    first_lap,
+    parse_fault,
+)
+from quadsim.physics.plant import LossyLink, RigidPlant
+from quadsim.physics.plant_state import PlantState
+from quadsim.streams import quadrotor_streams
+from quadsim.vehicle import GRAVITY, Vehicle, load_vehicle
+
+REST = (0.0, 0.0, 0.0)
+DT = 1 / 400
+RACER = Vehicle(
+    name="racer",
+    source="test",
+    mass=0.75,
+    inertia=(0.0025, 0.0021, 0.0043),
+    radius=0.1,
+    rate_tau=(0.06, 0.06, 0.2),
+    rate_max=(10.0, 10.0, 4.0),
+    thrust_max=4 * FULL / 0.75,
+    drag=REST,
+    latency=0.0,
+    rotors=ROTORS,
+)
+
+
+def seeds(seed):
+    return quadrotor_streams(seed).faults
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("rotor2=.5@3.2", RotorFault(2, 0.5, Window(3.2))),
+        ("rotor2=lost@3.2-4", RotorFault(2, 0.0, Window(3.2, 0.8))),
+        ("rotor=.7", RotorFault(None, 0.7, Window(None))),
+        ("gyro=frozen@2-2.5", SensorFault("gyro", "frozen", Window(2.0, 0.5))),
+        ("camera=lost~1", SensorFault("camera", "lost", Window(None, 1.0))),
+        ("gyro=.1:0:-.2@3", BiasJump("gyro", (0.1, 0.0, -0.2), Window(3.0))),
+        ("accelerometer=2", BiasJump("accelerometer", (2.0,), Window(None))),
+        ("commands=lost@2~.1", CommandLoss(Window(2.0, 0.1))),
+    ],
+)
+def test_a_text_stands_for_a_fault_and_a_fault_gives_back_a_text(text, fault):
+    assert parse_fault(text) == fault
+    assert parse_fault(str(fault)) == fault
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "rotor2",
+        "rotor0=.5",
+        "rotor5=.5",
+        "rotor2=",
+        "rotor2=1.5",
+        "rotor2=-1",
+        "rotor2=nan",
+        "rotor2=.5@",
+        "rotor2=.5@x",
+        "rotor2=.5@-1",
+        "rotor2=.5@4-3",
+        "rotor2=.5@3-3",
+        "rotor2=.5@3-4~1",
+        "rotor2=.5~0",
+        "rotor2=.5@1@2",
+        "rotor2=frozen",
+        "camera=.5",
+        "camera=blind",
+        "gyro=lost",
+        "gyro=.1:0",
+        "gyro=inf",
+        "imu=.1",
+        "commands=frozen",
+        "engine=lost",
+        "rotor2=.5@2\n",
+    ],
+)
+def test_a_wrong_text_is_refused_in_one_line_that_quotes_it(text):
+    if text.endswith("\n"):
+        # White space around a text is no part of it.
+        assert parse_fault(text) == parse_fault(text.strip())
+        return
+    with pytest.raises(ValueError, match=r".") as error:
+        parse_fault(text)
+    assert "\n" not in str(error.value)
+    assert repr(text) in str(error.value)
+
+
+def test_a_fault_lasts_from_its_start_until_just_before_its_end():
+    window = parse_fault("rotor2=.5@3.2-4").window
+    steps = [k * DT for k in range(2000) if window.active(k * DT)]
+    assert (steps[0], len(steps)) == (pytest.approx(3.2), 320)
+    assert Window(1.0, inf).active(1e9)
+    assert not Window(1.0, inf).active(1.0 - 1e-6)
+
+
+def wrench_of(faults, steps, commands=None):
+    """Return force and torque of each step of an airframe that is held still.  (steps, 6)"""
+    actuators = Actuators(RACER, DT, [parse_fault(text) for text in faults])
+    rows = []
+    for k in range(steps):
+        force, torque = actuators.wrench(HOVER if commands is None else commands[k], REST, REST)
+        rows.append((*force, *torque))
+    return np.array(rows)
+
+
+def test_a_weak_rotor_takes_its_share_of_thrust_and_torque_for_as_long_as_it_is_weak():
+    rows = wrench_of(["rotor2=.25@.1-.2"], 120)
+    lost = 0.75 * RACER.mass * GRAVITY / 4
+    x, y = ROTORS.positions[1]
+    reaction = ROTORS.spin[1] * ROTORS.kappa * lost
+    weak = [0.0, 0.0, RACER.mass * GRAVITY - lost, -y * lost, x * lost, -reaction]
+    sound = [0.0, 0.0, RACER.mass * GRAVITY, 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(rows[:40], [sound] * 40, atol=1e-12)
+    np.testing.assert_allclose(rows[40:80], [weak] * 40, atol=1e-12)
+    np.testing.assert_allclose(rows[80:], [sound] * 40, atol=1e-12)
+
+
+def test_two_faults_of_a_rotor_multiply_and_faults_of_all_scale_the_wrench():
+    np.testing.assert_array_equal(
+        wrench_of(["rotor1=.5@0", "rotor1=.5@0"], 5), wrench_of(["rotor1=.25@0"], 5)
+    )
+    rng = np.random.default_rng(1)
+    commands = rng.uniform((-5, -5, -2, 2), (5, 5, 2, 30), (200, 4))
+    weak = wrench_of([f"rotor{k}=.5@0" for k in (1, 2, 3, 4)], 200, commands)
+    np.testing.assert_allclose(weak, 0.5 * wrench_of([], 200, commands), rtol=1e-12, atol=1e-12)
+
+
+def test_a_fault_to_come_changes_no_bit():
+    commands = np.random.default_rng(2).uniform((-5, -5, -2, 2), (5, 5, 2, 30), (200, 4))
+    sound = wrench_of([], 200, commands)
+    later = wrench_of(["rotor3=lost@.25"], 200, commands)
+    assert (later[:100] == sound[:100]).all()
+    assert (later[100:, 2] < sound[100:, 2]).all()
+
+
+@pytest.mark.parametrize("kind", both_plants)
+def test_a_vehicle_turns_over_to_the_side_of_a_lost_rotor(kind):
+    front_left = parse_fault("rotor3=lost@.1")
+    plant = kind(SKY, load_vehicle("swift"), faults=[front_left])
+    for _ in range(40):
+        x = plant.step((0.0, 0.0, 0.0, GRAVITY)).x
+    assert max(map(abs, x.body_rates)) < 1e-9
+    for _ in range(20):
+        x = plant.step((0.0, 0.0, 0.0, GRAVITY)).x
+    plant.close()
+    # Its left side and its nose go down.
+    assert x.wx < -1.0
+    assert x.wy > 1.0
+    assert x.thrust < GRAVITY
+
+
+def test_a_seed_draws_the_same_faults_again_and_another_seed_others():
+    faults = [parse_fault(text) for text in ("rotor=.5", "gyro=.2~.5", "commands=lost~.1")]
+    first = drawn(faults, seeds(0), 5.0)
+    assert drawn(faults, seeds(0), 5.0) == first
+    assert not set(drawn(faults, seeds(1), 5.0)) & set(first)
+    assert {fault.window.start for fault in first} - {None} == {f.window.start for f in first}
+    assert len({fault.window.start for fault in first}) == 3
+
+
+def test_what_is_drawn_for_a_fault_does_not_depend_on_what_it_is_or_on_those_after_it():
+    rotor, jump, loss = (parse_fault(text) for text in ("rotor=.5", "gyro=.2", "commands=lost~.1"))
+    starts = {drawn([f], seeds(4), 5.0)[0].window.start for f in (rotor, jump, loss)}
+    assert starts == {drawn([loss, rotor, jump], seeds(4), 5.0)[0].window.start}
+
+
+def test_draws_are_uniform_over_times_rotors_and_directions():
+    rotor, jump = parse_fault("rotor=.5"), parse_fault("gyro=.2")
+    found = [drawn([rotor, jump], seeds(seed), 5.0) for seed in range(400)]
+    times = np.array([fault.window.start for fault, _ in found])
+    assert 0.0 <= times.min() < 0.1
+    assert 4.9 < times.max() <= 5.0
+    np.testing.assert_allclose(np.quantile(times, [0.25, 0.5, 0.75]), [1.25, 2.5, 3.75], atol=0.4)
+    counts = np.bincount([fault.rotor for fault, _ in found], minlength=5)[1:]
+    assert (abs(counts - 100) < 35).all()
+    jumps = np.array([fault.jump for _, fault in found])
+    np.testing.assert_allclose(np.linalg.norm(jumps, axis=1), 0.2, atol=2e-4)
+    np.testing.assert_allclose(jumps.mean(axis=0), 0.0, atol=0.03)
+
+
+def test_what_is_given_is_not_drawn():
+    given = [parse_fault(text) for text in ("rotor2=.5@3.2", "gyro=0:0:.1@1-2")]
+    assert drawn(given, seeds(0), 5.0) == tuple(given)
+
+
+def test_the_time_of_the_first_lap_is_near_the_time_it_takes():
+    """One lap from a standing start takes 5.2 s (docs/sensing.md); most faults fall into it."""
+    assert 4.6 < first_lap(load_course("split_s_swift"), load_vehicle("swift")) < 5.2
+    weak = replace(RACER, thrust_max=0.9 * GRAVITY)
+    assert np.isfinite(first_lap(SKY, weak))
+
+
+class Receiver:
+    """A plant that notes the commands that arrive."""
+
+    def __init__(self):
+        self.dt = 0.1
+        self.state = PlantState(0.0, (), ())
+        self.arrived = []
+
+    def step(self, u):
+        """Note the command u."""
+        self.arrived.append(u)
+        self.state = PlantState(len(self.arrived) * self.dt, (), ())
+        return self.state
+
+    def close(self):
+        """Release nothing, as nothing is held."""
+
+
+def test_the_last_command_that_arrived_stays_in_force_while_others_are_lost():
+    receiver = Receiver()
+    link = LossyLink(receiver, [CommandLoss(Window(0.0, 0.2)), CommandLoss(Window(0.5, 0.3))])
+    for k in range(10):
+        link.step((float(k),))
+    assert receiver.arrived[:2] == [HOVER, HOVER]
+    assert [u for (u,) in receiver.arrived[2:]] == [2, 3, 4, 4, 4, 4, 8, 9]
+
+
+def test_a_link_without_loss_changes_nothing_of_a_plant():
+    vehicle = load_vehicle("swift")
+    plain, linked = RigidPlant(SKY, vehicle), RigidPlant(SKY, vehicle)
+    link = LossyLink(linked, [CommandLoss(Window(9.0))])
+    assert (link.dt, link.velocity_lag) == (plain.dt, plain.velocity_lag)
+    for u in np.random.default_rng(0).uniform((-5, -5, -2, 2), (5, 5, 2, 30), (50, 4)):
+        assert link.step(u) == plain.step(u)
