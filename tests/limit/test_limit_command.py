@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from run_cases import save, two_laps
 
+from quadsim.campaign.summary_stats import best_known_time
 from quadsim.cli import limit as command
 from quadsim.cli.cli import race
 from quadsim.course import parse_course
@@ -96,6 +97,13 @@ def test_a_report_finds_the_limit_in_the_runs_folder_that_it_is_given(place, cap
         if known:
             assert limit["time"] == told["time"]
     assert limit_of(spec, limits_folder(folder / "X")).time == told["time"]
+
+
+def test_a_comparison_finds_the_limit_in_the_runs_folder_that_it_is_given(place):
+    folder, told = place
+    record = Spec.of(parse_course(COURSE, "mine.yaml")).record()
+    assert best_known_time(record, folder / "X") == told["time"]
+    assert np.isnan(best_known_time(record, folder / "other"))
 
 
 @pytest.mark.parametrize(
