@@ -302,9 +302,15 @@ class Cost:
 
         Returns:
             (rows, n_target)
+
+        Raises:
+            ValueError: row_ahead returns no index of a row.
         """
         nearest = self.row_ahead or self._row
         first = nearest(target, x)
+        if not isinstance(first, int | np.integer) or not 0 <= first < len(self.targets):
+            wanted = f"the index of one of {len(self.targets)} rows"
+            self._refuse("row_ahead", wanted, first)
         rows = np.array(self.targets[first:], dtype=dtype)
         if "to_go" in self.row._fields:
             to_go = self.row._fields.index("to_go")

@@ -92,7 +92,8 @@ def checked(z: object, shape: tuple[int, int, int], name: str) -> np.ndarray:
     except ValueError:  # lists of different lengths
         raise SettingError("sampler", f"{wanted}, got {shown_value(z)}") from None
     if given.dtype.kind not in "fiub":
-        raise SettingError("sampler", f"{wanted}, got {shown_value(z)} of {given.dtype}")
+        got = f"an array of {given.dtype}" if isinstance(z, np.ndarray) else shown_value(z)
+        raise SettingError("sampler", f"{wanted}, got {got}")
     with np.errstate(over="ignore"):
         found = given.astype(np.float32)
     if found.shape != shape:

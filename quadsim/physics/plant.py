@@ -198,7 +198,8 @@ class NamedPlant:
     and records read numbers by name, so a `State` is put in place of the tuple.
     """
 
-    # [s] longest physics step
+    # [s] shortest and longest physics step
+    SHORTEST = 1e-6
     LONGEST = 1.0
 
     def __init__(self, plant: Plant):
@@ -216,8 +217,8 @@ class NamedPlant:
             if not hasattr(plant, member):
                 raise self._error("", f"expected a member {member!r}, got none")
         self.dt = plant.dt
-        if not (_is_finite(self.dt) and 0 < self.dt <= self.LONGEST):
-            wanted = f"expected a number [s] > 0 and <= {self.LONGEST:g}"
+        if not (_is_finite(self.dt) and self.SHORTEST <= self.dt <= self.LONGEST):
+            wanted = f"expected a number [s] >= {self.SHORTEST:g} and <= {self.LONGEST:g}"
             raise self._error(".dt", f"{wanted}, got {shown_value(self.dt)}")
         self.velocity_lag = getattr(plant, "velocity_lag", 0.0)
         if not _is_finite(self.velocity_lag):
@@ -304,6 +305,6 @@ class LossyLink:
 
 def _is_finite(number: object) -> bool:
     try:
-        return isinstance(number, Real) and isfinite(number)
+        return isinstance(number, Real) and not isinstance(number, bool) and isfinite(number)
     except OverflowError:  # a whole number beyond the range of float
         return False

@@ -17,6 +17,8 @@ from quadsim.race.events import Event
 
 # The outcomes that a referee may give.
 OUTCOMES = ("finished", "crashed", "stuck", "timeout")
+# Largest number of a control; beyond it the vehicle's equations overflow.
+LARGEST = 1e9
 # A physics step may differ from the plant's dt by this share of it.
 UNEVEN = 0.5
 
@@ -38,11 +40,12 @@ def checked_control(part: object, given: object, controls: int | None, member: s
     except ValueError:  # lists of different lengths
         u = np.array(None)
     is_row = u.dtype.kind in "fiu" and u.ndim == 1
-    if is_row and controls in (None, len(u)) and np.isfinite(u).all():
+    # A number that is not finite fails this comparison too.
+    if is_row and controls in (None, len(u)) and (abs(u) <= LARGEST).all():
         return u.astype(float, copy=False)
     count = "" if controls is None else f"{controls} "
     place = f"{type(part).__name__}.{member}"
-    wanted = f"expected a control of {count}finite numbers"
+    wanted = f"expected a control of {count}numbers within +-{LARGEST:g}"
     raise SettingError("controller", f"{place}: {wanted}, got {shown_value(given)}")
 
 

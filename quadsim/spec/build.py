@@ -44,7 +44,7 @@ from quadsim.sensing.navigation import (
 )
 from quadsim.sensing.sensors import WARM_UP, Sensors
 from quadsim.spec.changes import ChangeablePlanner
-from quadsim.spec.parts import made
+from quadsim.spec.parts import check_call, made
 from quadsim.spec.reference import reference_of
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec
@@ -198,11 +198,31 @@ def check_cost(spec: Spec, cost: Cost) -> None:
 
     try:
         module_source(system_of(spec), cost, np.float32)
-        cost.numbers(spec.planner.mppi.horizon)
-        if cost.obstacles:
-            _ = cost.crash_term
+        _check_rows(spec, cost)
     except (TraceError, ValueError) as error:
         raise SettingError("terms" if spec.terms else "cost", one_line(error)) from None
+
+
+def _check_rows(spec: Spec, cost: Cost) -> None:
+    """Check the numbers of a cost at the start, by the functions that the planner calls.
+
+    Raises:
+        ValueError: weights, targets or the guide have another shape, or are not finite.
+    """
+    horizon = spec.planner.mppi.horizon
+    cost.numbers(horizon)
+    if cost.obstacles:
+        _ = cost.crash_term
+    x = np.array(start_of(spec))
+    rows = cost.targets_from(0, x)
+    if not len(rows) or not np.isfinite(rows).all():
+        raise ValueError(f"cost {cost.name}: expected finite targets from the start on, got none")
+    if cost.guide:
+        shape = (horizon, len(system_of(spec).rest))
+        guide = cost.guide(0, x, horizon)
+        if np.shape(guide) != shape or not np.isfinite(np.asarray(guide, float)).all():
+            wanted = f"expected finite controls of shape {shape}"
+            raise ValueError(f"cost {cost.name}: guide: {wanted}, got {shown_value(guide)}")
 
 
 def cost_on(spec: Spec, course: Course) -> Cost:
@@ -231,6 +251,7 @@ def changed_cost(change: Callable[[Cost], object], cost: Cost) -> Cost:
     Raises:
         SettingError: the function returns anything else than a Cost, or one that is inconsistent.
     """
+    check_call("cost", change, "the default Cost", cost)
     try:
         found = change(cost)
     except ValueError as error:  # a Cost whose fields do not fit together

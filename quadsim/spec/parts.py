@@ -6,8 +6,10 @@ the numbers that they hold and a hash that tells them from others, not their cod
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from types import FunctionType
 from typing import Any, cast
@@ -70,11 +72,35 @@ def made(role: str, part: Any, spec: object) -> Any:
     """
     if part is None or not is_maker(role, part):
         return part
+    check_call(role, part, "the Spec", spec)
     found = part(spec)
     if isinstance(found, type) or not _has_method(role, found):
         wanted = f"expected {shown_value(part)} to return an object with {METHODS[role]!r}"
         raise SettingError(role, f"{wanted}, got {shown_value(found)}")
     return found
+
+
+def check_call(role: str, function: Callable[..., Any], name: str, argument: object) -> None:
+    """Check that a function can be called with one argument.
+
+    Args:
+        role: the setting that the function was given for.
+        function: the function.
+        name: of the argument, for the error.
+        argument: the argument.
+
+    Raises:
+        SettingError: the function takes no argument, or needs more.
+    """
+    try:
+        called = signature(function)
+    except (TypeError, ValueError):  # a function of an extension module, which says nothing
+        return
+    try:
+        called.bind(argument)
+    except TypeError as error:
+        wanted = f"expected a function of {name}, got {shown_value(function)}"
+        raise SettingError(role, f"{wanted}: {error}") from None
 
 
 def _has_method(role: str, part: object) -> bool:
