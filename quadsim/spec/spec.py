@@ -553,7 +553,8 @@ def _base_planner(
     if planner is not None:
         for name in ("sampler", "preset"):
             if given.get(name) is not None:
-                raise SettingError(name, "expected none beside a whole planner=, such as a stored run has")
+                wanted = "expected none beside a whole planner=, as a stored run has one"
+                raise SettingError(name, wanted)
         _check_type("planner", planner, Planner)
         return planner
     preset = given.get("preset")
