@@ -77,6 +77,7 @@ docs-figures: $(VENV)/.dev
 	cp runs/paper/offroad_paths.png docs/paper_offroad_paths.png
 	cp runs/paper/quadrotor_laps.png docs/paper_quadrotor.png
 	$(BIN)/python docs/concept_figures.py # docs/concept_*.png
+	$(BIN)/python docs/faults_figures.py # docs/faults.png
 	$(BIN)/python docs/pictures_figure.py # docs/pictures.png
 	$(BIN)/python docs/sensing_figures.py # docs/sensing_*.png
 	$(BIN)/python docs/dashboard_pictures.py # docs/dashboard_*.png

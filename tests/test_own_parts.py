@@ -5,16 +5,18 @@ import os
 import subprocess
 import sys
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 import quadsim
+from controllers.costs import Term
 from controllers.plan import PlanStats
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.physics.plant import PlantState
 from quadsim.race.events import Event
-from quadsim.spec.build import start_of
+from quadsim.spec.build import planner_of, start_of
 
 SMALL = {"samples": 256, "horizon": 50, "iterations": 1, "laps": 1, "timeout": 0.3}
 FLAGS = [word for name, number in SMALL.items() for word in (f"--{name}", str(number))]
@@ -153,8 +155,297 @@ def test_a_plant_of_ones_own_may_give_its_states_as_plain_tuples(sensing):
 
 
 def test_a_plant_whose_state_has_too_few_numbers_ends_in_one_line():
-    with pytest.raises(ValueError, match="plant: expected a state of 17 numbers, got 13"):
+    with pytest.raises(ValueError, match=r"plant: Short\.step: .* 17 finite numbers, got 13"):
         quadsim.fly("figure8", **SMALL, plant=Short)
+
+
+def refused(role, **parts):
+    """Return the text of the one line with which a flight refuses a part of one's own."""
+    with pytest.raises(quadsim.SettingError) as error:
+        quadsim.fly("figure8", **SMALL | parts)
+    assert error.value.name == role
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+NAN = float("nan")
+BROKEN_STATES = {
+    "backwards": (lambda s: replace(s, t=-s.t), "a state 0.0025 s after t = 0, got t = -0.0025"),
+    "still": (lambda s: replace(s, t=0.0), "a state 0.0025 s after t = 0, got t = 0.0"),
+    "slow": (lambda s: replace(s, t=1e-9 * s.t), "a state 0.0025 s after t = 0, got t = 2.5"),
+    "no time": (lambda s: replace(s, t=NAN), "a finite time t [s], got nan"),
+    "not finite": (
+        lambda s: replace(s, x=(NAN,) * 17),
+        "a state of 17 finite numbers, got px = nan",
+    ),
+    "too short": (lambda s: replace(s, x=s.x[:3]), "a state of 17 finite numbers, got 3"),
+    "no numbers": (lambda s: replace(s, x="x" * 17), "a state of 17 finite numbers, got px = 'x'"),
+    "no state": (lambda s: None, "a quadsim.physics.plant.PlantState, got None"),
+    "contacts": (lambda s: replace(s, contacts=None), "contacts of texts, got None"),
+}
+
+
+@pytest.mark.parametrize("fault", BROKEN_STATES)
+def test_a_plant_with_a_broken_state_is_named_and_no_flight_hangs(fault):
+    """A plant whose time did not go on kept a flight going for ever."""
+    broken, problem = BROKEN_STATES[fault]
+
+    class Mine(Free):
+        def step(self, u):
+            self.state = broken(super().step(u))
+            return self.state
+
+    assert f"plant: Mine.step: expected {problem}" in refused("plant", plant=Mine)
+
+
+@pytest.mark.parametrize("contact", ["gate 99", "gate x", "obstacle 1"])
+def test_a_plant_touches_only_what_the_course_has(contact):
+    class Mine(Free):
+        def step(self, u):
+            return replace(super().step(u), contacts=(contact,))
+
+    assert f"got '{contact}'" in refused("plant", plant=Mine)
+
+
+@pytest.mark.parametrize("dt", [0, -1, NAN, None, "x", 1e-9, 10, True, 10**400])
+def test_a_plants_step_has_a_range(dt):
+    class Mine(Free):
+        def __init__(self, spec):
+            super().__init__(spec)
+            self.dt = dt
+
+    assert "plant: Mine.dt: expected a number [s] >= 1e-06 and <= 1" in refused("plant", plant=Mine)
+
+
+@pytest.mark.parametrize("member", ["dt", "state", "close"])
+def test_a_plant_without_a_member_is_refused(member):
+    class Mine:
+        step = Free.step
+
+        def __init__(self, spec):
+            Free.__init__(self, spec)
+            members = {"dt": self.dt, "state": self.state, "close": print}
+            vars(self).clear()
+            vars(self).update({name: x for name, x in members.items() if name != member})
+
+    assert f"plant: Mine: expected a member '{member}'" in refused("plant", plant=Mine)
+
+
+NO_CONTROLS = (None, np.zeros(3), np.zeros(5), np.zeros((4, 1)), "abcd", [NAN] * 4, [[1, 2], [3]])
+NO_CONTROLS = (*NO_CONTROLS, np.ones(4) * 1j, [True] * 4, 3, {}, np.full(4, 1e300))
+
+
+@pytest.mark.parametrize("answer", NO_CONTROLS, ids=str)
+def test_a_controller_that_returns_no_control_is_named(answer):
+    class Law:
+        def control(self, x):
+            return answer
+
+    class Mine(Hover):
+        def control(self, estimate):
+            return answer, PlanStats(cost=0.0, ess=1.0, temperature=1.0)
+
+    for controller in (Law(), Mine(10.0)):
+        name = type(controller).__name__
+        problem = f"controller: {name}.control: expected a control of 4 numbers"
+        assert problem in refused("controller", controller=controller)
+
+
+@pytest.mark.parametrize("stats", [None, 3, PlanStats(None, None, None)], ids=str)
+def test_a_controller_returns_its_statistics(stats):
+    class Mine(Hover):
+        def control(self, estimate):
+            return self.rest, stats
+
+    text = refused("controller", controller=Mine(10.0))
+    assert "controller: Mine.control: expected a control and its PlanStats" in text
+
+
+@pytest.mark.parametrize("rest", [None, np.zeros(3), np.full(4, NAN), "abcd", 3], ids=str)
+def test_a_controllers_rest_is_a_control(rest):
+    controller = Hover(10.0)
+    controller.rest = rest
+    text = refused("controller", controller=controller)
+    assert "controller: Hover.rest: expected a control of 4 numbers" in text
+
+
+NO_SAMPLES = {
+    "None": lambda shape: None,
+    "another shape": lambda shape: np.zeros(3),
+    "other axes": lambda shape: np.zeros(shape[::-1]),
+    "not finite": lambda shape: np.full(shape, NAN),
+    "text": lambda shape: np.full(shape, "1"),
+    "complex": lambda shape: np.zeros(shape, complex),
+    "objects": lambda shape: np.zeros(shape, object),
+    "ragged": lambda shape: [[1], [1, 2]],
+}
+
+
+@pytest.mark.parametrize("fault", NO_SAMPLES)
+@pytest.mark.filterwarnings("error")
+def test_a_sampler_that_returns_no_samples_is_named(fault):
+    class Mine:
+        def sample(self, rng, samples, horizon, controls):
+            return NO_SAMPLES[fault]((samples, horizon, controls))
+
+    text = refused("sampler", sampler=Mine())
+    assert "sampler: Mine.sample: expected finite numbers of shape (256, 50, 4)" in text
+
+
+@pytest.mark.parametrize("answer", [None, (), [1], 3, Event(0, "pass", 1, 1, (0, 0), 0, (0, 0, 0))])
+def test_a_referee_returns_a_list_of_events(answer):
+    class Mine(Timed):
+        def observe(self, *arguments):
+            return answer
+
+    text = refused("referee", referee=Mine(0.1))
+    assert "referee: Mine.observe: expected a list of events, got" in text
+
+
+@pytest.mark.parametrize("outcome", ["won", "", 3, True])
+def test_a_referee_gives_a_known_outcome(outcome):
+    referee = Timed(0.1)
+    referee.observe = lambda *arguments: setattr(referee, "outcome", outcome) or []
+    assert "Timed.outcome: expected None or one of finished" in refused("referee", referee=referee)
+
+
+@pytest.mark.parametrize("count", ["passed", "lap", "next_gate"])
+@pytest.mark.parametrize("number", [None, -1, 1.5, "1"])
+def test_a_referee_counts_gates_and_laps(count, number):
+    referee = Timed(0.1)
+    setattr(referee, count, number)
+    text = refused("referee", referee=referee)
+    assert f"referee: Timed.{count}: expected a whole number" in text
+
+
+def test_a_referee_that_never_ends_a_flight_has_the_time_limit_of_the_flight():
+    referee = Timed(1e9)
+    run = quadsim.fly("figure8", **SMALL, controller=Hover(10.5), referee=referee)
+    assert run.outcome == "timeout"
+    assert run.telemetry["t"][-1] == pytest.approx(SMALL["timeout"])
+
+
+class Maker:
+    """Makes parts by a call or by a method."""
+
+    def __init__(self, make):
+        self.make = make
+
+    def __call__(self, spec):
+        return self.make(spec)
+
+    def bound(self, spec):
+        return self.make(spec)
+
+
+@pytest.mark.parametrize("role", ["plant", "controller", "referee"])
+def test_whatever_can_be_called_and_is_no_part_makes_one(role):
+    make = {
+        "plant": Free,
+        "controller": lambda spec: Hover(10.5),
+        "referee": lambda spec: Timed(0.1),
+    }[role]
+    flown = {
+        quadsim.fly("figure8", **SMALL, **{role: part}).telemetry["px"].tobytes()
+        for part in (make, partial(make), Maker(make), Maker(make).bound)
+    }
+    assert len(flown) == 1
+
+
+@pytest.mark.parametrize("role", ["plant", "controller", "referee"])
+@pytest.mark.parametrize("found", [None, 3, Hover, np])
+def test_a_maker_that_makes_no_part_is_refused(role, found):
+    text = refused(role, **{role: lambda spec: found})
+    assert f"{role}: expected " in text
+    assert "to return an object with" in text
+
+
+@pytest.mark.parametrize("role", ["plant", "controller", "referee", "cost"])
+def test_a_maker_takes_one_argument(role):
+    text = refused(role, **{role: lambda: None})
+    assert "too many positional arguments" in text
+
+
+@pytest.mark.parametrize("part", [Held, lambda *arguments: 0, partial(Held), 3, np])
+def test_a_sampler_is_an_object(part):
+    assert "sampler: expected a sampler: an object with sample(" in refused("sampler", sampler=part)
+
+
+def calm(x, x_next, u, gate, p):
+    return u.wx * u.wx
+
+
+BROKEN_COSTS = {
+    "None": (lambda cost: None, "to return a Cost, got None: is a return missing?"),
+    "a number": (lambda cost: 3, "to return a Cost, got 3"),
+    "terms alone": (lambda cost: cost.terms, "to return a Cost, got (Term("),
+    "reached and crash after the terms": (
+        lambda cost: replace(cost, terms=(*cost.terms, cost.reached, cost.crash)),
+        "terms: expected a tuple of Term objects, got controllers.costs.race.reached",
+    ),
+    "a function": (
+        lambda cost: replace(cost, terms=(*cost.terms, calm)),
+        "got test_own_parts.calm",
+    ),
+    "a list": (lambda cost: replace(cost, terms=list(cost.terms)), "terms: expected a tuple"),
+    "no terms": (lambda cost: replace(cost, terms=()), "a term of controllers.costs.crash"),
+    "terms twice": (lambda cost: replace(cost, terms=cost.terms * 2), "got two named 'progress'"),
+    "reached": (lambda cost: replace(cost, reached=3), "reached: expected a function or None"),
+    "targets": (lambda cost: replace(cost, targets=cost.targets[:, :3]), "targets: expected an"),
+    "no targets": (lambda cost: replace(cost, targets=cost.targets[:0]), "at least one row"),
+    "not finite": (lambda cost: replace(cost, targets=NAN * cost.targets), "finite targets"),
+    "params": (lambda cost: replace(cost, params=()), "params: expected a NamedTuple"),
+    "row": (lambda cost: replace(cost, row=tuple), "row: expected a NamedTuple"),
+    "obstacles": (lambda cost: replace(cost, obstacles=3), "obstacles: expected Obstacles or None"),
+    "guide": (lambda cost: replace(cost, guide=lambda *a: None), "guide: expected finite controls"),
+    "row_ahead": (
+        lambda cost: replace(cost, row_ahead=lambda *a: 10**9),
+        "row_ahead: expected the",
+    ),
+    "a weight": (
+        lambda cost: replace(cost, terms=(*cost.terms, Term(calm, np.ones(7)))),
+        "weight_calm: expected one number or one for each of 50 steps, got shape (7,)",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", BROKEN_COSTS)
+def test_a_cost_function_that_returns_no_whole_cost_is_refused(fault):
+    change, problem = BROKEN_COSTS[fault]
+    assert problem in refused("cost", cost=change)
+
+
+@pytest.mark.parametrize(
+    "terms",
+    [
+        {"a": 1},
+        calm,
+        [calm],
+        [None],
+        [(calm, NAN)],
+        [(calm, "1")],
+        [(calm, True)],
+        [(calm, 1.0, 2.0)],
+        [(calm, np.ones(7))],
+        [(calm, np.ones((50, 2)))],
+        [(calm, 1.0), (calm, 2.0)],
+        [(partial(calm), 1.0)],
+        [(Hover, 1.0)],
+        [(max, 1.0)],
+        [(lambda x, x_next, u, gate, p: None, 1.0)],
+        [(lambda x, x_next, u, gate, p: NAN, 1.0)],
+        [(lambda x, u: 1.0, 1.0)],
+    ],
+)
+def test_terms_that_are_none_are_refused(terms):
+    assert refused("terms", terms=terms)
+
+
+def test_a_deadline_is_refused_beside_a_controller_that_cannot_keep_it():
+    text = refused("deadline_ms", controller=Hover(10.5), deadline_ms=5.0)
+    assert "expected none for Hover, as only MPPI keeps it by its samples, got 5" in text
+    run = quadsim.fly("figure8", **SMALL, controller=planner_of, deadline_ms=50.0)
+    assert run.outcome == "timeout"
 
 
 def test_ones_own_controller_and_referee_have_the_say():

@@ -21,9 +21,11 @@ from collections import namedtuple
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, NoReturn, Protocol
 
 import numpy as np
+
+from quadsim.files.yaml_errors import shown_value
 
 Weight = float | np.ndarray  # one number, or one for each step of the horizon (T,)
 
@@ -62,6 +64,14 @@ def crash(x, x_next, u, target, p):
     raise NotImplementedError("the rollout puts the flag of a crashed sample in this term's place")
 
 
+def is_weight(value: object) -> bool:
+    """Return whether a value is a finite number, or an array (T,) of finite numbers."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number | np.ndarray):
+        return False
+    numbers = np.asarray(value)
+    return numbers.dtype.kind in "fiu" and numbers.ndim <= 1 and bool(np.isfinite(numbers).all())
+
+
 class Term:
     """One term of a cost: a function and the weight of the number that it returns.
 
@@ -80,12 +90,15 @@ class Term:
             changed without compiling again.
 
     Raises:
-        ValueError: the name is not an identifier.
+        ValueError: the name is not an identifier, the function none, or a number not finite.
     """
 
     def __init__(
         self, function: StepFunction, weight: Weight = 1.0, name: str = "", **parameters: Weight
     ):
+        if not callable(function):
+            problem = f"expected a function (x, x_next, u, target, p), got {shown_value(function)}"
+            raise ValueError(f"term: {problem}")
         self.function = function
         self.weight = weight
         self.name = name or getattr(function, "__name__", "").strip("<>")
@@ -94,6 +107,10 @@ class Term:
                 "term: expected a name as of a variable, such as Term(..., name='band'), "
                 f"got {self.name!r}"
             )
+        for number in (weight, *parameters.values()):
+            if not is_weight(number):
+                wanted = "expected a finite number, or an array (T,) of them"
+                raise ValueError(f"term {self.name}: {wanted}, got {shown_value(number)}")
         self.parameters: Record | None = None
         if parameters:
             record: Any = namedtuple(f"{self.name}_parameters", tuple(parameters))
@@ -123,6 +140,18 @@ class Term:
 def _term(function: StepFunction, weight: Weight, name: str, parameters: dict[str, Weight]) -> Term:
     """Make a Term again in another process, where pickle does not find the type of its record."""
     return Term(function, weight, name, **parameters)
+
+
+def is_record_type(kind: object) -> bool:
+    """Return whether an object is a NamedTuple's class."""
+    return isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields")
+
+
+def is_record_of_numbers(record: object) -> bool:
+    """Return whether an object is a NamedTuple of finite numbers, or of arrays (T,) of them."""
+    if not isinstance(record, tuple) or not is_record_type(type(record)):
+        return False
+    return all(map(is_weight, record))
 
 
 @dataclass(frozen=True)
@@ -168,8 +197,36 @@ class Cost:
     guide: Callable[[int, np.ndarray, int], np.ndarray] | None = None
 
     def __post_init__(self) -> None:
+        self._check_types()
         self._check_names("terms", self.term_names)
         self._check_names("weights and parameters", self.number_names)
+
+    def _check_types(self) -> None:
+        """Raise ValueError where a field is of another type than its annotation."""
+        if not isinstance(self.terms, tuple) or not all(isinstance(t, Term) for t in self.terms):
+            others = self.terms
+            if isinstance(others, tuple):
+                others = next(t for t in others if not isinstance(t, Term))
+            self._refuse("terms", "a tuple of Term objects", others)
+        for name in ("reached", "crash", "still_in_gate", "row_ahead", "guide"):
+            function = getattr(self, name)
+            if not (function is None or callable(function)):
+                self._refuse(name, "a function or None", function)
+        for name, is_record in (("row", is_record_type), ("params", is_record_of_numbers)):
+            if not is_record(getattr(self, name)):
+                self._refuse(name, "a NamedTuple", getattr(self, name))
+        columns = len(self.row._fields)
+        targets = self.targets
+        is_table = isinstance(targets, np.ndarray) and targets.dtype.kind in "fiu"
+        if not is_table or targets.shape[1:] != (columns,) or not len(targets):
+            self._refuse("targets", f"an array (targets, {columns}) of at least one row", targets)
+        if not (self.obstacles is None or isinstance(self.obstacles, Obstacles)):
+            self._refuse("obstacles", "Obstacles or None", self.obstacles)
+
+    def _refuse(self, field: str, wanted: str, found: object) -> NoReturn:
+        """Raise the ValueError of a field."""
+        problem = f"expected {wanted}, got {shown_value(found)}"
+        raise ValueError(f"cost {self.name}: {field}: {problem}")
 
     def _check_names(self, what: str, names: Sequence[str]) -> None:
         """Raise ValueError where two of the names are equal."""
@@ -245,9 +302,15 @@ class Cost:
 
         Returns:
             (rows, n_target)
+
+        Raises:
+            ValueError: row_ahead returns no index of a row.
         """
         nearest = self.row_ahead or self._row
         first = nearest(target, x)
+        if not isinstance(first, int | np.integer) or not 0 <= first < len(self.targets):
+            wanted = f"the index of one of {len(self.targets)} rows"
+            self._refuse("row_ahead", wanted, first)
         rows = np.array(self.targets[first:], dtype=dtype)
         if "to_go" in self.row._fields:
             to_go = self.row._fields.index("to_go")

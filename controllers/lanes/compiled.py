@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import linecache
+import os
 import signal
 import sys
 import threading
@@ -12,7 +13,12 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
 
+from numba.np.ufunc import parallel
+
 from controllers.lanes.code_cache import CodeCache, cache_folder
+
+# The loops that run on several threads
+_parallel: list[Any] = []
 
 
 def kept(function: Any) -> Any:
@@ -28,7 +34,38 @@ def kept(function: Any) -> Any:
 
     function._cache = CodeCache(function)
     function.compile = compiled
+    if function.targetoptions.get("parallel"):
+        _parallel.append(function)
+        if _lost_threads:
+            _use_one_thread(function)
     return function
+
+
+# Whether this process was forked from one that had started the threads of the loops
+_lost_threads = False
+
+
+def _after_fork() -> None:
+    """Let the loops of a forked process run on the one thread that it has.
+
+    A fork has none of the threads of its parent, and OpenMP ends a process that asks for them.
+    """
+    global _lost_threads
+    if parallel._is_initialized:
+        _lost_threads = True
+        for function in _parallel:
+            _use_one_thread(function)
+
+
+if hasattr(os, "register_at_fork"):  # where processes can fork
+    os.register_at_fork(after_in_child=_after_fork)
+
+
+def _use_one_thread(function: Any) -> None:
+    """Let a loop be compiled, or read from the disk, without threads when it is next called."""
+    function.targetoptions["parallel"] = False
+    function._reset_overloads()
+    function._cache = CodeCache(function)
 
 
 @contextmanager

@@ -5,6 +5,10 @@ from __future__ import annotations
 import os
 
 import numba
+import numpy as np
+
+from quadsim.files.values import SettingError
+from quadsim.files.yaml_errors import shown_value
 
 
 def threads() -> int:
@@ -30,11 +34,13 @@ def use_threads(n: int | None) -> int:
         The number in use.
 
     Raises:
-        ValueError: n is not in 1..cores.
+        SettingError: n is no whole number in 1..cores (a ValueError).
     """
     most = most_threads()
     n = most if n is None else n
-    if not 1 <= n <= most:
-        raise ValueError(f"threads: expected 1 to {most} on this machine, got {n}")
-    numba.set_num_threads(n)
-    return n
+    is_whole = isinstance(n, int | np.integer) and not isinstance(n, bool)
+    if not is_whole or not 1 <= n <= most:
+        problem = f"expected 1 to {most} on this machine, got {shown_value(n)}"
+        raise SettingError("threads", problem)
+    numba.set_num_threads(int(n))
+    return int(n)

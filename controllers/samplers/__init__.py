@@ -14,6 +14,8 @@ from controllers.samplers.lane_sampler import LaneSampler, Sampling
 from controllers.samplers.log_normal import LogNormal
 from controllers.samplers.plain import PlainSampler, lanes_of
 from controllers.samplers.smooth import Smooth, SmoothStar
+from quadsim.files.values import SettingError
+from quadsim.files.yaml_errors import shown_value
 
 SAMPLERS: dict[str, type[Sampling]] = {
     "gaussian": Gaussian,
@@ -43,12 +45,15 @@ def build_lanes(
         dt: control period [s].
 
     Raises:
-        ValueError: the sampler has numbers for another number of controls.
+        SettingError: there is no such sampler, or it has numbers for another number of controls (a
+            ValueError).
     """
     if not isinstance(sampler, Sampling):
+        if isinstance(sampler, type) or not callable(getattr(sampler, "sample", None)):
+            wanted = "expected an object with sample(rng, samples, horizon, controls)"
+            raise SettingError("sampler", f"{wanted}, got {shown_value(sampler)}")
         return lanes_of(sampler, samples, horizon, controls, key)
     if len(sampler.sigma) != controls:
-        raise ValueError(
-            f"sigma: expected {controls} numbers, one per control, got {len(sampler.sigma)}"
-        )
+        problem = f"expected {controls} numbers, one per control, got {len(sampler.sigma)}"
+        raise SettingError("sigma", problem)
     return sampler.build(samples, horizon, key, dt)

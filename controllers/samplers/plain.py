@@ -17,6 +17,8 @@ import numpy as np
 
 from controllers.lanes.layout import LANES, blocks, in_lanes
 from controllers.samplers.lane_sampler import LaneSampler
+from quadsim.files.values import SettingError
+from quadsim.files.yaml_errors import shown_value
 
 
 @runtime_checkable
@@ -35,7 +37,8 @@ class PlainSampler(Protocol):
             controls: number of controls.
 
         Returns:
-            (samples, horizon, controls), finite. MPPI raises ValueError for anything else.
+            (samples, horizon, controls), finite. MPPI raises SettingError, a ValueError, for
+            anything else.
         """
         ...
 
@@ -45,7 +48,7 @@ def lanes_of(
 ) -> LaneSampler:
     """Return a source of a plain sampler's perturbations in lanes.
 
-    Drawing raises ValueError for an array of another shape, and for numbers that are not finite.
+    Drawing raises SettingError for an array of another shape, and for numbers that are not finite.
 
     Args:
         sampler: the sampler.
@@ -69,7 +72,7 @@ def lanes_of(
     return LaneSampler(sample, loop=None)
 
 
-def checked(z: np.ndarray, shape: tuple[int, int, int], name: str) -> np.ndarray:
+def checked(z: object, shape: tuple[int, int, int], name: str) -> np.ndarray:
     """Return drawn perturbations as float32.
 
     Args:
@@ -78,17 +81,24 @@ def checked(z: np.ndarray, shape: tuple[int, int, int], name: str) -> np.ndarray
         name: name of the sampler, for errors.
 
     Raises:
-        ValueError: the array has another shape, or numbers that are not finite.
+        SettingError: the array has another shape or type, or numbers that are not finite (a
+            ValueError).
     """
     wanted = (
         f"{name}.sample: expected finite numbers of shape {shape}, samples x horizon x controls"
     )
+    try:
+        given = np.asarray(z)
+    except ValueError:  # lists of different lengths
+        raise SettingError("sampler", f"{wanted}, got {shown_value(z)}") from None
+    if given.dtype.kind not in "fiub":
+        got = f"an array of {given.dtype}" if isinstance(z, np.ndarray) else shown_value(z)
+        raise SettingError("sampler", f"{wanted}, got {got}")
     with np.errstate(over="ignore"):
-        z = np.asarray(z).astype(np.float32)
-    if z.shape != shape:
-        raise ValueError(f"{wanted}, got shape {z.shape}")
-    if not np.isfinite(z).all():
-        raise ValueError(
-            f"{wanted}, got {np.count_nonzero(~np.isfinite(z))} that are not finite as float32"
-        )
-    return z
+        found = given.astype(np.float32)
+    if found.shape != shape:
+        raise SettingError("sampler", f"{wanted}, got shape {found.shape}")
+    if not np.isfinite(found).all():
+        count = np.count_nonzero(~np.isfinite(found))
+        raise SettingError("sampler", f"{wanted}, got {count} that are not finite as float32")
+    return found

@@ -72,13 +72,23 @@ def check_fields(record: object) -> None:
     """
     for name, kind in kinds_of(type(record)).items():
         given = getattr(record, name)
-        value = checked(name, given, kind)
-        # `checked` reads a text as a number, and gives a text that it keeps as it was.
-        items = given if isinstance(given, list | tuple | np.ndarray) else [given]
-        if any(isinstance(item, str) for item in items) and value != given:
-            raise SettingError(name, f"expected {_wanted(kind)}, got {_shown(given, kind)}")
+        value = checked_object(name, given, kind)
         if isinstance(given, list | np.ndarray | np.generic):
             object.__setattr__(record, name, value)
+
+
+def checked_object(name: str, given: object, kind: Kind) -> Any:
+    """Return a value that is given in Python, as `checked` does; text is no number here.
+
+    Raises:
+        SettingError: the value is of another type or out of range.
+    """
+    value = checked(name, given, kind)
+    # `checked` reads a text as a number, and returns another text as it was.
+    items = given if isinstance(given, list | tuple | np.ndarray) else [given]
+    if any(isinstance(item, str) for item in items) and value != given:
+        raise SettingError(name, f"expected {_wanted(kind)}, got {_shown(given, kind)}")
+    return value
 
 
 @cache

@@ -91,7 +91,10 @@ def shown(text: str) -> str:
 
 
 def shown_value(value: object) -> str:
-    """Return the value as Python writes it, on one line, cut where long."""
+    """Return the value as Python writes it, on one line, cut where long; a function by its name."""
+    name = getattr(value, "__qualname__", None)
+    if isinstance(name, str):
+        return cut(f"{getattr(value, '__module__', '')}.{name}")
     return cut(" ".join(repr(value).split()))
 
 

@@ -17,12 +17,20 @@ from controllers.learned.observation import command, gate_rows, normalised, obse
 from quadsim.dynamics.quadrotor import POSE, Control
 from quadsim.learn.render import RENDER_MODES, Renderer, ViewerFactory
 from quadsim.learn.reward import reward as reward_of
-from quadsim.learn.spaces import ACTIONS, action_space, checked_actions, observation_space
+from quadsim.learn.spaces import (
+    ACTIONS,
+    action_space,
+    checked_actions,
+    checked_reset,
+    observation_space,
+)
 from quadsim.learn.task import task
 from quadsim.race.flight import apply_control, whole_multiple
 from quadsim.spec.build import build
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec
+
+LARGEST_SEED = 10**9  # of a flight; from a larger one of an environment a flight's is drawn
 
 
 class RacingBulletEnv(Env):
@@ -54,7 +62,7 @@ class RacingBulletEnv(Env):
         if len(self.task.courses) != 1:
             raise SettingError("course", f"expected one, got {len(self.task.courses)}")
         if self.task.start != "standing":
-            problem = f"expected standing, got {self.task.start!r}: elsewhere Racing-v0 starts"
+            problem = f"expected standing, got {self.task.start}: elsewhere Racing-v0 starts"
             raise SettingError("start", problem)
         (course,) = self.task.courses
         (laps,) = self.task.laps
@@ -86,12 +94,18 @@ class RacingBulletEnv(Env):
         """Start an episode and return its first observation (38,).
 
         Args:
-            seed: decides what is randomized.
+            seed: decides what is randomized, 0 to 2^63 - 1.
             options: not used.
+
+        Raises:
+            SettingError: the seed is no whole number or out of its range.
         """
+        seed = checked_reset(seed, options)
         super().reset(seed=seed)
         self._close_plant()
-        number = int(self.np_random.integers(10**9)) if seed is None else seed
+        number = seed
+        if seed is None or seed > LARGEST_SEED:
+            number = int(self.np_random.integers(LARGEST_SEED))
         self._plant, _, self._referee = build(replace(self._spec, seed=number))
         self._last = normalised(self._system.rest, self._system.low, self._system.high)
         self._way = self._way_left()
@@ -163,6 +177,13 @@ class RacingBulletEnv(Env):
     def _state_rows(self) -> np.ndarray:
         """Return position, velocity and attitude.  (1, 10)"""
         return np.array(self._plant.state.x)[None, POSE]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy needs: a copy stands before its first reset.
+
+        The simulated world of the present episode cannot be copied.
+        """
+        return self.__dict__ | {"_plant": None}
 
     def _close_plant(self) -> None:
         if self._plant is not None:

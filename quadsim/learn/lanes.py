@@ -5,7 +5,7 @@ Arrays lie as in controllers.lanes.layout: environment i is lane i % LANES of bl
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -113,10 +113,7 @@ class LaneEnvironments:
 
         system = task.system
         cost = task.cost(0)
-        learning = Learning(observation, NextGates, reward, RewardParams, progress, clearance)
-        self._module = environment_module(system, cost, learning)
-        self.rows_to_lanes = self._module.to_lanes
-        self.lanes_to_rows = self._module.to_rows
+        self._load_loops()
 
         B = blocks(n)
         n_row = cost.targets.shape[1] + 2 * GATE_NUMBERS
@@ -175,6 +172,23 @@ class LaneEnvironments:
         self._limit = np.int32(round(task.time_limit / task.dt))
         self._dt = np.float32(task.dt)
         self.reward_by(task.rewards)
+
+    def _load_loops(self) -> None:
+        """Take the compiled loops of the task."""
+        learning = Learning(observation, NextGates, reward, RewardParams, progress, clearance)
+        module = environment_module(self.task.system, self.task.cost(0), learning)
+        self._module = module
+        self.rows_to_lanes = module.to_lanes
+        self.lanes_to_rows = module.to_rows
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return everything but the compiled loops, which a copy takes anew."""
+        loops = ("_module", "rows_to_lanes", "lanes_to_rows")
+        return {name: value for name, value in self.__dict__.items() if name not in loops}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._load_loops()
 
     def reward_by(self, weights: RewardWeights) -> None:
         """Weigh the reward by these from now on; the margin of the task stays."""

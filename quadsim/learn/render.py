@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -11,7 +11,8 @@ from PIL import Image, ImageDraw
 from quadsim.course import Course
 from quadsim.course.opening import outer_half_sizes
 from quadsim.dynamics.quadrotor import POSITION, VELOCITY
-from quadsim.spec.settings import SettingError
+from quadsim.files.values import SettingError
+from quadsim.files.yaml_errors import shown_value
 
 RENDER_MODES = ("human", "rgb_array")
 
@@ -63,9 +64,12 @@ class Renderer:
         vehicles: int,
         dt: float,
     ):
-        if mode not in (None, *RENDER_MODES):
+        if not (mode is None or (isinstance(mode, str) and mode in RENDER_MODES)):
             wanted = "expected None, 'human' or 'rgb_array'"
-            raise SettingError("render_mode", f"{wanted}, got {mode!r}")
+            raise SettingError("render_mode", f"{wanted}, got {shown_value(mode)}")
+        if not (viewer is None or callable(viewer)):
+            wanted = "expected a class or a function that makes a viewer"
+            raise SettingError("viewer", f"{wanted}, got {shown_value(viewer)}")
         if mode == "human" and viewer is None:
             wanted = "expected what makes a viewer for render_mode 'human', got None"
             raise SettingError("viewer", f"{wanted}: take web.page.env_page.EnvPage")
@@ -91,6 +95,10 @@ class Renderer:
     def picture(self, states: np.ndarray) -> np.ndarray | None:
         """Return a picture from above where the mode is rgb_array.  (height, width, 3) uint8"""
         return picture(self._course, states) if self._mode == "rgb_array" else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the open viewer to this environment: a copy opens its own."""
+        return self.__dict__ | {"_viewer": None}
 
     def close(self) -> None:
         """Close the viewer, if there is one."""

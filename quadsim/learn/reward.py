@@ -12,7 +12,12 @@ Learning", and Kaufmann et al. 2023.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from quadsim.files.strict_yaml import setting
+from quadsim.files.values import check_fields
+
+MOST = 1e6  # largest weight
 
 
 class RewardParams(NamedTuple):
@@ -29,17 +34,44 @@ class RewardParams(NamedTuple):
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """Weights of the terms."""
+    """Weights of the terms.
 
-    progress: float = 1.0  # per metre of the way to go that is flown
-    gate: float = 0.0  # for each gate passed
-    crash: float = 10.0  # for the end of an episode by a crash
-    # per metre by which the margin in a gate is not kept, per metre flown within it
-    clearance: float = 2.5
-    body_rates: float = 0.0005  # per squared body-rate command, each axis in units of its limit
-    action_change: float = 0.002  # per squared change of the action, each in -1..1
-    time: float = 0.0  # for each step
-    margin: float = 0.2  # wanted between vehicle and frame within a gate [m]
+    Raises:
+        SettingError: a weight is no number, or out of its range (a ValueError).
+    """
+
+    progress: Annotated[
+        float, setting("per metre of the way to go that is flown", ge=-MOST, le=MOST)
+    ] = 1.0
+    gate: Annotated[float, setting("for each gate passed", ge=-MOST, le=MOST)] = 0.0
+    crash: Annotated[float, setting("for the end of an episode by a crash", ge=-MOST, le=MOST)] = (
+        10.0
+    )
+    clearance: Annotated[
+        float,
+        setting(
+            "per metre by which the margin in a gate is not kept, per metre flown within it",
+            ge=-MOST,
+            le=MOST,
+        ),
+    ] = 2.5
+    body_rates: Annotated[
+        float,
+        setting(
+            "per squared body-rate command, each axis in units of its limit", ge=-MOST, le=MOST
+        ),
+    ] = 0.0005
+    action_change: Annotated[
+        float,
+        setting("per squared change of the action, each in -1..1", ge=-MOST, le=MOST),
+    ] = 0.002
+    time: Annotated[float, setting("for each step", ge=-MOST, le=MOST)] = 0.0
+    margin: Annotated[
+        float, setting("wanted between vehicle and frame within a gate", unit="m", ge=0, le=10)
+    ] = 0.2
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     @property
     def params(self) -> RewardParams:

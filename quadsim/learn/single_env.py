@@ -9,7 +9,13 @@ from gymnasium import Env
 from gymnasium.vector import AutoresetMode
 
 from quadsim.learn.render import RENDER_MODES, ViewerFactory
-from quadsim.learn.spaces import ACTIONS, action_space, checked_actions, observation_space
+from quadsim.learn.spaces import (
+    ACTIONS,
+    action_space,
+    checked_actions,
+    checked_reset,
+    observation_space,
+)
 from quadsim.learn.vector_env import RacingVectorEnv
 
 
@@ -40,7 +46,16 @@ class RacingEnv(Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start an episode and return its first observation (38,)."""
+        """Start an episode and return its first observation (38,).
+
+        Args:
+            seed: starts the series of episodes anew, 0 to 2^63 - 1.
+            options: not used.
+
+        Raises:
+            SettingError: the seed is no whole number or out of its range.
+        """
+        seed = checked_reset(seed, options)
         super().reset(seed=seed)
         observations, _ = self._envs.reset(seed=seed)
         return observations[0], {}

@@ -1,15 +1,20 @@
-"""Spaces of the environments, and the check of an action."""
+"""Spaces of the environments, and the checks of an action, a seed and the options of a reset."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 import numpy as np
 from gymnasium.spaces import Box
+from msgspec import Meta, inspect
 
 from controllers.learned.observation import SIZE
+from quadsim.files.values import SettingError, checked_object
+from quadsim.files.yaml_errors import shown_value
 
 ACTIONS = 4
+SEED = inspect.type_info(Annotated[int, Meta(ge=0, le=2**63 - 1)])
 
 
 def observation_space() -> Box:
@@ -31,11 +36,16 @@ def checked_actions(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
     Raises:
         ValueError: the actions are not numbers, have another shape, or are not finite.
     """
+    wanted = f"expected numbers in -1..1 of shape {shape}"
     try:
-        found = np.asarray(actions, np.float32)
-    except (TypeError, ValueError):
-        wanted = f"expected numbers in -1..1 of shape {shape}"
+        given = np.asarray(actions)
+    except (TypeError, ValueError):  # lists of different lengths
         raise ValueError(f"action: {wanted}, got {type(actions).__name__}") from None
+    if given.dtype.kind not in "fiub":
+        got = f"{type(actions).__name__} of {given.dtype}"
+        raise ValueError(f"action: {wanted}, got {got}")
+    with np.errstate(over="ignore"):
+        found = given.astype(np.float32, copy=False)
     if found.shape != shape:
         raise ValueError(f"action: expected shape {shape}, got {found.shape}")
     if not np.isfinite(found).all():
@@ -43,3 +53,14 @@ def checked_actions(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
         number = found[tuple(first)]
         raise ValueError(f"action{first}: expected a finite number in -1..1, got {number}")
     return found
+
+
+def checked_reset(seed: Any, options: Any) -> int | None:
+    """Return the seed of a reset as an int, None where none is given.
+
+    Raises:
+        SettingError: the seed is no whole number or out of its range, or the options are no dict.
+    """
+    if not (options is None or isinstance(options, Mapping)):
+        raise SettingError("options", f"expected a dict or None, got {shown_value(options)}")
+    return None if seed is None else checked_object("seed", seed, SEED)

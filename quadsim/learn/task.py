@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from msgspec import inspect
 
 from controllers.costs import Cost
 from controllers.costs.race import RaceWeights, race_cost
@@ -19,38 +20,50 @@ from quadsim.course import Course, load_course
 from quadsim.course.swept import SweptGates
 from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import ModelParams, quadrotor
+from quadsim.files.strict_yaml import setting
+from quadsim.files.values import SettingError, check_fields, checked_object, kinds_of
+from quadsim.files.yaml_errors import shown_value
 from quadsim.learn.reward import RewardWeights
 from quadsim.learn.starts import start_rows
 from quadsim.race.referee import check
-from quadsim.spec.settings import SettingError
+from quadsim.spec.settings import LapCount
 from quadsim.spec.spec import default_timeout
 from quadsim.streams import start_stream
 from quadsim.vehicle import Vehicle, load_vehicle
 
-STARTS = ("standing", "anywhere")
-# name of a setting -> its lowest and its highest value
-RANGES = {
-    "dt": (1e-3, 0.05),
-    "randomize": (0.0, 3.0),
-    "time_limit": (0.1, 1e4),
-    "noise": (0.0, 10.0),
-}
+Start = Literal["standing", "anywhere"]
+LAPS = inspect.type_info(LapCount)
 
 
 @dataclass(frozen=True)
 class LearningTask:
-    """A race to be learnt. The function `task` makes one from names and checks its values."""
+    """A race to be learnt. The function `task` makes one from names.
+
+    Raises:
+        SettingError: a number is of another type or out of its range (a ValueError).
+    """
 
     courses: tuple[Course, ...]
     vehicle: Vehicle
     laps: tuple[int, ...]  # one number for each course
-    dt: float = 0.01  # duration of an environment's step [s]
-    start: str = "standing"  # one of STARTS
-    # scale of the randomization of start and vehicle, see quadsim.physics.domain_randomization
-    randomize: float = 0.0
-    time_limit: float = 60.0  # longest duration of an episode [s]
-    noise: float = 0.0  # standard deviation of each number observed, in its unit
+    dt: Annotated[
+        float, setting("duration of an environment's step", unit="s", ge=1e-3, le=0.05)
+    ] = 0.01
+    start: Annotated[Start, setting("where episodes begin")] = "standing"
+    # see quadsim.physics.domain_randomization
+    randomize: Annotated[
+        float, setting("scale of the randomization of start and vehicle", ge=0, le=3)
+    ] = 0.0
+    time_limit: Annotated[
+        float, setting("longest duration of an episode", unit="s", ge=0.1, le=1e5)
+    ] = 60.0
+    noise: Annotated[
+        float, setting("standard deviation of each number observed, in its unit", ge=0, le=10)
+    ] = 0.0
     rewards: RewardWeights = field(default_factory=RewardWeights)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     @property
     def system(self) -> System:
@@ -132,7 +145,7 @@ def task(
         vehicle: a name, a FILE.yaml or a Vehicle.
         laps: number of laps of every course; None: each course's own.
         reward: RewardWeights, or {term: weight} for the terms that differ from the defaults.
-        settings: dt [s], start, randomize, time_limit [s], noise.
+        settings: dt [s], start, randomize, time_limit [s], noise; None stands for the default.
 
     Raises:
         SettingError: a value is invalid; its message is one line (a ValueError).
@@ -147,36 +160,35 @@ def task(
     if laps is None:
         laps_of_each = tuple(course.laps for course in courses)
     else:
-        laps_of_each = (_count("laps", laps),) * len(courses)
-    _check_settings(settings)
+        laps_of_each = (checked_object("laps", laps, LAPS),) * len(courses)
+    chosen = _checked_settings(settings)
+    rewards = _weights(reward)
     for one, count in zip(courses, laps_of_each, strict=True):
         check(one, count, SweptGates(one.gates, vehicle.radius).all, vehicle.radius)
-    if settings.get("time_limit") is None:
+    if "time_limit" not in chosen:
         longest = max(default_timeout(c, n) for c, n in zip(courses, laps_of_each, strict=True))
-        settings["time_limit"] = longest
-    return LearningTask(courses, vehicle, laps_of_each, rewards=_weights(reward), **settings)
+        chosen["time_limit"] = longest
+    return LearningTask(courses, vehicle, laps_of_each, rewards=rewards, **chosen)
 
 
 def _course(given: Any) -> Course:
     return given if isinstance(given, Course) else load_course(_path("course", given))
 
 
-def _check_settings(settings: Mapping[str, Any]) -> None:
-    """Raise SettingError unless all settings are known and within their ranges."""
-    for name, value in settings.items():
-        if name == "start":
-            if value not in STARTS:
-                wanted = f"expected one of {', '.join(STARTS)}"
-                raise SettingError("start", f"{wanted}, got {value!r}")
-        elif name not in RANGES:
-            names = ", ".join(("course", "vehicle", "laps", "reward", "start", *RANGES))
+def _checked_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings that are not None.
+
+    Raises:
+        SettingError: a setting is unknown or out of its range.
+    """
+    kinds = kinds_of(LearningTask)
+    for name in settings:
+        if name not in kinds:
+            names = ", ".join(("course", "vehicle", "laps", "reward", *kinds))
             problem = f"no such setting of an environment, known are {names}"
             raise SettingError(name, problem)
-        elif value is not None:
-            low, high = RANGES[name]
-            is_number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not is_number or not low <= value <= high:
-                raise SettingError(name, f"expected a number in {low:g} .. {high:g}, got {value!r}")
+    given = {name: value for name, value in settings.items() if value is not None}
+    return {name: checked_object(name, value, kinds[name]) for name, value in given.items()}
 
 
 def _weights(given: Any) -> RewardWeights:
@@ -188,18 +200,15 @@ def _weights(given: Any) -> RewardWeights:
     names = [f.name for f in fields(RewardWeights)]
     if not isinstance(given, Mapping) or not set(given) <= set(names):
         wanted = f"expected RewardWeights or weights of {', '.join(names)}"
-        raise SettingError("reward", f"{wanted}, got {given!r}")
-    return RewardWeights(**given)
-
-
-def _count(name: str, given: Any) -> int:
-    if isinstance(given, bool) or not isinstance(given, int) or given < 1:
-        raise SettingError(name, f"expected a whole number of at least 1, got {given!r}")
-    return given
+        raise SettingError("reward", f"{wanted}, got {shown_value(given)}")
+    try:
+        return RewardWeights(**given)
+    except SettingError as error:
+        raise SettingError(f"reward.{error.name}", error.problem) from None
 
 
 def _path(name: str, given: Any) -> str | Path:
     if not isinstance(given, str | Path):
         wanted = "expected a name, a FILE.yaml or an object of this kind"
-        raise SettingError(name, f"{wanted}, got {given!r}")
+        raise SettingError(name, f"{wanted}, got {shown_value(given)}")
     return given

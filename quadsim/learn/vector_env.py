@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from msgspec import Meta, inspect
 
 from controllers.lanes.environment import DISABLED, NEXT_STEP, SAME_STEP
 from controllers.lanes.layout import LANES
 from controllers.lanes.threads import use_threads
 from controllers.learned.observation import SIZE
 from quadsim.dynamics.quadrotor import POSE
+from quadsim.files.values import SettingError, checked_object
+from quadsim.files.yaml_errors import shown_value
 from quadsim.learn.lanes import LaneEnvironments
 from quadsim.learn.render import RENDER_MODES, Renderer, ViewerFactory
-from quadsim.learn.spaces import ACTIONS, action_space, checked_actions, observation_space
+from quadsim.learn.spaces import (
+    ACTIONS,
+    action_space,
+    checked_actions,
+    checked_reset,
+    observation_space,
+)
 from quadsim.learn.task import task
-from quadsim.spec.settings import SettingError
 from quadsim.streams import fresh_seed
+
+COUNT = inspect.type_info(Annotated[int, Meta(ge=1)])
+BYTES = 1500  # memory of one environment and of what a step returns, at least
 
 MODES = {
     AutoresetMode.SAME_STEP: SAME_STEP,
@@ -63,14 +75,10 @@ class RacingVectorEnv(VectorEnv):
         viewer: ViewerFactory | None = None,
         **settings: Any,
     ):
-        is_whole = isinstance(num_envs, int | np.integer) and not isinstance(num_envs, bool)
-        if not is_whole or num_envs < 1:
-            wanted = "expected a whole number of at least 1"
-            raise SettingError("num_envs", f"{wanted}, got {num_envs!r}")
+        self.num_envs = _checked_count(num_envs)
         mode = _mode(autoreset_mode)
         if threads is not None:
             use_threads(threads)
-        self.num_envs = int(num_envs)
         self.render_mode = render_mode
         self.task = task(**settings)
         dt = self.task.dt
@@ -94,10 +102,15 @@ class RacingVectorEnv(VectorEnv):
         """Start episodes and return observations (num_envs, 38).
 
         Args:
-            seed: starts the series of episodes anew.
+            seed: starts the series of episodes anew, 0 to 2^63 - 1.
             options: "reset_mask", booleans (num_envs,), names the environments to reset. Without
                 it all of them are.
+
+        Raises:
+            SettingError: the seed is no whole number or out of its range.
+            ValueError: the mask has another shape or type.
         """
+        seed = checked_reset(seed, options)
         if seed is None and not self._begun:
             seed = fresh_seed()
         super().reset(seed=seed)
@@ -105,7 +118,7 @@ class RacingVectorEnv(VectorEnv):
         mask = (options or {}).get("reset_mask")
         if mask is not None:
             chosen.ravel()[: self.num_envs] = self._checked_mask(mask)
-        self.lanes.begin(None if seed is None else int(seed), chosen)
+        self.lanes.begin(seed, chosen)
         self._begun = True
         self._renderer.update(self._state_rows)
         return self._rows(self.lanes.obs), {}
@@ -207,11 +220,35 @@ class RacingVectorEnv(VectorEnv):
         return rows
 
 
+def _checked_count(given: Any) -> int:
+    """Return the number of environments.
+
+    Raises:
+        SettingError: it is no whole number of at least 1, or needs more memory than is free.
+    """
+    count = checked_object("num_envs", given, COUNT)
+    most = free_memory() // BYTES
+    if count > most:
+        wanted = f"expected at most {most}, as each needs {BYTES} bytes of the free memory"
+        raise SettingError("num_envs", f"{wanted}, got {shown_value(count)}")
+    return count
+
+
+def free_memory() -> int:
+    """Return the memory that programs may still take [bytes], of any size where it is unknown."""
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+    except OSError:
+        return 2**63
+    (kilobytes,) = (int(line.split()[1]) for line in lines if line.startswith("MemAvailable:"))
+    return 1024 * kilobytes
+
+
 def _mode(given: AutoresetMode | str) -> AutoresetMode:
     """Return the mode of this name. Raises SettingError."""
     try:
         return AutoresetMode(given)
     except ValueError:
         names = ", ".join(mode.value for mode in AutoresetMode)
-        problem = f"expected one of {names}, got {given!r}"
+        problem = f"expected one of {names}, got {shown_value(given)}"
         raise SettingError("autoreset_mode", problem) from None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import count
+from math import inf
 from time import perf_counter
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -20,6 +21,14 @@ from quadsim.dynamics.estimate import Estimate
 from quadsim.physics.plant import Plant, PlantState
 from quadsim.race.clock import Clock
 from quadsim.race.events import Event, Frame
+from quadsim.race.own_parts import (
+    check_counts,
+    check_step,
+    check_time,
+    checked_control,
+    checked_events,
+    checked_plan,
+)
 from quadsim.rotation import Vec3
 from quadsim.sensing.estimation.prediction import Commands
 from quadsim.sensing.navigation import Navigation, RefereeCount, TrueState
@@ -71,7 +80,8 @@ class PlainController:
 
     def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
         """Return the control law's control at the estimated state, without statistics."""
-        u = np.asarray(self._inner.control(estimate.x), float)
+        answer = self._inner.control(estimate.x)
+        u = checked_control(self._inner, answer, len(self.rest), "control")
         return u, PlanStats(cost=0.0, ess=0.0, temperature=0.0)
 
 
@@ -136,6 +146,7 @@ def simulate(
     clock: Clock | None = None,
     snapshot: Callable[[], PlannerSnapshot | None] | None = None,
     navigation: Navigation | None = None,
+    time_limit: float | None = None,
 ) -> Iterator[Frame]:
     """Simulate until the referee ends the flight, and yield a Frame for each control step.
 
@@ -152,26 +163,37 @@ def simulate(
         snapshot: called every SNAPSHOT_EVERY periods; the result is stored in the frame.
         navigation: source of the controller's estimates; None: the true state and the referee's
             count of gates.
+        time_limit: longest flight [s], for a referee that has no time limit of its own; the outcome
+            is then "timeout".
 
     Raises:
         ValueError: the period is not a whole multiple of the plant's step.
+        SettingError: a part returns what it must not, or the plant's time does not go on (a
+            ValueError).
     """
     whole_multiple(period, plant.dt)
     began = perf_counter()
-    rest = tuple(controller.rest.tolist())
+    rest = rest_of(controller)
     clock = clock or Clock()
     navigation = navigation or exact_navigation(plant.state, referee, rest, period)
     plan = Plan(rest, PlanStats(cost=0.0, ess=0.0, temperature=0.0), 0.0)
     events: list[Event] = []
 
+    before = -inf
     for k in count():
         state = plant.state
-        flying = referee.outcome is None
+        check_time(plant, before, state.t)
+        before = state.t
+        check_counts(referee)
+        outcome = referee.outcome
+        if outcome is None and time_limit is not None and state.t > time_limit - plant.dt / 2:
+            outcome = "timeout"
+        flying = outcome is None
         previous = plan
 
         # Plan from the present estimate.
         if flying:
-            plan = plan_next(controller, navigation, state.t)
+            plan = plan_next(controller, navigation, state.t, len(rest))
         # The clock is read before the frame is yielded, as its consumer may take a while.
         ready = clock.now(state.t)
         taken = snapshot() if snapshot and flying and k % SNAPSHOT_EVERY == 0 else None
@@ -191,7 +213,7 @@ def simulate(
             plan_ms=plan.ms,
             elapsed=perf_counter() - began,
             events=tuple(events),
-            outcome=referee.outcome,
+            outcome=outcome,
             snapshot=taken,
             estimate=navigation.record(state),
         )
@@ -206,12 +228,32 @@ def simulate(
         events += apply_control(plant, referee, plan.u, next_time, navigation)
 
 
-def plan_next(controller: Controller, navigation: Navigation, t: float) -> Plan:
-    """Return the controller's next control from the estimate at t [s], and its planning time."""
+def plan_next(controller: Controller, navigation: Navigation, t: float, controls: int) -> Plan:
+    """Return the controller's next control from the estimate at t [s], and its planning time.
+
+    Args:
+        controller: the controller.
+        navigation: source of the estimate.
+        t: time now [s].
+        controls: n_u.
+
+    Raises:
+        SettingError: the controller returns anything else than a control and PlanStats.
+    """
     before = perf_counter()
-    u, stats = controller.control(navigation.estimate(t))
+    answer = controller.control(navigation.estimate(t))
     ms = 1e3 * (perf_counter() - before)
-    return Plan(tuple(u.tolist()), stats, ms)
+    u, stats = checked_plan(controller, answer, controls)
+    return Plan(u, stats, ms)
+
+
+def rest_of(controller: Controller) -> tuple[float, ...]:
+    """Return the control at rest of a controller  (n_u,).
+
+    Raises:
+        SettingError: it is not a row of finite numbers.
+    """
+    return tuple(checked_control(controller, controller.rest, None, "rest").tolist())
 
 
 def exact_navigation(
@@ -254,16 +296,22 @@ def apply_control(
 
     Returns:
         The events of these steps, in order.
+
+    Raises:
+        SettingError: a step takes another time than the plant's dt, or the referee returns no list
+            of events.
     """
     events: list[Event] = []
-    while plant.state.t < until - plant.dt / 2 and referee.outcome is None:
-        before = plant.state
+    dt = plant.dt
+    before = plant.state
+    while before.t < until - dt / 2 and referee.outcome is None:
         after = plant.step(u)
+        check_step(plant, before.t, after.t, dt)
         if navigation:
             navigation.watch(after)
-        events += referee.observe(
-            before.t, before.position, after.t, after.position, after.contacts
-        )
+        found = referee.observe(before.t, before.position, after.t, after.position, after.contacts)
+        events += checked_events(referee, found)
+        before = after
     return events
 
 

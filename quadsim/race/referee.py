@@ -26,6 +26,8 @@ from quadsim.course import Course, Gate
 from quadsim.course.opening import approach_length
 from quadsim.course.swept import Incident, SweptGate, SweptGates, clip, lerp
 from quadsim.course.swept_obstacles import SweptObstacles
+from quadsim.files.values import SettingError
+from quadsim.files.yaml_errors import shown_value
 from quadsim.race.events import NO_PROGRESS, Event
 from quadsim.rotation import Vec3
 
@@ -262,6 +264,10 @@ class Referee:
     def _contact(self, name: str, position: Vec3) -> Incident:
         """Return the incident of a contact, by its name: "gate 3", "obstacle 2"."""
         kind, _, number = name.partition(" ")
+        most = len(self.course.obstacles if kind == "obstacle" else self._gates)
+        if not (number.isdecimal() and 1 <= int(number) <= most):
+            problem = f"expected a contact with {kind} 1 to {most}, got {shown_value(name)}"
+            raise SettingError("plant", problem)
         index = int(number) - 1
         if kind == "obstacle":
             return Incident(1.0, "contact", obstacle=index)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
@@ -20,12 +20,14 @@ from controllers.presets import Planner
 from quadsim.course import Course, Gate
 from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import State, quadrotor
+from quadsim.files.yaml_errors import shown_value
 from quadsim.physics.domain_randomization import draw, gusts
 from quadsim.physics.faults import BiasJump, CommandLoss, RotorFault, SensorFault
 from quadsim.physics.plant import PLANTS, LossyLink, NamedPlant, Plant, PlantName, start_state
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
-from quadsim.race.flight import Controller, PlainController, RefereeProtocol, simulate
+from quadsim.race.flight import Controller, PlainController, RefereeProtocol, rest_of, simulate
+from quadsim.race.own_parts import check_counts, checked_control
 from quadsim.race.referee import Referee
 from quadsim.sensing import Sensing
 from quadsim.sensing.config import RotorConfig
@@ -42,7 +44,7 @@ from quadsim.sensing.navigation import (
 )
 from quadsim.sensing.sensors import WARM_UP, Sensors
 from quadsim.spec.changes import ChangeablePlanner
-from quadsim.spec.parts import made
+from quadsim.spec.parts import check_call, made
 from quadsim.spec.reference import reference_of
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec
@@ -68,30 +70,47 @@ def with_threads(spec: Spec) -> Spec:
     Raises:
         SettingError: the number is less than 1, or more than this machine has.
     """
-    from controllers.lanes.threads import most_threads, use_threads  # here: it loads the compiler
+    from controllers.lanes.threads import use_threads  # here: it loads the compiler
 
-    most = most_threads()
-    threads = most if spec.threads is None else spec.threads
-    if not 1 <= threads <= most:
-        raise SettingError("threads", f"expected 1 to {most} on this machine, got {threads}")
-    return spec.on_threads(use_threads(threads))
+    return spec.on_threads(use_threads(spec.threads))
 
 
 def build(spec: Spec) -> FlightParts:
     """Return the plant, the controller and the referee of one flight. The caller closes the plant.
 
     Raises:
+        SettingError: an object of the user's own cannot take its part (a ValueError).
         ValueError: course, laps and vehicle do not fit together.
     """
     referee = referee_of(spec)
-    controller = made(spec.controller, spec) or pilot_of(spec) or planner_of(spec)
-    if not isinstance(controller, Controller):
-        controller = PlainController(controller, system_of(spec).rest)
+    controller = controller_of(spec)
     plant = plant_of(spec)
     losses = [fault for fault in spec.drawn_faults if isinstance(fault, CommandLoss)]
     if losses:
         plant = LossyLink(plant, losses)
     return FlightParts(plant, controller, referee)
+
+
+def controller_of(spec: Spec) -> Controller:
+    """Return the controller of a flight: the user's own, the learned pilot, or the planner.
+
+    Raises:
+        SettingError: the user's controller has no control at rest of 4 numbers, or a deadline is
+            given that it cannot keep.
+    """
+    own = made("controller", spec.controller, spec)
+    if own is None:
+        return pilot_of(spec) or planner_of(spec)
+    rest = system_of(spec).rest
+    controller = own if isinstance(own, Controller) else PlainController(own, rest)
+    checked_control(controller, controller.rest, len(rest), "rest")
+    if spec.deadline_ms is not None:
+        from controllers.mppi import MPPI  # here: it loads the compiler
+
+        if not isinstance(controller, MPPI):
+            wanted = f"expected none for {type(own).__name__}, as only MPPI keeps it by its samples"
+            raise SettingError("deadline_ms", f"{wanted}, got {spec.deadline_ms:g}")
+    return controller
 
 
 def system_of(spec: Spec) -> System:
@@ -108,10 +127,12 @@ def referee_of(spec: Spec) -> RefereeProtocol:
     """Return the referee of one flight: the user's own, or the racing referee.
 
     Raises:
+        SettingError: the user's referee has no counts or no outcome.
         ValueError: course, laps and vehicle do not fit together.
     """
-    own = made(spec.referee, spec)
+    own = made("referee", spec.referee, spec)
     if own is not None:
+        check_counts(own)
         return own
     radius = spec.vehicle.radius
     return Referee(spec.flown_course, radius, spec.laps, spec.timeout, spec.penalties)
@@ -123,7 +144,7 @@ def plant_of(spec: Spec) -> Plant:
     The seed randomizes the vehicle, the start and the gusts of a named plant.
     """
     if not isinstance(spec.plant, str):
-        return NamedPlant(made(spec.plant, spec))
+        return NamedPlant(made("plant", spec.plant, spec))
     plant = PLANTS[cast(PlantName, spec.plant)]
     course = spec.flown_course
     faults = [fault for fault in spec.drawn_faults if isinstance(fault, RotorFault)]
@@ -164,7 +185,7 @@ def planner_of(spec: Spec, stream: SeedSequence | None = None) -> MPPI:
     if stream is None:
         stream = spec.streams.planner
     cost = cost_on(spec, spec.course)
-    if spec.terms or spec.cost:
+    if spec.terms or spec.cost is not None:
         check_cost(spec, cost)
     sampling = spec.planner.sampling
     return MPPI(system_of(spec), cost, sampling, spec.planner.mppi, stream, partial(cost_on, spec))
@@ -177,23 +198,74 @@ def check_cost(spec: Spec, cost: Cost) -> None:
 
     try:
         module_source(system_of(spec), cost, np.float32)
-    except TraceError as error:
-        raise SettingError("terms" if spec.terms else "cost", str(error)) from None
+        _check_rows(spec, cost)
+    except (TraceError, ValueError) as error:
+        raise SettingError("terms" if spec.terms else "cost", one_line(error)) from None
+
+
+def _check_rows(spec: Spec, cost: Cost) -> None:
+    """Check the numbers of a cost at the start, by the functions that the planner calls.
+
+    Raises:
+        ValueError: weights, targets or the guide have another shape, or are not finite.
+    """
+    horizon = spec.planner.mppi.horizon
+    cost.numbers(horizon)
+    if cost.obstacles:
+        _ = cost.crash_term
+    x = np.array(start_of(spec))
+    rows = cost.targets_from(0, x)
+    if not len(rows) or not np.isfinite(rows).all():
+        raise ValueError(f"cost {cost.name}: expected finite targets from the start on, got none")
+    if cost.guide:
+        shape = (horizon, len(system_of(spec).rest))
+        guide = cost.guide(0, x, horizon)
+        if np.shape(guide) != shape or not np.isfinite(np.asarray(guide, float)).all():
+            wanted = f"expected finite controls of shape {shape}"
+            raise ValueError(f"cost {cost.name}: guide: {wanted}, got {shown_value(guide)}")
 
 
 def cost_on(spec: Spec, course: Course) -> Cost:
     """Return the planner's cost on this course, followed by the user's own terms.
 
     Raises:
-        ValueError: two terms have the same name.
+        SettingError: the user's cost is none, or two terms have the same name (a ValueError).
     """
     if isinstance(spec.cost, Cost):
         cost = spec.cost
     elif spec.cost is None:
         cost = race_cost_on(spec, course)
     else:
-        cost = spec.cost(race_cost_on(spec, course))
-    return replace(cost, terms=(*cost.terms, *spec.terms)) if spec.terms else cost
+        cost = changed_cost(spec.cost, race_cost_on(spec, course))
+    if not spec.terms:
+        return cost
+    try:
+        return replace(cost, terms=(*cost.terms, *spec.terms))
+    except ValueError as error:
+        raise SettingError("terms", str(error)) from None
+
+
+def changed_cost(change: Callable[[Cost], object], cost: Cost) -> Cost:
+    """Return the cost that the user's function makes of the default one.
+
+    Raises:
+        SettingError: the function returns anything else than a Cost, or one that is inconsistent.
+    """
+    check_call("cost", change, "the default Cost", cost)
+    try:
+        found = change(cost)
+    except ValueError as error:  # a Cost whose fields do not fit together
+        raise SettingError("cost", one_line(error)) from None
+    if not isinstance(found, Cost):
+        wanted = f"expected {shown_value(change)} to return a Cost"
+        missing = ": is a return missing?" if found is None else ""
+        raise SettingError("cost", f"{wanted}, got {shown_value(found)}{missing}")
+    return found
+
+
+def one_line(error: Exception) -> str:
+    """Return the text of an error on one line."""
+    return " ".join(str(error).split())
 
 
 def race_cost_on(spec: Spec, course: Course) -> Cost:
@@ -243,6 +315,8 @@ def launch(spec: Spec, parts: FlightParts, navigation: Navigation | None = None)
         clock=CLOCKS[spec.clock](),
         snapshot=snapshot,
         navigation=navigation,
+        # The racing referee has this limit of its own.
+        time_limit=None if spec.referee is None else spec.timeout,
     )
 
 
@@ -258,7 +332,7 @@ def changeable_planner(spec: Spec, planner: MPPI) -> ChangeablePlanner:
 def navigation_of(spec: Spec, parts: FlightParts) -> Navigation:
     """Return the navigation of a flight, which makes the estimates for the controller."""
     dt = spec.planner.mppi.dt
-    rest = tuple(parts.controller.rest.tolist())
+    rest = rest_of(parts.controller)
     # A pilot has no model that could be adapted.
     adapts = spec.planner.mppi.adapt and spec.pilot is None
     if spec.sensing:

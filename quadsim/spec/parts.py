@@ -6,19 +6,21 @@ the numbers that they hold and a hash that tells them from others, not their cod
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from types import FunctionType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from controllers.costs import Term
+from controllers.costs import Term, Weight, is_weight
 from controllers.samplers import SAMPLERS, PlainSampler, Sampling
 from quadsim.course import Course, parse_course
 from quadsim.files.strict_yaml import FileError
-from quadsim.files.yaml_errors import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean, shown_value
 from quadsim.spec.identity import IdentityError, identity_of
 from quadsim.spec.settings import SettingError
 
@@ -29,6 +31,8 @@ WANTED_SAMPLER = "expected a sampler: an object with sample(rng, samples, horizo
 LARGE = 1000  # a run stores only the shape of an array of more numbers than this
 # role of the user's own object -> the method that it needs
 METHODS = {"plant": "step", "controller": "control", "referee": "observe"}
+# The errors that a user's own module may end in when it is imported.
+UNIMPORTABLE = (Exception, SystemExit)
 
 
 def check_part(role: str, part: object) -> None:
@@ -36,19 +40,71 @@ def check_part(role: str, part: object) -> None:
 
     Args:
         role: one of METHODS.
-        part: an object with that method, or a class or function that is called with the Spec.
+        part: an object with that method, or a maker, see `is_maker`.
 
     Raises:
         SettingError: the part is neither.
     """
-    if not (callable(part) or hasattr(part, METHODS[role])):
+    if not (is_maker(role, part) or _has_method(role, part)):
         wanted = f"expected an object with {METHODS[role]!r}, or a function that makes one"
-        raise SettingError(role, f"{wanted}, got {part!r}")
+        raise SettingError(role, f"{wanted}, got {shown_value(part)}")
 
 
-def made(part: Any, spec: object) -> Any:
-    """Return the part itself, or the object that its class or function makes for this flight."""
-    return part(spec) if _is_maker(part) else part
+def is_maker(role: str, part: object) -> bool:
+    """Return whether a part is called with the Spec to make the object of its role.
+
+    A maker is a class, or anything else that can be called and lacks the method of the role: a
+    function, a bound method, a functools.partial or an object with `__call__`.
+    """
+    return isinstance(part, type) or (callable(part) and not _has_method(role, part))
+
+
+def made(role: str, part: Any, spec: object) -> Any:
+    """Return the part itself, or the object that its maker makes for this flight.
+
+    Args:
+        role: one of METHODS.
+        part: the part, or its maker.
+        spec: the Spec that a maker is called with.
+
+    Raises:
+        SettingError: a maker returns an object without the method of its role.
+    """
+    if part is None or not is_maker(role, part):
+        return part
+    check_call(role, part, "the Spec", spec)
+    found = part(spec)
+    if isinstance(found, type) or not _has_method(role, found):
+        wanted = f"expected {shown_value(part)} to return an object with {METHODS[role]!r}"
+        raise SettingError(role, f"{wanted}, got {shown_value(found)}")
+    return found
+
+
+def check_call(role: str, function: Callable[..., Any], name: str, argument: object) -> None:
+    """Check that a function can be called with one argument.
+
+    Args:
+        role: the setting that the function was given for.
+        function: the function.
+        name: of the argument, for the error.
+        argument: the argument.
+
+    Raises:
+        SettingError: the function takes no argument, or needs more.
+    """
+    try:
+        called = signature(function)
+    except (TypeError, ValueError):  # a function of an extension module, which says nothing
+        return
+    try:
+        called.bind(argument)
+    except TypeError as error:
+        wanted = f"expected a function of {name}, got {shown_value(function)}"
+        raise SettingError(role, f"{wanted}: {error}") from None
+
+
+def _has_method(role: str, part: object) -> bool:
+    return callable(getattr(part, METHODS[role], None))
 
 
 def terms_of(objects: object) -> tuple[Term, ...]:
@@ -58,7 +114,7 @@ def terms_of(objects: object) -> tuple[Term, ...]:
         SettingError: the objects are anything else.
     """
     if not isinstance(objects, tuple | list):
-        raise SettingError("terms", f"{WANTED_TERMS}, got {objects!r}")
+        raise SettingError("terms", f"{WANTED_TERMS}, got {shown_value(objects)}")
     return tuple(_term(term) for term in objects)
 
 
@@ -67,14 +123,21 @@ def _term(given: object) -> Term:
     if isinstance(given, Term):
         return given
     if not isinstance(given, tuple | list) or len(given) != 2 or not callable(given[0]):
-        raise SettingError("terms", f"{WANTED_TERMS}, got {given!r}")
+        raise SettingError("terms", f"{WANTED_TERMS}, got {shown_value(given)}")
     function, weight = given
-    is_number = isinstance(weight, int | float | np.ndarray) and not isinstance(weight, bool)
-    if not is_number or not np.isfinite(weight).all():
-        name = qualified_name(function)
+    if not is_weight(weight):
         wanted = f"{WANTED_TERMS} with a finite weight"
-        raise SettingError("terms", f"{wanted}, got {weight!r} for {name}")
-    return Term(function, float(weight) if np.ndim(weight) == 0 else weight)
+        problem = f"{wanted}, got {shown_value(weight)} for {shown_value(function)}"
+        raise SettingError("terms", problem)
+    return _named_term("terms", function, float(weight) if np.ndim(weight) == 0 else weight)
+
+
+def _named_term(setting: str, function: Any, weight: Weight) -> Term:
+    """Return a term of a function, which has a name. Raises SettingError."""
+    try:
+        return Term(function, weight)
+    except ValueError as error:
+        raise SettingError(setting, str(error)) from None
 
 
 def term_of_text(text: str) -> Term:
@@ -84,11 +147,11 @@ def term_of_text(text: str) -> Term:
     try:
         function = _imported(place)
         number = float(weight)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise SettingError("term", f"{wanted}: {error}") from None
+    except UNIMPORTABLE as error:
+        raise SettingError("term", f"{wanted}: {reason(error)}") from None
     if not callable(function) or not np.isfinite(number):
         raise SettingError("term", wanted)
-    return Term(function, number)
+    return _named_term("term", function, number)
 
 
 def own_sampler(given: object) -> Sampler | None:
@@ -109,11 +172,18 @@ def own_sampler(given: object) -> Sampler | None:
     try:
         found = _imported(given)
         return _sampler(found() if isinstance(found, type) else found)
-    except (ImportError, AttributeError, TypeError, ValueError) as error:
+    except UNIMPORTABLE as error:
         if isinstance(error, SettingError):
             raise
         wanted = f"expected package.module:Class without arguments, got {given!r}"
-        raise SettingError("sampler", f"{wanted}: {error}") from None
+        raise SettingError("sampler", f"{wanted}: {reason(error)}") from None
+
+
+def reason(error: BaseException) -> str:
+    """Return the text of an error on one line, with its type where that says more."""
+    text = " ".join(str(error).split())
+    is_plain = isinstance(error, ImportError | AttributeError | TypeError | ValueError)
+    return text if is_plain and text else f"{type(error).__name__} {text}".rstrip()
 
 
 def _imported(text: str) -> Any:
@@ -124,9 +194,10 @@ def _imported(text: str) -> Any:
 
 def _sampler(given: object) -> Sampler:
     """Return a sampler. Raises SettingError for any other object."""
-    if isinstance(given, type) or not isinstance(given, (PlainSampler, *SAMPLERS.values())):
-        raise SettingError("sampler", f"{WANTED_SAMPLER}, got {given!r}")
-    return given
+    is_sampler = type(given) in SAMPLERS.values() or callable(getattr(given, "sample", None))
+    if isinstance(given, type) or not is_sampler:
+        raise SettingError("sampler", f"{WANTED_SAMPLER}, got {shown_value(given)}")
+    return cast(Sampler, given)
 
 
 def sampler_name(sampler: Sampler) -> str:

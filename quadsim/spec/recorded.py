@@ -353,16 +353,26 @@ def _changes(read: Recorded) -> Iterator[PlannerChange]:
 
 
 def _check_same(record: Mapping[str, Any], spec: Spec) -> None:
-    """Raise RecordError unless a Spec has the record that it was made from."""
+    """Raise RecordError unless a Spec has the record that it was made from.
+
+    It may have more: settings that are younger than the record, which are at their defaults.
+    """
     asked = hostless(dict(record))
     found = hostless(json.loads(canonical(spec.record())))
-    for key in sorted(asked.keys() | found.keys()):
-        if asked.get(key) == found.get(key):
+    for key, value in asked.items():
+        if _has(found.get(key), value):
             continue
         if key == "own":
-            _check_same_parts(asked.get(key, {}), found.get(key, {}))
+            _check_same_parts(value, found.get(key, {}))
         wanted = "expected what this version of quadsim flies with"
         raise RecordError(f"{key}: {wanted}, got another in the record: it cannot be flown again")
+
+
+def _has(found: Any, asked: Any) -> bool:
+    """Return whether a value has all that another one has."""
+    if isinstance(asked, dict) and isinstance(found, dict):
+        return all(name in found and _has(found[name], value) for name, value in asked.items())
+    return found == asked
 
 
 def _check_same_parts(asked: Mapping[str, Any], found: Mapping[str, Any]) -> None:

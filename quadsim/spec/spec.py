@@ -553,7 +553,7 @@ def _base_planner(
     if planner is not None:
         for name in ("sampler", "preset"):
             if given.get(name) is not None:
-                raise SettingError(name, "expected none beside a whole planner=")
+                raise SettingError(name, "expected none beside a whole planner=, such as a stored run has")
         _check_type("planner", planner, Planner)
         return planner
     preset = given.get("preset")
@@ -625,5 +625,8 @@ def _view_weight(flight: FlightSettings, base: Planner, sensing: Sensing) -> flo
 
 
 def default_timeout(course: Course, laps: int) -> float:
-    """Return the time limit [s]: 10 s, and the laps at 2 m/s along the lines between gates."""
-    return 10.0 + laps * course.lap_length / 2.0
+    """Return the time limit [s]: 10 s, and the laps at 2 m/s along the lines between gates.
+
+    It is at most the largest `timeout` that may be given.
+    """
+    return min(10.0 + laps * course.lap_length / 2.0, 1e5)

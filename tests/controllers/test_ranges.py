@@ -41,13 +41,13 @@ def test_a_number_of_mppi_out_of_its_range_is_refused_in_one_line(name, value, e
 @pytest.mark.parametrize("sigma", [(1, 1, 1, NAN), (0,) * 4, "1234", None, ("1",) * 4])
 def test_a_sigma_out_of_its_range_is_refused(sampler, sigma):
     other = {"gamma": (0.0,) * 4} if sampler == "colored" else {}
-    with pytest.raises(SettingError, match="^sigma: expected .* numbers > 0 and <= 1000, got"):
+    with pytest.raises(SettingError, match=r"^sigma: expected .* numbers > 0 and <= 1000, got"):
         SAMPLERS[sampler](sigma=sigma, **other)
 
 
 def test_the_law_of_colored_sampling_is_one_of_three():
     for law in ("exactly", np.ones(3), 1):
-        with pytest.raises(SettingError, match="^law: expected 'exact' or"):
+        with pytest.raises(SettingError, match=r"^law: expected 'exact' or"):
             Colored((1.0,), (1.0,), law=law)
 
 
@@ -60,5 +60,5 @@ def test_a_list_or_an_array_of_numbers_is_kept_as_a_tuple():
 @pytest.mark.parametrize("weights", [RaceWeights, ReferenceWeights])
 @pytest.mark.parametrize("value", [-1, NAN, "5", None, True])
 def test_a_weight_out_of_its_range_is_refused(weights, value):
-    with pytest.raises(SettingError, match="^crash: expected a number >= 0"):
+    with pytest.raises(SettingError, match=r"^crash: expected a number >= 0"):
         weights(crash=value)

@@ -3,7 +3,6 @@
 import json
 import shutil
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -232,13 +231,3 @@ def test_a_flight_by_the_wall_clock_is_not_called_repeatable():
     run = quadsim.fly("figure8", **SMALL, deadline_ms=50.0)
     assert "wall clock" in why_not_repeatable(run)
     assert why_not_repeatable(replace(run, outcome="interrupted")) == "the flight was interrupted"
-
-
-GOLDEN = Path(__file__).parents[1] / "record" / "golden"
-
-
-def test_the_golden_run_flies_again():
-    run = quadsim.load_run(GOLDEN)
-    again = quadsim.fly(run.spec)
-    assert again.outcome == run.outcome
-    np.testing.assert_allclose(again.laps, run.laps, atol=0.05)

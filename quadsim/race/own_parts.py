@@ -1,0 +1,126 @@
+"""Checks of what a controller and a referee of the user's own return in a flight.
+
+They cost some microseconds in a control period, next to the milliseconds of a plan.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from numbers import Real
+
+import numpy as np
+
+from controllers.plan import PlanStats
+from quadsim.files.values import SettingError
+from quadsim.files.yaml_errors import shown_value
+from quadsim.race.events import Event
+
+# The outcomes that a referee may give.
+OUTCOMES = ("finished", "crashed", "stuck", "timeout")
+# Largest number of a control; beyond it the vehicle's equations overflow.
+LARGEST = 1e9
+# A physics step may differ from the plant's dt by this share of it.
+UNEVEN = 0.5
+
+
+def checked_control(part: object, given: object, controls: int | None, member: str) -> np.ndarray:
+    """Return a control as an array of float  (n_u,).
+
+    Args:
+        part: the controller.
+        given: its answer.
+        controls: n_u; None: any number of controls.
+        member: name of the controller's method or attribute.
+
+    Raises:
+        SettingError: the answer is not n_u finite numbers.
+    """
+    try:
+        u = np.asarray(given)
+    except ValueError:  # lists of different lengths
+        u = np.array(None)
+    is_row = u.dtype.kind in "fiu" and u.ndim == 1
+    # A number that is not finite fails this comparison too.
+    if is_row and controls in (None, len(u)) and (abs(u) <= LARGEST).all():
+        return u.astype(float, copy=False)
+    count = "" if controls is None else f"{controls} "
+    place = f"{type(part).__name__}.{member}"
+    wanted = f"expected a control of {count}numbers within +-{LARGEST:g}"
+    raise SettingError("controller", f"{place}: {wanted}, got {shown_value(given)}")
+
+
+def checked_plan(
+    part: object, answer: object, controls: int
+) -> tuple[tuple[float, ...], PlanStats]:
+    """Return the control and the statistics of a controller's answer.
+
+    Args:
+        part: the controller.
+        answer: what its `control` returned.
+        controls: n_u.
+
+    Raises:
+        SettingError: the answer is not a control of n_u finite numbers with its PlanStats.
+    """
+    match answer:
+        case (u, PlanStats() as stats):
+            numbers = (stats.cost, stats.ess, stats.temperature)
+            if all(isinstance(number, Real) for number in numbers):
+                return tuple(checked_control(part, u, controls, "control").tolist()), stats
+    place = f"{type(part).__name__}.control"
+    wanted = "expected a control and its PlanStats of three numbers"
+    raise SettingError("controller", f"{place}: {wanted}, got {shown_value(answer)}")
+
+
+def check_counts(referee: object) -> None:
+    """Check the outcome and the counts of a referee.
+
+    Raises:
+        SettingError: one of them is missing, of another type or unknown.
+    """
+    for name, least in (("passed", 0), ("lap", 0), ("next_gate", 0)):
+        number = getattr(referee, name, None)
+        if not isinstance(number, int | np.integer) or number < least:
+            problem = f"expected a whole number of at least {least}, got {shown_value(number)}"
+            raise SettingError("referee", f"{type(referee).__name__}.{name}: {problem}")
+    outcome = getattr(referee, "outcome", "")
+    if not (outcome is None or (isinstance(outcome, str) and outcome in OUTCOMES)):
+        wanted = f"expected None or one of {', '.join(OUTCOMES)}"
+        problem = f"{type(referee).__name__}.outcome: {wanted}, got {shown_value(outcome)}"
+        raise SettingError("referee", problem)
+
+
+def checked_events(referee: object, found: object) -> list[Event]:
+    """Return the events of a physics step. Raises SettingError where they are no list of them."""
+    if isinstance(found, list) and all(isinstance(event, Event) for event in found):
+        return found
+    problem = f"expected a list of events, got {shown_value(found)}"
+    raise SettingError("referee", f"{type(referee).__name__}.observe: {problem}")
+
+
+def check_step(plant: object, before: float, after: float, dt: float) -> None:
+    """Check that a physics step takes the time that it should, so that a flight comes to an end.
+
+    Args:
+        plant: the plant.
+        before, after: times of its states before and after the step [s].
+        dt: the plant's step [s].
+
+    Raises:
+        SettingError: the step is shorter or longer than dt.
+    """
+    if not abs(after - before - dt) <= UNEVEN * dt:
+        wanted = f"expected a state {dt:g} s after t = {before:g}"
+        raise SettingError("plant", f"{_plant_name(plant)}.step: {wanted}, got t = {after!r}")
+
+
+def check_time(plant: object, before: float, now: float) -> None:
+    """Check that a plant's `state` has moved on. Raises SettingError."""
+    if not (isfinite(now) and now > before):
+        wanted = f"expected the state after the last step, later than t = {before:g}"
+        raise SettingError("plant", f"{_plant_name(plant)}.state: {wanted}, got t = {now!r}")
+
+
+def _plant_name(plant: object) -> str:
+    """Return the name of a plant's class; NamedPlant holds that of the user's."""
+    return getattr(plant, "name", type(plant).__name__)
