@@ -30,7 +30,7 @@ quick: $(VENV)/.dev
 test: $(VENV)/.dev
 	$(PYTEST)
 
-# 1800 damaged inputs, disks and environments: some minutes. Other ones: make fuzz SEED=1
+# 1500 damaged inputs, disks and environments: some minutes. Other ones: make fuzz SEED=1
 SEED ?= 0
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --seed $(SEED)

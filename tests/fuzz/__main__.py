@@ -45,9 +45,9 @@ KINDS = {
     "exports": Kind(exports, 60),
     "disks": Kind(disks, 60),
     "environments": Kind(environments, 60),
-    "pilots": Kind(pilots, 200),
-    "solutions": Kind(solutions, 200),
-    "checkpoints": Kind(checkpoints, 200),
+    "pilots": Kind(pilots, 100),
+    "solutions": Kind(solutions, 60),
+    "checkpoints": Kind(checkpoints, 100),
 }
 # Modules that are loaded before the processes of the cases are forked.
 LOADED = (

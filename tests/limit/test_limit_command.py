@@ -334,3 +334,23 @@ def test_without_a_known_limit_known_keeps_nothing(tmp_path, capsys):
     code, _, _ = run(capsys, "limit", f"{tmp_path}/mine.yaml", "--known", "--runs-dir", str(runs))
     assert code == 1
     assert not runs.exists()
+
+
+LOOP = """opening: [1.5, 1.5]
+loop: true
+start: {position: [0, 0, 2], yaw_deg: 0}
+gates:
+  - {position: [4, 0, 2], yaw_deg: 0}
+  - {position: [4, 5, 2], yaw_deg: 180}
+"""
+
+
+def test_a_closed_lap_is_found_again(tmp_path, capsys):
+    (tmp_path / "loop.yaml").write_text(LOOP)
+    words = ("limit", f"{tmp_path}/loop.yaml", "--closed", "--runs-dir", str(tmp_path))
+    code, out, _ = run(capsys, *words, "--nodes", "8", "--json")
+    assert code == 0
+    told = json.loads(out)
+    code, out, _ = run(capsys, *words, "--known", "--json")
+    assert code == 0
+    assert json.loads(out)["time"] == told["time"]

@@ -111,6 +111,16 @@ def test_what_is_written_is_read_with_its_key(tmp_path):
     np.testing.assert_array_equal(found.solution.x, stored.solution.x)
 
 
+def test_a_closed_lap_may_end_a_little_behind_its_last_gate(tmp_path):
+    path = tmp_path / "x.npz"
+    lap = float(ARRAYS["t"][-1]) - 0.05
+    path.write_bytes(saying(closed=True, laps=1, lap_times=[lap]))
+    assert load(path).time == lap
+    path.write_bytes(saying(closed=False, laps=1, lap_times=[lap]))
+    with pytest.raises(LimitError, match="lap_times"):
+        load(path)
+
+
 FOREIGN = {
     "another course": {"course": "paper_flat"},
     "another vehicle": {"vehicle": "kingfisher"},
