@@ -49,7 +49,7 @@ def page_messages(rng: random.Random) -> Case:
 
 
 def visit(rng: random.Random) -> int:
-    """Send messages to a server, then a good one, which has to be followed. Return the exit code."""
+    """Send messages, then a good one, which has to be followed. Return the exit code."""
     server = serve("127.0.0.1", 0, None, "race")
     slider = server.gui.add_slider("slider", min=0.0, max=1.0, step=0.1, initial_value=0.5)
     choice = server.gui.add_dropdown("choice", ("a", "b"), initial_value="a")
