@@ -11,7 +11,7 @@ PYTEST := $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 # The markers that tests/conftest.py sets.
 QUICK  := not (browser or process or flight or long)
 
-.PHONY: race web bench quick test fuzz regression lint fix docs docs-version clean
+.PHONY: race web bench quick test fuzz regression lint fix docs docs-figures docs-version clean
 
 race: $(VENV)/.app
 	$(BIN)/race fly
@@ -30,7 +30,7 @@ quick: $(VENV)/.dev
 test: $(VENV)/.dev
 	$(PYTEST)
 
-# 1200 damaged inputs, disks and environments: some minutes. Other ones: make fuzz SEED=1
+# 1800 damaged inputs, disks and environments: some minutes. Other ones: make fuzz SEED=1
 SEED ?= 0
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --seed $(SEED)
@@ -57,6 +57,30 @@ fix: $(VENV)/.dev
 # The documentation site, into site/: open site/index.html.
 docs: $(VENV)/.dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# Fly and draw the figures of README.md and docs/ anew: hours, most of them for the two campaigns and the paper, which
+# continue where they were interrupted. The other numbers of a page come from the commands beside them.
+FIGURES := runs/docs
+docs-figures: $(VENV)/.dev
+	rm -rf $(FIGURES)
+	$(BIN)/race fly --runs-dir $(FIGURES)
+	$(BIN)/race plot last --runs-dir $(FIGURES) --out docs/race.png
+	$(BIN)/race compare split_s_swift --randomize 1 --attempts 30 --variants gaussian,colored --out $(FIGURES)/swift
+	cp $(FIGURES)/swift/*.png docs/campaign_split_s_swift.png
+	$(BIN)/race compare paper_flat --preset paper --variants gaussian,colored --attempts 100 --randomize 1 --out $(FIGURES)/flat
+	cp $(FIGURES)/flat/*.png docs/campaign_paper_flat.png
+	$(BIN)/race paper all --runs 20
+	cp runs/paper/double_integrator.png docs/paper_double_integrator.png
+	cp runs/paper/exploration.png docs/paper_exploration.png
+	cp runs/paper/noise.png docs/paper_noise.png
+	cp runs/paper/offroad_controls.png docs/paper_offroad_controls.png
+	cp runs/paper/offroad_paths.png docs/paper_offroad_paths.png
+	cp runs/paper/quadrotor_laps.png docs/paper_quadrotor.png
+	$(BIN)/python docs/concept_figures.py # docs/concept_*.png
+	$(BIN)/python docs/faults_figures.py # docs/faults.png
+	$(BIN)/python docs/pictures_figure.py # docs/pictures.png
+	$(BIN)/python docs/sensing_figures.py # docs/sensing_*.png
+	$(BIN)/python docs/dashboard_pictures.py # docs/dashboard_*.png
 
 # The site of one version beside those of the others, as a commit on the branch gh-pages: make docs-version VERSION=0.1
 docs-version: $(VENV)/.dev

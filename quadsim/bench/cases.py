@@ -100,6 +100,22 @@ class CaseTime(NamedTuple):
     ms_p95: float  # 95th percentile
     steps_per_s: float  # model steps per second, by the median
 
+    @classmethod
+    def of(cls, case: Case, threads: int, ms_p50: float, ms_p95: float) -> CaseTime:
+        """Return the time of a case from its percentiles [ms] on a number of threads."""
+        return cls(
+            name=case.name,
+            system=case.system,
+            sampler=case.sampler,
+            samples=case.samples,
+            horizon=case.horizon,
+            iterations=case.iterations,
+            threads=threads,
+            ms_p50=ms_p50,
+            ms_p95=ms_p95,
+            steps_per_s=1e3 * case.steps / ms_p50,
+        )
+
 
 class Start(NamedTuple):
     """A planner, and the state that it plans from."""
@@ -165,18 +181,7 @@ def measure(case: Case, seconds: float) -> CaseTime:
     start = starting(case)
     times = times_ms(lambda: start.mppi.control(start.x), seconds)
     p50, p95 = np.percentile(times, [50, 95]).tolist()
-    return CaseTime(
-        name=case.name,
-        system=case.system,
-        sampler=case.sampler,
-        samples=case.samples,
-        horizon=case.horizon,
-        iterations=case.iterations,
-        threads=threads,
-        ms_p50=p50,
-        ms_p95=p95,
-        steps_per_s=1e3 * case.steps / p50,
-    )
+    return CaseTime.of(case, threads, p50, p95)
 
 
 def times_ms(call: Callable[[], object], seconds: float) -> np.ndarray:

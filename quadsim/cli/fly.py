@@ -22,7 +22,7 @@ from quadsim.cli.report import present
 from quadsim.console import COMPILING, UsageError, complain, uninterrupted
 from quadsim.race.events import Frame
 from quadsim.record.archive import RunFolder, find_run, load_run, remove_unfinished
-from quadsim.record.run import Recorder, Run, RunError, own_parts, why_not_repeatable
+from quadsim.record.run import Recorder, Run, RunError, own_parts, same_flight, why_not_repeatable
 from quadsim.spec.build import build, launch, with_threads
 from quadsim.spec.recorded import recorded_spec, sorted_settings
 from quadsim.spec.settings import SETTINGS, FlightSettings
@@ -140,7 +140,7 @@ def compared(run: Run, before: Run, settings: Mapping[str, Any]) -> str:
     _, changed = sorted_settings(before.spec, settings)
     if changed:
         return f"the stored run was flown with other values of {', '.join(sorted(changed))}"
-    if run.digest() == before.digest():
+    if same_flight(run, before):
         return "the same flight as the stored run, to the last bit"
     reason = why_not_repeatable(before)
     if own_parts(before.spec):

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Annotated
 
 from msgspec import Meta
@@ -21,13 +22,15 @@ from quadsim.files.extras import needs_extra
 from quadsim.files.strict_yaml import unit
 from quadsim.record.archive import RunFolder, find_run, load_run
 from quadsim.record.limits import (
+    LimitError,
     LimitProblem,
     ModelName,
     StoredSolution,
     dump,
     limits_folder,
 )
-from quadsim.record.whole_files import write_whole
+from quadsim.record.run import RunError
+from quadsim.record.whole_files import try_writing, write_whole
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:
@@ -97,7 +100,11 @@ def limit(
     if known:
         return _show_known(problem, runs_dir, json)
 
+    # A damaged solution and a folder that cannot be written are told before the search
+    folder = limits_folder(runs_dir)
+    keeper = Keeper(problem, folder, problem.best_known(folder))
     search = _search(problem)
+    try_writing(folder)
     attempts: list[Attempt] = []
     # The optimiser would take Ctrl-C for a failure
     with suppress(KeyboardInterrupt), uninterrupted() as stopped:
@@ -106,15 +113,16 @@ def limit(
             attempts.append(attempt)
             result = "; ".join(attempt.broken) or f"{attempt.time:.3f} s"
             complain(f"{attempt.start}, {attempt.nodes} nodes: {result}")
-    found = search.stored(attempts)
-    best = _keep_faster(problem, found, limits_folder(runs_dir))
+            # A search that is killed later keeps what it has found
+            keeper.keep(search.stored([attempt]))
     if json:
-        emit_json(_summary(problem, best, attempts))
+        emit_json(_summary(problem, keeper.best, attempts))
     else:
-        emit(*_report(problem, best, found))
+        emit(*_report(problem, keeper.best, keeper.found))
+    keeper.finish()
     if stopped:
         return EXIT["interrupted"]
-    return 0 if best else 1
+    return 0 if keeper.best else 1
 
 
 def _show_known(problem: LimitProblem, runs_dir: str, json: bool) -> int:
@@ -217,15 +225,52 @@ def _progress(stopped: list[int], quiet: bool) -> Progress:
     return show
 
 
-def _keep_faster(
-    problem: LimitProblem, found: StoredSolution | None, folder: Path
-) -> StoredSolution | None:
-    """Return the best known solution; keep the one found now where it is the fastest."""
-    best = problem.best_known(folder)
-    if not found or (best and best.time <= found.time):
-        return best
-    write_whole(folder / problem.file_name, dump(found))
-    return found
+class Keeper:
+    """Keeps the best known solution of a race in its file."""
+
+    def __init__(self, problem: LimitProblem, folder: Path, best: StoredSolution | None):
+        """Take the race, the folder of its file, and the best solution known before."""
+        self.best = best
+        # The fastest that was found now, where it is faster than those known before
+        self.found: StoredSolution | None = None
+        self._problem = problem
+        self._path = folder / problem.file_name
+        self._failure: RunError | None = None
+
+    def keep(self, found: StoredSolution | None) -> None:
+        """Keep a solution where it is the fastest; `finish` tells whether it could be written."""
+        if found is None or not self._is_fastest(found):
+            return
+        self.best = self.found = found
+        self._failure = None
+        try:
+            write_whole(self._path, dump(found))
+        except RunError as error:
+            self._failure = error
+
+    def finish(self) -> None:
+        """Keep what could not be written among the temporary files, so that no search is lost.
+
+        Raises:
+            RunError: the solution is not in its own file; the message says where it is.
+        """
+        if self._failure is None or self.found is None:
+            return
+        try:
+            place = Path(mkdtemp(prefix="quadsim-limit-")) / self._path.name
+            write_whole(place, dump(self.found))
+        except (OSError, RunError):
+            raise RunError(f"{self._failure}: nor among the temporary files") from None
+        advice = f"the solution is kept as {place}: move it to {self._path.parent}"
+        raise RunError(f"{self._failure}: {advice}")
+
+    def _is_fastest(self, found: StoredSolution) -> bool:
+        """Return whether a solution is faster than all others, those of other processes too."""
+        with suppress(LimitError):
+            newest = self._problem.best_known(self._path.parent)
+            if newest and (self.best is None or newest.time < self.best.time):
+                self.best = newest
+        return self.best is None or found.time < self.best.time
 
 
 def _summary(problem: LimitProblem, known: StoredSolution | None, attempts: list[Attempt]) -> dict:
@@ -237,6 +282,7 @@ def _summary(problem: LimitProblem, known: StoredSolution | None, attempts: list
         "closed": problem.closed,
         "model": problem.model,
         "margin": problem.margin,
+        "margin_kept": _margin_kept(problem),
         "reserve": problem.reserve,
         "time": known.time if known else None,
         "lap_times": known.lap_times if known else [],
@@ -247,6 +293,14 @@ def _summary(problem: LimitProblem, known: StoredSolution | None, attempts: list
         ],
         "verified": known.verified if known else None,
     }
+
+
+def _margin_kept(problem: LimitProblem) -> float:
+    """Return the distance that is kept to the frames within the narrowest opening [m]."""
+    # Here: the command's help does without it
+    from quadsim.limit.route import Route
+
+    return Route.of(problem).least_margin
 
 
 def _report(
@@ -263,7 +317,10 @@ def _report(
         yield f"{name}, {race}: no solution is known"
         return
     if problem.margin:
-        race += f", {problem.margin:g} m from the frames"
+        kept = _margin_kept(problem)
+        race += f", {kept:.3g} m from the frames"
+        if kept < problem.margin:
+            race += f" (of {problem.margin:g} m, at most half of the room in a gate)"
     time = f"[bold]{known.time:.3f} s[/]"
     yield f"{name}, {race}: best known limit {time}, model {problem.model}"
     if known is not found:

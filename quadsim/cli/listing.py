@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict
+from itertools import product
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -15,10 +17,12 @@ from rich.table import Table
 from quadsim.cli.flags import Help, Json
 from quadsim.console import UsageError, complain, emit, emit_json, plain_table, width
 from quadsim.course import COURSES, Course, course_names, load_course, parse_course
+from quadsim.course.swept import SweptGates
 from quadsim.files.atomic import replace_file
 from quadsim.files.data_files import locate, read_text
 from quadsim.files.strict_yaml import FileError, parse
 from quadsim.files.yaml_errors import did_you_mean
+from quadsim.race.referee import check as check_race
 from quadsim.record.whole_files import expect_writable
 from quadsim.sensing.sensing_file import (
     SENSINGS,
@@ -142,11 +146,15 @@ def check(
 ) -> int:
     """Check course, vehicle, preset and sensing files; exit code 2 if any cannot be used.
 
+    A course beside a vehicle is checked for it too: whether the vehicle fits through the gates.
+
     race check mine.yaml
+
+    race check mine.yaml kingfisher
     """
     if not files:
         raise UsageError("expected one FILE or more, got none")
-    results = [examine(name) for name in files]
+    results = with_fits([examine(name) for name in files])
     if json:
         emit_json(results)
     else:
@@ -163,6 +171,41 @@ def examine(name: str) -> dict:
     except FileError as error:
         return {"file": name, "ok": False, "error": str(error), "excerpt": error.excerpt}
     return {"file": str(path), "ok": True, "kind": kind, "summary": summary}
+
+
+def with_fits(results: Sequence[dict]) -> list[dict]:
+    """Return the results, with an error for each course that a vehicle among them cannot fly.
+
+    Args:
+        results: what `examine` has returned.
+    """
+    by_kind: dict[str, list[str]] = {"course": [], "vehicle": []}
+    for result in results:
+        if result.get("kind") in by_kind:
+            by_kind[result["kind"]].append(result["file"])
+    problems: dict[str, str] = {}
+    for file, other in product(by_kind["course"], by_kind["vehicle"]):
+        # a pipe can be read once only
+        with suppress(FileError):
+            problem = _misfit(load_course(file), load_vehicle(other))
+            if problem:
+                problems.setdefault(file, f"{file}: for {other}: {problem}")
+    checked = []
+    for result in results:
+        error = problems.get(result["file"])
+        wrong = {"file": result["file"], "ok": False, "error": error, "excerpt": ""}
+        checked.append(wrong if error else result)
+    return checked
+
+
+def _misfit(course: Course, vehicle: Vehicle) -> str:
+    """Return why a vehicle cannot fly a course, "" where it can."""
+    radius = vehicle.radius
+    try:
+        check_race(course, course.laps, SweptGates(course.gates, radius).all, radius)
+    except ValueError as error:
+        return str(error)
+    return ""
 
 
 def describe(text: str, file: str) -> Described:

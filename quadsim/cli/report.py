@@ -12,7 +12,7 @@ from rich.padding import Padding
 
 from quadsim.cli.model_differences import differing, model_table
 from quadsim.cli.report_tables import chatter_table, incident_table, lap_tables, published_table
-from quadsim.console import emit, emit_json, width
+from quadsim.console import complain, emit, emit_json, width
 from quadsim.course import parse_course
 from quadsim.record.estimate_metrics import sensing_numbers
 from quadsim.record.limits import StoredSolution, limit_of, limits_folder
@@ -67,7 +67,13 @@ def known_limit(
     places = [folder.parent] if folder else []
     if runs_dir is not None:
         places.append(Path(runs_dir))
-    return limit_of(run.spec, *(limits_folder(place) for place in places))
+    folders = dict.fromkeys(limits_folder(place) for place in places)
+    return limit_of(run.spec, *folders, remark=_remark)
+
+
+def _remark(problem: str) -> None:
+    """Write that a solution counts as none, as it cannot be read."""
+    complain(f"{problem}: it counts as none")
 
 
 def report(

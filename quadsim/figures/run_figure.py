@@ -21,6 +21,7 @@ from quadsim.figures.course import (
 )
 from quadsim.figures.style import STYLE, line
 from quadsim.palette import FINE, HIT, INK, LIMIT, MARK, style
+from quadsim.physics.faults import parse_fault
 from quadsim.record.limits import StoredSolution
 from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
 from quadsim.record.run import Run, flown_with, not_comparable
@@ -197,7 +198,7 @@ def draw_rates(rows: Sequence[Axes], run: Run) -> None:
 
 
 def _draw_pair(axes: Axes, run: Run, commanded: str, delivered: str) -> None:
-    """Draw two columns over time, with a line at the end of each lap."""
+    """Draw two columns over time, a line at the end of each lap, and a band for each fault."""
     x = run.telemetry
     colour = style(run.spec["sampler"]).colour
     look: dict[str, Any] = {"color": colour, "linewidth": COMMANDED, "label": "commanded"}
@@ -205,7 +206,17 @@ def _draw_pair(axes: Axes, run: Run, commanded: str, delivered: str) -> None:
     axes.plot(x["t"], x[delivered], color=INK, linewidth=DELIVERED, label="delivered")
     for end in np.cumsum(run.laps):
         axes.axvline(end, color=LIMIT, linewidth=0.8)
+    draw_faults(axes, run)
     axes.margins(x=0.01)
+
+
+def draw_faults(axes: Axes, run: Run) -> None:
+    """Draw a band over the time of each fault of a run."""
+    for text in run.spec.get("drawn_faults", ()):
+        window = parse_fault(text).window
+        end = min(window.end, run.duration)
+        if window.start is not None and window.start < end:
+            axes.axvspan(window.start, end, color=HIT, alpha=0.12, linewidth=0)
 
 
 def draw_spectrum(axes: Axes, run: Run) -> None:

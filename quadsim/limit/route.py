@@ -80,8 +80,17 @@ class Route:
     def room(self, gate: Gate) -> HalfSizes:
         """Return half sizes of the opening within which the sphere's centre has to stay [m]."""
         free = free_half_sizes(gate.opening, self.radius, MARGIN)
-        margin = margin_inside(free, self.margin)
+        margin = self.margin_in(gate)
         return HalfSizes(free.left - margin, free.up - margin)
+
+    def margin_in(self, gate: Gate) -> float:
+        """Return the distance kept to the frame within a gate's opening [m]."""
+        return margin_inside(free_half_sizes(gate.opening, self.radius, MARGIN), self.margin)
+
+    @property
+    def least_margin(self) -> float:
+        """The distance kept to the frame in the narrowest opening [m]."""
+        return min(map(self.margin_in, self.gates))
 
     def mesh(self, intervals: float) -> list[int]:
         """Return the number of intervals on each leg.

@@ -261,7 +261,7 @@ def first_lap(course: Course, vehicle: Vehicle) -> float:
 
     It is the time to fly each straight leg between gates from rest, with the acceleration that full
     thrust leaves beside the weight. A racer does not stop at gates, but its path is longer and its
-    thrust has to turn it: on the Split-S courses both make up for each other within a tenth.
+    thrust has to turn it: on split_s_swift this gives 4.7 s, and a first lap takes 5.1 to 5.3 s.
     """
     acceleration = sqrt(max(vehicle.thrust_max**2 - GRAVITY**2, GRAVITY**2))
     places = [course.start.position, *(gate.position for gate in course.gates)]

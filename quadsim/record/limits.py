@@ -75,6 +75,12 @@ UNIT = 1e-2
 # Longest race, and shortest time between two nodes [s]
 LONGEST = 1e4
 SHORTEST = 1e-7
+# Between two nodes a path may differ by so much from that of the nodes' mean velocity [m], and by
+# this acceleration times the squared interval [m/s^2]
+BENT = 0.1
+BENDS = 20.0
+# Share by which a control may exceed its limit, for rounding
+CONTROL_SHARE = 1e-3
 # Greatest difference between the lap times and the last node: a race ends just behind a gate [s]
 AGREE = 1e-2
 # Rounding of a place in single precision, and of a path between two nodes [m]
@@ -83,15 +89,16 @@ ROUNDING = 0.05
 NAMES = ("name", "source", "text", "published", "laps", "loop")
 
 ModelName = Literal["rotors", "rates"]
+Name = Annotated[str, Meta(min_length=1, max_length=200)]
 
 
 class Check(Struct, frozen=True, forbid_unknown_fields=True):
     """The part of a check that readers use, see quadsim.limit.verify.Verified.summary."""
 
     # Of the nodes from the finely integrated path [m], and their worth in time [s]
-    residual: Annotated[float, Meta(ge=0)]
-    worth: Annotated[float, Meta(ge=0)]
-    attitude: float
+    residual: Annotated[float, Meta(ge=0, le=1)]
+    worth: Annotated[float, Meta(ge=0, le=LONGEST)]
+    attitude: Annotated[float, Meta(ge=0, le=1)]
     # About x, y and z [rad/s]; older files have one number
     body_rate: tuple[float, float, float] | float
     outcome: Literal["finished"]
@@ -104,8 +111,8 @@ class Check(Struct, frozen=True, forbid_unknown_fields=True):
 class Facts(Struct, frozen=True, forbid_unknown_fields=True):
     """The fields of a StoredSolution in its file, without the arrays."""
 
-    course: str
-    vehicle: str
+    course: Name
+    vehicle: Name
     laps: Annotated[int, Meta(ge=1, le=1000)]
     closed: bool
     lap_times: Annotated[tuple[Annotated[float, Meta(gt=0, le=LONGEST)], ...], Meta(min_length=1)]
@@ -312,7 +319,12 @@ class LimitProblem:
             LimitError: the file is damaged, or the solution of another race.
         """
         facts, stored = _read(path)
-        problem = _other_race(self, path, facts) or _off_course(self, stored.solution)
+        solution = stored.solution
+        problem = (
+            _other_race(self, path, facts)
+            or _off_course(self, solution)
+            or _beyond_vehicle(self, solution)
+        )
         if problem:
             raise LimitError(f"{path}: expected {WHAT}: {problem}: remove the file")
         return stored
@@ -356,6 +368,26 @@ def _off_course(problem: LimitProblem, solution: Solution) -> str:
         most = _farthest(gate, problem.vehicle.radius)
         if away > most:
             return f"x: expected at most {most:.2f} m to gate {k + 1}, got {away:.2f} m"
+    return ""
+
+
+def _beyond_vehicle(problem: LimitProblem, solution: Solution) -> str:
+    """Return how a solution exceeds the limits of the vehicle's commands, "" where it does not."""
+    vehicle = problem.vehicle
+    rotors = vehicle.rotors
+    if problem.model == "rates":
+        high = np.array(Control(*vehicle.rate_max, thrust=vehicle.thrust_max))
+        low = -high
+        low[-1] = 0.0
+    else:
+        full = 0.0
+        if rotors:
+            full = rotors.omega_max if problem.lags else rotors.thrust(rotors.omega_max)
+        high = np.full(CONTROLS, full)
+        low = np.zeros(CONTROLS)
+    room = CONTROL_SHARE * high
+    if (solution.u < low - room).any() or (solution.u > high + room).any():
+        return "u: expected commands within the vehicle's limits, got one beyond"
     return ""
 
 
@@ -484,6 +516,9 @@ def _faults(facts: Facts, solution: Solution) -> Iterator[str]:
         return
     yield from _faults_of_times(facts, solution.t)
     yield from _faults_of_states(solution.x)
+    gap = _gap(solution)
+    if gap > 0.0:
+        yield f"x: expected positions that follow from the velocities, got {gap:.2g} m too much"
     targets = solution.target
     steps = np.diff(targets)
     if targets[0] != 0 or not np.isin(steps, (0, 1)).all():
@@ -514,6 +549,16 @@ def _faults_of_states(x: np.ndarray) -> Iterator[str]:
     error = np.abs(np.linalg.norm(x[:, ATTITUDE], axis=1) - 1.0).max()
     if error > UNIT:
         yield f"x: attitude: expected |q| = 1 within {UNIT:g}, got a difference of {error:.2g}"
+
+
+def _gap(solution: Solution) -> float:
+    """Return by how much a path is farther than allowed from where its velocities lead [m]."""
+    interval = np.diff(solution.t)
+    position = solution.x[:, POSITION]
+    velocity = solution.x[:, VELOCITY]
+    mean = (velocity[1:] + velocity[:-1]) / 2
+    off = np.linalg.norm(np.diff(position, axis=0) - mean * interval[:, None], axis=1)
+    return float((off - BENT - BENDS * interval**2).max())
 
 
 def _rounded(value: Any) -> Any:

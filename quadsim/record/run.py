@@ -161,6 +161,16 @@ class Run:
         return found.hexdigest()
 
 
+def same_flight(one: Run, other: Run) -> bool:
+    """Return whether two runs have flown the same to the last bit, whatever their specs say."""
+    if (one.events, one.outcome) != (other.events, other.outcome):
+        return False
+    columns = [name for name in columns_of(one.spec) if name not in WALL_CLOCK]
+    if columns != [name for name in columns_of(other.spec) if name not in WALL_CLOCK]:
+        return False
+    return all(one.telemetry[name].tobytes() == other.telemetry[name].tobytes() for name in columns)
+
+
 def own_parts(spec: dict[str, Any]) -> dict[str, str]:
     """Return the user's own objects that took part, role -> class, or names and weights of terms.
 

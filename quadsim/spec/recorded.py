@@ -134,7 +134,8 @@ def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own
         described = set(read.own)
         _check_own(described, own)
         recorded = read.host.runs_dir
-        spec = _built(read, own, [runs_dir or recorded, recorded])
+        folders = dict.fromkeys([runs_dir or recorded, recorded])
+        spec = _built(read, own, list(folders))
         spec = replace(spec, runs_dir=runs_dir or recorded, **_whole_numbers(spec, record))
     except msgspec.ValidationError as error:
         raise RecordError(f"expected {WHAT}: {error}") from None
@@ -187,7 +188,11 @@ def _check_own(described: set[str], own: Mapping[str, object]) -> None:
     """Raise RecordError unless the user's own parts are those that the record has."""
     for role in sorted(described - own.keys()):
         what = "of your own, whose code is not in the record"
-        raise RecordError(f"{role}: the flight had one {what}; give it again as {role}=...")
+        how = f"give it again as {role}=..."
+        if role == "course":
+            # `quadsim.fly` takes the record in the course's place
+            how = "fly spec_of_record(run.spec, course=...) of quadsim.spec.recorded"
+        raise RecordError(f"{role}: the flight had one {what}; {how}")
     for role in sorted(own.keys() - described):
         raise RecordError(f"{role}: expected none, as the recorded flight had none of its own")
 
@@ -348,16 +353,26 @@ def _changes(read: Recorded) -> Iterator[PlannerChange]:
 
 
 def _check_same(record: Mapping[str, Any], spec: Spec) -> None:
-    """Raise RecordError unless a Spec has the record that it was made from."""
+    """Raise RecordError unless a Spec has the record that it was made from.
+
+    It may have more: settings that are younger than the record, which are at their defaults.
+    """
     asked = hostless(dict(record))
     found = hostless(json.loads(canonical(spec.record())))
-    for key in sorted(asked.keys() | found.keys()):
-        if asked.get(key) == found.get(key):
+    for key, value in asked.items():
+        if _has(found.get(key), value):
             continue
         if key == "own":
-            _check_same_parts(asked[key], found[key])
+            _check_same_parts(value, found.get(key, {}))
         wanted = "expected what this version of quadsim flies with"
         raise RecordError(f"{key}: {wanted}, got another in the record: it cannot be flown again")
+
+
+def _has(found: Any, asked: Any) -> bool:
+    """Return whether a value has all that another one has."""
+    if isinstance(asked, dict) and isinstance(found, dict):
+        return all(name in found and _has(found[name], value) for name, value in asked.items())
+    return found == asked
 
 
 def _check_same_parts(asked: Mapping[str, Any], found: Mapping[str, Any]) -> None:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from shlex import quote
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from controllers.costs.reference import Reference, ReferenceWeights
-from quadsim.course import Course
+from quadsim.course import Course, load_course
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.limits import LimitProblem, StoredSolution, limits_folder
-from quadsim.vehicle import Vehicle
+from quadsim.vehicle import Vehicle, vehicle_names
 
 
 def followed_problem(
@@ -24,7 +28,12 @@ def followed_problem(
 
 
 def stored_reference(
-    course: Course, vehicle: Vehicle, laps: int, weights: ReferenceWeights, runs_dir: str | Path
+    course: Course,
+    vehicle: Vehicle,
+    laps: int,
+    weights: ReferenceWeights,
+    runs_dir: str | Path,
+    given: Mapping[str, Any] = MappingProxyType({}),
 ) -> StoredSolution:
     """Return the fastest known solution of a race that a planner may follow.
 
@@ -32,6 +41,7 @@ def stored_reference(
         course, vehicle, laps: the race.
         weights: weights with the margin and the reserve of the solution to look for.
         runs_dir: folder of runs, which is searched as well as the solutions that quadsim brings.
+        given: the settings that course and vehicle come from, for the advice of the error.
 
     Raises:
         FileError: there is no solution of this race.
@@ -40,16 +50,49 @@ def stored_reference(
     stored = problem.best_known(limits_folder(runs_dir))
     if stored:
         return stored
-    name, _, ratio = vehicle.name.partition("-twr")
-    vehicle_flags = f"{name} --thrust-to-weight {ratio}" if ratio else name
-    command = (
-        f"race limit {course.name} --vehicle {vehicle_flags} --laps {laps} --model rates"
-        f" --margin {weights.margin:g} --reserve {weights.reserve:g}"
+    command = " ".join(
+        [
+            f"race limit {_course_argument(course, given)}",
+            f"--vehicle {_vehicle_flags(vehicle, given)}",
+            f"--laps {laps} --model rates",
+            f"--margin {weights.margin:g} --reserve {weights.reserve:g}",
+        ]
     )
     if str(runs_dir) != "runs":
-        command += f" --runs-dir {runs_dir}"
+        command += f" --runs-dir {quote(str(runs_dir))}"
     message = "preset: expected a stored solution of this race to follow, got none"
     raise FileError(f"{message}: search for one with {command}")
+
+
+def _course_argument(course: Course, given: Mapping[str, Any]) -> str:
+    """Return the argument of a command that stands for the course.
+
+    Args:
+        course: the course.
+        given: the settings that it comes from.
+    """
+    name = given.get("course")
+    if isinstance(name, str | Path):
+        return quote(str(name))
+    with suppress(FileError):
+        if load_course(course.name).text == course.text:
+            return course.name
+    return f"{course.name}.yaml"
+
+
+def _vehicle_flags(vehicle: Vehicle, given: Mapping[str, Any]) -> str:
+    """Return the values of flags that stand for the vehicle, its thrust included.
+
+    Args:
+        vehicle: the vehicle.
+        given: the settings that it comes from.
+    """
+    named, _, ratio = vehicle.name.partition("-twr")
+    name = given.get("vehicle")
+    if not isinstance(name, str | Path):
+        name = named if named in vehicle_names() else f"{named}.yaml"
+    thrust = f" --thrust-to-weight {ratio}" if ratio else ""
+    return quote(str(name)) + thrust
 
 
 def followed_reference(

@@ -448,7 +448,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     laps = flight.laps or course.laps
     reference = None
     if isinstance(planner.cost, ReferenceWeights):
-        reference = stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir)
+        reference = stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir, given)
     spec = Spec(
         course=course,
         vehicle=vehicle,
@@ -553,7 +553,7 @@ def _base_planner(
     if planner is not None:
         for name in ("sampler", "preset"):
             if given.get(name) is not None:
-                raise SettingError(name, "expected none beside a whole planner=")
+                raise SettingError(name, "expected none beside a whole planner=, such as a stored run has")
         _check_type("planner", planner, Planner)
         return planner
     preset = given.get("preset")

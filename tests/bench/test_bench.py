@@ -147,18 +147,7 @@ def cells(table, row):
 
 
 def timed(case, threads, ms):
-    return CaseTime(
-        name=case.name,
-        system=case.system,
-        sampler=case.sampler,
-        samples=case.samples,
-        horizon=case.horizon,
-        iterations=case.iterations,
-        threads=threads,
-        ms_p50=ms,
-        ms_p95=ms,
-        steps_per_s=1e3 * case.steps / ms,
-    )
+    return CaseTime.of(case, threads, ms, ms)
 
 
 def test_growth_is_ms_for_a_million_steps_and_all_threads_beside_one():

@@ -248,3 +248,26 @@ def test_check_refuses_a_preset_whose_vehicle_does_not_exist(tmp_path, capsys):
     code, _, err = outcome(f"check {tmp_path}/p.yaml", capsys)
     assert code == 2
     assert err.startswith(f"{tmp_path}/p.yaml:2:10: vehicle: no vehicle 'swft'")
+
+
+NARROW = """opening: [1.5, 0.3]
+start: {position: [0, 0, 2], yaw_deg: 0}
+gates:
+  - {position: [4, 0, 2], yaw_deg: 0}
+"""
+
+
+def test_a_course_is_checked_for_the_vehicles_beside_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "narrow.yaml").write_text(NARROW)
+    # by itself, and for a small vehicle, it can be flown
+    assert race(["check", "narrow.yaml"]) == 0
+    assert race(["check", "narrow.yaml", "crazyflie"]) == 0
+    capsys.readouterr()
+    assert race(["check", "narrow.yaml", "crazyflie", "flightmare"]) == 2
+    printed = capsys.readouterr()
+    assert printed.err.startswith("narrow.yaml: for ")
+    assert "flightmare" in printed.err
+    assert "gates[0]" in printed.err
+    assert printed.err.count("\n") == 1
+    assert "crazyflie.yaml: ok" in printed.out

@@ -165,6 +165,32 @@ def test_a_course_has_the_numbers_of_its_file():
     assert course.lap_length == pytest.approx(18.0)
 
 
+OPEN = """bounds: [[-3, 6], [-3, 3], [-1, 5]]
+start: {position: [0, 0, 2], yaw_deg: 0}
+opening: [1.5, 1.5]
+gates:
+  - {position: [PLACE], yaw_deg: 0, pitch_deg: PITCH}
+"""
+
+
+@pytest.mark.parametrize(
+    ("place", "pitch", "problem"),
+    [
+        ("6, 0, 2", 0, "0.3 m behind the gate, along its passage, is outside the bounds"),
+        ("5.8, 0, 2", 0, "0.3 m behind the gate"),
+        ("-3, 0, 2", 0, "0.3 m before the gate"),
+        ("3, 0, 0.2", 90, "room behind the gate, got the ground nearer"),
+        ("3, 0, 0.2", -90, "room before the gate, got the ground nearer"),
+        ("3, 0, 4.9", -90, "0.3 m behind the gate"),
+    ],
+)
+def test_the_last_gate_of_an_open_course_has_room_on_both_sides(place, pitch, problem):
+    text = OPEN.replace("PLACE", place).replace("PITCH", str(pitch))
+    with pytest.raises(FileError, match=problem) as error:
+        parse_course(text, "mine.yaml")
+    assert str(error.value).startswith("mine.yaml:5:16: gates[0].position: ")
+
+
 def test_default_bounds_leave_room_around_start_and_gates():
     (x0, x1), (y0, y1), (z0, z1) = parse_course(GOOD, "mine.yaml").bounds
     assert (x0, y0, z0) == pytest.approx((-15.0, -11.075, -1.0))

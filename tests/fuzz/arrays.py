@@ -1,4 +1,4 @@
-"""Damaged .npz files: arrays and JSON of other kinds, archives that lie, places that are no file."""
+"""Damaged .npz files: other arrays, other JSON, archives that lie, places that are no file."""
 
 from __future__ import annotations
 
@@ -38,13 +38,7 @@ def arrays_in(data: bytes) -> Arrays:
 
 def npz(arrays: Arrays, compression: int = zipfile.ZIP_DEFLATED) -> bytes:
     """Return a file with these arrays, also with such that only a pickle holds."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", compression) as archive:
-        for name, array in arrays.items():
-            content = io.BytesIO()
-            np.lib.format.write_array(content, np.asarray(array), allow_pickle=True)
-            archive.writestr(f"{name}.npy", content.getvalue())
-    return buffer.getvalue()
+    return _members({name: _npy(array) for name, array in arrays.items()}, compression)
 
 
 def damaged_npz(rng: random.Random, data: bytes, text: str) -> bytes:
@@ -168,7 +162,7 @@ def _encrypted(rng: random.Random, arrays: Arrays) -> bytes:
 
 
 def _damaged_lzma(rng: random.Random, arrays: Arrays) -> bytes:
-    """Return an archive of another compression with a damaged stream, and headers that are whole."""
+    """Return an archive of another compression whose streams are damaged."""
     data = bytearray(npz(arrays, rng.choice((zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2))))
     for _ in range(rng.choice((1, 4, 40))):
         data[rng.randrange(60, len(data) * 3 // 4)] ^= 1 << rng.randrange(8)
@@ -217,11 +211,12 @@ def _npy(array: np.ndarray) -> bytes:
     return content.getvalue()
 
 
-def _members(contents: dict[str, bytes]) -> bytes:
+def _members(contents: dict[str, bytes], compression: int = zipfile.ZIP_DEFLATED) -> bytes:
+    """Return an archive of these members, which does not depend on the time of day."""
     buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(buffer, "w") as archive:
         for name, content in contents.items():
-            archive.writestr(f"{name}.npy", content)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), content, compression)
     return buffer.getvalue()
 
 
@@ -251,7 +246,7 @@ def _twice(rng: random.Random, arrays: Arrays) -> bytes:
     buffer = io.BytesIO(npz(arrays))
     with zipfile.ZipFile(buffer, "a") as archive:
         # zipfile warns of the second one's name; another of the same length is renamed below
-        archive.writestr("~" * len(name) + ".npy", _npy(arrays[name]))
+        archive.writestr(zipfile.ZipInfo("~" * len(name) + ".npy"), _npy(arrays[name]))
     return buffer.getvalue().replace(b"~" * len(name), name.encode())
 
 

@@ -65,9 +65,9 @@ def _stays(seed: int, folder: Path, outcome: Outcome) -> str:
     if problem or outcome.code == 0:
         return problem
     checkpoint = folder / CHECKPOINT
-    if checkpoint.is_file() and not checkpoint.is_symlink():
-        if checkpoint.read_bytes() != _damaged(seed):
-            return "the checkpoint that was refused has changed"
+    is_whole = not checkpoint.is_symlink() and checkpoint.is_file()
+    if is_whole and checkpoint.read_bytes() != _damaged(seed):
+        return "the checkpoint that was refused has changed"
     if (folder / "p.npz").read_bytes() != (begun() / "p.npz").read_bytes():
         return "the pilot has changed"
     return ""

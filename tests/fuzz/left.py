@@ -16,6 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
+from quadsim.record.limits import load
+
 OLD = b"an older file, whole"
 # The smallest part of a tmpfs [bytes].
 PAGE = 4096
@@ -49,6 +53,8 @@ class State:
     twice: list[tuple[str, int]]  # attempts that are there more than once
     loose: list[str]  # folders of telemetry without a row, rows without a folder
     trials: int  # of a search, finished
+    limits: dict[str, float]  # time of each solution of `race limit` [s]
+    learnt: list[tuple]  # the evaluations of trainings, without the time they took
 
     @classmethod
     def of(cls, folder: Path) -> State:
@@ -70,7 +76,16 @@ class State:
             twice=[key for key, n in counts.items() if n > 1],
             loose=sorted(named ^ there),
             trials=trials,
+            limits={path.name: load(path).time for path in folder.rglob("limits/*.npz")},
+            learnt=[row for path in folder.rglob("*.checkpoint.npz") for row in _learnt(path)],
         )
+
+
+def _learnt(path: Path) -> list[tuple]:
+    """Return the evaluations in a checkpoint."""
+    with np.load(path) as arrays:
+        history = json.loads(str(arrays["state"]))["history"]
+    return [tuple(value for name, value in row.items() if name != "seconds") for row in history]
 
 
 def _attempts(path: Path) -> list[Attempt]:
@@ -113,13 +128,9 @@ def left_behind(files: Counter, wanted: Counter) -> str:
 
 def half(folder: Path) -> str:
     """Return what looks finished and is not, or ""."""
-    for path in folder.rglob("run.json"):
-        if not path.parent.name.endswith(".part"):
-            try:
-                json.loads(path.read_text())
-                zipfile.ZipFile(path.with_name("telemetry.npz")).testzip()
-            except (ValueError, OSError, zipfile.BadZipFile) as error:
-                return f"half a run: {path}: {error}"
+    problem = _half_run(folder) or _half_archive(folder)
+    if problem:
+        return problem
     for path in folder.rglob("*.csv"):
         of_a_run = path.parent.parent.name.endswith((".flights", "runs"))
         if not of_a_run and not _whole_csv(path):
@@ -127,6 +138,30 @@ def half(folder: Path) -> str:
     old = folder / "old"
     if old.exists() and old.read_bytes() != OLD and not _whole_csv(old):
         return "the older file is damaged"
+    return ""
+
+
+def _half_run(folder: Path) -> str:
+    """Return which run looks finished and is not, or ""."""
+    for path in folder.rglob("run.json"):
+        if not path.parent.name.endswith(".part"):
+            try:
+                json.loads(path.read_text())
+                zipfile.ZipFile(path.with_name("telemetry.npz")).testzip()
+            except (ValueError, OSError, zipfile.BadZipFile) as error:
+                return f"half a run: {path}: {error}"
+    return ""
+
+
+def _half_archive(folder: Path) -> str:
+    """Return which pilot, checkpoint or solution cannot be read, or ""."""
+    for path in (*folder.glob("*.npz"), *folder.rglob("limits/*.npz")):
+        try:
+            damaged = zipfile.ZipFile(path).testzip()
+        except (OSError, zipfile.BadZipFile) as error:
+            damaged = str(error)
+        if damaged:
+            return f"half a file: {path}: {damaged}"
     return ""
 
 

@@ -1,6 +1,6 @@
 """SIGKILL and a full disk at seeded random moments.
 
-    python -m tests.fuzz.moments --moments 20 fly compare tune export
+    python -m tests.fuzz.moments --moments 20 fly compare tune export train limit
 
 Each command runs once undisturbed. Where it is disturbed and started again, it must end with the
 same flights and the same files: nothing lost, nothing twice, nothing left behind. A disk is a tmpfs
@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import random
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,17 +21,30 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
+from math import inf
 from pathlib import Path
 
+from controllers.learned.pilot import load_pilot
+from quadsim.record.limits import load
 from tests.fuzz.flags import commands
 from tests.fuzz.left import PAGE, State, half, left_behind
-from tests.fuzz.undisturbed import COMMANDS, LIBRARIES, Reference, prepare, run, temporary_folder
+from tests.fuzz.undisturbed import (
+    COMMANDS,
+    LIBRARIES,
+    PILOT,
+    Reference,
+    prepare,
+    run,
+    temporary_folder,
+)
 
 # [bytes] that suffice for every command.
 ROOM = 64 << 20
 # [s] within which the workers of a killed command end.
 ENDS = 20.0
 FULL = re.compile(r"^race .*(No space left|disk is full|disk I/O error)")
+# A search whose folder was full names where its solution is.
+ELSEWHERE = re.compile(r"is kept as (\S+\.npz)")
 
 Disturbance = Callable[[str, random.Random, Path | None, Reference], str]
 
@@ -59,6 +73,12 @@ def full_disk(command: str, at: random.Random, stored: Path | None, undisturbed:
                 return f"exit code {code}: {last}"
             if code == 2 and not FULL.search(last):
                 return f"does not tell that the disk is full: {last}"
+            elsewhere = ELSEWHERE.search(last)
+            if elsewhere:
+                kept = load(Path(elsewhere[1]))
+                shutil.rmtree(Path(elsewhere[1]).parent)
+                if kept.time > 1.01 * min(undisturbed.state.limits.values()):
+                    return f"the solution that was found is lost: {last}"
             _mount(folder, ROOM, "remount,")
             return half(folder) or _continues(command, folder, undisturbed)
         finally:
@@ -68,11 +88,37 @@ def full_disk(command: str, at: random.Random, stored: Path | None, undisturbed:
 def _continues(command: str, folder: Path, undisturbed: Reference) -> str:
     """Run a disturbed command again. Return what differs from the undisturbed one, or ""."""
     kept = State.of(folder)
+    lost = _lost(folder, kept, undisturbed.begun)
+    if lost:
+        return lost
     code, _, err = run(command, folder).finish()
     if code != undisturbed.code or "Traceback" in err:
         return f"does not continue: exit code {code}: {err.rstrip()[-200:]}"
-    now = State.of(folder)
-    wanted = undisturbed.state
+    return _differs(State.of(folder), kept, undisturbed.state)
+
+
+def _lost(folder: Path, kept: State, begun: State) -> str:
+    """Return what was there before a command and is not after it was disturbed, or ""."""
+    for name, before in begun.limits.items():
+        if kept.limits.get(name, inf) > before:
+            return "an earlier solution is lost"
+    if kept.learnt[: len(begun.learnt)] != begun.learnt:
+        return "an earlier training is lost"
+    if begun.learnt and not (folder / PILOT).exists():
+        return "an earlier pilot is lost"
+    if (folder / PILOT).exists():
+        load_pilot(folder / PILOT)
+    return ""
+
+
+def _differs(now: State, kept: State, wanted: State) -> str:
+    """Return what differs from an undisturbed command, or "".
+
+    Args:
+        now: what there is after the command was started again.
+        kept: what there was before that.
+        wanted: what an undisturbed command leaves.
+    """
     if now.twice or now.loose:
         return f"twice {now.twice}, loose {now.loose}"
     if not kept.rows.items() <= now.rows.items():
@@ -81,6 +127,10 @@ def _continues(command: str, folder: Path, undisturbed: Reference) -> str:
         return f"attempts: {len(now.rows)} kept, expected {len(wanted.rows)}"
     if now.trials != wanted.trials:
         return f"{now.trials} trials, expected {wanted.trials}"
+    if now.limits != wanted.limits:
+        return f"limits {now.limits}, expected {wanted.limits}"
+    if now.learnt != wanted.learnt:
+        return f"learnt {now.learnt}, expected {wanted.learnt}"
     return left_behind(now.files, wanted.files)
 
 

@@ -2,7 +2,9 @@
 
 import json
 import os
+import shlex
 import signal
+import tempfile
 from contextlib import redirect_stdout
 from dataclasses import replace
 from io import StringIO
@@ -12,9 +14,12 @@ import numpy as np
 import pytest
 from run_cases import save, two_laps
 
+from quadsim.campaign.summary_stats import best_known_time
 from quadsim.cli import limit as command
 from quadsim.cli.cli import race
 from quadsim.course import parse_course
+from quadsim.limit.route import MARGIN
+from quadsim.limit.search import Search
 from quadsim.record.archive import load_run
 from quadsim.record.limits import (
     LimitError,
@@ -24,8 +29,10 @@ from quadsim.record.limits import (
     limits_folder,
     load,
 )
+from quadsim.record.run import RunError
 from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
+from quadsim.vehicle.vehicle_file import VEHICLES
 from web.stored_runs import stored_competitor
 
 COURSE = """opening: [1.5, 1.5]
@@ -90,6 +97,13 @@ def test_a_report_finds_the_limit_in_the_runs_folder_that_it_is_given(place, cap
         if known:
             assert limit["time"] == told["time"]
     assert limit_of(spec, limits_folder(folder / "X")).time == told["time"]
+
+
+def test_a_comparison_finds_the_limit_in_the_runs_folder_that_it_is_given(place):
+    folder, told = place
+    record = Spec.of(parse_course(COURSE, "mine.yaml")).record()
+    assert best_known_time(record, folder / "X") == told["time"]
+    assert np.isnan(best_known_time(record, folder / "other"))
 
 
 @pytest.mark.parametrize(
@@ -189,6 +203,113 @@ def test_a_search_that_is_stopped_says_so_and_has_kept_nothing(place, tmp_path, 
     assert code == 130
     assert "no solution is known" in out
     assert list(tmp_path.iterdir()) == []
+
+
+def never(*_):
+    raise AssertionError("the search began")
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_the_search(place, monkeypatch, capsys):
+    monkeypatch.setattr(Search, "attempts", never)
+    course = str(place[0] / "mine.yaml")
+    code, out, err = run(capsys, "limit", course, "--runs-dir", "/proc/x")
+    assert (code, out) == (2, "")
+    assert err.startswith("race limit: /proc/x/limits: cannot write here")
+    assert err.count("\n") == 1
+
+
+def test_a_damaged_solution_is_told_before_the_search(place, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(Search, "attempts", never)
+    limits_folder(tmp_path).mkdir()
+    file = limits_folder(tmp_path) / mine().file_name
+    file.write_bytes(b"PK")
+    course = str(place[0] / "mine.yaml")
+    code, out, err = run(capsys, "limit", course, "--runs-dir", str(tmp_path))
+    assert (code, out) == (2, "")
+    assert err.startswith(f"race limit: {file}: ")
+    assert err.count("\n") == 1
+
+
+def test_what_cannot_be_stored_after_the_search_is_kept_elsewhere(
+    place, tmp_path, monkeypatch, capsys
+):
+    """The disk fills while the search runs."""
+    write = command.write_whole
+
+    def full(path, data):
+        if str(path).startswith(str(tmp_path / "runs")):
+            raise RunError(f"{path}: cannot write: No space left on device")
+        write(path, data)
+
+    (tmp_path / "other").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "other"))
+    monkeypatch.setattr(command, "write_whole", full)
+    words = ("limit", str(place[0] / "mine.yaml"), "--nodes", "8")
+    code, out, err = run(capsys, *words, "--runs-dir", str(tmp_path / "runs"))
+    assert code == 2
+    assert "best known limit" in out
+    last = err.splitlines()[-1]
+    (kept,) = (tmp_path / "other").glob("*/*.npz")
+    assert str(kept) in last
+    assert "No space left on device" in last
+    assert mine().read(kept).time == pytest.approx(place[1]["time"], rel=0.01)
+
+
+def test_a_search_that_is_stopped_keeps_what_it_has_found(place, tmp_path, capsys):
+    course = str(place[0] / "mine.yaml")
+    progress = command._progress
+    starts = []
+
+    def interrupted(stopped, quiet):
+        show = progress(stopped, quiet)
+
+        def tell(name, nodes):
+            starts.append(name)
+            if len(starts) > 1 and limits_folder(tmp_path).exists():
+                os.kill(os.getpid(), signal.SIGINT)
+            return show(name, nodes)
+
+        return tell
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(command, "_progress", interrupted)
+        words = ("limit", course, "--nodes", "8", "--runs-dir", str(tmp_path))
+        code, out, _ = run(capsys, *words)
+    assert code == 130
+    assert "best known limit" in out
+    assert mine().best_known(limits_folder(tmp_path)).time < 1.1 * place[1]["time"]
+
+
+def test_the_margin_that_is_told_is_the_one_that_is_kept(place, tmp_path, capsys):
+    flags = ("--nodes", "8", "--margin", "1", "--model", "rates", "--runs-dir", str(tmp_path))
+    course = str(place[0] / "mine.yaml")
+    assert run(capsys, "limit", course, *flags)[0] == 0
+    _, out, _ = run(capsys, "limit", course, *flags, "--known")
+    # half of what is left of 1.5 m beside the vehicle
+    kept = (0.75 - SWIFT.radius - MARGIN) / 2
+    assert f"{kept:.3g} m from the frames" in out
+    assert "of 1 m" in out
+    told = json.loads(run(capsys, "limit", course, *flags, "--known", "--json")[1])
+    assert told["margin"] == 1.0
+    assert told["margin_kept"] == pytest.approx(kept, abs=0.01)
+
+
+def test_the_advice_for_a_preset_that_follows_a_path_is_a_command_that_works(
+    place, tmp_path, monkeypatch, capsys
+):
+    """Course and vehicle are named as they were given: by their files."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my course.yaml").write_text(COURSE)
+    (tmp_path / "v.yaml").write_text((VEHICLES / "swift.yaml").read_text())
+    small = ("--samples", "128", "--horizon", "20", "--iterations", "1", "--timeout", "0.1")
+    flown = ("--vehicle", "v.yaml", "--thrust-to-weight", "3", "--runs-dir", "X")
+    fly = ("fly", "my course.yaml", "--preset", "race_informed", *flown, *small)
+    code, _, err = run(capsys, *fly)
+    assert code == 2
+    assert err.count("\n") == 1
+    advice = shlex.split(err.partition("search for one with race ")[2])
+    assert run(capsys, *advice, "--nodes", "8")[0] == 0
+    assert run(capsys, *fly)[0] == 1
 
 
 def test_what_is_known_is_kept_as_a_run_that_the_page_can_race(place, capsys):

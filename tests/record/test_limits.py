@@ -71,6 +71,8 @@ DAMAGED = {
     "sixteen states": (but(x=ARRAYS["x"][:, 1:], costate=ARRAYS["costate"][:, 1:]), "16"),
     "far states": (but(x=ARRAYS["x"] * np.float32(1e30)), "x"),
     "no attitude": (but(x=ARRAYS["x"] * (np.arange(17) != 6).astype(np.float32)), "attitude"),
+    "states backwards": (but(x=ARRAYS["x"][::-1].copy()), "velocities"),
+    "a jump": (but(x=ARRAYS["x"] + (np.arange(723) == 300)[:, None].astype(np.float32)), "x: "),
     "a target too far": (but(target=ARRAYS["target"] + np.int16(3)), "target"),
     "the target 20000": (but(target=np.full_like(ARRAYS["target"], 20_000)), "target"),
     "targets in rows": (but(target=ARRAYS["target"][None]), "target"),
@@ -150,6 +152,14 @@ def test_a_solution_leads_through_the_gates_of_its_race(tmp_path):
     # in itself it is whole
     assert load(path).laps == 3
     with pytest.raises(LimitError, match="gate 1"):
+        FIGURE8.read(path)
+
+
+@pytest.mark.parametrize("factor", [-1.0, 1.1, 100.0])
+def test_a_solution_stays_within_the_vehicles_commands(factor, tmp_path):
+    path = tmp_path / ORIGINAL.name
+    path.write_bytes(but(u=ARRAYS["u"] * np.float32(factor)))
+    with pytest.raises(LimitError, match="vehicle's limits"):
         FIGURE8.read(path)
 
 

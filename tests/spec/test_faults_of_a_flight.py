@@ -9,6 +9,7 @@ import pytest
 import quadsim
 from quadsim.cli.cli import race
 from quadsim.physics.faults import parse_fault
+from quadsim.spec.recorded import spec_of_record
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec
 
@@ -93,6 +94,13 @@ def test_what_the_seed_drew_can_be_flown_again_as_a_text():
     _, given = telemetry(fault=text, seed=3, timeout=2.0)
     for name, column in drawn.items():
         np.testing.assert_array_equal(given[name], column)
+
+
+def test_a_recorded_flight_with_drawn_faults_is_flown_again_by_its_record():
+    run = quadsim.fly(spec(fault=["rotor=.2", "commands=lost~.1"], seed=3, timeout=2.0))
+    again = spec_of_record(run.spec)
+    assert again.drawn_faults == spec(fault=["rotor=.2", "commands=lost~.1"], seed=3).drawn_faults
+    assert quadsim.fly(again).digest() == run.digest()
 
 
 def test_commands_are_recorded_as_they_were_sent_and_act_as_they_arrived():

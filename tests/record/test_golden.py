@@ -1,0 +1,53 @@
+"""A run of format 1, stored once: every later version reads it, shows it, draws it and flies it.
+
+It was written by `race fly figure8 --laps 1 --samples 512 --seed 1 --randomize 1`.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import quadsim
+from quadsim.cli.cli import race
+from web.stored_runs import stored_competitor
+
+GOLDEN = Path(__file__).parent / "golden"
+
+
+@pytest.fixture(scope="module")
+def run():
+    return quadsim.load_run(GOLDEN)
+
+
+def test_it_is_read(run):
+    record = json.loads((GOLDEN / "run.json").read_text())
+    assert record["format"] == "quadsim run 1"
+    assert run.digest() == record["digest"], "nothing that the digest covers has changed"
+    assert run.laps == [4.573423091311024]
+    assert len(run.gates) == 8
+
+
+def test_it_is_shown(capsys):
+    assert race(["show", str(GOLDEN)]) == 0
+    assert "4.573" in capsys.readouterr().out
+    assert race(["show", str(GOLDEN), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["laps"] == [4.573423091311024]
+
+
+def test_it_is_drawn(tmp_path):
+    assert race(["plot", str(GOLDEN), "--out", str(tmp_path / "run.png")]) == 0
+    assert (tmp_path / "run.png").stat().st_size > 20_000
+    assert stored_competitor(GOLDEN).laps == (4.573423091311024,)
+
+
+def test_it_is_flown_again(run):
+    """Another CPU may round in another way, so that laps differ a little there."""
+    again = quadsim.fly(run.spec)
+    assert again.outcome == "finished"
+    np.testing.assert_allclose(again.laps, run.laps, atol=0.1)
+    start = slice(0, 20)
+    for column in ("px", "py", "pz"):
+        ours, stored = again.telemetry[column][start], run.telemetry[column][start]
+        np.testing.assert_allclose(ours, stored, atol=0.01)
