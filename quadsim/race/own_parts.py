@@ -65,7 +65,12 @@ def checked_plan(
     match answer:
         case (u, PlanStats() as stats):
             numbers = (stats.cost, stats.ess, stats.temperature)
-            if all(isinstance(number, Real) for number in numbers):
+            if all(isinstance(number, float | Real) for number in numbers):
+                # An array of float, as the planner returns it, is checked without NumPy's overhead.
+                if isinstance(u, np.ndarray) and u.dtype == float and u.shape == (controls,):
+                    row = tuple(u.tolist())
+                    if all(-LARGEST <= number <= LARGEST for number in row):
+                        return row, stats
                 return tuple(checked_control(part, u, controls, "control").tolist()), stats
     place = f"{type(part).__name__}.control"
     wanted = "expected a control and its PlanStats of three numbers"
