@@ -13,6 +13,7 @@ import pytest
 import quadsim
 from controllers.costs import Term
 from controllers.plan import PlanStats
+from quadsim.cli.cli import race
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.physics.plant import PlantState
 from quadsim.race.events import Event
@@ -362,8 +363,19 @@ def test_a_maker_that_makes_no_part_is_refused(role, found):
 
 @pytest.mark.parametrize("role", ["plant", "controller", "referee", "cost"])
 def test_a_maker_takes_one_argument(role):
-    text = refused(role, **{role: lambda: None})
-    assert "too many positional arguments" in text
+    for function in (lambda: None, lambda spec, more: None, len):
+        text = refused(role, **{role: function})
+        assert f"{role}: expected a function of the " in text
+
+
+@pytest.mark.parametrize("role", ["plant", "controller", "referee", "cost"])
+def test_an_error_in_ones_own_lines_is_that_error(role):
+    def fails(argument):
+        raise TypeError("mine")
+
+    with pytest.raises(TypeError, match="mine") as error:
+        quadsim.fly("figure8", **SMALL, **{role: fails})
+    assert type(error.value) is TypeError
 
 
 @pytest.mark.parametrize("part", [Held, lambda *arguments: 0, partial(Held), 3, np])
@@ -505,3 +517,20 @@ def test_compare_with_a_sampler_of_ones_own_gives_pairs_tables_and_a_picture(tmp
         text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text"))
     ]
     assert {"gaussian", "held"} <= set(labels)
+
+
+def test_a_sampler_that_breaks_in_a_flight_of_the_command_line_is_one_line(
+    tmp_path, monkeypatch, capsys
+):
+    """It was a traceback."""
+    (tmp_path / "broken_sampler.py").write_text(
+        "class Broken:\n    def sample(self, rng, samples, horizon, controls):\n"
+        "        return None\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert race(["fly", "figure8", *FLAGS, "--sampler", "broken_sampler:Broken"]) == 2
+    err = capsys.readouterr().err
+    assert "sampler: Broken.sample: expected finite numbers of shape (256, 50, 4)" in err
+    assert "got None" in err
+    assert err.count("\n") == 1

@@ -65,11 +65,15 @@ def crash(x, x_next, u, target, p):
 
 
 def is_weight(value: object) -> bool:
-    """Return whether a value is a finite number, or an array (T,) of finite numbers."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number | np.ndarray):
+    """Return whether a value is a finite number, or an array or a list of finite numbers.
+
+    Its length is checked where the horizon is known, see Cost.numbers.
+    """
+    try:
+        numbers = np.asarray(value)
+    except ValueError:  # lists of different lengths
         return False
-    numbers = np.asarray(value)
-    return numbers.dtype.kind in "fiu" and numbers.ndim <= 1 and bool(np.isfinite(numbers).all())
+    return numbers.dtype.kind in "fiu" and bool(np.isfinite(numbers).all())
 
 
 class Term:
@@ -148,7 +152,7 @@ def is_record_type(kind: object) -> bool:
 
 
 def is_record_of_numbers(record: object) -> bool:
-    """Return whether an object is a NamedTuple of finite numbers, or of arrays (T,) of them."""
+    """Return whether an object is a NamedTuple of finite numbers, or of arrays of them."""
     if not isinstance(record, tuple) or not is_record_type(type(record)):
         return False
     return all(map(is_weight, record))
@@ -214,7 +218,8 @@ class Cost:
                 self._refuse(name, "a function or None", function)
         for name, is_record in (("row", is_record_type), ("params", is_record_of_numbers)):
             if not is_record(getattr(self, name)):
-                self._refuse(name, "a NamedTuple", getattr(self, name))
+                wanted = "a NamedTuple's class" if name == "row" else "a NamedTuple of numbers"
+                self._refuse(name, wanted, getattr(self, name))
         columns = len(self.row._fields)
         targets = self.targets
         is_table = isinstance(targets, np.ndarray) and targets.dtype.kind in "fiu"

@@ -7,7 +7,16 @@ from contextlib import closing, suppress
 from typing import Annotated, Any
 
 from quadsim.cli.commands import EXIT
-from quadsim.cli.flags import CourseName, Given, Help, Json, names, settings_as_flags, stored_runs
+from quadsim.cli.flags import (
+    CourseName,
+    Given,
+    Help,
+    Json,
+    flag,
+    names,
+    settings_as_flags,
+    stored_runs,
+)
 from quadsim.cli.progress import Progress
 from quadsim.cli.report import present
 from quadsim.console import COMPILING, UsageError, complain, uninterrupted
@@ -16,7 +25,7 @@ from quadsim.record.archive import RunFolder, find_run, load_run, remove_unfinis
 from quadsim.record.run import Recorder, Run, RunError, own_parts, same_flight, why_not_repeatable
 from quadsim.spec.build import build, launch, with_threads
 from quadsim.spec.recorded import recorded_spec, sorted_settings
-from quadsim.spec.settings import FlightSettings
+from quadsim.spec.settings import SETTINGS, FlightSettings
 from quadsim.spec.spec import Spec
 
 
@@ -66,7 +75,8 @@ def fly(
             complain("PyBullet is not installed: the built-in rigid body flies (--plant rigid)")
         if not getattr(parts.controller, "is_cached", True):
             complain(COMPILING)
-        recorder = _recorded(launch(spec, parts), spec, quiet=json)
+        with settings_as_flags():  # a sampler of the user's own may return what it must not
+            recorder = _recorded(launch(spec, parts), spec, quiet=json)
         run = recorder.run(record)
         # A second Ctrl-C does not cost the flight that the first one ended.
         with suppress(KeyboardInterrupt), uninterrupted():
@@ -91,8 +101,22 @@ def spec_of(course: str | None, settings: Given = None) -> Spec:
         FileError: a file cannot be read.
     """
     given = settings or {}
+    if given.get("pilot"):
+        check_beside_pilot(given)
     with settings_as_flags():
         return with_threads(Spec.of(course, **given))
+
+
+def check_beside_pilot(given: Mapping[str, Any]) -> None:
+    """Raise UsageError for a setting of the planner, which a learned pilot would ignore.
+
+    `race compare` shares its settings among variants, of which some may be pilots.
+    """
+    for name in given:
+        of_planner = SETTINGS[name].group in ("sampling", "mppi", "cost") and name != "dt"
+        if of_planner or name in ("sampler", "preset", "term", "view_weight"):
+            wanted = "expected none beside --pilot, which flies without a planner"
+            raise UsageError(f"{flag(name)}: {wanted}")
 
 
 def stored_run(name: str, settings: Mapping[str, Any]) -> Run:

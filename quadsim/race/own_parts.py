@@ -19,6 +19,8 @@ from quadsim.race.events import Event
 OUTCOMES = ("finished", "crashed", "stuck", "timeout")
 # Largest number of a control; beyond it the vehicle's equations overflow.
 LARGEST = 1e9
+# Largest count of a referee
+MOST = 10**9
 # A physics step may differ from the plant's dt by this share of it.
 UNEVEN = 0.5
 
@@ -65,7 +67,12 @@ def checked_plan(
     match answer:
         case (u, PlanStats() as stats):
             numbers = (stats.cost, stats.ess, stats.temperature)
-            if all(isinstance(number, Real) for number in numbers):
+            if all(isinstance(number, float | Real) for number in numbers):
+                # An array of float, as the planner returns it, is checked without NumPy's overhead.
+                if isinstance(u, np.ndarray) and u.dtype == float and u.shape == (controls,):
+                    row = tuple(u.tolist())
+                    if all(-LARGEST <= number <= LARGEST for number in row):
+                        return row, stats
                 return tuple(checked_control(part, u, controls, "control").tolist()), stats
     place = f"{type(part).__name__}.control"
     wanted = "expected a control and its PlanStats of three numbers"
@@ -78,10 +85,10 @@ def check_counts(referee: object) -> None:
     Raises:
         SettingError: one of them is missing, of another type or unknown.
     """
-    for name, least in (("passed", 0), ("lap", 0), ("next_gate", 0)):
+    for name in ("passed", "lap", "next_gate"):
         number = getattr(referee, name, None)
-        if not isinstance(number, int | np.integer) or number < least:
-            problem = f"expected a whole number of at least {least}, got {shown_value(number)}"
+        if not isinstance(number, int | np.integer) or not 0 <= number <= MOST:
+            problem = f"expected a whole number of 0 to {MOST:g}, got {shown_value(number)}"
             raise SettingError("referee", f"{type(referee).__name__}.{name}: {problem}")
     outcome = getattr(referee, "outcome", "")
     if not (outcome is None or (isinstance(outcome, str) and outcome in OUTCOMES)):

@@ -44,7 +44,7 @@ from quadsim.sensing.navigation import (
 )
 from quadsim.sensing.sensors import WARM_UP, Sensors
 from quadsim.spec.changes import ChangeablePlanner
-from quadsim.spec.parts import check_call, made
+from quadsim.spec.parts import called, made
 from quadsim.spec.reference import reference_of
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec
@@ -251,9 +251,10 @@ def changed_cost(change: Callable[[Cost], object], cost: Cost) -> Cost:
     Raises:
         SettingError: the function returns anything else than a Cost, or one that is inconsistent.
     """
-    check_call("cost", change, "the default Cost", cost)
     try:
-        found = change(cost)
+        found = called("cost", change, "the default Cost", cost)
+    except SettingError:  # it names itself
+        raise
     except ValueError as error:  # a Cost whose fields do not fit together
         raise SettingError("cost", one_line(error)) from None
     if not isinstance(found, Cost):

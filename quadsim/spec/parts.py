@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from importlib import import_module
-from inspect import signature
 from pathlib import Path
 from types import FunctionType
 from typing import Any, cast
@@ -72,16 +71,15 @@ def made(role: str, part: Any, spec: object) -> Any:
     """
     if part is None or not is_maker(role, part):
         return part
-    check_call(role, part, "the Spec", spec)
-    found = part(spec)
+    found = called(role, part, "the Spec", spec)
     if isinstance(found, type) or not _has_method(role, found):
         wanted = f"expected {shown_value(part)} to return an object with {METHODS[role]!r}"
         raise SettingError(role, f"{wanted}, got {shown_value(found)}")
     return found
 
 
-def check_call(role: str, function: Callable[..., Any], name: str, argument: object) -> None:
-    """Check that a function can be called with one argument.
+def called(role: str, function: Callable[[Any], Any], name: str, argument: object) -> Any:
+    """Return what the user's function returns for one argument.
 
     Args:
         role: the setting that the function was given for.
@@ -90,15 +88,15 @@ def check_call(role: str, function: Callable[..., Any], name: str, argument: obj
         argument: the argument.
 
     Raises:
-        SettingError: the function takes no argument, or needs more.
+        SettingError: the function cannot be called with one argument of this type. What the user's
+            own lines raise is not changed.
     """
     try:
-        called = signature(function)
-    except (TypeError, ValueError):  # a function of an extension module, which says nothing
-        return
-    try:
-        called.bind(argument)
+        return function(argument)
     except TypeError as error:
+        # An error of the call itself, or of a function of C, comes from no further line of Python.
+        if error.__traceback__ is not None and error.__traceback__.tb_next is not None:
+            raise
         wanted = f"expected a function of {name}, got {shown_value(function)}"
         raise SettingError(role, f"{wanted}: {error}") from None
 

@@ -179,7 +179,7 @@ def test_draws_of_ones_own_sampler_that_do_not_fit_are_refused_in_one_line(key, 
 
     with pytest.raises(ValueError, match=found) as caught:
         build_lanes(Mine(), 2, 64, 20, key, 0.1).sample(1)
-    assert str(caught.value).startswith("Mine.sample: expected ")
+    assert str(caught.value).startswith("sampler: Mine.sample: expected ")
     assert "\n" not in str(caught.value)
 
 

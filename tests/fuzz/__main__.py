@@ -23,7 +23,10 @@ from tests.fuzz.disks import disks, exports
 from tests.fuzz.environments import environments
 from tests.fuzz.flags import commands, flags
 from tests.fuzz.harness import Case, run
+from tests.fuzz.own_parts import own_parts
+from tests.fuzz.page_messages import page_messages
 from tests.fuzz.pilots import pilots
+from tests.fuzz.racing_envs import racing_envs
 from tests.fuzz.runs import runs
 from tests.fuzz.solutions import solutions
 from tests.fuzz.yamls import yamls
@@ -48,6 +51,9 @@ KINDS = {
     "pilots": Kind(pilots, 100),
     "solutions": Kind(solutions, 60),
     "checkpoints": Kind(checkpoints, 100),
+    "racing_envs": Kind(racing_envs, 100),
+    "own_parts": Kind(own_parts, 100),
+    "page_messages": Kind(page_messages, 100),
 }
 # Modules that are loaded before the processes of the cases are forked.
 LOADED = (

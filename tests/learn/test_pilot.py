@@ -183,6 +183,28 @@ def test_a_pilot_for_something_else_is_refused(hovering, tmp_path, capsys, flags
 
 
 @pytest.mark.parametrize(
+    "flags",
+    [
+        ["--samples", "64"],
+        ["--sampler", "gaussian"],
+        ["--horizon", "40"],
+        ["--sigma", "1", "1", "1", "1"],
+        ["--progress", "2"],
+        ["--preset", "paper"],
+        ["--term", "mine:calm=1"],
+        ["--deadline-ms", "5"],
+    ],
+    ids=" ".join,
+)
+def test_a_setting_that_a_pilot_would_ignore_is_refused(hovering, tmp_path, capsys, flags):
+    given = ["--pilot", str(hovering), *flags, "--runs-dir", str(tmp_path)]
+    assert race(["fly", "split_s_swift", *given]) == 2
+    err = capsys.readouterr().err
+    assert f"{flags[0]}: expected none beside " in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
     ("arguments", "problem"),
     [
         (["train", "nowhere"], "nowhere"),

@@ -215,6 +215,26 @@ def test_a_camera_is_acceptable():
     assert not problem_of(msgspec.msgpack.encode(CAMERA), lambda uuid: None)
 
 
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"\x91" * 10**5 + b"\xc0",
+        b"\x81\xa1a" * 10**5 + b"\xc0",
+        b"\x82\xa4type\xa1\xff",
+        msgspec.msgpack.encode({**CAMERA, "a\nb\x1b[31m": 1}),
+        msgspec.msgpack.encode({**CAMERA, "fov": float("nan")}),
+        msgspec.msgpack.encode({**CAMERA, "position": [0.0, float("inf"), 0.0]}),
+        msgspec.msgpack.encode({"type": "CommandTriggerMessage", "uuid": "x", "updates": {}}),
+    ],
+)
+def test_a_message_that_is_deep_not_finite_or_has_more_fields_is_one_line(data):
+    """viser ended the connection of a message with a field too many."""
+    problem = problem_of(data, lambda uuid: None)
+    assert problem
+    assert problem.isprintable()
+    assert len(problem) < 100
+
+
 def test_nothing_is_printed_on_stdout(capfd):
     serve("127.0.0.1", 0, None, "race").stop()
     assert capfd.readouterr().out == ""

@@ -7,6 +7,7 @@ form of one that the page sends, and a control's value only if that control coul
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import chain
 from math import isfinite
 from typing import Annotated, Any
 
@@ -15,6 +16,8 @@ import viser
 from websockets.asyncio.server import ServerConnection
 from websockets.typing import Data
 
+from quadsim.files.yaml_errors import cut
+
 MAX_BYTES = 16 * 1024 * 1024  # largest message; the largest that pages send is a rendered picture
 MAX_TEXT = 200  # characters of a control's value
 
@@ -22,7 +25,9 @@ Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
 Vector = tuple[float, float, float]
 
 
-class CameraMessage(msgspec.Struct, tag="ViewerCameraMessage", tag_field="type"):
+class CameraMessage(
+    msgspec.Struct, tag="ViewerCameraMessage", tag_field="type", forbid_unknown_fields=True
+):
     """The camera of a visitor."""
 
     wxyz: tuple[float, float, float, float]
@@ -42,20 +47,26 @@ class Update(msgspec.Struct, forbid_unknown_fields=True):
     value: bool | int | float | Text
 
 
-class ValueMessage(msgspec.Struct, tag="GuiUpdateMessage", tag_field="type"):
+class ValueMessage(
+    msgspec.Struct, tag="GuiUpdateMessage", tag_field="type", forbid_unknown_fields=True
+):
     """A value of a control."""
 
     uuid: Text
     updates: Update
 
 
-class KeyMessage(msgspec.Struct, tag="CommandTriggerMessage", tag_field="type"):
+class KeyMessage(
+    msgspec.Struct, tag="CommandTriggerMessage", tag_field="type", forbid_unknown_fields=True
+):
     """A key that was pressed."""
 
     uuid: Text
 
 
-class PictureMessage(msgspec.Struct, tag="GetRenderResponseMessage", tag_field="type"):
+class PictureMessage(
+    msgspec.Struct, tag="GetRenderResponseMessage", tag_field="type", forbid_unknown_fields=True
+):
     """A picture that the server has asked for."""
 
     payload: bytes
@@ -75,8 +86,11 @@ def problem_of(data: Data, find_control: FindControl) -> str:
         return "expected a binary message, got a text"
     try:
         message = _DECODER.decode(data)
-    except msgspec.DecodeError as error:
-        return str(error)
+    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
+        # The text may quote the message, with line feeds and control characters.
+        return cut(str(error).encode("unicode_escape").decode())
+    if isinstance(message, CameraMessage) and not _is_finite(message):
+        return "expected a camera of finite numbers"
     if isinstance(message, ValueMessage):
         control = find_control(message.uuid)
         if control is None or not accepts(control, message.updates.value):
@@ -98,6 +112,13 @@ def accepts(control: Control, value: bool | int | float | str) -> bool:
         case viser.GuiTextHandle():
             return isinstance(value, str)
     return False
+
+
+def _is_finite(camera: CameraMessage) -> bool:
+    """Return whether all numbers of a camera are finite."""
+    vectors = (camera.wxyz, camera.position, camera.look_at, camera.up_direction)
+    numbers = (camera.fov, camera.near, camera.far, camera.image_height, camera.image_width)
+    return all(map(isfinite, (*numbers, *chain(*vectors))))
 
 
 def _is_number(value: Any) -> bool:
