@@ -534,3 +534,16 @@ def test_a_sampler_that_breaks_in_a_flight_of_the_command_line_is_one_line(
     assert "sampler: Broken.sample: expected finite numbers of shape (256, 50, 4)" in err
     assert "got None" in err
     assert err.count("\n") == 1
+
+
+def test_a_part_with_numbers_that_json_does_not_know_is_recorded():
+    class Bounded(Hover):
+        def __init__(self):
+            super().__init__(10.5)
+            self.bounds = np.array([-np.inf, np.nan])
+            self.most = float("inf")
+
+    run = quadsim.fly("figure8", **SMALL, controller=Bounded())
+    parameters = run.spec["own"]["controller"]["parameters"]
+    assert parameters["bounds"] == ["-inf", "nan"]
+    assert parameters["most"] == "inf"

@@ -1,7 +1,7 @@
 """Annotations of the commands' flags, and the flags of a flight, one for each setting.
 
 The annotation of a parameter holds its help, its unit and its range. cyclopts reads the command
-line and completes it; values are checked by the rules of quadsim.spec.values.
+line and completes it; values are checked by the rules of quadsim.files.values.
 """
 
 from __future__ import annotations
@@ -174,7 +174,7 @@ def _shown(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-# The settings that were given, by name; their values are texts, see quadsim.spec.values.
+# The settings that were given, by name; their values are texts, see quadsim.files.values.
 if TYPE_CHECKING:
     Given = dict[str, Any] | None
 else:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from importlib import import_module
+from math import isfinite
 from pathlib import Path
 from types import FunctionType
 from typing import Any, cast
@@ -269,6 +270,8 @@ def _is_maker(part: object) -> bool:
 
 def plain(value: object) -> Json:
     """Return a value as JSON can hold it: a large array as its shape, an object as its class."""
+    if isinstance(value, float) and not isfinite(value):
+        return str(value)  # which JSON does not know
     if isinstance(value, str | int | float | bool) or value is None:
         return value
     if isinstance(value, Path):
@@ -278,7 +281,7 @@ def plain(value: object) -> Json:
     if isinstance(value, list | tuple):
         return [plain(v) for v in value]
     if isinstance(value, np.ndarray | np.generic):
-        return value.tolist() if value.size <= LARGE else f"array {value.shape}"
+        return plain(value.tolist()) if value.size <= LARGE else f"array {value.shape}"
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
     return qualified_name(value if _is_maker(value) else type(value))

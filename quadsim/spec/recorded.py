@@ -18,6 +18,7 @@ from controllers.samplers import SAMPLERS, Sampling
 from quadsim.course import Course, parse_course
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.strict_yaml import FileError
+from quadsim.files.values import checked
 from quadsim.record.run import INTERACTIVE, canonical, hostless, own_parts
 from quadsim.sensing import Sensing
 from quadsim.spec.changes import PlannerChange
@@ -25,7 +26,6 @@ from quadsim.spec.parts import is_registered, own_sampler, term_of_text, terms_o
 from quadsim.spec.reference import followed_problem, followed_reference
 from quadsim.spec.settings import SETTINGS, Clock, FlightSettings
 from quadsim.spec.spec import PLANTS, Spec
-from quadsim.spec.values import checked
 from quadsim.vehicle import Vehicle
 
 WHAT = "the record of a flight, such as run.spec"

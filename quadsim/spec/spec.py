@@ -15,6 +15,7 @@ from controllers.presets import faults as faults_of_planner
 from controllers.samplers import SAMPLERS
 from quadsim.course import Course, load_course
 from quadsim.dynamics.quadrotor import Control, ModelParams
+from quadsim.files.values import checked
 from quadsim.files.yaml_errors import did_you_mean, shown_value
 from quadsim.physics.domain_randomization import displaced, draw
 from quadsim.physics.faults import (
@@ -58,7 +59,6 @@ from quadsim.spec.settings import (
     bare,
     is_optional,
 )
-from quadsim.spec.values import checked
 from quadsim.streams import Streams, quadrotor_streams
 from quadsim.vehicle import Vehicle, load_vehicle, with_thrust_to_weight
 
