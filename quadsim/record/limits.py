@@ -77,7 +77,7 @@ UNIT = 1e-2
 # Longest race, and shortest time between two nodes [s]
 LONGEST = 1e4
 SHORTEST = 1e-7
-# Between two nodes a path may differ by so much from that of the nodes' mean velocity [m], and by
+# Between two nodes a path may differ by this from that of the nodes' mean velocity [m], and by
 # this acceleration times the squared interval [m/s^2]
 BENT = 0.1
 BENDS = 20.0
