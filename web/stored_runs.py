@@ -12,7 +12,7 @@ import msgspec
 
 from controllers.presets import PRESETS
 from quadsim.course import Course, parse_course
-from quadsim.record.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, load_reportable
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import Run, RunError
 from web.competitor import Competitor
@@ -72,7 +72,7 @@ def stored_competitor(path: Path) -> Competitor:
         RunError: the run is damaged, or its spec lacks what the page shows.
         FileError: its course cannot be read.
     """
-    run = load_run(path)
+    run = load_reportable(path)
     try:
         msgspec.convert(run.spec, ReplaySchema)
     except msgspec.ValidationError as error:

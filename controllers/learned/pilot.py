@@ -104,6 +104,11 @@ class Pilot:
         """
         return np.clip(forward(self.weights, obs), -1.0, 1.0)
 
+    @property
+    def place(self) -> str:
+        """The absolute path of the file, or the name of one that comes with the project."""
+        return self.path if self.path in pilot_names() else str(Path(self.path).absolute())
+
     def check(self, vehicle: str, dt: float) -> None:
         """Raise FileError unless the pilot is for this vehicle and control period."""
         if vehicle != self.about.vehicle:

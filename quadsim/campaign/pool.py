@@ -32,6 +32,7 @@ class Pool:
 
     size = 1  # workers
     window = 1  # attempts to submit at once
+    in_this_process = True
     lost: tuple[type[BaseException], ...] = ()  # what the future of a worker that died raises
 
     def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
@@ -57,6 +58,7 @@ class Processes(Pool):
     """
 
     lost = (BrokenExecutor,)
+    in_this_process = False
 
     def __init__(self, jobs: int | None = None):
         """Start a number of workers; None: one for each core."""
@@ -101,6 +103,7 @@ def _cores() -> int:
 class Cluster(Pool):
     """Workers of a Dask scheduler. Dask itself flies an attempt again whose worker is lost."""
 
+    in_this_process = False
     window = NO_LIMIT  # the scheduler queues them, also for workers that join later
 
     def __init__(self, address: str):

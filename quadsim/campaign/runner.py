@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -182,6 +182,8 @@ class Runner:
         if missing:
             with nullcontext() if quiet else Tally(len(in_order), len(rows)) as tally:
                 for variant, spec, flown in fly_attempts(self.pool, missing, tally):
+                    if not self.pool.in_this_process:
+                        _expect_same_parts(variant, spec, flown)
                     with uninterrupted():
                         self._store.add(spec, variant.name, flown, self._telemetry, variant.twin)
                     self._kept += 1
@@ -202,6 +204,27 @@ class Runner:
                 continue
             found[row.key] = row
         return found
+
+
+def _expect_same_parts(variant: Variant, spec: Spec, flown: Flown) -> None:
+    """Raise RunError where a worker has flown with other parts of the user's own.
+
+    A worker imports the code anew, without what this process has set since its own import.
+    """
+    ours = spec.record().get("own", {})
+    theirs = flown.run.spec.get("own", {})
+    for role, part in ours.items():
+        if _hashes(part) != _hashes(theirs.get(role)):
+            raise RunError(
+                f"{variant.name}: a worker flies with another {role} than this process has: "
+                "state that a script sets after its import does not reach the workers"
+            )
+
+
+def _hashes(part: Any) -> list[str | None]:
+    """Return the hashes of one of the user's own parts, or of all terms."""
+    described = part if isinstance(part, list) else [part or {}]
+    return [one.get("sha256") for one in described]
 
 
 def _expect_same_libraries(theirs: Mapping[str, str | None]) -> None:

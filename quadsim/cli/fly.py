@@ -21,7 +21,7 @@ from quadsim.cli.progress import Progress
 from quadsim.cli.report import present
 from quadsim.console import COMPILING, UsageError, complain, uninterrupted
 from quadsim.race.events import Frame
-from quadsim.record.archive import RunFolder, find_run, load_run, remove_unfinished
+from quadsim.record.archive import RunFolder, find_run, load_reportable, remove_unfinished
 from quadsim.record.run import Recorder, Run, RunError, own_parts, same_flight, why_not_repeatable
 from quadsim.spec.build import build, launch, with_threads
 from quadsim.spec.recorded import recorded_spec, sorted_settings
@@ -121,7 +121,7 @@ def check_beside_pilot(given: Mapping[str, Any]) -> None:
 
 def stored_run(name: str, settings: Mapping[str, Any]) -> Run:
     """Return the run that is to be flown again. Raises RunError."""
-    return load_run(find_run(name, settings.get("runs_dir") or FlightSettings.runs_dir))
+    return load_reportable(find_run(name, settings.get("runs_dir") or FlightSettings.runs_dir))
 
 
 def spec_again(before: Run, settings: Mapping[str, Any]) -> Spec:

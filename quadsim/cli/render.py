@@ -24,7 +24,7 @@ from quadsim.files.data_files import SUFFIXES
 from quadsim.files.extras import needs_extra
 from quadsim.files.yaml_errors import did_you_mean
 from quadsim.physics.plant import has_bullet
-from quadsim.record.archive import find_run, load_run
+from quadsim.record.archive import find_run, load_reportable
 from quadsim.record.run import RunError
 from quadsim.render.folder import annotate, film, settle, whole
 from quadsim.render.frames import Job, Pictures, make_frames
@@ -176,7 +176,7 @@ def _asked(
         except ValueError as error:
             raise UsageError(str(error)) from None
         return _Asked(Pictures(course.name, course.text, camera, seed, vary, "drawn"), poses)
-    run = load_run(_run_folder(target, runs_dir))
+    run = load_reportable(_run_folder(target, runs_dir))
     poses = flown_poses(run.telemetry, camera.rate)[:frames]
     name = run.spec["course"]
     text = run.spec["course_text"]

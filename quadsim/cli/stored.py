@@ -9,7 +9,7 @@ from quadsim.cli.flags import Help, Json, RunsDir, Stored, Switch
 from quadsim.cli.report import known_limit, present
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.figures.style import PICTURES, save_figure, write_figure
-from quadsim.record.archive import find_run, load_run
+from quadsim.record.archive import find_run, load_reportable, load_run
 from quadsim.record.whole_files import write_whole
 
 
@@ -21,7 +21,7 @@ def show(run: Stored = "last", /, *, runs_dir: RunsDir = "runs", json: Json = Fa
     race show 20261120T133511Z --json
     """
     folder = find_run(run, runs_dir)
-    present(load_run(folder), folder, json, runs_dir)
+    present(load_reportable(folder), folder, json, runs_dir)
     return 0
 
 
@@ -40,7 +40,7 @@ def plot(
     race plot last --out race.png
     """
     folder = find_run(run, runs_dir)
-    flown = load_run(folder)
+    flown = load_reportable(folder)
     # Here, so that --help does not load matplotlib
     from quadsim.figures.run_figure import draw
 

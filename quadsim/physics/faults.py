@@ -162,7 +162,7 @@ def parse_fault(text: str) -> Fault:
     """
     target, is_fault, rest = text.strip().partition("=")
     if not is_fault:
-        raise ValueError(f"expected TARGET=WHAT@TIME, such as {EXAMPLES}, got {text!r}")
+        raise ValueError(f"expected PART=WHAT@TIME, such as {EXAMPLES}, got {text!r}")
     what, window = _split_time(rest, text)
     if target in IMU_PARTS:
         return _imu_part_fault(target, what, window, text)

@@ -22,7 +22,14 @@ from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Run, RunError, canonical, hostless
-from quadsim.record.run_format import read_json, read_npz, write_csv, write_json, write_npz
+from quadsim.record.run_format import (
+    expect_reportable,
+    read_json,
+    read_npz,
+    write_csv,
+    write_json,
+    write_npz,
+)
 from quadsim.record.whole_files import one_line, write_whole
 
 PART = ".part"
@@ -221,6 +228,17 @@ def load_run(path: str | Path) -> Run:
             f"{path}: run.json and telemetry.npz do not give the stored digest; "
             "changed after the flight"
         )
+    return run
+
+
+def load_reportable(path: str | Path) -> Run:
+    """Return a stored run whose spec has all that a report reads.
+
+    Raises:
+        RunError: as `load_run`, or the spec lacks something.
+    """
+    run = load_run(path)
+    expect_reportable(run, path)
     return run
 
 

@@ -11,10 +11,13 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
+from controllers.config import MPPIConfig
+from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.arrays import Declared, arrays_of, npz_bytes
 from quadsim.files.csv_rows import csv_text
 from quadsim.files.json_values import without_nan
 from quadsim.files.strict_yaml import FileError
+from quadsim.physics.faults import parse_fault
 from quadsim.race.events import Event
 from quadsim.record.metrics import chatter
 from quadsim.record.planner_snapshot import BEST, FRAMES, TERM, PlannerSnapshots
@@ -27,6 +30,7 @@ from quadsim.record.run import (
     columns_of,
     why_not_repeatable,
 )
+from quadsim.vehicle import Vehicle
 
 FORMAT = "quadsim run 1"
 CSV_COLUMNS = ("t", "kind", "gate", "lap", "left", "up", "speed", "x", "y", "z", "obstacle")
@@ -59,16 +63,29 @@ class StoredVehicle(msgspec.Struct):
     name: str
 
 
-class StoredSpec(msgspec.Struct):
+class StoredPart(msgspec.Struct):
+    """What a spec says of one of the user's own parts."""
+
+    kind: str = msgspec.field(name="class")
+
+
+class StoredTerm(msgspec.Struct):
+    """What a spec says of one of the user's own terms."""
+
+    name: str
+    weight: float | list[float]
+
+
+class StoredSpec(msgspec.Struct, kw_only=True):
     """The keys of a spec that reports and pictures read. A spec has more of them."""
 
-    course: str
+    course: Annotated[str, msgspec.Meta(pattern=r"^[^\x00-\x1f\x7f]*$")]
     course_text: str
     vehicle: StoredVehicle
     sampler: str
     preset: str
     seed: int
-    laps: Annotated[int, msgspec.Meta(ge=1)]
+    laps: Annotated[int, msgspec.Meta(ge=1, le=1000)]
     penalties: bool
     plant: str
     clock: str
@@ -77,8 +94,39 @@ class StoredSpec(msgspec.Struct):
     host: dict[str, Any]
     sensing: dict[str, Any] | None = None
     pilot: dict[str, str] | None = None
-    own: dict[str, Any] = {}
+    own: dict[str, StoredPart | list[StoredTerm]] = {}
+    faults: list[str] = []
+    drawn_faults: list[str] = []
     interactive: list[dict[str, Any]] = []
+
+
+class ReportedPlanner(msgspec.Struct):
+    """The part of a planner's numbers that a report reads."""
+
+    mppi: MPPIConfig
+
+
+class ReportedSpec(StoredSpec, kw_only=True):
+    """A spec with all that a report reads, to the last number."""
+
+    vehicle: Vehicle
+    model: ModelParams
+    planner: ReportedPlanner
+    randomize: float
+
+
+def expect_reportable(run: Run, path: object) -> None:
+    """Check that a report can be made of a run, whose spec may have been written by hand.
+
+    Raises:
+        RunError: a key of the spec is missing or of another type.
+    """
+    try:
+        spec = msgspec.convert(run.spec, ReportedSpec)
+        for text in spec.drawn_faults:
+            parse_fault(text)
+    except (msgspec.ValidationError, ValueError) as error:
+        raise RunError(f"{path}: spec: expected that of a flight: {error}") from error
 
 
 def write_json(run: Run, provenance: dict) -> bytes:

@@ -2,8 +2,8 @@
 
 Two of the user's own parts have the same identity only where they behave alike: arrays count whole,
 functions by their compiled code, their closure, their defaults and the globals that they use,
-classes by their methods, and objects by their class and state. An object whose state Python cannot
-tell, such as an open file or a running generator, has no identity.
+classes by their methods, objects by their class and state, and the user's own modules whole. An
+object whose state Python cannot tell, such as an open file or a running generator, has no identity.
 
 The code counts as it was loaded: a file that was edited after its import has not changed what
 flies. Modules of Python, of installed packages and of this project count by name and version, since
@@ -13,6 +13,7 @@ their versions are recorded beside each flight.
 from __future__ import annotations
 
 import dataclasses
+import dis
 import enum
 import functools
 import re
@@ -28,7 +29,10 @@ from typing import Any
 import numpy as np
 
 OWN_PACKAGES = ("quadsim", "controllers", "web")
-MOST_DEPTH = 200  # of objects within objects
+# Modules without a file, in which compiled packages keep their common types
+COMPILERS = ("_cython", "pybind11")
+MOST_DEPTH = 60  # of objects within objects
+MOST_OBJECTS = 100_000  # in one walk
 DATACLASSES = dataclasses.__file__
 # Attributes of a class that do not change what it computes
 IGNORED = frozenset(
@@ -99,6 +103,9 @@ class _Walk:
 
     def __init__(self) -> None:
         self._path: list[object] = []  # from the outermost object to the present one
+        # The number of objects above the highest one that the present object has named as above it
+        self._highest = MOST_DEPTH
+        self._count = 0
         # Digest of each object by its id, and the objects, so that no id is used twice
         self._known: dict[int, str] = {}
         self._kept: list[object] = []
@@ -115,17 +122,28 @@ class _Walk:
             return plain
         if id(value) in self._known:
             return self._known[id(value)]
-        for above, outer in enumerate(reversed(self._path)):
-            if outer is value:
-                return _hash("above", str(above))
-        if len(self._path) == MOST_DEPTH:
-            raise IdentityError(f"{place}: expected at most {MOST_DEPTH} objects within each other")
+        depth = len(self._path)
+        for outer in range(depth):
+            if self._path[outer] is value:
+                self._highest = min(self._highest, outer)
+                return _hash("above", str(depth - outer))
+        self._count += 1
+        if depth == MOST_DEPTH or self._count > MOST_OBJECTS:
+            most = f"{MOST_OBJECTS} objects, {MOST_DEPTH} of them within each other"
+            raise IdentityError(f"{place}: expected at most {most}")
+
+        before = self._highest
+        self._highest = MOST_DEPTH
         self._path.append(value)
         try:
             found = _hash(*self._parts(value, place))
         finally:
             self._path.pop()
-        self._known[id(value)] = found
+        # A digest that names an object above holds only where it was met
+        if self._highest >= depth:
+            self._known[id(value)] = found
+            self._highest = MOST_DEPTH
+        self._highest = min(self._highest, before)
         self._kept.append(value)
         return found
 
@@ -161,11 +179,17 @@ class _Walk:
             yield from self._object(value, place)
             return
         yield "mapping"
-        yield from self._pairs(value, place)
+        for key, inner in value.items():
+            yield self.digest(key, place)
+            yield self.digest(inner, f"{place}.{_shown(key)}")
 
     @_parts.register
     def _module(self, value: types.ModuleType, place: str) -> Iterator[str]:
+        """Yield a library's name and version, and all that one of the user's own modules has."""
         yield from ("module", _module_version(value))
+        if not _is_library(value.__name__):
+            names = {name: inner for name, inner in vars(value).items() if not _is_special(name)}
+            yield from self._pairs(names, value.__name__)
 
     @_parts.register
     def _method(self, value: types.MethodType, place: str) -> Iterator[str]:
@@ -183,10 +207,16 @@ class _Walk:
     @_parts.register(types.ClassMethodDescriptorType)
     @_parts.register(types.GetSetDescriptorType)
     @_parts.register(types.MemberDescriptorType)
-    @_parts.register(np.ufunc)
     def _named(self, value: object, place: str) -> Iterator[str]:
         """Yield the name of a callable that is written in C and has no state."""
         yield from ("named", _without_addresses(value))
+
+    @_parts.register
+    def _ufunc(self, value: np.ufunc, place: str) -> Iterator[str]:
+        special = sys.modules.get("scipy.special")
+        if value not in (getattr(np, value.__name__, None), getattr(special, value.__name__, None)):
+            raise IdentityError(f"{place}: the code of the ufunc {value.__name__} is unknown")
+        yield from ("ufunc", value.__name__)
 
     @_parts.register(staticmethod)
     @_parts.register(classmethod)
@@ -222,14 +252,10 @@ class _Walk:
             yield self.digest(value, f"{place}[{number}]")
 
     def _pairs(self, values: Any, place: str) -> Iterator[str]:
-        """Yield the digests of a mapping's keys and values, in the order of the keys' digests."""
-        pairs = [
-            (self.digest(key, place), self.digest(value, f"{place}.{key}"))
-            for key, value in values.items()
-        ]
-        for key, value in sorted(pairs):
-            yield key
-            yield value
+        """Yield the names of attributes and the digests of their values, by name."""
+        for name in sorted(values):
+            yield name
+            yield self.digest(values[name], f"{place}.{name}")
 
     @_parts.register
     def _code(self, code: types.CodeType, place: str) -> Iterator[str]:
@@ -246,7 +272,7 @@ class _Walk:
     @_parts.register
     def _function(self, function: types.FunctionType, place: str) -> Iterator[str]:
         """Yield a function's code, its defaults, its closure and the globals that it uses."""
-        if _is_library(function.__module__):
+        if _is_of_library(function):
             yield from ("function", _module_version(sys.modules.get(function.__module__)))
             yield function.__qualname__
             # A function that a library has made, such as a decorator's, may hold one of the user's
@@ -263,29 +289,28 @@ class _Walk:
         yield from self._globals(function, place)
 
     def _globals(self, function: types.FunctionType, place: str) -> Iterator[str]:
-        """Yield the globals that a function's code names, and the user's own behind a module."""
-        names = sorted(_names(function.__code__))
-        for name in names:
-            if name not in function.__globals__:
-                continue
-            value = function.__globals__[name]
+        """Yield the globals that a function's code names, and the modules that it imports."""
+        for name in sorted(_names(function.__code__)):
+            if name in function.__globals__:
+                yield name
+                yield self.digest(function.__globals__[name], f"{place} {name}")
+        for name in sorted(_imports(function.__code__)):
             yield name
-            yield self.digest(value, f"{place} {name}")
-            # Code names `tools.smooth` as two names, "tools" and "smooth"
-            if isinstance(value, types.ModuleType) and not _is_library(value.__name__):
-                for attribute in names:
-                    if attribute in vars(value):
-                        yield attribute
-                        yield self.digest(vars(value)[attribute], f"{place} {name}.{attribute}")
+            if not _is_library(name):
+                module = sys.modules.get(name)
+                if module is None:
+                    raise IdentityError(f"{place}: the module {name} is imported later")
+                yield self.digest(module, name)
 
     @_parts.register
     def _class(self, kind: type, place: str) -> Iterator[str]:
         """Yield a class's bases and attributes; of a library's class, its name and version."""
         yield "class"
         yield kind.__qualname__
-        if _is_library(kind.__module__):
+        if _is_of_library(kind):
             yield _module_version(sys.modules.get(kind.__module__))
             return
+        yield self.digest(type(kind), place)
         yield from self._items(kind.__bases__, place)
         for name, value in sorted(vars(kind).items()):
             if name in IGNORED or _is_generated(kind, name, value):
@@ -304,18 +329,19 @@ class _Walk:
         kind = type(value)
         yield "object"
         yield self.digest(kind, place)
-        # A function that numba has compiled, or that keeps its results: what it was made of counts
-        for name in ("py_func", "__wrapped__"):
-            inner = getattr(value, name, None)
-            if callable(inner):
-                yield self.digest(inner, place)
-                return
+        if isinstance(value, functools._lru_cache_wrapper):
+            yield self.digest(value.__wrapped__, place)
+            yield self.digest(value.cache_parameters(), place)
+            return
+        if kind.__module__.partition(".")[0] == "numba":
+            yield from self._compiled(value, place)
+            return
         # The state of a user's object by name, even where it says how it wants to be pickled
-        if not _is_library(kind.__module__):
+        if not _is_of_library(kind):
             state = _without_caches(kind, getattr(value, "__dict__", {}))
             state |= {slot: getattr(value, slot) for slot in _slots(kind) if hasattr(value, slot)}
             yield from self._pairs(state, place)
-            if all(base is object or not _is_library(base.__module__) for base in kind.__mro__):
+            if all(base is object or not _is_of_library(base) for base in kind.__mro__):
                 return
         # A library's record by its fields
         if dataclasses.is_dataclass(value):
@@ -339,14 +365,21 @@ class _Walk:
             items = list(part) if isinstance(part, Iterator) else part
             yield self.digest(items, place)
 
+    def _compiled(self, value: Any, place: str) -> Iterator[str]:
+        """Yield the function that numba has compiled, and how. Its other objects are unknown."""
+        if not isinstance(getattr(value, "py_func", None), types.FunctionType):
+            raise IdentityError(f"{place}: the state of a {type(value).__name__} is unknown")
+        yield self.digest(value.py_func, place)
+        yield self.digest(dict(value.targetoptions), place)
+
 
 def _plain(value: object) -> str | None:
     """Return the digest of a number, a text or the like; None for any other object."""
     kind = type(value)
     if kind in TEXTUAL:
         text = repr(value)
-    elif isinstance(value, bytes | bytearray):
-        text = sha256(value).hexdigest()
+    elif kind in (bytes, bytearray):
+        text = sha256(value).hexdigest()  # pyright: ignore[reportArgumentType] (kind says so)
     elif isinstance(value, np.generic) and not value.dtype.hasobject:
         text = f"{value.dtype} {sha256(value.tobytes()).hexdigest()}"
     elif isinstance(value, Path):
@@ -393,6 +426,26 @@ def _without_caches(kind: type, state: Mapping[str, object]) -> dict[str, object
     return {name: value for name, value in state.items() if name not in caches}
 
 
+def _imports(code: types.CodeType) -> set[str]:
+    """Return the modules that code imports, functions within it included."""
+    found = {
+        str(step.argval) for step in dis.get_instructions(code) if step.opname == "IMPORT_NAME"
+    }
+    for constant in code.co_consts:
+        if isinstance(constant, types.CodeType):
+            found |= _imports(constant)
+    return found
+
+
+def _shown(key: object) -> str:
+    """Return a mapping's key for the place in an error."""
+    return key if isinstance(key, str) else type(key).__name__
+
+
+def _is_special(name: str) -> bool:
+    return name.startswith("__") and name.endswith("__")
+
+
 def _slots(kind: type) -> list[str]:
     """Return the attributes that a class and its bases keep in slots."""
     found: list[str] = []
@@ -433,17 +486,28 @@ def _library_folders() -> tuple[Path, ...]:
 @functools.cache
 def _is_library(module: str | None) -> bool:
     """Return whether a module is Python's, an installed package's or this project's."""
-    if module is None or module.partition(".")[0] in OWN_PACKAGES:
-        return True
-    if module in ("__main__", "__mp_main__"):
+    if module is None or module in ("__main__", "__mp_main__"):
         return False
-    loaded = sys.modules.get(module)
+    package = module.partition(".")[0]
+    if package in OWN_PACKAGES or package in sys.stdlib_module_names:
+        return True
+    if package.startswith(COMPILERS):
+        return True
+    loaded = sys.modules.get(module) or sys.modules.get(package)
     file = getattr(loaded, "__file__", None)
     if file is None:
-        # Python's own modules that are written in C, and packages without code of their own
-        return loaded is not None
+        return False
     folders = Path(file).resolve().parents
     return any(folder in folders for folder in _library_folders())
+
+
+def _is_of_library(made: Any) -> bool:
+    """Return whether a class or function is a library's."""
+    if not isinstance(made.__module__, str | None):  # a class that is written in C
+        return True
+    # `make_dataclass` says that the classes it makes are of the module `types`
+    is_made = made.__module__ == "types" and not hasattr(types, made.__name__)
+    return not is_made and _is_library(made.__module__)
 
 
 def _module_version(module: types.ModuleType | None) -> str:

@@ -28,6 +28,7 @@ Json = Any  # a value that JSON can hold
 Sampler = Sampling | PlainSampler
 WANTED_TERMS = "expected terms=[(function, weight), ...] or controllers.costs.Term objects"
 WANTED_SAMPLER = "expected a sampler: an object with sample(rng, samples, horizon, controls)"
+DEEPEST = 12  # levels of objects within each other that a run stores
 LARGE = 1000  # a run stores only the shape of an array of more numbers than this
 # role of the user's own object -> the method that it needs
 METHODS = {"plant": "step", "controller": "control", "referee": "observe"}
@@ -268,8 +269,13 @@ def _is_maker(part: object) -> bool:
     return isinstance(part, type | FunctionType)
 
 
-def plain(value: object) -> Json:
-    """Return a value as JSON can hold it: a large array as its shape, an object as its class."""
+def plain(value: object, depth: int = DEEPEST) -> Json:
+    """Return a value as JSON can hold it: a large array as its shape, an object as its class.
+
+    depth: levels of objects within each other that are shown.
+    """
+    if depth == 0:
+        return "..."
     if isinstance(value, float) and not isfinite(value):
         return str(value)  # which JSON does not know
     if isinstance(value, str | int | float | bool) or value is None:
@@ -277,11 +283,11 @@ def plain(value: object) -> Json:
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, dict):
-        return {str(k): plain(v) for k, v in value.items()}
+        return {str(k): plain(v, depth - 1) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
+        return [plain(v, depth - 1) for v in value]
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist()) if value.size <= LARGE else f"array {value.shape}"
     if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
+        return {f.name: plain(getattr(value, f.name), depth - 1) for f in fields(value)}
     return qualified_name(value if _is_maker(value) else type(value))

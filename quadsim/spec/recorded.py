@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 from typing import Any, cast
 
 import msgspec
@@ -41,7 +42,7 @@ class RecordedPlanner(msgspec.Struct):
     """A planner's numbers in a record; those of a sampler or a cost are read with its class."""
 
     vehicle: str
-    sampling: dict[str, Any]
+    sampling: Any  # of the user's own sampler: whatever `plain` makes of it
     mppi: MPPIConfig
     cost: dict[str, Any]
 
@@ -63,7 +64,7 @@ class RecordedReference(msgspec.Struct):
 class ChangedPlanner(msgspec.Struct):
     """A planner's numbers after a change in flight."""
 
-    sampling: dict[str, Any]
+    sampling: Any
     mppi: MPPIConfig
 
 
@@ -124,7 +125,8 @@ def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own
     Args:
         record: the spec of a run.
         runs_dir: folder of runs in place of the recorded one.
-        own: {role: part} of the user's own parts that took part in the flight.
+        own: {role: part} of the user's own parts that took part in the flight; `pilot`: the pilot,
+            where its file is not where it was.
 
     Raises:
         RecordError: a file or a part is missing or differs, or the record is not one of a flight.
@@ -132,7 +134,7 @@ def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own
     try:
         read = msgspec.convert(dict(record), Recorded)
         described = set(read.own)
-        _check_own(described, own)
+        _check_own(described, {role: own[role] for role in own.keys() - {"pilot"}})
         recorded = read.host.runs_dir
         folders = dict.fromkeys([runs_dir or recorded, recorded])
         spec = _built(read, own, list(folders))
@@ -165,6 +167,13 @@ def recorded_spec(record: Mapping[str, Any], settings: Mapping[str, Any]) -> Spe
         own["terms"] = tuple(map(term_of_text, texts))
     for name, value in host.items():
         host[name] = checked(name, value, SETTINGS[name].kind)
+    # The pilot that flew may lie somewhere else by now
+    pilot = changed.get("pilot")
+    if isinstance(pilot, str | Path) and isinstance(record.get("pilot"), Mapping):
+        pilot = load_pilot(pilot)
+        if pilot.digest == record["pilot"].get("sha256"):
+            own["pilot"] = pilot
+            del changed["pilot"]
     threads = host.pop("threads", None)
     spec = replace(spec_of_record(record, **own, **host), threads=threads)
     return spec.but(**changed) if changed else spec
@@ -189,6 +198,8 @@ def _check_own(described: set[str], own: Mapping[str, object]) -> None:
     for role in sorted(described - own.keys()):
         what = "of your own, whose code is not in the record"
         how = f"give it again as {role}=..."
+        if role in ("sampler", "terms"):
+            how += f", or --{role.removesuffix('s')}"
         if role == "course":
             # `quadsim.fly` takes the record in the course's place
             how = "fly spec_of_record(run.spec, course=...) of quadsim.spec.recorded"
@@ -219,7 +230,7 @@ def _built(read: Recorded, own: Mapping[str, Any], folders: Sequence[str]) -> Sp
         laps=read.laps,
         timeout=read.timeout,
         sensing=read.sensing,
-        pilot=_pilot(read),
+        pilot=_pilot(read, own),
         seed=read.seed,
         randomize=read.randomize,
         displace_gates=read.displace_gates,
@@ -235,7 +246,7 @@ def _built(read: Recorded, own: Mapping[str, Any], folders: Sequence[str]) -> Sp
         controller=own.get("controller"),
         referee=own.get("referee"),
         reference=reference,
-        changes=tuple(_changes(read)),
+        changes=tuple(_changes(read, planner)),
     )
 
 
@@ -265,8 +276,10 @@ def _planner(read: Recorded, own: Mapping[str, Any]) -> Planner:
     )
 
 
-def _sampling(name: str, numbers: dict[str, Any]) -> Sampling:
+def _sampling(name: str, numbers: Any) -> Sampling:
     """Return a registered sampler with these numbers. Raises RecordError."""
+    if not isinstance(numbers, dict):
+        raise RecordError(f"sampler: expected the numbers of {name!r}, got {numbers!r:.40}")
     if name == "pilot":
         # The planner does not fly: any sampler with these numbers will do
         names = [key for key, kind in SAMPLERS.items() if _field_names(kind) == numbers.keys()]
@@ -327,27 +340,31 @@ def _with_whole_numbers(value: Any, raw: Any) -> Any:
     return value
 
 
-def _pilot(read: Recorded) -> Pilot | None:
-    """Return the pilot of a record from its file. Raises FileError."""
+def _pilot(read: Recorded, own: Mapping[str, Any]) -> Pilot | None:
+    """Return the pilot of a record: the one given, or that of its file. Raises FileError."""
     if read.pilot is None:
         return None
     path = read.host.pilot or read.pilot.name
-    pilot = load_pilot(path)
+    pilot = own.get("pilot") or load_pilot(path)
     if pilot.digest != read.pilot.sha256:
         wanted = f"expected the pilot that flew, sha256 {read.pilot.sha256[:12]}..."
         raise RecordError(f"{path}: {wanted}, got {pilot.digest[:12]}...: the file has changed")
-    return pilot
+    # A copy of the file may have another name, which is part of the record
+    return replace(pilot, name=read.pilot.name)
 
 
-def _changes(read: Recorded) -> Iterator[PlannerChange]:
+def _changes(read: Recorded, planner: Planner) -> Iterator[PlannerChange]:
     """Yield the changes that were made in flight."""
     for change in read.interactive:
+        sampling = planner.sampling
+        if is_registered(sampling):
+            sampling = _sampling(read.sampler, change.planner.sampling)
         yield PlannerChange(
             t=change.t,
             name=change.name,
             before=change.before,
             after=change.after,
-            sampling=_sampling(read.sampler, change.planner.sampling),
+            sampling=sampling,
             mppi=change.planner.mppi,
         )
 
@@ -381,4 +398,5 @@ def _check_same_parts(asked: Mapping[str, Any], found: Mapping[str, Any]) -> Non
         if part == found.get(role):
             continue
         names = own_parts({"own": {role: part}})[role]
-        raise RecordError(f"{role}: expected the {names} that flew, got one that differs from it")
+        got = "one that differs from it, or that a flight has changed since"
+        raise RecordError(f"{role}: expected the {names} that flew, got {got}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, Unpack, get_args
 
@@ -303,7 +303,7 @@ class Spec:
         """Return where the flight takes place: nothing in it changes the flight."""
         files = {"runs_dir": self.runs_dir}
         if self.pilot:
-            files["pilot"] = self.pilot.path
+            files["pilot"] = self.pilot.place
         return {"threads": self.threads} | files
 
 
@@ -390,6 +390,8 @@ def _check_types(spec: Spec) -> None:
     wanted = {"course": Course, "vehicle": Vehicle, "planner": Planner, "model": ModelParams}
     for name, kind in wanted.items():
         _check_type(name, getattr(spec, name), kind)
+    for name in ("vehicle", "model", "sensing"):
+        _check_classes(name, getattr(spec, name))
     if isinstance(spec.plant, str):
         if spec.plant not in PLANTS:
             known = " or ".join(map(repr, PLANTS))
@@ -409,6 +411,21 @@ def _check_type(name: str, part: object, kind: type) -> None:
     """Raise SettingError unless a part is an object of its type."""
     if not isinstance(part, kind):
         raise SettingError(name, f"expected a {kind.__name__}, got {shown_value(part)}")
+
+
+def _check_classes(name: str, part: object) -> None:
+    """Check that a part and all in it are of the project's own classes. Raises SettingError.
+
+    A record has their numbers alone, which would fly without a subclass's methods.
+    """
+    if not is_dataclass(part):
+        return
+    kind = type(part)
+    if kind.__module__.partition(".")[0] != "quadsim":
+        wanted = "expected one of quadsim's own classes, whose methods need not be recorded"
+        raise SettingError(name, f"{wanted}, got {kind.__name__}")
+    for inner in fields(part):
+        _check_classes(name, getattr(part, inner.name))
 
 
 def _check_channels(planner: Planner) -> None:

@@ -1,7 +1,11 @@
 """Different flights have different keys: none is reported under the name of another."""
 
+import os
+import subprocess
+import sys
 import threading
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +17,7 @@ from quadsim.campaign.store import Store
 from quadsim.record.limits import SOLUTIONS
 from quadsim.spec.settings import SettingError
 
+ROOT = Path(quadsim.__file__).parents[1]
 TINY = {name: value for name, value in SETTINGS.items() if name != "preset"}
 
 
@@ -212,3 +217,35 @@ def test_another_solution_of_one_race_is_flown_again(tmp_path, monkeypatch):
     arrays["x"][:, 2] -= np.float32(0.05)
     assert run() != first
     assert flown(campaign) == 2
+
+
+SCRIPT = """
+import quadsim
+
+class Held:
+    gain = 1.0
+    def sample(self, rng, samples, horizon, controls):
+        return self.gain * rng.standard_normal((samples, horizon, controls))
+
+if __name__ == "__main__":
+    Held.gain = GAIN
+    settings = dict(preset="paper", samples=64, horizon=20, iterations=1, timeout=0.1)
+    variants = {"mine": {"sampler": Held()}}
+    print(quadsim.compare("paper_flat", variants, 1, jobs=1, campaign="c.sqlite", **settings))
+"""
+
+
+def test_a_worker_that_lacks_what_the_script_has_set_is_refused(tmp_path):
+    def done(gain):
+        script = tmp_path / "script.py"
+        script.write_text(SCRIPT.replace("GAIN", gain))
+        command = [sys.executable, str(script)]
+        env = os.environ | {"PYTHONPATH": str(ROOT)}
+        return subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True)
+
+    refused = done("3.0")
+    assert refused.returncode == 1
+    assert "mine: a worker flies with another sampler than this process has" in refused.stderr
+    flown_as_imported = done("1.0")
+    assert flown_as_imported.returncode == 0, flown_as_imported.stderr
+    assert flown(tmp_path / "c.sqlite") == 1

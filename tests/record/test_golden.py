@@ -4,6 +4,8 @@ It was written by `race fly figure8 --laps 1 --samples 512 --seed 1 --randomize 
 """
 
 import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 
 import quadsim
 from quadsim.cli.cli import race
+from quadsim.record.run import RunError
 from web.stored_runs import stored_competitor
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -51,3 +54,33 @@ def test_it_is_flown_again(run):
     for column in ("px", "py", "pz"):
         ours, stored = again.telemetry[column][start], run.telemetry[column][start]
         np.testing.assert_allclose(ours, stored, atol=0.01)
+
+
+STRANGE = {
+    "no model": {"model": {}},
+    "a text for a number": {"vehicle": {"name": "x", "mass": "heavy"}},
+    "an own part of another kind": {"own": {"sampler": "os.system"}},
+    "a term without a name": {"own": {"terms": [{}]}},
+    "a fault that is none": {"drawn_faults": ["rotor9=5@x"]},
+    "too many laps": {"laps": 10**7},
+    "a name with control characters": {"course": "\x1b[31mred"},
+    "no planner": {"planner": {}},
+}
+
+
+@pytest.mark.parametrize("what", STRANGE)
+def test_a_spec_written_by_hand_is_one_line(what, tmp_path, capsys, run):
+    """Its digest is right, as whoever writes a spec can compute that too."""
+    changed = replace(run, spec=run.spec | STRANGE[what])
+    folder = tmp_path / "20261123T000000Z_by_hand"
+    shutil.copytree(GOLDEN, folder)
+    record = json.loads((folder / "run.json").read_text())
+    record |= {"spec": changed.spec, "digest": changed.digest()}
+    (folder / "run.json").write_text(json.dumps(record))
+    for command in (["show"], ["plot"]):
+        assert race([*command, str(folder)]) == 2
+        error = capsys.readouterr().err.strip()
+        assert "spec: expected that of a flight" in error
+        assert "\n" not in error
+    with pytest.raises(RunError):
+        stored_competitor(folder)

@@ -4,10 +4,12 @@ import functools
 import subprocess
 import sys
 import threading
+import types
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, make_dataclass, replace
 from functools import cached_property
 
+import numba
 import numpy as np
 import pytest
 
@@ -75,6 +77,41 @@ def compiled_from(source, name="f"):
     return names[name]
 
 
+class Wrapping:
+    """An object that names the function it stands for, as functools.wraps does."""
+
+    def __init__(self, number):
+        functools.update_wrapper(self, scaled)
+        self.number = number
+
+
+def module_of(source, name):
+    """Return a module of the user's own, with this text."""
+    module = types.ModuleType(name)
+    exec(compile(source, f"<{name}>", "exec"), module.__dict__)
+    return module
+
+
+def importing(gain):
+    """Return a function that imports one of the user's modules when it is called."""
+    name = f"own_gain_{gain}"
+    sys.modules[name] = module_of(f"K = {gain}\ndef gain(x):\n    return K * x", name)
+    return compiled_from(f"def f(x):\n    from {name} import gain\n    return gain(x)")
+
+
+def among_peers():
+    """Return one of four objects that hold each other in sets."""
+    nodes = [Held(set()) for _ in range(4)]
+    for node in nodes:
+        node.held |= {other for other in nodes if other is not node}
+    return nodes[0]
+
+
+def of_meta(number):
+    """Return an object of a class whose metaclass has a number."""
+    return type(f"Meta{number}", (type,), {"number": number})("Own", (), {})()
+
+
 DIFFERENT = {
     "one number of a large matrix": (Held(matrix()), Held(matrix(number=1e-9))),
     "the type of a matrix": (Held(matrix()), Held(matrix(dtype=np.float32))),
@@ -93,6 +130,21 @@ DIFFERENT = {
     "whole and real": (Held(1), Held(1.0)),
     "the sign of zero": (Held(0.0), Held(-0.0)),
     "list and tuple": (Held([1]), Held((1,))),
+    "a wrapping object's number": (Wrapping(1), Wrapping(2)),
+    "a module in an attribute": (
+        Held(module_of("K = 1", "own_module")),
+        Held(module_of("K = 2", "own_module")),
+    ),
+    "a module that is imported in a function": (importing(2), importing(3)),
+    "a metaclass": (of_meta(1), of_meta(2)),
+    "a ufunc's code and no code": (np.sin, np.cos),
+    "options of the compiler": (numba.njit(scaled), numba.njit(fastmath=True)(scaled)),
+    "the size of a cache": (functools.lru_cache(1)(scaled), functools.lru_cache(2)(scaled)),
+    "the order of a mapping": (Held({"a": 1, "b": 2}), Held({"b": 2, "a": 1})),
+    "defaults of a made record": (
+        make_dataclass("Made", [("k", float, 1.0)]),
+        make_dataclass("Made", [("k", float, 2.0)]),
+    ),
     "an edited body": (
         compiled_from("def f(x):\n    return x + 1"),
         compiled_from("def f(x):\n    return x - 1"),
@@ -129,6 +181,7 @@ ALIKE = {
     "slots": lambda: Slotted([1, 2], {"a"}),
     "records": Record,
     "sets": lambda: Held({"one", "two", ("three", 4)}),
+    "four objects that hold each other": among_peers,
     "an object within itself": lambda: _within_itself(),
     "a function that calls itself": lambda: compiled_from("def f(x):\n    return f(x - 1)"),
 }
@@ -159,7 +212,7 @@ def test_a_property_that_was_computed_does_not_count():
 
 
 def test_a_copy_has_the_same_identity_and_leaves_that_of_the_original():
-    held = Held([matrix(), scaled(2.0), {"one", "two"}])
+    held = Held([matrix(), scaled(2.0), {"one", "two"}, among_peers()])
     before = identity_of(held)
     copy = deepcopy(held)
     assert identity_of(held) == before
@@ -168,7 +221,12 @@ def test_a_copy_has_the_same_identity_and_leaves_that_of_the_original():
 
 @pytest.mark.parametrize(
     "state",
-    [threading.Lock(), (k for k in range(3)), memoryview(b"")],
+    [
+        threading.Lock(),
+        (k for k in range(3)),
+        memoryview(b""),
+        numba.typed.List([1.0]),
+    ],
     ids=lambda s: str(type(s)),
 )
 def test_a_state_that_cannot_be_told_has_no_identity(state):
@@ -177,12 +235,22 @@ def test_a_state_that_cannot_be_told_has_no_identity(state):
     assert "\n" not in str(error.value)
 
 
+def test_a_ufunc_of_a_python_function_and_a_long_chain_have_no_identity():
+    with pytest.raises(IdentityError, match="the code of the ufunc"):
+        identity_of(Held(np.frompyfunc(lambda x: 2 * x, 1, 1)))
+    chain = Held(None)
+    for _ in range(300):
+        chain = Held(chain)
+    with pytest.raises(IdentityError, match="within each other"):
+        identity_of(chain)
+
+
 PROCESS = """
 import numpy as np
 from quadsim.spec.identity import identity_of
 class Mine:
     words = {"some", "words", "in", "a", "set"}
-    def __init__(self): self.table = {w: np.arange(3) for w in self.words}
+    def __init__(self): self.table = {w: np.arange(3) for w in sorted(self.words)}
     def sample(self, n): return np.zeros(n) + len(self.words)
 print(identity_of(Mine()))
 """

@@ -3,6 +3,7 @@
 import json
 import shutil
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -14,9 +15,11 @@ from quadsim.dynamics.quadrotor import CONTROL_UNITS
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.limits import SOLUTIONS
 from quadsim.record.run import hostless, why_not_repeatable
+from quadsim.spec.changes import PlannerChange
 from quadsim.spec.recorded import RecordError, recorded_spec, spec_of_record
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec
+from quadsim.vehicle import load_vehicle
 from web.choices import Choices
 from web.live_flight import LiveFlight
 from web.numbers import Change
@@ -139,6 +142,71 @@ def test_own_parts_are_given_again_and_have_to_be_the_same():
         quadsim.fly(spec, sampler=Held(table()), terms=[(calm, 0.6)])
 
 
+class Plain:
+    """A sampler without fields: white noise of one size."""
+
+    def __init__(self, sigma=0.5):
+        self.sigma = sigma
+
+    def sample(self, rng, samples, horizon, controls):
+        return self.sigma * rng.standard_normal((samples, horizon, controls))
+
+
+class Named(NamedTuple):
+    """A sampler that is a named tuple."""
+
+    sigma: float = 0.5
+
+    def sample(self, rng, samples, horizon, controls):
+        return self.sigma * rng.standard_normal((samples, horizon, controls))
+
+
+@pytest.mark.parametrize("kind", [Plain, Named])
+def test_a_sampler_of_any_class_is_given_again(kind):
+    run = quadsim.fly("figure8", **SMALL, sampler=kind())
+    assert quadsim.fly(stored(run), sampler=kind()).digest() == run.digest()
+    with pytest.raises(RecordError, match=r"^sampler: the flight had .*sampler=..., or --sampler"):
+        quadsim.fly(stored(run))
+    with pytest.raises(
+        RecordError, match=r"^sampler: expected the .* that flew, got one that diff"
+    ):
+        quadsim.fly(stored(run), sampler=kind(0.6))
+
+
+def test_a_part_that_contains_itself_is_recorded_and_given_again():
+    def looped():
+        sampler = Plain()
+        sampler.inside = [sampler]
+        sampler.inside.append(sampler.inside)
+        return sampler
+
+    run = quadsim.fly("figure8", **SMALL, sampler=looped())
+    assert quadsim.fly(stored(run), sampler=looped()).digest() == run.digest()
+
+
+def test_changes_in_flight_of_a_sampler_of_ones_own_are_made_again():
+    spec = Spec.of("figure8", **SMALL, sampler=Held(table()))
+    mppi = replace(spec.planner.mppi, temperature=0.05)
+    change = PlannerChange(0.1, "temperature", 1.0, 0.05, spec.planner.sampling, mppi)
+    run = quadsim.fly(replace(spec, changes=(change,)))
+    assert quadsim.fly(stored(run), sampler=Held(table())).digest() == run.digest()
+    assert quadsim.fly(spec).digest() != run.digest()
+
+
+def test_a_vehicle_with_methods_of_ones_own_is_refused():
+    vehicle = load_vehicle("swift")
+
+    class Weak(type(vehicle.rotors)):
+        """Rotors that a record would show as sound ones."""
+
+        def thrust(self, speed):
+            return 0.7 * super().thrust(speed)
+
+    weak = replace(vehicle, rotors=Weak(**vars(vehicle.rotors)))
+    with pytest.raises(SettingError, match=r"^vehicle: expected one of quadsim's own .* got Weak"):
+        quadsim.fly("figure8", **SMALL, vehicle=weak)
+
+
 def test_a_course_changed_in_python_is_a_part_of_ones_own():
     """Its text describes another course, so that the record alone cannot fly it."""
     course = load_course("figure8")
@@ -188,6 +256,12 @@ def test_a_pilot_that_flew_has_to_be_the_same(tmp_path):
     shutil.copy(PILOTS / "split_s_swift.npz", file)
     run = quadsim.fly("split_s_swift", pilot=str(file), timeout=0.5)
     assert quadsim.fly(stored(run)).digest() == run.digest()
+    moved = tmp_path / "moved.npz"
+    file.rename(moved)
+    with pytest.raises(FileError, match="no pilot"):
+        quadsim.fly(stored(run))
+    assert quadsim.fly(stored(run), pilot=str(moved)).digest() == run.digest()
+    moved.rename(file)
     arrays = dict(np.load(file))
     arrays["layer_5"][0] += np.float32(1e-3)
     np.savez(file, **arrays)
