@@ -179,7 +179,7 @@ def test_parts_of_the_wrong_kind_are_refused_by_name():
     [
         {"planner": "race"},
         {"preset": 3},
-        {"preset": object()},
+        {"preset": 3.5},
         {"model": 0},
         {"model": "swift", "model_drag": 0.1},
         {"plant": ""},
