@@ -161,7 +161,7 @@ class LiveFlight:
         Returns:
             For each number that differs, a function from the time of this plan [s] to its change.
         """
-        if not self._pending or self._planner is None:
+        if not self._pending:
             return []
         after = self._asked_planner()
         old = numbers_of(self._numbers, self._preset)
@@ -170,7 +170,7 @@ class LiveFlight:
         differing = [name for name in new if new[name] != old[name]]
         if differing:
             self._numbers = after
-            self._planner.change(after)
+            self._replan(after)
         return [
             partial(
                 PlannerChange,
@@ -210,6 +210,11 @@ class LiveFlight:
             snapshot=snapshot,
             navigation=self._navigation,
         )
+
+    def _replan(self, numbers: Planner) -> None:
+        """Plan with other numbers from the next plan on."""
+        if self._planner:
+            self._planner.change(numbers)
 
     def sampled_trajectories(self) -> SampledTrajectories | None:
         """Return the sampled trajectories of the last plan; a learned pilot has none."""

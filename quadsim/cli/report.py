@@ -134,7 +134,7 @@ def _parts(run: Run, columns: int) -> Iterator[RenderableType]:
         yield model_table(run.spec)
     reason = why_not_repeatable(run)
     if reason:
-        yield f"[dim]not repeatable from run.json alone[/]  {escape(reason)}"
+        yield f"[dim]repeatable[/]  not from run.json alone: {escape(reason)}"
     yield published_table(run, course)
 
 

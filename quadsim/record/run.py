@@ -199,7 +199,7 @@ def why_not_repeatable(run: Run) -> str:
     own = own_parts(spec)
     if own:
         named = ", ".join(f"{role} {name}" for role, name in own.items())
-        return f"it needs parts of your own: {named}"
+        return f"it needs your own {named}"
     return ""
 
 

@@ -174,7 +174,8 @@ def test_a_user_s_own_parts_are_named_in_the_report_and_in_the_title():
         if role == "sampler":
             flown.spec["sampler"] = "Straight"
         lines = [line.strip() for line in printed(flown).splitlines()]
-        assert any(line.startswith(f"own parts  {role} Straight") for line in lines)
+        reason = f"repeatable  not from run.json alone: it needs your own {role} Straight"
+        assert reason in lines
         assert lines[1].startswith(head)
         assert head in title(flown)
         assert summary(flown, None)["own_parts"] == {role: "Straight"}

@@ -132,7 +132,7 @@ def test_own_parts_are_given_again_and_have_to_be_the_same():
     parts = {"sampler": Held(table()), "terms": [(calm, 0.5)]}
     run = quadsim.fly("figure8", **SMALL, **parts)
     spec = stored(run)
-    assert why_not_repeatable(run).startswith("it needs parts of your own: ")
+    assert why_not_repeatable(run).startswith("it needs your own ")
     assert quadsim.fly(spec, sampler=Held(table()), terms=[(calm, 0.5)]).digest() == run.digest()
     with pytest.raises(RecordError, match=r"^sampler: the flight had one of your own, whose code"):
         quadsim.fly(spec, terms=[(calm, 0.5)])

@@ -36,7 +36,7 @@ class Glider(LiveFlight):
         self.is_cached = self.compiled is None
         return self.frames()
 
-    def _replan(self, before):
+    def _replan(self, numbers):
         pass
 
     def sampled_trajectories(self):
