@@ -41,7 +41,7 @@ def kept(function: Any) -> Any:
     return function
 
 
-# Whether this process was forked from one that had started the threads of the loops
+# True in a process that was forked from one that had started the threads of the loops
 _lost_threads = False
 
 

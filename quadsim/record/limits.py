@@ -47,7 +47,7 @@ SOLUTIONS = Path(__file__).parent / "solutions"
 # Name of the folder among the runs for those that are found here
 LIMITS = "limits"
 WHAT = "the solution of a race"
-# What to do about a file that is named after a race and is no solution of it
+# This ends an error about a file that is named after a race and is no solution of it
 ADVICE = "remove the file"
 # Size of a file, and of its arrays together [bytes]; twenty laps of many gates take a tenth
 LARGEST = 100_000_000
@@ -106,7 +106,7 @@ class Check(Struct, frozen=True, forbid_unknown_fields=True):
     # About x, y and z [rad/s]; older files have one number
     body_rate: tuple[float, float, float] | float
     outcome: Literal["finished"]
-    # How often each kind occurred
+    # Number of events of each kind
     events: dict[str, Annotated[int, Meta(ge=0)]]
     # One line for each fault
     broken: tuple[str, ...]
@@ -250,7 +250,7 @@ class LimitProblem:
 
     @property
     def lags(self) -> bool:
-        """Whether the rotors lag, so that what they deliver is a part of the state."""
+        """True if the rotors lag, so that the thrust they deliver is a part of the state."""
         rotors = self.vehicle.rotors
         return rotors is not None and rotors.tau > 0.0
 

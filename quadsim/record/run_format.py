@@ -64,13 +64,13 @@ class StoredVehicle(msgspec.Struct):
 
 
 class StoredPart(msgspec.Struct):
-    """What a spec says of one of the user's own parts."""
+    """The class that a spec names for one of the user's own parts."""
 
     kind: str = msgspec.field(name="class")
 
 
 class StoredTerm(msgspec.Struct):
-    """What a spec says of one of the user's own terms."""
+    """The name and the weight that a spec has of one of the user's own terms."""
 
     name: str
     weight: float | list[float]

@@ -69,7 +69,7 @@ class ChangedPlanner(msgspec.Struct):
 
 
 class RecordedChange(msgspec.Struct):
-    """A change in flight."""
+    """A number that was changed in flight, with its time and its values."""
 
     t: float
     name: str
@@ -79,7 +79,7 @@ class RecordedChange(msgspec.Struct):
 
 
 class RecordedHost(msgspec.Struct):
-    """Where a flight was flown: nothing in it changes the flight."""
+    """The folders of the machine that flew, none of which changes the flight."""
 
     runs_dir: str = FlightSettings.runs_dir
     pilot: str | None = None

@@ -300,7 +300,7 @@ class Spec:
         return own
 
     def _host(self) -> dict[str, Any]:
-        """Return where the flight takes place: nothing in it changes the flight."""
+        """Return the threads and the files of this machine, which do not change the flight."""
         files = {"runs_dir": self.runs_dir}
         if self.pilot:
             files["pilot"] = self.pilot.place
@@ -308,7 +308,7 @@ class Spec:
 
 
 def _followed(reference: StoredSolution | None) -> dict[str, str] | None:
-    """Return what a record says of the solution that a planner follows."""
+    """Return the key and the hash of the solution that a planner follows, as a record has them."""
     return {"key": reference.key, "sha256": reference.digest} if reference else None
 
 

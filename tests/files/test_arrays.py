@@ -18,6 +18,7 @@ from quadsim.files.arrays import (
     record_of,
 )
 from quadsim.files.strict_yaml import FileError
+from tests.fuzz.arrays import encrypted
 
 T = np.arange(4.0)
 X = np.arange(12, dtype=np.float32).reshape(4, 3)
@@ -160,17 +161,6 @@ def test_a_record_has_the_types_that_were_declared(text):
     assert len(str(error.value)) < 300
 
 
-def encrypted():
-    """Return an archive whose members ask for a password."""
-    data = bytearray(npz_bytes(GOOD))
-    for signature, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
-        at = data.find(signature)
-        while at >= 0:
-            data[at + offset] |= 1
-            at = data.find(signature, at + 4)
-    return bytes(data)
-
-
 def headed(header, version=(1, 0)):
     """Return an array with this text in place of its header."""
     text = header.encode("latin1")
@@ -180,7 +170,7 @@ def headed(header, version=(1, 0)):
 
 PLAIN = "{'descr': '<f4', 'fortran_order': False, 'shape': %s}"
 HOSTILE = {
-    "encrypted": encrypted(),
+    "encrypted": encrypted(npz_bytes(GOOD)),
     "no expression": stored("x.npy", headed("((((")),
     "nested deeply": stored("x.npy", headed("(" * 3000)),
     "rows without end": stored("x.npy", headed(PLAIN % "(100000000000, 3)")),

@@ -152,7 +152,12 @@ def _other_arrays(rng: random.Random, arrays: Arrays) -> Arrays:
 
 def _encrypted(rng: random.Random, arrays: Arrays) -> bytes:
     """Return an archive whose members ask for a password."""
-    data = bytearray(npz(arrays))
+    return encrypted(npz(arrays))
+
+
+def encrypted(archive: bytes) -> bytes:
+    """Return an archive with the flag set that says its members are encrypted."""
+    data = bytearray(archive)
     for signature, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
         at = data.find(signature)
         while at >= 0:

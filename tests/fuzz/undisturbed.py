@@ -40,7 +40,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "train": ("train", *TRAINING, "--steps", "65536"),
     "limit": ("limit", "near.yaml", "--nodes", "8"),
 }
-# What a training and a search find in their folder: an earlier, shorter training, and the solution
+# A training and a search find this in their folder: an earlier, shorter training, and the solution
 # of an earlier search that was slower by this share.
 BEGUN = ("train", *TRAINING, "--steps", "16384")
 SLOWER = 0.05
