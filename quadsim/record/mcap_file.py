@@ -15,6 +15,7 @@ z up.
 | /log | foxglove.Log: the event in words | every event |
 | /path | foxglove.PosesInFrame, the whole flown path | at the start |
 | /course | foxglove.SceneUpdate: gates with their numbers, obstacles | at the start |
+| /gates | foxglove.PosesInFrame, x along the passage, as Rerun shows no scene | at the start |
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from quadsim.palette import FRAME, HIT, NEXT
 from quadsim.race.events import Event
 from quadsim.record.run import COUNTS, CRASHES, Run, columns_of
 from quadsim.record.run_format import CSV_COLUMNS, event_row
+from quadsim.rotation import from_euler, from_yaw
 
 # Names of the world's frame and of the vehicle's
 WORLD = "world"
@@ -107,7 +109,9 @@ def _metadata(run: Run) -> dict[str, str]:
 def _messages(run: Run) -> Iterator[Message]:
     """Yield the messages of all topics, one topic after the other."""
     schemas = _Schemas()
-    yield Message(0, "/course", schemas.scene(parse_course(run.spec["course_text"], "course")))
+    course = parse_course(run.spec["course_text"], run.spec["course"])
+    yield Message(0, "/course", schemas.scene(course))
+    yield Message(0, "/gates", schemas.gates(course))
     yield Message(0, "/path", schemas.path(run))
     yield from _of_steps(run, schemas)
     yield from _of_events(run, schemas)
@@ -245,7 +249,18 @@ class _Schemas:
         x = run.telemetry
         positions = np.column_stack([x[name] for name in POSITION])
         quaternions = np.column_stack([x[name] for name in QUATERNION])
-        poses = [self._pose(p, q) for p, q in zip(positions, quaternions, strict=True)]
+        return self._poses([self._pose(p, q) for p, q in zip(positions, quaternions, strict=True)])
+
+    def gates(self, course: Course) -> Any:
+        """Return the centres of the gates, x along the passage."""
+        return self._poses(
+            [
+                self._pose(gate.position, from_euler(gate.yaw, gate.pitch, gate.roll))
+                for gate in course.gates
+            ]
+        )
+
+    def _poses(self, poses: list[Any]) -> Any:
         return self._new("PosesInFrame", timestamp=self._stamp(0), frame_id=WORLD, poses=poses)
 
     def log(self, time: int, event: Event) -> Any:
@@ -276,7 +291,8 @@ class _Schemas:
         opening = self._loop(gate.corners()[AROUND], NEXT)
         corners = gate.corners(gate.frame_width)[AROUND]
         frame = self._loop(corners, FRAME)
-        top = np.array([*gate.position[:2], corners[:, 2].max() + TEXT_HEIGHT])
+        x, y, _ = gate.position
+        top = (x, y, float(corners[:, 2].max()) + TEXT_HEIGHT)
         text = self._new(
             "TextPrimitive",
             pose=self._pose(top),
@@ -304,9 +320,7 @@ class _Schemas:
         name = f"obstacle {number}"
         colour = self._colour(HIT)
         if isinstance(obstacle, Box):
-            half_yaw = 0.5 * obstacle.yaw
-            turned = (float(np.cos(half_yaw)), 0.0, 0.0, float(np.sin(half_yaw)))
-            pose = self._pose(obstacle.centre, turned)
+            pose = self._pose(obstacle.centre, from_yaw(obstacle.yaw))
             size = self._vector(obstacle.size)
             cube = self._new("CubePrimitive", pose=pose, size=size, color=colour)
             return self._entity(name, cubes=[cube])
