@@ -103,6 +103,12 @@ class Run:
     wall: dict
     snapshots: PlannerSnapshots | None = None
 
+    def __repr__(self) -> str:
+        """Return one line: course, outcome, laps, time, and what the run was flown with."""
+        laps = f"{len(self.laps)} of {self.spec['laps']} laps"
+        head = f"{self.spec['course']}: {self.outcome}, {laps}, {self.duration:.3f} s"
+        return f"<Run {head}, {flown_with(self.spec)}>"
+
     @classmethod
     def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> Run:
         """Collect the frames of a flight."""
