@@ -160,6 +160,15 @@ def runs(
     Returns:
         A sequence of rows, with a table for `print` and `.to_pandas()`; `.load()` of a row reads
             the whole run.
+
+    Examples:
+        >>> import quadsim
+        >>> for seed in (0, 1):
+        ...     folder = quadsim.fly("figure8", laps=1, samples=512, seed=seed).save()
+        >>> stored = quadsim.runs(course="figure8", outcome="finished")
+        >>> [row.seed for row in stored]
+        [0, 1]
+        >>> run = stored[-1].load()
     """
     from quadsim.stored_runs import stored_runs
 

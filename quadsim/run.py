@@ -41,6 +41,20 @@ class Run(RecordedRun):
         outcome: finished, crashed, stuck, timeout or interrupted.
         wall: wall-clock numbers: plan_ms with p50 and p95 [ms], and real_time_factor.
         snapshots: the planner's best samples every few control steps; None without any.
+
+    Examples:
+        >>> import quadsim
+        >>> run = quadsim.fly("figure8", laps=1, samples=512)
+        >>> run.outcome
+        'finished'
+        >>> run.telemetry["vx"].shape == run.telemetry["t"].shape
+        True
+        >>> run.metrics.top_speed > 15.0  # [m/s]
+        True
+        >>> run.to_pandas()["pz"].max() < 10.0  # [m]
+        True
+        >>> folder = run.save("flights")
+        >>> file = run.export("flight.csv")
     """
 
     @classmethod

@@ -46,6 +46,13 @@ class StoredRun:
         outcome: finished, crashed, stuck, timeout or interrupted.
         laps: times of the completed laps, penalties included [s].
         laps_wanted: laps of the race.
+
+    Examples:
+        >>> import quadsim
+        >>> folder = quadsim.fly("figure8", laps=1, samples=512).save()
+        >>> (row,) = quadsim.runs()
+        >>> row.course, row.seed, row.outcome
+        ('figure8', 0, 'finished')
     """
 
     name: str
@@ -95,6 +102,13 @@ class StoredRuns(Sequence[StoredRun]):
 
     Attributes:
         damaged: path of each folder that cannot be read -> what is wrong with it.
+
+    Examples:
+        >>> import quadsim
+        >>> folder = quadsim.fly("figure8", laps=1, samples=512).save()
+        >>> stored = quadsim.runs()
+        >>> len(stored), stored.damaged
+        (1, {})
     """
 
     def __init__(self, rows: Sequence[StoredRun], damaged: dict[Path, str]):

@@ -43,6 +43,14 @@ class RunMetrics:
         nees: mean normalised estimation error squared, 9 for a consistent estimate; None where the
             planner was given the true state.
         position_rms: distance from the estimated to the true position, RMS [m]; None as for nees.
+
+    Examples:
+        >>> import quadsim
+        >>> metrics = quadsim.fly("figure8", laps=1, samples=512).metrics
+        >>> metrics.best_lap == metrics.race_time  # of one lap [s]
+        True
+        >>> len(metrics.splits[0])
+        8
     """
 
     laps: tuple[float, ...]
