@@ -18,6 +18,17 @@ class MPPIConfig:
 
     Raises:
         SettingError: a number is of another type or out of its range (a ValueError).
+
+    Examples:
+        >>> from quadsim import MPPIConfig
+        >>> config = MPPIConfig(samples=1024, horizon=60, dt=0.02, target_ess=50.0)
+        >>> config.temperature
+        0.3
+        >>> try:
+        ...     MPPIConfig(samples=0)
+        ... except ValueError as error:
+        ...     print(error)
+        samples: expected a whole number >= 2 and <= 1e+06, got 0
     """
 
     samples: Annotated[

@@ -77,20 +77,6 @@ class Iteration:
 class MPPI:
     """A receding-horizon controller that keeps its plan U (T, n_u) between calls.
 
-    >>> import numpy as np
-    >>> from quadsim import MPPI, Gaussian, MPPIConfig
-    >>> from quadsim.paper.integrator import double_integrator, quadratic_cost
-    >>> system = double_integrator(dt=0.05)
-    >>> cost = quadratic_cost(goal=(0.0, 0.0))
-    >>> config = MPPIConfig(samples=512, horizon=40, dt=0.05)
-    >>> mppi = MPPI(system, cost, Gaussian(sigma=(1.0, 1.0)), config)
-    >>> x = np.array([2.0, -1.0, 0.0, 0.0])
-    >>> for _ in range(100):
-    ...     u, stats = mppi.control(x)
-    ...     x = np.array(system.next(x, u))
-    >>> bool(np.hypot(x[0], x[1]) < 0.1)  # at the goal [m]
-    True
-
     Args:
         system: the model to plan with.
         cost: the stage cost; the rollout loop is compiled at the first call.
@@ -103,6 +89,21 @@ class MPPI:
 
     Raises:
         ValueError: sampler, system and configuration differ in the number of controls or in dt.
+
+    Examples:
+        >>> import numpy as np
+        >>> from quadsim import MPPI, Gaussian, MPPIConfig
+        >>> from quadsim.paper.integrator import double_integrator, quadratic_cost
+        >>> system = double_integrator(dt=0.05)
+        >>> cost = quadratic_cost(goal=(0.0, 0.0))
+        >>> config = MPPIConfig(samples=512, horizon=40, dt=0.05)
+        >>> mppi = MPPI(system, cost, Gaussian(sigma=(1.0, 1.0)), config)
+        >>> x = np.array([2.0, -1.0, 0.0, 0.0])
+        >>> for _ in range(100):
+        ...     u, stats = mppi.control(x)
+        ...     x = np.array(system.next(x, u))
+        >>> bool(np.hypot(x[0], x[1]) < 0.1)  # at the goal [m]
+        True
     """
 
     def __init__(

@@ -9,7 +9,14 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True)
 class PlanStats:
-    """Statistics of the last iteration of one control step."""
+    """Statistics of the last iteration of one control step.
+
+    Examples:
+        >>> from quadsim import PlanStats
+        >>> stats = PlanStats(cost=4.2, ess=61.0, temperature=0.3)
+        >>> stats.ess
+        61.0
+    """
 
     cost: float  # J of the unperturbed sample (sample 0), before the update
     ess: float  # effective sample size (ESS), 1 / sum w^2, 1..M

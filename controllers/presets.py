@@ -22,7 +22,14 @@ STEPS_MAX = 10**8  # samples x horizon of one iteration: more than half a second
 
 @dataclass(frozen=True)
 class Planner:
-    """Everything that MPPI is given besides the course and the model."""
+    """Everything that MPPI is given besides the course and the model.
+
+    Examples:
+        >>> from controllers import preset
+        >>> planner = preset("race", "gaussian")
+        >>> planner.vehicle, planner.mppi.samples
+        ('swift', 4096)
+    """
 
     vehicle: str  # the vehicle to fly unless another is asked for
     sampling: Sampling
@@ -206,6 +213,11 @@ def preset(name: str, sampler: str) -> Planner:
 
     Raises:
         FileError: there is no such preset, or it has no numbers for this sampler.
+
+    Examples:
+        >>> from controllers import preset
+        >>> preset("race", "colored").mppi.horizon
+        150
     """
     if name not in PRESETS:
         raise FileError(f"no preset {name!r}: {did_you_mean(name, PRESETS)} (or a FILE.yaml)")

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
-from numpy import sqrt
+from numpy import cos, sin
 
 from quadsim import MPPI, Colored, Cost, MPPIConfig, System, Term
 
@@ -13,8 +13,7 @@ from quadsim import MPPI, Colored, Cost, MPPIConfig, System, Term
 class State(NamedTuple):
     position: float  # of the cart [m]
     velocity: float  # [m/s]
-    cos: float  # of the pendulum's angle from upright
-    sin: float
+    angle: float  # of the pendulum from upright [rad]
     rate: float  # [rad/s]
 
 
@@ -28,14 +27,10 @@ class Params(NamedTuple):
 
 
 def step(x, u, p, dt):
-    torque = (p.gravity * x.sin - u.acceleration * x.cos) / p.length
-    rate = x.rate + torque * dt
-    cos = x.cos - x.sin * rate * dt
-    sin = x.sin + x.cos * rate * dt
-    norm = sqrt(cos * cos + sin * sin)
-    position = x.position + x.velocity * dt
+    torque = p.gravity * sin(x.angle) - u.acceleration * cos(x.angle)
+    rate = x.rate + torque / p.length * dt
     velocity = x.velocity + u.acceleration * dt
-    return State(position, velocity, cos / norm, sin / norm, rate)
+    return State(x.position + velocity * dt, velocity, x.angle + rate * dt, rate)
 
 
 params = Params(gravity=9.81, length=0.5)
@@ -49,7 +44,7 @@ class Middle(NamedTuple):
 
 
 def upright(x, x_next, u, middle, p):
-    return 1.0 - x_next.cos
+    return 1.0 - cos(x_next.angle)
 
 
 def in_the_middle(x, x_next, u, middle, p):
@@ -66,12 +61,12 @@ cost = Cost("swing_up", terms, Middle, targets=np.array([[0.0]]))
 # The planner, and the loop: plan, then step. In place of cart.next stands your own simulator.
 config = MPPIConfig(samples=2048, horizon=75, dt=cart.dt, target_ess=50.0)
 mppi = MPPI(cart, cost, Colored(sigma=(8.0,), gamma=(1.0,)), config)
-x = State(position=0.0, velocity=0.0, cos=-1.0, sin=0.0, rate=0.1)
+x = State(position=0.0, velocity=0.0, angle=np.pi, rate=0.1)
 angles = []
 for _ in range(250):
     u, stats = mppi.control(np.array(x))
     x = cart.next(x, u)
-    angles.append(np.degrees(np.arctan2(x.sin, x.cos)))
+    angles.append(np.degrees(np.angle(np.exp(1j * x.angle))))  # within -180..180
 print(f"angle from upright at the end: {abs(angles[-1]):.1f} deg")
 
 plt.plot(cart.dt * np.arange(len(angles)), angles)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from controllers.config import MPPIConfig
-    from controllers.costs import Cost
+    from controllers.costs import Cost, Term
     from controllers.mppi import MPPI
     from controllers.plan import PlanStats
     from controllers.samplers import Colored, Gaussian, LogNormal, Smooth, SmoothStar
@@ -52,6 +52,9 @@ __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        # Reading the version of the installed package takes some milliseconds.
+        return import_module("importlib.metadata").version("quadsim")
     if name not in _HOME:
         raise AttributeError(f"module 'quadsim' has no attribute {name!r}")
     return getattr(import_module(_HOME[name]), name)

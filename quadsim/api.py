@@ -45,6 +45,15 @@ def fly(
             was found (a ValueError).
         FileError: a course, vehicle or preset cannot be read, or a file or an object that took part
             in a stored run is missing or differs (a ValueError).
+
+    Examples:
+        >>> import quadsim
+        >>> run = quadsim.fly("figure8", sampler="gaussian", laps=1, samples=512)
+        >>> run.outcome, len(run.laps)
+        ('finished', 1)
+        >>> again = quadsim.fly(run.spec)
+        >>> again.digest() == run.digest()
+        True
     """
     spec = spec_of(course, settings)
     return Run.from_frames(spec.record(), flight_frames(spec))
@@ -57,6 +66,14 @@ def frames(
 
     Takes the arguments and raises the errors of `fly`. The simulation advances only when the next
     frame is asked for; closing the iterator ends the flight.
+
+    Examples:
+        >>> import quadsim
+        >>> for frame in quadsim.frames("figure8", laps=1, samples=512):
+        ...     if frame.passed == 3:
+        ...         break
+        >>> frame.gate
+        4
     """
     return flight_frames(spec_of(course, settings))
 
@@ -81,6 +98,12 @@ def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
 
     Raises:
         RunError: there is no such run, or it cannot be read.
+
+    Examples:
+        >>> import quadsim
+        >>> folder = quadsim.save_run(quadsim.fly("figure8", laps=1, samples=512))
+        >>> quadsim.load_run("last").outcome
+        'finished'
     """
     return Run.of(_load_run(find_run(str(run), runs_dir)))
 
@@ -97,6 +120,13 @@ def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
 
     Raises:
         RunError: the run cannot be written.
+
+    Examples:
+        >>> import quadsim
+        >>> run = quadsim.fly("figure8", laps=1, samples=512)
+        >>> folder = quadsim.save_run(run, "flights")
+        >>> quadsim.load_run(folder).digest() == run.digest()
+        True
     """
     return run.save(runs_dir)
 
@@ -154,6 +184,11 @@ def plot(run: Run, path: str | Path | None = None) -> Figure:
 
     Returns:
         The matplotlib Figure.
+
+    Examples:
+        >>> import quadsim
+        >>> run = quadsim.fly("figure8", laps=1, samples=512)
+        >>> figure = quadsim.plot(run, "flight.png")
     """
     return run.plot(path)
 
@@ -188,6 +223,13 @@ def compare(
 
     Raises:
         ValueError: as for `fly`.
+
+    Examples:
+        >>> import quadsim
+        >>> variants = {"short": {"horizon": 80}, "long": {"horizon": 150}}
+        >>> comparison = quadsim.compare("figure8", variants, attempts=2, laps=1, samples=512)
+        >>> [variant.finished for variant in comparison.variants]
+        [2, 2]
     """
     from quadsim.campaign.compare import compare as run_comparison
 

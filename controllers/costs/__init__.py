@@ -60,6 +60,12 @@ def crash(x, x_next, u, target, p):
 
     As a term it is the cost of a crash, per step. It is never called: the rollout puts the sample's
     flag in its place.
+
+    Examples:
+        >>> from quadsim import Term
+        >>> from controllers import crash
+        >>> Term(crash, weight=1000.0)
+        Term(crash, weight=1000.0)
     """
     raise NotImplementedError("the rollout puts the flag of a crashed sample in this term's place")
 
@@ -79,12 +85,6 @@ def is_weight(value: object) -> bool:
 class Term:
     """One term of a cost: a function and the weight of the number that it returns.
 
-    >>> def band(x, x_next, u, target, p):
-    ...     return maximum(p.low - x_next.pz, 0.0) + maximum(x_next.pz - p.high, 0.0)
-    >>> term = Term(band, weight=50.0, low=2.0, high=3.5)
-    >>> term.name, term.weight, term.parameters
-    ('band', 50.0, band_parameters(low=2.0, high=3.5))
-
     Args:
         function: (x, x_next, u, target, p) -> number, a plain function over named scalars.
         weight: factor on its number; a term of weight zero is left out of the rollouts.
@@ -95,6 +95,15 @@ class Term:
 
     Raises:
         ValueError: the name is not an identifier, the function none, or a number not finite.
+
+    Examples:
+        >>> from numpy import maximum
+        >>> from quadsim import Term
+        >>> def band(x, x_next, u, target, p):
+        ...     return maximum(p.low - x_next.pz, 0.0) + maximum(x_next.pz - p.high, 0.0)
+        >>> term = Term(band, weight=50.0, low=2.0, high=3.5)
+        >>> term.name, term.weight, term.parameters
+        ('band', 50.0, band_parameters(low=2.0, high=3.5))
     """
 
     def __init__(
@@ -181,6 +190,18 @@ class Cost:
 
     `reached` and `crash` are functions as the terms are, and return a condition; None: it never
     holds.
+
+    Examples:
+        >>> from typing import NamedTuple
+        >>> import numpy as np
+        >>> from quadsim import Cost, Term
+        >>> class Goal(NamedTuple):
+        ...     x: float  # [m]
+        >>> def distance(x, x_next, u, goal, p):
+        ...     return (x_next.px - goal.x) ** 2
+        >>> cost = Cost("reach", (Term(distance, 1.0),), Goal, targets=np.array([[2.0]]))
+        >>> cost.term_names
+        ('distance',)
     """
 
     name: str

@@ -60,7 +60,18 @@ Weight = Annotated[float, Meta(ge=0, le=1e6)]
 
 @dataclass(frozen=True)
 class RaceWeights:
-    """Weights a_0..a_8 of the terms, and the numbers they refer to."""
+    """Weights a_0..a_8 of the terms, and the numbers they refer to.
+
+    Examples:
+        >>> from dataclasses import replace
+        >>> import quadsim
+        >>> from controllers.costs.race import RaceWeights
+        >>> spec = quadsim.Spec.of("figure8")
+        >>> isinstance(spec.planner.cost, RaceWeights)
+        True
+        >>> near = replace(spec.planner.cost, margin=0.1)  # [m]
+        >>> fast = spec.but(planner=replace(spec.planner, cost=near))
+    """
 
     progress: Annotated[Weight, setting("weight of each metre still to fly")] = 1.0
     heading: Annotated[

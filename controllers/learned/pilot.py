@@ -183,6 +183,12 @@ def load_pilot(path: str | Path) -> Pilot:
 
     Raises:
         FileError: there is no such pilot, or its file is damaged.
+
+    Examples:
+        >>> from controllers.learned.pilot import load_pilot
+        >>> pilot = load_pilot("split_s_swift")
+        >>> pilot.about.vehicle, pilot.about.course
+        ('swift', 'split_s_swift')
     """
     given = str(path)
     if given in pilot_names():

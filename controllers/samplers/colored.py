@@ -78,6 +78,12 @@ class Colored:
 
     Raises:
         SettingError: gamma and sigma have different lengths (a ValueError).
+
+    Examples:
+        >>> from quadsim import Colored
+        >>> sampler = Colored(sigma=(0.2, 0.2, 0.2, 0.5), gamma=(0.01, 0.01, 0.01, 0.5))
+        >>> sampler.gamma
+        (0.01, 0.01, 0.01, 0.5)
     """
 
     sigma: Annotated[Sigma, setting("standard deviation of each control, in its unit")]

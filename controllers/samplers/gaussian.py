@@ -15,7 +15,12 @@ from quadsim.files.values import check_fields
 
 @dataclass(frozen=True)
 class Gaussian:
-    """v = u + sigma xi, xi ~ N(0, 1) independent at every time step; Williams et al. 2018."""
+    """v = u + sigma xi, xi ~ N(0, 1) independent at every time step; Williams et al. 2018.
+
+    Examples:
+        >>> from quadsim import Gaussian
+        >>> sampler = Gaussian(sigma=(0.3, 0.3, 0.3, 3.5))  # [rad/s, rad/s, rad/s, m/s^2]
+    """
 
     sigma: Annotated[Sigma, setting("standard deviation of each control, in its unit")]
 

@@ -29,6 +29,10 @@ class LogNormal:
 
     sigma (n_u,) is in the units of the controls where it scales xi, and without a unit where it
     scales eta. The standard deviation is sigma exp(sigma^2).
+
+    Examples:
+        >>> from quadsim import LogNormal
+        >>> sampler = LogNormal(sigma=(0.28, 0.28, 0.28, 1.08))
     """
 
     sigma: Annotated[Sigma, setting("scale of both normals for each control, in its unit")]

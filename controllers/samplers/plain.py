@@ -23,7 +23,19 @@ from quadsim.files.yaml_errors import shown_value
 
 @runtime_checkable
 class PlainSampler(Protocol):
-    """The interface of a sampler of one's own, which should keep no state."""
+    """The interface of a sampler of one's own, which should keep no state.
+
+    Examples:
+        >>> import numpy as np
+        >>> import quadsim
+        >>> class Uniform:
+        ...     def sample(self, rng, samples, horizon, controls):
+        ...         size = (samples, horizon, controls)
+        ...         return np.array([1.0, 1.0, 0.2, 5.0]) * rng.uniform(-1.0, 1.0, size)
+        >>> run = quadsim.fly("figure8", sampler=Uniform(), laps=1, samples=512)
+        >>> run.outcome
+        'finished'
+    """
 
     def sample(
         self, rng: np.random.Generator, samples: int, horizon: int, controls: int

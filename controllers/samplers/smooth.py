@@ -26,7 +26,12 @@ from quadsim.files.values import check_fields
 
 @dataclass(frozen=True)
 class SmoothStar:
-    """Smooth-MPPI*, Vlahov et al. 2024: sigma in the units of the controls."""
+    """Smooth-MPPI*, Vlahov et al. 2024: sigma in the units of the controls.
+
+    Examples:
+        >>> from quadsim import SmoothStar
+        >>> sampler = SmoothStar(sigma=(0.06, 0.06, 0.06, 0.7))
+    """
 
     sigma: Annotated[Sigma, setting("standard deviation of each control, in its unit")]
     shift: Annotated[Shift, setting("shift of the momentum with time")] = "corrected"
@@ -42,7 +47,12 @@ class SmoothStar:
 
 @dataclass(frozen=True)
 class Smooth:
-    """Smooth-MPPI, Kim et al. 2022: sigma of the controls' derivatives."""
+    """Smooth-MPPI, Kim et al. 2022: sigma of the controls' derivatives.
+
+    Examples:
+        >>> from quadsim import Smooth
+        >>> sampler = Smooth(sigma=(6.0, 6.0, 6.0, 70.0))  # [rad/s^2, rad/s^2, rad/s^2, m/s^3]
+    """
 
     sigma: Annotated[
         Sigma, setting("standard deviation of each control's derivative, in its unit per second")

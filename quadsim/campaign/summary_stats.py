@@ -35,6 +35,14 @@ class VariantStats:
     """The numbers of one variant on one course; nan where a number is not known.
 
     A lap is an attempt's mean lap.
+
+    Examples:
+        >>> import quadsim
+        >>> two = {"attempts": 2, "laps": 1, "samples": 256}
+        >>> comparison = quadsim.compare("figure8", ("gaussian", "colored"), **two)
+        >>> gaussian, colored = comparison.variants
+        >>> gaussian.finished, gaussian.attempts
+        (2, 2)
     """
 
     course: str
@@ -60,7 +68,15 @@ class VariantStats:
 
 @dataclass(frozen=True)
 class PairStats:
-    """The numbers of variant b against variant a on one course; differences are b - a."""
+    """The numbers of variant b against variant a on one course; differences are b - a.
+
+    Examples:
+        >>> import quadsim
+        >>> two = {"attempts": 2, "laps": 1, "samples": 256}
+        >>> (pair,) = quadsim.compare("figure8", ("gaussian", "colored"), **two).pairs
+        >>> pair.lap_difference.n
+        2
+    """
 
     course: str
     a: str

@@ -33,6 +33,13 @@ class Gate:
 
     The gate frame has x along the legal passage, y to the left and z up. Sizes, planes and sides of
     the opening are computed in quadsim.course.opening.
+
+    Examples:
+        >>> from quadsim import Gate
+        >>> level = {"yaw": 0.0, "pitch": 0.0, "roll": 0.0}  # [rad]
+        >>> gate = Gate((5.0, 0.0, 2.0), **level, opening=(1.5, 1.5), frame_width=0.2)
+        >>> gate.to_local((6.0, 0.5, 2.0))
+        InGate(along=1.0, left=0.5, up=0.0)
     """
 
     # centre of the opening, ENU [m]
@@ -128,7 +135,12 @@ class EstimatedGate(Gate):
 
 @dataclass(frozen=True)
 class Start:
-    """The pose in which a flight begins, at rest."""
+    """The pose in which a flight begins, at rest.
+
+    Examples:
+        >>> from quadsim import Start
+        >>> start = Start(position=(0.0, 0.0, 1.0), yaw=1.57)
+    """
 
     # [m]
     position: Vec3
@@ -146,7 +158,16 @@ class Published:
 
 @dataclass(frozen=True)
 class Course:
-    """Gates to pass in order, from a standing start, and obstacles to keep clear of."""
+    """Gates to pass in order, from a standing start, and obstacles to keep clear of.
+
+    Examples:
+        >>> import quadsim
+        >>> course = quadsim.load_course("figure8")
+        >>> course.loop, round(course.lap_length, 1)
+        (True, 74.4)
+        >>> course.gates[0].position
+        (0.0, 0.0, 1.5)
+    """
 
     name: str
     source: str

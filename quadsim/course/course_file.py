@@ -108,6 +108,12 @@ def load_course(name_or_path: str | Path) -> Course:
 
     Raises:
         FileError: there is no such course, or the file is not a course.
+
+    Examples:
+        >>> import quadsim
+        >>> course = quadsim.load_course("split_s_swift")
+        >>> len(course.gates), course.laps
+        (7, 3)
     """
     path = locate(name_or_path, COURSES, "course")
     return parse_course(read_text(path), str(path))

@@ -52,6 +52,11 @@ def random_courses(number: int, seed: int) -> tuple[Course, ...]:
 
     Raises:
         ValueError: an argument is below its least value.
+
+    Examples:
+        >>> from quadsim.course.random_courses import random_courses
+        >>> [course.name for course in random_courses(2, seed=1)]
+        ['random_1_1', 'random_1_2']
     """
     for name, value, least in (("number", number, 1), ("seed", seed, 0)):
         if isinstance(value, bool) or not isinstance(value, int) or value < least:

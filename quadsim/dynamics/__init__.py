@@ -20,7 +20,26 @@ import numpy as np
 
 @dataclass(frozen=True)
 class System:
-    """A model with its numbers: x_{t+1} = step(x_t, u_t, params, dt)."""
+    """A model with its numbers: x_{t+1} = step(x_t, u_t, params, dt).
+
+    Examples:
+        >>> from typing import NamedTuple
+        >>> from numpy import sin
+        >>> from quadsim import System
+        >>> class State(NamedTuple):
+        ...     angle: float  # [rad]
+        ...     rate: float  # [rad/s]
+        >>> class Control(NamedTuple):
+        ...     torque: float  # per moment of inertia [rad/s^2]
+        >>> def step(x, u, p, dt):
+        ...     rate = x.rate + (u.torque - 9.81 * sin(x.angle)) * dt
+        ...     return State(x.angle + rate * dt, rate)
+        >>> limits = {"low": (-5.0,), "high": (5.0,), "rest": (0.0,)}
+        >>> pendulum = System("pendulum", State, Control, step, (), dt=0.1, **limits)
+        >>> x = pendulum.next((0.0, 0.0), (1.0,))
+        >>> print(f"{x.angle:.2f} rad, {x.rate:.1f} rad/s")
+        0.01 rad, 0.1 rad/s
+    """
 
     name: str
     # NamedTuples of n_x and of n_u scalars

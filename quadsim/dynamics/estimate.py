@@ -16,6 +16,13 @@ class Estimate:
 
     A flight makes one for each control period (quadsim.sensing.navigation). In a loop of one's own
     it is enough to give the time and the state: `mppi.control(Estimate(t, x))`.
+
+    Examples:
+        >>> import numpy as np
+        >>> from quadsim import Estimate
+        >>> estimate = Estimate(t=0.05, x=np.zeros(4))
+        >>> estimate.target
+        0
     """
 
     # time at which the control is asked for [s]

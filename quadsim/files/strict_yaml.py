@@ -27,6 +27,14 @@ class FileError(ValueError):
 
     Attributes:
         excerpt: the source line with a caret below, or "".
+
+    Examples:
+        >>> import quadsim
+        >>> try:
+        ...     quadsim.load_course("figure9")
+        ... except quadsim.FileError as error:
+        ...     print(error)
+        no course 'figure9': did you mean 'figure8'? ...
     """
 
     def __init__(self, message: str, excerpt: str = "") -> None:

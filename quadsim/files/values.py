@@ -22,7 +22,16 @@ Number = TypeVar("Number", int, float)
 
 
 class SettingError(ValueError):
-    """A setting is invalid. The message has its name, what was expected and what was found."""
+    """A setting is invalid. The message has its name, what was expected and what was found.
+
+    Examples:
+        >>> import quadsim
+        >>> try:
+        ...     quadsim.fly("figure8", horizn=100)
+        ... except quadsim.SettingError as error:
+        ...     print(error)
+        horizn: ...did you mean 'horizon'?...
+    """
 
     def __init__(self, name: str, problem: str):
         super().__init__(f"{name}: {problem}")

@@ -38,6 +38,11 @@ class RewardWeights:
 
     Raises:
         SettingError: a weight is no number, or out of its range (a ValueError).
+
+    Examples:
+        >>> from quadsim.learn.reward import RewardWeights
+        >>> from quadsim.learn.vector_env import RacingVectorEnv
+        >>> envs = RacingVectorEnv(64, course="figure8", reward=RewardWeights(crash=5.0))
     """
 
     progress: Annotated[

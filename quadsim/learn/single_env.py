@@ -24,6 +24,14 @@ class RacingEnv(Env):
 
     Args:
         render_mode, viewer, settings: see RacingVectorEnv, without num_envs and autoreset_mode.
+
+    Examples:
+        >>> from quadsim.learn.single_env import RacingEnv
+        >>> env = RacingEnv(course="figure8")
+        >>> observation, info = env.reset(seed=0)
+        >>> observation, reward, ended, cut, info = env.step(env.action_space.sample())
+        >>> info["gates"]
+        0
     """
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012

@@ -57,6 +57,13 @@ class RacingVectorEnv(VectorEnv):
 
     Raises:
         SettingError, FileError: a value does not fit (both are ValueError).
+
+    Examples:
+        >>> from quadsim.learn.vector_env import RacingVectorEnv
+        >>> envs = RacingVectorEnv(64, course="figure8", start="anywhere")
+        >>> observations, info = envs.reset(seed=0)
+        >>> observations.shape
+        (64, 38)
     """
 
     metadata = {  # noqa: RUF012 (Gymnasium declares it so)

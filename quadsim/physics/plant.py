@@ -30,6 +30,19 @@ class Plant(Protocol):
 
     Each flight has a plant of its own. A plant may have `velocity_lag` [s]: how much older than the
     position the velocity of its states is.
+
+    Examples:
+        >>> import quadsim
+        >>> from quadsim.physics.plant import RigidPlant
+        >>> class Sideways(RigidPlant):
+        ...     def step(self, u):
+        ...         wx, wy, wz, thrust = u
+        ...         return super().step((wx + 0.2, wy, wz, thrust))  # a bias of the gyro
+        >>> def plant(spec):
+        ...     return Sideways(spec.course, spec.vehicle, spec.plant_dt)
+        >>> run = quadsim.fly("figure8", plant=plant, laps=1, samples=512)
+        >>> run.outcome
+        'finished'
     """
 
     # physics step [s]

@@ -22,6 +22,12 @@ class PlantState(Generic[X]):
 
     The plants of quadsim give a `State`. A plant of a user's own may give a tuple in the order of
     its numbers: see `quadsim.physics.plant.NamedPlant`.
+
+    Examples:
+        >>> from quadsim.physics.plant_state import PlantState
+        >>> state = PlantState(t=0.0025, x=(1.0, 2.0, 3.0), contacts=())
+        >>> state.position
+        (1.0, 2.0, 3.0)
     """
 
     # [s]

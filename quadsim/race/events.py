@@ -16,7 +16,15 @@ PENALTY = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """An event that the referee reports; its time is resolved within the physics step."""
+    """An event that the referee reports; its time is resolved within the physics step.
+
+    Examples:
+        >>> import quadsim
+        >>> run = quadsim.fly("figure8", laps=1, samples=256)
+        >>> event = run.events[0]
+        >>> event.kind, event.gate, event.lap
+        ('pass', 1, 1)
+    """
 
     # [s]
     t: float
@@ -54,7 +62,14 @@ class Event:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """One control step: the state at t, and the control that is computed from it."""
+    """One control step: the state at t, and the control that is computed from it.
+
+    Examples:
+        >>> import quadsim
+        >>> frame = next(quadsim.frames("figure8", samples=256))
+        >>> frame.t, frame.gate, frame.outcome
+        (0.0, 1, None)
+    """
 
     # [s]
     t: float

@@ -36,7 +36,22 @@ from quadsim.sensing.navigation import Navigation, RefereeCount, TrueState
 
 @runtime_checkable
 class Controller(Protocol):
-    """Computes the next control from an estimate of the vehicle; MPPI is a controller."""
+    """Computes the next control from an estimate of the vehicle; MPPI is a controller.
+
+    Examples:
+        >>> import numpy as np
+        >>> import quadsim
+        >>> from quadsim import PlanStats
+        >>> class Hover:
+        ...     rest = np.array([0.0, 0.0, 0.0, 9.81])
+        ...     def control(self, estimate):
+        ...         height, climb = estimate.x[2], estimate.x[5]
+        ...         thrust = 9.81 + 4.0 * (2.0 - height) - 3.0 * climb
+        ...         return np.array([0.0, 0.0, 0.0, thrust]), PlanStats(0.0, 0.0, 0.0)
+        >>> run = quadsim.fly("figure8", controller=Hover(), timeout=2.0)
+        >>> run.outcome
+        'timeout'
+    """
 
     @property
     def rest(self) -> np.ndarray:
@@ -89,6 +104,21 @@ class RefereeProtocol(Protocol):
     """Checks every physics step, and ends the flight by setting an outcome.
 
     See quadsim.race.referee.Referee.
+
+    Examples:
+        >>> import quadsim
+        >>> from quadsim.race.referee import Referee
+        >>> class TwoGates(Referee):
+        ...     def observe(self, *step):
+        ...         events = super().observe(*step)
+        ...         if self.passed == 2:
+        ...             self.outcome = "finished"
+        ...         return events
+        >>> def referee(spec):
+        ...     return TwoGates(spec.flown_course, spec.vehicle.radius, spec.laps, timeout=10.0)
+        >>> run = quadsim.fly("figure8", referee=referee, samples=512)
+        >>> run.outcome, len(run.gates)
+        ('finished', 2)
     """
 
     @property

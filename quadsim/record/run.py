@@ -57,7 +57,16 @@ class PlanTime(TypedDict):
 
 
 class RunError(Exception):
-    """A run that cannot be saved or read. One line: the path, what is wrong, what to do."""
+    """A run that cannot be saved or read. One line: the path, what is wrong, what to do.
+
+    Examples:
+        >>> import quadsim
+        >>> try:
+        ...     quadsim.load_run("last", runs_dir="nowhere")
+        ... except quadsim.RunError as error:
+        ...     print(error)
+        no runs in 'nowhere': fly one, or give --runs-dir
+    """
 
 
 def columns_of(spec: dict[str, Any]) -> dict[str, str]:
@@ -72,6 +81,16 @@ class Run:
     """A flight as it is kept and reported.
 
     Laps, splits and penalties are read off the events, so that they cannot disagree.
+
+    Examples:
+        >>> import quadsim
+        >>> run = quadsim.fly("figure8", laps=1, samples=512)
+        >>> run.outcome
+        'finished'
+        >>> run.telemetry["vx"].shape == run.telemetry["t"].shape
+        True
+        >>> [event.kind for event in run.events][:2]
+        ['pass', 'pass']
     """
 
     # The resolved configuration, JSON

@@ -16,7 +16,13 @@ from scipy.special import nctdtrinc, stdtr, stdtrit
 
 @dataclass(frozen=True)
 class Mean:
-    """A mean with its Student t-interval from `low` to `high`."""
+    """A mean with its Student t-interval from `low` to `high`.
+
+    Examples:
+        >>> from quadsim.record.statistics import mean_interval
+        >>> mean_interval([1.0, 2.0, 3.0]).mean
+        2.0
+    """
 
     mean: float
     low: float

@@ -130,6 +130,13 @@ def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own
 
     Raises:
         RecordError: a file or a part is missing or differs, or the record is not one of a flight.
+
+    Examples:
+        >>> import quadsim
+        >>> from quadsim.spec.recorded import spec_of_record
+        >>> run = quadsim.fly("figure8", laps=1, samples=512)
+        >>> spec_of_record(run.spec).sampler
+        'colored'
     """
     try:
         read = msgspec.convert(dict(record), Recorded)

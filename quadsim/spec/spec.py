@@ -110,6 +110,14 @@ class Spec:
 
     Raises:
         SettingError: the parts do not fit together (a ValueError).
+
+    Examples:
+        >>> import quadsim
+        >>> spec = quadsim.Spec.of("figure8", sampler="gaussian", laps=1)
+        >>> spec.planner.mppi.samples
+        4096
+        >>> colored = spec.but(sampler="colored", samples=512)
+        >>> runs = [quadsim.fly(colored, seed=seed) for seed in range(2)]
     """
 
     course: Course  # the planner's map

@@ -15,7 +15,15 @@ GRAVITY = 9.81  # [m/s^2]
 
 @dataclass(frozen=True)
 class Rotors:
-    """Four rotors: front-right, back-left, front-left, back-right."""
+    """Four rotors: front-right, back-left, front-left, back-right.
+
+    Examples:
+        >>> import quadsim
+        >>> rotors = quadsim.load_vehicle("swift").rotors
+        >>> speed = rotors.speed(2.0)  # of a rotor that gives 2 N [rad/s]
+        >>> round(rotors.thrust(speed), 6)
+        2.0
+    """
 
     # x, y in the body frame [m]  (4, 2)
     positions: tuple[tuple[float, float], ...]
@@ -50,6 +58,14 @@ class Vehicle:
     """A quadrotor as the plant flies it.
 
     Thrusts and drag are mass-normalised, so that the vehicle `paper` needs no mass of its own.
+
+    Examples:
+        >>> from dataclasses import replace
+        >>> import quadsim
+        >>> swift = quadsim.load_vehicle("swift")
+        >>> run = quadsim.fly("figure8", vehicle=replace(swift, mass=0.9), laps=1, samples=512)
+        >>> run.outcome
+        'finished'
     """
 
     name: str

@@ -91,6 +91,12 @@ def load_vehicle(name_or_path: str | Path) -> Vehicle:
 
     Raises:
         FileError: there is no such vehicle, or the file is not a vehicle.
+
+    Examples:
+        >>> import quadsim
+        >>> vehicle = quadsim.load_vehicle("swift")
+        >>> vehicle.mass, vehicle.thrust_max
+        (0.87, 40.2...)
     """
     path = locate(name_or_path, VEHICLES, "vehicle")
     return parse_vehicle(read_text(path), str(path))

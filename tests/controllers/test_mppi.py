@@ -1,6 +1,5 @@
 """Algorithm 1 against a naive version, and every option by its claim."""
 
-import doctest
 from dataclasses import replace
 
 import numpy as np
@@ -21,13 +20,10 @@ from point import (
 )
 from scipy.signal import savgol_coeffs
 
-from controllers import mppi as algorithm
-from controllers.config import MPPIConfig
 from controllers.mppi import MPPI
 from controllers.samplers import SAMPLERS, Gaussian
 from controllers.update import SAVITZKY_GOLAY, savitzky_golay
 from quadsim.dynamics.estimate import Estimate
-from quadsim.paper.integrator import double_integrator, quadratic_cost
 
 EVERY = [*SAMPLERS, White((0.8, 0.5))]
 NAMES = [*SAMPLERS, "own"]
@@ -259,14 +255,6 @@ def test_tightened_limits_keep_a_share_of_the_way_from_rest_for_corrections():
         mppi.iterate(START, 0)
     assert ((tight.low <= tight.plan) & (tight.plan <= tight.high)).all()
     assert (free.plan < tight.low).any()
-
-
-def test_example_of_the_docstring_drives_the_point_to_its_goal():
-    names = {"np": np, "MPPI": MPPI, "MPPIConfig": MPPIConfig, "Gaussian": Gaussian}
-    names |= {"double_integrator": double_integrator, "quadratic_cost": quadratic_cost}
-    (example,) = doctest.DocTestFinder().find(MPPI, "MPPI", algorithm, {}, names)[:1]
-    assert doctest.DocTestRunner().run(example, clear_globs=False).failed == 0
-    assert np.hypot(*example.globs["x"][:2]) < 0.2 < np.hypot(2.0, -1.0)
 
 
 def test_numbers_that_do_not_go_together_are_refused():
