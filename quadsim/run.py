@@ -91,7 +91,7 @@ class Run(RecordedRun):
         Raises:
             RunError: the run is stored by an older version, and its spec lacks what a report reads.
         """
-        expect_reportable(self, self.spec["course"])
+        expect_reportable(self, "this run")
         return as_text(*report(self, self._limit(), columns), columns=columns)
 
     def to_pandas(self) -> DataFrame:

@@ -30,8 +30,8 @@ class Attempt:
         turned_back: how often the vehicle overshot a gate and returned to it.
         plan_ms: median of the planning times, wall clock [ms].
         commit: the commit that flew the attempt.
-        folder: the run's folder, which `quadsim.load_run` reads; None where it is not kept. Without a
-            campaign it exists as long as the comparison.
+        folder: the run's folder, which `quadsim.load_run` reads; None where it is not kept. Without
+            a campaign it exists as long as the comparison.
 
     Examples:
         >>> import quadsim

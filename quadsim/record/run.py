@@ -18,6 +18,7 @@ from typing import Any, Literal, TypedDict, get_args
 import numpy as np
 
 from controllers.plan import PlannerSnapshot
+from quadsim.console import plain
 from quadsim.dynamics.quadrotor import CONTROL_UNITS, STATE_UNITS
 from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.record.planner_snapshot import PlannerSnapshots
@@ -97,7 +98,7 @@ class Run:
         """Return one line: course, outcome, laps, time, and what the run was flown with."""
         laps = f"{len(self.laps)} of {self.spec['laps']} laps"
         head = f"{self.spec['course']}: {self.outcome}, {laps}, {self.duration:.3f} s"
-        return f"<Run {head}, {flown_with(self.spec)}>"
+        return plain(f"<Run {head}, {flown_with(self.spec)}>")
 
     @classmethod
     def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> Run:
