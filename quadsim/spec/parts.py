@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
+from functools import partial
 from importlib import import_module
 from math import isfinite
 from pathlib import Path
@@ -258,7 +259,14 @@ def _identity(part: object) -> str | None:
 
 
 def qualified_name(kind: Any) -> str:
-    """Return the module and name of a class or function."""
+    """Return the module and name of a class or function.
+
+    A functools.partial has those of its function, any other object those of its class.
+    """
+    while isinstance(kind, partial):
+        kind = kind.func
+    if not hasattr(kind, "__qualname__"):
+        kind = type(kind)
     # A worker process has the script of its parent under another name
     module = "__main__" if kind.__module__ == "__mp_main__" else kind.__module__
     return f"{module}.{kind.__qualname__}"
