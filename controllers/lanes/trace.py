@@ -262,9 +262,9 @@ def _hypotenuse(a: Any, b: Any) -> Symbol:
     return np.sqrt(a * a + b * b)
 
 
-def _sign(a: Symbol) -> Any:
-    below = np.where(a < 0.0, -1.0, 0.0)
-    return np.where(a > 0.0, 1.0, below)
+def _sign(a: Symbol) -> Symbol:
+    below = a.graph.apply("where", a < 0.0, -1.0, 0.0)
+    return a.graph.apply("where", a > 0.0, 1.0, below)
 
 
 def _ceiling(a: Symbol) -> Symbol:

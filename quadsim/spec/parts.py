@@ -19,8 +19,6 @@ import numpy as np
 
 from controllers.costs import Term, Weight, is_weight
 from controllers.samplers import SAMPLERS, PlainSampler, Sampling
-from quadsim.course import Course, parse_course
-from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_errors import did_you_mean, shown_value
 from quadsim.spec.identity import IdentityError, identity_of
 from quadsim.spec.settings import SettingError
@@ -212,14 +210,6 @@ def sampler_name(sampler: Sampler) -> str:
 def is_registered(sampler: Sampler) -> bool:
     """Return whether a sampler is one of SAMPLERS, not the user's own."""
     return type(sampler) in SAMPLERS.values()
-
-
-def is_described(course: Course) -> bool:
-    """Return whether a course is the one that its text describes."""
-    try:
-        return parse_course(course.text, course.name) == course
-    except FileError:
-        return False
 
 
 def describe(part: object) -> dict[str, Json]:
