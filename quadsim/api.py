@@ -160,6 +160,15 @@ def runs(
     Returns:
         A sequence of rows, with a table for `print` and `.to_pandas()`; `.load()` of a row reads
             the whole run.
+
+    Examples:
+        >>> import quadsim
+        >>> folder = quadsim.fly("figure8", laps=1, samples=512).save()
+        >>> (row,) = quadsim.runs(course="figure*", outcome="finished")
+        >>> row.path == folder
+        True
+        >>> row.load().laps == list(row.laps)
+        True
     """
     from quadsim.stored_runs import stored_runs
 

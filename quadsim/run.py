@@ -41,6 +41,19 @@ class Run(RecordedRun):
         outcome: finished, crashed, stuck, timeout or interrupted.
         wall: wall-clock numbers: plan_ms with p50 and p95 [ms], and real_time_factor.
         snapshots: the planner's best samples every few control steps; None without any.
+
+    Examples:
+        >>> import quadsim
+        >>> run = quadsim.fly("figure8", laps=1, samples=512)
+        >>> run.outcome
+        'finished'
+        >>> run.telemetry["vx"].shape == run.telemetry["t"].shape
+        True
+        >>> [event.kind for event in run.events][:2]
+        ['pass', 'pass']
+        >>> run.metrics.best_lap == min(run.laps)
+        True
+        >>> file = run.export("flight.csv")
     """
 
     @classmethod

@@ -46,6 +46,12 @@ class StoredRun:
         outcome: finished, crashed, stuck, timeout or interrupted.
         laps: times of the completed laps, penalties included [s].
         laps_wanted: laps of the race.
+
+    Examples:
+        >>> import quadsim
+        >>> folder = quadsim.fly("figure8", laps=1, samples=512, seed=7).save()
+        >>> quadsim.runs()[-1].seed
+        7
     """
 
     name: str
@@ -95,6 +101,12 @@ class StoredRuns(Sequence[StoredRun]):
 
     Attributes:
         damaged: path of each folder that cannot be read -> what is wrong with it.
+
+    Examples:
+        >>> import quadsim
+        >>> folder = quadsim.fly("figure8", laps=1, samples=512).save()
+        >>> [row.vehicle for row in quadsim.runs()]
+        ['swift']
     """
 
     def __init__(self, rows: Sequence[StoredRun], damaged: dict[Path, str]):

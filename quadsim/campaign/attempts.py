@@ -32,6 +32,13 @@ class Attempt:
         commit: the commit that flew the attempt.
         folder: the run's folder, which `quadsim.load_run` reads; None where it is not kept. Without
             a campaign it exists as long as the comparison.
+
+    Examples:
+        >>> import quadsim
+        >>> two = {"attempts": 2, "laps": 1, "samples": 256}
+        >>> comparison = quadsim.compare("figure8", ("gaussian", "colored"), **two)
+        >>> [(attempt.variant, attempt.seed) for attempt in comparison.attempts]
+        [('gaussian', 0), ('gaussian', 1), ('colored', 0), ('colored', 1)]
     """
 
     course: str

@@ -81,16 +81,6 @@ class Run:
     """A flight as it is kept and reported.
 
     Laps, splits and penalties are read off the events, so that they cannot disagree.
-
-    Examples:
-        >>> import quadsim
-        >>> run = quadsim.fly("figure8", laps=1, samples=512)
-        >>> run.outcome
-        'finished'
-        >>> run.telemetry["vx"].shape == run.telemetry["t"].shape
-        True
-        >>> [event.kind for event in run.events][:2]
-        ['pass', 'pass']
     """
 
     # The resolved configuration, JSON
