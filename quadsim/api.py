@@ -163,12 +163,12 @@ def runs(
 
     Examples:
         >>> import quadsim
-        >>> folder = quadsim.fly("figure8", laps=1, samples=512).save()
-        >>> (row,) = quadsim.runs(course="figure*", outcome="finished")
-        >>> row.path == folder
-        True
-        >>> row.load().laps == list(row.laps)
-        True
+        >>> for seed in (0, 1):
+        ...     folder = quadsim.fly("figure8", laps=1, samples=512, seed=seed).save()
+        >>> stored = quadsim.runs(course="figure8", outcome="finished")
+        >>> [row.seed for row in stored]
+        [0, 1]
+        >>> run = stored[-1].load()
     """
     from quadsim.stored_runs import stored_runs
 

@@ -49,10 +49,11 @@ class Run(RecordedRun):
         'finished'
         >>> run.telemetry["vx"].shape == run.telemetry["t"].shape
         True
-        >>> [event.kind for event in run.events][:2]
-        ['pass', 'pass']
-        >>> run.metrics.best_lap == min(run.laps)
+        >>> run.metrics.top_speed > 15.0  # [m/s]
         True
+        >>> run.to_pandas()["pz"].max() < 10.0  # [m]
+        True
+        >>> folder = run.save("flights")
         >>> file = run.export("flight.csv")
     """
 

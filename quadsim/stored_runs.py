@@ -49,9 +49,10 @@ class StoredRun:
 
     Examples:
         >>> import quadsim
-        >>> folder = quadsim.fly("figure8", laps=1, samples=512, seed=7).save()
-        >>> quadsim.runs()[-1].seed
-        7
+        >>> folder = quadsim.fly("figure8", laps=1, samples=512).save()
+        >>> (row,) = quadsim.runs()
+        >>> row.course, row.seed, row.outcome
+        ('figure8', 0, 'finished')
     """
 
     name: str
@@ -105,8 +106,9 @@ class StoredRuns(Sequence[StoredRun]):
     Examples:
         >>> import quadsim
         >>> folder = quadsim.fly("figure8", laps=1, samples=512).save()
-        >>> [row.vehicle for row in quadsim.runs()]
-        ['swift']
+        >>> stored = quadsim.runs()
+        >>> len(stored), stored.damaged
+        (1, {})
     """
 
     def __init__(self, rows: Sequence[StoredRun], damaged: dict[Path, str]):
