@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from quadsim.files.strict_yaml import FileError
     from quadsim.record.run import RunError
     from quadsim.run import Run
+    from quadsim.sensing import Sensing, load_sensing
+    from quadsim.spec.listings import courses, presets, sensings, settings, vehicles
     from quadsim.spec.settings import SettingError
     from quadsim.spec.spec import Spec
     from quadsim.vehicle import Vehicle, load_vehicle
@@ -39,6 +41,8 @@ _HOMES = {
     "quadsim.api": ("compare", "fly", "frames", "load_run", "plot", "runs", "save_run"),
     "quadsim.course": ("Course", "Gate", "Start", "load_course"),
     "quadsim.files.strict_yaml": ("FileError",),
+    "quadsim.sensing": ("Sensing", "load_sensing"),
+    "quadsim.spec.listings": ("courses", "presets", "sensings", "settings", "vehicles"),
     "quadsim.spec.settings": ("SettingError",),
     "quadsim.spec.spec": ("Spec",),
     "quadsim.record.run": ("RunError",),

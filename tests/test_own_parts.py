@@ -563,6 +563,22 @@ def test_compare_with_a_sampler_of_ones_own_gives_pairs_tables_and_a_picture(tmp
     assert {"gaussian", "held"} <= set(labels)
 
 
+def test_samplers_of_ones_own_are_variants_of_the_command_line(tmp_path, monkeypatch, capsys):
+    """A class is made without arguments; an object of the module may have any."""
+    (tmp_path / "own_samplers.py").write_text(
+        "from tests.test_own_parts import Held\n\nslow = Held(steps=20)\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    variants = "colored,held=race+sampler=own_samplers:Held,slow=race+sampler=own_samplers:slow"
+    race(["compare", "figure8", *FLAGS, "--attempts", "1", "--variants", variants, "--json"])
+    output, progress = capsys.readouterr()
+    found = json.loads(output)
+    assert [variant["name"] for variant in found["variants"]] == ["colored", "held", "slow"]
+    # An attempt that is equal to another one is flown once
+    assert "3/3 figure8 slow" in progress
+
+
 def test_a_sampler_that_breaks_in_a_flight_of_the_command_line_is_one_line(
     tmp_path, monkeypatch, capsys
 ):

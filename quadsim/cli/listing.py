@@ -12,10 +12,9 @@ from typing import Annotated, NamedTuple
 import yaml
 from msgspec import Meta
 from rich.markup import escape
-from rich.table import Table
 
 from quadsim.cli.flags import Help, Json
-from quadsim.console import UsageError, complain, emit, emit_json, plain_table, width
+from quadsim.console import UsageError, complain, emit, emit_json, width
 from quadsim.course import COURSES, Course, course_names, load_course, parse_course
 from quadsim.course.swept import SweptGates
 from quadsim.files.atomic import replace_file
@@ -27,17 +26,14 @@ from quadsim.record.whole_files import expect_writable
 from quadsim.sensing.sensing_file import (
     SENSINGS,
     SENSORS,
-    Sensing,
     load_sensing,
     parse_sensing,
     sensing_names,
 )
+from quadsim.spec.listings import course_table, sensing_table, vehicle_table
 from quadsim.spec.presets import parse_planner
-from quadsim.vehicle import GRAVITY, VEHICLES, Vehicle, load_vehicle, parse_vehicle, vehicle_names
+from quadsim.vehicle import VEHICLES, Vehicle, load_vehicle, parse_vehicle, vehicle_names
 
-# Columns of the terminal before the published times, and of those at least
-LEFT = 49
-TIMES = 12
 # Keys that only one kind of file has
 OF_VEHICLE = {"mass", "inertia", "rate_tau"}
 OF_PRESET = {"base"}
@@ -81,7 +77,7 @@ def courses(
     if json:
         emit_json([asdict(course) | {"lap_length": course.lap_length} for course in known])
     else:
-        emit(_course_table(known))
+        emit(course_table(known, width()))
     return 0
 
 
@@ -92,9 +88,9 @@ def vehicles(*, json: Json = False) -> int:
     """
     known = [load_vehicle(name) for name in vehicle_names()]
     if json:
-        emit_json([asdict(v) | {"thrust_to_weight": _thrust_to_weight(v)} for v in known])
+        emit_json([asdict(v) | {"thrust_to_weight": v.thrust_to_weight} for v in known])
     else:
-        emit(_vehicle_table(known))
+        emit(vehicle_table(known))
     return 0
 
 
@@ -107,20 +103,8 @@ def sensings(*, json: Json = False) -> int:
     if json:
         emit_json([asdict(sensing) for sensing in known])
         return 0
-    table = plain_table("sensing", "sensors: samples a second [Hz], latency [ms]", left=(0, 1))
-    for sensing in known:
-        table.add_row(sensing.name, _sensors_text(sensing))
-    emit(table)
+    emit(sensing_table(known))
     return 0
-
-
-def _sensors_text(sensing: Sensing) -> str:
-    parts = []
-    for name in SENSORS:
-        config = getattr(sensing, name)
-        if config:
-            parts.append(f"{name} {config.rate:g}, {1e3 * config.latency:g}")
-    return "; ".join(parts) or "none: the true state"
 
 
 def _generate(number: int, seed: int, folder: Path, json: bool) -> int:
@@ -224,8 +208,8 @@ def describe(text: str, file: str) -> Described:
         keys = {key.value for key, _ in root.value}
     if keys & OF_VEHICLE:
         vehicle = parse_vehicle(text, file)
-        ratio = _thrust_to_weight(vehicle)
-        return Described("vehicle", f"{vehicle.mass:g} kg, thrust-to-weight {ratio:.2f}")
+        ratio = f"thrust-to-weight {vehicle.thrust_to_weight:.2f}"
+        return Described("vehicle", f"{vehicle.mass:g} kg, {ratio}")
     if keys & OF_PRESET:
         return _describe_preset(text, file)
     if keys & OF_SENSING:
@@ -280,55 +264,3 @@ def _print_result(result: dict) -> None:
     complain(result["error"])
     if result["excerpt"]:
         complain(result["excerpt"])
-
-
-def _course_table(courses: Sequence[Course]) -> Table:
-    heads = ("course", "gates", "lap [m]", "laps", "opening", "published times [s]")
-    table = plain_table(*heads, left=(0, 5), no_wrap=True)
-    table.columns[-1].max_width = max(width() - LEFT, TIMES)
-    for course in courses:
-        times = [f"{p.time:6.3f}  {escape(p.who)}" for p in course.published]
-        table.add_row(
-            course.name,
-            str(len(course.gates)),
-            f"{course.lap_length:.1f}",
-            str(course.laps) if course.loop else "open",
-            " x ".join(f"{size:g}" for size in course.gates[0].opening),
-            "\n".join(times) or "[dim]  none[/]",
-        )
-    return table
-
-
-def _vehicle_table(vehicles: Sequence[Vehicle]) -> Table:
-    heads = (
-        "vehicle",
-        "mass\n[kg]",
-        "thrust/\nweight",
-        "rate limit\n[rad/s]",
-        "rate lag\n[s]",
-        "motor\nlag [s]",
-        "drag\n[1/s]",
-    )
-    table = plain_table(*heads, left=(0, 6), no_wrap=True)
-    for vehicle in vehicles:
-        table.add_row(
-            vehicle.name,
-            f"{vehicle.mass:g}",
-            f"{_thrust_to_weight(vehicle):.2f}",
-            _axes_text(vehicle.rate_max),
-            _axes_text(vehicle.rate_tau),
-            f"{vehicle.rotors.tau:g}" if vehicle.rotors else "[dim]none[/]",
-            _axes_text(vehicle.drag),
-        )
-    return table
-
-
-def _thrust_to_weight(vehicle: Vehicle) -> float:
-    return vehicle.thrust_max / GRAVITY
-
-
-def _axes_text(values: Sequence[float]) -> str:
-    """Return one number where all axes have the same, else one for each axis."""
-    if len(set(values)) == 1:
-        return f"{values[0]:g}"
-    return " ".join(f"{value:g}" for value in values)

@@ -40,8 +40,8 @@ Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 class GateEntry(Struct, frozen=True, kw_only=True):
     """A gate of a course file."""
 
-    position: Annotated[Point, setting("centre of the opening")]
-    yaw_deg: Annotated[Degree, setting("direction of the passage")]
+    position: Annotated[Point, setting("centre of the opening: x east, y north, z up")]
+    yaw_deg: Annotated[Degree, setting("direction of the passage: 0 east, 90 north")]
     pitch_deg: Annotated[Degree, setting("pitch of the passage, positive down")] = 0.0
     roll_deg: Annotated[Degree, setting("roll about the passage")] = 0.0
     opening: Annotated[
@@ -56,7 +56,7 @@ class StartEntry(Struct, frozen=True, kw_only=True):
     """The start of a course file."""
 
     position: Annotated[Point, setting("position at rest")]
-    yaw_deg: Annotated[Degree, setting("heading")]
+    yaw_deg: Annotated[Degree, setting("heading: 0 east, 90 north")]
 
 
 class BoxEntry(Struct, frozen=True, kw_only=True):
@@ -86,9 +86,9 @@ class CourseFile(Struct, frozen=True, kw_only=True):
     """The keys of a course file."""
 
     name: Annotated[Name | None, setting("name of the course; default: the file's")] = None
-    source: Annotated[str, setting("origin of the course")] = ""
+    source: Annotated[str, setting("where the course comes from")] = ""
     loop: Annotated[bool, setting("whether the first gate comes after the last")] = False
-    laps: Annotated[int, setting("laps of a race", ge=1, le=1000)] = 1
+    laps: Annotated[int, setting("laps of a race on a loop", ge=1, le=1000)] = 1
     opening: Annotated[tuple[Size, Size], setting("width and height of gates' openings")]
     # Swift's gates have openings of 1.5 m in a frame of 2.05 m.
     frame_width: Annotated[Size, setting("width of the bars around an opening")] = 0.275
