@@ -45,7 +45,7 @@ from controllers.config import MPPIConfig
 from controllers.costs import Cost
 from controllers.lanes import layout
 from controllers.lanes.compiled import is_cached
-from controllers.lanes.lanes import Rollout
+from controllers.lanes.lanes import Rollout, trace_anew
 from controllers.lanes.reduce import weighted_mean
 from controllers.plan import PlanStats
 from controllers.samplers import PlainSampler, Sampling, build_lanes
@@ -140,6 +140,7 @@ class MPPI:
             # overshoot is in standard deviations of the perturbations; draw some to measure them.
             drawn = self.sampler.sample(0)
             self.beyond = config.overshoot * drawn.std(axis=(0, 2, 3), dtype=float)
+        trace_anew(system, cost)
         self.set_model(system)
         # The control at rest; that of a quadrotor is hover: no rates, thrust g  (n_u,)
         self.rest = np.array(system.rest)
@@ -385,7 +386,8 @@ class MPPI:
     def set_cost(self, cost: Cost) -> None:
         """Use this cost from now on.
 
-        Terms that were used before are not compiled again, even where their numbers change.
+        Terms that were used before are not compiled again, even where their weights and parameters
+        change. Numbers that a function holds itself stay those of the planner's beginning.
         """
         self.cost = cost
         self.rollout = Rollout(self.system, cost, schedule=self.schedule)

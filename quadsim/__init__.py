@@ -19,12 +19,13 @@ if TYPE_CHECKING:
     from controllers.mppi import MPPI
     from controllers.plan import PlanStats
     from controllers.samplers import Colored, Gaussian, LogNormal, Smooth, SmoothStar
-    from quadsim.api import compare, fly, frames, load_run, plot, save_run
+    from quadsim.api import compare, fly, frames, load_run, plot, runs, save_run
     from quadsim.course import Course, Gate, Start, load_course
     from quadsim.dynamics import System
     from quadsim.dynamics.estimate import Estimate
     from quadsim.files.strict_yaml import FileError
-    from quadsim.record.run import Run, RunError
+    from quadsim.record.run import RunError
+    from quadsim.run import Run
     from quadsim.spec.settings import SettingError
     from quadsim.spec.spec import Spec
     from quadsim.vehicle import Vehicle, load_vehicle
@@ -35,12 +36,13 @@ _HOMES = {
     "controllers.mppi": ("MPPI",),
     "controllers.plan": ("PlanStats",),
     "controllers.samplers": ("Colored", "Gaussian", "LogNormal", "Smooth", "SmoothStar"),
-    "quadsim.api": ("compare", "fly", "frames", "load_run", "plot", "save_run"),
+    "quadsim.api": ("compare", "fly", "frames", "load_run", "plot", "runs", "save_run"),
     "quadsim.course": ("Course", "Gate", "Start", "load_course"),
     "quadsim.files.strict_yaml": ("FileError",),
     "quadsim.spec.settings": ("SettingError",),
     "quadsim.spec.spec": ("Spec",),
-    "quadsim.record.run": ("Run", "RunError"),
+    "quadsim.record.run": ("RunError",),
+    "quadsim.run": ("Run",),
     "quadsim.dynamics": ("System",),
     "quadsim.dynamics.estimate": ("Estimate",),
     "quadsim.vehicle": ("Vehicle", "load_vehicle"),

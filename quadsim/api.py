@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from quadsim.race.events import Frame
-from quadsim.record.archive import RunFolder, find_run
+from quadsim.record.archive import find_run
 from quadsim.record.archive import load_run as _load_run
-from quadsim.record.run import Run
+from quadsim.run import Run
 from quadsim.spec.build import flight_frames, with_threads
 from quadsim.spec.recorded import recorded_spec
 from quadsim.spec.spec import Spec
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from quadsim.campaign.compare import Comparison
     from quadsim.spec.keywords import CourseLike, Keywords
+    from quadsim.stored_runs import StoredRuns
 
 
 def fly(
@@ -104,7 +105,7 @@ def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
         >>> quadsim.load_run("last").outcome
         'finished'
     """
-    return _load_run(find_run(str(run), runs_dir))
+    return Run.of(_load_run(find_run(str(run), runs_dir)))
 
 
 def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
@@ -127,8 +128,60 @@ def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
         >>> quadsim.load_run(folder).digest() == run.digest()
         True
     """
-    with RunFolder.open(runs_dir, run.spec) as folder:
-        return folder.save(run)
+    return run.save(runs_dir)
+
+
+def runs(
+    runs_dir: str | Path = "runs",
+    *,
+    course: str | None = None,
+    vehicle: str | None = None,
+    sampler: str | None = None,
+    preset: str | None = None,
+    pilot: str | None = None,
+    seed: int | None = None,
+    outcome: str | None = None,
+) -> StoredRuns:
+    """List the stored runs of a folder, oldest first; only their run.json is read.
+
+    Texts are patterns as in a shell: course="split_s*". A run that cannot be read is left out, and
+    named in `.damaged`.
+
+    Args:
+        runs_dir: the folder of runs.
+        course: name of the course.
+        vehicle: name of the vehicle.
+        sampler: name of the sampler.
+        preset: name of the preset.
+        pilot: name of a learned pilot; "*" for all runs that a pilot flew.
+        seed: the seed.
+        outcome: finished, crashed, stuck, timeout or interrupted.
+
+    Returns:
+        A sequence of rows, with a table for `print` and `.to_pandas()`; `.load()` of a row reads
+            the whole run.
+
+    Examples:
+        >>> import quadsim
+        >>> for seed in (0, 1):
+        ...     folder = quadsim.fly("figure8", laps=1, samples=512, seed=seed).save()
+        >>> stored = quadsim.runs(course="figure8", outcome="finished")
+        >>> [row.seed for row in stored]
+        [0, 1]
+        >>> run = stored[-1].load()
+    """
+    from quadsim.stored_runs import stored_runs
+
+    return stored_runs(
+        runs_dir,
+        course=course,
+        vehicle=vehicle,
+        sampler=sampler,
+        preset=preset,
+        pilot=pilot,
+        seed=seed,
+        outcome=outcome,
+    )
 
 
 def plot(run: Run, path: str | Path | None = None) -> Figure:
@@ -146,13 +199,7 @@ def plot(run: Run, path: str | Path | None = None) -> Figure:
         >>> run = quadsim.fly("figure8", laps=1, samples=512)
         >>> figure = quadsim.plot(run, "flight.png")
     """
-    from quadsim.figures.run_figure import draw  # here: it loads matplotlib
-    from quadsim.figures.style import save_figure
-
-    figure = draw(run)
-    if path is not None:
-        save_figure(figure, Path(path))
-    return figure
+    return run.plot(path)
 
 
 def compare(
@@ -181,7 +228,7 @@ def compare(
 
     Returns:
         A Comparison: `.variants` and `.pairs` with the numbers, `print(comparison)` for tables,
-            `.plot(path)`.
+            `.attempts` for each flight, `.plot(path)`.
 
     Raises:
         ValueError: as for `fly`.

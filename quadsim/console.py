@@ -11,8 +11,9 @@ import re
 import signal
 import sys
 import warnings
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
+from io import StringIO
 from typing import Any
 
 from rich.console import Console, RenderableType
@@ -71,13 +72,23 @@ def emit(*parts: RenderableType) -> None:
     They are written as one string, so that a reader who leaves early is one BrokenPipeError, not an
     exit by rich.
     """
-    console = Console(file=sys.stdout, highlight=False)
+    sys.stdout.write(_printed(Console(file=sys.stdout, highlight=False), parts))
+    sys.stdout.flush()
+
+
+def as_text(*parts: RenderableType, columns: int = 100) -> str:
+    """Return what `emit` prints, without colours, for a terminal of so many columns."""
+    console = Console(file=StringIO(), width=columns, color_system=None, highlight=False)
+    return _printed(console, parts).rstrip("\n")
+
+
+def _printed(console: Console, parts: Iterable[RenderableType]) -> str:
+    """Return what a console prints, without spaces at the ends of lines."""
     with console.capture() as captured:
         for part in parts:
             console.print(part, soft_wrap=isinstance(part, str))
     lines = plain(captured.get()).split("\n")[:-1]
-    sys.stdout.write("".join(line.rstrip() + "\n" for line in lines))
-    sys.stdout.flush()
+    return "".join(line.rstrip() + "\n" for line in lines)
 
 
 def progress_console() -> Console:

@@ -12,12 +12,13 @@ import pytest
 
 import quadsim
 from controllers.costs import Term
+from controllers.lanes.planner_loops import module_source
 from controllers.plan import PlanStats
 from quadsim.cli.cli import race
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.physics.plant import PlantState
 from quadsim.race.events import Event
-from quadsim.spec.build import planner_of, start_of
+from quadsim.spec.build import cost_on, planner_of, start_of, system_of
 
 SMALL = {"samples": 256, "horizon": 50, "iterations": 1, "laps": 1, "timeout": 0.3}
 FLAGS = [word for name, number in SMALL.items() for word in (f"--{name}", str(number))]
@@ -441,7 +442,6 @@ def test_a_cost_function_that_returns_no_whole_cost_is_refused(fault):
         [(calm, np.ones(7))],
         [(calm, np.ones((50, 2)))],
         [(calm, 1.0), (calm, 2.0)],
-        [(partial(calm), 1.0)],
         [(Hover, 1.0)],
         [(max, 1.0)],
         [(lambda x, x_next, u, gate, p: None, 1.0)],
@@ -451,6 +451,50 @@ def test_a_cost_function_that_returns_no_whole_cost_is_refused(fault):
 )
 def test_terms_that_are_none_are_refused(terms):
     assert refused("terms", terms=terms)
+
+
+class Weighted:
+    """A term that is an object with a number, compared by its number and without a hash."""
+
+    def __init__(self, factor):
+        self.factor = factor
+
+    def __call__(self, x, x_next, u, gate, p):
+        return self.factor * calm(x, x_next, u, gate, p)
+
+    def __eq__(self, other):
+        return isinstance(other, Weighted) and self.factor == other.factor
+
+    __hash__ = None
+
+    def method(self, *scalars):
+        return self(*scalars)
+
+
+def scaled(x, x_next, u, gate, p, factor):
+    return factor * calm(x, x_next, u, gate, p)
+
+
+CALLABLES = {
+    "scaled": (partial(scaled, factor=2.0), partial(scaled, factor=3.0)),
+    "Weighted": (Weighted(2.0), Weighted(3.0)),
+    "method": (Weighted(2.0).method, Weighted(3.0).method),
+    "lambda": tuple(
+        (lambda *scalars, factor=factor: scaled(*scalars, factor)) for factor in (2.0, 3.0)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CALLABLES)
+def test_whatever_can_be_called_is_a_term_and_its_numbers_count(name):
+    specs = [quadsim.Spec.of("figure8", terms=[(term, 1.0)]) for term in CALLABLES[name]]
+    costs = [cost_on(spec, spec.course) for spec in specs]
+    texts = [module_source(system_of(specs[0]), cost, np.float32) for cost in costs]
+    assert texts[0] != texts[1]
+    one, other = (spec.record()["own"]["terms"][0] for spec in specs)
+    assert one["name"] == name
+    assert one["sha256"] != other["sha256"]
+    assert one["function"].startswith(f"{__name__}.")
 
 
 def test_a_deadline_is_refused_beside_a_controller_that_cannot_keep_it():

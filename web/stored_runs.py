@@ -15,6 +15,7 @@ from quadsim.course import Course, parse_course
 from quadsim.record.archive import list_runs, load_reportable
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import Run, RunError
+from quadsim.stored_runs import flown_at, read_row
 from web.competitor import Competitor
 from web.legs import Legs
 from web.numbers import slider_values
@@ -123,19 +124,6 @@ def _preset_sigma(preset: str, sampler: str) -> Sequence[float]:
     return planners[sampler].sampling.sigma if sampler in planners else ()
 
 
-class _Chosen(msgspec.Struct):
-    course: str
-    sampler: str
-
-
-class _Result(msgspec.Struct):
-    """The parts of a run.json that a title needs."""
-
-    outcome: str
-    laps: list[float]
-    spec: _Chosen
-
-
 def titled_runs(root: str, most: int) -> dict[str, Path]:
     """Return the latest stored runs by title, as "16:15 split_s_swift colored 16.378 s".
 
@@ -145,7 +133,7 @@ def titled_runs(root: str, most: int) -> dict[str, Path]:
     """
     found: dict[str, Path] = {}
     for path in list_runs(root)[: -most - 1 : -1]:
-        when = _flown_at(path)
+        when = flown_at(path)
         today = when.date() == datetime.now().date()
         clock = when.strftime("%H:%M" if today else "%d %b %H:%M")
         title = f"{clock} {_result(path)}"
@@ -162,21 +150,11 @@ def titled_runs(root: str, most: int) -> dict[str, Path]:
 def _result(path: Path) -> str:
     """Return course, sampler and time or outcome; the folder's name where they are not readable."""
     try:
-        run = msgspec.json.decode((path / "run.json").read_bytes(), type=_Result)
-    except (OSError, msgspec.DecodeError):
+        row = read_row(path)
+    except (OSError, msgspec.MsgspecError, UnicodeDecodeError):
         return path.name
-    if run.outcome == "finished":
-        ended = f"{sum(run.laps):.3f} s"
+    if row.time is not None:
+        ended = f"{row.time:.3f} s"
     else:
-        ended = f"{run.outcome}, lap {len(run.laps) + 1}"
-    return f"{run.spec.course} {run.spec.sampler} {ended}"
-
-
-def _flown_at(path: Path) -> datetime:
-    """Return the local time in a folder's name, or else when it was written."""
-    stamp = path.name.partition("_")[0]
-    try:
-        return datetime.strptime(stamp + "+0000", "%Y%m%dT%H%M%SZ%z").astimezone()
-    except ValueError:
-        written = path.stat().st_mtime if path.exists() else 0.0
-        return datetime.fromtimestamp(written).astimezone()
+        ended = f"{row.outcome}, lap {len(row.laps) + 1}"
+    return f"{row.course} {row.sampler} {ended}"

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple, NoReturn, Protocol
 
 import numpy as np
@@ -86,9 +86,12 @@ class Term:
     """One term of a cost: a function and the weight of the number that it returns.
 
     Args:
-        function: (x, x_next, u, target, p) -> number, a plain function over named scalars.
+        function: (x, x_next, u, target, p) -> number, a plain function over named scalars. It may
+            be a lambda, a closure, a method, a functools.partial or an object that can be called;
+            numbers that it holds are compiled into the rollouts.
         weight: factor on its number; a term of weight zero is left out of the rollouts.
-        name: the name in telemetry and reports, an identifier; default: the function's.
+        name: the name in telemetry and reports, an identifier; default: that of the function, or of
+            the class of an object.
         parameters: numbers of its own, which `p` then holds in place of the cost's. Each is a
             number, or an array (T,) with one number for each step of the horizon. They can be
             changed without compiling again.
@@ -114,7 +117,7 @@ class Term:
             raise ValueError(f"term: {problem}")
         self.function = function
         self.weight = weight
-        self.name = name or getattr(function, "__name__", "").strip("<>")
+        self.name = name or _name_of(function)
         if not self.name.isidentifier():
             raise ValueError(
                 "term: expected a name as of a variable, such as Term(..., name='band'), "
@@ -144,10 +147,30 @@ class Term:
         """The key of the compiled loop: function and names of the parameters, not their values."""
         own = self.parameters._fields if self.parameters else None
         has_weight = bool(np.any(self.weight))
-        return self.name, self.function, own, has_weight
+        return self.name, _ByIdentity(self.function), own, has_weight
 
     def __repr__(self) -> str:
         return f"Term({self.name}, weight={self.weight})"
+
+
+class _ByIdentity:
+    """A function in a key, equal to itself alone; an object that can be called may have no hash."""
+
+    def __init__(self, function: StepFunction):
+        self.function = function
+
+    def __hash__(self) -> int:
+        return id(self.function)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ByIdentity) and self.function is other.function
+
+
+def _name_of(function: Any) -> str:
+    """Return a function's name, "lambda" for one without, for an object that of its class."""
+    while isinstance(function, partial):
+        function = function.func
+    return getattr(function, "__name__", type(function).__name__).strip("<>")
 
 
 def _term(function: StepFunction, weight: Weight, name: str, parameters: dict[str, Weight]) -> Term:

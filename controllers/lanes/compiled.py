@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import linecache
 import os
+import re
 import signal
 import sys
 import threading
@@ -13,9 +14,13 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
 
+from numba.core.errors import NumbaError
 from numba.np.ufunc import parallel
 
 from controllers.lanes.code_cache import CodeCache, cache_folder
+from controllers.lanes.trace import TraceError
+
+COLOUR = re.compile("\x1b\\[[0-9;]*m")  # of numba's errors in a terminal
 
 # The loops that run on several threads
 _parallel: list[Any] = []
@@ -29,8 +34,11 @@ def kept(function: Any) -> Any:
     compile_ = function.compile
 
     def compiled(signature: Any) -> Any:
-        with interruptible():
-            return compile_(signature)
+        try:
+            with interruptible():
+                return compile_(signature)
+        except NumbaError as error:
+            raise TraceError(_refused(error)) from None
 
     function._cache = CodeCache(function)
     function.compile = compiled
@@ -39,6 +47,20 @@ def kept(function: Any) -> Any:
         if _lost_threads:
             _use_one_thread(function)
     return function
+
+
+def _refused(error: NumbaError) -> str:
+    """Return the compiler's error on one line, with the function and line of the generated text."""
+    texts = (line.strip() for line in COLOUR.sub("", str(error)).splitlines())
+    problem = next((text for text in texts if text and not text.startswith("Failed in")), "")
+    place = getattr(error, "loc", None)
+    if place is None:
+        return f"numba cannot compile this: {problem}"
+    line = linecache.getline(place.filename, place.line).strip()
+    # A comment above each part of the text says what it is made from.
+    above = (linecache.getline(place.filename, k).strip() for k in range(place.line, 0, -1))
+    part = next((text for text in above if text.startswith("# ")), "")
+    return f"{part[2:]}: numba cannot compile the line `{line}`: {problem}".removeprefix(": ")
 
 
 # True in a process that was forked from one that had started the threads of the loops

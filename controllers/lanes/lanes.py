@@ -128,6 +128,7 @@ class Rollout:
 
 
 _modules: dict[tuple, ModuleType] = {}
+OWN_PACKAGES = ("controllers", "quadsim")
 
 
 def compiled_module(system: System, cost: Cost, dtype: type) -> ModuleType:
@@ -141,8 +142,39 @@ def compiled_module(system: System, cost: Cost, dtype: type) -> ModuleType:
         cost: the cost.
         dtype: NumPy type of all numbers.
     """
+    shape = _shape(system, cost, dtype)
+    if shape not in _modules:
+        _modules[shape] = _load(system, cost, dtype)
+    return _modules[shape]
+
+
+def trace_anew(system: System, cost: Cost, dtype: type = np.float32) -> None:
+    """Let `compiled_module` use the user's functions as they are now.
+
+    A number that a function takes from a global, a closure or an object is compiled as it was when
+    the function was traced, and may be another one since. The same text is not compiled again.
+
+    Args:
+        system: the model.
+        cost: the cost.
+        dtype: NumPy type of all numbers.
+    """
+    functions = (system.step, cost.reached, cost.crash, *(term.function for term in cost.terms))
+    if all(map(_is_of_project, functions)):
+        return
+    _modules[_shape(system, cost, dtype)] = _load(system, cost, dtype)
+
+
+def _is_of_project(function: object) -> bool:
+    """Return whether a function is of this project, where none takes a number that changes."""
+    module = getattr(function, "__module__", None) or ""
+    return function is None or module.partition(".")[0] in OWN_PACKAGES
+
+
+def _shape(system: System, cost: Cost, dtype: type) -> tuple:
+    """Return the key of the compiled loops: the inputs of their text."""
     obstacles = cost.obstacles
-    shape = (
+    return (
         system.step,
         system.state,
         system.control,
@@ -155,9 +187,11 @@ def compiled_module(system: System, cost: Cost, dtype: type) -> ModuleType:
         (obstacles.touches, obstacles.row) if obstacles else None,
         dtype,
     )
-    if shape not in _modules:
-        source = module_source(system, cost, dtype)
-        digest = hashlib.sha256(source.encode()).hexdigest()[:16]
-        name = f"rollout_{system.step.__module__.split('.')[-1]}_{digest}"
-        _modules[shape] = sys.modules.get(name) or load_module(name, source)
-    return _modules[shape]
+
+
+def _load(system: System, cost: Cost, dtype: type) -> ModuleType:
+    """Return the module of the compiled loops, the loaded one where their text is the same."""
+    source = module_source(system, cost, dtype)
+    digest = hashlib.sha256(source.encode()).hexdigest()[:16]
+    name = f"rollout_{system.step.__module__.split('.')[-1]}_{digest}"
+    return sys.modules.get(name) or load_module(name, source)

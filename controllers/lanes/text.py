@@ -18,7 +18,7 @@ from typing import Any
 from controllers.lanes.trace import Symbol, Value
 
 # Names that the lines use; the header of a generated module defines them.
-HELPERS = frozenset({"select", "lower", "higher", "abs", "math", "F", "L"})
+HELPERS = frozenset({"select", "lower", "higher", "abs", "math", "np", "F", "L"})
 
 BINARY = {
     "add": "+",
@@ -45,8 +45,14 @@ CALLS = {
     "sin": "math.sin",
     "cos": "math.cos",
     "tan": "math.tan",
-    "tanh": "math.tanh",
+    "asin": "math.asin",
+    "acos": "math.acos",
+    "atan": "math.atan",
     "atan2": "math.atan2",
+    "sinh": "math.sinh",
+    "cosh": "math.cosh",
+    "tanh": "math.tanh",
+    "floor": "np.floor",  # math.floor returns a whole number of 64 bits
 }
 UNARY = {"neg": "-", "not": "not "}
 # How tightly Python's operators bind: comparisons less than | and &.

@@ -41,15 +41,23 @@ UFUNCS = {
     np.absolute: "abs",
     np.fabs: "abs",
     np.minimum: "min",
+    np.fmin: "min",
     np.maximum: "max",
+    np.fmax: "max",
     np.sqrt: "sqrt",
     np.exp: "exp",
     np.log: "log",
     np.sin: "sin",
     np.cos: "cos",
     np.tan: "tan",
-    np.tanh: "tanh",
+    np.arcsin: "asin",
+    np.arccos: "acos",
+    np.arctan: "atan",
     np.arctan2: "atan2",
+    np.sinh: "sinh",
+    np.cosh: "cosh",
+    np.tanh: "tanh",
+    np.floor: "floor",
     np.less: "lt",
     np.less_equal: "le",
     np.greater: "gt",
@@ -64,9 +72,11 @@ UFUNCS = {
     np.invert: "not",
 }
 KNOWN = (
-    "arithmetic, comparisons joined by & and |, abs, and NumPy's where, minimum, maximum, sqrt, "
-    "exp, log, sin, cos, tan, tanh, arctan2"
+    "arithmetic, comparisons joined by & and |, abs, and NumPy's where, minimum, maximum, clip, "
+    "sign, floor, ceil, mod, square, power, sqrt, hypot, exp, log, sin, cos, tan, arcsin, arccos, "
+    "arctan, arctan2, sinh, cosh, tanh, radians, degrees"
 )
+CONDITIONS = ("lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not")  # what they return
 LARGEST_POWER = 4  # x**n with a whole n up to this is written as products
 
 
@@ -105,16 +115,35 @@ class Symbol:
         return f"Symbol({self.name or self.kind})"
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Symbol:
-        if method != "__call__" or options or ufunc not in UFUNCS:
-            raise trace_error(f"numpy.{ufunc.__name__} is not known; known are {KNOWN}")
-        return self.graph.apply(UFUNCS[ufunc], *inputs)
+        if method == "__call__" and not options:
+            if ufunc in UFUNCS:
+                return self.graph.apply(UFUNCS[ufunc], *inputs)
+            if ufunc in COMPOSED:
+                return COMPOSED[ufunc](*inputs)
+        raise trace_error(f"numpy.{ufunc.__name__} is not known; known are {KNOWN}")
 
     def __array_function__(
         self, function: Callable, types: Any, args: tuple[Any, ...], options: dict[str, Any]
     ) -> Symbol:
-        if function is not np.where or len(args) != 3 or options:
-            raise trace_error(f"numpy.{function.__name__} is not known; known are {KNOWN}")
-        return self.graph.apply("where", *args)
+        if function is np.where and len(args) == 3 and not options:
+            return self.graph.apply("where", *args)
+        if function is np.clip:
+            return self._clipped(*args[1:], **options)
+        raise trace_error(f"numpy.{function.__name__} is not known; known are {KNOWN}")
+
+    def _clipped(self, *limits: Any, **options: Any) -> Symbol:
+        """Return the value of np.clip(self, low, high), whose limits may have names there."""
+        names = {"a_min": "min", "a_max": "max"}
+        given = dict(zip(("min", "max"), limits, strict=False))
+        given |= {names.get(name, name): limit for name, limit in options.items()}
+        if len(limits) > 2 or not given.keys() <= {"min", "max"}:
+            raise trace_error("numpy.clip is known as numpy.clip(a, low, high) alone")
+        found = self
+        if given.get("min") is not None:
+            found = self.graph.apply("max", found, given["min"])
+        if given.get("max") is not None:
+            found = self.graph.apply("min", found, given["max"])
+        return found
 
     def __add__(self, other: Any) -> Symbol:
         return self.graph.apply("add", self, other)
@@ -140,13 +169,21 @@ class Symbol:
     def __rtruediv__(self, other: Any) -> Symbol:
         return self.graph.apply("div", other, self)
 
+    def __mod__(self, other: Any) -> Symbol:
+        return _remainder(self, other)
+
+    def __rmod__(self, other: Any) -> Symbol:
+        return _remainder(other, self)
+
     def __pow__(self, exponent: Any) -> Symbol:
-        if not isinstance(exponent, int) or not 1 <= exponent <= LARGEST_POWER:
+        is_number = isinstance(exponent, int | float | np.number)
+        if not is_number or exponent not in range(1, LARGEST_POWER + 1):
             raise trace_error(
-                f"x**{exponent!r} is not known: write products, sqrt or exp(y * log(x))"
+                f"x**{exponent!r} is not known, whole numbers from 1 to {LARGEST_POWER} are: write "
+                "products, sqrt or exp(y * log(x))"
             )
         product = self
-        for _ in range(exponent - 1):
+        for _ in range(int(exponent) - 1):
             product = product * self
         return product
 
@@ -201,7 +238,10 @@ class Symbol:
         )
 
     def __float__(self) -> float:
-        raise trace_error(f"a function of another module was applied; known are {KNOWN}")
+        raise trace_error(
+            "float() and functions of math or of another module need a number, and a scalar of the "
+            f"rollout has no value yet: write NumPy's, such as numpy.sin; known are {KNOWN}"
+        )
 
     __int__ = __index__ = __complex__ = __float__
 
@@ -211,6 +251,57 @@ class Symbol:
 
 # A number or a condition in a traced function, known (float, bool) or not yet known (Symbol)
 Value = Symbol | float | bool
+
+
+def _remainder(a: Any, b: Any) -> Symbol:
+    """Return a - b floor(a / b), which has the sign of b."""
+    return a - b * np.floor(a / b)
+
+
+def _hypotenuse(a: Any, b: Any) -> Symbol:
+    return np.sqrt(a * a + b * b)
+
+
+def _sign(a: Symbol) -> Symbol:
+    below = a.graph.apply("where", a < 0.0, -1.0, 0.0)
+    return a.graph.apply("where", a > 0.0, 1.0, below)
+
+
+def _ceiling(a: Symbol) -> Symbol:
+    return -np.floor(-a)
+
+
+def _square(a: Symbol) -> Symbol:
+    return a * a
+
+
+def _power(a: Any, exponent: Any) -> Symbol:
+    if isinstance(a, Symbol):
+        return a**exponent
+    raise trace_error(f"{a!r}**x is not known: write exp(x * log(y))")
+
+
+def _radians(a: Symbol) -> Symbol:
+    return a * (np.pi / 180.0)
+
+
+def _degrees(a: Symbol) -> Symbol:
+    return a * (180.0 / np.pi)
+
+
+# NumPy's functions that are written with the operations above
+COMPOSED: dict[np.ufunc, Callable[..., Symbol]] = {
+    np.hypot: _hypotenuse,
+    np.sign: _sign,
+    np.ceil: _ceiling,
+    np.remainder: _remainder,
+    np.square: _square,
+    np.power: _power,
+    np.radians: _radians,
+    np.deg2rad: _radians,
+    np.degrees: _degrees,
+    np.rad2deg: _degrees,
+}
 
 
 class Graph:
@@ -249,6 +340,11 @@ class Graph:
     def apply(self, kind: str, *args: Any) -> Symbol:
         """Return the node of this operation on these operands, a new one only if there is none."""
         operands = tuple(operand(arg) for arg in args)
+        if kind in ("and", "or", "not") and not all(map(is_condition, operands)):
+            raise trace_error(
+                "&, | and ~ join conditions, and one side is a number: write (a > 0) & (b < 1), in "
+                "parentheses, or a * b for a product"
+            )
         key = (kind, *(_key(each) for each in operands))
         if key not in self._known:
             self._known[key] = self._new(kind, operands)
@@ -260,6 +356,15 @@ class Graph:
         symbol.name = name
         self.nodes.append(symbol)
         return symbol
+
+
+def is_condition(value: Value) -> bool:
+    """Return whether a value is a condition, not a number."""
+    if not isinstance(value, Symbol):
+        return isinstance(value, bool)
+    if value.kind == "where":
+        return all(map(is_condition, value.args[1:]))
+    return value.kind in CONDITIONS
 
 
 def _key(value: Value) -> tuple:

@@ -43,7 +43,8 @@ class PlainSampler(Protocol):
         """Return perturbations of the controls around the plan, in the units of the controls.
 
         Args:
-            rng: the generator to draw from.
+            rng: the generator to draw from, which may also spawn others or be given to SciPy:
+                `qmc.Halton(d, seed=rng)`.
             samples: number of samples, at most 2048.
             horizon: number of control periods.
             controls: number of controls.
@@ -72,16 +73,26 @@ def lanes_of(
     noise = np.empty((blocks(samples), controls, horizon, LANES), np.float32)
 
     def sample(call: int, first: int = 0, samples: int = samples) -> np.ndarray:
-        # Philox counts up from the counter's first word, so that no two calls or chunks share a
-        # number.
-        counter = np.array([0, first, call, 0], np.uint64)
-        stream = np.random.Philox(key=key.astype(np.uint64), counter=counter)
         shape = (samples, horizon, controls)
-        drawn = sampler.sample(np.random.Generator(stream), *shape)
+        drawn = sampler.sample(_generator(key, call, first), *shape)
         z = checked(drawn, shape, type(sampler).__name__)
         return in_lanes(z, noise[: blocks(samples)])
 
     return LaneSampler(sample, loop=None)
+
+
+def _generator(key: np.ndarray, call: int, first: int) -> np.random.Generator:
+    """Return the generator of the chunk that begins with sample `first`.
+
+    It can spawn generators of its own, as SciPy's quasi-Monte Carlo engines do.
+    """
+    stream = np.random.Philox(np.random.SeedSequence([*map(int, key), call, first]))
+    # Philox counts up from the counter's first word, so that no two calls or chunks share a number.
+    state = np.random.Philox(
+        key=key.astype(np.uint64), counter=np.array([0, first, call, 0], np.uint64)
+    ).state
+    stream.state = state
+    return np.random.Generator(stream)
 
 
 def checked(z: object, shape: tuple[int, int, int], name: str) -> np.ndarray:

@@ -7,13 +7,14 @@ from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.padding import Padding
 
 from controllers.samplers import SAMPLERS
+from quadsim.campaign.attempts import Attempt, attempts_of
 from quadsim.campaign.runner import Runner
 from quadsim.campaign.store import Row
 from quadsim.campaign.summary_stats import (
@@ -25,15 +26,26 @@ from quadsim.campaign.summary_stats import (
     lap_limit,
     variant_stats,
 )
-from quadsim.campaign.tables import INDENT, as_markdown, as_table, comparison_tables, notes
+from quadsim.campaign.tables import (
+    INDENT,
+    as_html,
+    as_markdown,
+    as_table,
+    comparison_tables,
+    notes,
+)
 from quadsim.campaign.variants import Place, Settings, Variant, make_variants
 from quadsim.course import Course
+from quadsim.figures import html
 from quadsim.figures.style import save_figure, write_figure
+from quadsim.files.extras import imported
+from quadsim.files.json_values import without_nan
 from quadsim.record.run import canonical
 from quadsim.record.whole_files import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pandas import DataFrame
 
 ID_DIGITS = 6  # hex digits that identify a comparison in the names of its files
 NAME_LENGTH = 120  # most characters in these names that list courses and variants
@@ -41,7 +53,7 @@ NAME_LENGTH = 120  # most characters in these names that list courses and varian
 
 @dataclass(frozen=True)
 class Comparison:
-    """The result of comparing variants; `print` shows it as tables.
+    """The result of comparing variants; `print` shows it as tables, a notebook also its figure.
 
     Examples:
         >>> import quadsim
@@ -65,12 +77,32 @@ class Comparison:
         """Return the differences of each two variants on each course, with intervals."""
         return [pair for section in self.sections for pair in section.pairs]
 
-    def as_json(self) -> dict[str, list[dict]]:
-        """Return the numbers of variants and pairs as plain dictionaries."""
-        return {
+    @property
+    def attempts(self) -> list[Attempt]:
+        """Return every flight, by course, variant and seed."""
+        return [attempt for section in self.sections for attempt in attempts_of(section)]
+
+    def to_pandas(self) -> DataFrame:
+        """Return the flights as a DataFrame, one row each; the columns are those of an Attempt.
+
+        Raises:
+            ModuleNotFoundError: pandas is not installed; the message says what to do.
+        """
+        pandas = imported("pandas", "pandas", "pandas")
+        columns = list(Attempt.__dataclass_fields__)
+        return pandas.DataFrame([asdict(attempt) for attempt in self.attempts], columns=columns)
+
+    def as_json(self) -> dict[str, list[dict[str, Any]]]:
+        """Return the numbers of variants and pairs as plain dictionaries.
+
+        A number that is not known is None. The `sd` of a pair's `thrust_tv_ratio` is that of the
+        logarithms of the ratios.
+        """
+        numbers = {
             "variants": [asdict(variant) for variant in self.variants],
             "pairs": [asdict(pair) for pair in self.pairs],
         }
+        return without_nan(numbers)
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw laps, success, chatter and paths on one page.
@@ -93,6 +125,20 @@ class Comparison:
         """Return the report, with a link to the file of its picture."""
         parts = [part for section in self.sections for part in _written(section)]
         return "\n\n".join([*parts, f"![]({picture})"]) + "\n"
+
+    def __repr__(self) -> str:
+        """Return one line: courses, variants and the number of flights."""
+        courses = ", ".join(section.course.name for section in self.sections)
+        variants = ", ".join(dict.fromkeys(variant.name for variant in self.variants))
+        return f"<Comparison {courses}: {variants}, {len(self.attempts)} flights>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the tables, their remarks, and the figure."""
+        parts = [part for section in self.sections for part in _as_html(section)]
+        if self.sections:
+            described = "Lap times, success and chatter of each variant, and the flown paths."
+            parts.append(html.image(self.plot(), described))
+        return html.block(*parts)
 
     def __str__(self) -> str:
         console = Console(width=100, color_system=None, highlight=False)
@@ -190,6 +236,16 @@ def _shown(section: Section) -> list[RenderableType]:
     ]
     head = f"[bold]{escape(section.course.name)}[/]  {escape(section.setting)}"
     return [head, *tables, "", *remarks, ""]
+
+
+def _as_html(section: Section) -> list[str]:
+    """Return the tables and remarks of a course as pieces of HTML."""
+    return [
+        f"<h4>{html.text(section.course.name)}</h4>",
+        html.paragraph(section.setting),
+        *(as_html(table) for table in comparison_tables(section.variants, section.pairs)),
+        *map(html.paragraph, notes(section.variants, section.pairs, section.limit)),
+    ]
 
 
 def _written(section: Section) -> list[str]:

@@ -86,7 +86,9 @@ class PairStats:
     only_a: int  # seeds that only a finished
     only_b: int
     success_p: float  # McNemar's exact p over the shared seeds, Fisher's where there are none
-    thrust_tv_ratio: Mean  # b / a, the geometric mean over the shared seeds and its interval
+    # b / a, the geometric mean over the shared seeds and its interval; its `sd` is the standard
+    # deviation of the logarithms of the ratios
+    thrust_tv_ratio: Mean
     seeds: int  # that both flew
 
 
@@ -119,7 +121,7 @@ def variant_stats(
     lap = mean_interval(laps)
     race_median = _median([sum(r.result["laps"]) for r in done])
     flying = [r.result["laps"][1:] for r in done if len(r.result["laps"]) > 1]
-    ends = Counter(_where_it_ended(r) for r in rows if not _finished(r))
+    ends = Counter(where_it_ended(r) for r in rows if not _finished(r))
     return VariantStats(
         course=rows[0].course,
         name=name,
@@ -223,7 +225,8 @@ def best_known_time(spec: dict, runs_dir: str | Path) -> float:
     return limit.time if limit else nan
 
 
-def _where_it_ended(row: Row) -> str:
+def where_it_ended(row: Row) -> str:
+    """Return the place of a crash, or the outcome of a flight that did not crash."""
     crash = row.result["crash"]
     if crash is None:
         return row.outcome

@@ -12,6 +12,7 @@ from rich.markup import escape
 
 from quadsim.campaign.summary_stats import PairStats, VariantStats
 from quadsim.console import plain_table, width
+from quadsim.figures import html
 from quadsim.record.statistics import Mean
 
 COMMIT_DIGITS = 7  # hex digits of a commit that are shown
@@ -114,6 +115,12 @@ def as_markdown(table: TextTable) -> str:
     rule = ("---", *["---:"] * (len(table.head) - 1))
     lines = [[cell.replace("\n", " ") for cell in row] for row in (table.head, rule, *table.rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def as_html(table: TextTable) -> str:
+    """Return a table as HTML."""
+    head = [cell.replace("\n", " ") for cell in table.head]
+    return html.table(head, table.rows, table.texts)
 
 
 def comparison_tables(

@@ -10,6 +10,8 @@ from quadsim.cli.report import known_limit, present
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.figures.style import PICTURES, save_figure, write_figure
 from quadsim.record.archive import find_run, load_reportable, load_run
+from quadsim.record.exchange import telemetry_csv
+from quadsim.record.mcap_file import mcap_bytes
 from quadsim.record.whole_files import write_whole
 
 
@@ -61,24 +63,29 @@ def export(
     csv: Annotated[
         bool, Switch("telemetry, one row a control step; of several runs also a column `run`")
     ] = False,
+    mcap: Annotated[
+        bool, Switch("poses, gates, commands and events of one run, for Foxglove and Rerun")
+    ] = False,
     zip: Annotated[bool, Switch("the run folders")] = False,
     out: Annotated[
-        str | None, Help("file to write; default: <run>.html, .csv or .zip here")
+        str | None, Help("file to write; default: <run>.html, .csv, .mcap or .zip here")
     ] = None,
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
-    """Export runs as a page that plays offline, as a table, or as one file.
+    """Export runs as a page that plays offline, a table, a recording for viewers, or one file.
 
     race export last --html
 
     race export 20261120T133511Z 20261120T134914Z --html --out race.html
+
+    race export last --mcap
     """
-    given = {"html": html, "csv": csv, "zip": zip}
+    given = {"html": html, "csv": csv, "mcap": mcap, "zip": zip}
     kinds = [kind for kind, wanted in given.items() if wanted]
     if len(kinds) != 1:
         got = " and ".join(kinds) or "none"
-        raise UsageError(f"expected one of --html, --csv, --zip, got {got}")
+        raise UsageError(f"expected one of --html, --csv, --mcap, --zip, got {got}")
     kind = kinds[0]
     folders = [find_run(run, runs_dir) for run in runs or ("last",)]
     path = Path(out or f"{folders[0].name}.{kind}")
@@ -99,16 +106,19 @@ def _data(kind: str, folders: list[Path]) -> bytes:
     """Return the bytes of the file.
 
     Raises:
-        UsageError: the runs of one page are of several courses.
+        UsageError: the runs of one page are of several courses, --mcap was given several runs, or
+            the packages that it needs are missing.
         RunError: a run is damaged.
     """
+    if kind == "csv":
+        return telemetry_csv([(folder.name, load_run(folder)) for folder in folders])
+    if kind == "mcap":
+        return _mcap_data(folders)
     # Here, so that --help does not load them
     from web.competitor import named
-    from web.page.export import offline_page, telemetry_csv, zipped
+    from web.page.export import offline_page, zipped
     from web.stored_runs import stored_competitor
 
-    if kind == "csv":
-        return telemetry_csv(folders)
     if kind == "zip":
         for folder in folders:
             load_run(folder)
@@ -118,3 +128,14 @@ def _data(kind: str, folders: list[Path]) -> bytes:
     if len(courses) > 1:
         raise UsageError("--html: expected runs of one course, got several")
     return offline_page(competitors).encode()
+
+
+def _mcap_data(folders: list[Path]) -> bytes:
+    """Return the bytes of an MCAP file, see `_data`."""
+    if len(folders) > 1:
+        raise UsageError(f"--mcap: expected one run, got {len(folders)}")
+    run = load_reportable(folders[0])
+    try:
+        return mcap_bytes(run)
+    except ModuleNotFoundError as error:
+        raise UsageError(f"--mcap: {error}") from None

@@ -5,10 +5,12 @@ They are read from YAML by quadsim.course.course_file.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import dist
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any, TypedDict, Unpack
 
 import numpy as np
 
@@ -156,6 +158,22 @@ class Published:
     time: Annotated[float, setting("time on these gates", unit="s", gt=0)]
 
 
+class CourseChanges(TypedDict, total=False):
+    """The keys of a course file."""
+
+    name: str
+    source: str
+    loop: bool
+    laps: int
+    opening: Sequence[float]
+    frame_width: float
+    bounds: Sequence[Sequence[float]] | None
+    start: Start | Mapping[str, Any]
+    gates: Sequence[Gate | Mapping[str, Any]]
+    obstacles: Sequence[Obstacle | Mapping[str, Any]]
+    published: Sequence[Published | Mapping[str, Any]]
+
+
 @dataclass(frozen=True)
 class Course:
     """Gates to pass in order, from a standing start, and obstacles to keep clear of.
@@ -193,6 +211,58 @@ class Course:
         centres = [gate.position for gate in self.gates]
         before = [centres[-1] if self.loop else self.start.position, *centres[:-1]]
         return sum(dist(a, b) for a, b in zip(before, centres, strict=True))
+
+    def but(self, **changes: Unpack[CourseChanges]) -> Course:
+        """Return the course with other gates, obstacles or laps, checked as a course file is.
+
+        Default bounds are computed anew. Published times are dropped where gates or obstacles
+        change, as they are times on the gates of before.
+
+        Args:
+            changes: keys of a course file, see docs/courses.md. `gates` and `obstacles` take Gate,
+                Box and Cylinder objects, whose angles are in radians, or mappings as in a file.
+
+        Raises:
+            SettingError: an entry cannot be used, or the gates do not fit together (a ValueError).
+
+        Examples:
+            >>> from dataclasses import replace
+            >>> import quadsim
+            >>> course = quadsim.load_course("figure8")
+            >>> first, *others = course.gates
+            >>> raised = course.but(laps=1, gates=[replace(first, position=(0, 0, 2.5)), *others])
+            >>> raised.gates[0].position, raised.laps
+            ((0.0, 0.0, 2.5), 1)
+        """
+        from quadsim.course.course_file import changed  # here: it imports this module
+
+        return changed(self, changes)
+
+    def to_yaml(self, path: str | Path | None = None) -> str:
+        """Return the course as a course file, which `load_course` reads to an equal course.
+
+        That is the course's text where it describes the course; otherwise angles are equal up to
+        the rounding of degrees.
+
+        Args:
+            path: a file to write; its name becomes the course's if the text has none. None writes
+                nothing.
+
+        Raises:
+            SettingError: no course file describes this course (a ValueError).
+            FileError: the file cannot be written.
+
+        Examples:
+            >>> import quadsim
+            >>> short = quadsim.load_course("figure8").but(name="short", laps=1)
+            >>> text = short.to_yaml("short.yaml")
+            >>> quadsim.load_course("short.yaml").laps
+            1
+        """
+        from quadsim.course.course_file import as_yaml
+        from quadsim.files.yaml_text import written
+
+        return written(as_yaml(self), path)
 
     def points(self, frames: bool = True) -> np.ndarray:
         """Return the points that a view of the course has to show.  (n, 3)

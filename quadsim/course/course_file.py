@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
-from math import radians
+from math import degrees, inf, nextafter, radians
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from msgspec import Meta, Struct
 
@@ -16,13 +17,16 @@ from quadsim.course.checks import faults
 from quadsim.course.course import Course, Gate, Published, Start
 from quadsim.course.obstacles import Box, Cylinder, Obstacle
 from quadsim.files.data_files import locate, names, read_text
-from quadsim.files.strict_yaml import Document, parse, setting, unit
+from quadsim.files.strict_yaml import Document, FileError, parse, setting, unit
+from quadsim.files.yaml_text import dump, remade
 
 COURSES = Path(__file__).parents[2] / "courses"
 # [m] of default bounds around start, gates and obstacles
 MARGIN = 10.0
 # [m] of default bounds below the ground, so that the ground ends a flight and not the bounds
 BELOW_GROUND = 1.0
+# Keys whose change makes published times those of another course
+DECIDE_TIMES = ("gates", "opening", "frame_width", "obstacles", "start", "loop")
 
 Metre = Annotated[float, unit("m", ge=-1e4, le=1e4)]
 Size = Annotated[float, unit("m", gt=0, le=100)]
@@ -92,10 +96,14 @@ class CourseFile(Struct, frozen=True, kw_only=True):
         tuple[Span, Span, Span] | None,
         setting("spans of x, y and z; default: around start, gates and obstacles, with room"),
     ] = None
-    start: StartEntry
-    gates: Annotated[tuple[GateEntry, ...], Meta(min_length=1)]
-    obstacles: tuple[ObstacleEntry, ...] = ()
-    published: tuple[Published, ...] = ()
+    start: Annotated[StartEntry, setting("place and heading at rest")]
+    gates: Annotated[tuple[GateEntry, ...], setting("gates in the order of flight", min_length=1)]
+    obstacles: Annotated[
+        tuple[ObstacleEntry, ...], setting("boxes and cylinders to keep clear of")
+    ] = ()
+    published: Annotated[
+        tuple[Published, ...], setting("times that reports show beside yours")
+    ] = ()
 
 
 def course_names() -> tuple[str, ...]:
@@ -150,6 +158,130 @@ def parse_course(text: str, file: str) -> Course:
     for path, problem in faults(course):
         raise document.error(path, problem)
     return course
+
+
+def is_described(course: Course) -> bool:
+    """Return whether a course is the one that its text describes."""
+    try:
+        return parse_course(course.text, course.name) == course
+    except FileError:
+        return False
+
+
+def as_yaml(course: Course) -> str:
+    """Return the course as a course file; see Course.to_yaml.
+
+    Raises:
+        SettingError: no course file describes it.
+    """
+    if is_described(course):
+        return course.text
+    entries = _entries(course)
+    remade(entries, parse_course, course.name)
+    return dump(entries)
+
+
+def changed(course: Course, changes: Mapping[str, Any]) -> Course:
+    """Return the course with other values of some keys of its file; see Course.but.
+
+    Raises:
+        SettingError: a value cannot be used.
+    """
+    entries = _entries(course)
+    if any(key in changes for key in DECIDE_TIMES):
+        entries.pop("published", None)
+    given = {key: _as_entry(key, value, entries) for key, value in changes.items()}
+    return remade({**entries, **given}, parse_course, str(given.get("name", course.name)))
+
+
+def _as_entry(key: str, value: Any, entries: Mapping[str, Any]) -> Any:
+    """Return a changed value as a course file has it.
+
+    Args:
+        key: its key.
+        value: entries of a file, or objects of a Course.
+        entries: the entries of the course that is changed.
+    """
+    match key, value:
+        case "start", Mapping():
+            return {**entries["start"], **value}
+        case "start", Start():
+            return _start_entry(value)
+        case (("gates" | "obstacles" | "published"), list() | tuple()):
+            defaults = {name: entries.get(name) for name in ("opening", "frame_width")}
+            return [_item_entry(item, defaults) for item in value]
+    return value
+
+
+def _item_entry(item: Any, defaults: Mapping[str, Any]) -> Any:
+    """Return the entry of a gate, an obstacle or a published time; another value as it is."""
+    match item:
+        case Gate():
+            return _gate_entry(item, defaults)
+        case Box() | Cylinder():
+            return _obstacle_entry(item)
+        case Published():
+            return {"who": item.who, "time": item.time}
+    return item
+
+
+def _entries(course: Course) -> dict[str, Any]:
+    """Return the entries of a course file; most of those at their default are left out."""
+    # The opening and the frame that most gates have
+    opening = Counter(gate.opening for gate in course.gates).most_common(1)[0][0]
+    frame_width = Counter(gate.frame_width for gate in course.gates).most_common(1)[0][0]
+    defaults = {"opening": opening, "frame_width": frame_width}
+    has_own_bounds = course.bounds != _default_bounds(course)
+    optional = {
+        "bounds": course.bounds if has_own_bounds else None,
+        "obstacles": [_obstacle_entry(obstacle) for obstacle in course.obstacles],
+        "published": [_item_entry(published, defaults) for published in course.published],
+    }
+    entries: dict[str, Any] = {
+        "name": course.name,
+        "source": course.source,
+        "loop": course.loop,
+        "laps": course.laps,
+        **defaults,
+        "start": _start_entry(course.start),
+        "gates": [_gate_entry(gate, defaults) for gate in course.gates],
+    }
+    return entries | {key: value for key, value in optional.items() if value}
+
+
+def _start_entry(start: Start) -> dict[str, Any]:
+    return {"position": start.position, "yaw_deg": in_degrees(start.yaw)}
+
+
+def _gate_entry(gate: Gate, defaults: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entry of a gate; openings and frames that are the course's are left out."""
+    entry: dict[str, Any] = {"position": gate.position, "yaw_deg": in_degrees(gate.yaw)}
+    if gate.pitch:
+        entry["pitch_deg"] = in_degrees(gate.pitch)
+    if gate.roll:
+        entry["roll_deg"] = in_degrees(gate.roll)
+    own = {name: getattr(gate, name) for name in ("opening", "frame_width")}
+    return entry | {name: value for name, value in own.items() if value != defaults[name]}
+
+
+def _obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
+    """Return the entry of an obstacle."""
+    if isinstance(obstacle, Cylinder):
+        values = {"base": obstacle.base, "radius": obstacle.radius, "height": obstacle.height}
+        return {"cylinder": values}
+    yaw = in_degrees(obstacle.yaw)
+    return {"box": {"centre": obstacle.centre, "size": obstacle.size, "yaw_deg": yaw}}
+
+
+def in_degrees(angle: float) -> float:
+    """Return an angle [rad] in degrees, the shortest number that gives it to the last bit.
+
+    Where none does, as for most angles that were not read in degrees, it is the nearest.
+    """
+    nearest = degrees(angle)
+    rounded = (round(nearest, digits) for digits in range(16))
+    beside = (nearest, nextafter(nearest, -inf), nextafter(nearest, inf))
+    return next((each for each in (*rounded, *beside) if radians(each) == angle), nearest)
 
 
 def _gate(entry: GateEntry, course: CourseFile) -> Gate:

@@ -23,7 +23,7 @@ from quadsim.figures.style import STYLE, line
 from quadsim.palette import FINE, HIT, INK, LIMIT, MARK, style
 from quadsim.physics.faults import parse_fault
 from quadsim.record.limits import StoredSolution
-from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
+from quadsim.record.metrics import motor_corner, motor_tau, speed, thrust_psd
 from quadsim.record.run import Run, flown_with, not_comparable
 
 
@@ -75,6 +75,23 @@ def draw(run: Run, limit: StoredSolution | None = None) -> Figure:
     return figure
 
 
+def draw_map(run: Run, course: Course) -> Figure:
+    """Draw the path from above alone, small enough for a page of text.
+
+    Args:
+        run: run to draw.
+        course: its course.
+    """
+    with rc_context(STYLE):
+        figure = Figure(figsize=(6.4, 4.0), dpi=100, layout="constrained")
+        axes = figure.subplots()
+        scale = arrow_scale(np.vstack([positions(run), course.points()])[:, :2])
+        lines = draw_view(axes, run, course, ABOVE, scale)
+        axes.set_aspect("equal", adjustable="datalim")
+        figure.colorbar(lines, ax=axes, label="speed [m/s]", aspect=40, pad=0.01)
+    return figure
+
+
 def title(run: Run) -> str:
     """Return the title of a run's figure: outcome and laps, and what it was flown with."""
     head = f"{run.spec['course']}: {run.outcome}"
@@ -100,25 +117,16 @@ def draw_views(
         course: its course.
         limit: see `draw`.
     """
-    x = run.telemetry
-    points = np.stack([x["px"], x["py"], x["pz"]], axis=1)
-    speed = np.sqrt(x["vx"] ** 2 + x["vy"] ** 2 + x["vz"] ** 2)
-    extent = np.vstack([points, course.points()])
+    extent = np.vstack([positions(run), course.points()])
     scale = arrow_scale(extent[:, :2])
     longer = int(np.argmax(np.ptp(extent[:, :2], axis=0)))
     from_side = (longer, 2)
     top, below = figure.subplots(2, 1, height_ratios=(2.7, 1.0))
 
     for axes, plane in ((top, ABOVE), (below, from_side)):
-        lines = draw_path(axes, points[:, plane], speed)
+        lines = draw_view(axes, run, course, plane, scale)
         if limit:
             _draw_limit(axes, limit, plane)
-        draw_gates(axes, course, plane, scale)
-        draw_obstacles(axes, course, plane, scale)
-        draw_events(axes, run, plane)
-        horizontal, vertical = ("xyz"[axis] for axis in plane)
-        axes.set(xlabel=f"{horizontal} [m]", ylabel=f"{vertical} [m]")
-        axes.margins(0.07)
     top.set_title("from above")
     top.set_aspect("equal", adjustable="datalim")
     if top.get_legend_handles_labels()[1]:
@@ -127,6 +135,37 @@ def draw_views(
     below.axhline(0.0, color=MARK, linewidth=1.0)
     below.set_ylim(-0.3, float(extent[:, 2].max()) + 0.8)
     figure.colorbar(lines, ax=[top, below], label="speed [m/s]", aspect=50, pad=0.01)
+
+
+def positions(run: Run) -> np.ndarray:
+    """Return the position of every frame [m].  (frames, 3)"""
+    x = run.telemetry
+    return np.stack([x["px"], x["py"], x["pz"]], axis=1)
+
+
+def draw_view(
+    axes: Axes, run: Run, course: Course, plane: tuple[int, int], scale: float
+) -> LineCollection:
+    """Draw the path, the course and the events in one view.
+
+    Args:
+        axes: axes of matplotlib.
+        run: run to draw.
+        course: its course.
+        plane: world axes of the view.
+        scale: see arrow_scale [m].
+
+    Returns:
+        The path, by whose colours a colour bar tells the speed.
+    """
+    lines = draw_path(axes, positions(run)[:, plane], speed(run))
+    draw_gates(axes, course, plane, scale)
+    draw_obstacles(axes, course, plane, scale)
+    draw_events(axes, run, plane)
+    horizontal, vertical = ("xyz"[axis] for axis in plane)
+    axes.set(xlabel=f"{horizontal} [m]", ylabel=f"{vertical} [m]")
+    axes.margins(0.07)
+    return lines
 
 
 def draw_path(axes: Axes, points: np.ndarray, speed: np.ndarray) -> LineCollection:

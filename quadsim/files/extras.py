@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shlex
 import sys
-from importlib import metadata
+from importlib import import_module, metadata
+from typing import Any
 
 
 def needs_extra(package: str, extra: str) -> str:
@@ -22,3 +23,20 @@ def needs_extra(package: str, extra: str) -> str:
     of_extra = [line.partition(";")[0] for line in requirements if marker in line]
     packages = shlex.join(of_extra or [package])
     return f"{package} is not installed: {sys.executable} -m pip install {packages}"
+
+
+def imported(module: str, package: str, extra: str) -> Any:
+    """Import a module of an optional package.
+
+    Args:
+        module: the module's name.
+        package: the package that has it.
+        extra: the extra of the package, see `needs_extra`.
+
+    Raises:
+        ModuleNotFoundError: it is not installed; the message is one line that says what to do.
+    """
+    try:
+        return import_module(module)
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(needs_extra(package, extra), name=module) from None

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from math import isfinite
+from typing import Any
 
 
-def without_nan(value: object) -> object:
+def without_nan(value: Any) -> Any:
     """Return the value with None for nan and infinity, which JSON does not have.
 
     Dictionaries, lists and tuples are searched.

@@ -27,6 +27,8 @@ class FileError(ValueError):
 
     Attributes:
         excerpt: the source line with a caret below, or "".
+        key: the key that is wrong, such as "gates[3].yaw_deg", or "".
+        problem: what is wrong with it, without the place, or "".
 
     Examples:
         >>> import quadsim
@@ -37,9 +39,11 @@ class FileError(ValueError):
         no course 'figure9': did you mean 'figure8'? ...
     """
 
-    def __init__(self, message: str, excerpt: str = "") -> None:
+    def __init__(self, message: str, excerpt: str = "", key: str = "", problem: str = "") -> None:
         super().__init__(message)
         self.excerpt = excerpt
+        self.key = key
+        self.problem = problem
 
 
 def unit(name: str, **bounds: Any) -> msgspec.Meta:
@@ -169,4 +173,5 @@ def _error(text: str, file: str, mark: Any, path: str, problem: str) -> FileErro
     excerpt = f"{seen}\n{' ' * (mark.column - first)}^"
     key = f"{path}: " if path else ""
     # lines and columns count from 1
-    return FileError(f"{file}:{mark.line + 1}:{mark.column + 1}: {key}{problem}", excerpt)
+    place = f"{file}:{mark.line + 1}:{mark.column + 1}"
+    return FileError(f"{place}: {key}{problem}", excerpt, path, problem)

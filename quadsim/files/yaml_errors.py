@@ -104,8 +104,13 @@ def cut(text: str) -> str:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return "did you mean 'yaw_deg'?", or the list of all known names where none is near."""
+    """Return "did you mean 'laps'?", or the list of all known names where none is near.
+
+    A name whose unit is missing is near: "did you mean 'yaw_deg' (in degrees)?".
+    """
     names = list(known)
+    if f"{word}_deg" in names:
+        return f"did you mean '{word}_deg' (in degrees)?"
     near = get_close_matches(word, names, n=1, cutoff=0.5)
     return f"did you mean {near[0]!r}?" if near else f"known are {', '.join(names)}"
 

@@ -30,11 +30,9 @@ def chatter(run: Run) -> dict:
     """
     x = run.telemetry
     tau = motor_tau(run.spec["vehicle"])
-    commanded_rates = np.stack([x["wx_cmd"], x["wy_cmd"], x["wz_cmd"]])
-    delivered_rates = np.stack([x["wx"], x["wy"], x["wz"]])
     return {
-        "commanded": _chatter(x["t"], x["a_cmd"], commanded_rates, tau),
-        "delivered": _chatter(x["t"], x["a"], delivered_rates, tau),
+        "commanded": _chatter(x["t"], x["a_cmd"], commanded_rates(run), tau),
+        "delivered": _chatter(x["t"], x["a"], delivered_rates(run), tau),
         "motor_tau": tau,
         "motor_corner": motor_corner(tau),
     }
@@ -63,6 +61,31 @@ def _chatter(t: np.ndarray, thrust: np.ndarray, rates: np.ndarray, tau: float) -
         "smoothness": smoothness(t, thrust),
         "body_rates_tv": total_variation(t, rates),
     }
+
+
+def commanded_rates(run: Run) -> np.ndarray:
+    """Return the commanded body rates of every frame [rad/s].  (3, frames)"""
+    x = run.telemetry
+    return np.stack([x["wx_cmd"], x["wy_cmd"], x["wz_cmd"]])
+
+
+def delivered_rates(run: Run) -> np.ndarray:
+    """Return the body rates of every frame [rad/s].  (3, frames)"""
+    x = run.telemetry
+    return np.stack([x["wx"], x["wy"], x["wz"]])
+
+
+def speed(run: Run) -> np.ndarray:
+    """Return the speed of every frame [m/s].  (frames,)"""
+    x = run.telemetry
+    return np.sqrt(x["vx"] ** 2 + x["vy"] ** 2 + x["vz"] ** 2)
+
+
+def path_length(run: Run) -> float:
+    """Return the length of the flown path through the positions of all frames [m]."""
+    x = run.telemetry
+    steps = np.diff(np.stack([x["px"], x["py"], x["pz"]]))
+    return float(np.linalg.norm(steps, axis=0).sum())
 
 
 def motor_tau(vehicle: dict) -> float:

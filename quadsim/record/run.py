@@ -18,6 +18,7 @@ from typing import Any, Literal, TypedDict, get_args
 import numpy as np
 
 from controllers.plan import PlannerSnapshot
+from quadsim.console import plain
 from quadsim.dynamics.quadrotor import CONTROL_UNITS, STATE_UNITS
 from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.record.planner_snapshot import PlannerSnapshots
@@ -80,16 +81,6 @@ class Run:
     """A flight as it is kept and reported.
 
     Laps, splits and penalties are read off the events, so that they cannot disagree.
-
-    Examples:
-        >>> import quadsim
-        >>> run = quadsim.fly("figure8", laps=1, samples=512)
-        >>> run.outcome
-        'finished'
-        >>> run.telemetry["vx"].shape == run.telemetry["t"].shape
-        True
-        >>> [event.kind for event in run.events][:2]
-        ['pass', 'pass']
     """
 
     # The resolved configuration, JSON
@@ -102,6 +93,12 @@ class Run:
     # Wall clock: plan_ms {p50, p95}, real_time_factor
     wall: dict
     snapshots: PlannerSnapshots | None = None
+
+    def __repr__(self) -> str:
+        """Return one line: course, outcome, laps, time, and what the run was flown with."""
+        laps = f"{len(self.laps)} of {self.spec['laps']} laps"
+        head = f"{self.spec['course']}: {self.outcome}, {laps}, {self.duration:.3f} s"
+        return plain(f"<Run {head}, {flown_with(self.spec)}>")
 
     @classmethod
     def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> Run:

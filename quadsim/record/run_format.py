@@ -231,10 +231,11 @@ def _declared(wanted: Iterable[str]) -> dict[str, Declared]:
 
 def write_csv(events: Iterable[Event]) -> bytes:
     """Return events.csv, a row for each event."""
-    return csv_text([_csv_row(event) for event in events], CSV_COLUMNS).encode()
+    return csv_text([event_row(event) for event in events], CSV_COLUMNS).encode()
 
 
-def _csv_row(event: Event) -> dict[str, object]:
+def event_row(event: Event) -> dict[str, object]:
+    """Return an event by the columns of events.csv."""
     place = (event.t, event.kind, event.gate, event.lap)
     values = (*place, *event.offset, event.speed, *event.position, event.obstacle)
     return dict(zip(CSV_COLUMNS, values, strict=True))

@@ -8,24 +8,46 @@ With `exact: true` and no sensor the planner is given the true state.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypedDict, Unpack
 
 from msgspec import Struct
 
 from quadsim.files.data_files import locate, names, read_text
 from quadsim.files.strict_yaml import parse, setting
+from quadsim.files.yaml_text import dump, remade, written
 from quadsim.sensing.config import GateCameraConfig, ImuConfig, PoseConfig, RotorConfig
 
 SENSINGS = Path(__file__).parent
 PERFECT = "perfect"
 
 
+class SensingChanges(TypedDict, total=False):
+    """The keys of a sensing file, and the name of the sensing."""
+
+    name: str
+    source: str
+    exact: bool
+    imu: Mapping[str, Any] | ImuConfig | None
+    pose: Mapping[str, Any] | PoseConfig | None
+    rotors: Mapping[str, Any] | RotorConfig | None
+    camera: Mapping[str, Any] | GateCameraConfig | None
+
+
 @dataclass(frozen=True)
 class Sensing:
-    """The sensors of a vehicle, None where it has none of a kind."""
+    """The sensors of a vehicle, None where it has none of a kind.
+
+    Examples:
+        >>> import quadsim
+        >>> mocap = quadsim.load_sensing("mocap")
+        >>> slow = mocap.but(pose={"rate": 50, "latency": 0.03}, rotors=None)
+        >>> run = quadsim.fly("figure8", sensing=slow, laps=1, samples=512)
+        >>> run.outcome
+        'finished'
+    """
 
     name: str
     source: str = ""
@@ -45,6 +67,42 @@ class Sensing:
         sensors = (getattr(self, key) for key in SENSORS)
         return max((sensor.latency for sensor in sensors if sensor), default=0.0)
 
+    def but(self, **changes: Unpack[SensingChanges]) -> Sensing:
+        """Return the sensing with other sensors or other numbers, checked as those of a file are.
+
+        Args:
+            changes: keys of a sensing file, see docs/sensing.md, and `name`. A sensor takes the
+                keys that change, a whole new configuration, or None, which takes it away.
+
+        Raises:
+            SettingError: a number cannot be used, or sensors do not fit together (a ValueError).
+        """
+        given: dict[str, Any] = dict(changes)
+        name = str(given.pop("name", self.name))
+        entries = _entries(self)
+        for key, value in given.items():
+            if isinstance(value, Mapping) and key in SENSORS:
+                given[key] = {**entries.get(key, {}), **value}
+            elif isinstance(value, CONFIGS):
+                given[key] = _sensor_entry(value)
+        if any(given.get(key) for key in SENSORS):
+            entries.pop("exact", None)
+        return replace(remade({**entries, **given}, parse_sensing, name), name=name)
+
+    def to_yaml(self, path: str | Path | None = None) -> str:
+        """Return the sensing as a sensing file, which `load_sensing` reads to an equal sensing.
+
+        Args:
+            path: a file to write; its name becomes that of the sensing. None writes nothing.
+
+        Raises:
+            SettingError: the sensors do not fit together (a ValueError).
+            FileError: the file cannot be written.
+        """
+        entries = _entries(self)
+        remade(entries, parse_sensing, self.name)
+        return written(dump(entries), path)
+
 
 class SensingFile(Struct, frozen=True, kw_only=True):
     """The keys of a sensing file. All but the first two are sensors, as `Sensing` has them."""
@@ -57,6 +115,7 @@ class SensingFile(Struct, frozen=True, kw_only=True):
     camera: GateCameraConfig | None = None
 
 
+CONFIGS = (ImuConfig, PoseConfig, RotorConfig, GateCameraConfig)
 SENSORS = tuple(key for key in SensingFile.__struct_fields__ if key not in ("source", "exact"))
 
 
@@ -70,6 +129,12 @@ def load_sensing(name_or_path: str | Path) -> Sensing:
 
     Raises:
         FileError: there is no such sensing, or the file is not a sensing file.
+
+    Examples:
+        >>> import quadsim
+        >>> sensing = quadsim.load_sensing("mocap")
+        >>> sensing.pose.rate, sensing.pose.position_noise  # [Hz, m]
+        (100.0, 0.002)
     """
     path = locate(name_or_path, SENSINGS, "sensing")
     return parse_sensing(read_text(path), str(path))
@@ -93,6 +158,25 @@ def parse_sensing(text: str, file: str) -> Sensing:
     return Sensing(name=Path(file).stem, source=entry.source, **sensors)
 
 
+def _entries(sensing: Sensing) -> dict[str, Any]:
+    """Return the entries of a sensing file; those at their default are left out."""
+    entries: dict[str, Any] = {"source": sensing.source} if sensing.source else {}
+    sensors = {key: getattr(sensing, key) for key in SENSORS}
+    if not any(sensors.values()):
+        entries["exact"] = True
+    return entries | {key: _sensor_entry(config) for key, config in sensors.items() if config}
+
+
+def _sensor_entry(config: Any) -> dict[str, Any]:
+    """Return the entry of one sensor; numbers at their default are left out."""
+    values = {field: getattr(config, field.name) for field in fields(config)}
+    return {
+        field.name: value
+        for field, value in values.items()
+        if field.default is MISSING or value != field.default
+    }
+
+
 class Fault(NamedTuple):
     """A key of the sensing file, and the problem with it."""
 
@@ -112,7 +196,19 @@ def _faults(entry: SensingFile) -> Iterator[Fault]:
     if entry.imu and not (entry.pose or entry.camera):
         problem = "expected a pose or a camera beside it, as without one positions run away"
         yield Fault("imu", problem)
-    if entry.pose and entry.pose.spikes > 0.0 and entry.pose.spike == 0.0:
+    if entry.pose:
+        yield from _pose_faults(entry.pose)
+
+
+def _pose_faults(pose: PoseConfig) -> Iterator[Fault]:
+    """Yield the faults of a pose sensor: spikes and dropouts have a share and a size."""
+    if pose.spikes > 0.0 and pose.spike == 0.0:
         yield Fault("pose.spike", "expected how far off spikes are [m], got 0")
-    if entry.pose and entry.pose.dropouts > 0.0 and entry.pose.dropout == 0.0:
+    if pose.spike > 0.0 and pose.spikes == 0.0:
+        expected = "expected spikes beside it, the share of samples that are off by so much"
+        yield Fault("pose.spike", f"{expected}, got none")
+    if pose.dropouts > 0.0 and pose.dropout == 0.0:
         yield Fault("pose.dropout", "expected how long dropouts last [s], got 0")
+    if pose.dropout > 0.0 and pose.dropouts == 0.0:
+        expected = "expected dropouts beside it, the probability per sample that one begins"
+        yield Fault("pose.dropout", f"{expected}, got none")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
+from functools import partial
 from importlib import import_module
 from math import isfinite
 from pathlib import Path
@@ -18,8 +19,6 @@ import numpy as np
 
 from controllers.costs import Term, Weight, is_weight
 from controllers.samplers import SAMPLERS, PlainSampler, Sampling
-from quadsim.course import Course, parse_course
-from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_errors import did_you_mean, shown_value
 from quadsim.spec.identity import IdentityError, identity_of
 from quadsim.spec.settings import SettingError
@@ -213,14 +212,6 @@ def is_registered(sampler: Sampler) -> bool:
     return type(sampler) in SAMPLERS.values()
 
 
-def is_described(course: Course) -> bool:
-    """Return whether a course is the one that its text describes."""
-    try:
-        return parse_course(course.text, course.name) == course
-    except FileError:
-        return False
-
-
 def describe(part: object) -> dict[str, Json]:
     """Return {class, parameters, sha256} of one of the user's own objects.
 
@@ -258,7 +249,14 @@ def _identity(part: object) -> str | None:
 
 
 def qualified_name(kind: Any) -> str:
-    """Return the module and name of a class or function."""
+    """Return the module and name of a class or function.
+
+    A functools.partial has those of its function, any other object those of its class.
+    """
+    while isinstance(kind, partial):
+        kind = kind.func
+    if not hasattr(kind, "__qualname__"):
+        kind = type(kind)
     # A worker process has the script of its parent under another name
     module = "__main__" if kind.__module__ == "__mp_main__" else kind.__module__
     return f"{module}.{kind.__qualname__}"

@@ -5,8 +5,11 @@ They are read from YAML by quadsim.vehicle.vehicle_file.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import sqrt
+from pathlib import Path
+from typing import TypedDict, Unpack
 
 from quadsim.rotation import Vec3
 
@@ -53,6 +56,35 @@ class Rotors:
         return (sqrt(c1 * c1 + 4.0 * c2 * (thrust - c0)) - c1) / (2.0 * c2)
 
 
+class RotorChanges(TypedDict, total=False):
+    """Keys of the rotors in a vehicle file."""
+
+    arm_l: float
+    rotor_x: float
+    rotor_y: float
+    motor_omega_min: float
+    motor_omega_max: float
+    motor_tau: float
+    thrust_map: Sequence[float]
+    kappa: float
+
+
+class VehicleChanges(TypedDict, total=False):
+    """The keys of a vehicle file, and the vehicle's name."""
+
+    name: str
+    source: str
+    mass: float
+    inertia: Sequence[float]
+    radius: float
+    rate_tau: Sequence[float]
+    omega_max: Sequence[float]
+    thrust_max: float
+    drag: Sequence[float]
+    latency: float
+    rotors: RotorChanges | Rotors | None
+
+
 @dataclass(frozen=True)
 class Vehicle:
     """A quadrotor as the plant flies it.
@@ -60,10 +92,10 @@ class Vehicle:
     Thrusts and drag are mass-normalised, so that the vehicle `paper` needs no mass of its own.
 
     Examples:
-        >>> from dataclasses import replace
         >>> import quadsim
         >>> swift = quadsim.load_vehicle("swift")
-        >>> run = quadsim.fly("figure8", vehicle=replace(swift, mass=0.9), laps=1, samples=512)
+        >>> heavy = swift.but(mass=0.9, rotors={"motor_tau": 0.05})
+        >>> run = quadsim.fly("figure8", vehicle=heavy, laps=1, samples=512)
         >>> run.outcome
         'finished'
     """
@@ -88,6 +120,57 @@ class Vehicle:
     latency: float
     # None: thrust acts at once and without limits of single rotors
     rotors: Rotors | None
+
+    @property
+    def thrust_to_weight(self) -> float:
+        """The full thrust by the weight."""
+        return self.thrust_max / GRAVITY
+
+    def but(self, **changes: Unpack[VehicleChanges]) -> Vehicle:
+        """Return the vehicle with some numbers changed, checked as those of a vehicle file are.
+
+        Rotors keep their thrust in newtons: a heavier vehicle has a lower thrust_max and a lower
+        thrust-to-weight ratio. Without rotors, thrust_max is mass-normalised and stays.
+
+        Args:
+            changes: keys of a vehicle file, see docs/vehicles.md, and `name`. `rotors` takes the
+                keys that change, Rotors, or None, which takes them away and keeps the full thrust.
+
+        Raises:
+            SettingError: a number cannot be used (a ValueError).
+
+        Examples:
+            >>> import quadsim
+            >>> swift = quadsim.load_vehicle("swift")
+            >>> round(swift.thrust_to_weight, 2), round(swift.but(mass=1.0).thrust_to_weight, 2)
+            (4.1, 3.57)
+        """
+        from quadsim.vehicle.vehicle_file import changed  # here: it imports this module
+
+        return changed(self, changes)
+
+    def to_yaml(self, path: str | Path | None = None) -> str:
+        """Return the vehicle as a vehicle file, which `load_vehicle` reads to an equal vehicle.
+
+        Args:
+            path: a file to write; its name becomes the vehicle's. None writes nothing.
+
+        Raises:
+            SettingError: a vehicle file cannot hold this vehicle, such as one whose thrust_max is
+                not what rotors and mass give (a ValueError).
+            FileError: the file cannot be written.
+
+        Examples:
+            >>> import quadsim
+            >>> swift = quadsim.load_vehicle("swift")
+            >>> text = swift.but(latency=0.02).to_yaml("late.yaml")
+            >>> quadsim.load_vehicle("late.yaml").latency
+            0.02
+        """
+        from quadsim.files.yaml_text import written
+        from quadsim.vehicle.vehicle_file import as_yaml
+
+        return written(as_yaml(self), path)
 
 
 def scale_thrust(vehicle: Vehicle, factor: float) -> Vehicle:

@@ -5,18 +5,31 @@ The keys are Flightmare's where it has them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from math import sqrt
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from math import isclose, nextafter, sqrt
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from msgspec import Struct
 
 from quadsim.files.data_files import locate, names, read_text
 from quadsim.files.strict_yaml import parse, setting, unit
+from quadsim.files.values import SettingError
+from quadsim.files.yaml_text import dump, remade
 from quadsim.vehicle.vehicle import GRAVITY, Rotors, Vehicle
 
 VEHICLES = Path(__file__).parent
+# Keys of a vehicle file that a Vehicle or its Rotors have under another name
+KEYS = {"rate_max": "omega_max"}
+KEYS_OF_ROTORS = {
+    "omega_min": "motor_omega_min",
+    "omega_max": "motor_omega_max",
+    "tau": "motor_tau",
+    "positions": "arm_l, or rotor_x and rotor_y",
+}
+# A thrust_max may differ from that of its rotors by rounding.
+ROUNDING = 1e-9
 
 Length = Annotated[float, unit("m", gt=0, le=2)]
 Speed = Annotated[float, unit("rad/s", ge=0, le=20000)]
@@ -135,6 +148,116 @@ def parse_vehicle(text: str, file: str) -> Vehicle:
         latency=entry.latency,
         rotors=rotors,
     )
+
+
+def changed(vehicle: Vehicle, changes: Mapping[str, Any]) -> Vehicle:
+    """Return the vehicle with other values of some keys of its file; see Vehicle.but.
+
+    Raises:
+        SettingError: a value cannot be used.
+    """
+    _check_keys(changes, KEYS)
+    given = dict(changes)
+    name = str(given.pop("name", vehicle.name))
+    entries = _entries(vehicle)
+    if "rotors" in given:
+        rotors = given.pop("rotors")
+        # The thrust is that of the rotors, or what they gave
+        entries.pop("rotors" if rotors is None else "thrust_max", None)
+        if rotors is None:
+            entries["thrust_max"] = vehicle.thrust_max
+        else:
+            entries["rotors"] = _changed_rotors(vehicle.rotors, rotors)
+    return replace(remade({**entries, **given}, parse_vehicle, name), name=name)
+
+
+def _changed_rotors(rotors: Rotors | None, changes: Any) -> Any:
+    """Return the entry of the rotors with other values of some keys."""
+    if isinstance(changes, Rotors):
+        return _rotors_entry(changes)
+    if not isinstance(changes, Mapping):
+        return changes
+    _check_keys(changes, KEYS_OF_ROTORS, "rotors.")
+    entry = _rotors_entry(rotors) if rotors else {}
+    sides = {"rotor_x", "rotor_y"}
+    if "arm_l" in changes:
+        entry = {key: value for key, value in entry.items() if key not in sides}
+    elif rotors and sides & changes.keys():
+        entry.pop("arm_l", None)
+        x, y = rotors.positions[2]
+        entry = {"rotor_x": x, "rotor_y": y, **entry}
+    return {**entry, **changes}
+
+
+def _check_keys(changes: Mapping[str, Any], keys: Mapping[str, str], parent: str = "") -> None:
+    """Raise SettingError for an attribute's name that is no key of a vehicle file."""
+    for name in changes:
+        if name in keys:
+            raise SettingError(f"{parent}{name}", f"a vehicle file has it as {keys[name]}")
+
+
+def as_yaml(vehicle: Vehicle) -> str:
+    """Return the vehicle as a vehicle file; see Vehicle.to_yaml.
+
+    Raises:
+        SettingError: a vehicle file cannot hold it.
+    """
+    entries = _entries(vehicle)
+    again = remade(entries, parse_vehicle, vehicle.name)
+    if not isclose(again.thrust_max, vehicle.thrust_max, rel_tol=ROUNDING):
+        wanted = f"expected {again.thrust_max:g} [m/s^2], as rotors and mass give it"
+        advice = "change numbers with Vehicle.but"
+        raise SettingError("thrust_max", f"{wanted}, got {vehicle.thrust_max:g}: {advice}")
+    if replace(again, name=vehicle.name, thrust_max=vehicle.thrust_max) != vehicle:
+        wanted = "expected rotors on a rectangle, as a vehicle file has them"
+        raise SettingError("rotors", f"{wanted}, got others")
+    return dump(entries)
+
+
+def _entries(vehicle: Vehicle) -> dict[str, Any]:
+    """Return the entries of a vehicle file; those at their default are left out."""
+    entries: dict[str, Any] = {
+        "source": vehicle.source,
+        "mass": vehicle.mass,
+        "inertia": vehicle.inertia,
+        "radius": vehicle.radius,
+        "rate_tau": vehicle.rate_tau,
+        "omega_max": vehicle.rate_max,
+        "thrust_max": None if vehicle.rotors else vehicle.thrust_max,
+        "drag": vehicle.drag,
+        "latency": vehicle.latency,
+        "rotors": _rotors_entry(vehicle.rotors) if vehicle.rotors else None,
+    }
+    defaults = {"source": "", "thrust_max": None, "drag": (0.0, 0.0, 0.0), "latency": 0.0}
+    defaults["rotors"] = None
+    return {
+        key: value
+        for key, value in entries.items()
+        if key not in defaults or value != defaults[key]
+    }
+
+
+def _rotors_entry(rotors: Rotors) -> dict[str, Any]:
+    """Return the entry of the rotors in a vehicle file."""
+    # The third stands at front-left.
+    x, y = rotors.positions[2]
+    arm = _arm(x) if x == y else None
+    place = {"rotor_x": x, "rotor_y": y} if arm is None else {"arm_l": arm}
+    return {
+        **place,
+        "motor_omega_min": rotors.omega_min,
+        "motor_omega_max": rotors.omega_max,
+        "motor_tau": rotors.tau,
+        "thrust_map": rotors.thrust_map,
+        "kappa": rotors.kappa,
+    }
+
+
+def _arm(side: float) -> float | None:
+    """Return the arm_l [m] that gives rotors at +-side [m] to the last bit, None without one."""
+    arm = side * sqrt(2)
+    near = (round(arm, 6), arm, nextafter(arm, 0.0), nextafter(arm, 1.0))
+    return next((each for each in near if each / sqrt(2) == side), None)
 
 
 class Fault(NamedTuple):

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from quadsim.cli.model_differences import differing
 from quadsim.cli.report import report, summary
-from quadsim.cli.report_tables import lap_tables
 from quadsim.dynamics.quadrotor import STATE
 from quadsim.figures.run_figure import title
 from quadsim.race.events import Event, Frame
 from quadsim.record.metrics import splits
+from quadsim.record.model_differences import differing
+from quadsim.record.report_tables import lap_tables
 from quadsim.record.run import Run
 from quadsim.spec.spec import Spec
 

@@ -7,11 +7,13 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
 import pytest
 from numba import njit
 
 from controllers.lanes.code_cache import CodeCache, cache_folder
 from controllers.lanes.compiled import interruptible, is_cached, kept, load_module
+from controllers.lanes.trace import TraceError
 
 TEXT = """
 from numba import njit
@@ -178,3 +180,28 @@ def test_an_interrupt_while_a_kept_function_is_compiled_comes_out_of_its_call(mo
     monkeypatch.setattr(function._compiler, "compile", interrupted)
     with pytest.raises(KeyboardInterrupt):
         function(1)
+
+
+UNFIT = """
+import math
+import numpy as np
+from numba import njit
+from controllers.lanes.compiled import kept
+
+@kept
+@njit
+def run(a):
+    # term: band
+    height = a[0]
+    low = height + "m"
+    return low
+"""
+
+
+def test_what_the_compiler_refuses_is_one_line_with_the_term_and_the_line():
+    module = load_module("unfit", UNFIT)
+    with pytest.raises(TraceError) as caught:
+        module.run(np.ones(3))
+    message = str(caught.value)
+    assert message.startswith('term: band: numba cannot compile the line `low = height + "m"`: ')
+    assert "\n" not in message

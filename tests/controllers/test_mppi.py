@@ -9,6 +9,7 @@ from point import (
     PLAIN,
     POINT,
     REST,
+    SAMPLING,
     START,
     T,
     White,
@@ -20,6 +21,7 @@ from point import (
 )
 from scipy.signal import savgol_coeffs
 
+from controllers.costs import Term
 from controllers.mppi import MPPI
 from controllers.samplers import SAMPLERS, Gaussian
 from controllers.update import SAVITZKY_GOLAY, savitzky_golay
@@ -47,6 +49,34 @@ def test_plan_is_that_of_a_naive_version_given_the_same_noise(sampler, samples, 
     assert stats.ess == pytest.approx(ess, rel=1e-3)
     # one of two samples may have all the weight
     assert abs(mppi.plan - colder).max() > 3e-5 or ess < 1.001
+
+
+class Wall:
+    """A term with a number of its own."""
+
+    def __init__(self, place):
+        self.place = place
+
+    def __call__(self, x, x_next, u, goal, p):
+        return abs(x_next.px - self.place)
+
+
+def test_a_number_that_a_term_holds_counts_as_it_is_when_the_planner_is_made():
+    """A planner that was made later flew with the number of the first one."""
+    wall = Wall(0.0)
+    cost = replace(GOAL, terms=(*GOAL.terms, Term(wall, 5.0)))
+
+    def planned(cost):
+        mppi = MPPI(POINT, cost, Gaussian(SAMPLING["sigma"]), PLAIN, seed=3)
+        mppi.control(START)
+        return mppi.plan
+
+    before = planned(cost)
+    wall.place = 3.0
+    moved = planned(cost)
+    same = planned(replace(GOAL, terms=(*GOAL.terms, Term(Wall(3.0), 5.0))))
+    np.testing.assert_array_equal(moved, same)
+    assert abs(moved - before).max() > 0.01
 
 
 WILD = (5.0, 5.0)

@@ -13,6 +13,7 @@ from typing import Literal, get_args, get_origin, get_type_hints
 import numpy as np
 import pytest
 from point import White, make_sampler
+from scipy.stats import qmc
 
 from controllers.lanes.layout import CHUNK, LANES, from_lanes
 from controllers.samplers import SAMPLERS, Gaussian, build_lanes
@@ -194,3 +195,48 @@ def test_streams_of_one_seed_have_keys_of_their_own():
     one, two = np.random.SeedSequence(3).spawn(2)
     np.testing.assert_array_equal(stream_key(3), stream_key(np.random.SeedSequence(3)))
     assert len({tuple(stream_key(s)) for s in (3, 4, one, two)}) == 4
+
+
+class Drawing:
+    """A sampler of one's own that is a function of the generator."""
+
+    def __init__(self, draw):
+        self.draw = draw
+
+    def sample(self, rng, samples, horizon, controls):
+        return self.draw(rng, samples, horizon * controls).reshape(samples, horizon, controls)
+
+
+def drawn_by(draw, key, call=1, first=0):
+    source = build_lanes(Drawing(draw), 2, 64, 5, key, 0.1)
+    return from_lanes(source.sample(call, first).copy(), 64, 5)
+
+
+def halton(rng, samples, numbers):
+    return qmc.Halton(numbers, seed=rng).random(samples)
+
+
+def sobol(rng, samples, numbers):
+    return qmc.Sobol(numbers, seed=rng).random(samples)
+
+
+def of_children(rng, samples, numbers):
+    return np.hstack([child.standard_normal((samples, 1)) for child in rng.spawn(numbers)])
+
+
+@pytest.mark.parametrize("draw", [halton, sobol, of_children])
+def test_a_sampler_may_spawn_generators_and_give_its_own_to_scipy(draw, key):
+    z = drawn_by(draw, key)
+    np.testing.assert_array_equal(drawn_by(draw, key), z)
+    assert len(np.unique(z)) > 600
+    for other in (drawn_by(draw, key, call=2), drawn_by(draw, key, first=64)):
+        assert not np.isin(other, z).all()
+
+
+def test_a_sampler_of_ones_own_draws_the_numbers_of_philox(key):
+    """The digests of stored flights hold as long as it does."""
+    counter = np.array([0, 64, 3, 0], np.uint64)
+    stream = np.random.Philox(key=key.astype(np.uint64), counter=counter)
+    expected = np.random.Generator(stream).standard_normal((64, 10)).astype(np.float32)
+    z = drawn_by(lambda rng, *shape: rng.standard_normal(shape), key, call=3, first=64)
+    np.testing.assert_array_equal(z.swapaxes(1, 2).reshape(64, 10), expected)

@@ -6,6 +6,7 @@ import math
 import operator
 import re
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ import pytest
 from numpy import arctan2, cos, exp, log, maximum, minimum, sin, sqrt, tan, tanh, where
 
 from controllers.lanes.text import Writer
-from controllers.lanes.trace import Graph, TraceError, trace, trace_number
+from controllers.lanes.trace import KNOWN, Graph, TraceError, trace, trace_number
 from quadsim.dynamics.records import flat
 
 HERE = "test_trace.py"
@@ -26,11 +27,17 @@ NUMPY = SimpleNamespace(
     sin=np.sin,
     cos=np.cos,
     tan=np.tan,
-    tanh=np.tanh,
+    asin=np.arcsin,
+    acos=np.arccos,
+    atan=np.arctan,
     atan2=np.arctan2,
+    sinh=np.sinh,
+    cosh=np.cosh,
+    tanh=np.tanh,
 )
 MEANS = {  # the names of the generated module, in float64
     "F": np.float64,
+    "np": np,
     "math": NUMPY,
     "select": lambda condition, a, b: a if condition else b,
     "lower": lambda a, b: a if a < b else b,
@@ -96,6 +103,77 @@ OPERATIONS = {
         np.logical_not(np.logical_or(a > 1.0, np.logical_and(a > 0.0, b > 0.0))), a, b
     ),
 }
+
+
+# NumPy's functions of one or two numbers, in ranges where they are defined.
+FUNCTIONS = {
+    np.sqrt: lambda a, b: np.sqrt(abs(a)),
+    np.exp: lambda a, b: np.exp(a),
+    np.log: lambda a, b: np.log(abs(a) + 0.1),
+    np.sin: lambda a, b: np.sin(a),
+    np.cos: lambda a, b: np.cos(a),
+    np.tan: lambda a, b: np.tan(np.tanh(a)),
+    np.arcsin: lambda a, b: np.arcsin(0.99 * np.tanh(a)),
+    np.arccos: lambda a, b: np.arccos(0.99 * np.tanh(a)),
+    np.arctan: lambda a, b: np.arctan(a),
+    np.arctan2: lambda a, b: np.arctan2(a, b),
+    np.sinh: lambda a, b: np.sinh(a),
+    np.cosh: lambda a, b: np.cosh(a),
+    np.tanh: lambda a, b: np.tanh(a),
+    np.hypot: lambda a, b: np.hypot(a, b),
+    np.sign: lambda a, b: np.sign(a) + np.sign(a * 0.0),
+    np.floor: lambda a, b: np.floor(a),
+    np.ceil: lambda a, b: np.ceil(a),
+    np.mod: lambda a, b: np.mod(a, 0.75),
+    np.square: lambda a, b: np.square(a),
+    np.power: lambda a, b: np.power(a, 3),
+    np.clip: lambda a, b: np.clip(a, -0.5, b),
+    np.fmin: lambda a, b: np.fmin(a, b),
+    np.fmax: lambda a, b: np.fmax(a, b),
+    np.minimum: lambda a, b: np.minimum(a, b),
+    np.maximum: lambda a, b: np.maximum(a, b),
+    np.radians: lambda a, b: np.radians(a),
+    np.degrees: lambda a, b: np.degrees(a),
+    np.where: lambda a, b: np.where((a > b) & ~(b < 0.0), a, b),
+    abs: lambda a, b: abs(a),
+    divmod: lambda a, b: a % 2.5 + 7.0 % (abs(b) + 1.0),
+}
+
+
+def test_compiled_functions_are_numpys_within_the_rounding_of_float32():
+    from controllers.lanes.compiled import load_module
+    from controllers.lanes.layout import LANES
+    from controllers.lanes.parts import header
+
+    graph = Graph()
+    writer = Writer()
+    a, b = (graph.input(name, f"given[{k}, l]") for k, name in enumerate("ab"))
+    results = [trace_number(function, a, b) for function in FUNCTIONS.values()]
+    lines = writer.lines(results).splitlines()
+    lines += [f"found[{k}, l] = {writer(result)}" for k, result in enumerate(results)]
+    source = [
+        header(np.float32),
+        "@njit(fastmath=FAST, error_model='numpy')",
+        "def run(given, found):",
+        "    for l in range(L):",
+        *(f"        {line}" for line in lines),
+    ]
+    module = load_module("functions_of_numpy", "\n".join(source))
+    given = np.random.default_rng(3).uniform(-3.0, 3.0, (2, LANES)).astype(np.float32)
+    found = np.empty((len(FUNCTIONS), LANES), np.float32)
+    module.run(given, found)
+    for function, row in zip(FUNCTIONS, found, strict=True):
+        expected = FUNCTIONS[function](*given.astype(float))
+        np.testing.assert_allclose(row, expected, rtol=3e-6, atol=3e-6, err_msg=str(function))
+
+
+def test_the_docs_name_every_function_that_can_be_traced():
+    page = (Path(__file__).parents[2] / "docs/concepts.md").read_text()
+    named = {f.__name__ for f in FUNCTIONS if f not in (abs, divmod, np.fmin, np.fmax)}
+    names = {"remainder": "mod"}
+    for name in {names.get(name, name) for name in named}:
+        assert re.search(rf"\b{name}\b", KNOWN), name
+        assert f"`{name}`" in page, name
 
 
 def random_function(seed):
@@ -349,8 +427,28 @@ def unpacked(a, b):
     return first + second * b
 
 
-def clipped(a, b):
-    return np.clip(a, -b, b)  # here
+def rounded(a, b):
+    return np.round(a) + b  # here
+
+
+def clipped_into(a, b):
+    return np.clip(a, -b, b, out=None)  # here
+
+
+def joined_numbers(a, b):
+    return where((a > b) & b, a, b)  # here
+
+
+def joined_without_parentheses(a, b):
+    return where(a > 0.0 | b > 1.0, a, b)  # here
+
+
+def inverted(a, b):
+    return where(~a, a, b)  # here
+
+
+def raised(a, b):
+    return np.power(2.0, a) + b  # here
 
 
 def cubic_root(a, b):
@@ -408,13 +506,18 @@ REFUSED = {  # function -> what its message has to say
     negated: r"condition is not known",
     smallest: r"numpy\.minimum or numpy\.maximum",
     as_float: r"known are arithmetic",
-    root_of_math: r"known are arithmetic.*sqrt",
+    root_of_math: r"functions of math .*write NumPy's, such as numpy\.sin; known are .*sqrt",
     summed: r"a scalar was taken for a sequence",
     unpacked: r"a scalar was taken for a sequence",
-    clipped: r"numpy\.clip is not known; known are .*minimum, maximum",
+    rounded: r"numpy\.round is not known; known are .*floor",
+    clipped_into: r"numpy\.clip is known as numpy\.clip\(a, low, high\) alone",
+    joined_numbers: r"&, .* join conditions, and one side is a number",
+    joined_without_parentheses: r"join conditions.*in parentheses",
+    inverted: r"join conditions",
+    raised: r"2\.0\*\*x is not known: write exp",
     cubic_root: r"numpy\.cbrt is not known; known are",
-    fractional: r"x\*\*0\.5 is not known: write products, sqrt",
-    inverse: r"x\*\*-1 is not known: write products, sqrt",
+    fractional: r"x\*\*0\.5 is not known, .*: write products, sqrt",
+    inverse: r"x\*\*-1 is not known, .*: write products, sqrt",
     places: r"numpy\.where is not known|three",
     listed: r"expected a number or a scalar of the rollout, got list",
     rows: r"expected a number or a scalar of the rollout, got ndarray",

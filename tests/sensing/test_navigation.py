@@ -264,6 +264,8 @@ BAD = {
     "pose: {rate: 100}": "s.yaml:1:1: imu: missing",
     "exact: true\npose: {rate: 9}": "s.yaml:2:7: pose: expected no sensor",
     "imu: {rate: 250}\npose: {rate: 9, spikes: .1}": "s.yaml:2:7: pose.spike: expected",
+    "imu: {rate: 250}\npose: {rate: 9, spike: 1}": "s.yaml:2:24: pose.spike: expected spikes",
+    "imu: {rate: 250}\npose: {rate: 9, dropout: .1}": "s.yaml:2:26: pose.dropout: expected drop",
     "imu: {rate: 250}\nlidar: {rate: 9}": "s.yaml:2:1: lidar: unknown key",
 }
 

@@ -1,13 +1,18 @@
 """Every vehicle that comes with the project can fly; a file that describes none says where and
 why."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from quadsim.course import FRAME_DEPTH
 from quadsim.course.checks import ROOM
 from quadsim.files.strict_yaml import FileError
+from quadsim.files.values import SettingError
 from quadsim.vehicle import GRAVITY, Vehicle, load_vehicle, parse_vehicle, vehicle_names
+from quadsim.vehicle.vehicle import RotorChanges, VehicleChanges
+from quadsim.vehicle.vehicle_file import RotorsEntry, VehicleFile
 
 BARE = """\
 mass: 1
@@ -243,3 +248,83 @@ def test_rotor_speed_inverts_a_thrust_map_that_is_negative_at_idle():
     assert rotors.thrust(150.0) < 0
     for thrust in (0.0, 1.79, 11.22):
         assert rotors.thrust(rotors.speed(thrust)) == pytest.approx(thrust, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_a_vehicle_written_as_yaml_reads_back_equal(name, tmp_path):
+    vehicle = load_vehicle(name)
+    file = tmp_path / f"{name}.yaml"
+    assert parse_vehicle(vehicle.to_yaml(file), f"{name}.yaml") == vehicle
+    assert load_vehicle(file) == vehicle
+    assert vehicle.but() == vehicle
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_changed_vehicle_reads_back_equal(seed):
+    rng = np.random.default_rng(seed)
+    arm = rng.uniform(0.05, 0.3)
+    rotors = {"motor_tau": rng.uniform(0, 0.1), "kappa": rng.uniform(0.01, 0.1)}
+    rotors |= {"arm_l": arm} if seed % 2 else {"rotor_x": arm, "rotor_y": rng.uniform(0.05, 0.3)}
+    vehicle = load_vehicle("swift").but(
+        name="drawn",
+        source='a "source": \\ with # signs, \n two lines and é',
+        mass=rng.uniform(0.5, 2.0),
+        drag=rng.uniform(0, 1, 3),
+        latency=np.float32(0.1),
+        rotors=rotors,
+    )
+    assert parse_vehicle(vehicle.to_yaml(), "drawn.yaml") == vehicle
+    assert vehicle.but(rotors=vehicle.rotors) == vehicle
+
+
+def test_a_heavier_vehicle_has_the_thrust_of_its_rotors():
+    swift = load_vehicle("swift")
+    heavy = swift.but(mass=2 * swift.mass, name="heavy")
+    assert heavy.rotors == swift.rotors
+    assert heavy.thrust_to_weight == pytest.approx(swift.thrust_to_weight / 2)
+    assert (heavy.name, swift.but(mass=1).name) == ("heavy", "swift")
+    bare = swift.but(rotors=None)
+    assert (bare.rotors, bare.thrust_max) == (None, swift.thrust_max)
+    assert bare.but(mass=2 * swift.mass).thrust_max == swift.thrust_max
+    assert bare.but(rotors=swift.rotors) == swift
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"mass": -1}, r"mass: expected a number \[kg\] > 0"),
+        ({"mass": "heavy"}, r"mass: expected a number \[kg\], got the quoted text 'heavy'"),
+        ({"mass": object()}, "mass: expected"),
+        ({"mass": np.nan}, "mass: expected a number"),
+        ({"mass": 5.0}, "rotors: cannot hover"),
+        ({"mas": 1}, "mas: unknown key, did you mean 'mass'"),
+        ({"drag": 0.3}, "drag: expected 3 numbers"),
+        ({"rate_max": (1, 2, 3)}, "rate_max: a vehicle file has it as omega_max"),
+        ({"rotors": {"tau": 1}}, r"rotors\.tau: a vehicle file has it as motor_tau"),
+        ({"rotors": {"motor_taus": 1}}, r"rotors\.motor_taus: unknown key, did you mean"),
+        ({"rotors": 3}, "rotors: expected a mapping"),
+        ({"thrust_max": 20}, "thrust_max: expected none beside rotors"),
+    ],
+)
+def test_a_change_that_cannot_be_used_is_one_line_with_its_key(changes, problem):
+    with pytest.raises(SettingError, match=f"^{problem}") as caught:
+        load_vehicle("swift").but(**changes)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_vehicle_that_no_file_holds_is_not_written(tmp_path):
+    swift = load_vehicle("swift")
+    inconsistent = replace(swift, mass=0.9)
+    with pytest.raises(SettingError, match=r"^thrust_max: expected 38\.8"):
+        inconsistent.to_yaml(tmp_path / "mine.yaml")
+    crooked = replace(swift.rotors, positions=((0.1, 0.1),) * 4)
+    with pytest.raises(SettingError, match=r"^rotors: expected rotors on a rectangle"):
+        replace(swift, rotors=crooked).to_yaml(tmp_path / "mine.yaml")
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(FileError, match="no such file"):
+        swift.to_yaml(tmp_path / "none" / "mine.yaml")
+
+
+def test_the_keywords_of_a_change_are_the_keys_of_a_file():
+    assert VehicleChanges.__optional_keys__ == {"name", *VehicleFile.__struct_fields__}
+    assert RotorChanges.__optional_keys__ == set(RotorsEntry.__struct_fields__)

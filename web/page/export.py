@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import secrets
 import zipfile
@@ -16,7 +15,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from quadsim.record.archive import load_run
-from quadsim.record.run import RunError, columns_of
+from quadsim.record.exchange import telemetry_csv
+from quadsim.record.run import RunError
 from web.competitor import Competitor, named
 from web.lap_timing import lap_timings
 from web.page.camera import set_initial_camera
@@ -78,7 +78,8 @@ def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> Download:
         entries = named([stored_competitor(folder) for folder in folders])
         return Download(f"{name}.html", offline_page(entries).encode())
     if what == "CSV":
-        return Download(f"{name}.csv", telemetry_csv(folders))
+        runs = [(folder.name, load_run(folder)) for folder in folders]
+        return Download(f"{name}.csv", telemetry_csv(runs))
     return Download(f"{name}.zip", zipped(folders))
 
 
@@ -136,30 +137,6 @@ def zipped(folders: Sequence[Path]) -> bytes:
                 if path.is_file():
                     archive.write(path, f"{folder.name}/{path.name}")
     return data.getvalue()
-
-
-def telemetry_csv(folders: Sequence[Path]) -> bytes:
-    """Return a table with a row for each control step.
-
-    The header has column and unit, `px [m]`. Of several runs the first column is the run.
-
-    Raises:
-        RunError: a run is damaged, or has other columns than the first.
-    """
-    runs = [load_run(folder) for folder in folders]
-    columns = columns_of(runs[0].spec)
-    has_names = len(folders) > 1
-    lines = io.StringIO(newline="")
-    out = csv.writer(lines)
-    head = [f"{name} [{unit}]" for name, unit in columns.items()]
-    out.writerow(["run", *head] if has_names else head)
-    for folder, run in zip(folders, runs, strict=True):
-        if columns_of(run.spec) != columns:
-            raise RunError(f"{folder}: expected the columns of {folders[0]}, got others")
-        table = [run.telemetry[name].tolist() for name in columns]
-        for row in zip(*table, strict=True):
-            out.writerow([folder.name, *row] if has_names else row)
-    return lines.getvalue().encode()
 
 
 def offline_page(entries: Sequence[Competitor]) -> str:

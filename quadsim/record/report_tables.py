@@ -13,7 +13,7 @@ from rich.table import Table
 from quadsim.console import plain_table
 from quadsim.course import Course
 from quadsim.race.events import NO_PROGRESS, Event
-from quadsim.record.metrics import chatter, splits
+from quadsim.record.metrics import chatter, speed, splits
 from quadsim.record.run import Run
 
 # Columns of the terminal for lap, time, top speed and the word "gate"; and for penalties
@@ -84,14 +84,13 @@ def lap_tables(run: Run, gates: int, width: int) -> Iterator[Table | str]:
 
 def _whole_laps(run: Run, laps: int) -> dict[str, list[str]]:
     """Return time and top speed of each lap, and the penalties in it where there are any."""
-    x = run.telemetry
-    speed = (x["vx"] ** 2 + x["vy"] ** 2 + x["vz"] ** 2) ** 0.5
+    v = speed(run)
     unfinished = [None] * (laps - len(run.laps))
     columns = {"time\n[s]": _times([*run.laps, *unfinished])}
     if any(run.penalties):
         columns["penalty\n[s]"] = [f"{t:.0f}" if t else "" for t in (*run.penalties, *unfinished)]
-    top_speeds = [speed[x["lap"] == lap].max(initial=0.0) for lap in range(1, laps + 1)]
-    columns["top\n[m/s]"] = [f"{v:.1f}" for v in top_speeds]
+    top_speeds = [v[run.telemetry["lap"] == lap].max(initial=0.0) for lap in range(1, laps + 1)]
+    columns["top\n[m/s]"] = [f"{top:.1f}" for top in top_speeds]
     return columns
 
 

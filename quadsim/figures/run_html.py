@@ -1,0 +1,47 @@
+"""A run as HTML for notebooks: its path from above, and its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from quadsim.course import parse_course
+from quadsim.figures.html import block, facts, image, paragraph, text
+from quadsim.figures.run_figure import draw_map
+from quadsim.files.strict_yaml import FileError
+from quadsim.record.run import Run, flown_with, not_comparable
+from quadsim.record.run_metrics import RunMetrics
+from quadsim.record.run_text import (
+    chatter_text,
+    crash_place,
+    lap_times,
+    limit_text,
+    planning_text,
+)
+
+
+def run_html(run: Run, metrics: RunMetrics) -> str:
+    """Return a run as HTML, its picture included; a run without a readable course has none."""
+    head = f"<b>{text(run.spec['course'])}</b>, {text(flown_with(run.spec))}"
+    parts = [head, facts(_facts(run, metrics))]
+    remark = not_comparable(run.spec)
+    if remark:
+        parts.append(paragraph(remark))
+    try:
+        course = parse_course(run.spec["course_text"], run.spec["course"])
+    except FileError:
+        return block(*parts)
+    described = f"The flown path on {run.spec['course']} from above, coloured by speed."
+    return block(*parts, image(draw_map(run, course), described))
+
+
+def _facts(run: Run, metrics: RunMetrics) -> Iterator[tuple[str, str]]:
+    """Yield the rows of the table beside the picture."""
+    laps = f"{len(run.laps)} of {run.spec['laps']} laps in {run.duration:.3f} s"
+    yield "outcome", f"{run.outcome}, {laps}{crash_place(run)}"
+    if run.laps:
+        yield "lap times", lap_times(run)
+    if metrics.above_limit is not None:
+        yield "limit", limit_text(metrics)
+    yield "speed", f"{metrics.top_speed:.1f} m/s at most, {metrics.mean_speed:.1f} m/s on average"
+    yield "thrust", chatter_text(metrics)
+    yield "planning", planning_text(run, metrics)

@@ -1,0 +1,108 @@
+"""Write plain values as YAML that quadsim.files.strict_yaml reads back to equal values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from quadsim.files.atomic import replace_file
+from quadsim.files.strict_yaml import FileError
+from quadsim.files.values import SettingError
+from quadsim.files.yaml_errors import shown_value
+
+LARGEST_WHOLE = 1e15  # floats up to it that are whole are written without a point
+
+T = TypeVar("T")
+
+
+def dump(entries: Mapping[str, Any]) -> str:
+    """Return the YAML of a mapping: a line for each key and each item of a list of mappings.
+
+    Args:
+        entries: texts, numbers, truth values, None, lists and mappings, by key.
+
+    Raises:
+        SettingError: a value is anything else; the error names its key.
+    """
+    lines: list[str] = []
+    for key, value in entries.items():
+        if isinstance(value, Mapping) and value:
+            lines.append(f"{key}:")
+            lines += [f"  {name}: {_flow(inner, key)}" for name, inner in value.items()]
+        elif isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
+            lines.append(f"{key}:")
+            lines += [f"  - {_flow(item, key)}" for item in value]
+        else:
+            lines.append(f"{key}: {_flow(value, key)}")
+    return "\n".join(lines) + "\n"
+
+
+def remade(entries: Mapping[str, Any], read: Callable[[str, str], T], name: str) -> T:
+    """Return the object that a file with these entries describes.
+
+    Args:
+        entries: what `dump` takes.
+        read: makes the object of a text and the name of its file; raises FileError.
+        name: the name of the object.
+
+    Raises:
+        SettingError: an entry cannot be used; the error names its key.
+    """
+    try:
+        return read(dump(entries), f"{name}.yaml")
+    except FileError as error:
+        raise SettingError(error.key or name, error.problem or str(error)) from None
+
+
+def written(text: str, path: str | Path | None) -> str:
+    """Return the text; with a path, write it to this file, whole or not at all.
+
+    Raises:
+        FileError: the file cannot be written.
+    """
+    if path is not None:
+        try:
+            replace_file(Path(path), text.encode())
+        except OSError as error:
+            raise FileError(f"{path}: {(error.strerror or str(error)).lower()}") from None
+    return text
+
+
+def _flow(value: Any, key: str) -> str:
+    """Return a value as it stands on one line. Raises SettingError with the key."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return str(value).lower()
+        case int():
+            return str(value)
+        case float():
+            is_short = value.is_integer() and abs(value) < LARGEST_WHOLE
+            return f"{value:.0f}" if is_short else repr(value)
+        case str():
+            return _quoted(value)
+        case list() | tuple():
+            return f"[{', '.join(_flow(item, key) for item in value)}]"
+        case Mapping():
+            items = (f"{name}: {_flow(inner, key)}" for name, inner in value.items())
+            return f"{{{', '.join(items)}}}"
+    raise SettingError(
+        key, f"expected numbers, texts, lists or a mapping, got {shown_value(value)}"
+    )
+
+
+def _quoted(text: str) -> str:
+    """Return a text in double quotes, with escapes where YAML needs them."""
+    return '"' + "".join(map(_escaped, text)) + '"'
+
+
+def _escaped(character: str) -> str:
+    if character in '"\\':
+        return "\\" + character
+    return character if character.isprintable() else f"\\U{ord(character):08x}"

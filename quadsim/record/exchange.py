@@ -1,0 +1,36 @@
+"""Telemetry as a CSV table, for other programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+
+from quadsim.record.run import Run, RunError, columns_of
+
+
+def telemetry_csv(runs: Sequence[tuple[str, Run]]) -> bytes:
+    """Return a table with a row for each control step.
+
+    The header has column and unit, `px [m]`. Of several runs the first column is the run's name.
+
+    Args:
+        runs: the name of each run, and the run; at least one.
+
+    Raises:
+        RunError: a run has other columns than the first.
+    """
+    first_name, first = runs[0]
+    columns = columns_of(first.spec)
+    has_names = len(runs) > 1
+    lines = io.StringIO(newline="")
+    out = csv.writer(lines)
+    head = [f"{name} [{unit}]" for name, unit in columns.items()]
+    out.writerow(["run", *head] if has_names else head)
+    for run_name, run in runs:
+        if columns_of(run.spec) != columns:
+            raise RunError(f"{run_name}: expected the columns of {first_name}, got others")
+        table = [run.telemetry[name].tolist() for name in columns]
+        for row in zip(*table, strict=True):
+            out.writerow([run_name, *row] if has_names else row)
+    return lines.getvalue().encode()

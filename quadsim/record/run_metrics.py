@@ -1,0 +1,108 @@
+"""The numbers of a run that are asked for most, as one record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from quadsim.record.estimate_metrics import sensing_numbers
+from quadsim.record.limits import StoredSolution
+from quadsim.record.metrics import (
+    commanded_rates,
+    delivered_rates,
+    path_length,
+    speed,
+    splits,
+    total_variation,
+)
+from quadsim.record.run import Run
+
+
+@dataclass(frozen=True)
+class RunMetrics:
+    """The numbers of one run; None where a number is not known.
+
+    Attributes:
+        laps: times of the completed laps, penalties included [s].
+        penalties: the part of each completed lap's time that was added for hits [s].
+        splits: flown times from gate to gate, one tuple for each lap, the last of which may be
+            unfinished [s].
+        best_lap: the fastest completed lap [s]; None without one.
+        race_time: all laps from the standing start [s]; None where the race was not finished.
+        limit: the best known limit of the race [s]; None where none is known.
+        above_limit: by how much the race time exceeds the limit, as a share of the limit.
+        top_speed: [m/s].
+        mean_speed: the path length over the time flown [m/s].
+        path_length: length of the flown path [m].
+        thrust_tv: chatter of the commanded thrust: its total variation per second [m/s^2/s].
+        thrust_tv_delivered: the same of the delivered thrust [m/s^2/s].
+        rates_tv: chatter of the commanded body rates: their total variation per second, summed
+            over roll, pitch and yaw [rad/s^2].
+        rates_tv_delivered: the same of the delivered body rates [rad/s^2].
+        plan_ms_p50: median of the planning times, wall clock [ms].
+        plan_ms_p95: 95th percentile of the planning times, wall clock [ms].
+        nees: mean normalised estimation error squared, 9 for a consistent estimate; None where the
+            planner was given the true state.
+        position_rms: distance from the estimated to the true position, RMS [m]; None as for nees.
+
+    Examples:
+        >>> import quadsim
+        >>> metrics = quadsim.fly("figure8", laps=1, samples=512).metrics
+        >>> metrics.best_lap == metrics.race_time  # of one lap [s]
+        True
+        >>> len(metrics.splits[0])
+        8
+    """
+
+    laps: tuple[float, ...]
+    penalties: tuple[float, ...]
+    splits: tuple[tuple[float, ...], ...]
+    best_lap: float | None
+    race_time: float | None
+    limit: float | None
+    above_limit: float | None
+    top_speed: float
+    mean_speed: float
+    path_length: float
+    thrust_tv: float
+    thrust_tv_delivered: float
+    rates_tv: float
+    rates_tv_delivered: float
+    plan_ms_p50: float
+    plan_ms_p95: float
+    nees: float | None
+    position_rms: float | None
+
+
+def run_metrics(run: Run, limit: StoredSolution | None) -> RunMetrics:
+    """Return the numbers of a run.
+
+    Args:
+        run: the run.
+        limit: the best known limit of its race.
+    """
+    x = run.telemetry
+    length = path_length(run)
+    flown = float(x["t"][-1] - x["t"][0]) if len(x["t"]) else 0.0
+    finished = run.outcome == "finished"
+    sensing = sensing_numbers(run)
+    plan_ms = run.wall["plan_ms"]
+    return RunMetrics(
+        laps=tuple(run.laps),
+        penalties=tuple(run.penalties),
+        splits=tuple(map(tuple, splits(run))),
+        best_lap=min(run.laps, default=None),
+        race_time=sum(run.laps) if finished else None,
+        limit=limit.time if limit else None,
+        above_limit=limit.above(run.duration) if limit and finished else None,
+        top_speed=float(speed(run).max(initial=0.0)),
+        mean_speed=length / flown if flown > 0.0 else 0.0,
+        path_length=length,
+        thrust_tv=total_variation(x["t"], x["a_cmd"]),
+        thrust_tv_delivered=total_variation(x["t"], x["a"]),
+        rates_tv=total_variation(x["t"], commanded_rates(run)),
+        rates_tv_delivered=total_variation(x["t"], delivered_rates(run)),
+        plan_ms_p50=plan_ms["p50"],
+        plan_ms_p95=plan_ms["p95"],
+        nees=sensing["nees"] if sensing else None,
+        position_rms=sensing["position_rms"] if sensing else None,
+    )

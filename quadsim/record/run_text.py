@@ -1,0 +1,71 @@
+"""A run in words: the paragraph that `print(run)` shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from quadsim.record.run import CRASHES, Run, flown_with, not_comparable
+from quadsim.record.run_metrics import RunMetrics
+
+# Lap times in the paragraph, at most
+LAPS = 6
+# Kind of a crash -> what the vehicle did; a hit names the gate or the obstacle
+ENDS = {"hit": "hit", "ground": "hit the ground", "bounds": "left the bounds", "wall": "hit a wall"}
+
+
+def paragraph(run: Run, metrics: RunMetrics) -> str:
+    """Return a run in a few sentences: outcome, laps, conditions, limit, chatter, planning time."""
+    return " ".join(_sentences(run, metrics))
+
+
+def _sentences(run: Run, metrics: RunMetrics) -> Iterator[str]:
+    laps = f"{len(run.laps)} of {run.spec['laps']} laps in {run.duration:.3f} s"
+    yield f"{run.spec['course']}: {run.outcome}, {laps}{crash_place(run)}."
+    yield f"Flown with {flown_with(run.spec)}."
+    if run.laps:
+        yield f"Lap times: {lap_times(run)}."
+    if metrics.above_limit is not None:
+        yield f"The race is {limit_text(metrics)}."
+    yield chatter_text(metrics) + "."
+    yield planning_text(run, metrics) + "."
+    remark = not_comparable(run.spec)
+    if remark:
+        yield f"{remark[0].upper()}{remark[1:]}."
+
+
+def crash_place(run: Run) -> str:
+    """Return where a crashed run ended, as text that continues a sentence; empty for others."""
+    if run.outcome != "crashed":
+        return ""
+    last = run.events[-1] if run.events else None
+    if last is None or last.kind not in CRASHES:
+        return "; the planner raised an error"
+    x, y, z = last.position
+    what = f"{ENDS[last.kind]} {last.place}" if last.kind == "hit" else ENDS[last.kind]
+    return f"; it {what} in lap {last.lap}, at ({x:.1f}, {y:.1f}, {z:.1f}) m"
+
+
+def lap_times(run: Run) -> str:
+    """Return the times of the first laps as text."""
+    times = [f"{t:.3f}" for t in run.laps[:LAPS]]
+    more = ", ..." if len(run.laps) > LAPS else ""
+    return f"{', '.join(times)}{more} s"
+
+
+def limit_text(metrics: RunMetrics) -> str:
+    """Return the distance to the limit, as text; for a run that has `above_limit`."""
+    # Adding 0.0 makes a negative zero a plain one
+    above = round(100.0 * (metrics.above_limit or 0.0), 1) + 0.0
+    return f"{above:.1f} % above the best known limit of {metrics.limit:.3f} s"
+
+
+def chatter_text(metrics: RunMetrics) -> str:
+    """Return the chatter of the thrust as text."""
+    commanded = f"{metrics.thrust_tv:.1f} m/s^2 per second commanded"
+    return f"Thrust chatter is {commanded} and {metrics.thrust_tv_delivered:.1f} delivered"
+
+
+def planning_text(run: Run, metrics: RunMetrics) -> str:
+    """Return the time that a control step took to compute, as text."""
+    who = "The pilot" if run.spec.get("pilot") else "A plan"
+    return f"{who} took {metrics.plan_ms_p50:.1f} ms (p95 {metrics.plan_ms_p95:.1f} ms)"

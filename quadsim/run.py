@@ -1,0 +1,181 @@
+"""Run: a flight as the library returns it, which shows, stores and exports itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from quadsim.console import as_text, plain
+from quadsim.files.extras import imported
+from quadsim.race.events import Frame
+from quadsim.record.archive import RunFolder
+from quadsim.record.exchange import telemetry_csv
+from quadsim.record.limits import StoredSolution, limit_of, limits_folder
+from quadsim.record.mcap_file import mcap_bytes
+from quadsim.record.report import report
+from quadsim.record.run import Run as RecordedRun
+from quadsim.record.run import columns_of
+from quadsim.record.run_format import CSV_COLUMNS, event_row, expect_reportable
+from quadsim.record.run_metrics import RunMetrics, run_metrics
+from quadsim.record.run_text import paragraph
+from quadsim.record.whole_files import write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+# Width of a report that is not printed to a terminal [columns]
+COLUMNS = 100
+
+
+class Run(RecordedRun):
+    """A flight: its Spec, telemetry and events, and what follows from them.
+
+    `print(run)` shows it in a few sentences, a notebook shows its path and its numbers.
+
+    Attributes:
+        spec: the resolved configuration, as JSON; `quadsim.fly(run.spec)` flies it again.
+        telemetry: name of a column -> array with one number for each control step  (frames,).
+        events: passes, hits, misses and the like, in order.
+        outcome: finished, crashed, stuck, timeout or interrupted.
+        wall: wall-clock numbers: plan_ms with p50 and p95 [ms], and real_time_factor.
+        snapshots: the planner's best samples every few control steps; None without any.
+
+    Examples:
+        >>> import quadsim
+        >>> run = quadsim.fly("figure8", laps=1, samples=512)
+        >>> run.outcome
+        'finished'
+        >>> run.telemetry["vx"].shape == run.telemetry["t"].shape
+        True
+        >>> run.metrics.top_speed > 15.0  # [m/s]
+        True
+        >>> run.to_pandas()["pz"].max() < 10.0  # [m]
+        True
+        >>> folder = run.save("flights")
+        >>> file = run.export("flight.csv")
+    """
+
+    @classmethod
+    def of(cls, run: RecordedRun) -> Run:
+        """Return a recorded run with the methods of this class."""
+        return cls(run.spec, run.telemetry, run.events, run.outcome, run.wall, run.snapshots)
+
+    @classmethod
+    def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> Run:
+        """Collect the frames of a flight."""
+        return cls.of(super().from_frames(spec, frames))
+
+    def __str__(self) -> str:
+        """Return a paragraph: outcome, laps, conditions, distance to the limit, chatter."""
+        return plain(paragraph(self, self.metrics))
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the numbers, and the path from above."""
+        from quadsim.figures.run_html import run_html  # here: it loads matplotlib
+
+        return run_html(self, self.metrics)
+
+    @property
+    def metrics(self) -> RunMetrics:
+        """The numbers that are asked for most: laps, splits, speeds, chatter, limit."""
+        return run_metrics(self, self._limit())
+
+    def report(self, columns: int = COLUMNS) -> str:
+        """Return the report that `race fly` prints, as plain text.
+
+        Args:
+            columns: the width into which its tables are fitted.
+
+        Raises:
+            RunError: the run is stored by an older version, and its spec lacks what a report reads.
+        """
+        expect_reportable(self, "this run")
+        return as_text(*report(self, self._limit(), columns), columns=columns)
+
+    def to_pandas(self) -> DataFrame:
+        """Return the telemetry as a DataFrame, one row for each control step.
+
+        The index is the time `t` [s]; `.attrs["units"]` has the unit of each column.
+
+        Raises:
+            ModuleNotFoundError: pandas is not installed; the message says what to do.
+        """
+        pandas = imported("pandas", "pandas", "pandas")
+        frame = pandas.DataFrame(self.telemetry).set_index("t")
+        frame.attrs["units"] = columns_of(self.spec)
+        return frame
+
+    def events_to_pandas(self) -> DataFrame:
+        """Return the events as a DataFrame with the columns of events.csv, one row for each event.
+
+        t [s], kind, gate, lap, left and up from the gate's centre [m], speed [m/s], the position
+        x, y and z [m], obstacle. gate and obstacle are 0 for events at none.
+
+        Raises:
+            ModuleNotFoundError: pandas is not installed; the message says what to do.
+        """
+        pandas = imported("pandas", "pandas", "pandas")
+        return pandas.DataFrame(map(event_row, self.events), columns=list(CSV_COLUMNS))
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the run on one page: path, controls over time, spectrum of the thrust.
+
+        Args:
+            path: a file to write: .png, .svg or .pdf; None writes nothing.
+
+        Returns:
+            The matplotlib Figure.
+        """
+        from quadsim.figures.run_figure import draw  # here: it loads matplotlib
+        from quadsim.figures.style import save_figure
+
+        figure = draw(self)
+        if path is not None:
+            save_figure(figure, Path(path))
+        return figure
+
+    def save(self, runs_dir: str | Path = "runs") -> Path:
+        """Store the run as `race fly` does: run.json, telemetry.npz and events.csv.
+
+        Args:
+            runs_dir: the run gets a folder of its own under this one.
+
+        Returns:
+            The run's folder.
+
+        Raises:
+            RunError: the run cannot be written.
+        """
+        with RunFolder.open(runs_dir, self.spec) as folder:
+            return folder.save(self)
+
+    def export(self, path: str | Path) -> Path:
+        """Write the run for other programs, whole or not at all, and return the path.
+
+        Args:
+            path: FILE.csv for the telemetry, one row for each control step, or FILE.mcap for poses,
+                gates, commands and events, which Foxglove and Rerun play.
+
+        Raises:
+            ValueError: the path ends otherwise.
+            ModuleNotFoundError: an .mcap needs packages that are not installed; the message says
+                what to do.
+            RunError: the file cannot be written.
+        """
+        path = Path(path)
+        kind = path.suffix.lower()
+        if kind == ".csv":
+            data = telemetry_csv([(path.stem, self)])
+        elif kind == ".mcap":
+            data = mcap_bytes(self)
+        else:
+            raise ValueError(f"export: expected FILE.csv or FILE.mcap, got {str(path)!r}")
+        write_whole(path, data)
+        return path
+
+    def _limit(self) -> StoredSolution | None:
+        """Return the best known limit of the race, from the project and the run's runs_dir."""
+        runs_dir = self.spec["host"].get("runs_dir", "runs")
+        return limit_of(self.spec, limits_folder(runs_dir))

@@ -1,0 +1,227 @@
+"""Claims about a Run as its user meets it: printed, in a notebook, measured, stored, exported."""
+
+import base64
+import csv
+import io
+import re
+import sys
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+from matplotlib import pyplot
+from matplotlib.image import imread
+from run_cases import event, frame, same, two_laps
+
+import quadsim
+from quadsim.cli.cli import race
+from quadsim.record.metrics import chatter, splits
+from quadsim.record.run import columns_of
+
+SMALL = {"samples": 64, "horizon": 20, "iterations": 1, "laps": 1, "timeout": 0.2}
+# A text that would be an element of HTML, and one that would move a terminal's cursor
+ELEMENT = "<img src=x onerror=alert(1)>"
+CONTROL = "\x1b[2J"
+
+
+def record(**settings):
+    """Return the spec of a race of two laps."""
+    return quadsim.Spec.of("split_s_swift", laps=2, **settings).record()
+
+
+def shown(outcome="finished", **settings):
+    """Return a Run made by hand, with two laps of three gates each."""
+    return quadsim.Run.of(two_laps(record(**settings), outcome))
+
+
+def crashed(kind="hit", gate=3, obstacle=0):
+    """Return a run that ended within its first lap."""
+    last = replace(event(0.02, kind, gate), obstacle=obstacle)
+    frames = [frame(0), frame(1), frame(2, events=(last,), outcome="crashed")]
+    return quadsim.Run.from_frames(record(), frames)
+
+
+@pytest.fixture(scope="module")
+def sensed():
+    """A flight with sensors."""
+    return quadsim.fly("figure8", sensing="mocap", **SMALL)
+
+
+def test_repr_is_one_short_line_and_print_one_paragraph():
+    run = shown()
+    assert len(repr(run)) < 200
+    assert "\n" not in repr(run)
+    assert "\n" not in str(run)
+    assert len(str(run)) < 700
+    for text in (repr(run), str(run)):
+        for said in ("split_s_swift", "finished", "2 of 2 laps", "colored", "swift", "seed 0"):
+            assert said in text
+
+
+def test_print_tells_lap_times_chatter_and_planning_time():
+    run = shown()
+    text = str(run)
+    assert all(f"{lap:.3f}" in text for lap in run.laps)
+    assert f"{run.metrics.thrust_tv:.1f} m/s^2" in text
+    assert f"{run.metrics.plan_ms_p50:.1f} ms" in text
+
+
+@pytest.mark.parametrize(
+    ("run", "place"),
+    [
+        (crashed(), "it hit gate 3 in lap 1"),
+        (crashed(gate=0, obstacle=2), "it hit obstacle 2 in lap 1"),
+        (crashed("ground", 0), "it hit the ground in lap 1"),
+        (crashed("bounds", 0), "it left the bounds in lap 1"),
+        (shown("crashed"), "the planner raised an error"),
+    ],
+)
+def test_a_crashed_run_tells_where_it_crashed(run, place):
+    assert place in str(run)
+    assert place in run._repr_html_()
+
+
+def test_a_run_without_a_single_frame_is_shown_too():
+    run = quadsim.Run.from_frames(record(), [])
+    assert "0 of 2 laps" in str(run)
+    assert "<img" in run._repr_html_()
+    assert run.metrics.best_lap is None
+    assert run.metrics.top_speed == 0.0
+    assert run.to_pandas().empty
+
+
+def test_the_limit_is_in_print_report_and_metrics_where_one_is_known():
+    run = quadsim.Run.of(two_laps(quadsim.Spec.of("split_s_swift", laps=3).record()))
+    metrics = run.metrics
+    assert metrics.limit is not None
+    assert metrics.above_limit == pytest.approx(run.duration / metrics.limit - 1.0)
+    said = f"{100 * metrics.above_limit:.1f} % above the best known limit of {metrics.limit:.3f} s"
+    for text in (str(run), run.report(), run._repr_html_()):
+        assert said in text
+    unfinished = quadsim.Run.of(replace(run, outcome="timeout"))
+    assert unfinished.metrics.limit == metrics.limit
+    assert unfinished.metrics.above_limit is None
+
+
+def test_the_notebook_shows_a_picture_and_leaves_matplotlib_as_it_was():
+    before = dict(pyplot.rcParams), pyplot.get_backend(), pyplot.get_fignums()
+    html = shown()._repr_html_()
+    assert (dict(pyplot.rcParams), pyplot.get_backend(), pyplot.get_fignums()) == before
+    (source,) = re.findall(r'src="data:image/png;base64,([^"]+)"', html)
+    picture = imread(io.BytesIO(base64.b64decode(source)))
+    assert picture.shape[1] <= 800
+    assert picture[..., :3].std() > 0.05, "not a blank page"
+    assert len(html) < 100_000
+
+
+@pytest.mark.parametrize("key", ["course", "sampler", "preset", "vehicle"])
+def test_no_text_of_a_run_becomes_html_or_moves_the_cursor(key):
+    run = shown()
+    hostile = ELEMENT + CONTROL
+    spec = run.spec | {key: hostile if key != "vehicle" else run.spec[key] | {"name": hostile}}
+    run = quadsim.Run.of(replace(run, spec=spec))
+    html = run._repr_html_()
+    assert ELEMENT not in html
+    assert "&lt;img src=x" in html
+    shown_texts = [html, str(run), repr(run)]
+    # A report is of a spec as it is stored, in which courses have no such names
+    if key != "course":
+        shown_texts.append(run.report())
+    assert not any("\x1b" in text for text in shown_texts)
+
+
+def test_the_report_is_that_of_the_command_without_colours(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "90")
+    run = shown()
+    folder = run.save(tmp_path)
+    assert race(["show", str(folder), "--runs-dir", str(tmp_path)]) == 0
+    printed, _, stored = capsys.readouterr().out.rpartition("\n\nstored in ")
+    assert stored.strip() == str(folder)
+    assert run.report(columns=90) == printed
+
+
+def test_metrics_are_those_of_the_report():
+    run = shown()
+    metrics = run.metrics
+    measured = chatter(run)
+    assert metrics.thrust_tv == measured["commanded"]["thrust_tv"]
+    assert metrics.thrust_tv_delivered == measured["delivered"]["thrust_tv"]
+    assert metrics.rates_tv == measured["commanded"]["body_rates_tv"]
+    assert metrics.rates_tv_delivered == measured["delivered"]["body_rates_tv"]
+    assert [list(lap) for lap in metrics.splits] == splits(run)
+    assert list(metrics.laps) == run.laps
+    assert metrics.best_lap == min(run.laps)
+    assert metrics.race_time == sum(run.laps)
+    assert metrics.nees is None
+
+
+def test_speed_and_length_of_a_straight_flight_are_known():
+    """The frames move .3 m along x each period of .01 s, and say that they fly at 5 m/s."""
+    metrics = shown().metrics
+    assert metrics.path_length == pytest.approx(60 * 0.3)
+    assert metrics.mean_speed == pytest.approx(30.0)
+    assert metrics.top_speed == pytest.approx(5.0)
+
+
+def test_metrics_of_a_flight_with_sensors_have_the_estimates_errors(sensed):
+    metrics = sensed.metrics
+    assert metrics.nees == pytest.approx(sensed.telemetry["nees"].mean())
+    assert 0.0 < metrics.position_rms < 0.5
+
+
+def test_pandas_has_every_number_of_the_telemetry_by_time(sensed):
+    pytest.importorskip("pandas")
+    frame = sensed.to_pandas()
+    assert frame.index.name == "t"
+    assert np.array_equal(frame.index, sensed.telemetry["t"])
+    assert ["t", *frame.columns] == list(sensed.telemetry)
+    for name in frame.columns:
+        assert np.array_equal(frame[name], sensed.telemetry[name])
+    assert frame.attrs["units"] == columns_of(sensed.spec)
+
+
+def test_pandas_has_a_row_for_each_event_as_the_stored_table(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    run = shown()
+    stored = pandas.read_csv(run.save(tmp_path) / "events.csv")
+    pandas.testing.assert_frame_equal(run.events_to_pandas(), stored)
+
+
+def test_a_missing_package_is_one_line_that_says_what_to_install(monkeypatch):
+    run = shown()
+    for module in ("pandas", "mcap_protobuf", "mcap_protobuf.writer"):
+        monkeypatch.setitem(sys.modules, module, None)
+    for ask in (run.to_pandas, run.events_to_pandas, lambda: run.export("x.mcap")):
+        with pytest.raises(ModuleNotFoundError, match=r"is not installed: .* -m pip install") as e:
+            ask()
+        assert "\n" not in str(e.value)
+
+
+def test_a_run_stores_and_draws_itself_as_the_functions_do(tmp_path):
+    run = shown()
+    again = quadsim.load_run(run.save(tmp_path / "a"))
+    assert isinstance(again, quadsim.Run)
+    assert same(again, run)
+    assert same(quadsim.load_run(quadsim.save_run(run, tmp_path / "b")), run)
+    run.plot(tmp_path / "run.svg")
+    quadsim.plot(run, tmp_path / "function.svg")
+    assert (tmp_path / "run.svg").read_text().count("<path") > 50
+    assert (tmp_path / "function.svg").exists()
+
+
+def test_export_writes_the_kind_that_the_name_ends_with(tmp_path):
+    run = shown()
+    path = run.export(tmp_path / "flown.csv")
+    head, *rows = csv.reader(path.open())
+    assert head == [f"{name} [{unit}]" for name, unit in columns_of(run.spec).items()]
+    assert [float(row[1]) for row in rows] == run.telemetry["px"].tolist()
+    with pytest.raises(ValueError, match=r"expected FILE.csv or FILE.mcap, got '.*x.txt'"):
+        run.export(tmp_path / "x.txt")
+    with pytest.raises(quadsim.RunError, match="flown.csv"):
+        run.export(path / "x.csv")
+
+
+def test_metrics_can_be_a_row_of_a_table():
+    pandas = pytest.importorskip("pandas")
+    table = pandas.DataFrame([asdict(shown().metrics), asdict(crashed().metrics)])
+    assert table["race_time"].isna().tolist() == [False, True]
