@@ -6,7 +6,7 @@ import numpy as np
 import quadsim
 
 flown = quadsim.fly("figure8", laps=1, samples=1024)
-folder = quadsim.save_run(flown, "runs")
+folder = flown.save("runs")
 run = quadsim.load_run(folder)
 print(folder.name, run.outcome, "digest", run.digest()[:12])
 speed = np.sqrt(sum(run.telemetry[name] ** 2 for name in ("vx", "vy", "vz")))
