@@ -11,7 +11,7 @@ PYTEST := $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 # The markers that tests/conftest.py sets.
 QUICK  := not (browser or process or flight or long)
 
-.PHONY: race web bench quick test fuzz regression lint fix docs docs-figures docs-version clean
+.PHONY: race web bench quick test fuzz regression lint fix docs docs-figures docs-version notebooks clean
 
 race: $(VENV)/.app
 	$(BIN)/race fly
@@ -40,7 +40,7 @@ fuzz: $(VENV)/.dev
 # `race regress FILE --regen` stores new values.
 regression: $(VENV)/.dev
 	$(BIN)/race regress tests/lap_times/*.yaml
-	$(BIN)/pytest -m long tests/courses_nasty
+	$(BIN)/pytest -m long tests/courses_nasty tests/test_notebooks.py
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -81,6 +81,11 @@ docs-figures: $(VENV)/.dev
 	$(BIN)/python docs/pictures_figure.py # docs/pictures.png
 	$(BIN)/python docs/sensing_figures.py # docs/sensing_*.png
 	$(BIN)/python docs/dashboard_pictures.py # docs/dashboard_*.png
+
+# Run the notebooks of examples/ and store them with their outputs: some minutes.
+notebooks: $(VENV)/.dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[notebook]'
+	$(BIN)/python examples/notebooks/store.py
 
 # The site of one version beside those of the others, as a commit on the branch gh-pages: make docs-version VERSION=0.1
 docs-version: $(VENV)/.dev

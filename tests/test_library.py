@@ -59,6 +59,20 @@ def test_fly_gives_the_run_that_the_command_stores(default, tmp_path, capsys):
     assert record["repeatable_from_spec"]
 
 
+def test_what_a_user_prints_is_one_short_line():
+    spec = quadsim.Spec.of("lsy_level2", sensing="mocap", **SMALL)
+    frame = next(quadsim.frames(spec))
+    for thing, said in (
+        (spec, "lsy_level2: 1 lap, colored, preset race, vehicle swift, seed 0"),
+        (spec.course, "lsy_level2: 4 gates, 4 obstacles, open"),
+        (spec.vehicle, "swift: 0.87 kg"),
+        (frame, "t=0.0"),
+    ):
+        assert said in repr(thing)
+        assert "\n" not in repr(thing)
+        assert len(repr(thing)) < 600
+
+
 def test_frames_are_the_steps_of_the_run(default):
     steps = list(quadsim.frames("figure8", **SMALL))
     assert [f.t for f in steps] == default.telemetry["t"].tolist()

@@ -217,7 +217,7 @@ def test_export_writes_the_kind_that_the_name_ends_with(tmp_path):
     assert [float(row[1]) for row in rows] == run.telemetry["px"].tolist()
     with pytest.raises(ValueError, match=r"expected FILE.csv or FILE.mcap, got '.*x.txt'"):
         run.export(tmp_path / "x.txt")
-    with pytest.raises(quadsim.RunError, match="flown.csv"):
+    with pytest.raises(quadsim.RunError, match=r"flown\.csv"):
         run.export(path / "x.csv")
 
 

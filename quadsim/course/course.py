@@ -202,6 +202,14 @@ class Course:
     # numbered from 1
     obstacles: tuple[Obstacle, ...] = ()
 
+    def __repr__(self) -> str:
+        """Return one short line; `to_yaml` has all numbers."""
+        parts = [f"{len(self.gates)} gates"]
+        if self.obstacles:
+            parts.append(f"{len(self.obstacles)} obstacles")
+        parts.append(f"{self.laps} laps" if self.loop else "open")
+        return f"<Course {self.name}: {', '.join(parts)}>"
+
     @cached_property
     def lap_length(self) -> float:
         """The length of straight lines through the gates once [m].

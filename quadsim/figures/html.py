@@ -41,7 +41,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], texts: Collection[
     """
     lines = [_row("th", head, texts)] if head else []
     lines += [_row("td", row, texts) for row in rows]
-    look = "border-collapse:collapse;font-variant-numeric:tabular-nums"
+    look = "border-collapse:collapse;margin:6px 0;font-variant-numeric:tabular-nums"
     return f'<table style="{look}">{"".join(lines)}</table>'
 
 

@@ -43,5 +43,5 @@ def _facts(run: Run, metrics: RunMetrics) -> Iterator[tuple[str, str]]:
     if metrics.above_limit is not None:
         yield "limit", limit_text(metrics)
     yield "speed", f"{metrics.top_speed:.1f} m/s at most, {metrics.mean_speed:.1f} m/s on average"
-    yield "thrust", chatter_text(metrics)
-    yield "planning", planning_text(run, metrics)
+    yield "thrust chatter", chatter_text(metrics)
+    yield "planning time", planning_text(metrics)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 
 from controllers.plan import PlannerSnapshot
@@ -98,9 +98,9 @@ class Frame:
     # None: still flying; finished, crashed, stuck, timeout
     outcome: str | None = None
     # the planner's best samples, every SNAPSHOT_EVERY periods
-    snapshot: PlannerSnapshot | None = None
+    snapshot: PlannerSnapshot | None = field(default=None, repr=False)
     # columns of quadsim.sensing.estimate_record.ESTIMATE_UNITS, where the state is sensed
-    estimate: tuple[float, ...] = ()
+    estimate: tuple[float, ...] = field(default=(), repr=False)
 
 
 def flown_laps(events: Iterable[Event], completed: int) -> list[float]:

@@ -26,8 +26,9 @@ def _sentences(run: Run, metrics: RunMetrics) -> Iterator[str]:
         yield f"Lap times: {lap_times(run)}."
     if metrics.above_limit is not None:
         yield f"The race is {limit_text(metrics)}."
-    yield chatter_text(metrics) + "."
-    yield planning_text(run, metrics) + "."
+    yield f"Thrust chatter is {chatter_text(metrics)}."
+    who = "The pilot" if run.spec.get("pilot") else "A plan"
+    yield f"{who} took {planning_text(metrics)}."
     remark = not_comparable(run.spec)
     if remark:
         yield f"{remark[0].upper()}{remark[1:]}."
@@ -62,10 +63,9 @@ def limit_text(metrics: RunMetrics) -> str:
 def chatter_text(metrics: RunMetrics) -> str:
     """Return the chatter of the thrust as text."""
     commanded = f"{metrics.thrust_tv:.1f} m/s^2 per second commanded"
-    return f"Thrust chatter is {commanded} and {metrics.thrust_tv_delivered:.1f} delivered"
+    return f"{commanded} and {metrics.thrust_tv_delivered:.1f} delivered"
 
 
-def planning_text(run: Run, metrics: RunMetrics) -> str:
+def planning_text(metrics: RunMetrics) -> str:
     """Return the time that a control step took to compute, as text."""
-    who = "The pilot" if run.spec.get("pilot") else "A plan"
-    return f"{who} took {metrics.plan_ms_p50:.1f} ms (p95 {metrics.plan_ms_p95:.1f} ms)"
+    return f"{metrics.plan_ms_p50:.1f} ms (p95 {metrics.plan_ms_p95:.1f} ms)"

@@ -160,6 +160,12 @@ class Spec:
         parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name in KEYWORDS}
         object.__setattr__(self, "given", parts)
 
+    def __repr__(self) -> str:
+        """Return one short line; `record` has all numbers."""
+        laps = f"{self.laps} lap" + "s" * (self.laps > 1)
+        flown = f"{self.sampler}, preset {self.preset}, vehicle {self.vehicle.name}"
+        return f"<Spec {self.course.name}: {laps}, {flown}, seed {self.seed}>"
+
     @classmethod
     def of(cls, course: CourseLike | None = None, **settings: Unpack[Keywords]) -> Spec:
         """Return the flight with these settings; the others come from preset, course and vehicle.

@@ -121,6 +121,11 @@ class Vehicle:
     # None: thrust acts at once and without limits of single rotors
     rotors: Rotors | None
 
+    def __repr__(self) -> str:
+        """Return one short line; `to_yaml` has all numbers."""
+        ratio = f"thrust-to-weight {self.thrust_to_weight:.2f}"
+        return f"<Vehicle {self.name}: {self.mass:g} kg, {ratio}>"
+
     @property
     def thrust_to_weight(self) -> float:
         """The full thrust by the weight."""
