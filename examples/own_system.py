@@ -27,10 +27,14 @@ class Params(NamedTuple):
 
 
 def step(x, u, p, dt):
-    torque = p.gravity * sin(x.angle) - u.acceleration * cos(x.angle)
-    rate = x.rate + torque / p.length * dt
-    velocity = x.velocity + u.acceleration * dt
-    return State(x.position + velocity * dt, velocity, x.angle + rate * dt, rate)
+    torque = (p.gravity * sin(x.angle) - u.acceleration * cos(x.angle)) / p.length
+    rate = x.rate + torque * dt
+    return State(
+        position=x.position + x.velocity * dt,
+        velocity=x.velocity + u.acceleration * dt,
+        angle=x.angle + rate * dt,
+        rate=rate,
+    )
 
 
 params = Params(gravity=9.81, length=0.5)

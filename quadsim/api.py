@@ -31,7 +31,8 @@ def fly(
         course: a course by name ("split_s_swift"), a FILE.yaml, a Course, a complete Spec, which
             `settings` change as `Spec.but` does, or `run.spec` of a stored run, which flies that
             run again. Objects of your own that flew in it are given again.
-        settings: every flight, planner, cost and model option of `race fly`, with `_` for `-`:
+        settings: every flight, planner, cost and model option of `race fly`, with `_` for `-`;
+            `print(quadsim.settings())` lists them with units, ranges and defaults. For example
             sampler="gaussian", seed=3, horizon=120, sigma=(1, 1, 1, 4) [rad/s, rad/s, rad/s,
             m/s^2], vehicle="swift", laps=1, model_drag=0.0. sampler, terms, cost, plant, controller
             and referee may be objects of your own, see docs/library.md.

@@ -563,6 +563,7 @@ def _part(
 ) -> T:
     """Return a part that was given, see `_loaded`. Raises SettingError."""
     if isinstance(part, kind):
+        _check_numbers(name, part)
         return part
     if not isinstance(part, str | Path):
         wanted = f"expected a name, a FILE.yaml or a {kind.__name__}"
@@ -570,6 +571,16 @@ def _part(
     loaded = load(str(part))
     read[name] = loaded
     return loaded
+
+
+def _check_numbers(name: str, part: object) -> None:
+    """Check the numbers of a vehicle or a sensing as those of a file are. Raises SettingError."""
+    if not isinstance(part, Vehicle | Sensing):
+        return
+    try:
+        part.but()
+    except SettingError as error:
+        raise SettingError(name, str(error)) from None
 
 
 def _base_planner(
