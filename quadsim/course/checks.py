@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from quadsim.course.course import Course, Gate
 from quadsim.course.obstacles import Obstacle
 from quadsim.course.opening import InGate, half_sizes
 from quadsim.course.swept_obstacles import SweptObstacle
+
+if TYPE_CHECKING:
+    from quadsim.course.course import Course, Gate
 
 # [m] around the start, and before and behind gates: the largest vehicle (.25) and half a bar (.05)
 ROOM = 0.3

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.course.course import Course
-from quadsim.course.course_file import parse_course
+from quadsim.course.course import Course, parse_course
 from quadsim.files.strict_yaml import FileError
 from quadsim.rotation import Vec3
 from quadsim.streams import course_stream

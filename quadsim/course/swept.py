@@ -13,11 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import dist, hypot, inf
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from quadsim.course.course import Gate
 from quadsim.course.opening import (
     HalfSizes,
     InGate,
@@ -32,6 +31,9 @@ from quadsim.course.opening import (
     outer_half_sizes,
 )
 from quadsim.rotation import Vec3
+
+if TYPE_CHECKING:
+    from quadsim.course.course import Gate
 
 
 class Incident(NamedTuple):

@@ -14,7 +14,7 @@ from controllers.presets import Planner
 from controllers.presets import faults as faults_of_planner
 from controllers.samplers import SAMPLERS
 from quadsim.course import Course, load_course
-from quadsim.course.course_file import is_described
+from quadsim.course.course import is_described
 from quadsim.dynamics.quadrotor import Control, ModelParams
 from quadsim.files.values import checked
 from quadsim.files.yaml_errors import did_you_mean, shown_value

@@ -11,11 +11,11 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from quadsim.course.course_file import CourseFile
+from quadsim.course.course import CourseFile
 from quadsim.sensing.sensing_file import SensingFile
 from quadsim.spec.settings import OWNERS, SETTINGS
 from quadsim.spec.settings_table import key_rows, markdown, setting_rows
-from quadsim.vehicle.vehicle_file import VehicleFile
+from quadsim.vehicle.vehicle import VehicleFile
 
 DOCS = Path(__file__).parents[2] / "docs"
 COMMAND = "python -m quadsim.spec.write_tables"

@@ -1,7 +1,16 @@
 """Vehicles: the numbers of a quadrotor, read from YAML files and checked."""
 
-from quadsim.vehicle.vehicle import GRAVITY, Rotors, Vehicle, scale_thrust, with_thrust_to_weight
-from quadsim.vehicle.vehicle_file import VEHICLES, load_vehicle, parse_vehicle, vehicle_names
+from quadsim.vehicle.vehicle import (
+    GRAVITY,
+    VEHICLES,
+    Rotors,
+    Vehicle,
+    load_vehicle,
+    parse_vehicle,
+    scale_thrust,
+    vehicle_names,
+    with_thrust_to_weight,
+)
 
 __all__ = [
     "GRAVITY",

@@ -1,19 +1,44 @@
-"""Vehicle: the numbers of one quadrotor as plain values.
+"""Vehicle: the numbers of one quadrotor as plain values, and the files that hold them.
 
-They are read from YAML by quadsim.vehicle.vehicle_file.
+A vehicle file has the keys of VehicleFile, with units, ranges and defaults; they are Flightmare's
+where it has them. `parse_vehicle` reads it, and `Vehicle.to_yaml` writes it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import isclose, nextafter, sqrt
 from pathlib import Path
-from typing import TypedDict, Unpack
+from typing import Annotated, Any, NamedTuple, TypedDict, Unpack
 
+from msgspec import Struct
+
+from quadsim.files.data_files import locate, names, read_text
+from quadsim.files.strict_yaml import parse, setting, unit
+from quadsim.files.values import SettingError
+from quadsim.files.yaml_text import dump, remade, written
 from quadsim.rotation import Vec3
 
 GRAVITY = 9.81  # [m/s^2]
+VEHICLES = Path(__file__).parent
+# Keys of a vehicle file that a Vehicle or its Rotors have under another name
+KEYS = {"rate_max": "omega_max"}
+KEYS_OF_ROTORS = {
+    "omega_min": "motor_omega_min",
+    "omega_max": "motor_omega_max",
+    "tau": "motor_tau",
+    "positions": "arm_l, or rotor_x and rotor_y",
+}
+# A thrust_max may differ from that of its rotors by rounding.
+ROUNDING = 1e-9
+
+Length = Annotated[float, unit("m", gt=0, le=2)]
+Speed = Annotated[float, unit("rad/s", ge=0, le=20000)]
+Lag = Annotated[float, unit("s", ge=0, le=2)]
+Rate = Annotated[float, unit("rad/s", gt=0, le=100)]
+Moment = Annotated[float, unit("kg m^2", gt=0, le=10)]
+Drag = Annotated[float, unit("1/s", ge=0, le=20)]
 
 
 @dataclass(frozen=True)
@@ -150,9 +175,8 @@ class Vehicle:
             >>> round(swift.thrust_to_weight, 2), round(swift.but(mass=1.0).thrust_to_weight, 2)
             (4.1, 3.57)
         """
-        from quadsim.vehicle.vehicle_file import changed  # here: it imports this module
 
-        return changed(self, changes)
+        return _changed(self, changes)
 
     def to_yaml(self, path: str | Path | None = None) -> str:
         """Return the vehicle as a vehicle file, which `load_vehicle` reads to an equal vehicle.
@@ -172,10 +196,8 @@ class Vehicle:
             >>> quadsim.load_vehicle("late.yaml").latency
             0.02
         """
-        from quadsim.files.yaml_text import written
-        from quadsim.vehicle.vehicle_file import as_yaml
 
-        return written(as_yaml(self), path)
+        return written(_as_yaml(self), path)
 
 
 def scale_thrust(vehicle: Vehicle, factor: float) -> Vehicle:
@@ -194,3 +216,305 @@ def with_thrust_to_weight(vehicle: Vehicle, ratio: float) -> Vehicle:
     """Return the vehicle with a full thrust of `ratio` times its weight, named after the ratio."""
     scaled = scale_thrust(vehicle, ratio * GRAVITY / vehicle.thrust_max)
     return replace(scaled, name=f"{vehicle.name}-twr{ratio:g}")
+
+
+class RotorsEntry(Struct, frozen=True, kw_only=True):
+    """The rotors of a vehicle file."""
+
+    arm_l: Annotated[
+        Length | None, setting("centre to rotor, for rotors on the diagonals of a square [m]")
+    ] = None
+    rotor_x: Annotated[Length | None, setting("half the distance front to rear [m]")] = None
+    rotor_y: Annotated[Length | None, setting("half the distance left to right [m]")] = None
+    motor_omega_min: Annotated[Speed, setting("speed at idle [rad/s]")]
+    motor_omega_max: Annotated[Speed, setting("full speed [rad/s]")]
+    motor_tau: Annotated[Lag, setting("lag of the speed [s]")]
+    thrust_map: Annotated[
+        tuple[float, float, float],
+        setting("c2, c1, c0 of the thrust c2 W^2 + c1 W + c0", unit="N s^2, N s, N"),
+    ]
+    kappa: Annotated[float, setting("reaction torque per thrust [m]", unit="m", gt=0, le=1)]
+
+
+class VehicleFile(Struct, frozen=True, kw_only=True):
+    """The keys of a vehicle file."""
+
+    source: Annotated[str, setting("origin of the numbers")] = ""
+    mass: Annotated[float, setting("mass [kg]", unit="kg", gt=0, le=100)]
+    inertia: Annotated[
+        tuple[Moment, Moment, Moment], setting("principal moments about x, y, z [kg m^2]")
+    ]
+    # A course keeps as much as the largest radius free around its start.
+    radius: Annotated[
+        float, setting("radius of the sphere in contacts [m]", unit="m", gt=0, le=0.25)
+    ]
+    rate_tau: Annotated[tuple[Lag, Lag, Lag], setting("lags of the body rates about x, y, z [s]")]
+    omega_max: Annotated[
+        tuple[Rate, Rate, Rate], setting("limits of the body-rate commands about x, y, z [rad/s]")
+    ]
+    thrust_max: (
+        Annotated[
+            float,
+            setting(
+                "largest mass-normalised thrust of a vehicle without rotors [m/s^2]",
+                unit="m/s^2",
+                gt=0,
+                le=1000,
+            ),
+        ]
+        | None
+    ) = None
+    drag: Annotated[
+        tuple[Drag, Drag, Drag], setting("linear drag along the body's x, y, z [1/s]")
+    ] = (0.0, 0.0, 0.0)
+    latency: Annotated[
+        float, setting("time from command to actuator [s]", unit="s", ge=0, le=0.5)
+    ] = 0.0
+    rotors: RotorsEntry | None = None
+
+
+def vehicle_names() -> tuple[str, ...]:
+    """Return the names of the vehicles that come with the project."""
+    return names(VEHICLES)
+
+
+def load_vehicle(name_or_path: str | Path) -> Vehicle:
+    """Return a vehicle by name ("swift") or path ("mine.yaml").
+
+    Raises:
+        FileError: there is no such vehicle, or the file is not a vehicle.
+
+    Examples:
+        >>> import quadsim
+        >>> vehicle = quadsim.load_vehicle("swift")
+        >>> vehicle.mass, vehicle.thrust_max
+        (0.87, 40.2...)
+    """
+    path = locate(name_or_path, VEHICLES, "vehicle")
+    return parse_vehicle(read_text(path), str(path))
+
+
+def parse_vehicle(text: str, file: str) -> Vehicle:
+    """Return the vehicle of a YAML text.
+
+    Args:
+        text: the YAML.
+        file: shown in errors; gives the vehicle its name.
+
+    Raises:
+        FileError: the text is not a vehicle.
+    """
+    document = parse(text, file)
+    entry = document.fill(VehicleFile)
+    for fault in _faults(entry):
+        raise document.error(fault.key, fault.problem)
+    rotors = _rotors(entry.rotors) if entry.rotors else None
+    thrust_max = entry.thrust_max
+    if rotors:
+        thrust_max = 4 * rotors.thrust(rotors.omega_max) / entry.mass
+    # `_faults` has found a vehicle with neither.
+    assert thrust_max is not None
+    return Vehicle(
+        name=Path(file).stem,
+        source=entry.source,
+        mass=entry.mass,
+        inertia=entry.inertia,
+        radius=entry.radius,
+        rate_tau=entry.rate_tau,
+        rate_max=entry.omega_max,
+        thrust_max=thrust_max,
+        drag=entry.drag,
+        latency=entry.latency,
+        rotors=rotors,
+    )
+
+
+def _changed(vehicle: Vehicle, changes: Mapping[str, Any]) -> Vehicle:
+    """Return the vehicle with other values of some keys of its file; see Vehicle.but.
+
+    Raises:
+        SettingError: a value cannot be used.
+    """
+    _check_keys(changes, KEYS)
+    given = dict(changes)
+    name = str(given.pop("name", vehicle.name))
+    entries = _entries(vehicle)
+    if "rotors" in given:
+        rotors = given.pop("rotors")
+        # The thrust is that of the rotors, or what they gave
+        entries.pop("rotors" if rotors is None else "thrust_max", None)
+        if rotors is None:
+            entries["thrust_max"] = vehicle.thrust_max
+        else:
+            entries["rotors"] = _changed_rotors(vehicle.rotors, rotors)
+    return replace(remade({**entries, **given}, parse_vehicle, name), name=name)
+
+
+def _changed_rotors(rotors: Rotors | None, changes: Any) -> Any:
+    """Return the entry of the rotors with other values of some keys."""
+    if isinstance(changes, Rotors):
+        return _rotors_entry(changes)
+    if not isinstance(changes, Mapping):
+        return changes
+    _check_keys(changes, KEYS_OF_ROTORS, "rotors.")
+    entry = _rotors_entry(rotors) if rotors else {}
+    sides = {"rotor_x", "rotor_y"}
+    if "arm_l" in changes:
+        entry = {key: value for key, value in entry.items() if key not in sides}
+    elif rotors and sides & changes.keys():
+        entry.pop("arm_l", None)
+        x, y = rotors.positions[2]
+        entry = {"rotor_x": x, "rotor_y": y, **entry}
+    return {**entry, **changes}
+
+
+def _check_keys(changes: Mapping[str, Any], keys: Mapping[str, str], parent: str = "") -> None:
+    """Raise SettingError for an attribute's name that is no key of a vehicle file."""
+    for name in changes:
+        if name in keys:
+            raise SettingError(f"{parent}{name}", f"a vehicle file has it as {keys[name]}")
+
+
+def _as_yaml(vehicle: Vehicle) -> str:
+    """Return the vehicle as a vehicle file; see Vehicle.to_yaml.
+
+    Raises:
+        SettingError: a vehicle file cannot hold it.
+    """
+    entries = _entries(vehicle)
+    again = remade(entries, parse_vehicle, vehicle.name)
+    if not isclose(again.thrust_max, vehicle.thrust_max, rel_tol=ROUNDING):
+        wanted = f"expected {again.thrust_max:g} [m/s^2], as rotors and mass give it"
+        advice = "change numbers with Vehicle.but"
+        raise SettingError("thrust_max", f"{wanted}, got {vehicle.thrust_max:g}: {advice}")
+    if replace(again, name=vehicle.name, thrust_max=vehicle.thrust_max) != vehicle:
+        wanted = "expected rotors on a rectangle, as a vehicle file has them"
+        raise SettingError("rotors", f"{wanted}, got others")
+    return dump(entries)
+
+
+def _entries(vehicle: Vehicle) -> dict[str, Any]:
+    """Return the entries of a vehicle file; those at their default are left out."""
+    entries: dict[str, Any] = {
+        "source": vehicle.source,
+        "mass": vehicle.mass,
+        "inertia": vehicle.inertia,
+        "radius": vehicle.radius,
+        "rate_tau": vehicle.rate_tau,
+        "omega_max": vehicle.rate_max,
+        "thrust_max": None if vehicle.rotors else vehicle.thrust_max,
+        "drag": vehicle.drag,
+        "latency": vehicle.latency,
+        "rotors": _rotors_entry(vehicle.rotors) if vehicle.rotors else None,
+    }
+    defaults = {"source": "", "thrust_max": None, "drag": (0.0, 0.0, 0.0), "latency": 0.0}
+    defaults["rotors"] = None
+    return {
+        key: value
+        for key, value in entries.items()
+        if key not in defaults or value != defaults[key]
+    }
+
+
+def _rotors_entry(rotors: Rotors) -> dict[str, Any]:
+    """Return the entry of the rotors in a vehicle file."""
+    # The third stands at front-left.
+    x, y = rotors.positions[2]
+    arm = _arm(x) if x == y else None
+    place = {"rotor_x": x, "rotor_y": y} if arm is None else {"arm_l": arm}
+    return {
+        **place,
+        "motor_omega_min": rotors.omega_min,
+        "motor_omega_max": rotors.omega_max,
+        "motor_tau": rotors.tau,
+        "thrust_map": rotors.thrust_map,
+        "kappa": rotors.kappa,
+    }
+
+
+def _arm(side: float) -> float | None:
+    """Return the arm_l [m] that gives rotors at +-side [m] to the last bit, None without one."""
+    arm = side * sqrt(2)
+    near = (round(arm, 6), arm, nextafter(arm, 0.0), nextafter(arm, 1.0))
+    return next((each for each in near if each / sqrt(2) == side), None)
+
+
+class Fault(NamedTuple):
+    """A key of the vehicle file, and the problem with it."""
+
+    key: str
+    problem: str
+
+
+def _rotors(entry: RotorsEntry) -> Rotors:
+    """Return the rotors, with Flightmare's directions of rotation.
+
+    Front-right and back-left turn the body to the left (+).
+    """
+    side = (entry.arm_l or 0.0) / sqrt(2)
+    x = entry.rotor_x or side
+    y = entry.rotor_y or side
+    return Rotors(
+        positions=((x, -y), (-x, y), (x, y), (-x, -y)),
+        spin=(1, 1, -1, -1),
+        thrust_map=entry.thrust_map,
+        omega_min=entry.motor_omega_min,
+        omega_max=entry.motor_omega_max,
+        tau=entry.motor_tau,
+        kappa=entry.kappa,
+    )
+
+
+def _faults(entry: VehicleFile) -> Iterator[Fault]:
+    """Yield all faults of a vehicle; the first is the one to show."""
+    if 2 * max(entry.inertia) > sum(entry.inertia):
+        expected = "expected each moment at most the sum of the other two [kg m^2]"
+        yield Fault("inertia", f"{expected}, got {_list(entry.inertia)}")
+    if entry.rotors:
+        if entry.thrust_max is not None:
+            problem = "expected none beside rotors, whose thrust_map gives it: remove one"
+            yield Fault("thrust_max", problem)
+        yield from _rotor_faults(entry.rotors, entry.mass * GRAVITY)
+    elif entry.thrust_max is None:
+        yield Fault("thrust_max", "missing, expected a number [m/s^2], or rotors")
+    elif entry.thrust_max <= GRAVITY:
+        problem = f"cannot hover: expected more than {GRAVITY} [m/s^2], got {entry.thrust_max:g}"
+        yield Fault("thrust_max", problem)
+
+
+def _rotor_faults(entry: RotorsEntry, weight: float) -> Iterator[Fault]:
+    """Yield the faults of the rotors.
+
+    Args:
+        entry: entry of the file.
+        weight: weight of the vehicle [N].
+    """
+    sides = [entry.rotor_x is not None, entry.rotor_y is not None]
+    one_way = not any(sides) if entry.arm_l is not None else all(sides)
+    if not one_way:
+        yield Fault("rotors", "expected either arm_l [m] or both rotor_x and rotor_y [m]")
+
+    rotors = _rotors(entry)
+    low = rotors.omega_min
+    high = rotors.omega_max
+    if low >= high:
+        problem = f"expected more than motor_omega_min = {low:g} [rad/s], got {high:g}"
+        yield Fault("rotors.motor_omega_max", problem)
+    c2, c1, _ = rotors.thrust_map
+    if c2 <= 0.0 or 2 * c2 * low + c1 < 0.0:
+        expected = "expected thrust that rises, ever faster, with the speed"
+        yield Fault("rotors.thrust_map", f"{expected}, got {_list(rotors.thrust_map)}")
+
+    idle = 4 * rotors.thrust(low)
+    full = 4 * rotors.thrust(high)
+    if full <= weight:
+        expected = f"expected more than the weight of {weight:.2f} N"
+        yield Fault("rotors", f"cannot hover: {expected}, got {full:.2f} N at full speed")
+    if idle >= weight:
+        expected = f"expected less than the weight of {weight:.2f} N"
+        yield Fault("rotors", f"cannot descend: {expected}, got {idle:.2f} N at idle")
+
+
+def _list(numbers: tuple[float, ...]) -> str:
+    """Return numbers as YAML writes a list."""
+    return "[" + ", ".join(f"{n:g}" for n in numbers) + "]"

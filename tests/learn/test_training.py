@@ -15,7 +15,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.learn.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from quadsim.learn.ppo_config import PPOConfig, crash_share
 from quadsim.learn.training import Score
-from quadsim.vehicle.vehicle_file import VEHICLES
+from quadsim.vehicle.vehicle import VEHICLES
 from tests.fuzz import learner
 
 NETWORK = {

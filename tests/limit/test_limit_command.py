@@ -32,7 +32,7 @@ from quadsim.record.limits import (
 from quadsim.record.run import RunError
 from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
-from quadsim.vehicle.vehicle_file import VEHICLES
+from quadsim.vehicle.vehicle import VEHICLES
 from web.stored_runs import stored_competitor
 
 COURSE = """opening: [1.5, 1.5]

@@ -7,13 +7,13 @@ import pytest
 import quadsim
 from controllers import PRESETS
 from quadsim.cli.cli import race
-from quadsim.course.course_file import CourseFile
+from quadsim.course.course import CourseFile
 from quadsim.sensing.camera import Camera
 from quadsim.sensing.sensing_file import SensingFile
 from quadsim.spec.settings import SETTINGS
 from quadsim.spec.settings_table import key_rows, setting_rows
 from quadsim.spec.write_tables import COMMAND, DOCS, TABLE, tables, written
-from quadsim.vehicle.vehicle_file import VehicleFile
+from quadsim.vehicle.vehicle import VehicleFile
 
 PAGES = {page.name: page.read_text() for page in DOCS.glob("*.md")}
 FILES = {"course": CourseFile, "vehicle": VehicleFile, "sensing": SensingFile, "camera": Camera}

@@ -11,8 +11,7 @@ from quadsim.course.checks import ROOM
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import SettingError
 from quadsim.vehicle import GRAVITY, Vehicle, load_vehicle, parse_vehicle, vehicle_names
-from quadsim.vehicle.vehicle import RotorChanges, VehicleChanges
-from quadsim.vehicle.vehicle_file import RotorsEntry, VehicleFile
+from quadsim.vehicle.vehicle import RotorChanges, RotorsEntry, VehicleChanges, VehicleFile
 
 BARE = """\
 mass: 1
