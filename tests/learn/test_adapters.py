@@ -6,12 +6,10 @@ import pytest
 pytest.importorskip("gymnasium", reason="the extra rl is not installed")
 pytest.importorskip("stable_baselines3", reason="the extra train is not installed")
 
-from quadsim.learn.ppo import Learner
-from quadsim.learn.ppo_config import PPOConfig
+import gymnasium
+from stable_baselines3.common.env_checker import check_env
+
 from quadsim.learn.stable_baselines import RacingVecEnv
-from quadsim.learn.starts import hover_action
-from quadsim.learn.task import task
-from quadsim.learn.training import Training, pilot_of
 from quadsim.learn.vector_env import RacingVectorEnv
 
 N = 70
@@ -58,32 +56,9 @@ def test_settings_are_those_of_all_environments():
         adapted.set_attr("x", 1, indices=0)
 
 
-def test_a_learner_hovers_at_first_and_its_pilot_does_what_its_policy_means(tmp_path):
-    import torch
-
-    asked = task("split_s_swift", start="anywhere", time_limit=10.0)
-    config = PPOConfig(environments=64, hidden=8, steps=8)
-    learner = Learner(asked, config, seed=0)
-    before = learner.parameters()
-    hover = hover_action(asked.vehicle, asked.dt)
-    np.testing.assert_allclose(learner.pilot_weights()[-1], hover, rtol=1e-6)
-    learner.learn(crash_share=0.2)
-    assert learner.steps_done == 64 * 8 * config.hold
-    after = learner.parameters()
-    assert any((before[name] != after[name]).any() for name in before)
-
-    pilot = pilot_of(learner, Training(asked, config, 0, 1, tmp_path / "p.npz"))
-    obs = np.random.default_rng(0).normal(size=(5, 38)).astype(np.float32)
-    distribution = learner._model.policy.get_distribution(torch.from_numpy(obs))
-    mean = distribution.mode().detach().numpy()
-    np.testing.assert_allclose(pilot(obs), np.clip(mean, -1, 1), rtol=1e-5, atol=1e-6)
-
-
-def test_a_learner_that_is_restored_has_the_same_numbers():
-    asked = task("split_s_swift", start="anywhere", time_limit=10.0)
-    config = PPOConfig(environments=64, hidden=8, steps=8)
-    first, second = (Learner(asked, config, seed) for seed in (0, 1))
-    second.restore(first.parameters(), steps_done=12)
-    assert second.steps_done == 12
-    for name, array in first.parameters().items():
-        np.testing.assert_array_equal(second.parameters()[name], array)
+@pytest.mark.parametrize("env_id", ["quadsim/Racing-v0", "quadsim/RacingBullet-v0"])
+@pytest.mark.filterwarnings("error")
+def test_the_check_of_stable_baselines_passes(env_id):
+    env = gymnasium.make(f"quadsim.learn:{env_id}", randomize=0.5)
+    check_env(env.unwrapped)
+    env.close()

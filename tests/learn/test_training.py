@@ -9,7 +9,6 @@ import pytest
 from msgspec import structs
 
 from controllers.learned.pilot import load_pilot, pilot_bytes
-from quadsim.cli import train as command
 from quadsim.cli.cli import race
 from quadsim.files.strict_yaml import FileError
 from quadsim.learn.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
@@ -146,7 +145,6 @@ def place(tmp_path, monkeypatch):
     """A folder with a course and a vehicle, where `race train` has a learner without PyTorch."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, "quadsim.learn.ppo", learner.module())
-    monkeypatch.setattr(command, "find_spec", learner.is_installed)
     (tmp_path / "near.yaml").write_text(NEAR)
     vehicle = next(path for path in VEHICLES.glob("swift.yaml"))
     (tmp_path / "v.yaml").write_text(vehicle.read_text())
@@ -238,7 +236,6 @@ def test_a_training_that_cannot_write_says_so_before_it_learns(place, capsys):
 
 
 def test_a_training_writes_a_pilot_that_flies_and_goes_on_from_its_checkpoint(tmp_path, capsys):
-    pytest.importorskip("stable_baselines3")
     out = tmp_path / "p.npz"
     assert trains("split_s_swift", 16384, "--out", str(out), "--json") == 0
     first = json.loads(capsys.readouterr().out)["history"]
@@ -254,7 +251,6 @@ def test_a_training_writes_a_pilot_that_flies_and_goes_on_from_its_checkpoint(tm
 
 
 def test_a_folder_of_courses_is_learnt_in_environments_of_64_each(tmp_path, monkeypatch):
-    pytest.importorskip("stable_baselines3")
     monkeypatch.chdir(tmp_path)
     assert race(["courses", "--generate", "2", "--seed", "3", "--out", "some"]) == 0
     assert trains("some", 16384, "--out", "p.npz") == 0
