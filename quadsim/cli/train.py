@@ -60,7 +60,7 @@ def train(
     hidden: Annotated[Neurons, Help("neurons of each of two hidden layers")] = 64,
     crash: Annotated[Weight, Help("weight of a crash, in metres of progress")] = 10.0,
     time_limit: Annotated[Seconds, Help("longest episode [s]")] = 10.0,
-    flights: Annotated[Flights, Help("flights of an evaluation in the second half")] = 32,
+    flights: Annotated[Flights, Help("flights of an evaluation in the second half")] = 16,
     json: Json = False,
 ) -> int:
     """Learn to fly a course by Proximal Policy Optimization (PPO).

@@ -1,9 +1,9 @@
 """Proximal Policy Optimization (PPO, Schulman et al. 2017) on the compiled environments, in numpy.
 
 Three things are added to the algorithm. An action is held for several steps of the environment. A
-crash does not weigh in full before the policy flies (see `crash_share` in quadsim.learn.ppo_config).
-And where a race around a closed course ends at its finish, the value of flying on is put in the
-place of nothing, as the policy does not observe which lap it flies.
+crash does not weigh in full before the policy flies (see `crash_share` in
+quadsim.learn.ppo_config). And where a race around a closed course ends at its finish, the value of
+flying on is put in the place of nothing, as the policy does not observe which lap it flies.
 """
 
 from __future__ import annotations

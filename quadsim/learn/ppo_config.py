@@ -14,14 +14,14 @@ class PPOConfig:
     environments: int = 1024
     steps: int = 32  # actions of each environment between two updates
     hold: int = 2  # steps of the environment for which an action is held
-    epochs: int = 4
+    epochs: int = 3
     minibatch: int = 4096
     discount: float = 0.99
     gae: float = 0.95  # lambda of generalised advantage estimation
     clip: float = 0.2
     entropy: float = 0.001
     first_rate: float = 1e-3  # learning rate at the start
-    last_rate: float = 1e-4  # and at the end; in between it falls in proportion to the steps
+    last_rate: float = 5e-5  # and at the end; in between it falls in proportion to what is done
     hidden: int = 64  # neurons of each of two hidden layers
     log_std: float = -1.0  # of actions in -1..1, at the start
     # Share of a crash's weight at the start. A policy that fears crashes from the

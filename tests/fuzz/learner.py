@@ -1,4 +1,4 @@
-"""`race train` without its networks: a learner that takes no time, with all that is written and read."""
+"""`race train` with a learner that takes no time: all that is written and read."""
 
 from __future__ import annotations
 
