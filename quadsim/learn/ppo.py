@@ -1,9 +1,8 @@
 """Proximal Policy Optimization (PPO, Schulman et al. 2017) on the compiled environments, in numpy.
 
-Three things are added to the algorithm. An action is held for several steps of the environment. A
-crash does not weigh in full before the policy flies (see `crash_share` in
-quadsim.learn.ppo_config). And where a race around a closed course ends at its finish, the value of
-flying on is put in the place of nothing, as the policy does not observe which lap it flies.
+Two things are added to the algorithm. An action is held for several steps of the environment. And
+where a race around a closed course ends at its finish, the value of flying on is put in the place
+of nothing, as the policy does not observe which lap it flies.
 """
 
 from __future__ import annotations
@@ -101,24 +100,19 @@ class Learner:
         self._value_steps = Adam(self._value.weights, LONGEST_GRADIENT)
 
         self._lanes = LaneEnvironments(task, config.environments, seed, SAME_STEP)
+        self._lanes.reward_by(scaled(task.rewards, self._scale))
         self._lanes.begin(seed)
         self._actions = np.zeros((len(self._lanes.X), ACTIONS, LANES), np.float32)
         self._rollout = Rollout.empty(config.steps, config.environments)
         loops = np.array([course.loop for course in task.courses])
         self._loops = self._used(np.repeat(loops[self._lanes.course], LANES))
 
-    def learn(self, crash_share: float) -> float:
+    def learn(self) -> float:
         """Fly config.steps actions in every environment, then update the policy.
-
-        Args:
-            crash_share: share of a crash's weight.
 
         Returns:
             The reward per second flown.
         """
-        rewards = self.task.rewards
-        weighed = replace(rewards, crash=crash_share * rewards.crash)
-        self._lanes.reward_by(scaled(weighed, self._scale))
         earned = self._fly()
         self._update()
         steps = self.config.steps * self.config.environments * self.config.hold

@@ -22,7 +22,7 @@ from msgspec import structs
 from controllers.learned.pilot import About, Pilot, load_pilot, pilot_bytes
 from quadsim.dynamics.quadrotor import Control, ModelParams
 from quadsim.learn.checkpoint import Checkpoint, Evaluation, checkpoint_bytes, read_checkpoint
-from quadsim.learn.ppo_config import PPOConfig, crash_share
+from quadsim.learn.ppo_config import PPOConfig
 from quadsim.learn.task import LearningTask
 from quadsim.race.events import flown_laps
 from quadsim.record.whole_files import write_whole
@@ -146,14 +146,12 @@ def train(
         history = found.history
         best = best_score(history, kept)
     clock = Clock(training, learner.steps_done, history[-1]["seconds"] if history else 0.0)
-    reward = history[-1]["reward"] if history else 0.0
     rewards: list[float] = []
     share = clock.share(learner.steps_done)
     evaluated = share
     while share < 1.0:
         learner.rate = learning_rate(share, config)
-        reward = learner.learn(crash_share(reward, config))
-        rewards.append(reward)
+        rewards.append(learner.learn())
         share = clock.share(learner.steps_done)
         progress(clock.progress(learner.steps_done))
         if share < min(evaluated + training.every, 1.0):

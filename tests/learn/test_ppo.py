@@ -23,7 +23,7 @@ def test_a_learner_hovers_at_first_and_its_pilot_flies_its_mean(tmp_path):
     before = learner.parameters()
     hover = hover_action(learner.task.vehicle, learner.task.dt)
     np.testing.assert_allclose(learner.pilot_weights()[-1], hover, rtol=1e-6)
-    learner.learn(crash_share=0.2)
+    learner.learn()
     assert learner.steps_done == 64 * 8 * CONFIG.hold
     after = learner.parameters()
     assert any((before[name] != after[name]).any() for name in before)
@@ -36,7 +36,7 @@ def test_a_learner_hovers_at_first_and_its_pilot_flies_its_mean(tmp_path):
 
 def test_the_same_seed_learns_the_same():
     first, second, other = learner_of(0), learner_of(0), learner_of(1)
-    rewards = [learner.learn(0.2) for learner in (first, second, other)]
+    rewards = [learner.learn() for learner in (first, second, other)]
     assert rewards[0] == rewards[1] != rewards[2]
     for name, array in first.parameters().items():
         np.testing.assert_array_equal(second.parameters()[name], array)
@@ -44,7 +44,7 @@ def test_the_same_seed_learns_the_same():
 
 def test_a_learner_that_is_restored_has_the_same_numbers():
     first, second = learner_of(0), learner_of(1)
-    first.learn(0.2)
+    first.learn()
     second.restore(first.parameters(), first.steps_done)
     assert second.steps_done == first.steps_done
     for name, array in first.parameters().items():

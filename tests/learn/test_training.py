@@ -12,7 +12,6 @@ from controllers.learned.pilot import load_pilot, pilot_bytes
 from quadsim.cli.cli import race
 from quadsim.files.strict_yaml import FileError
 from quadsim.learn.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
-from quadsim.learn.ppo_config import PPOConfig, crash_share
 from quadsim.learn.training import Score
 from quadsim.vehicle.vehicle_file import VEHICLES
 from tests.fuzz import learner
@@ -27,12 +26,6 @@ def trains(course, steps, *flags):
     """Train with sizes that take seconds."""
     sizes = ["--laps", "1", "--environments", "128", "--hidden", "8", "--flights", "1"]
     return race(["train", course, *sizes, "--steps", str(steps), *flags])
-
-
-def test_a_crash_counts_wholly_only_where_a_policy_flies():
-    config = PPOConfig(first_crash=0.5, crash_grows=(1.0, 3.0))
-    shares = [crash_share(reward, config) for reward in (-1.0, 1.0, 2.0, 3.0, 9.0)]
-    assert shares == [0.5, 0.5, 0.75, 1.0, 1.0]
 
 
 def test_a_pilot_that_finishes_is_better_than_a_fast_one_that_does_not():
