@@ -1,4 +1,4 @@
-"""Checkpoints of a training: the parameters of policy and value function, and its history.
+"""Checkpoints of a training: policy, value function and optimiser, and its history.
 
 A training that continues from a checkpoint draws new episodes and new exploration. The file holds
 numbers and JSON alone; nothing in it is executed.
@@ -18,7 +18,7 @@ from msgspec import Meta, Struct
 from quadsim.files.arrays import TEXT, Declared, listed, npz_bytes, read_arrays, record_of
 from quadsim.files.strict_yaml import FileError
 
-FORMAT = "quadsim training 4"
+FORMAT = "quadsim training 5"
 WHAT = "a checkpoint of `race train` for this task"
 # Greatest absolute value of a parameter; the networks have numbers of the order of one
 LARGEST_PARAMETER = 1e6
@@ -41,7 +41,7 @@ class Evaluation(TypedDict):
 class Checkpoint(NamedTuple):
     """A training up to an evaluation."""
 
-    parameters: dict[str, np.ndarray]  # of policy and value function
+    parameters: dict[str, np.ndarray]  # of policy, value function and optimiser
     steps_done: int
     history: list[Evaluation]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("gymnasium", reason="the extra rl is not installed")
-pytest.importorskip("stable_baselines3", reason="the extra train is not installed")
+pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
 
 import gymnasium
 from stable_baselines3.common.env_checker import check_env
