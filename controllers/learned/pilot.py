@@ -17,7 +17,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta, Struct, structs
@@ -48,6 +48,7 @@ LAYERS = {
     "layer_5": Declared("float32", (ACTIONS,), most=LARGEST_WEIGHT),
 }
 
+Activation = Literal["relu", "tanh"]
 Name = Annotated[str, Meta(pattern=r"^[^/]{1,200}$")]
 Rate = Annotated[float, Meta(ge=-100, le=100)]
 Thrust = Annotated[float, Meta(ge=0, le=1000)]
@@ -66,6 +67,8 @@ class About(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     course: str  # that it was trained on
     training: dict[str, Any] = {}  # seed, steps, time, settings, command
     observes: tuple[str, ...] = tuple(UNITS)
+    # what follows each hidden layer, tanh in an older file
+    activation: Activation = "tanh"
     # sha256 of the vehicle that it was trained with, hexadecimal, "" in an older file. A flight may
     # change the vehicle's numbers, which its record names.
     vehicle_sha256: str = ""
@@ -102,7 +105,7 @@ class Pilot:
         Returns:
             (4,), or rows of it.
         """
-        return np.clip(forward(self.weights, obs), -1.0, 1.0)
+        return np.clip(forward(self.weights, obs, self.about.activation), -1.0, 1.0)
 
     @property
     def place(self) -> str:
@@ -151,16 +154,18 @@ class PilotController:
         return command(self._last, about.low, about.high), PlanStats(0.0, 0.0, 0.0)
 
 
-def forward(weights: Sequence[np.ndarray], x: np.ndarray) -> np.ndarray:
-    """Return the outputs of a multilayer perceptron with tanh between its layers.
+def forward(weights: Sequence[np.ndarray], x: np.ndarray, activation: Activation) -> np.ndarray:
+    """Return the outputs of a multilayer perceptron.
 
     Args:
         weights: matrix (inputs, outputs) and bias (outputs,) of each layer in turn.
         x: inputs, (inputs,) or (rows, inputs).
+        activation: what follows each hidden layer: relu, max(0, x), or tanh.
     """
     *hidden, matrix, bias = weights
     for k in range(0, len(hidden), 2):
-        x = np.tanh(x @ hidden[k] + hidden[k + 1])
+        x = x @ hidden[k] + hidden[k + 1]
+        x = np.tanh(x) if activation == "tanh" else np.maximum(x, 0.0)
     return x @ matrix + bias
 
 

@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from datetime import timedelta
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from msgspec import Meta
+from rich.markup import escape
+from rich.progress import BarColumn, TextColumn
+from rich.progress import Progress as Bar
 
 from quadsim.cli.flags import Help, Json, course_help, settings_as_flags, vehicle_help
-from quadsim.console import UsageError, complain, emit, emit_json
+from quadsim.console import UsageError, complain, emit, emit_json, plain, progress_console
 from quadsim.files.extras import needs_extra
 from quadsim.files.strict_yaml import unit
 from quadsim.record.whole_files import expect_file, try_writing
 from quadsim.spec.settings import SettingError
+from quadsim.vehicle import Vehicle, load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:
     from quadsim.learn.checkpoint import Evaluation
-    from quadsim.learn.task import LearningTask
+    from quadsim.learn.training import Progress, Training
 
-# weight of the margin in gates: twice the environments' own, as a pilot does not see a gust coming
-CLEARANCE = 5.0
+# Weight of the margin in gates, less than the environments' own: the discount looks so far ahead
+# that a crash, which ends all reward, is feared enough.
+CLEARANCE = 1.0
 
 COURSE = "a name (see `race courses`), a FILE.yaml or a folder of them; several joined by commas"
 Whole = Annotated[int, Meta(ge=1, le=10**12)]
@@ -32,6 +38,8 @@ Environments = Annotated[int, Meta(ge=1, le=10**6)]
 Neurons = Annotated[int, Meta(ge=1, le=4096)]
 Weight = Annotated[float, Meta(ge=0, le=1e6)]
 Seconds = Annotated[float, unit("s", gt=0, le=1e4)]
+Minutes = Annotated[float, unit("min", gt=0, le=1e5)]
+Ratio = Annotated[float, Meta(gt=1, le=20)]
 Flights = Annotated[int, Meta(ge=1, le=1000)]
 
 
@@ -40,18 +48,22 @@ def train(
     /,
     *,
     steps: Annotated[Whole, Help("steps of the environments, over all of them")] = 200_000_000,
+    minutes: Annotated[
+        Minutes | None, Help("longest training [min]; its learning rate falls in this time")
+    ] = None,
     out: Annotated[
         str, Help("FILE.npz of the pilot; a checkpoint and a plot lie beside it")
     ] = "pilots/pilot.npz",
     vehicle: Annotated[str, vehicle_help()] = "swift",
+    thrust_to_weight: Annotated[Ratio | None, Help("stronger or weaker propellers")] = None,
     laps: Annotated[Whole | None, Help("laps of a race; default: the course's")] = None,
     seed: Annotated[Seed, Help("random seed")] = 0,
     randomize: Annotated[Size, Help("scale of domain randomization")] = 1.0,
     environments: Annotated[Environments, Help("environments at once")] = 1024,
     hidden: Annotated[Neurons, Help("neurons of each of two hidden layers")] = 64,
-    crash: Annotated[Weight, Help("weight of a crash, in metres of progress")] = 10.0,
+    crash: Annotated[Weight, Help("weight of a crash, in metres of progress")] = 1.0,
     time_limit: Annotated[Seconds, Help("longest episode [s]")] = 10.0,
-    flights: Annotated[Flights, Help("flights of each evaluation")] = 8,
+    flights: Annotated[Flights, Help("flights of an evaluation in the second half")] = 16,
     json: Json = False,
 ) -> int:
     """Learn to fly a course by Proximal Policy Optimization (PPO) of stable-baselines3.
@@ -65,8 +77,10 @@ def train(
     """
     flags = {
         "steps": steps,
+        "minutes": minutes,
         "out": out,
         "vehicle": vehicle,
+        "thrust-to-weight": thrust_to_weight,
         "laps": laps,
         "seed": seed,
         "randomize": randomize,
@@ -79,11 +93,13 @@ def train(
     courses = _courses(course)
     with settings_as_flags():
         # not before: loading the environments takes a second
+        from quadsim.learn.ppo_config import PPOConfig
         from quadsim.learn.task import task
+        from quadsim.learn.training import Training
 
         asked = task(
             courses if len(courses) > 1 else course,
-            vehicle,
+            _vehicle(vehicle, thrust_to_weight),
             start="anywhere",
             randomize=randomize,
             time_limit=time_limit,
@@ -93,9 +109,17 @@ def train(
     path = _out(out)
     if find_spec("stable_baselines3") is None:
         raise UsageError(needs_extra("stable-baselines3", "train"))
-    command = _command(course, flags)
-    sizes = {"environments": environments, "hidden": hidden}
-    history = _learn(asked, sizes, seed, steps, path, flights, command, quiet=json)
+    training = Training(
+        task=asked,
+        config=PPOConfig(environments=environments, hidden=hidden),
+        seed=seed,
+        steps=steps,
+        out=path,
+        flights=flights,
+        minutes=minutes,
+        command=_command(course, flags),
+    )
+    history = _learn(training, quiet=json)
     figure = path.with_suffix(".png")
     title = course if len(courses) == 1 else f"{len(courses)} courses"
     _plot(history, figure, f"Learning {title}")
@@ -104,6 +128,12 @@ def train(
     else:
         emit(f"{path}: race fly {courses[0]} --pilot {path}", f"{figure}: how it learnt")
     return 0
+
+
+def _vehicle(name: str, ratio: float | None) -> Vehicle:
+    """Return the vehicle of the flags. Raises FileError."""
+    vehicle = load_vehicle(name)
+    return with_thrust_to_weight(vehicle, ratio) if ratio else vehicle
 
 
 def _courses(given: str) -> list[str]:
@@ -139,31 +169,15 @@ def _command(course: str, flags: dict[str, Any]) -> str:
     return " ".join(["race train", shlex.quote(course), *given])
 
 
-def _learn(
-    task: LearningTask,
-    sizes: dict[str, int],
-    seed: int,
-    steps: int,
-    out: Path,
-    flights: int,
-    command: str,
-    quiet: bool,
-) -> list[Evaluation]:
+def _learn(training: Training, quiet: bool) -> list[Evaluation]:
     """Return a row for each evaluation. Raises UsageError, FileError, KeyboardInterrupt."""
-    from quadsim.learn.ppo_config import PPOConfig
-    from quadsim.learn.training import Training, train
+    from quadsim.learn.training import train
 
-    training = Training(
-        task=task,
-        config=PPOConfig(environments=sizes["environments"], hidden=sizes["hidden"]),
-        seed=seed,
-        steps=steps,
-        out=out,
-        flights=flights,
-        command=command,
-    )
     try:
-        return train(training, report=_pass if quiet else _report)
+        if quiet:
+            return train(training)
+        with ProgressLine(training.steps) as line:
+            return train(training, line.report, line.progress)
     # fewer environments than the courses need
     except SettingError as error:
         raise UsageError(f"--{error.name}: {error.problem}") from None
@@ -172,12 +186,52 @@ def _learn(
         raise KeyboardInterrupt(f"race train: interrupted: {advice}") from None
 
 
-def _pass(row: Evaluation) -> None:
-    """Report nothing of an evaluation."""
+class ProgressLine:
+    """A line on a terminal that says how far a training is: `with ProgressLine(steps) as line`.
+
+    Where stderr is no terminal, only the evaluations are told, a line each.
+
+    Args:
+        steps: steps of the whole training.
+    """
+
+    def __init__(self, steps: int):
+        console = progress_console()
+        columns = (BarColumn(24), TextColumn("{task.description}"))
+        self._bar = Bar(*columns, console=console, transient=True, disable=not console.is_terminal)
+        self._task = self._bar.add_task("", total=1.0)
+        self._steps = steps
+
+    def __enter__(self) -> ProgressLine:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._bar.stop()
+
+    def progress(self, progress: Progress) -> None:
+        """Show how far the training is."""
+        text = progress_text(progress, self._steps)
+        self._bar.update(self._task, completed=progress.share, description=text)
+
+    def report(self, row: Evaluation) -> None:
+        """Tell of an evaluation, in a line that stays."""
+        line = evaluation_text(row)
+        if self._bar.disable:
+            complain(line)
+        else:
+            self._bar.console.print(escape(plain(line)), soft_wrap=True)
 
 
-def _report(row: Evaluation) -> None:
-    """Report an evaluation in one line on standard error."""
+def progress_text(progress: Progress, steps: int) -> str:
+    """Return steps done of all, steps per second and the time that is left."""
+    done = f"{progress.steps / 1e6:.1f} of {steps / 1e6:.1f} M steps"
+    left = timedelta(seconds=round(progress.left))
+    return f"{done}, {progress.rate / 1e3:.0f} k/s, {left} left"
+
+
+def evaluation_text(row: Evaluation) -> str:
+    """Return an evaluation as a line."""
     lap = f"lap {row['lap']:.3f} s" if row["finished"] else "no lap"
     parts = (
         f"{row['steps'] / 1e6:6.1f} M steps: reward {row['reward']:.2f}/s",
@@ -185,7 +239,7 @@ def _report(row: Evaluation) -> None:
         f"finished {100 * row['finished']:.0f} %",
         lap,
     )
-    complain(", ".join(parts))
+    return ", ".join(parts)
 
 
 def _plot(history: Sequence[Evaluation], path: Path, title: str) -> None:

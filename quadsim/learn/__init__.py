@@ -5,7 +5,8 @@
 
     envs = gymnasium.make_vec("quadsim/Racing-v0", num_envs=4096, course="split_s_swift")
 
-Importing this package registers them. Gymnasium finds an installed quadsim without the import.
+Importing this package registers them, and nothing else does. A name with the package in front
+imports it: `gymnasium.make("quadsim.learn:quadsim/Racing-v0")`.
 """
 
 from __future__ import annotations

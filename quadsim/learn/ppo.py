@@ -1,8 +1,9 @@
 """PPO of stable-baselines3 (Schulman et al. 2017, Raffin et al. 2021) on the environments.
 
-This module loads PyTorch, which takes seconds. Two things are added to the library's algorithm: an
-action is held for several steps of the environment, and a crash does not weigh in full before the
-policy flies (see `crash_share` in quadsim.learn.ppo_config).
+This module loads PyTorch, which takes seconds. Two things are added to the library's algorithm. An
+action is held for several steps of the environment. And a race around a closed course that ends at
+its finish counts as one that a time limit has cut: the value of flying on takes the place of zero,
+as the policy does not observe which lap it flies.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 
+from controllers.lanes.layout import LANES
 from quadsim.learn.ppo_config import PPOConfig
 from quadsim.learn.reward import RewardParams, RewardWeights
 from quadsim.learn.stable_baselines import RacingVecEnv
@@ -21,22 +23,40 @@ from quadsim.learn.starts import hover_action
 from quadsim.learn.task import LearningTask
 from quadsim.streams import training_stream
 
-REWARD_SCALE = 0.1  # so that values are of the order of one
+# Rewards are scaled so that a value is of the order of one: by this number, divided by how many
+# actions the discount looks ahead.
+VALUE_SCALE = 10.0
 
 
-class CountedEnvs(RacingVecEnv):
-    """Environments that add up their rewards.
+class EndlessRaces(RacingVecEnv):
+    """Environments that add up their rewards, and in which a finish does not end what is learnt.
 
     Attributes:
         total: sum of all rewards since it was set.
     """
 
-    total = 0.0
+    def __init__(self, num_envs: int, task: LearningTask, hold: int, scale: float):
+        """Make the environments.
+
+        Args:
+            num_envs: number of vehicles.
+            task: courses, vehicle, starts and rewards.
+            hold: steps of dt for which an action is held.
+            scale: factor of the rewards.
+        """
+        super().__init__(num_envs, hold=hold, **_settings(task, scale))
+        self.total = 0.0
+        loops = np.array([course.loop for course in task.courses])
+        # LANES environments in a row share a course
+        self._on_loop = np.repeat(loops[self.envs.lanes.course], LANES)[:num_envs]
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict]]:
         """Fly the steps of one action; see RacingVecEnv."""
         obs, reward, done, infos = super().step_wait()
         self.total += float(reward.sum())
+        for i in np.flatnonzero(done & self._on_loop):
+            if infos[i]["finished"]:
+                infos[i]["TimeLimit.truncated"] = True
         return obs, reward, done, infos
 
 
@@ -54,7 +74,8 @@ class Learner:
         self.config = config
         self.steps_done = 0  # of the environments
         self.rate = config.first_rate
-        self._envs = CountedEnvs(config.environments, hold=config.hold, **_settings(task))
+        self._scale = VALUE_SCALE * (1.0 - config.discount)
+        self._envs = EndlessRaces(config.environments, task, config.hold, self._scale)
         layers = [config.hidden, config.hidden]
         rollout = config.steps * config.environments
         self._model = PPO(
@@ -72,6 +93,7 @@ class Learner:
             policy_kwargs={
                 "net_arch": {"pi": layers, "vf": layers},
                 "log_std_init": config.log_std,
+                "activation_fn": torch.nn.ReLU,
             },
             seed=int(training_stream(seed).generate_state(1)[0]) % 2**31,
             device="cpu",
@@ -84,24 +106,18 @@ class Learner:
         with torch.no_grad():
             output.bias.copy_(hover)
 
-    def learn(self, crash_share: float) -> float:
+    def learn(self) -> float:
         """Fly config.steps actions in every environment, then update the policy.
-
-        Args:
-            crash_share: share of a crash's weight.
 
         Returns:
             The reward per second flown.
         """
-        rewards = self.task.rewards
-        weighed = replace(rewards, crash=crash_share * rewards.crash)
-        self._envs.envs.lanes.reward_by(scaled(weighed))
         self._envs.total = 0.0
         actions = self.config.steps * self.config.environments
         self._model.learn(actions, reset_num_timesteps=False)
         steps = actions * self.config.hold
         self.steps_done += steps
-        return self._envs.total / REWARD_SCALE / (steps * self.task.dt)
+        return self._envs.total / self._scale / (steps * self.task.dt)
 
     def pilot_weights(self) -> list[np.ndarray]:
         """Return matrix (inputs, outputs) and bias of each layer of the policy's mean."""
@@ -126,13 +142,13 @@ class Learner:
         self.steps_done = steps_done
 
 
-def scaled(weights: RewardWeights) -> RewardWeights:
-    """Return weights that make rewards of the order of one."""
-    terms = {name: REWARD_SCALE * getattr(weights, name) for name in RewardParams._fields}
+def scaled(weights: RewardWeights, scale: float) -> RewardWeights:
+    """Return the weights times a scale."""
+    terms = {name: scale * getattr(weights, name) for name in RewardParams._fields}
     return replace(weights, **terms)
 
 
-def _settings(task: LearningTask) -> dict[str, object]:
+def _settings(task: LearningTask, scale: float) -> dict[str, object]:
     """Return the settings of environments that fly this task."""
     return {
         "course": list(task.courses),
@@ -143,5 +159,5 @@ def _settings(task: LearningTask) -> dict[str, object]:
         "randomize": task.randomize,
         "time_limit": task.time_limit,
         "noise": task.noise,
-        "reward": scaled(task.rewards),
+        "reward": scaled(task.rewards, scale),
     }

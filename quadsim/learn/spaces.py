@@ -14,12 +14,15 @@ from quadsim.files.values import SettingError, checked_object
 from quadsim.files.yaml_errors import shown_value
 
 ACTIONS = 4
+# Bound of every observed number in its unit, which no flight within a course's bounds comes near:
+# the checks of Gymnasium and of stable-baselines3 warn of infinite ones.
+FAR = 1e6
 SEED = inspect.type_info(Annotated[int, Meta(ge=0, le=2**63 - 1)])
 
 
 def observation_space() -> Box:
     """Return the space of observations; see controllers.learned.observation.UNITS.  (SIZE,)"""
-    return Box(-np.inf, np.inf, (SIZE,), np.float32)
+    return Box(-FAR, FAR, (SIZE,), np.float32)
 
 
 def action_space() -> Box:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from hashlib import sha256
+from math import floor
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,7 +22,7 @@ from msgspec import structs
 from controllers.learned.pilot import About, Pilot, load_pilot, pilot_bytes
 from quadsim.dynamics.quadrotor import Control, ModelParams
 from quadsim.learn.checkpoint import Checkpoint, Evaluation, checkpoint_bytes, read_checkpoint
-from quadsim.learn.ppo_config import PPOConfig, crash_share
+from quadsim.learn.ppo_config import PPOConfig
 from quadsim.learn.task import LearningTask
 from quadsim.race.events import flown_laps
 from quadsim.record.whole_files import write_whole
@@ -44,8 +45,9 @@ class Training:
     seed: int
     steps: int  # of the environments
     out: Path  # of the pilot
-    every: float = 0.05  # share of the steps between two evaluations
-    flights: int = 4  # of an evaluation
+    every: float = 0.05  # share of the training between two evaluations
+    flights: int = 4  # of an evaluation in the second half; earlier ones have a quarter of them
+    minutes: float | None = None  # after which the training ends, however many its steps
     command: str = ""  # that began it
 
     @property
@@ -55,7 +57,7 @@ class Training:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """The settings that decide the training's numbers, except its steps, which may grow.
+        """The settings that decide the training's numbers, except how long it is.
 
         The vehicle counts by its numbers, as a file of the same name may have changed.
         """
@@ -74,6 +76,15 @@ class Training:
             "rewards": asdict(task.rewards),
             "ppo": asdict(self.config),
         }
+
+
+class Progress(NamedTuple):
+    """How far a training is."""
+
+    steps: int  # of the environments so far
+    share: float  # of the training that is done
+    rate: float  # steps per second, evaluations included
+    left: float  # time until the end at this rate [s]
 
 
 class Flown(NamedTuple):
@@ -99,7 +110,9 @@ class Score(NamedTuple):
 
 
 def train(
-    training: Training, report: Callable[[Evaluation], None] = lambda row: None
+    training: Training,
+    report: Callable[[Evaluation], None] = lambda row: None,
+    progress: Callable[[Progress], None] = lambda progress: None,
 ) -> list[Evaluation]:
     """Learn, evaluate and keep the best pilot.
 
@@ -108,6 +121,7 @@ def train(
     Args:
         training: the settings, and the files to write.
         report: function called after each evaluation with its row of the history.
+        progress: function called after each update.
 
     Returns:
         A row for each evaluation: steps, reward per second, finished, lap, gates, seconds.
@@ -132,26 +146,27 @@ def train(
         learner.restore(found.parameters, found.steps_done)
         history = found.history
         best = best_score(history, kept)
-    seconds_before = history[-1]["seconds"] if history else 0.0
-    began = perf_counter()
-    reward = history[-1]["reward"] if history else 0.0
+    clock = Clock(training, learner.steps_done, history[-1]["seconds"] if history else 0.0)
     rewards: list[float] = []
-    while learner.steps_done < training.steps:
-        done = learner.steps_done / training.steps
-        learner.rate = config.first_rate + done * (config.last_rate - config.first_rate)
-        reward = learner.learn(crash_share(reward, config))
-        rewards.append(reward)
-        due = (len(history) + 1) * training.every * training.steps
-        if learner.steps_done < min(due, training.steps):
+    share = clock.share(learner.steps_done)
+    evaluated = share
+    while share < 1.0:
+        learner.rate = learning_rate(share, config)
+        rewards.append(learner.learn())
+        share = clock.share(learner.steps_done)
+        progress(clock.progress(learner.steps_done))
+        if share < min(evaluated + training.every, 1.0):
             continue
 
+        evaluated = training.every * floor(share / training.every)
         pilot = pilot_of(learner, training)
-        flown = evaluate(pilot, training.task, training.flights)
+        flights = training.flights if share > 0.5 else -(-training.flights // 4)
+        flown = evaluate(pilot, training.task, flights)
         row = Evaluation(
             steps=learner.steps_done,
             reward=float(np.mean(rewards)),
             **flown._asdict(),
-            seconds=seconds_before + perf_counter() - began,
+            seconds=clock.seconds(),
         )
         # The pilot is written before the checkpoint: a training that is killed between the two
         # flies this evaluation again, and keeps the better one.
@@ -165,7 +180,47 @@ def train(
         checkpoint = Checkpoint(learner.parameters(), learner.steps_done, history)
         write_whole(training.checkpoint, checkpoint_bytes(checkpoint, training.identity))
         report(row)
+        share = clock.share(learner.steps_done)
     return history
+
+
+class Clock:
+    """The time and the share of a training that are done.
+
+    Args:
+        training: the training.
+        steps: steps that were done before this process.
+        seconds: time that they took [s].
+    """
+
+    def __init__(self, training: Training, steps: int, seconds: float):
+        self._training = training
+        self._steps_before = steps
+        self._seconds_before = seconds
+        self._began = perf_counter()
+
+    def seconds(self) -> float:
+        """Return the time of training so far [s]."""
+        return self._seconds_before + perf_counter() - self._began
+
+    def share(self, steps: int) -> float:
+        """Return the share that is done, of the steps or of the time, whichever is greater."""
+        minutes = self._training.minutes
+        of_time = self.seconds() / (60.0 * minutes) if minutes else 0.0
+        return max(steps / self._training.steps, of_time)
+
+    def progress(self, steps: int) -> Progress:
+        """Return how far the training is after this number of steps."""
+        rate = (steps - self._steps_before) / max(perf_counter() - self._began, 1e-9)
+        left = max(self._training.steps - steps, 0) / max(rate, 1e-9)
+        if self._training.minutes:
+            left = min(left, max(60.0 * self._training.minutes - self.seconds(), 0.0))
+        return Progress(steps, min(self.share(steps), 1.0), rate, left)
+
+
+def learning_rate(share: float, config: PPOConfig) -> float:
+    """Return the learning rate after this share of a training."""
+    return config.first_rate + min(share, 1.0) * (config.last_rate - config.first_rate)
 
 
 def best_score(history: Sequence[Evaluation], kept: Pilot | None) -> Score | None:
@@ -197,6 +252,7 @@ def pilot_of(learner: Learner, training: Training) -> Pilot:
         low=Control(*system.low),
         high=Control(*system.high),
         course=", ".join(course.name for course in task.courses),
+        activation="relu",
         vehicle_sha256=sha256(json.dumps(asdict(task.vehicle)).encode()).hexdigest(),
         training={
             "seed": training.seed,

@@ -31,12 +31,12 @@ class FakeLearner:
         self._weights = [0.01 * rng.normal(size=shape).astype(np.float32) for shape in SHAPES]
         self._weights[-1][:] = hover_action(task.vehicle, task.dt)
 
-    def learn(self, crash_share: float) -> float:
+    def learn(self) -> float:
         """Change the policy a little; return a reward that grows with the steps."""
-        self.steps_done += self.config.steps * self.config.environments * self.config.hold
+        self.steps_done += 32 * self.config.environments * self.config.hold
         for array in self._weights[:-1]:
             array *= np.float32(0.99)
-        return crash_share * self.steps_done / 1e5
+        return self.steps_done / 1e5
 
     def pilot_weights(self) -> list[np.ndarray]:
         """Return matrix and bias of each layer."""

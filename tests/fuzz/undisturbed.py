@@ -91,7 +91,7 @@ def run(command: str, folder: Path) -> Child:
 
 
 def _start(argv: tuple[str, ...], folder: Path) -> Child:
-    """Start `race`, with a learner that needs no PyTorch."""
+    """Start `race`, with a learner that takes no time."""
     return start(argv, folder, call=learner.train if argv[0] == "train" else None)
 
 

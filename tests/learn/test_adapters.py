@@ -6,7 +6,11 @@ import pytest
 pytest.importorskip("gymnasium", reason="the extra rl is not installed")
 pytest.importorskip("stable_baselines3", reason="the extra train is not installed")
 
-from quadsim.learn.ppo import Learner
+import gymnasium
+from stable_baselines3.common.env_checker import check_env
+
+from controllers.learned.pilot import load_pilot
+from quadsim.learn.ppo import EndlessRaces, Learner
 from quadsim.learn.ppo_config import PPOConfig
 from quadsim.learn.stable_baselines import RacingVecEnv
 from quadsim.learn.starts import hover_action
@@ -67,7 +71,7 @@ def test_a_learner_hovers_at_first_and_its_pilot_does_what_its_policy_means(tmp_
     before = learner.parameters()
     hover = hover_action(asked.vehicle, asked.dt)
     np.testing.assert_allclose(learner.pilot_weights()[-1], hover, rtol=1e-6)
-    learner.learn(crash_share=0.2)
+    learner.learn()
     assert learner.steps_done == 64 * 8 * config.hold
     after = learner.parameters()
     assert any((before[name] != after[name]).any() for name in before)
@@ -87,3 +91,31 @@ def test_a_learner_that_is_restored_has_the_same_numbers():
     assert second.steps_done == 12
     for name, array in first.parameters().items():
         np.testing.assert_array_equal(second.parameters()[name], array)
+
+
+def test_the_finish_of_a_race_around_a_loop_is_a_cut_and_a_crash_is_none():
+    asked = task("split_s_swift", start="anywhere", laps=1, time_limit=10.0)
+    envs = EndlessRaces(N, asked, hold=2, scale=0.05)
+    envs.seed(0)
+    obs = envs.reset()
+    pilot = load_pilot("split_s_swift")
+    finishes, crashes = [], []
+    for step in range(200):
+        # some of them crash
+        actions = np.where(np.arange(N)[:, None] < step, 1.0, pilot(obs))
+        obs, _, done, infos = envs.step(actions)
+        for info in (infos[i] for i in np.flatnonzero(done)):
+            cut = info["TimeLimit.truncated"]
+            (finishes if info["finished"] else crashes).append(cut)
+    assert len(finishes) > 5
+    assert all(finishes)
+    assert len(crashes) > 5
+    assert not any(crashes)
+
+
+@pytest.mark.parametrize("env_id", ["quadsim/Racing-v0", "quadsim/RacingBullet-v0"])
+@pytest.mark.filterwarnings("error")
+def test_the_check_of_stable_baselines_passes(env_id):
+    env = gymnasium.make(f"quadsim.learn:{env_id}", randomize=0.5)
+    check_env(env.unwrapped)
+    env.close()

@@ -76,14 +76,16 @@ def test_what_is_read_is_what_was_written(hovering):
     obs = np.linspace(-1, 1, SIZE, dtype=np.float32)
     for found, written in zip(pilot.weights, hovering_weights(), strict=True):
         np.testing.assert_array_equal(found, written)
-    np.testing.assert_array_equal(pilot(obs), np.clip(forward(hovering_weights(), obs), -1, 1))
+    np.testing.assert_array_equal(
+        pilot(obs), np.clip(forward(hovering_weights(), obs, "tanh"), -1, 1)
+    )
 
 
 def test_a_network_is_tanh_of_affine_maps():
     x = np.array([0.5, -1.0])
     first, second = np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[1.0], [-2.0]])
     a, b = np.tanh(0.5 - 3.0 + 0.1), np.tanh(1.0 - 4.0 + 0.2)
-    found = forward([first, np.array([0.1, 0.2]), second, np.array([0.3])], x)
+    found = forward([first, np.array([0.1, 0.2]), second, np.array([0.3])], x, "tanh")
     assert found == pytest.approx([a - 2.0 * b + 0.3])
 
 

@@ -45,7 +45,7 @@ def flown(envs, steps, seed=5, spread=0.2):
 
 
 @pytest.mark.parametrize("env_id", [RACING, BULLET])
-@pytest.mark.filterwarnings("ignore:.*observation space m.*value is.*infinity")
+@pytest.mark.filterwarnings("error")
 def test_gymnasiums_own_check_passes(env_id):
     # the check makes an environment in each render mode, with the same viewer
     env = gymnasium.make(env_id, randomize=0.5, render_mode="rgb_array", viewer=RecordingViewer)

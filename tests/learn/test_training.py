@@ -2,22 +2,27 @@
 
 import json
 import re
+import subprocess
 import sys
+import textwrap
+from pathlib import Path
 
 import numpy as np
 import pytest
 from msgspec import structs
 
 from controllers.learned.pilot import load_pilot, pilot_bytes
-from quadsim.cli import train as command
 from quadsim.cli.cli import race
+from quadsim.cli.train import progress_text
 from quadsim.files.strict_yaml import FileError
+from quadsim.learn import training as training_module
 from quadsim.learn.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
-from quadsim.learn.ppo_config import PPOConfig, crash_share
-from quadsim.learn.training import Score
+from quadsim.learn.ppo_config import PPOConfig
+from quadsim.learn.training import Clock, Progress, Score, Training, learning_rate
 from quadsim.vehicle.vehicle import VEHICLES
 from tests.fuzz import learner
 
+CONFIG = PPOConfig()
 NETWORK = {
     "weight": np.arange(6, dtype=np.float32).reshape(2, 3),
     "bias": np.zeros(3, np.float32),
@@ -28,12 +33,6 @@ def trains(course, steps, *flags):
     """Train with sizes that take seconds."""
     sizes = ["--laps", "1", "--environments", "128", "--hidden", "8", "--flights", "1"]
     return race(["train", course, *sizes, "--steps", str(steps), *flags])
-
-
-def test_a_crash_counts_wholly_only_where_a_policy_flies():
-    config = PPOConfig(first_crash=0.5, crash_grows=(1.0, 3.0))
-    shares = [crash_share(reward, config) for reward in (-1.0, 1.0, 2.0, 3.0, 9.0)]
-    assert shares == [0.5, 0.5, 0.75, 1.0, 1.0]
 
 
 def test_a_pilot_that_finishes_is_better_than_a_fast_one_that_does_not():
@@ -89,7 +88,7 @@ def test_a_checkpoint_of_another_training_is_refused(tmp_path, network, identity
 
 
 STATES = {
-    "an earlier version": ({"format": "quadsim training 3"}, "training 3"),
+    "an earlier version": ({"format": "quadsim training 4"}, "training 4"),
     "a version of control characters": ({"format": "\x1b[2J"}, "format"),
     "a version of a number": ({"format": 4}, "format"),
     "text for steps": ({"steps_done": "20"}, "steps_done"),
@@ -143,10 +142,9 @@ gates:
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """A folder with a course and a vehicle, where `race train` has a learner without PyTorch."""
+    """A folder with a course and a vehicle, where `race train` has a learner that takes no time."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, "quadsim.learn.ppo", learner.module())
-    monkeypatch.setattr(command, "find_spec", learner.is_installed)
     (tmp_path / "near.yaml").write_text(NEAR)
     vehicle = next(path for path in VEHICLES.glob("swift.yaml"))
     (tmp_path / "v.yaml").write_text(vehicle.read_text())
@@ -237,8 +235,69 @@ def test_a_training_that_cannot_write_says_so_before_it_learns(place, capsys):
     assert err.count("\n") == 1
 
 
+def test_a_training_of_some_minutes_ends_with_its_pilot_and_continues(place, capsys):
+    steps = 10**12
+    assert learns(steps, "--minutes", "0.02", "--json") == 0
+    first = json.loads(capsys.readouterr().out)["history"]
+    assert first[-1]["steps"] < steps
+    assert first[-1]["seconds"] >= 0.02 * 60
+    assert load_pilot("p.npz").about.training["steps"] <= first[-1]["steps"]
+    more = first[-1]["seconds"] / 60 + 0.01
+    assert learns(steps, "--minutes", str(more), "--json") == 0
+    history = json.loads(capsys.readouterr().out)["history"]
+    assert history[: len(first)] == first
+    assert len(history) > len(first)
+
+
+def test_the_learning_rate_follows_the_steps_or_the_time_whichever_is_further(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(training_module, "perf_counter", lambda: now[0])
+    asked = Training(None, CONFIG, seed=0, steps=1000, out=Path("p.npz"), minutes=1.0)
+    clock = Clock(asked, steps=100, seconds=6.0)
+    assert clock.share(100) == pytest.approx(0.1)
+    now[0] = 24.0
+    assert clock.share(100) == pytest.approx(0.5)
+    assert clock.share(700) == pytest.approx(0.7)
+    assert clock.progress(700) == pytest.approx((700, 0.7, 25.0, 12.0))
+    rates = [learning_rate(share, CONFIG) for share in (0.0, 0.5, 1.0, 1.1)]
+    middle = (CONFIG.first_rate + CONFIG.last_rate) / 2
+    ends = (CONFIG.first_rate, CONFIG.last_rate)
+    assert rates == pytest.approx([ends[0], middle, ends[1], ends[1]])
+
+
+def test_progress_is_a_line_with_steps_speed_and_time_left():
+    text = progress_text(Progress(12_340_000, 0.25, 64_200.0, 3723.4), 200_000_000)
+    assert text == "12.3 of 200.0 M steps, 64 k/s, 1:02:03 left"
+
+
+def test_without_a_terminal_every_evaluation_is_a_line(place, capsys):
+    assert learns(8192) == 0
+    err = capsys.readouterr().err
+    assert err.count("\n") == err.count("M steps: reward") >= 2
+    assert "\x1b" not in err
+
+
+def test_on_a_terminal_the_line_moves_and_evaluations_stay(place, capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert learns(8192) == 0
+    err = capsys.readouterr().err
+    assert "\x1b[2K" in err
+    assert "M steps: reward" in err
+    assert "k/s" in err
+
+
+def test_a_training_needs_neither_gymnasium_nor_pytorch():
+    """They are extras; a name that is None cannot be imported."""
+    program = """
+        import sys
+        for name in ("gymnasium", "torch", "stable_baselines3"):
+            sys.modules[name] = None
+        import quadsim.learn.ppo, quadsim.learn.training
+    """
+    subprocess.run([sys.executable, "-c", textwrap.dedent(program)], check=True)
+
+
 def test_a_training_writes_a_pilot_that_flies_and_goes_on_from_its_checkpoint(tmp_path, capsys):
-    pytest.importorskip("stable_baselines3")
     out = tmp_path / "p.npz"
     assert trains("split_s_swift", 16384, "--out", str(out), "--json") == 0
     first = json.loads(capsys.readouterr().out)["history"]
@@ -254,7 +313,6 @@ def test_a_training_writes_a_pilot_that_flies_and_goes_on_from_its_checkpoint(tm
 
 
 def test_a_folder_of_courses_is_learnt_in_environments_of_64_each(tmp_path, monkeypatch):
-    pytest.importorskip("stable_baselines3")
     monkeypatch.chdir(tmp_path)
     assert race(["courses", "--generate", "2", "--seed", "3", "--out", "some"]) == 0
     assert trains("some", 16384, "--out", "p.npz") == 0
