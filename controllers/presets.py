@@ -243,7 +243,8 @@ def faults(planner: Planner) -> Iterator[tuple[str, str]]:
     if mppi.target_ess is not None and mppi.target_ess >= mppi.samples:
         yield (
             "mppi.target_ess",
-            f"expected less than samples = {mppi.samples}, got {mppi.target_ess:g}",
+            f"expected less than samples = {mppi.samples}, got {mppi.target_ess:g}: "
+            "with few samples give target_ess too",
         )
     if mppi.samples * mppi.horizon > STEPS_MAX:
         yield (

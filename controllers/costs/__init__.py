@@ -25,7 +25,7 @@ from typing import Any, NamedTuple, NoReturn, Protocol
 
 import numpy as np
 
-from quadsim.files.yaml_errors import shown_value
+from quadsim.files.yaml_errors import did_you_mean, shown_value
 
 Weight = float | np.ndarray  # one number, or one for each step of the horizon (T,)
 
@@ -107,6 +107,8 @@ class Term:
         >>> term = Term(band, weight=50.0, low=2.0, high=3.5)
         >>> term.name, term.weight, term.parameters
         ('band', 50.0, band_parameters(low=2.0, high=3.5))
+        >>> term.but(high=4.0)
+        Term(band, weight=50.0, low=2.0, high=4.0)
     """
 
     def __init__(
@@ -133,8 +135,16 @@ class Term:
             self.parameters = record(**parameters)
 
     def but(self, weight: Weight | None = None, **parameters: Weight) -> Term:
-        """Return the term with another weight or other parameters."""
+        """Return the term with another weight or other parameters.
+
+        Raises:
+            ValueError: the term has no such parameter, or a number is not finite.
+        """
         own = self.parameters._asdict() if self.parameters else {}
+        for given in parameters:
+            if given not in own:
+                near = did_you_mean(given, ["weight", *own])
+                raise ValueError(f"term {self.name}: no parameter {given!r}: {near}")
         weight = self.weight if weight is None else weight
         return Term(self.function, weight, self.name, **{**own, **parameters})
 
@@ -150,7 +160,10 @@ class Term:
         return self.name, _ByIdentity(self.function), own, has_weight
 
     def __repr__(self) -> str:
-        return f"Term({self.name}, weight={self.weight})"
+        own = self.parameters._asdict() if self.parameters else {}
+        numbers = {"weight": self.weight, **own}
+        shown = ", ".join(f"{name}={value}" for name, value in numbers.items())
+        return f"Term({self.name}, {shown})"
 
 
 class _ByIdentity:

@@ -42,21 +42,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.costs import Cost, crash
+from controllers.costs import Cost, Term, crash
 from controllers.lanes.layout import LANES
 from controllers.lanes.parts import NEXT_TARGETS, fill, header, line_test, next_targets, read, store
 from controllers.lanes.text import Writer
 from controllers.lanes.trace import (
     Graph,
     Symbol,
+    TraceError,
     Value,
     check_number,
+    label,
     trace,
     trace_number,
     wrong_result,
 )
 from quadsim.dynamics import System
 from quadsim.dynamics.records import flat
+from quadsim.files.yaml_errors import did_you_mean
 
 MARKS = 4  # positions between which lines are tested at once
 STRIDE = 0.04  # time from one to the next [s]
@@ -430,10 +433,35 @@ def trace_cost(
             if term.parameters:
                 own = graph.record(type(term.parameters), f"p_{term.name}")
             value = trace_number(term.function, x, x_next, u, target, own)
+            if term.parameters:
+                _expect_read(graph, term, own, value)
         weight = graph.variable(f"weight_{term.name}")
         weighted[term.name] = _weigh(graph, weight, value)
         weighted[term.name].hint = f"cost_of_{term.name}"
     return TracedCost(crashed, reached, weighted)
+
+
+def _expect_read(graph: Graph, term: Term, own: Any, value: Value) -> None:
+    """Check that a term reads its parameters: one that it does not read may be misspelt.
+
+    Args:
+        graph: the graph of the traced term.
+        term: the term.
+        own: record of its parameters, as symbols.
+        value: its result.
+
+    Raises:
+        TraceError: a parameter takes no part in an operation.
+    """
+    read = {arg.number for node in graph.nodes for arg in node.args if isinstance(arg, Symbol)}
+    if isinstance(value, Symbol):
+        read.add(value.number)
+    for name, symbol in own._asdict().items():
+        if symbol.number not in read:
+            near = did_you_mean(name, ["weight", "name"])
+            wanted = "expected parameters that the function reads from p"
+            problem = f"{wanted}, got {name!r}, which it does not read: {near}"
+            raise TraceError(f"{label(term.function)}: {problem}")
 
 
 def _weigh(graph: Graph, weight: Symbol, value: Value) -> Symbol:

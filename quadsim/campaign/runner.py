@@ -136,6 +136,8 @@ class Runner:
         if error is None or not self._kept:
             return
         kept = f"what has been flown is kept in {self.campaign}: the same command continues there"
+        if self._temporary:
+            kept = "what has been flown is not kept: give campaign='mine.sqlite' to continue later"
         if isinstance(error, KeyboardInterrupt):
             raise KeyboardInterrupt(kept) from None
         complain(kept)

@@ -161,6 +161,15 @@ def test_a_term_with_other_numbers_keeps_all_else():
     assert {wider.name, heavier.name} == {"band"}
     assert band.parameters._asdict() == {"low": 0.2, "high": 1.5}, "it is another term"
     assert band.but(weight=0.0).weight == 0.0
+    with pytest.raises(ValueError, match=r"term band: no parameter 'hihg': did you mean 'high'\?"):
+        band.but(hihg=2.0)
+
+
+def test_a_parameter_that_a_term_does_not_read_is_refused():
+    misspelt = Term(outside, weigth=50.0, low=0.2, high=1.5)
+    problem = r"outside: .*'weigth', which it does not read: did you mean 'weight'\?"
+    with pytest.raises(TraceError, match=problem):
+        module_source(SYSTEM, replace(COST, terms=(misspelt,)), np.float32)
 
 
 def test_terms_go_to_other_processes():
