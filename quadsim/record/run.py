@@ -22,6 +22,7 @@ from quadsim.console import plain
 from quadsim.dynamics.quadrotor import CONTROL_UNITS, STATE_UNITS
 from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.record.planner_snapshot import PlannerSnapshots
+from quadsim.record.preset_changes import preset_changes
 from quadsim.sensing.estimate_record import ESTIMATE_UNITS
 
 # Key of a spec: the planner's numbers that were changed while it flew
@@ -225,7 +226,11 @@ def weight_text(weight: float | list) -> str:
 
 
 def flown_with(spec: dict[str, Any]) -> str:
-    """Return in one line what controlled a flight, its vehicle, plant, seed and faults."""
+    """Return in one line what controlled a flight, and how.
+
+    It names the vehicle, the plant, the seed, the sensors, the numbers of the planner that differ
+    from its preset, and the faults.
+    """
     own = own_parts(spec)
     pilot = spec.get("pilot")
     if "controller" in own:
@@ -242,6 +247,11 @@ def flown_with(spec: dict[str, Any]) -> str:
     if spec.get("plant") == "rotorpy":
         parts.append("plant rotorpy")
     parts.append(f"seed {spec['seed']}")
+    sensing = spec.get("sensing")
+    if sensing:
+        parts.append(f"sensing {sensing['name']}")
+    if controlled.endswith("sampling") and preset_changes(spec):
+        parts.append(preset_changes(spec))
     faults = spec.get("drawn_faults")
     if faults:
         parts.append(f"fault{'s' if len(faults) > 1 else ''} {' and '.join(faults)}")
