@@ -25,7 +25,7 @@ PRINTS = {
     "Fly, and draw a figure of your own": r"split_s_swift: ",
     "Compare, down to a table": r"(?s)race_time.*colored +4\.0",
     "A sampler of your own, and a sweep over its parameter": r"16 knots",
-    "A cost term with parameters of its own": r"weight 50: finished",
+    "A cost term with parameters of its own": r"weight 2: finished",
     "Dynamics of your own in a loop of your own": r"upright: 1\.0",
     "A vehicle of your own": r"ratio: 3\.6\n(?s:.*)1\.2 kg: finished",
     "Train a pilot, and fly it": r"gates passed",
