@@ -18,7 +18,7 @@ from msgspec import Meta, Struct
 from quadsim.files.arrays import TEXT, Declared, listed, npz_bytes, read_arrays, record_of
 from quadsim.files.strict_yaml import FileError
 
-FORMAT = "quadsim training 4"
+FORMAT = "quadsim training 5"
 WHAT = "a checkpoint of `race train` for this task"
 # Greatest absolute value of a parameter; the networks have numbers of the order of one
 LARGEST_PARAMETER = 1e6
