@@ -159,7 +159,7 @@ class RacingBulletEnv(Env):
         return self._renderer.picture(self._state_rows())
 
     def close(self) -> None:
-        """End the page of render_mode human, and the plant."""
+        """Close the viewer and the plant."""
         self._renderer.close()
         self._close_plant()
 

@@ -32,6 +32,7 @@ class Evaluation(TypedDict):
 
     steps: Steps  # of the environments so far
     reward: Annotated[float, Meta(ge=-1e9, le=1e9)]  # per second flown [1/s]
+    flights: Annotated[int, Meta(ge=1, le=10**6)]  # races of the evaluation
     finished: Share  # of the races
     lap: Annotated[float, Meta(ge=0, le=1e6)]  # mean of the finished races [s]; 0 without one
     gates: Share  # that were passed

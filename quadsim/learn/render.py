@@ -1,4 +1,6 @@
-"""Views of an environment: a viewer's page (human), or pictures from above (rgb_array)."""
+"""Views of an environment: a viewer's page, or pictures from above (rgb_array).
+
+The mode human is left to Gymnasium, which shows the pictures in a window of pygame."""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ from quadsim.dynamics.quadrotor import POSITION, VELOCITY
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
 
-RENDER_MODES = ("human", "rgb_array")
+RENDER_MODES = ("rgb_array",)
 
 WIDTH = 640  # width of a picture [pixels]
 HEIGHT = 480
@@ -43,17 +45,17 @@ ViewerFactory = Callable[[Course, int, float], Viewer]
 
 
 class Renderer:
-    """The vehicles of an environment in its render_mode.
+    """Pictures of the vehicles of an environment, and its viewer.
 
     Args:
-        mode: None, "human" or "rgb_array".
-        viewer: what makes the viewer of mode human.
+        mode: None or "rgb_array".
+        viewer: what makes a viewer that shows every step; None for no viewer.
         course: the course that is shown.
         vehicles: their number.
         dt: duration of a step [s].
 
     Raises:
-        SettingError: there is no such mode, or mode human has no viewer.
+        SettingError: there is no such mode, or the viewer cannot be called.
     """
 
     def __init__(
@@ -65,14 +67,12 @@ class Renderer:
         dt: float,
     ):
         if not (mode is None or (isinstance(mode, str) and mode in RENDER_MODES)):
-            wanted = "expected None, 'human' or 'rgb_array'"
-            raise SettingError("render_mode", f"{wanted}, got {shown_value(mode)}")
+            wanted = f"expected None or 'rgb_array', got {shown_value(mode)}"
+            ways = "gymnasium.make opens a window; viewer=web.page.env_page.EnvPage shows a page"
+            raise SettingError("render_mode", f"{wanted}: {ways}" if mode == "human" else wanted)
         if not (viewer is None or callable(viewer)):
             wanted = "expected a class or a function that makes a viewer"
             raise SettingError("viewer", f"{wanted}, got {shown_value(viewer)}")
-        if mode == "human" and viewer is None:
-            wanted = "expected what makes a viewer for render_mode 'human', got None"
-            raise SettingError("viewer", f"{wanted}: take web.page.env_page.EnvPage")
         self._mode = mode
         self._factory = viewer
         self._course = course
@@ -81,12 +81,12 @@ class Renderer:
         self._viewer: Viewer | None = None
 
     def update(self, states: Callable[[], np.ndarray]) -> None:
-        """Show the states in mode human; called after a reset and after each step.
+        """Show the states to the viewer; called after a reset and after each step.
 
         Args:
             states: makes the array of Viewer.show.  (vehicles, 10)
         """
-        if self._mode != "human" or self._factory is None:
+        if self._factory is None:
             return
         if self._viewer is None:
             self._viewer = self._factory(self._course, self._vehicles, self._dt)

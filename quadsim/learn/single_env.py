@@ -81,5 +81,5 @@ class RacingEnv(Env):
         return None if pictures is None else pictures[0]
 
     def close(self) -> None:
-        """End the page of render_mode human."""
+        """Close the viewer."""
         self._envs.close()

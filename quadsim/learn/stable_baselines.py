@@ -80,7 +80,7 @@ class RacingVecEnv(VecEnv):
         return obs, reward, done, infos
 
     def close(self) -> None:
-        """End the page of render_mode human."""
+        """Close the viewer."""
         self.envs.close()
 
     def get_images(self) -> Sequence[np.ndarray | None]:

@@ -96,8 +96,13 @@ class Flown(NamedTuple):
 
 
 class Score(NamedTuple):
-    """The quality of a pilot in its evaluation. A greater score is better, field by field."""
+    """The quality of a pilot in its evaluation. A greater score is better, field by field.
 
+    The number of flights comes first, as the mean of a few easy flights is no better than that of
+    many.
+    """
+
+    flights: int
     finished: float  # share of the races
     speed: float  # negative lap time [s]; 0 without a finished race
     gates: float  # share of the gates
@@ -106,7 +111,7 @@ class Score(NamedTuple):
     def of(cls, row: Evaluation) -> Score:
         """Return the score of an evaluation in the history."""
         speed = -row["lap"] if row["finished"] else 0.0
-        return cls(row["finished"], speed, row["gates"])
+        return cls(row["flights"], row["finished"], speed, row["gates"])
 
 
 def train(
@@ -124,7 +129,7 @@ def train(
         progress: function called after each update.
 
     Returns:
-        A row for each evaluation: steps, reward per second, finished, lap, gates, seconds.
+        A row for each evaluation: steps, reward per second, flights, finished, lap, gates, seconds.
 
     Raises:
         FileError: the checkpoint is damaged or of another training, or the file of the pilot is
@@ -165,6 +170,7 @@ def train(
         row = Evaluation(
             steps=learner.steps_done,
             reward=float(np.mean(rewards)),
+            flights=flights,
             **flown._asdict(),
             seconds=clock.seconds(),
         )

@@ -49,9 +49,9 @@ class RacingVectorEnv(VectorEnv):
         num_envs: vehicles. LANES = 64 in a row share a course.
         autoreset_mode: when an episode that has ended starts anew.
         threads: CPU threads of this process; None leaves them as they are.
-        render_mode: None, "human" or "rgb_array".
-        viewer: what makes the viewer of mode human from the course, the number of vehicles and the
-            duration of a step [s], such as web.page.env_page.EnvPage.
+        render_mode: None or "rgb_array".
+        viewer: what makes a viewer that shows every step, from the course, the number of vehicles
+            and the duration of a step [s], such as web.page.env_page.EnvPage.
         settings: course, vehicle, laps, reward, dt, start, randomize, time_limit and noise; see
             quadsim.learn.task.task.
 
@@ -182,7 +182,7 @@ class RacingVectorEnv(VectorEnv):
         return None if found is None else (found,)
 
     def close_extras(self, **kwargs: Any) -> None:
-        """End the page of render_mode human."""
+        """Close the viewer."""
         self._renderer.close()
 
     def _checked_mask(self, mask: Any) -> np.ndarray:

@@ -35,16 +35,29 @@ def trains(course, steps, *flags):
 
 
 def test_a_pilot_that_finishes_is_better_than_a_fast_one_that_does_not():
-    half = Score.of({"finished": 0.5, "lap": 5.0, "gates": 0.9})
-    slow = Score.of({"finished": 1.0, "lap": 9.0, "gates": 1.0})
-    fast = Score.of({"finished": 1.0, "lap": 8.0, "gates": 1.0})
-    none = Score.of({"finished": 0.0, "lap": 0.0, "gates": 0.9})
+    half = Score.of({"flights": 4, "finished": 0.5, "lap": 5.0, "gates": 0.9})
+    slow = Score.of({"flights": 4, "finished": 1.0, "lap": 9.0, "gates": 1.0})
+    fast = Score.of({"flights": 4, "finished": 1.0, "lap": 8.0, "gates": 1.0})
+    none = Score.of({"flights": 4, "finished": 0.0, "lap": 0.0, "gates": 0.9})
     assert sorted([fast, none, slow, half]) == [none, half, slow, fast]
+
+
+def test_a_pilot_of_many_flights_is_better_than_one_that_was_lucky_in_few():
+    many = Score.of({"flights": 16, "finished": 0.9, "lap": 5.0, "gates": 1.0})
+    few = Score.of({"flights": 4, "finished": 1.0, "lap": 4.9, "gates": 1.0})
+    assert few < many
 
 
 def row(steps, **numbers):
     """Return an evaluation."""
-    usual = {"reward": 1.5, "finished": 0.5, "lap": 9.5, "gates": 0.75, "seconds": 3.0}
+    usual = {
+        "reward": 1.5,
+        "flights": 4,
+        "finished": 0.5,
+        "lap": 9.5,
+        "gates": 0.75,
+        "seconds": 3.0,
+    }
     return {"steps": steps} | usual | numbers
 
 
