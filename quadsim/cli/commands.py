@@ -37,6 +37,10 @@ COMMANDS = {
     "sensings": Command(
         "quadsim.cli.listing:sensings", "the sets of sensors that come with the project"
     ),
+    "presets": Command("quadsim.cli.listing:presets", "the presets, with some of their numbers"),
+    "settings": Command(
+        "quadsim.cli.listing:settings", "all settings: unit, range, default, meaning"
+    ),
     "check": Command(
         "quadsim.cli.listing:check", "check course, vehicle, preset and sensing files"
     ),

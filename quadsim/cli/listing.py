@@ -1,4 +1,4 @@
-"""`race courses`, `vehicles`, `sensings` and `check`: lists of what can be flown, and checks."""
+"""Lists of what can be flown and set (`race courses`, `vehicles` and so on), and `race check`."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import yaml
 from msgspec import Meta
 from rich.markup import escape
 
+from controllers.presets import PRESETS
 from quadsim.cli.flags import Help, Json
 from quadsim.console import UsageError, complain, emit, emit_json, width
 from quadsim.course import COURSES, Course, course_names, load_course, parse_course
@@ -30,8 +31,16 @@ from quadsim.sensing.sensing_file import (
     parse_sensing,
     sensing_names,
 )
-from quadsim.spec.listings import course_table, sensing_table, vehicle_table
+from quadsim.spec.listings import (
+    SAMPLER,
+    course_table,
+    preset_table,
+    sensing_table,
+    setting_table,
+    vehicle_table,
+)
 from quadsim.spec.presets import parse_planner
+from quadsim.spec.settings_table import setting_rows
 from quadsim.vehicle import VEHICLES, Vehicle, load_vehicle, parse_vehicle, vehicle_names
 
 # Keys that only one kind of file has
@@ -104,6 +113,30 @@ def sensings(*, json: Json = False) -> int:
         emit_json([asdict(sensing) for sensing in known])
         return 0
     emit(sensing_table(known))
+    return 0
+
+
+def presets(*, json: Json = False) -> int:
+    """List the presets, with some of their numbers for colored sampling.
+
+    `race fly --preset FILE.yaml` flies with any other preset.
+    """
+    if json:
+        emit_json({name: asdict(planners[SAMPLER].mppi) for name, planners in PRESETS.items()})
+    else:
+        emit(preset_table())
+    return 0
+
+
+def settings(*, json: Json = False) -> int:
+    """List all settings of a flight: unit, range, default and meaning.
+
+    Each is a flag of `race fly`, and a keyword of `quadsim.fly`.
+    """
+    if json:
+        emit_json([row._asdict() for row in setting_rows()])
+    else:
+        emit(setting_table())
     return 0
 
 

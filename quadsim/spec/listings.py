@@ -1,6 +1,6 @@
 """Lists of what can be flown and set: courses, vehicles, sensings, presets and settings.
 
-`race courses`, `race vehicles` and `race sensings` print the same tables.
+`race courses`, `vehicles`, `sensings`, `presets` and `settings` print the same tables.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ WIDTH = 120  # columns of a table that is printed from Python
 # Columns before the published times, and of those at least
 LEFT = 49
 TIMES = 12
+# Columns of the default of a setting
+DEFAULT = 14
 # The sampler whose numbers of each preset are listed
 SAMPLER = "colored"
 
@@ -47,7 +49,10 @@ class Listing(Sequence[str]):
     @overload
     def __getitem__(self, index: slice) -> tuple[str, ...]: ...
 
-    def __getitem__(self, index: int | slice) -> str | tuple[str, ...]:
+    def __getitem__(self, index: int | slice | str) -> str | tuple[str, ...]:
+        if isinstance(index, str):
+            # As of a table by its name, which a list of names does not have
+            raise TypeError(f"expected a number, got {index!r}: print() shows the table")
         return self.names[index]
 
     def __len__(self) -> int:
@@ -115,7 +120,7 @@ def presets() -> Listing:
         >>> list(quadsim.presets())
         ['paper', 'race', 'race_small', 'race_informed']
     """
-    return Listing(tuple(PRESETS), lambda _: _preset_table())
+    return Listing(tuple(PRESETS), lambda _: preset_table())
 
 
 def settings() -> Listing:
@@ -130,7 +135,7 @@ def settings() -> Listing:
         ['first_noise']
     """
     rows = setting_rows()
-    return Listing(tuple(row.name for row in rows), lambda _: _setting_table())
+    return Listing(tuple(row.name for row in rows), lambda _: setting_table())
 
 
 def course_table(courses: Sequence[Course], width: int) -> Table:
@@ -192,28 +197,39 @@ def sensing_table(sensings: Sequence[Sensing]) -> Table:
     return table
 
 
-def _preset_table() -> Table:
+def preset_table() -> Table:
+    """Return the table of presets."""
     from quadsim.console import plain_table
 
-    names = ("samples", "horizon", "iterations", "dt", "target_ess", "adapt")
-    table = plain_table("preset", "vehicle", *names, "cost", left=(0, 1, 8))
+    names = ("samples", "horizon", "iterations", "dt", "target_ess")
+    table = plain_table("preset", "vehicle", *names, "cost", left=(0, 1, 7))
+    table.columns[0].no_wrap = True
     for name, planners in PRESETS.items():
         planner = planners[SAMPLER]
         numbers = asdict(planner.mppi)
         numbers_shown = [shown(numbers[number]) for number in names]
-        table.add_row(name, planner.vehicle, *numbers_shown, type(planner.cost).__name__)
+        table.add_row(
+            name,
+            planner.vehicle,
+            *numbers_shown,
+            type(planner.cost).__name__.removesuffix("Weights"),
+        )
     return table
 
 
-def _setting_table() -> Table:
+def setting_table() -> Table:
+    """Return the table of all settings."""
     from rich.markup import escape
 
     from quadsim.console import plain_table
 
-    table = plain_table("setting", "unit", "range", "default", "meaning", left=range(5))
+    table = plain_table("setting", "default", "meaning [unit]; range", left=range(3))
     table.columns[0].no_wrap = True
+    table.columns[1].max_width = DEFAULT
     for row in setting_rows():
-        table.add_row(row.name, row.unit, row.range, escape(row.default), escape(row.meaning))
+        meaning = f"{row.meaning} [{row.unit}]" if row.unit else row.meaning
+        meaning = f"{meaning}; {row.range}" if row.range else meaning
+        table.add_row(row.name, escape(row.default), escape(meaning))
     return table
 
 

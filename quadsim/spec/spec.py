@@ -595,7 +595,7 @@ def _base_planner(
     if planner is not None:
         for name in ("sampler", "preset"):
             if given.get(name) is not None:
-                wanted = "expected none beside a whole planner=, as a stored run has one"
+                wanted = "expected none: the planner of a stored run, or planner=, has its own"
                 raise SettingError(name, wanted)
         _check_type("planner", planner, Planner)
         return planner
