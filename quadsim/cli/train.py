@@ -47,7 +47,7 @@ def train(
     course: Annotated[str, course_help(COURSE)],
     /,
     *,
-    steps: Annotated[Whole, Help("steps of the environments, over all of them")] = 200_000_000,
+    steps: Annotated[Whole, Help("steps of the environments, over all of them")] = 600_000_000,
     minutes: Annotated[
         Minutes | None, Help("longest training [min]; its learning rate falls in this time")
     ] = None,
