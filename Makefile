@@ -51,6 +51,7 @@ lint: $(VENV)/.dev
 # Write what is made from settings, then mend what ruff can: order of imports, simple rewrites, layout.
 fix: $(VENV)/.dev
 	$(BIN)/python -m quadsim.spec.write_keywords
+	$(BIN)/python -m quadsim.spec.write_tables
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
