@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import linecache
 import logging
-import os
 import pickle
 import sys
 from hashlib import sha256
@@ -22,24 +21,12 @@ from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
 from quadsim.files.atomic import replace_file
+from quadsim.files.cache import cache_folder
 
 SUM = sha256().digest_size
 LARGEST = 50_000_000  # bytes that are read, of a device too; the code of a planner has 300 000
 # In a program that has not set up logging, a warning is one line on stderr.
 log = logging.getLogger("quadsim")
-
-
-def cache_folder() -> Path | None:
-    """Return $XDG_CACHE_HOME/quadsim or ~/.cache/quadsim, which may not exist yet.
-
-    Returns:
-        The folder; None where the user has no home.
-    """
-    home = os.environ.get("XDG_CACHE_HOME", "")
-    # A relative one is to be ignored, by the specification of these folders.
-    if not os.path.isabs(home):
-        home = os.path.expanduser("~/.cache")
-    return Path(home) / "quadsim" if os.path.isabs(home) else None
 
 
 class CodeCache(NullCache):

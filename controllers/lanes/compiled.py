@@ -17,8 +17,9 @@ from typing import Any
 from numba.core.errors import NumbaError
 from numba.np.ufunc import parallel
 
-from controllers.lanes.code_cache import CodeCache, cache_folder
+from controllers.lanes.code_cache import CodeCache
 from controllers.lanes.trace import TraceError
+from quadsim.files.cache import cache_folder
 
 COLOUR = re.compile("\x1b\\[[0-9;]*m")  # of numba's errors in a terminal
 

@@ -64,6 +64,7 @@ def _run(argv: list[str]) -> int:
     from quadsim.cli.parse import run
     from quadsim.console import UsageError
     from quadsim.files.strict_yaml import FileError
+    from quadsim.firmware.process import FirmwareError
     from quadsim.record.run import RunError
 
     name = argv[0]
@@ -71,7 +72,7 @@ def _run(argv: list[str]) -> int:
         if COMMANDS[name].compiles and not {"-h", "--help"} & set(argv):
             _check_compiler()
         return run(argv)
-    except (UsageError, FileError, RunError) as error:
+    except (UsageError, FileError, FirmwareError, RunError) as error:
         return _complain(f"race {name}: {error}", 2)
 
 

@@ -41,6 +41,9 @@ COMMANDS = {
     "settings": Command(
         "quadsim.cli.listing:settings", "all settings: unit, range, default, meaning"
     ),
+    "firmware": Command(
+        "quadsim.cli.firmware:firmware", "the flight controller Betaflight: what is built, build it"
+    ),
     "check": Command(
         "quadsim.cli.listing:check", "check course, vehicle, preset and sensing files"
     ),

@@ -10,7 +10,7 @@ tuples throughout: at 400 Hz the overhead of 3-element arrays would be most of t
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import isfinite
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ from quadsim.dynamics.first_order import remaining, response
 from quadsim.dynamics.quadrotor import Control, rate_loop
 from quadsim.physics.allocation import PerRotor, allocate, mixer, shares
 from quadsim.physics.faults import RotorFault
-from quadsim.rotation import Vec3
+from quadsim.rotation import Quaternion, Vec3
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
 HOVER = Control(wx=0.0, wy=0.0, wz=0.0, thrust=GRAVITY)
@@ -93,6 +93,28 @@ def angular_acceleration(omega: Vec3, torque: Vec3, inertia: Vec3) -> Vec3:
     return (tx - gx) / jx, (ty - gy) / jy, (tz - gz) / jz
 
 
+def drag_force(vehicle: Vehicle, v_body: Vec3) -> Vec3:
+    """Return the drag [N], linear along each axis of the body: -m d v.
+
+    Args:
+        vehicle: vehicle with the coefficients d [1/s].
+        v_body: velocity in the body's axes [m/s].
+    """
+    dx, dy, dz = vehicle.drag
+    vx, vy, vz = v_body
+    return -vehicle.mass * dx * vx, -vehicle.mass * dy * vy, -vehicle.mass * dz * vz
+
+
+def rotor_strengths(faults: Sequence[RotorFault], t: float) -> PerRotor:
+    """Return the share of its thrust that each rotor gives at the time t [s]  (4,)."""
+    strengths = [1.0] * len(SOUND)
+    for fault in faults:
+        if fault.window.active(t):
+            assert fault.rotor is not None, "the rotor of this fault is not drawn yet"
+            strengths[fault.rotor - 1] *= fault.strength
+    return tuple(strengths)
+
+
 class Motors:
     """Four rotors whose speeds follow their commands first-order in tau, from hover on."""
 
@@ -122,7 +144,18 @@ class Motors:
             The collective [N] and the torque [N m] that are delivered at the end of the step.
         """
         thrusts = allocate(self._share, collective, torque, self._low, self._high)
-        commands = map(self._rotors.speed, thrusts)
+        return self.follow(map(self._rotors.speed, thrusts), strengths)
+
+    def follow(self, commands: Iterable[float], strengths: PerRotor = SOUND) -> tuple[float, Vec3]:
+        """Advance the rotors by one step towards commanded speeds.
+
+        Args:
+            commands: speeds [rad/s]  (4,).
+            strengths: share of its thrust that each rotor gives  (4,).
+
+        Returns:
+            The collective [N] and the torque [N m] that are delivered at the end of the step.
+        """
         self.speeds = tuple(
             command + (speed - command) * self._remaining
             for speed, command in zip(self.speeds, commands, strict=True)
@@ -165,13 +198,20 @@ class Actuators:
         # angular acceleration delivered, body frame [rad/s^2]
         self.angular_acceleration: Vec3 = (0.0, 0.0, 0.0)
 
-    def wrench(self, command: Sequence[float], omega_body: Vec3, v_body: Vec3) -> Wrench:
+    def wrench(
+        self,
+        command: Sequence[float],
+        omega_body: Vec3,
+        v_body: Vec3,
+        attitude: Quaternion = (1.0, 0.0, 0.0, 0.0),
+    ) -> Wrench:
         """Return the wrench on the body for the step that starts now.
 
         Args:
             command: given now, in the order of Control  (4,).
             omega_body: body rates [rad/s].
             v_body: velocity in the body's axes [m/s].
+            attitude: wxyz, which ideal actuators do not use.
         """
         vehicle = self._vehicle
 
@@ -188,21 +228,13 @@ class Actuators:
         self.thrust = force / vehicle.mass
         self.angular_acceleration = angular_acceleration(omega_body, torque, vehicle.inertia)
 
-        # Drag is linear, -m d v along each axis of the body.
-        dx, dy, dz = vehicle.drag
-        vx, vy, vz = v_body
-        drag_x = -vehicle.mass * dx * vx
-        drag_y = -vehicle.mass * dy * vy
-        drag_z = -vehicle.mass * dz * vz
+        drag_x, drag_y, drag_z = drag_force(vehicle, v_body)
         self._steps += 1
         return Wrench(force=(drag_x, drag_y, drag_z + force), torque=torque)
 
+    def close(self) -> None:
+        """Do nothing, as nothing is held."""
+
     def _strengths(self) -> PerRotor:
         """Return the share of its thrust that each rotor gives in the step that starts now."""
-        t = self._steps * self._dt
-        strengths = [1.0] * len(SOUND)
-        for fault in self._faults:
-            if fault.window.active(t):
-                assert fault.rotor is not None, "the rotor of this fault is not drawn yet"
-                strengths[fault.rotor - 1] *= fault.strength
-        return tuple(strengths)
+        return rotor_strengths(self._faults, self._steps * self._dt)

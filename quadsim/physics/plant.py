@@ -6,7 +6,7 @@ own. Another simulator, RotorPy, has a multirotor of its own.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from math import isfinite
 from numbers import Real
@@ -16,7 +16,7 @@ from quadsim.course import Course, Start
 from quadsim.dynamics.quadrotor import State
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
-from quadsim.physics.actuators import HOVER, Actuators
+from quadsim.physics.actuators import HOVER, Actuators, Wrench
 from quadsim.physics.faults import CommandLoss, RotorFault
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.physics.rigid_body import RigidBody
@@ -94,6 +94,29 @@ class World(Protocol):
         ...
 
 
+class ActuatorsProtocol(Protocol):
+    """From a command to the wrench; see quadsim.physics.actuators.Actuators."""
+
+    # thrust delivered along body z, mass-normalised [m/s^2]
+    thrust: float
+    # angular acceleration delivered, body frame [rad/s^2]
+    angular_acceleration: Vec3
+
+    def wrench(
+        self, command: Sequence[float], omega_body: Vec3, v_body: Vec3, attitude: Quaternion
+    ) -> Wrench:
+        """Return the wrench on the body for the step that starts now."""
+        ...
+
+    def close(self) -> None:
+        """Release what the actuators hold."""
+        ...
+
+
+# (vehicle, dt, faults of rotors) -> the actuators
+ActuatorsFactory = Callable[[Vehicle, float, Sequence[RotorFault]], ActuatorsProtocol]
+
+
 class RigidPlant:
     """A rigid body, moved by quadsim.physics.rigid_body, behind the vehicle's actuators.
 
@@ -109,6 +132,7 @@ class RigidPlant:
         body: Vehicle | None = None,
         gusts: Iterator[Vec3] | None = None,
         faults: Sequence[RotorFault] = (),
+        actuators: ActuatorsFactory = Actuators,
     ):
         """Start at rest.
 
@@ -121,12 +145,13 @@ class RigidPlant:
                 flight controller works in either case.
             gusts: acceleration in each physics step, world frame [m/s^2].
             faults: faults of the rotors, with their rotors and times.
+            actuators: what makes the actuators of vehicle, dt and faults.
         """
         body = body or vehicle
         self.dt = dt
         # Semi-implicit Euler sets p <- p + v dt, so v is the velocity in the middle of the step.
         self.velocity_lag = dt / 2
-        self._actuators = Actuators(vehicle, dt, faults)
+        self._actuators = actuators(vehicle, dt, faults)
         self._world = self._new_world(course, body, dt)
         self._mass = body.mass
         self._gusts = gusts
@@ -143,7 +168,8 @@ class RigidPlant:
         """Advance by one physics step under a command in the order of Control  (4,)."""
         x = self.state.x
         attitude = x.attitude
-        force, torque = self._actuators.wrench(u, x.body_rates, to_body(attitude, x.velocity))
+        v_body = to_body(attitude, x.velocity)
+        force, torque = self._actuators.wrench(u, x.body_rates, v_body, attitude)
         if self._gusts:
             fx, fy, fz = force
             ax, ay, az = to_body(attitude, next(self._gusts))
@@ -167,8 +193,9 @@ class RigidPlant:
         return PlantState(self._steps * self.dt, x, self._world.contacts())
 
     def close(self) -> None:
-        """Release the world."""
+        """Release the world and the actuators."""
         self._world.close()
+        self._actuators.close()
 
 
 class BulletPlant(RigidPlant):

@@ -21,6 +21,9 @@ from quadsim.course import Course, Gate
 from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.files.yaml_errors import shown_value
+from quadsim.firmware.configuration import Text, configured
+from quadsim.firmware.package import built_firmware
+from quadsim.physics.betaflight import BetaflightActuators, motors_reversed
 from quadsim.physics.domain_randomization import draw, gusts
 from quadsim.physics.faults import BiasJump, CommandLoss, RotorFault, SensorFault
 from quadsim.physics.plant import PLANTS, LossyLink, NamedPlant, Plant, PlantName, start_state
@@ -148,6 +151,8 @@ def plant_of(spec: Spec) -> Plant:
     plant = PLANTS[cast(PlantName, spec.plant)]
     course = spec.flown_course
     faults = [fault for fault in spec.drawn_faults if isinstance(fault, RotorFault)]
+    if spec.betaflight is not None:
+        plant = partial(plant, actuators=partial(_behind_firmware, spec, spec.betaflight))
     if spec.randomize == 0:
         return plant(course, spec.vehicle, spec.plant_dt, faults=faults)
     streams = spec.streams
@@ -161,6 +166,23 @@ def plant_of(spec: Spec) -> Plant:
         gusts=gusts(streams.gusts, varied.gust, spec.plant_dt),
         faults=faults,
     )
+
+
+def _behind_firmware(
+    spec: Spec, text: Text, vehicle: Vehicle, dt: float, faults: Sequence[RotorFault]
+) -> BetaflightActuators:
+    """Return the actuators of a vehicle behind Betaflight.
+
+    Each command is reached within a control period.
+
+    Raises:
+        FirmwareError: the firmware is not built, or does not arm.
+        FileError: it does not take its configuration.
+    """
+    built = built_firmware()
+    configuration = configured(built.program, text, motors_reversed(vehicle))
+    period = spec.planner.mppi.dt
+    return BetaflightActuators(vehicle, dt, built, configuration, faults, interpolation=period)
 
 
 def pilot_of(spec: Spec) -> PilotController | None:

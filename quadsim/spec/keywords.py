@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from controllers.samplers import PlainSampler, Sampling
     from quadsim.course import Course
     from quadsim.dynamics.quadrotor import ModelParams
+    from quadsim.firmware.configuration import Text
     from quadsim.physics.plant import Plant
     from quadsim.race.flight import ControlLaw, Controller, RefereeProtocol
     from quadsim.sensing import Sensing
@@ -49,6 +50,8 @@ class Keywords(TypedDict, total=False):
     penalties: bool | None
     plant: Literal["bullet", "rigid", "rotorpy"] | Plant | Callable[[Spec], Plant] | None
     plant_dt: float | None
+    flight_controller: Literal["betaflight", "ideal"] | None
+    betaflight: str | Path | Text | None
     clock: Literal["simulated", "wall"] | None
     deadline_ms: float | None
     runs_dir: str | Path | None

@@ -20,6 +20,7 @@ from quadsim.course import Course, parse_course
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import checked
+from quadsim.firmware.configuration import Text
 from quadsim.record.run import INTERACTIVE, canonical, hostless, own_parts
 from quadsim.sensing import Sensing
 from quadsim.spec.changes import PlannerChange
@@ -78,6 +79,13 @@ class RecordedChange(msgspec.Struct):
     planner: ChangedPlanner
 
 
+class RecordedBetaflight(msgspec.Struct):
+    """The configuration of the firmware in a record; the firmware itself is compared with it."""
+
+    name: str
+    lines: tuple[str, ...]
+
+
 class RecordedHost(msgspec.Struct):
     """The folders of the machine that flew, none of which changes the flight."""
 
@@ -110,6 +118,7 @@ class Recorded(msgspec.Struct):
     view_weight: float = 0.0
     faults: tuple[str, ...] = ()
     pilot: RecordedPilot | None = None
+    betaflight: RecordedBetaflight | None = None
     reference: RecordedReference | None = None
     own: dict[str, Any] = {}
     interactive: list[RecordedChange] = []
@@ -246,6 +255,8 @@ def _built(read: Recorded, own: Mapping[str, Any], folders: Sequence[str]) -> Sp
         fault=read.faults,
         plant=own.get("plant") or _plant(read.plant),
         plant_dt=read.plant_dt,
+        flight_controller="betaflight" if read.betaflight else "ideal",
+        betaflight=Text(read.betaflight.name, read.betaflight.lines) if read.betaflight else None,
         clock=read.clock,
         deadline_ms=read.deadline_ms,
         terms=terms_of(own.get("terms", ())),

@@ -26,6 +26,7 @@ from quadsim.files.values import SettingError as SettingError
 from quadsim.files.values import bare as bare
 from quadsim.files.values import is_optional as is_optional
 from quadsim.files.yaml_errors import unless_null
+from quadsim.firmware import FlightControllerName
 from quadsim.physics.plant import PlantName
 from quadsim.sensing import PERFECT
 
@@ -102,6 +103,14 @@ class FlightSettings:
         PlantName | None, setting("simulator (default: bullet where PyBullet is installed)")
     ] = None
     plant_dt: Annotated[float, setting("physics step", "s", ge=1e-4, le=0.02)] = 1 / 400
+    flight_controller: Annotated[
+        FlightControllerName,
+        setting("ideal: a first-order rate loop; betaflight: the firmware, in lock step"),
+    ] = "ideal"
+    betaflight: Annotated[
+        str | None,
+        setting("Betaflight's configuration, FILE.txt of its CLI (default: the vehicle's)"),
+    ] = None
     clock: Annotated[
         Clock, setting("simulated: planning takes no time; wall: the flight continues meanwhile")
     ] = "simulated"

@@ -18,6 +18,10 @@ from quadsim.course.course import is_described
 from quadsim.dynamics.quadrotor import Control, ModelParams
 from quadsim.files.values import checked
 from quadsim.files.yaml_errors import did_you_mean, shown_value
+from quadsim.firmware import FlightControllerName
+from quadsim.firmware.configuration import Text, read_text
+from quadsim.firmware.package import built_firmware
+from quadsim.firmware.process import MAIN_LOOP
 from quadsim.physics.domain_randomization import displaced, draw
 from quadsim.physics.faults import (
     CommandLoss,
@@ -60,7 +64,7 @@ from quadsim.spec.settings import (
     is_optional,
 )
 from quadsim.streams import Streams, quadrotor_streams
-from quadsim.vehicle import Vehicle, load_vehicle, with_thrust_to_weight
+from quadsim.vehicle import VEHICLES, Vehicle, load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:
     from quadsim.spec.keywords import CourseLike, Keywords
@@ -69,6 +73,9 @@ DEFAULT_COURSE = "split_s_swift"
 # Keywords that take an object and are not settings.
 OBJECTS = ("course", "planner", "model", "controller", "referee", "cost", "terms")
 KEYWORDS = (*SETTINGS, *OBJECTS)
+# Settings that take an object in place of a name
+OBJECT_SETTINGS = ("sampler", "pilot", "vehicle", "sensing", "plant", "preset", "betaflight")
+CONFIGURATION = ".betaflight.txt"  # ends the file of a vehicle's configuration of the firmware
 PLANTS = get_args(PlantName)
 # The settings that a Spec holds as numbers or names, and their kinds. Those of the first row have
 # no default in a Spec: None, which stands for one in FlightSettings, has been resolved.
@@ -82,6 +89,7 @@ NUMBERS = {
             "displace_gates",
             "penalties",
             "plant_dt",
+            "flight_controller",
             "clock",
             "deadline_ms",
             "threads",
@@ -90,7 +98,10 @@ NUMBERS = {
     },
 }
 # Plants whose rotors are those of quadsim.physics.actuators.
-PLANTS_WITH_ROTOR_FAULTS = ("bullet", "rigid")
+PLANTS_WITH_ROTORS = ("bullet", "rigid")
+# Physics step with the firmware: its gyro and its link are exchanged in each [s]
+FIRMWARE_STEP = 1e-3
+ROUNDING = 1e-6
 
 T = TypeVar("T")
 
@@ -136,6 +147,8 @@ class Spec:
     penalties: bool = False
     plant: PlantName | Plant | Callable[[Spec], Plant] = field(default_factory=default_plant)
     plant_dt: float = FlightSettings.plant_dt  # [s]
+    flight_controller: FlightControllerName = "ideal"
+    betaflight: Text | None = None  # configuration of the firmware, where that flies
     clock: Clock = "simulated"
     deadline_ms: float | None = None  # longest time of a plan, kept by fewer samples
     terms: tuple[Term, ...] = ()  # the user's own, beside those of the cost
@@ -280,6 +293,7 @@ class Spec:
             "faults": [str(fault) for fault in self.faults],
             "drawn_faults": [str(fault) for fault in self.drawn_faults],
             "pilot": self.pilot.record() if self.pilot else None,
+            "betaflight": _of_firmware(self.betaflight),
             "reference": _followed(self.reference),
             "own": self._own_parts(),
             INTERACTIVE: [change.record() for change in self.changes],
@@ -326,6 +340,14 @@ def _followed(reference: StoredSolution | None) -> dict[str, str] | None:
     return {"key": reference.key, "sha256": reference.digest} if reference else None
 
 
+def _of_firmware(text: Text | None) -> dict[str, Any] | None:
+    """Return the configuration and the firmware that reads it, as a record has them."""
+    if text is None:
+        return None
+    firmware = built_firmware().identity
+    return {"name": Path(text.name).name, "lines": list(text.lines), "firmware": firmware}
+
+
 def validate(spec: Spec) -> None:
     """Check the parts of a spec against each other.
 
@@ -353,6 +375,7 @@ def validate(spec: Spec) -> None:
                 raise SettingError(name, f"expected 0 {why}, got {getattr(spec, name):g}")
         _check_reference(spec, spec.planner.cost)
     _check_faults(spec)
+    _check_flight_controller(spec)
     if spec.pilot:
         _check_beside_pilot(spec)
         spec.pilot.check(spec.vehicle.name, dt)
@@ -376,6 +399,29 @@ def _check_beside_pilot(spec: Spec) -> None:
         raise SettingError("deadline_ms", problem)
 
 
+def _check_flight_controller(spec: Spec) -> None:
+    """Check that the firmware has all that it needs. Raises SettingError."""
+    if spec.flight_controller == "ideal":
+        if spec.betaflight is not None:
+            wanted = "expected none beside the flight controller 'ideal'"
+            raise SettingError("betaflight", f"{wanted}, got {spec.betaflight.name!r}")
+        return
+    name = "flight_controller"
+    if spec.vehicle.rotors is None:
+        wanted = "expected a vehicle with rotors for 'betaflight'"
+        raise SettingError(name, f"{wanted}, got {spec.vehicle.name}")
+    if spec.plant not in PLANTS_WITH_ROTORS:
+        plant = spec.plant if isinstance(spec.plant, str) else "a plant of your own"
+        wanted = f"expected plant {' or '.join(PLANTS_WITH_ROTORS)} for 'betaflight'"
+        raise SettingError(name, f"{wanted}, got {plant}")
+    passes = spec.plant_dt / MAIN_LOOP
+    if abs(passes - round(passes)) > ROUNDING or round(passes) < 1:
+        wanted = f"expected a whole multiple of {MAIN_LOOP:g} s for 'betaflight'"
+        raise SettingError("plant_dt", f"{wanted}, got {spec.plant_dt:g}")
+    if spec.betaflight is None:
+        raise SettingError("betaflight", "expected a configuration for 'betaflight', got none")
+
+
 def _check_faults(spec: Spec) -> None:
     """Check that the parts that fail are there. Raises SettingError."""
     for text in spec.fault:
@@ -387,9 +433,9 @@ def _check_faults(spec: Spec) -> None:
             if spec.vehicle.rotors is None:
                 wanted = "expected a vehicle with rotors"
                 raise SettingError("fault", f"{wanted} for {text!r}, got {spec.vehicle.name}")
-            if spec.plant not in PLANTS_WITH_ROTOR_FAULTS:
+            if spec.plant not in PLANTS_WITH_ROTORS:
                 plant = spec.plant if isinstance(spec.plant, str) else "a plant of your own"
-                wanted = f"expected plant {' or '.join(PLANTS_WITH_ROTOR_FAULTS)}"
+                wanted = f"expected plant {' or '.join(PLANTS_WITH_ROTORS)}"
                 raise SettingError("fault", f"{wanted} for {text!r}, got {plant}")
         elif not isinstance(fault, CommandLoss):
             key = sensor_key(fault)
@@ -496,7 +542,9 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         fault=flight.fault,
         penalties=flight.penalties,
         plant=default_plant() if plant is None else plant,
-        plant_dt=flight.plant_dt,
+        plant_dt=_plant_dt(flight, given),
+        flight_controller=flight.flight_controller,
+        betaflight=_configuration(flight, given, vehicle, read),
         clock=flight.clock,
         deadline_ms=flight.deadline_ms,
         terms=(*terms_of(() if own_terms is None else own_terms), *map(term_of_text, flight.term)),
@@ -511,6 +559,37 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     return spec
 
 
+def _plant_dt(flight: FlightSettings, given: Mapping[str, Any]) -> float:
+    """Return the physics step [s]; by default the firmware has one of its own."""
+    if given.get("plant_dt") is None and flight.flight_controller != "ideal":
+        return FIRMWARE_STEP
+    return flight.plant_dt
+
+
+def _configuration(
+    flight: FlightSettings, given: Mapping[str, Any], vehicle: Vehicle, read: dict[str, Any]
+) -> Text | None:
+    """Return the firmware's configuration: the one given, or the vehicle's; None without firmware.
+
+    Raises:
+        SettingError: there is none for this vehicle.
+        FileError: its file cannot be read.
+    """
+    own = given.get("betaflight")
+    if isinstance(own, Text):
+        return own
+    if own is not None:
+        read["betaflight"] = read_text(Path(own))
+        return read["betaflight"]
+    if flight.flight_controller == "ideal":
+        return None
+    path = VEHICLES / f"{vehicle.name.partition('-')[0]}{CONFIGURATION}"
+    if not path.exists():
+        wanted = f"expected FILE.txt of Betaflight's CLI for the vehicle {vehicle.name}"
+        raise SettingError("betaflight", f"{wanted}, as none comes with the project")
+    return read_text(path)
+
+
 def _check_names(given: Mapping[str, Any]) -> None:
     """Check that each name is a setting's. Raises SettingError."""
     for name in given:
@@ -523,8 +602,7 @@ def _flight_settings(given: Mapping[str, Any]) -> FlightSettings:
     values: dict[str, Any] = {}
     for f in fields(FlightSettings):
         value = given.get(f.name)
-        # These settings take an object in place of a name.
-        is_object = f.name in ("sampler", "pilot", "vehicle", "sensing", "plant", "preset")
+        is_object = f.name in OBJECT_SETTINGS
         if value is None or (is_object and not isinstance(value, str | Path)):
             continue
         if f.name in ("term", "fault") and isinstance(value, str):

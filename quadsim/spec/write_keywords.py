@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from controllers.samplers import PlainSampler, Sampling
     from quadsim.course import Course
     from quadsim.dynamics.quadrotor import ModelParams
+    from quadsim.firmware.configuration import Text
     from quadsim.physics.plant import Plant
     from quadsim.race.flight import ControlLaw, Controller, RefereeProtocol
     from quadsim.sensing import Sensing
@@ -57,6 +58,7 @@ OBJECTS = {
     "vehicle": "str | Path | Vehicle",
     "sensing": "str | Path | Sensing",
     "plant": 'Literal["bullet", "rigid", "rotorpy"] | Plant | Callable[[Spec], Plant]',
+    "betaflight": "str | Path | Text",
     "runs_dir": "str | Path",
     "planner": "Planner",
     "model": "ModelParams",

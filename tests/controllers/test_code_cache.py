@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from numba import njit
 
-from controllers.lanes.code_cache import CodeCache, cache_folder
+from controllers.lanes.code_cache import CodeCache
 from controllers.lanes.compiled import interruptible, is_cached, kept, load_module
 from controllers.lanes.trace import TraceError
+from quadsim.files.cache import cache_folder
 
 TEXT = """
 from numba import njit

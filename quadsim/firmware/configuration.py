@@ -1,0 +1,376 @@
+"""The firmware's configuration: a text of its command line, and what sticks do under it.
+
+The text is what a pilot pastes into Betaflight's Configurator, or gets from `diff all`. The
+firmware's own command line reads it, so that every setting means here what it means on a drone.
+
+How the sticks have to stand for wanted body rates and a wanted motor command follows from rates
+type, expo, limits and throttle curve. It is measured on the firmware: standing still and armed, it
+is shown one position of the sticks after another, and says which body rates it understands and what
+it sends to the motors.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsim.files.strict_yaml import FileError
+from quadsim.firmware.package import FIRMWARE_VERSION
+from quadsim.firmware.process import HIGH, LOW, MIDDLE, Firmware, FirmwareError, Reply
+from quadsim.rotation import Quaternion, Vec3
+from quadsim.vehicle import GRAVITY
+
+LARGEST = 200_000  # characters of a configuration
+# Lines that have no meaning without the board: its pins, ports, screens and transmitters
+COMMANDS_OF_BOARDS = [
+    "resource",
+    "timer",
+    "dma",
+    "serial",
+    "serialpassthrough",
+    "beeper",
+    "beacon",
+    "led",
+    "color",
+    "mode_color",
+    "vtx",
+    "vtxtable",
+    "osd",
+    "board_name",
+    "manufacturer_id",
+    "mcu_id",
+    "signature",
+    "adjrange",
+    "rxfail",
+    "batch",
+    "save",
+    "exit",
+    "defaults",
+    "feature",
+]
+SETTINGS_OF_BOARDS = [
+    "osd",
+    "vtx",
+    "vbat",
+    "ibat",
+    "cms",
+    "displayport",
+    "serialrx",
+    "telemetry",
+    "frsky",
+    "crsf",
+    "srxl",
+    "sbus",
+    "hott",
+    "smartport",
+    "beeper",
+    "gps",
+    "mag",
+    "baro",
+    "acc_cal",
+    "craft",
+    "pilot",
+    "name",
+    "ledstrip",
+    "dshot",
+    "use_unsynced",
+    "motor_pwm",
+    "motor_poles",
+    "rpm_filter",
+    "dyn_idle",
+    "rssi",
+    "camera",
+    "rcdevice",
+    "usb",
+    "flash",
+    "sdcard",
+    "pinio",
+    "enable_stick",
+    "stats",
+    "cpu",
+    "vcd",
+    "max7456",
+    "i2c",
+    "esc_sensor",
+    "gyro_1",
+    "gyro_2",
+    "gyro_to",
+    "blackbox",
+    "tri_",
+    "servo",
+    "battery",
+    "current",
+    "force_bat",
+    "task",
+    "timezone",
+    "pwr_on",
+    "transponder",
+    "opticalflow",
+    "rangefinder",
+    "box_user",
+    "scheduler",
+]
+OF_THE_BOARD = re.compile(
+    rf"#.*|({'|'.join(COMMANDS_OF_BOARDS)})\b.*|set ({'|'.join(SETTINGS_OF_BOARDS)})\w*\b.*",
+    re.IGNORECASE,
+)
+# What the simulation decides, whatever the text says: how the virtual board lies in the drone, the
+# order of its motors and channels, and the log.
+FIXED = (
+    "set align_board_roll = 0",
+    "set align_board_pitch = 0",
+    "set align_board_yaw = 0",
+    "set motor_output_reordering = 0,1,2,3,4,5,6,7",
+    "map AETR1234",
+)
+AUX_OF_ARM = re.compile(r"aux \d+ 0 (\d+) (\d+) (\d+)\b")
+ERROR = "###ERROR"
+NOT_AVAILABLE = "ERR_CMD_NA"
+
+THROTTLE = 2  # number of the channel
+FIRST_AUX = 4
+AXES = (0, 1, 3)  # channels of roll, pitch and yaw
+STANDING: tuple[Vec3, Vec3, Quaternion] = ((0, 0, 0), (0, 0, GRAVITY), (1, 0, 0, 0))
+PERIOD = 1e-3  # of the measurement [s]
+FRAME_STEPS = 10  # steps between two frames of the link during the measurement
+BOOT = 5.6  # time after the start in which Betaflight does not arm [s]
+ARMING = 0.5  # time that arming may take [s]
+SETTLING = 60  # steps after which a position of the sticks is read
+POSITIONS = 251  # of a stick from the middle to its end
+
+# What prevents arming, by the bit of its flag
+ARMING_FLAGS = [
+    "NO_GYRO",
+    "FAILSAFE",
+    "RX_FAILSAFE",
+    "NOT_DISARMED",
+    "BOXFAILSAFE",
+    "RUNAWAY",
+    "CRASH",
+    "THROTTLE",
+    "ANGLE",
+    "BOOTGRACE",
+    "NOPREARM",
+    "LOAD",
+    "CALIB",
+    "CLI",
+    "CMS",
+    "BST",
+    "MSP",
+    "PARALYZE",
+    "GPS",
+    "RESC",
+    "DSHOT_TELEM",
+    "REBOOT_REQD",
+    "DSHOT_BITBANG",
+    "ACC_CALIB",
+    "MOTOR_PROTO",
+    "FLIP_SWITCH",
+    "ALT_HOLD_SW",
+    "POS_HOLD_SW",
+    "ARM_SWITCH",
+]
+
+
+class ConfigurationError(FileError):
+    """A line of a configuration that the firmware does not take."""
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A configuration that the firmware has read, and what sticks do under it.
+
+    Between the measured positions the curves are straight lines.
+    """
+
+    eeprom: bytes  # the configuration as the firmware stores it
+    arm_channel: int
+    arm_pulse: float  # of the switch when the vehicle is armed [us]
+    positions: np.ndarray  # pulses of a stick [us], rising  (n,)
+    rates: np.ndarray  # setpoints at these positions of roll, pitch, yaw [rad/s]  (3, n)
+    throttles: np.ndarray  # pulses of the throttle [us], rising  (m,)
+    motors: np.ndarray  # the motors' command at these, 0..1  (m,)
+
+    def pulse_for_rate(self, axis: int, rate: float) -> float:
+        """Return the pulse of a stick [us] for a body rate [rad/s]; at most the largest one."""
+        curve = self.rates[axis]
+        if curve[0] < curve[-1]:
+            return float(np.interp(rate, curve, self.positions))
+        return float(np.interp(-rate, -curve, self.positions))
+
+    def pulse_for_motors(self, motor: float) -> float:
+        """Return the pulse of the throttle [us] for a command of all motors, 0..1."""
+        return float(np.interp(motor, self.motors, self.throttles))
+
+
+class Text(NamedTuple):
+    """A configuration as it was read."""
+
+    name: str  # of the file
+    lines: tuple[str, ...]
+
+
+def read_text(path: Path) -> Text:
+    """Return the lines of a configuration's file. Raises FileError."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise FileError(f"{path}: expected a text of Betaflight's CLI: {error.strerror}") from None
+    if len(data) > LARGEST:
+        raise FileError(f"{path}: expected at most {LARGEST} bytes, got {len(data)}")
+    try:
+        text = data.decode()
+    except UnicodeDecodeError:
+        raise FileError(f"{path}: expected a text in UTF-8") from None
+    return Text(str(path), tuple(text.splitlines()))
+
+
+@lru_cache(maxsize=16)
+def configured(program: Path, text: Text, motors_reversed: bool) -> Configuration:
+    """Return the configuration after the firmware has read a text.
+
+    Args:
+        program: the built firmware.
+        text: the configuration, without the lines for pins and other parts of the board.
+        motors_reversed: whether the propellers turn the other way round than Betaflight's default.
+
+    Raises:
+        ConfigurationError: the firmware does not know a line, or does not take its value.
+        FirmwareError: it does not arm.
+    """
+    eeprom, (channel, pulse) = _read_by_firmware(program, text, motors_reversed)
+    bench = Bench(program, eeprom, channel, pulse)
+    try:
+        positions, rates = bench.rates()
+        bench.arm()
+        throttles, motors = bench.throttle()
+    finally:
+        bench.close()
+    return Configuration(eeprom, channel, pulse, positions, rates, throttles, motors)
+
+
+def _read_by_firmware(
+    program: Path, text: Text, motors_reversed: bool
+) -> tuple[bytes, tuple[int, float]]:
+    """Return the stored configuration, and channel and pulse of the switch that arms."""
+    firmware = Firmware(program, PERIOD)
+    try:
+        firmware.command("defaults nosave")
+        for number, line in enumerate(text.lines, 1):
+            if line.strip() and not OF_THE_BOARD.fullmatch(line.strip()):
+                _carry_out(firmware, line.strip(), f"{text.name}:{number}")
+        direction = "ON" if motors_reversed else "OFF"
+        for line in (*FIXED, f"set yaw_motors_reversed = {direction}"):
+            _carry_out(firmware, line, "the simulation")
+        arm = _arm_switch(firmware.command("aux"), text.name)
+        return firmware.save(), arm
+    finally:
+        firmware.close()
+
+
+def _carry_out(firmware: Firmware, line: str, place: str) -> None:
+    """Have the firmware read a line. Raises ConfigurationError."""
+    printed = firmware.command(line)
+    if ERROR in printed:
+        problem = printed[printed.index(ERROR) :].strip().strip("#").removeprefix("ERROR ")
+    elif NOT_AVAILABLE in printed:
+        problem = f"Betaflight {FIRMWARE_VERSION} has no such command"
+    else:
+        return
+    raise ConfigurationError(
+        f"{place}: expected a line of Betaflight's CLI, got {line!r}: {' '.join(problem.split())}: "
+        "correct or remove it"
+    )
+
+
+def _arm_switch(modes: str, name: str) -> tuple[int, float]:
+    """Return the channel and the pulse [us] of the mode ARM. Raises ConfigurationError."""
+    for found in AUX_OF_ARM.finditer(modes):
+        channel, low, high = map(int, found.groups())
+        if low < high:
+            return FIRST_AUX + channel, min(max((low + high) / 2, LOW), HIGH)
+    raise ConfigurationError(
+        f"{name}: expected a switch for ARM, such as 'aux 0 0 0 1700 2100 0 0', got none"
+    )
+
+
+class Bench:
+    """A firmware that stands still and is shown positions of the sticks."""
+
+    def __init__(self, program: Path, eeprom: bytes, arm_channel: int, arm_pulse: float):
+        self._firmware = Firmware(program, PERIOD, eeprom)
+        self._arm = (arm_channel, arm_pulse)
+        self._channels = idle_channels()
+
+    def arm(self) -> None:
+        """Wait until the firmware lets itself be armed, and arm it. Raises FirmwareError."""
+        self._channels[THROTTLE] = LOW
+        self._hold(max(round((BOOT - self._firmware.time) / PERIOD), SETTLING))
+        channel, pulse = self._arm
+        self._channels[channel] = pulse
+        reply = self._hold(round(ARMING / PERIOD))
+        expect_armed(reply)
+
+    def rates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the positions [us]  (n,) and the setpoints of the three axes [rad/s]  (3, n).
+
+        Not armed: the firmware would take sticks that turn nothing for a runaway.
+        """
+        self._channels[THROTTLE] = MIDDLE
+        one_side = np.linspace(0.0, HIGH - MIDDLE, POSITIONS)
+        offsets = np.concatenate((-one_side[:0:-1], one_side))
+        setpoints = []
+        for offset in offsets:
+            for axis in AXES:
+                self._channels[axis] = MIDDLE + offset
+            setpoints.append(self._hold(SETTLING).setpoint)
+        for axis in AXES:
+            self._channels[axis] = MIDDLE
+        self._hold(SETTLING)
+        return MIDDLE + offsets, np.deg2rad(np.array(setpoints)).T
+
+    def throttle(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return pulses [us] and the motors' commands at them, those where the commands rise."""
+        pulses = np.linspace(LOW, HIGH, 2 * POSITIONS - 1)
+        commands = []
+        for pulse in pulses:
+            self._channels[THROTTLE] = pulse
+            commands.append(np.mean(self._hold(SETTLING).motors))
+        found = np.array(commands)
+        rises = np.concatenate(([True], found[1:] > np.maximum.accumulate(found)[:-1]))
+        return pulses[rises], found[rises]
+
+    def close(self) -> None:
+        """End the firmware."""
+        self._firmware.close()
+
+    def _hold(self, steps: int) -> Reply:
+        """Hold the sticks for some steps, and return the last reply."""
+        return self._firmware.step(*STANDING, self._channels, steps, FRAME_STEPS)
+
+
+def idle_channels() -> list[float]:
+    """Return the pulses of sticks in the middle, throttle down and switches off [us]."""
+    channels = [MIDDLE, MIDDLE, LOW, MIDDLE]
+    return channels + [LOW] * 12
+
+
+def expect_armed(reply: Reply) -> None:
+    """Raise FirmwareError, which names the flags, if the firmware has not armed."""
+    if reply.armed:
+        return
+    flags = ", ".join(_names(reply.arming_flags)) or "no reason"
+    raise FirmwareError(f"firmware: expected it to arm, but it refuses: {flags}")
+
+
+def _names(flags: int) -> Iterator[str]:
+    for bit, name in enumerate(ARMING_FLAGS):
+        # The switch's own flag is set with every other one.
+        if flags >> bit & 1 and (name != "ARM_SWITCH" or flags == 1 << bit):
+            yield name

@@ -1,0 +1,204 @@
+"""A process of the firmware, stepped in lock step over pipes; see lockstep.c for the messages."""
+
+from __future__ import annotations
+
+import os
+import struct
+import subprocess
+from collections.abc import Sequence
+from contextlib import suppress
+from math import nan
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+from quadsim.rotation import Quaternion, Vec3
+
+CHANNELS = 16
+MAIN_LOOP = 50e-6  # time of a pass of the firmware's main loop [s]
+# Positions of a stick or switch, as pulses [us]
+LOW = 1000.0
+MIDDLE = 1500.0
+HIGH = 2000.0
+
+STEP = struct.Struct(f"<I 3d 3d 4d 2d {CHANNELS}d")
+COMMAND_LINE = struct.Struct("<I I")
+REPLY = struct.Struct("<4d 3d d d")
+SIZE = struct.Struct("<I")
+STEP_KIND = 1
+COMMAND_LINE_KIND = 2
+
+# Last characters of the firmware's own messages that an error shows
+SHOWN = 200
+
+
+class FirmwareError(ValueError):
+    """The firmware does not run, or does not do what a flight needs; one line."""
+
+
+class Reply(NamedTuple):
+    """What the firmware says after a step."""
+
+    motors: tuple[float, float, float, float]  # commands of motors 1 to 4, 0..1
+    setpoint: Vec3  # body rates that the sticks ask for, as the firmware counts them [deg/s]
+    armed: bool
+    arming_flags: int  # bits of what prevents arming
+
+
+class Firmware:
+    """One process of the firmware.
+
+    It has a folder of its own with its configuration (eeprom.bin) and its log, which `close`
+    removes.
+    """
+
+    def __init__(self, program: Path, period: float, eeprom: bytes | None = None):
+        """Start the firmware; its time stands until the first step.
+
+        Args:
+            program: the program that `race firmware build` has built.
+            period: time between two steps [s], a multiple of 50 us.
+            eeprom: its configuration; None: the firmware's defaults.
+
+        Raises:
+            FirmwareError: the program does not start.
+        """
+        self._folder = TemporaryDirectory(prefix="quadsim-firmware-")
+        self.folder = Path(self._folder.name)
+        self._period = period
+        self._steps = 0
+        if eeprom is not None:
+            (self.folder / "eeprom.bin").write_bytes(eeprom)
+        replies, replies_of_firmware = os.pipe()
+        self._replies = os.fdopen(replies, "rb")
+        environment = os.environ | {"QUADSIM_PERIOD_US": str(round(1e6 * period))}
+        try:
+            with (self.folder / "messages.txt").open("wb") as messages:
+                self._process = subprocess.Popen(
+                    # The shell puts the pipe's end at descriptor 3, which lockstep.c writes to.
+                    ["/bin/sh", "-c", f'exec "$0" 3>&{replies_of_firmware}', str(program)],
+                    cwd=self.folder,
+                    stdin=subprocess.PIPE,
+                    stdout=messages,
+                    stderr=subprocess.STDOUT,
+                    pass_fds=(replies_of_firmware,),
+                    env=environment,
+                )
+        except OSError as error:
+            self._replies.close()
+            self._folder.cleanup()
+            raise FirmwareError(f"{program}: expected the firmware's program: {error}") from None
+        finally:
+            os.close(replies_of_firmware)
+        self.reply = self._read_reply()
+
+    @property
+    def time(self) -> float:
+        """The time since the firmware started [s]."""
+        return self._steps * self._period
+
+    def step(
+        self,
+        gyro: Vec3,
+        acceleration: Vec3,
+        attitude: Quaternion,
+        channels: Sequence[float],
+        periods: int = 1,
+        frame_every: int = 1,
+    ) -> Reply:
+        """Advance by one period, or by several in which nothing changes.
+
+        Args:
+            gyro: body rates, x forward, y left, z up [rad/s].
+            acceleration: specific force in the same frame [m/s^2].
+            attitude: wxyz.
+            channels: pulses of the radio link in the order roll, pitch, throttle, yaw, AUX1 and
+                following [us]  (16,).
+            periods: how many.
+            frame_every: a frame of the radio link arrives every so many periods; 0: none does, and
+                the firmware does not see the channels.
+
+        Raises:
+            FirmwareError: the firmware has ended.
+        """
+        numbers = (*gyro, *acceleration, *attitude, float(periods), float(frame_every), *channels)
+        self._send(STEP.pack(STEP_KIND, *numbers))
+        self.reply = self._read_reply()
+        self._steps += periods
+        return self.reply
+
+    def command(self, line: str) -> str:
+        """Have the firmware's command line carry out a line, and return what it prints.
+
+        Raises:
+            FirmwareError: the firmware has ended.
+        """
+        data = line.encode() + b"\n"
+        self._send(COMMAND_LINE.pack(COMMAND_LINE_KIND, len(data)) + data)
+        (size,) = SIZE.unpack(self._read(SIZE.size))
+        return self._read(size).decode(errors="replace")
+
+    def save(self) -> bytes:
+        """Save the configuration, which ends the firmware, and return it.
+
+        Raises:
+            FirmwareError: nothing was saved.
+        """
+        data = b"save\n"
+        self._send(COMMAND_LINE.pack(COMMAND_LINE_KIND, len(data)) + data)
+        try:
+            self._process.wait(timeout=10)
+            return (self.folder / "eeprom.bin").read_bytes()
+        except (OSError, subprocess.TimeoutExpired):
+            raise FirmwareError(f"firmware: nothing was saved: {self._messages()}") from None
+
+    def close(self) -> None:
+        """End the process and remove its folder."""
+        with suppress(OSError):
+            assert self._process.stdin
+            self._process.stdin.close()
+        self._replies.close()
+        try:
+            self._process.wait(timeout=1)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._folder.cleanup()
+
+    def _send(self, data: bytes) -> None:
+        assert self._process.stdin
+        try:
+            self._process.stdin.write(data)
+            self._process.stdin.flush()
+        except OSError:
+            raise self._ended() from None
+
+    def _read(self, size: int) -> bytes:
+        data = self._replies.read(size)
+        if len(data) < size:
+            raise self._ended()
+        return data
+
+    def _read_reply(self) -> Reply:
+        numbers = REPLY.unpack(self._read(REPLY.size))
+        m1, m2, m3, m4, roll, pitch, yaw, armed, flags = numbers
+        return Reply((m1, m2, m3, m4), (roll, pitch, yaw), bool(armed), int(flags))
+
+    def _ended(self) -> FirmwareError:
+        """Return the error for a firmware that has ended."""
+        try:
+            status = self._process.wait(timeout=1)
+        except subprocess.TimeoutExpired:
+            status = nan
+        how = f"signal {-status}" if status < 0 else f"exit code {status}"
+        return FirmwareError(
+            f"firmware: its process ended after {self.time:.3f} s ({how}): {self._messages()}"
+        )
+
+    def _messages(self) -> str:
+        """Return the last of what the firmware has printed, on one line."""
+        try:
+            text = (self.folder / "messages.txt").read_text(errors="replace")
+        except OSError:
+            return "no message"
+        return " ".join(text.split())[-SHOWN:] or "no message"

@@ -1,0 +1,189 @@
+"""Actuators with Betaflight between command and rotors.
+
+    limits -> latency -> interpolation -> radio link -> firmware -> rotor lag -> wrench and drag
+
+The firmware takes the place of the rate loop and of the allocation in quadsim.physics.actuators. It
+sees gyro, accelerometer and attitude of the vehicle and the sticks that its configuration needs for
+a command, and gives the four motors their commands. A motor's command is the share of the rotor's
+greatest speed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+from quadsim.dynamics.quadrotor import Control
+from quadsim.firmware.configuration import (
+    AXES,
+    BOOT,
+    THROTTLE,
+    Configuration,
+    expect_armed,
+    idle_channels,
+)
+from quadsim.firmware.package import Built
+from quadsim.firmware.process import LOW, Firmware
+from quadsim.physics.actuators import (
+    HOVER,
+    Motors,
+    Wrench,
+    angular_acceleration,
+    clamp_command,
+    drag_force,
+    rotor_strengths,
+)
+from quadsim.physics.faults import RotorFault
+from quadsim.rotation import Quaternion, Vec3
+from quadsim.vehicle import GRAVITY, Vehicle
+
+# Betaflight's numbers of the motors at rotors front right, back left, front left, back right,
+# counted from 0
+MOTOR_OF_ROTOR = (1, 2, 3, 0)
+LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
+STILL: Vec3 = (0.0, 0.0, 0.0)
+# Time between arming and the start of the flight, of which the second half is at hover thrust [s]
+READY = 1.0
+
+
+def motors_reversed(vehicle: Vehicle) -> bool:
+    """Return whether the propellers turn the other way round than Betaflight's default.
+
+    By default the front right motor turns against the clock, seen from above, so that its reaction
+    turns the vehicle with the clock: about -z.
+    """
+    assert vehicle.rotors
+    return vehicle.rotors.spin[0] > 0
+
+
+class BetaflightActuators:
+    """The actuators of one vehicle behind a process of the firmware, stepped every dt [s]."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        dt: float,
+        built: Built,
+        configuration: Configuration,
+        faults: Sequence[RotorFault] = (),
+        interpolation: float = 0.0,
+    ):
+        """Start the firmware, arm it, and hover.
+
+        Args:
+            vehicle: vehicle with rotors.
+            dt: physics step [s], which is the period of the lock step.
+            built: the firmware.
+            configuration: its configuration, for the direction of this vehicle's motors.
+            faults: faults of the rotors, with their rotors and times.
+            interpolation: time in which a new command is reached along a straight line [s].
+
+        Raises:
+            FirmwareError: the firmware does not arm.
+        """
+        assert vehicle.rotors
+        self._vehicle = vehicle
+        self._rotors = vehicle.rotors
+        self._dt = dt
+        self._steps = 0
+        self._faults = faults
+        self._configuration = configuration
+        self._delayed: deque[Control] = deque([HOVER] * round(vehicle.latency / dt))
+        self._ramp_steps = round(interpolation / dt)
+        self._ramp_left = 0
+        self._goal = HOVER
+        self._sent = HOVER
+        self.motors = Motors(vehicle, vehicle.rotors, dt)
+        self.thrust = GRAVITY
+        self.angular_acceleration: Vec3 = STILL
+        # specific force in the body frame [m/s^2]
+        self._specific_force: Vec3 = (0.0, 0.0, GRAVITY)
+        self._channels = idle_channels()
+        self._firmware = Firmware(built.program, dt, configuration.eeprom)
+        self._get_ready()
+
+    def _get_ready(self) -> None:
+        """Arm the firmware, and hold the sticks of hovering until its filters have settled."""
+        standing = (STILL, self._specific_force, LEVEL)
+        self._firmware.step(*standing, self._channels, round(BOOT / self._dt))
+        self._channels[self._configuration.arm_channel] = self._configuration.arm_pulse
+        half = round(0.5 * READY / self._dt)
+        expect_armed(self._firmware.step(*standing, self._channels, half))
+        self._set_sticks(HOVER)
+        expect_armed(self._firmware.step(*standing, self._channels, half))
+
+    def wrench(
+        self,
+        command: Sequence[float],
+        omega_body: Vec3,
+        v_body: Vec3,
+        attitude: Quaternion = LEVEL,
+    ) -> Wrench:
+        """Return the wrench on the body for the step that starts now.
+
+        Args:
+            command: given now, in the order of Control  (4,).
+            omega_body: body rates [rad/s].
+            v_body: velocity in the body's axes [m/s].
+            attitude: wxyz.
+
+        Raises:
+            FirmwareError: the firmware has ended.
+        """
+        vehicle = self._vehicle
+
+        # The command that acts now was given a latency ago, and is reached along a line.
+        self._delayed.append(clamp_command(command, vehicle))
+        self._set_sticks(self._interpolated(self._delayed.popleft()))
+
+        # The firmware commands the motors, which the rotors follow.
+        reply = self._firmware.step(omega_body, self._specific_force, attitude, self._channels)
+        speeds = (reply.motors[motor] * self._rotors.omega_max for motor in MOTOR_OF_ROTOR)
+        strengths = rotor_strengths(self._faults, self._steps * self._dt)
+        force, torque = self.motors.follow(speeds, strengths)
+        self.thrust = force / vehicle.mass
+        self.angular_acceleration = angular_acceleration(omega_body, torque, vehicle.inertia)
+
+        drag_x, drag_y, drag_z = drag_force(vehicle, v_body)
+        total = (drag_x, drag_y, drag_z + force)
+        fx, fy, fz = total
+        self._specific_force = (fx / vehicle.mass, fy / vehicle.mass, fz / vehicle.mass)
+        self._steps += 1
+        return Wrench(force=total, torque=torque)
+
+    def close(self) -> None:
+        """End the firmware."""
+        self._firmware.close()
+
+    def _interpolated(self, command: Control) -> Control:
+        """Return the command that is sent now, on the way to the one that acts."""
+        if command != self._goal:
+            self._goal = command
+            self._ramp_left = self._ramp_steps
+        if self._ramp_left <= 1:
+            self._ramp_left = 0
+            self._sent = command
+        else:
+            # The same share of what is left in each step makes a straight line.
+            share = 1.0 / self._ramp_left
+            pairs = zip(self._sent, command, strict=True)
+            self._sent = Control(*(sent + share * (goal - sent) for sent, goal in pairs))
+            self._ramp_left -= 1
+        return self._sent
+
+    def _set_sticks(self, command: Control) -> None:
+        """Set the channels of the sticks for a command."""
+        configuration = self._configuration
+        for axis, rate in enumerate(command.body_rates):
+            self._channels[AXES[axis]] = configuration.pulse_for_rate(axis, rate)
+        self._channels[THROTTLE] = self._throttle(command.thrust)
+
+    def _throttle(self, thrust: float) -> float:
+        """Return the pulse [us] at which the rotors give a thrust [m/s^2]."""
+        of_each = 0.25 * self._vehicle.mass * thrust
+        lowest = self._rotors.thrust(0.0)
+        if of_each <= lowest:
+            return LOW
+        return self._configuration.pulse_for_motors(
+            self._rotors.speed(of_each) / self._rotors.omega_max
+        )
