@@ -33,8 +33,9 @@ def firmware(
 ) -> int:
     """Show or build the flight controller Betaflight.
 
-    `race fly --flight-controller betaflight` flies behind it. The build needs pip, gcc and make, and takes a minute or two. The firmware is free software
-    under the GPL-3, and runs in a process of its own.
+    `race fly --flight-controller betaflight` flies behind it. The build needs pip, gcc and make,
+    and takes a minute or two. The firmware is free software under the GPL-3, and runs in a process
+    of its own.
 
     race firmware build
     """
