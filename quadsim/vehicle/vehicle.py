@@ -6,6 +6,7 @@ where it has them. `parse_vehicle` reads it, and `Vehicle.to_yaml` writes it.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isclose, nextafter, sqrt
@@ -30,6 +31,9 @@ KEYS_OF_ROTORS = {
     "tau": "motor_tau",
     "positions": "arm_l, or rotor_x and rotor_y",
 }
+# Name of a vehicle with another thrust-to-weight ratio
+SCALED = re.compile(r"(?P<name>[^/.]+)-twr(?P<ratio>\d+(\.\d+)?)")
+LARGEST_RATIO = 20.0
 # A thrust_max may differ from that of its rotors by rounding.
 ROUNDING = 1e-9
 
@@ -281,6 +285,8 @@ def vehicle_names() -> tuple[str, ...]:
 def load_vehicle(name_or_path: str | Path) -> Vehicle:
     """Return a vehicle by name ("swift") or path ("mine.yaml").
 
+    "swift-twr6" is the one that `with_thrust_to_weight` makes of "swift".
+
     Raises:
         FileError: there is no such vehicle, or the file is not a vehicle.
 
@@ -290,6 +296,9 @@ def load_vehicle(name_or_path: str | Path) -> Vehicle:
         >>> vehicle.mass, vehicle.thrust_max
         (0.87, 40.2...)
     """
+    scaled = SCALED.fullmatch(str(name_or_path))
+    if scaled and 1.0 < float(scaled["ratio"]) <= LARGEST_RATIO:
+        return with_thrust_to_weight(load_vehicle(scaled["name"]), float(scaled["ratio"]))
     path = locate(name_or_path, VEHICLES, "vehicle")
     return parse_vehicle(read_text(path), str(path))
 

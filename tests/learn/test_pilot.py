@@ -8,7 +8,7 @@ import pytest
 
 import quadsim
 from controllers.learned.observation import SIZE
-from controllers.learned.pilot import About, forward, load_pilot, pilot_bytes
+from controllers.learned.pilot import About, forward, load_pilot, pilot_bytes, pilot_names
 from quadsim.campaign.variants import parse_variants
 from quadsim.cli.cli import race
 from quadsim.files.strict_yaml import FileError
@@ -237,7 +237,9 @@ def test_a_variant_of_a_comparison_can_be_a_pilot(hovering):
     assert parse_variants("p=split_s_swift") == {"p": {"pilot": "split_s_swift"}}
 
 
-def test_the_pilot_that_comes_with_the_project_finishes_its_race():
-    run = quadsim.fly("split_s_swift", pilot="split_s_swift", randomize=1.0, seed=0)
+@pytest.mark.parametrize("name", pilot_names())
+def test_a_pilot_that_comes_with_the_project_finishes_its_race(name):
+    course = quadsim.load_course(load_pilot(name).about.course)
+    run = quadsim.fly(course, pilot=name, randomize=1.0, seed=0)
     assert run.outcome == "finished"
-    assert len(run.laps) == 3
+    assert len(run.laps) == course.laps

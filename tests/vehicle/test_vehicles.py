@@ -10,7 +10,14 @@ from quadsim.course import FRAME_DEPTH
 from quadsim.course.checks import ROOM
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import SettingError
-from quadsim.vehicle import GRAVITY, Vehicle, load_vehicle, parse_vehicle, vehicle_names
+from quadsim.vehicle import (
+    GRAVITY,
+    Vehicle,
+    load_vehicle,
+    parse_vehicle,
+    vehicle_names,
+    with_thrust_to_weight,
+)
 from quadsim.vehicle.vehicle import RotorChanges, RotorsEntry, VehicleChanges, VehicleFile
 
 BARE = """\
@@ -327,3 +334,13 @@ def test_a_vehicle_that_no_file_holds_is_not_written(tmp_path):
 def test_the_keywords_of_a_change_are_the_keys_of_a_file():
     assert VehicleChanges.__optional_keys__ == {"name", *VehicleFile.__struct_fields__}
     assert RotorChanges.__optional_keys__ == set(RotorsEntry.__struct_fields__)
+
+
+def test_the_name_of_a_vehicle_with_another_thrust_stands_for_it():
+    scaled = with_thrust_to_weight(load_vehicle("swift"), 6.4)
+    assert scaled.name == "swift-twr6.4"
+    assert load_vehicle("swift-twr6.4") == scaled
+    with pytest.raises(FileError, match="no vehicle 'none'"):
+        load_vehicle("none-twr6.4")
+    with pytest.raises(FileError, match=r"no vehicle 'swift-twr0\.5'"):
+        load_vehicle("swift-twr0.5")
