@@ -1,0 +1,140 @@
+"""The firmware reads a pilot's configuration, and the sticks follow from it."""
+
+import numpy as np
+import pytest
+
+from quadsim.files.strict_yaml import FileError
+from quadsim.firmware.configuration import (
+    AXES,
+    MIDDLE,
+    STANDING,
+    THROTTLE,
+    Bench,
+    Text,
+    configured,
+    read_text,
+)
+from quadsim.vehicle import VEHICLES
+
+ARM = "aux 0 0 0 1700 2100 0 0"
+
+
+def text(*lines):
+    """Return a configuration."""
+    return Text("mine.txt", (ARM, *lines))
+
+
+def rates(kind, *numbers):
+    """Return the lines of a rates type with rate, super rate and expo for all axes."""
+    names = ("rc_rate", "srate", "expo")
+    return [f"set rates_type = {kind}"] + [
+        f"set {axis}_{name} = {number}"
+        for axis in ("roll", "pitch", "yaw")
+        for name, number in zip(names, numbers, strict=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers"),
+    [
+        ("ACTUAL", (7, 67, 54)),
+        ("ACTUAL", (60, 60, 0)),
+        ("BETAFLIGHT", (110, 70, 20)),
+        ("KISS", (100, 70, 30)),
+        ("QUICK", (100, 67, 20)),
+        ("RACEFLIGHT", (37, 80, 40)),
+    ],
+)
+def test_sticks_give_the_rates_that_are_asked_for(built, kind, numbers):
+    found = configured(built.program, text(*rates(kind, *numbers)), False)
+    bench = Bench(built.program, found.eeprom, found.arm_channel, found.arm_pulse)
+    largest = np.abs(found.rates).max(axis=1)
+    for share in (-1.0, -0.613, -0.047, 0.0, 0.021, 0.377, 0.9):
+        asked = share * largest
+        for axis, channel in enumerate(AXES):
+            bench._channels[channel] = found.pulse_for_rate(axis, asked[axis])
+        bench._channels[THROTTLE] = MIDDLE
+        reply = bench._hold(100)
+        np.testing.assert_allclose(np.deg2rad(reply.setpoint), asked, atol=2e-3)
+    bench.close()
+
+
+def test_a_rate_beyond_the_largest_is_the_largest(built):
+    found = configured(built.program, text(), False)
+    assert found.pulse_for_rate(0, 1e3) == 2000.0
+    assert found.pulse_for_rate(0, -1e3) == 1000.0
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        (),
+        ("set thr_mid = 30", "set thr_expo = 60"),
+        ("set throttle_limit_type = SCALE", "set throttle_limit_percent = 70"),
+        ("set motor_idle = 800",),
+    ],
+)
+def test_the_throttle_gives_the_motors_command_that_is_asked_for(built, lines):
+    found = configured(built.program, text(*lines), False)
+    bench = Bench(built.program, found.eeprom, found.arm_channel, found.arm_pulse)
+    bench.arm()
+    low, high = found.motors[0], found.motors[-1]
+    for share in (0.01, 0.3, 0.55, 0.98):
+        asked = low + share * (high - low)
+        bench._channels[THROTTLE] = found.pulse_for_motors(asked)
+        reply = bench._hold(200)
+        np.testing.assert_allclose(reply.motors, asked, atol=4e-3)
+    bench.close()
+
+
+def test_the_limit_of_the_throttle_is_that_of_the_text(built):
+    limited = text("set throttle_limit_type = SCALE", "set throttle_limit_percent = 70")
+    found = configured(built.program, limited, False)
+    assert found.motors[-1] == pytest.approx(0.715, abs=0.02)
+    assert configured(built.program, text(), False).motors[-1] == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("lines", "problem"),
+    [
+        (("set foo = 1",), r"mine\.txt:2: .*'set foo = 1': IN set: INVALID NAME"),
+        (("set roll_expo = 1000",), r"mine\.txt:2: .*Allowed range: 0 - 100"),
+        (("", "warp 9"), r"mine\.txt:3: .*'warp 9': Betaflight 4\.6\.0 has no such command"),
+    ],
+)
+def test_a_line_that_the_firmware_does_not_take_is_named(built, lines, problem):
+    with pytest.raises(FileError, match=problem) as caught:
+        configured(built.program, text(*lines), False)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_configuration_needs_a_switch_that_arms(built):
+    with pytest.raises(FileError, match=r"mine\.txt: expected a switch for ARM"):
+        configured(built.program, Text("mine.txt", ("set roll_expo = 0",)), False)
+
+
+def test_lines_of_the_board_are_left_out(built):
+    lines = ("# comment", "batch start", "resource MOTOR 1 B01", "set osd_units = METRIC", "save")
+    configured(built.program, text(*lines), False)
+
+
+def test_the_channel_of_the_switch_is_that_of_the_text(built):
+    found = configured(built.program, Text("x", ("aux 0 0 2 1300 1500 0 0",)), False)
+    assert (found.arm_channel, found.arm_pulse) == (6, 1400.0)
+
+
+@pytest.mark.parametrize("path", sorted(VEHICLES.glob("*.betaflight.txt")), ids=lambda p: p.stem)
+def test_the_configuration_of_each_vehicle_is_read_and_arms(built, path):
+    found = configured(built.program, read_text(path), False)
+    bench = Bench(built.program, found.eeprom, found.arm_channel, found.arm_pulse)
+    bench.arm()
+    assert bench._firmware.step(*STANDING, bench._channels, 100, 10).armed
+    bench.close()
+
+
+def test_a_file_that_is_no_text_is_one_line(tmp_path):
+    with pytest.raises(FileError, match="expected a text of Betaflight's CLI"):
+        read_text(tmp_path / "none.txt")
+    (tmp_path / "picture.txt").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(FileError, match="expected a text in UTF-8"):
+        read_text(tmp_path / "picture.txt")

@@ -1,0 +1,132 @@
+"""Flights behind the firmware: the vehicle does what is commanded, and the same again."""
+
+import numpy as np
+import pytest
+
+import quadsim
+from quadsim.cli.cli import race
+from quadsim.files.values import SettingError
+from quadsim.physics.plant import RigidPlant
+from quadsim.record.archive import load_run
+from quadsim.spec.build import plant_of
+from quadsim.spec.recorded import spec_of_record
+from quadsim.vehicle import GRAVITY
+
+SHORT = {
+    "flight_controller": "betaflight",
+    "plant": "rigid",
+    "samples": 64,
+    "horizon": 20,
+    "timeout": 0.5,
+}
+
+
+@pytest.fixture
+def plant(built):
+    """A vehicle that hovers behind the firmware."""
+    made = plant_of(quadsim.Spec.of("split_s_swift", **SHORT))
+    assert isinstance(made, RigidPlant)
+    yield made
+    made.close()
+
+
+def fly_steps(plant, command, seconds):
+    """Hold a command, and return the states."""
+    return [plant.step(command).x for _ in range(round(seconds / plant.dt))]
+
+
+def test_the_vehicle_hovers_before_anything_is_commanded(plant):
+    states = fly_steps(plant, (0.0, 0.0, 0.0, GRAVITY), 0.3)
+    thrusts = [x.thrust for x in states]
+    np.testing.assert_allclose(thrusts, GRAVITY, rtol=0.02)
+    assert np.abs([x.body_rates for x in states]).max() < 1e-3
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_the_vehicle_turns_as_it_is_commanded(plant, axis, sign):
+    command = [0.0, 0.0, 0.0, 12.0]
+    command[axis] = 2.0 * sign
+    rates = np.array([x.body_rates for x in fly_steps(plant, command, 0.6)])
+    others = [other for other in range(3) if other != axis]
+    assert rates[-100:, axis].mean() == pytest.approx(2.0 * sign, rel=0.1)
+    assert np.abs(rates[-100:, others]).max() < 0.2
+
+
+def test_the_thrust_is_the_one_that_is_commanded(plant):
+    states = fly_steps(plant, (0.0, 0.0, 0.0, 25.0), 0.4)
+    assert states[-1].thrust == pytest.approx(25.0, rel=0.02)
+
+
+def test_a_command_is_reached_along_a_line_within_a_control_period(built):
+    spec = quadsim.Spec.of("split_s_swift", **SHORT)
+    made = plant_of(spec)
+    sent = []
+    for _ in range(12):
+        made.step((0.0, 0.0, 0.0, GRAVITY + 10.0))
+        sent.append(made._actuators._sent.thrust)
+    made.close()
+    line = GRAVITY + np.arange(1, 11)
+    np.testing.assert_allclose(sent, [*line, *[GRAVITY + 10.0] * 2], rtol=1e-12)
+
+
+def test_two_flights_are_the_same_to_the_last_bit(built):
+    first = quadsim.fly("split_s_swift", **SHORT)
+    assert quadsim.fly("split_s_swift", **SHORT, threads=1).digest() == first.digest()
+    assert quadsim.fly("split_s_swift", **SHORT, seed=1).digest() != first.digest()
+
+
+def test_a_stored_flight_is_flown_again(built, tmp_path):
+    run = quadsim.fly("split_s_swift", **SHORT)
+    loaded = load_run(run.save(tmp_path / "run"))
+    assert loaded.spec["betaflight"]["firmware"]["firmware"] == built.firmware
+    again = quadsim.fly(spec_of_record(loaded.spec))
+    assert again.digest() == run.digest()
+
+
+def test_a_configuration_of_ones_own_flies(built, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    lines = "aux 0 0 0 1700 2100 0 0\nset p_roll = 30\n"
+    (tmp_path / "mine.txt").write_text(lines)
+    flags = ["--plant", "rigid", "--samples", "64", "--horizon", "20", "--timeout", "0.2"]
+    command = ["fly", "split_s_swift", "--flight-controller", "betaflight", *flags]
+    assert race([*command, "--betaflight", "mine.txt"]) == 1
+    (run,) = quadsim.runs(tmp_path / "runs")
+    assert load_run(run.path).spec["betaflight"]["lines"] == lines.splitlines()
+    (tmp_path / "mine.txt").write_text("set nothing = 1\n")
+    capsys.readouterr()
+    assert race([*command, "--betaflight", "mine.txt"]) == 2
+    assert capsys.readouterr().err.startswith("race fly: mine.txt:1: expected a line of")
+
+
+@pytest.mark.parametrize(
+    ("settings", "problem"),
+    [
+        ({"vehicle": "paper"}, "flight_controller: expected a vehicle with rotors"),
+        ({"plant": "rotorpy"}, "flight_controller: expected plant bullet or rigid"),
+        ({"plant_dt": 0.00033, "dt": 0.0033}, "plant_dt: expected a whole multiple of 5e-05 s"),
+        ({"flight_controller": "px4"}, "flight_controller: "),
+        ({"vehicle": "swift", "betaflight": "none.txt"}, r"none\.txt: expected a text"),
+        (
+            {"flight_controller": "ideal", "betaflight": quadsim.load_vehicle},
+            "betaflight: expected",
+        ),
+    ],
+)
+def test_what_does_not_fit_the_firmware_is_one_line(settings, problem):
+    with pytest.raises((SettingError, ValueError), match=problem) as caught:
+        quadsim.Spec.of("split_s_swift", **SHORT | settings)
+    assert "\n" not in str(caught.value)
+
+
+def test_without_the_firmware_the_command_that_builds_it_is_named(tmp_path, monkeypatch, capsys):
+    from quadsim.firmware import package
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    package.built_firmware.cache_clear()
+    flags = ["--plant", "rigid", "--flight-controller", "betaflight"]
+    assert race(["fly", *flags, "--runs-dir", str(tmp_path)]) == 2
+    err = capsys.readouterr().err
+    package.built_firmware.cache_clear()
+    assert err.endswith("which is not built yet: race firmware build\n")
+    assert err.count("\n") == 1

