@@ -60,5 +60,5 @@ def test_a_damaged_build_is_refused(built, cache, damage):
     assert package.find_built().program == folder / "betaflight"
     file = folder / {"program": "betaflight", "record": "build.json"}[damage]
     file.write_bytes(file.read_bytes()[:-100])
-    with pytest.raises(FirmwareError, match="damaged build of the firmware: .*: race firmware"):
+    with pytest.raises(FirmwareError, match=r"damaged build of the firmware: .*: race firmware"):
         package.find_built()
