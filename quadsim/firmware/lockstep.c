@@ -8,11 +8,12 @@
  *   pthread_*                  the firmware's threads for sockets are not started
  *   bind, sendto               no socket is opened; the motor commands are kept
  *
- * Each period of simulated time the main loop stops and exchanges one message on file descriptors 0
- * (requests) and 3 (replies). As nothing depends on the wall's clock, equal requests give equal
+ * Each period of simulated time the main loop stops and exchanges one message: requests come from the
+ * standard input, replies go to a file descriptor of their own, as the firmware prints to stdout. As nothing depends on the wall's clock, equal requests give equal
  * replies to the last bit.
  *
- * Environment: QUADSIM_PERIOD_US, the period of the exchange [us], a multiple of 50.
+ * Environment: QUADSIM_PERIOD_US, the period of the exchange [us], a multiple of 50;
+ * QUADSIM_REPLIES, the file descriptor of the replies.
  *
  * All numbers are in the units of quadsim: rad/s, m/s^2, the body frame with x forward, y to the
  * left and z up.
@@ -41,7 +42,6 @@
 #include "rx/rx.h"
 
 #define REQUESTS 0
-#define REPLIES 3
 #define MOTORS 4
 #define CHANNELS 16
 #define LONGEST_LINE 1024
@@ -75,6 +75,7 @@ extern rxRuntimeState_t rxRuntimeState;
 static uint64_t now_ns = 1000000000;
 static uint64_t next_exchange_ns;
 static uint64_t period_ns;
+static int replies_fd;
 static bool running;
 static bool frame_waiting;
 static uint64_t periods_left, periods_done;
@@ -83,12 +84,12 @@ static struct step_reply reply;
 
 /* ---- messages ---- */
 
-/* End the process when the simulation has closed its side. */
+/* End the process, with its log written, when the simulation has closed its side. */
 static void receive(void *data, size_t size) {
     char *next = data;
     while (size) {
         ssize_t count = read(REQUESTS, next, size);
-        if (count <= 0) _exit(0);
+        if (count <= 0) exit(0);
         next += count;
         size -= count;
     }
@@ -97,8 +98,8 @@ static void receive(void *data, size_t size) {
 static void send_all(const void *data, size_t size) {
     const char *next = data;
     while (size) {
-        ssize_t count = write(REPLIES, next, size);
-        if (count <= 0) _exit(0);
+        ssize_t count = write(replies_fd, next, size);
+        if (count <= 0) exit(0);
         next += count;
         size -= count;
     }
@@ -254,6 +255,8 @@ int __wrap_nanosleep(const struct timespec *asked, struct timespec *left) {
         running = true;
         const char *period = getenv("QUADSIM_PERIOD_US");
         period_ns = 1000ull * (period ? atoi(period) : 1000);
+        const char *replies = getenv("QUADSIM_REPLIES");
+        replies_fd = replies ? atoi(replies) : 1;
         next_exchange_ns = now_ns;
         connect_link();
     }

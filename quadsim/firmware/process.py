@@ -71,12 +71,14 @@ class Firmware:
             (self.folder / "eeprom.bin").write_bytes(eeprom)
         replies, replies_of_firmware = os.pipe()
         self._replies = os.fdopen(replies, "rb")
-        environment = os.environ | {"QUADSIM_PERIOD_US": str(round(1e6 * period))}
+        environment = os.environ | {
+            "QUADSIM_PERIOD_US": str(round(1e6 * period)),
+            "QUADSIM_REPLIES": str(replies_of_firmware),
+        }
         try:
             with (self.folder / "messages.txt").open("wb") as messages:
                 self._process = subprocess.Popen(
-                    # The shell puts the pipe's end at descriptor 3, which lockstep.c writes to.
-                    ["/bin/sh", "-c", f'exec "$0" 3>&{replies_of_firmware}', str(program)],
+                    [str(program)],
                     cwd=self.folder,
                     stdin=subprocess.PIPE,
                     stdout=messages,
