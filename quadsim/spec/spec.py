@@ -419,7 +419,8 @@ def _check_flight_controller(spec: Spec) -> None:
         wanted = f"expected a whole multiple of {MAIN_LOOP:g} s for 'betaflight'"
         raise SettingError("plant_dt", f"{wanted}, got {spec.plant_dt:g}")
     if spec.betaflight is None:
-        raise SettingError("betaflight", "expected a configuration for 'betaflight', got none")
+        wanted = f"expected FILE.txt of Betaflight's CLI for the vehicle {spec.vehicle.name}"
+        raise SettingError("betaflight", f"{wanted}, as none comes with the project")
 
 
 def _check_faults(spec: Spec) -> None:
@@ -569,25 +570,24 @@ def _plant_dt(flight: FlightSettings, given: Mapping[str, Any]) -> float:
 def _configuration(
     flight: FlightSettings, given: Mapping[str, Any], vehicle: Vehicle, read: dict[str, Any]
 ) -> Text | None:
-    """Return the firmware's configuration: the one given, or the vehicle's; None without firmware.
+    """Return the firmware's configuration: the one given, or the vehicle's, which may be missing.
 
     Raises:
-        SettingError: there is none for this vehicle.
+        SettingError: it is no file.
         FileError: its file cannot be read.
     """
     own = given.get("betaflight")
     if isinstance(own, Text):
         return own
     if own is not None:
+        if not isinstance(own, str | Path):
+            raise SettingError("betaflight", f"expected a FILE.txt, got {shown_value(own)}")
         read["betaflight"] = read_text(Path(own))
         return read["betaflight"]
     if flight.flight_controller == "ideal":
         return None
-    path = VEHICLES / f"{vehicle.name.partition('-')[0]}{CONFIGURATION}"
-    if not path.exists():
-        wanted = f"expected FILE.txt of Betaflight's CLI for the vehicle {vehicle.name}"
-        raise SettingError("betaflight", f"{wanted}, as none comes with the project")
-    return read_text(path)
+    path = VEHICLES / f"{vehicle.name.partition('-twr')[0]}{CONFIGURATION}"
+    return read_text(path) if path.exists() else None
 
 
 def _check_names(given: Mapping[str, Any]) -> None:
