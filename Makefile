@@ -59,7 +59,7 @@ fix: $(VENV)/.dev
 docs: $(VENV)/.dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-# Fly and draw the figures of README.md and docs/ anew: hours, most of them for the two campaigns and the paper, which
+# Fly and draw the figures of README.md and docs/ anew: hours, most of them for the trainings, campaigns and the paper, which
 # continue where they were interrupted. The other numbers of a page come from the commands beside them.
 FIGURES := runs/docs
 docs-figures: $(VENV)/.dev
@@ -77,6 +77,11 @@ docs-figures: $(VENV)/.dev
 	cp runs/paper/offroad_controls.png docs/paper_offroad_controls.png
 	cp runs/paper/offroad_paths.png docs/paper_offroad_paths.png
 	cp runs/paper/quadrotor_laps.png docs/paper_quadrotor.png
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[train]'
+	$(BIN)/race train split_s_swift --out $(FIGURES)/split_s.npz
+	cp $(FIGURES)/split_s.png docs/learning_split_s.png
+	$(BIN)/race train alphapilot --vehicle flightmare --thrust-to-weight 6.4 --out $(FIGURES)/alphapilot.npz
+	cp $(FIGURES)/alphapilot.png docs/learning_alphapilot.png
 	$(BIN)/python docs/concept_figures.py # docs/concept_*.png
 	$(BIN)/python docs/faults_figures.py # docs/faults.png
 	$(BIN)/python docs/pictures_figure.py # docs/pictures.png

@@ -51,7 +51,7 @@ class Run(RecordedRun):
         True
         >>> run.metrics.top_speed > 15.0  # [m/s]
         True
-        >>> run.to_pandas()["pz"].max() < 10.0  # [m]
+        >>> bool(run.to_pandas()["pz"].max() < 10.0)  # [m]
         True
         >>> folder = run.save("flights")
         >>> file = run.export("flight.csv")

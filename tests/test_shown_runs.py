@@ -15,6 +15,7 @@ from run_cases import event, frame, same, two_laps
 
 import quadsim
 from quadsim.cli.cli import race
+from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.record.metrics import chatter, splits
 from quadsim.record.run import columns_of
 
@@ -94,6 +95,7 @@ def test_the_limit_is_in_print_report_and_metrics_where_one_is_known():
     run = quadsim.Run.of(two_laps(quadsim.Spec.of("split_s_swift", laps=3).record()))
     metrics = run.metrics
     assert metrics.limit is not None
+    assert metrics.above_limit is not None
     assert metrics.above_limit == pytest.approx(run.duration / metrics.limit - 1.0)
     said = f"{100 * metrics.above_limit:.1f} % above the best known limit of {metrics.limit:.3f} s"
     for text in (str(run), run.report(), run._repr_html_()):
@@ -112,6 +114,14 @@ def test_the_notebook_shows_a_picture_and_leaves_matplotlib_as_it_was():
     assert picture.shape[1] <= 800
     assert picture[..., :3].std() > 0.05, "not a blank page"
     assert len(html) < 100_000
+
+
+def test_a_notebook_shows_the_figure_of_a_run():
+    figure = quadsim.plot(shown())
+    assert isinstance(figure, NotebookFigure)
+    picture = imread(io.BytesIO(figure._repr_png_()))
+    assert 800 < picture.shape[1] < 1200
+    assert picture[..., :3].std() > 0.05, "not a blank page"
 
 
 @pytest.mark.parametrize("key", ["course", "sampler", "preset", "vehicle"])

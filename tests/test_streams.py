@@ -213,8 +213,13 @@ def derivations(text):
 
 
 def test_streams_are_derived_in_one_place():
-    # a planner that is used alone is given a plain seed, of which it is the only user
-    allowed = {"quadsim/streams.py", "controllers/samplers/lane_sampler.py"}
+    # A planner that is used alone is given a plain seed, of which it is the only user; a sampler of
+    # the user's own gets a generator from the key that the planner draws for it.
+    allowed = {
+        "quadsim/streams.py",
+        "controllers/samplers/lane_sampler.py",
+        "controllers/samplers/plain.py",
+    }
     files = [
         path
         for package in ("quadsim", "controllers", "web")

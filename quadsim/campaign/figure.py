@@ -16,6 +16,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from quadsim.campaign.store import Row
 from quadsim.campaign.summary_stats import FINISHED, Section, mean_lap
+from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.figures.run_figure import arrow_scale, draw_gates, draw_obstacles
 from quadsim.figures.style import STYLE, line
 from quadsim.palette import Style, styles
@@ -37,7 +38,7 @@ def draw(sections: Sequence[Section]) -> Figure:
     """
     with rc_context(STYLE):
         tallest = max(len(section.variants) for section in sections)
-        figure = Figure(
+        figure = NotebookFigure(
             figsize=(17, (2.6 + 0.75 * tallest) * len(sections)), dpi=110, layout="constrained"
         )
         rows = figure.subfigures(len(sections), 1, squeeze=False, hspace=0.04)

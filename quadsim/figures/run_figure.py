@@ -19,6 +19,7 @@ from quadsim.figures.course import (
     draw_obstacles,
     draw_start,
 )
+from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.figures.style import STYLE, line
 from quadsim.palette import FINE, HIT, INK, LIMIT, MARK, style
 from quadsim.physics.faults import parse_fault
@@ -63,7 +64,7 @@ def draw(run: Run, limit: StoredSolution | None = None) -> Figure:
     """
     course = parse_course(run.spec["course_text"], run.spec["course"])
     with rc_context(STYLE):
-        figure = Figure(figsize=(15, 9.5), dpi=130, layout="constrained")
+        figure = NotebookFigure(figsize=(15, 9.5), dpi=130, layout="constrained")
         left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1), squeeze=False)[0]
         draw_views(left, run, course, limit)
         over_time, over_frequency = right.subfigures(2, 1, height_ratios=(3.9, 1.8))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from textwrap import wrap
 
 import numpy as np
 from rich.console import RenderableType
@@ -25,6 +26,8 @@ from quadsim.record.turning_back import turned_back
 
 # Colour of an outcome; any other is yellow
 COLOUR = {"finished": "green", "crashed": "red"}
+# Columns of a line that holds all that a flight was flown with
+WIDTH = 80
 # Time without a pose or a corner after which the report says so [s]
 SILENT = 1.0
 # Columns by which the parts below the head are indented
@@ -56,7 +59,7 @@ def _head(run: Run, limit: StoredSolution | None) -> Iterator[str]:
         flown.append(f"randomized {spec['randomize']:g}")
     if spec.get("displace_gates"):
         flown.append(f"gates up to {spec['displace_gates']:g} m off the map")
-    yield ", ".join(flown)
+    yield from wrap(", ".join(flown), WIDTH, break_on_hyphens=False)
     if limit and run.outcome == "finished":
         # Adding 0.0 makes a negative zero a plain one
         above = round(100.0 * limit.above(run.duration), 1) + 0.0

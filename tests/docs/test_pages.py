@@ -50,8 +50,6 @@ TOLERANCE = 0.1
 # A number with more characters is in full precision, as JSON has it.
 EXACT = 12
 FIGURE = re.compile(r"!\[[^]]*\]\(([^)]+\.png)\)")
-# Figures whose command no longer exists; the page says so.
-PAST = {"learning_split_s.png"}
 
 FLY = quadsim.fly
 RESULTS = [result for page in PAGES for result in results(page)]
@@ -304,7 +302,7 @@ def test_the_figures_of_the_pages_are_made_by_make_docs_figures():
     made = re.findall(r"docs/([\w*]+\.png)", recipe)
     shown = {Path(name).name for page in PAGES for name in FIGURE.findall(page.read_text())}
     assert len(shown) > 10
-    assert [name for name in shown - PAST if not any(fnmatch(name, one) for one in made)] == []
+    assert [name for name in shown if not any(fnmatch(name, one) for one in made)] == []
 
 
 PAGE = """# Title

@@ -91,7 +91,7 @@ def test_every_camera_of_the_project_loads_and_has_a_source(name):
         ),
         (
             "width: 64\nheight: 36\nfx: 1\nfy: 1\ntilt: 3\n",
-            "5:1: tilt: unknown key, did you mean 'tilt_deg'?",
+            "5:1: tilt: unknown key, did you mean 'tilt_deg' (in degrees)?",
         ),
     ],
 )

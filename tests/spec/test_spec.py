@@ -153,7 +153,7 @@ def test_a_spec_made_of_its_parts_keeps_them_when_it_is_changed():
     planner = replace(spec.planner, sampling=Colored((1.0,) * 4, (1.0,) * 4))
     own = replace(spec, planner=planner)
     assert own.but(seed=3) == replace(own, seed=3)
-    with pytest.raises(SettingError, match="sampler: expected none beside a whole planner"):
+    with pytest.raises(SettingError, match="sampler: expected none: the planner of"):
         own.but(sampler="gaussian")
 
 

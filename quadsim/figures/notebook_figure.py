@@ -1,0 +1,19 @@
+"""A figure that a notebook shows as a picture."""
+
+from __future__ import annotations
+
+from io import BytesIO
+
+from matplotlib.figure import Figure
+
+DPI = 72  # of the picture in a notebook, which is as wide as a cell
+
+
+class NotebookFigure(Figure):
+    """A matplotlib Figure that a notebook shows, whether or not pyplot has been imported."""
+
+    def _repr_png_(self) -> bytes:
+        """Return the picture, for IPython."""
+        data = BytesIO()
+        self.savefig(data, format="png", dpi=DPI)
+        return data.getvalue()
