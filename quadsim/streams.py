@@ -10,12 +10,12 @@ new stream with a new key changes none of those below.
 Flights of a seed are compared across versions, so the keys are never changed:
 
     flight of a quadrotor   planner (0), vehicle (1, 0), gusts (1, 1), sensors (2), gates (3),
-                            faults (4); fault k, counted from 0, (4, k)
+                            faults (4); fault k, counted from 0, (4, k); link (5)
     its sensors             imu (2, 0), rotors (2, 1), pose (2, 2), camera (2, 3)
-    off-road vehicle        planner (0), gusts (1); vehicle (2), sensors (3), gates (4), faults (5)
-                            are not used
-    double integrator       planner (); vehicle (0), gusts (1), sensors (2), gates (3), faults (4)
-                            are not used
+    off-road vehicle        planner (0), gusts (1); vehicle (2), sensors (3), gates (4), faults (5),
+                            link (6) are not used
+    double integrator       planner (); vehicle (0), gusts (1), sensors (2), gates (3), faults (4),
+                            link (5) are not used
     environments            starts of course k (k), vehicle of its row i (k, i)
     generated courses       course number k, counted from 1, (k - 1)
 
@@ -47,6 +47,7 @@ class Streams(NamedTuple):
     sensors: SeedSequence  # noise of all sensors, see `sensor_streams`
     gates: SeedSequence  # how far the gates stand off the map
     faults: SeedSequence  # what the texts of faults leave out, see `fault_stream`
+    link: SeedSequence  # which frames of the link are lost
 
 
 class SensorStreams(NamedTuple):
@@ -82,6 +83,7 @@ def quadrotor_streams(seed: int) -> Streams:
         sensors=_child(root, 2),
         gates=_child(root, 3),
         faults=_child(root, 4),
+        link=_child(root, 5),
     )
 
 
@@ -118,6 +120,7 @@ def offroad_streams(seed: int) -> Streams:
         sensors=_child(root, 3),
         gates=_child(root, 4),
         faults=_child(root, 5),
+        link=_child(root, 6),
     )
 
 
@@ -131,6 +134,7 @@ def double_integrator_streams(seed: int) -> Streams:
         sensors=_child(root, 2),
         gates=_child(root, 3),
         faults=_child(root, 4),
+        link=_child(root, 5),
     )
 
 
@@ -167,6 +171,12 @@ def fresh_seed() -> int:
 def training_stream(seed: int) -> SeedSequence:
     """Return the stream of training: initial weights, explored actions, order of minibatches."""
     return SeedSequence([seed, TRAINING])
+
+
+def identification_streams() -> tuple[SeedSequence, SeedSequence]:
+    """Return the streams of the commands by which a rate loop is identified, and is checked."""
+    root = SeedSequence(0)
+    return _child(root, 0), _child(root, 1)
 
 
 def pose_stream(seed: int, picture: int) -> SeedSequence:

@@ -22,7 +22,7 @@ from quadsim.console import UsageError
 from quadsim.course import load_course
 from quadsim.learn.lanes import LaneEnvironments
 from quadsim.learn.task import task
-from quadsim.physics.actuators import HOVER
+from quadsim.physics.link import HOVER
 from quadsim.physics.plant import PLANTS
 from quadsim.vehicle import load_vehicle
 

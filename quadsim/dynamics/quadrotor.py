@@ -4,17 +4,21 @@
     v' = k R(q) e_z a - g e_z - d v
     q' = q x (0, omega) / 2
     omega' = beta
-    beta' = (beta_cmd - beta) / tau_m,                  beta_cmd = (omega_cmd - omega) / tau_omega
+    beta' = (beta_cmd - beta) / tau_beta,               beta_cmd = (omega_cmd - omega) / tau_omega
     a' = (a_lim - a) / tau_m,                           a_lim = clip(a_cmd, r, a_max - r)
-    r = c_x |beta_cmd,x| + c_y |beta_cmd,y|
+    r = c_x |beta_cmd,x| + c_y |beta_cmd,y| (+ c_z |beta_cmd,z|)
     |beta_cmd,z| <= (min(a_lim, a_max - a_lim) - r) / c_z
 
 The state has the 13 numbers of Vlahov et al. 2024, section IV-B, and four more for what the rotors
 deliver now: thrust a and angular acceleration beta. To roll or pitch, two rotors give up the thrust
 r that the others, at their limit, cannot add. Yaw has what is left then: two rotors speed up, two
 slow down, and at full thrust none can. The plant's allocation has the same order
-(quadsim.physics.allocation). With tau_m = c = 0, the paper's model, thrust and angular acceleration
-follow their commands at once.
+(quadsim.physics.allocation). With tau_m = tau_beta = c = 0, the paper's model, thrust and angular
+acceleration follow their commands at once.
+
+tau_beta is the lag of the rotors, tau_m, behind an ideal rate loop. A real one has filters and gains
+of its own; omega then follows its command as a second-order system, of natural frequency
+1 / sqrt(tau_omega tau_beta) and damping ratio sqrt(tau_omega / tau_beta) / 2.
 """
 
 from __future__ import annotations
@@ -127,8 +131,12 @@ class Params(NamedTuple):
     rate_gain_x: float
     rate_gain_y: float
     rate_gain_z: float
-    # share of the way to its command that a rotor makes in one step
+    # share of the way to its command that the thrust makes in one step
     rotor_response: float
+    # the same of the angular acceleration
+    rate_response_x: float
+    rate_response_y: float
+    rate_response_z: float
     # k, acceleration per thrust delivered
     thrust_gain: float
     # d [1/s]
@@ -138,6 +146,8 @@ class Params(NamedTuple):
     tilt_cost_y: float
     # 1 / c_z, angular acceleration about z per room to the thrust's limits [1/m]
     yaw_per_room: float
+    # thrust given up per angular acceleration about z [m]
+    yaw_reserve: float
     # mass-normalised [m/s^2]
     thrust_max: float
 
@@ -233,6 +243,7 @@ def step(x, u, p, dt):
     # leave roll and pitch all of it, the thrust what these leave, and yaw what is left then.
     bx_cmd, by_cmd, bz_cmd = rate_loop(x.body_rates, u.body_rates, p.rate_gains)
     reserve = tilt_reserve(p.tilt_cost_x, p.tilt_cost_y, bx_cmd, by_cmd)
+    reserve = reserve + p.yaw_reserve * abs(bz_cmd)
     most = p.thrust_max - reserve
     thrust_lim = minimum(maximum(u.thrust, reserve), most)
     room = maximum(minimum(thrust_lim - reserve, most - thrust_lim), 0.0) + LEAST_ROOM
@@ -241,9 +252,9 @@ def step(x, u, p, dt):
 
     # The rotors follow with a first-order lag.
     thrust = x.thrust + (thrust_lim - x.thrust) * p.rotor_response
-    bx = x.bx + (bx_cmd - x.bx) * p.rotor_response
-    by = x.by + (by_cmd - x.by) * p.rotor_response
-    bz = x.bz + (bz_cmd - x.bz) * p.rotor_response
+    bx = x.bx + (bx_cmd - x.bx) * p.rate_response_x
+    by = x.by + (by_cmd - x.by) * p.rate_response_y
+    bz = x.bz + (bz_cmd - x.bz) * p.rate_response_z
     wx = x.wx + bx * dt
     wy = x.wy + by * dt
     wz = x.wz + bz * dt
@@ -318,6 +329,7 @@ def attainable(x, u, p):
 
 
 Lag = Annotated[float, unit("s", ge=0, le=10)]
+Delay = Annotated[float, unit("s", ge=0, le=1)]
 Rate = Annotated[float, unit("rad/s", gt=0, le=100)]
 Factor = Annotated[float, Meta(gt=0, le=10)]
 TiltCost = Annotated[float, unit("m", ge=0, le=10)]
@@ -363,6 +375,23 @@ class ModelParams:
             "has to"
         ),
     ] = True
+    yaw_first: Annotated[
+        bool,
+        setting("whether the flight controller gives up thrust to yaw, as to roll and pitch"),
+    ] = False
+    rate_lag: Annotated[
+        tuple[Lag, Lag, Lag] | None,
+        setting("lag of the angular acceleration about x, y, z (default: the rotors')"),
+    ] = None
+    delay: Annotated[
+        Delay,
+        setting("time from a command to its effect, beside the latency of vehicle and link"),
+    ] = 0.0
+
+    @property
+    def rate_lags(self) -> Vec3:
+        """The lags of the angular acceleration, about the body's axes [s]."""
+        return self.rate_lag or (self.motor_tau,) * 3
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> ModelParams:
@@ -397,17 +426,23 @@ def quadrotor(model: ModelParams, dt: float) -> System:
         dt: control period [s].
     """
     gain_x, gain_y, gain_z = (response(tau, dt) / dt for tau in model.rate_tau)
+    response_x, response_y, response_z = (response(lag, dt) for lag in model.rate_lags)
     tilt_cost_x, tilt_cost_y = model.tilt_cost
+    is_free = model.yaw_first or not model.yaw_cost
     params = Params(
         rate_gain_x=gain_x,
         rate_gain_y=gain_y,
         rate_gain_z=gain_z,
         rotor_response=response(model.motor_tau, dt),
+        rate_response_x=response_x,
+        rate_response_y=response_y,
+        rate_response_z=response_z,
         thrust_gain=model.thrust_gain,
         drag=model.drag,
         tilt_cost_x=tilt_cost_x,
         tilt_cost_y=tilt_cost_y,
-        yaw_per_room=1.0 / model.yaw_cost if model.yaw_cost else UNLIMITED_YAW,
+        yaw_per_room=UNLIMITED_YAW if is_free else 1.0 / model.yaw_cost,
+        yaw_reserve=model.yaw_cost if model.yaw_first else 0.0,
         thrust_max=model.thrust_max,
     )
     return System(

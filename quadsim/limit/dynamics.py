@@ -229,11 +229,15 @@ class RateDynamics(Dynamics):
             rate_gain_y=1.0 / tau_y,
             rate_gain_z=1.0 / tau_z,
             rotor_response=follow,
+            rate_response_x=follow,
+            rate_response_y=follow,
+            rate_response_z=follow,
             thrust_gain=model.thrust_gain,
             drag=model.drag,
             tilt_cost_x=0.0,
             tilt_cost_y=0.0,
             yaw_per_room=UNLIMITED_YAW,
+            yaw_reserve=0.0,
             thrust_max=2 * model.thrust_max,
         )
         ahead = casadi.vertcat(*step(_whole(x), Control(*u), p, dt)[: self._n])

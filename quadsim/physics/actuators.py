@@ -1,6 +1,6 @@
 """Actuators: from a command to the wrench on the rigid body, the same for every plant.
 
-    limits -> latency -> rate loop -> allocation with priorities -> rotor lag -> faults of rotors
+    limits -> link and latency -> rate loop -> allocation with priorities -> rotor lag -> faults of rotors
     -> wrench and drag
 
 Vehicles without rotors skip allocation and lag: their thrust and torque act at once. Scalars and
@@ -9,7 +9,6 @@ tuples throughout: at 400 Hz the overhead of 3-element arrays would be most of t
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Sequence
 from math import isfinite
 from typing import NamedTuple
@@ -18,10 +17,10 @@ from quadsim.dynamics.first_order import remaining, response
 from quadsim.dynamics.quadrotor import Control, rate_loop
 from quadsim.physics.allocation import PerRotor, allocate, mixer, shares
 from quadsim.physics.faults import RotorFault
+from quadsim.physics.link import Link
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
-HOVER = Control(wx=0.0, wy=0.0, wz=0.0, thrust=GRAVITY)
 # strengths of rotors that all give their thrust
 SOUND: PerRotor = (1.0, 1.0, 1.0, 1.0)
 
@@ -172,17 +171,24 @@ class Motors:
 class Actuators:
     """The actuators of one vehicle, stepped every dt [s].
 
-    Their state is the commands within the latency, the speeds of the rotors, and the time, which
-    decides what faults there are.
+    Their state is the commands on the link, the speeds of the rotors, and the time, which decides
+    what faults there are.
     """
 
-    def __init__(self, vehicle: Vehicle, dt: float, faults: Sequence[RotorFault] = ()):
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        dt: float,
+        faults: Sequence[RotorFault] = (),
+        link: Link | None = None,
+    ):
         """Begin at t = 0, hovering.
 
         Args:
             vehicle: vehicle that has the actuators.
             dt: physics step [s].
             faults: faults of its rotors, with their rotors and times.
+            link: carries the commands; None: a wire.
         """
         self._vehicle = vehicle
         self._dt = dt
@@ -191,7 +197,7 @@ class Actuators:
         tau_x, tau_y, tau_z = vehicle.rate_tau
         # gains of the rate loop [1/s]
         self._gain = (response(tau_x, dt) / dt, response(tau_y, dt) / dt, response(tau_z, dt) / dt)
-        self._delayed: deque[Control] = deque([HOVER] * round(vehicle.latency / dt))
+        self._link = link or Link(dt, vehicle.latency)
         self.motors = Motors(vehicle, vehicle.rotors, dt) if vehicle.rotors else None
         # thrust delivered along body z, mass-normalised [m/s^2]
         self.thrust = GRAVITY
@@ -216,8 +222,7 @@ class Actuators:
         vehicle = self._vehicle
 
         # The command that acts now was given a latency ago.
-        self._delayed.append(clamp_command(command, vehicle))
-        acting = self._delayed.popleft()
+        acting = self._link.carry(clamp_command(command, vehicle)).command
 
         # The rate loop and the rotors make force and torque of it.
         torque = rate_torque(omega_body, acting.body_rates, self._gain, vehicle.inertia)

@@ -1,6 +1,6 @@
 """Actuators with Betaflight between command and rotors.
 
-    limits -> latency -> interpolation -> radio link -> firmware -> rotor lag -> wrench and drag
+    limits -> link and latency -> firmware -> rotor lag -> wrench and drag
 
 The firmware takes the place of the rate loop and of the allocation in quadsim.physics.actuators. It
 sees gyro, accelerometer and attitude of the vehicle and the sticks that its configuration needs for
@@ -10,7 +10,6 @@ greatest speed.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 
 from quadsim.dynamics.quadrotor import Control
@@ -25,7 +24,6 @@ from quadsim.firmware.configuration import (
 from quadsim.firmware.package import Built
 from quadsim.firmware.process import LOW, Firmware
 from quadsim.physics.actuators import (
-    HOVER,
     Motors,
     Wrench,
     angular_acceleration,
@@ -34,6 +32,7 @@ from quadsim.physics.actuators import (
     rotor_strengths,
 )
 from quadsim.physics.faults import RotorFault
+from quadsim.physics.link import HOVER, Link
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.vehicle import GRAVITY, Vehicle
 
@@ -66,7 +65,7 @@ class BetaflightActuators:
         built: Built,
         configuration: Configuration,
         faults: Sequence[RotorFault] = (),
-        interpolation: float = 0.0,
+        link: Link | None = None,
     ):
         """Start the firmware, arm it, and hover.
 
@@ -76,7 +75,7 @@ class BetaflightActuators:
             built: the firmware.
             configuration: its configuration, for the direction of this vehicle's motors.
             faults: faults of the rotors, with their rotors and times.
-            interpolation: time in which a new command is reached along a straight line [s].
+            link: carries the commands; None: a wire.
 
         Raises:
             FirmwareError: the firmware does not arm.
@@ -88,11 +87,7 @@ class BetaflightActuators:
         self._steps = 0
         self._faults = faults
         self._configuration = configuration
-        self._delayed: deque[Control] = deque([HOVER] * round(vehicle.latency / dt))
-        self._ramp_steps = round(interpolation / dt)
-        self._ramp_left = 0
-        self._goal = HOVER
-        self._sent = HOVER
+        self._link = link or Link(dt, vehicle.latency)
         self.motors = Motors(vehicle, vehicle.rotors, dt)
         self.thrust = GRAVITY
         self.angular_acceleration: Vec3 = STILL
@@ -105,12 +100,13 @@ class BetaflightActuators:
     def _get_ready(self) -> None:
         """Arm the firmware, and hold the sticks of hovering until its filters have settled."""
         standing = (STILL, self._specific_force, LEVEL)
-        self._firmware.step(*standing, self._channels, round(BOOT / self._dt))
+        every = self._link.frame_steps
+        self._firmware.step(*standing, self._channels, round(BOOT / self._dt), every)
         self._channels[self._configuration.arm_channel] = self._configuration.arm_pulse
         half = round(0.5 * READY / self._dt)
-        expect_armed(self._firmware.step(*standing, self._channels, half))
+        expect_armed(self._firmware.step(*standing, self._channels, half, every))
         self._set_sticks(HOVER)
-        expect_armed(self._firmware.step(*standing, self._channels, half))
+        expect_armed(self._firmware.step(*standing, self._channels, half, every))
 
     def wrench(
         self,
@@ -132,12 +128,19 @@ class BetaflightActuators:
         """
         vehicle = self._vehicle
 
-        # The command that acts now was given a latency ago, and is reached along a line.
-        self._delayed.append(clamp_command(command, vehicle))
-        self._set_sticks(self._interpolated(self._delayed.popleft()))
+        # A frame of the link moves the sticks.
+        received = self._link.carry(clamp_command(command, vehicle))
+        if received.is_new:
+            self._set_sticks(received.command)
 
         # The firmware commands the motors, which the rotors follow.
-        reply = self._firmware.step(omega_body, self._specific_force, attitude, self._channels)
+        reply = self._firmware.step(
+            omega_body,
+            self._specific_force,
+            attitude,
+            self._channels,
+            frame_every=1 if received.is_new else 0,
+        )
         speeds = (reply.motors[motor] * self._rotors.omega_max for motor in MOTOR_OF_ROTOR)
         strengths = rotor_strengths(self._faults, self._steps * self._dt)
         force, torque = self.motors.follow(speeds, strengths)
@@ -154,22 +157,6 @@ class BetaflightActuators:
     def close(self) -> None:
         """End the firmware."""
         self._firmware.close()
-
-    def _interpolated(self, command: Control) -> Control:
-        """Return the command that is sent now, on the way to the one that acts."""
-        if command != self._goal:
-            self._goal = command
-            self._ramp_left = self._ramp_steps
-        if self._ramp_left <= 1:
-            self._ramp_left = 0
-            self._sent = command
-        else:
-            # The same share of what is left in each step makes a straight line.
-            share = 1.0 / self._ramp_left
-            pairs = zip(self._sent, command, strict=True)
-            self._sent = Control(*(sent + share * (goal - sent) for sent, goal in pairs))
-            self._ramp_left -= 1
-        return self._sent
 
     def _set_sticks(self, command: Control) -> None:
         """Set the channels of the sticks for a command."""

@@ -16,8 +16,9 @@ from quadsim.course import Course, Start
 from quadsim.dynamics.quadrotor import State
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
-from quadsim.physics.actuators import HOVER, Actuators, Wrench
+from quadsim.physics.actuators import Actuators, Wrench
 from quadsim.physics.faults import CommandLoss, RotorFault
+from quadsim.physics.link import HOVER
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.physics.rigid_body import RigidBody
 from quadsim.physics.rotorpy_plant import RotorpyPlant

@@ -404,11 +404,14 @@ class Navigation:
         acted = self._commands.acting(t - periods * self._dt)
         now = self._source.now(t, acted, periods)
 
-        # The state in which the control will act, and the gates passed by then.
-        x = self._when_it_acts(now, t)
+        # The state in which the control will act, and the gates passed by then. A control that has
+        # to wait for the link's next frame is planned as if it was asked for then.
+        ready = t + self._planning
+        sent = self._commands.next_frame(ready)
+        x = self._when_it_acts(now, t, sent + self._commands.latency)
         target = self._gates.at(x, now.course)
         model = quadrotor(now.model, self._dt) if now.model else None
-        return Estimate(t, np.array(x), target, model, now.course)
+        return Estimate(t + (sent - ready), np.array(x), target, model, now.course)
 
     def commanded(self, t: float, ready: float, u: tuple[float, ...]) -> None:
         """Note a control that is given to the vehicle.
@@ -425,11 +428,10 @@ class Navigation:
         """Return the columns of ESTIMATE_UNITS for one frame; () where the true state is known."""
         return self._source.record(state)
 
-    def _when_it_acts(self, now: Present, t: float) -> tuple[float, ...]:
-        """Return the state in which a control planned at t [s] will act.  (n_x,)"""
+    def _when_it_acts(self, now: Present, t: float, acts: float) -> tuple[float, ...]:
+        """Return the state at `acts` [s], in which a control planned at t [s] will act.  (n_x,)"""
         if self._nominal is None:
             return now.x
-        acts = t + self._planning + self._commands.latency
         model = now.model or self._nominal
         return predict(State(*now.x), self._commands, t, acts, model, longest=self._dt)
 

@@ -21,12 +21,13 @@ from quadsim.course import Course, Gate
 from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.files.yaml_errors import shown_value
-from quadsim.firmware.configuration import Text, configured
-from quadsim.firmware.package import built_firmware
-from quadsim.physics.betaflight import BetaflightActuators, motors_reversed
+from quadsim.physics.actuators import Actuators
+from quadsim.physics.betaflight import BetaflightActuators
 from quadsim.physics.domain_randomization import draw, gusts
 from quadsim.physics.faults import BiasJump, CommandLoss, RotorFault, SensorFault
+from quadsim.physics.link import Link
 from quadsim.physics.plant import PLANTS, LossyLink, NamedPlant, Plant, PlantName, start_state
+from quadsim.physics.rotorpy_plant import RotorpyPlant
 from quadsim.race.clock import CLOCKS
 from quadsim.race.events import Frame
 from quadsim.race.flight import Controller, PlainController, RefereeProtocol, rest_of, simulate
@@ -47,6 +48,7 @@ from quadsim.sensing.navigation import (
 )
 from quadsim.sensing.sensors import WARM_UP, Sensors
 from quadsim.spec.changes import ChangeablePlanner
+from quadsim.spec.identified import firmware_for
 from quadsim.spec.parts import called, made
 from quadsim.spec.reference import reference_of
 from quadsim.spec.settings import SettingError
@@ -151,8 +153,8 @@ def plant_of(spec: Spec) -> Plant:
     plant = PLANTS[cast(PlantName, spec.plant)]
     course = spec.flown_course
     faults = [fault for fault in spec.drawn_faults if isinstance(fault, RotorFault)]
-    if spec.betaflight is not None:
-        plant = partial(plant, actuators=partial(_behind_firmware, spec, spec.betaflight))
+    if plant is not RotorpyPlant:
+        plant = partial(plant, actuators=partial(actuators_of, spec))
     if spec.randomize == 0:
         return plant(course, spec.vehicle, spec.plant_dt, faults=faults)
     streams = spec.streams
@@ -168,21 +170,30 @@ def plant_of(spec: Spec) -> Plant:
     )
 
 
-def _behind_firmware(
-    spec: Spec, text: Text, vehicle: Vehicle, dt: float, faults: Sequence[RotorFault]
-) -> BetaflightActuators:
-    """Return the actuators of a vehicle behind Betaflight.
+def actuators_of(
+    spec: Spec, vehicle: Vehicle, dt: float, faults: Sequence[RotorFault]
+) -> Actuators | BetaflightActuators:
+    """Return the actuators of a vehicle, behind the spec's link and flight controller.
 
-    Each command is reached within a control period.
+    Before the firmware, each command is reached within a control period.
+
+    Args:
+        spec: specification of the flight.
+        vehicle: as it is flown, which the seed may have changed.
+        dt: physics step [s].
+        faults: faults of its rotors.
 
     Raises:
         FirmwareError: the firmware is not built, or does not arm.
         FileError: it does not take its configuration.
     """
-    built = built_firmware()
-    configuration = configured(built.program, text, motors_reversed(vehicle))
-    period = spec.planner.mppi.dt
-    return BetaflightActuators(vehicle, dt, built, configuration, faults, interpolation=period)
+    stream = spec.streams.link
+    if spec.betaflight is None:
+        link = Link(dt, vehicle.latency, spec.link, stream=stream)
+        return Actuators(vehicle, dt, faults, link)
+    link = Link(dt, vehicle.latency, spec.link, spec.planner.mppi.dt, stream)
+    built, configuration = firmware_for(vehicle, spec.betaflight)
+    return BetaflightActuators(vehicle, dt, built, configuration, faults, link)
 
 
 def pilot_of(spec: Spec) -> PilotController | None:
@@ -365,12 +376,14 @@ def navigation_of(spec: Spec, parts: FlightParts) -> Navigation:
         source = TrueState(parts.plant.state, dt, learner)
 
     # A state that is predicted ahead of the referee needs its own count of gates.
-    is_late = spec.vehicle.latency or spec.clock == "wall"
+    link = spec.link
+    latency = spec.vehicle.latency + link.latency + spec.model.delay
+    is_late = latency or link.rate or spec.clock == "wall"
     if spec.sensing or is_late:
         gates = GateCounter(spec.course, spec.laps)
     else:
         gates = RefereeCount(parts.referee)
-    return Navigation(source, gates, Commands(rest, spec.vehicle.latency), dt, spec.model)
+    return Navigation(source, gates, Commands(rest, latency, link.period), dt, spec.model)
 
 
 def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> SensedState:

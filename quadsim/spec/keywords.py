@@ -52,6 +52,10 @@ class Keywords(TypedDict, total=False):
     plant_dt: float | None
     flight_controller: Literal["betaflight", "ideal"] | None
     betaflight: str | Path | Text | None
+    link_hz: float | None
+    link_latency: float | None
+    link_loss: float | None
+    link_burst: float | None
     clock: Literal["simulated", "wall"] | None
     deadline_ms: float | None
     runs_dir: str | Path | None
@@ -104,6 +108,8 @@ class Keywords(TypedDict, total=False):
     model_yaw_cost: float | None
     model_thrust_gain: float | None
     model_tilt_first: bool | None
+    model_rate_lag: Numbers | None
+    model_delay: float | None
     planner: Planner | None
     model: ModelParams | None
     terms: Sequence[Term | tuple[Callable[..., Any], float | NDArray[Any]]] | None

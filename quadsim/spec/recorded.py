@@ -86,6 +86,15 @@ class RecordedBetaflight(msgspec.Struct):
     lines: tuple[str, ...]
 
 
+class RecordedLink(msgspec.Struct):
+    """The numbers of quadsim.physics.link.LinkConfig in a record."""
+
+    rate: float | None = None
+    latency: float = 0.0
+    loss: float = 0.0
+    burst: float | None = None
+
+
 class RecordedHost(msgspec.Struct):
     """The folders of the machine that flew, none of which changes the flight."""
 
@@ -119,6 +128,7 @@ class Recorded(msgspec.Struct):
     faults: tuple[str, ...] = ()
     pilot: RecordedPilot | None = None
     betaflight: RecordedBetaflight | None = None
+    link: RecordedLink = msgspec.field(default_factory=RecordedLink)
     reference: RecordedReference | None = None
     own: dict[str, Any] = {}
     interactive: list[RecordedChange] = []
@@ -257,6 +267,10 @@ def _built(read: Recorded, own: Mapping[str, Any], folders: Sequence[str]) -> Sp
         plant_dt=read.plant_dt,
         flight_controller="betaflight" if read.betaflight else "ideal",
         betaflight=Text(read.betaflight.name, read.betaflight.lines) if read.betaflight else None,
+        link_hz=read.link.rate,
+        link_latency=read.link.latency,
+        link_loss=read.link.loss,
+        link_burst=read.link.burst,
         clock=read.clock,
         deadline_ms=read.deadline_ms,
         terms=terms_of(own.get("terms", ())),

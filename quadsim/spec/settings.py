@@ -35,6 +35,8 @@ LapCount = Annotated[int, Meta(ge=1, le=1000)]
 ThreadCount = Annotated[int, Meta(ge=1)]
 ThrustToWeight = Annotated[float, Meta(gt=1, le=20)]
 TimeLimit = Annotated[float, unit("s", gt=0, le=1e5)]
+FrameRate = Annotated[float, unit("Hz", ge=1, le=1e4)]
+BurstLength = Annotated[float, Meta(ge=1, le=1e4)]
 Milliseconds = Annotated[float, unit("ms", gt=0, le=1e4)]
 CONTROL_UNITS = ", ".join(units_of(Control).values())
 
@@ -110,6 +112,20 @@ class FlightSettings:
     betaflight: Annotated[
         str | None,
         setting("Betaflight's configuration, FILE.txt of its CLI (default: the vehicle's)"),
+    ] = None
+    link_hz: Annotated[
+        FrameRate | None,
+        setting("frames a second in which commands arrive (default: one in each physics step)"),
+    ] = None
+    link_latency: Annotated[
+        float, setting("latency of the link, beside the vehicle's", "s", ge=0, le=1)
+    ] = 0.0
+    link_loss: Annotated[float, setting("share of the link's frames that are lost", ge=0, le=0.9)] = (
+        0.0
+    )
+    link_burst: Annotated[
+        BurstLength | None,
+        setting("mean number of frames lost in a row (default: they are lost independently)"),
     ] = None
     clock: Annotated[
         Clock, setting("simulated: planning takes no time; wall: the flight continues meanwhile")

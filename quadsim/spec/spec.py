@@ -32,12 +32,14 @@ from quadsim.physics.faults import (
     parse_fault,
     sensor_key,
 )
+from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.physics.plant import Plant, default_plant
 from quadsim.race.flight import ControlLaw, Controller, RefereeProtocol, whole_multiple
 from quadsim.record.limits import StoredSolution
 from quadsim.record.run import INTERACTIVE
 from quadsim.sensing import PERFECT, Sensing, load_sensing
 from quadsim.spec.changes import PlannerChange
+from quadsim.spec.identified import identified_model
 from quadsim.spec.parts import (
     check_part,
     describe,
@@ -90,6 +92,10 @@ NUMBERS = {
             "penalties",
             "plant_dt",
             "flight_controller",
+            "link_hz",
+            "link_latency",
+            "link_loss",
+            "link_burst",
             "clock",
             "deadline_ms",
             "threads",
@@ -99,6 +105,7 @@ NUMBERS = {
 }
 # Plants whose rotors are those of quadsim.physics.actuators.
 PLANTS_WITH_ROTORS = ("bullet", "rigid")
+LINK_SETTINGS = ("link_hz", "link_latency", "link_loss", "link_burst")
 # Physics step with the firmware: its gyro and its link are exchanged in each [s]
 FIRMWARE_STEP = 1e-3
 ROUNDING = 1e-6
@@ -149,6 +156,10 @@ class Spec:
     plant_dt: float = FlightSettings.plant_dt  # [s]
     flight_controller: FlightControllerName = "ideal"
     betaflight: Text | None = None  # configuration of the firmware, where that flies
+    link_hz: float | None = None  # None: a frame in each physics step
+    link_latency: float = 0.0  # beside the vehicle's [s]
+    link_loss: float = 0.0  # share of the frames that are lost
+    link_burst: float | None = None  # mean number of frames lost in a row; None: independent
     clock: Clock = "simulated"
     deadline_ms: float | None = None  # longest time of a plan, kept by fewer samples
     terms: tuple[Term, ...] = ()  # the user's own, beside those of the cost
@@ -238,6 +249,11 @@ class Spec:
         return quadrotor_streams(self.seed)
 
     @property
+    def link(self) -> LinkConfig:
+        """The link that carries the commands."""
+        return LinkConfig(self.link_hz, self.link_latency, self.link_loss, self.link_burst)
+
+    @property
     def flown_course(self) -> Course:
         """The course with its gates where they truly stand; `course` is the planner's map."""
         if not self.displace_gates:
@@ -294,6 +310,7 @@ class Spec:
             "drawn_faults": [str(fault) for fault in self.drawn_faults],
             "pilot": self.pilot.record() if self.pilot else None,
             "betaflight": _of_firmware(self.betaflight),
+            "link": None if self.link == WIRE else plain(self.link),
             "reference": _followed(self.reference),
             "own": self._own_parts(),
             INTERACTIVE: [change.record() for change in self.changes],
@@ -376,6 +393,7 @@ def validate(spec: Spec) -> None:
         _check_reference(spec, spec.planner.cost)
     _check_faults(spec)
     _check_flight_controller(spec)
+    _check_link(spec)
     if spec.pilot:
         _check_beside_pilot(spec)
         spec.pilot.check(spec.vehicle.name, dt)
@@ -414,13 +432,38 @@ def _check_flight_controller(spec: Spec) -> None:
         plant = spec.plant if isinstance(spec.plant, str) else "a plant of your own"
         wanted = f"expected plant {' or '.join(PLANTS_WITH_ROTORS)} for 'betaflight'"
         raise SettingError(name, f"{wanted}, got {plant}")
-    passes = spec.plant_dt / MAIN_LOOP
-    if abs(passes - round(passes)) > ROUNDING or round(passes) < 1:
+    if not is_whole(spec.plant_dt / MAIN_LOOP):
         wanted = f"expected a whole multiple of {MAIN_LOOP:g} s for 'betaflight'"
         raise SettingError("plant_dt", f"{wanted}, got {spec.plant_dt:g}")
     if spec.betaflight is None:
         wanted = f"expected FILE.txt of Betaflight's CLI for the vehicle {spec.vehicle.name}"
         raise SettingError("betaflight", f"{wanted}, as none comes with the project")
+
+
+def is_whole(number: float) -> bool:
+    """Return whether a number is a whole one from 1 on, up to rounding."""
+    return abs(number - round(number)) < ROUNDING and round(number) >= 1
+
+
+def _check_link(spec: Spec) -> None:
+    """Check that the plant has a link, and that its numbers agree. Raises SettingError."""
+    link = spec.link
+    if link == WIRE:
+        return
+    if spec.plant not in PLANTS_WITH_ROTORS:
+        plant = spec.plant if isinstance(spec.plant, str) else "a plant of your own"
+        name = next(name for name in LINK_SETTINGS if getattr(spec, name))
+        wanted = f"expected plant {' or '.join(PLANTS_WITH_ROTORS)} for a link"
+        raise SettingError(name, f"{wanted}, got {plant}")
+    if link.rate and link.rate * spec.plant_dt > 1.0 + ROUNDING:
+        wanted = f"expected at most {1.0 / spec.plant_dt:g} Hz, a frame in each physics step"
+        raise SettingError("link_hz", f"{wanted}, got {link.rate:g}")
+    if link.burst is not None:
+        # A channel that is bad after each good frame loses bursts of no less than this.
+        shortest = link.loss / (1.0 - link.loss)
+        if not link.loss or link.burst < shortest:
+            wanted = f"at least {shortest:.3g} frames with" if link.loss else "none without"
+            raise SettingError("link_burst", f"expected {wanted} link_loss, got {link.burst:g}")
 
 
 def _check_faults(spec: Spec) -> None:
@@ -522,7 +565,9 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         vehicle = with_thrust_to_weight(vehicle, flight.thrust_to_weight)
 
     planner = _with_numbers(replace(base, vehicle=vehicle.name), given)
-    model = _model(given, vehicle)
+    configuration = _configuration(flight, given, vehicle, read)
+    plant_dt = _plant_dt(flight, given)
+    model = _model(given, vehicle, configuration, plant_dt, planner.mppi.dt)
     laps = flight.laps or course.laps
     reference = None
     if isinstance(planner.cost, ReferenceWeights):
@@ -543,9 +588,13 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         fault=flight.fault,
         penalties=flight.penalties,
         plant=default_plant() if plant is None else plant,
-        plant_dt=_plant_dt(flight, given),
+        plant_dt=plant_dt,
         flight_controller=flight.flight_controller,
-        betaflight=_configuration(flight, given, vehicle, read),
+        betaflight=configuration,
+        link_hz=flight.link_hz,
+        link_latency=flight.link_latency,
+        link_loss=flight.link_loss,
+        link_burst=flight.link_burst,
         clock=flight.clock,
         deadline_ms=flight.deadline_ms,
         terms=(*terms_of(() if own_terms is None else own_terms), *map(term_of_text, flight.term)),
@@ -700,11 +749,25 @@ def _with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:
     return replace(planner, **changed)
 
 
-def _model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:
-    """Return the planner's model: the vehicle's nominal model with the given numbers."""
+def _model(
+    given: Mapping[str, Any], vehicle: Vehicle, text: Text | None, dt: float, period: float
+) -> ModelParams:
+    """Return the planner's model: the vehicle's nominal model with the given numbers.
+
+    Behind the firmware it is the one that a flight on the test bench has shown.
+
+    Args:
+        given: settings.
+        vehicle: the vehicle.
+        text: configuration of the firmware; None: the flight controller is ideal.
+        dt: physics step [s].
+        period: control period [s].
+    """
     model = given.get("model")
     if model is None:
-        model = ModelParams.of(vehicle)
+        # A flight that cannot be is refused when the spec is checked.
+        can_fly = text is not None and vehicle.rotors and is_whole(dt / MAIN_LOOP)
+        model = identified_model(vehicle, text, dt, period) if can_fly else ModelParams.of(vehicle)
     _check_type("model", model, ModelParams)
     return _changed("model", model, given)
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from plant_cases import FULL, ROTORS
 
-from quadsim.physics.actuators import HOVER, Actuators
+from quadsim.physics.actuators import Actuators
+from quadsim.physics.link import HOVER
 from quadsim.vehicle import GRAVITY, Vehicle
 
 REST = (0.0, 0.0, 0.0)

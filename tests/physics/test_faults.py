@@ -8,7 +8,8 @@ import pytest
 from plant_cases import FULL, ROTORS, SKY, both_plants
 
 from quadsim.course import load_course
-from quadsim.physics.actuators import HOVER, Actuators
+from quadsim.physics.actuators import Actuators
+from quadsim.physics.link import HOVER
 from quadsim.physics.faults import (
     BiasJump,
     CommandLoss,

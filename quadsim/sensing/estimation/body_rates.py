@@ -18,10 +18,10 @@ LEAST_GYRO_NOISE = 1e-3
 class BodyRates:
     """An observer of the body rates omega, and of their accelerations beta by the rotors.
 
-        beta <- beta + (beta_cmd - beta) k_m,    beta_cmd = (omega_cmd - omega) k_omega
+        beta <- beta + (beta_cmd - beta) k_beta,    beta_cmd = (omega_cmd - omega) k_omega
         omega <- omega + beta dt
 
-    k_m and k_omega are those of quadsim.dynamics.quadrotor. Then both are corrected by the
+    k_beta and k_omega are those of quadsim.dynamics.quadrotor. Then both are corrected by the
     gyroscope, with the settled gain of a Kalman filter, once each control period.
     """
 
@@ -35,12 +35,13 @@ class BodyRates:
         """
         self._dt = dt
         self._tilt_cost = model.tilt_cost
-        self._rotor_response = response(model.motor_tau, dt)
+        self._responses = tuple(response(lag, dt) for lag in model.rate_lags)
         # [1/s]
         self._gains = tuple(response(tau, dt) / dt for tau in model.rate_tau)
-        self._on_rate, self._on_acceleration = steady_gain(
-            dt, self._rotor_response, ACCELERATION_STD, max(imu.gyro_noise, LEAST_GYRO_NOISE)
-        )
+        noise = max(imu.gyro_noise, LEAST_GYRO_NOISE)
+        self._corrections = [
+            steady_gain(dt, share, ACCELERATION_STD, noise) for share in self._responses
+        ]
         # [rad/s]
         self.rates: Vec3 = (0.0, 0.0, 0.0)
         # [rad/s^2]
@@ -59,13 +60,14 @@ class BodyRates:
         for k in range(3):
             # Predict.
             beta = self.angular_acceleration[k]
-            beta = beta + (commanded[k] - beta) * self._rotor_response
+            beta = beta + (commanded[k] - beta) * self._responses[k]
             omega = self.rates[k] + beta * self._dt
 
             # Correct by the gyroscope.
             innovation = measured[k] - omega if measured else 0.0
-            rates.append(omega + self._on_rate * innovation)
-            acceleration.append(beta + self._on_acceleration * innovation)
+            on_rate, on_acceleration = self._corrections[k]
+            rates.append(omega + on_rate * innovation)
+            acceleration.append(beta + on_acceleration * innovation)
         self.rates = tuple(rates)
         self.angular_acceleration = tuple(acceleration)
 
@@ -76,20 +78,20 @@ class BodyRates:
 
 
 def steady_gain(
-    dt: float, rotor_response: float, acceleration_std: float, noise: float
+    dt: float, share: float, acceleration_std: float, noise: float
 ) -> tuple[float, float]:
     """Return the settled Kalman gain of (omega, beta) on the gyroscope.
 
         omega <- omega + beta dt
-        beta <- (1 - rotor_response) beta + acceleration_std N(0, 1)
+        beta <- (1 - share) beta + acceleration_std N(0, 1)
 
     Args:
         dt: control period [s].
-        rotor_response: share of the way to its command that a rotor makes in a period.
+        share: of the way to its command that the angular acceleration makes in a period.
         acceleration_std: standard deviation of the process [rad/s^2].
         noise: standard deviation of the gyroscope [rad/s].
     """
-    keep = 1.0 - rotor_response
+    keep = 1.0 - share
     F = np.array([[1.0, keep * dt], [0.0, keep]])
     Q = acceleration_std**2 * np.array([[dt * dt, dt], [dt, 1.0]])
     P = Q.copy()

@@ -1,13 +1,15 @@
 """Prediction of the state in which a control that is planned now will act.
 
-Between now and then lie the planner's time and the vehicle's command latency. The commands of that
-time are known, as they have been given already; the planner's own model moves the state under them.
+Between now and then lie the planner's time, the wait for the link's next frame, and the latency of
+link and vehicle. The commands of that time are known, as they have been given already; the planner's
+own model moves the state under them.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
+from math import ceil
 from typing import NamedTuple
 
 from quadsim.course import Course
@@ -22,9 +24,9 @@ SAME = 1e-6
 
 
 class Given(NamedTuple):
-    """A command, and when it was given [s]."""
+    """A command, and from when on it acts [s]."""
 
-    t: float
+    acts: float
     u: Command
 
 
@@ -37,28 +39,36 @@ class Piece(NamedTuple):
 
 
 class Commands:
-    """The commands given so far, each acting `latency` [s] after it was given."""
+    """The commands given so far, each acting `latency` [s] after the frame that carries it."""
 
-    def __init__(self, rest: Command, latency: float):
+    def __init__(self, rest: Command, latency: float, frame_period: float = 0.0):
         """Begin without a command.
 
         Args:
             rest: command that acts until the first one does  (n_u,).
-            latency: time from a command to its action [s].
+            latency: time from a frame to the action of its command [s].
+            frame_period: time between frames, from t = 0 on [s]; 0: there is one at every instant.
         """
         self.latency = latency
+        self._frame_period = frame_period
         self._given: deque[Given] = deque([Given(float("-inf"), rest)])
+
+    def next_frame(self, t: float) -> float:
+        """Return when a command is sent that is given at t [s]."""
+        if not self._frame_period:
+            return t
+        return ceil((t - SAME) / self._frame_period) * self._frame_period
 
     def give(self, t: float, u: Command) -> None:
         """Note that the command u (n_u,) is given at t [s], and forget old ones."""
-        self._given.append(Given(t, u))
-        while len(self._given) > 2 and self._given[1].t + self.latency < t - 1.0:
+        self._given.append(Given(self.next_frame(t) + self.latency, u))
+        while len(self._given) > 2 and self._given[1].acts < t - 1.0:
             self._given.popleft()
 
     def acting(self, t: float) -> Command:
         """Return the command that acts from t [s] on, of those that are not forgotten."""
         for given in reversed(self._given):
-            if given.t + self.latency <= t + SAME:
+            if given.acts <= t + SAME:
                 return given.u
         return self._given[0].u
 
@@ -66,7 +76,8 @@ class Commands:
         """Yield the pieces of the time from t0 to t1 [s], each under one command."""
         if t1 <= t0 + SAME:
             return
-        switches = [given.t + self.latency for given in self._given]
+        # A later command may take the place of an earlier one before it is sent.
+        switches = dict.fromkeys(given.acts for given in self._given)
         ends = [t for t in switches if t0 + SAME < t < t1 - SAME]
         for end in (*ends, t1):
             yield Piece(end - t0, self.acting(t0))

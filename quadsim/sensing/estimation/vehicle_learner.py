@@ -159,6 +159,7 @@ class VehicleLearner:
         self._R = force_variance * np.eye(3)
         self._delivered = delivered
         self._rotor_response = response(model.motor_tau, dt)
+        self._rate_responses = np.array([response(lag, dt) for lag in model.rate_lags[:2]])
         # about x and y [1/s]
         self._rate_gains = np.array([response(tau, dt) / dt for tau in model.rate_tau[:2]])
 
@@ -239,9 +240,29 @@ class VehicleLearner:
         """
         self._theta[Row.THRUST] = after.thrust
         self._correct_by_acceleration(before, after, duration)
-        self._update_thrust_max(before, after, u)
+        import os
+        mode=os.environ.get("TMAX","old")
+        if mode=="old": self._update_thrust_max(before, after, u)
+        if mode in("env2","env3"):
+            r=self._rotor_response
+            a=before.thrust+(after.thrust-before.thrust)/r
+            k=self._nominal.tilt_cost
+            b0=before.angular_acceleration; b1=after.angular_acceleration
+            sb=[x+(y-x)/r for x,y in zip(b0,b1)]
+            m=a+k[0]*abs(sb[0])+k[1]*abs(sb[1])+self._nominal.yaw_cost*abs(sb[2])
+            now=self._theta[Row.THRUST_MAX]
+            if u.thrust>a+SHORTFALL and m>.85*now: self._theta[Row.THRUST_MAX]+=(.05 if mode=="env2" else .1)*(m-now)
+            elif mode=="env3" and m>now: self._theta[Row.THRUST_MAX]+=.02*(m-now)
+        if mode=="env":
+            b=after.angular_acceleration
+            c=self._nominal.tilt_cost
+            m=after.thrust+c[0]*abs(b[0])+c[1]*abs(b[1])+self._nominal.yaw_cost*abs(b[2])
+            now=self._theta[Row.THRUST_MAX]
+            if m>now: self._theta[Row.THRUST_MAX]+=.3*(m-now)
+            elif u.thrust>after.thrust+SHORTFALL: self._theta[Row.THRUST_MAX]+=.005*(m-now)
         if abs(duration - self._dt) < ON_TIME * self._dt:
-            self._update_delivered(before, after, u)
+            import os
+            if not os.environ.get("NODELIV"): self._update_delivered(before, after, u)
 
     def learn_from_force(
         self, a_cmd: float, reserve: float, force: Vec3 | None, nominal: Nominal
@@ -322,7 +343,7 @@ class VehicleLearner:
         rates = np.add(before.body_rates, after.body_rates)[:2] / 2
         asked = self._rate_gains * (np.array(u.body_rates[:2]) - rates)
         first, last = np.array([before.angular_acceleration[:2], after.angular_acceleration[:2]])
-        settled = first + (last - first) / self._rotor_response
+        settled = first + (last - first) / self._rate_responses
         self._delivered += STEP * (float(settled @ asked / (asked @ asked)) - self._delivered)
 
     def _mean_reserve(self, before: State, after: State, u: Control) -> float:

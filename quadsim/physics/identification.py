@@ -1,0 +1,286 @@
+"""The rate loop of a vehicle behind the firmware, identified from a short flight on a test bench.
+
+The vehicle is free to turn, but does not move. About one axis after the other it is commanded body
+rates that change at random, then changing thrusts. The planner's model of the same,
+
+    beta' = (beta_cmd - beta) / tau_beta,      beta_cmd = (omega_cmd(t - delta) - omega) / tau_omega
+    omega' = beta
+    a' = (a_cmd(t - delta) - a) / tau_m
+
+(quadsim.dynamics.quadrotor, in steps of the control period), is fitted to what came out: the lags
+tau_omega and tau_beta of each axis, the lag tau_m of the thrust, and one delay delta. A second
+flight, with other commands, tells how much of the response the model explains.
+
+The torque of a rotor grows with its speed, and so do the gains of the rate loop: rates are
+identified at the thrust of fast flight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import replace
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.random import Generator, SeedSequence, default_rng
+from scipy.optimize import least_squares
+
+from quadsim.dynamics.first_order import response
+from quadsim.dynamics.quadrotor import Control, ModelParams
+from quadsim.physics.plant import ActuatorsProtocol
+from quadsim.rotation import Quaternion, Vec3, turned_at
+from quadsim.streams import identification_streams
+from quadsim.vehicle import Vehicle
+
+DURATION = 5.0  # of each part of the flight [s]
+LONGEST_HOLD = 0.25  # of one command [s]
+THRUST = 0.6  # at which body rates are identified, share of the largest
+THRUSTS = (0.15, 0.7)  # commanded where the thrust is identified, shares of the largest
+RATES: Vec3 = (3.0, 3.0, 1.5)  # largest commanded body rates [rad/s]
+# Where the search begins, and its limits [s]
+FIRST_LAG = 0.03
+SHORTEST_LAG = 1e-3
+LONGEST_LAG = 1.0
+FIRST_DELAY = 0.005
+LONGEST_DELAY = 0.1
+DIGITS = 4  # of the numbers found, so that they do not depend on the last bits of a library
+
+STILL: Vec3 = (0.0, 0.0, 0.0)
+
+NewActuators = Callable[[], ActuatorsProtocol]
+
+
+class Response(NamedTuple):
+    """What was commanded and what came, at the begin of each control period."""
+
+    command: np.ndarray  # body rate [rad/s] or thrust [m/s^2]  (n,)
+    measured: np.ndarray  # the same  (n,)
+
+
+class RateLoop(NamedTuple):
+    """The second-order system that a body rate follows its command as."""
+
+    rate_tau: float  # tau_omega [s]
+    rate_lag: float  # tau_beta [s]
+    explained: float  # share of the variance of another flight
+
+    @property
+    def natural_frequency(self) -> float:
+        """The natural frequency [rad/s]."""
+        return 1.0 / sqrt(self.rate_tau * self.rate_lag)
+
+    @property
+    def damping(self) -> float:
+        """The damping ratio."""
+        return 0.5 * sqrt(self.rate_tau / self.rate_lag)
+
+
+class Identification(NamedTuple):
+    """What a flight on the test bench has shown."""
+
+    roll: RateLoop
+    pitch: RateLoop
+    yaw: RateLoop
+    thrust_lag: float  # tau_m [s]
+    thrust_explained: float  # share of the variance of another flight
+    delay: float  # delta [s]
+
+    @property
+    def axes(self) -> tuple[RateLoop, RateLoop, RateLoop]:
+        """The rate loops about x, y, z."""
+        return self.roll, self.pitch, self.yaw
+
+    def model(self, vehicle: Vehicle) -> ModelParams:
+        """Return the planner's model of the vehicle, with the numbers that were identified."""
+        x, y, z = self.axes
+        return replace(
+            ModelParams.of(vehicle),
+            rate_tau=(x.rate_tau, y.rate_tau, z.rate_tau),
+            rate_lag=(x.rate_lag, y.rate_lag, z.rate_lag),
+            motor_tau=self.thrust_lag,
+            delay=self.delay,
+            # as Betaflight's mixer does
+            yaw_first=True,
+        )
+
+
+def identify(
+    vehicle: Vehicle, dt: float, period: float, new_actuators: NewActuators
+) -> Identification:
+    """Return the rate loop of a vehicle, from two flights on the test bench.
+
+    Args:
+        vehicle: the vehicle, as it is flown.
+        dt: physics step [s].
+        period: control period, for whose steps the numbers are [s].
+        new_actuators: starts the actuators, for one part of a flight.
+
+    Raises:
+        FirmwareError: the firmware does not run.
+    """
+
+    def responses(stream: SeedSequence) -> list[Response]:
+        signals = _signals(default_rng(stream), vehicle, period)
+        found = []
+        for signal in signals:
+            with closing(new_actuators()) as actuators:
+                found.append(_fly(actuators, signal, dt, period))
+        return found
+
+    flown, checked = (responses(stream) for stream in identification_streams())
+    numbers = _fitted(flown, period)
+    explained = [
+        1.0 - np.var(simulated - response.measured) / np.var(response.measured)
+        for simulated, response in zip(_simulated(numbers, checked, period), checked, strict=True)
+    ]
+    axes = [
+        RateLoop(tau, lag, float(share))
+        for tau, lag, share in zip(numbers.rate_tau, numbers.rate_lag, explained[:3], strict=True)
+    ]
+    return Identification(
+        *axes,
+        thrust_lag=numbers.thrust_lag,
+        thrust_explained=float(explained[3]),
+        delay=numbers.delay,
+    )
+
+
+# ---- the flight ----
+
+
+class Signal(NamedTuple):
+    """The commands of one part of the flight."""
+
+    channel: int  # of Control, which changes
+    commands: list[Control]  # one for each control period
+
+
+def _signals(random: Generator, vehicle: Vehicle, period: float) -> list[Signal]:
+    """Return the commands of the four parts, about x, y, z, and of the thrust."""
+    periods = round(DURATION / period)
+    still = Control(0.0, 0.0, 0.0, THRUST * vehicle.thrust_max)
+    lowest, highest = (share * vehicle.thrust_max for share in THRUSTS)
+    limits = [(-rate, rate) for rate in RATES] + [(lowest, highest)]
+    signals = []
+    for channel, (low, high) in enumerate(limits):
+        levels = _random_steps(random, periods, period, low, high)
+        name = Control._fields[channel]
+        commands = [still._replace(**{name: level}) for level in levels]
+        signals.append(Signal(channel, commands))
+    return signals
+
+
+def _random_steps(
+    random: Generator, periods: int, period: float, low: float, high: float
+) -> list[float]:
+    """Return levels between two limits, each held for a random time."""
+    longest = max(round(LONGEST_HOLD / period), 1)
+    levels: list[float] = []
+    while len(levels) < periods:
+        hold = int(random.integers(1, longest + 1))
+        levels += [random.uniform(low, high)] * hold
+    return levels[:periods]
+
+
+def _fly(
+    actuators: ActuatorsProtocol, signal: Signal, dt: float, period: float
+) -> Response:
+    """Give a part of the flight to the actuators, and return what came."""
+    rates: Vec3 = (0.0, 0.0, 0.0)
+    attitude: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    measured = []
+    for command in signal.commands:
+        now = (*rates, actuators.thrust)
+        measured.append(now[signal.channel])
+        for _ in range(round(period / dt)):
+            actuators.wrench(command, rates, STILL, attitude)
+            wx, wy, wz = rates
+            bx, by, bz = actuators.angular_acceleration
+            rates = (wx + bx * dt, wy + by * dt, wz + bz * dt)
+            attitude = turned_at(attitude, rates, dt)
+    commanded = [command[signal.channel] for command in signal.commands]
+    return Response(np.array(commanded), np.array(measured))
+
+
+# ---- the fit ----
+
+
+class Numbers(NamedTuple):
+    """The numbers of the model that are identified."""
+
+    rate_tau: Vec3  # [s]
+    rate_lag: Vec3  # [s]
+    thrust_lag: float  # [s]
+    delay: float  # [s]
+
+
+def _fitted(flown: Sequence[Response], period: float) -> Numbers:
+    """Return the numbers with which the model comes nearest to what was flown."""
+    scales = [np.std(response.measured) for response in flown]
+
+    def errors(x: np.ndarray) -> np.ndarray:
+        simulated = _simulated(_named(x), flown, period)
+        parts = zip(simulated, flown, scales, strict=True)
+        return np.concatenate([(y - response.measured) / scale for y, response, scale in parts])
+
+    lags = 7
+    start = np.array([FIRST_LAG] * lags + [FIRST_DELAY])
+    limits = [SHORTEST_LAG] * lags + [0.0], [LONGEST_LAG] * lags + [LONGEST_DELAY]
+    found = least_squares(errors, start, bounds=limits, x_scale=start)
+    return _named([float(f"{number:.{DIGITS}g}") for number in found.x])
+
+
+def _named(x: Sequence[float] | np.ndarray) -> Numbers:
+    """Return the numbers of the search by name."""
+    tau_x, tau_y, tau_z, lag_x, lag_y, lag_z, thrust_lag, delay = map(float, x)
+    return Numbers((tau_x, tau_y, tau_z), (lag_x, lag_y, lag_z), thrust_lag, delay)
+
+
+def _simulated(
+    numbers: Numbers, responses: Sequence[Response], period: float
+) -> Iterator[np.ndarray]:
+    """Yield what the model does under the commands of each response.  (n,)"""
+    *rates, thrust = responses
+    lags = zip(numbers.rate_tau, numbers.rate_lag, rates, strict=True)
+    for tau, lag, flown in lags:
+        acting = _delayed(flown.command, flown.measured[0], numbers.delay / period)
+        yield _rate(acting, response(tau, period) / period, response(lag, period), period)
+    acting = _delayed(thrust.command, thrust.measured[0], numbers.delay / period)
+    yield _thrust(acting, thrust.measured[0], response(numbers.thrust_lag, period))
+
+
+def _delayed(command: np.ndarray, first: float, periods: float) -> list[float]:
+    """Return the mean of the command that acts in each period, a time after it was given.
+
+    Args:
+        command: one for each control period  (n,).
+        first: command before these.
+        periods: the delay.
+    """
+    whole = int(periods)
+    share = periods - whole
+    earlier = np.concatenate((np.full(whole + 1, first), command))
+    newer, older = earlier[1 : len(command) + 1], earlier[: len(command)]
+    return ((1.0 - share) * newer + share * older).tolist()
+
+
+def _rate(commands: list[float], gain: float, share: float, period: float) -> np.ndarray:
+    """Return the body rate at the begin of each period; see quadsim.dynamics.quadrotor.step."""
+    rate = acceleration = 0.0
+    rates = []
+    for command in commands:
+        rates.append(rate)
+        acceleration += ((command - rate) * gain - acceleration) * share
+        rate += acceleration * period
+    return np.array(rates)
+
+
+def _thrust(commands: list[float], thrust: float, share: float) -> np.ndarray:
+    """Return the thrust at the begin of each period."""
+    thrusts = []
+    for command in commands:
+        thrusts.append(thrust)
+        thrust += (command - thrust) * share
+    return np.array(thrusts)

@@ -1,0 +1,155 @@
+"""The link that carries commands to the flight controller: a rate, a latency and losses.
+
+    command -> interpolation -> frame -> lost or not -> latency -> received
+
+A frame carries the command of its instant. Where there are several frames in a control period, they
+lead from one command to the next along a straight line, if the link interpolates. A receiver keeps
+the last command that has arrived.
+
+Losses follow Gilbert's model of a channel (Bell System Technical Journal 39(5), 1960): the channel
+is good or bad, frames are lost while it is bad, and it changes from one frame to the next with
+fixed probabilities. They follow from the share p of lost frames and the mean length L of a burst:
+
+    bad -> good   1 / L
+    good -> bad   p / (L (1 - p))
+
+Losses are independent with L = 1 / (1 - p).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from numpy.random import SeedSequence, default_rng
+
+from quadsim.dynamics.quadrotor import Control
+from quadsim.vehicle import GRAVITY
+
+HOVER = Control(wx=0.0, wy=0.0, wz=0.0, thrust=GRAVITY)
+# A frame is sent in the step in which its time falls; share of a step by which it may be earlier.
+ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class LinkConfig:
+    """The numbers of a link; the default is a wire that carries a frame in each physics step."""
+
+    rate: float | None = None  # frames a second [Hz]; None: one in each physics step
+    latency: float = 0.0  # beside the vehicle's own [s]
+    loss: float = 0.0  # share of the frames that are lost
+    burst: float | None = None  # mean number of frames lost in a row; None: lost independently
+
+    @property
+    def period(self) -> float:
+        """The time between two frames [s]; 0: there is a frame at every instant."""
+        return 1.0 / self.rate if self.rate else 0.0
+
+    @property
+    def mean_burst(self) -> float:
+        """The mean number of frames lost in a row."""
+        return self.burst or 1.0 / (1.0 - self.loss)
+
+
+WIRE = LinkConfig()
+
+
+class Received(NamedTuple):
+    """What the receiver has in a physics step."""
+
+    command: Control  # the last one that has arrived
+    is_new: bool  # whether a frame has arrived in this step
+
+
+class Link:
+    """The link to one vehicle, advanced by one physics step with each command."""
+
+    def __init__(
+        self,
+        dt: float,
+        vehicle_latency: float = 0.0,
+        config: LinkConfig = WIRE,
+        interpolation: float = 0.0,
+        stream: SeedSequence | None = None,
+    ):
+        """Begin at t = 0; the receiver has the command of hovering.
+
+        Args:
+            dt: physics step [s].
+            vehicle_latency: of the vehicle's own, to which the link adds [s].
+            config: its numbers.
+            interpolation: time in which a new command is reached along a straight line, a control
+                period [s]; 0: at once.
+            stream: decides which frames are lost; needed with losses only.
+        """
+        self._dt = dt
+        self._config = config
+        self._frame_period = config.period or dt
+        self._steps = 0
+        self._frames = 0
+        self._interpolation = interpolation
+
+        # On the straight line: where it began, where it leads, and when it began [steps]
+        self._from = HOVER
+        self._goal = HOVER
+        self._since = 0
+        self._sent = HOVER
+
+        self._on_the_way: deque[Control | None] = deque(
+            [None] * round((vehicle_latency + config.latency) / dt)
+        )
+        self._received = HOVER
+        self._random = default_rng(stream) if config.loss else None
+        self._is_bad = self._random is not None and self._random.random() < config.loss
+
+    @property
+    def frame_steps(self) -> int:
+        """The physics steps between two frames, rounded."""
+        return max(round(self._frame_period / self._dt), 1)
+
+    def carry(self, command: Control) -> Received:
+        """Give a command to the link for one physics step, and return what the receiver has."""
+        self._on_the_way.append(self._frame(command))
+        self._steps += 1
+        arrived = self._on_the_way.popleft()
+        if arrived is None:
+            return Received(self._received, is_new=False)
+        self._received = arrived
+        return Received(arrived, is_new=True)
+
+    def _frame(self, command: Control) -> Control | None:
+        """Return the command in the frame that is sent in this step, None without one."""
+        if self._steps * self._dt < self._frames * self._config.period - ROUNDING * self._dt:
+            return None
+        self._frames += 1
+        sent = self._interpolated(command)
+        return None if self._is_lost() else sent
+
+    def _interpolated(self, command: Control) -> Control:
+        """Return the command that is sent now, on the way to the one that is given."""
+        if command != self._goal:
+            self._from = self._sent
+            self._goal = command
+            self._since = self._steps
+        # The last frame of a control period carries the command itself.
+        reached = (self._steps - self._since) * self._dt + self._frame_period
+        if reached >= self._interpolation - ROUNDING * self._dt:
+            self._sent = command
+        else:
+            share = reached / self._interpolation
+            pairs = zip(self._from, command, strict=True)
+            self._sent = Control(*(before + share * (goal - before) for before, goal in pairs))
+        return self._sent
+
+    def _is_lost(self) -> bool:
+        """Return whether the frame that is sent now is lost."""
+        if self._random is None:
+            return False
+        lost = self._is_bad
+        p = self._config.loss
+        length = self._config.mean_burst
+        change = 1.0 / length if lost else p / (length * (1.0 - p))
+        if self._random.random() < change:
+            self._is_bad = not self._is_bad
+        return lost
