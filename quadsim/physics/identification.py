@@ -34,7 +34,7 @@ from quadsim.rotation import Quaternion, Vec3, turned_at
 from quadsim.streams import identification_streams
 from quadsim.vehicle import Vehicle
 
-DURATION = 5.0  # of each part of the flight [s]
+DURATION = 3.0  # of each part of the flight [s]
 LONGEST_HOLD = 0.25  # of one command [s]
 THRUST = 0.6  # at which body rates are identified, share of the largest
 THRUSTS = (0.15, 0.7)  # commanded where the thrust is identified, shares of the largest

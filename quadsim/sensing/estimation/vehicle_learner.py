@@ -58,6 +58,10 @@ SHORTFALL = 0.5
 MAX_RESERVE = 0.05
 # share of the error by which each such period corrects the highest thrust, or the share delivered
 STEP = 0.1
+# share of the highest thrust; a strongest rotor below it is not at its limit
+LEAST_STRONGEST = 0.85
+# share of the error by which each such period corrects the highest thrust
+STRONGEST_STEP = 0.05
 # share of a period by which its duration may differ; the share delivered needs a single period
 ON_TIME = 0.1
 # share of the highest thrust; a smaller reserve shows little of the share delivered
@@ -180,7 +184,9 @@ class VehicleLearner:
         std[Row.THRUST_GAIN] = uniform_std(t.mass)
         std[Row.DRAG] = uniform_std(t.drag * model.drag)
         std[GUST] = t.gust
-        return cls(model, dt, tolerances, np.diag(std**2), 0.0, delivered=1.0)
+        # A mixer that gives up thrust to yaw gives it up to roll and pitch, too.
+        delivered = None if model.yaw_first else 1.0
+        return cls(model, dt, tolerances, np.diag(std**2), 0.0, delivered)
 
     @classmethod
     def for_sensors(
@@ -240,29 +246,12 @@ class VehicleLearner:
         """
         self._theta[Row.THRUST] = after.thrust
         self._correct_by_acceleration(before, after, duration)
-        import os
-        mode=os.environ.get("TMAX","old")
-        if mode=="old": self._update_thrust_max(before, after, u)
-        if mode in("env2","env3"):
-            r=self._rotor_response
-            a=before.thrust+(after.thrust-before.thrust)/r
-            k=self._nominal.tilt_cost
-            b0=before.angular_acceleration; b1=after.angular_acceleration
-            sb=[x+(y-x)/r for x,y in zip(b0,b1)]
-            m=a+k[0]*abs(sb[0])+k[1]*abs(sb[1])+self._nominal.yaw_cost*abs(sb[2])
-            now=self._theta[Row.THRUST_MAX]
-            if u.thrust>a+SHORTFALL and m>.85*now: self._theta[Row.THRUST_MAX]+=(.05 if mode=="env2" else .1)*(m-now)
-            elif mode=="env3" and m>now: self._theta[Row.THRUST_MAX]+=.02*(m-now)
-        if mode=="env":
-            b=after.angular_acceleration
-            c=self._nominal.tilt_cost
-            m=after.thrust+c[0]*abs(b[0])+c[1]*abs(b[1])+self._nominal.yaw_cost*abs(b[2])
-            now=self._theta[Row.THRUST_MAX]
-            if m>now: self._theta[Row.THRUST_MAX]+=.3*(m-now)
-            elif u.thrust>after.thrust+SHORTFALL: self._theta[Row.THRUST_MAX]+=.005*(m-now)
+        if self._nominal.yaw_first:
+            self._update_by_strongest_rotor(before, after, u)
+            return
+        self._update_thrust_max(before, after, u)
         if abs(duration - self._dt) < ON_TIME * self._dt:
-            import os
-            if not os.environ.get("NODELIV"): self._update_delivered(before, after, u)
+            self._update_delivered(before, after, u)
 
     def learn_from_force(
         self, a_cmd: float, reserve: float, force: Vec3 | None, nominal: Nominal
@@ -329,6 +318,21 @@ class VehicleLearner:
         thrust_max = self._theta[Row.THRUST_MAX]
         if reserve < MAX_RESERVE * thrust_max:
             self._theta[Row.THRUST_MAX] += STEP * (settled + reserve - thrust_max)
+
+    def _update_by_strongest_rotor(self, before: State, after: State, u: Control) -> None:
+        """Learn the highest thrust where thrust is given up, from what the rotors settle at."""
+        change = after.thrust - before.thrust
+        settled = before.thrust + change / self._rotor_response
+        if u.thrust <= settled + SHORTFALL:
+            return
+        first, last = np.array([before.angular_acceleration, after.angular_acceleration])
+        bx, by, bz = abs(first + (last - first) / self._rotor_response).tolist()
+        strongest = settled + tilt_reserve(*self._nominal.tilt_cost, bx, by)
+        strongest += self._nominal.yaw_cost * bz
+        thrust_max = self._theta[Row.THRUST_MAX]
+        # A thrust that still grows has not been given up.
+        if strongest > LEAST_STRONGEST * thrust_max:
+            self._theta[Row.THRUST_MAX] += STRONGEST_STEP * (strongest - thrust_max)
 
     def _update_delivered(self, before: State, after: State, u: Control) -> None:
         """Learn the share delivered where thrust and reserve ask for more than there is.
