@@ -12,7 +12,7 @@ it sends to the motors.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -129,6 +129,8 @@ FIXED = (
     "set motor_output_reordering = 0,1,2,3,4,5,6,7",
     "map AETR1234",
 )
+# What makes the firmware write its log from arming on
+LOG = ("set blackbox_device = VIRTUAL", "set blackbox_mode = NORMAL")
 AUX_OF_ARM = re.compile(r"aux \d+ 0 (\d+) (\d+) (\d+)\b")
 ERROR = "###ERROR"
 NOT_AVAILABLE = "ERR_CMD_NA"
@@ -255,10 +257,23 @@ def configured(program: Path, text: Text, motors_reversed: bool) -> Configuratio
     return Configuration(eeprom, channel, pulse, positions, rates, throttles, motors)
 
 
+@lru_cache(maxsize=16)
+def eeprom_with_log(program: Path, text: Text, motors_reversed: bool) -> bytes:
+    """Return the configuration as the firmware stores it, with its log switched on.
+
+    Arguments and errors are those of `configured`.
+    """
+    eeprom, _ = _read_by_firmware(program, text, motors_reversed, LOG)
+    return eeprom
+
+
 def _read_by_firmware(
-    program: Path, text: Text, motors_reversed: bool
+    program: Path, text: Text, motors_reversed: bool, more: Sequence[str] = ()
 ) -> tuple[bytes, tuple[int, float]]:
-    """Return the stored configuration, and channel and pulse of the switch that arms."""
+    """Return the stored configuration, and channel and pulse of the switch that arms.
+
+    more: lines that follow those of the text.
+    """
     firmware = Firmware(program, PERIOD)
     try:
         firmware.command("defaults nosave")
@@ -266,7 +281,7 @@ def _read_by_firmware(
             if line.strip() and not OF_THE_BOARD.fullmatch(line.strip()):
                 _carry_out(firmware, line.strip(), f"{text.name}:{number}")
         direction = "ON" if motors_reversed else "OFF"
-        for line in (*FIXED, f"set yaw_motors_reversed = {direction}"):
+        for line in (*FIXED, f"set yaw_motors_reversed = {direction}", *more):
             _carry_out(firmware, line, "the simulation")
         arm = _arm_switch(firmware.command("aux"), text.name)
         return firmware.save(), arm

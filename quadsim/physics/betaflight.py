@@ -11,8 +11,12 @@ greatest speed.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
 
 from quadsim.dynamics.quadrotor import Control
+from quadsim.files.atomic import replace_file
 from quadsim.firmware.configuration import (
     AXES,
     BOOT,
@@ -22,7 +26,7 @@ from quadsim.firmware.configuration import (
     idle_channels,
 )
 from quadsim.firmware.package import Built
-from quadsim.firmware.process import LOW, Firmware
+from quadsim.firmware.process import LOW, Firmware, FirmwareError
 from quadsim.physics.actuators import (
     Motors,
     Wrench,
@@ -41,6 +45,8 @@ from quadsim.vehicle import GRAVITY, Vehicle
 MOTOR_OF_ROTOR = (1, 2, 3, 0)
 LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
 STILL: Vec3 = (0.0, 0.0, 0.0)
+LOGS = "LOG*.BF*"  # the firmware's, in its folder; it cuts the last letter of its own name
+LOG_END = 0.2  # time after which it has ended its log [s]
 # Time between arming and the start of the flight, of which the second half is at hover thrust [s]
 READY = 1.0
 
@@ -55,6 +61,13 @@ def motors_reversed(vehicle: Vehicle) -> bool:
     return vehicle.rotors.spin[0] > 0
 
 
+class FirmwareLog(NamedTuple):
+    """How the firmware's own log of a flight is kept."""
+
+    path: Path
+    eeprom: bytes  # the configuration with the log switched on
+
+
 class BetaflightActuators:
     """The actuators of one vehicle behind a process of the firmware, stepped every dt [s]."""
 
@@ -66,6 +79,7 @@ class BetaflightActuators:
         configuration: Configuration,
         faults: Sequence[RotorFault] = (),
         link: Link | None = None,
+        log: FirmwareLog | None = None,
     ):
         """Start the firmware, arm it, and hover.
 
@@ -76,6 +90,7 @@ class BetaflightActuators:
             configuration: its configuration, for the direction of this vehicle's motors.
             faults: faults of the rotors, with their rotors and times.
             link: carries the commands; None: a wire.
+            log: where the firmware's own log is kept; None: it writes none.
 
         Raises:
             FirmwareError: the firmware does not arm.
@@ -94,7 +109,9 @@ class BetaflightActuators:
         # specific force in the body frame [m/s^2]
         self._specific_force: Vec3 = (0.0, 0.0, GRAVITY)
         self._channels = idle_channels()
-        self._firmware = Firmware(built.program, dt, configuration.eeprom)
+        self._log = log
+        eeprom = log.eeprom if log else configuration.eeprom
+        self._firmware = Firmware(built.program, dt, eeprom)
         self._get_ready()
 
     def _get_ready(self) -> None:
@@ -155,8 +172,30 @@ class BetaflightActuators:
         return Wrench(force=total, torque=torque)
 
     def close(self) -> None:
-        """End the firmware."""
-        self._firmware.close()
+        """End the firmware, and keep its log.
+
+        Raises:
+            FirmwareError: the log cannot be written.
+        """
+        try:
+            if self._log:
+                self._keep_log(self._log.path)
+        finally:
+            self._firmware.close()
+
+    def _keep_log(self, path: Path) -> None:
+        """Disarm, by which the firmware ends its log, and keep it. Raises FirmwareError."""
+        self._channels[self._configuration.arm_channel] = LOW
+        standing = (STILL, self._specific_force, LEVEL)
+        with suppress(FirmwareError):  # it has ended, and its log with it
+            self._firmware.step(*standing, self._channels, round(LOG_END / self._dt))
+        logs = sorted(self._firmware.folder.glob(LOGS))
+        if not logs:
+            raise FirmwareError(f"{path}: expected a log of the firmware, but it has written none")
+        try:
+            replace_file(path, logs[-1].read_bytes())
+        except OSError as error:
+            raise FirmwareError(f"{path}: cannot be written: {error.strerror}") from None
 
     def _set_sticks(self, command: Control) -> None:
         """Set the channels of the sticks for a command."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
@@ -21,8 +22,9 @@ from quadsim.course import Course, Gate
 from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.files.yaml_errors import shown_value
+from quadsim.firmware.configuration import eeprom_with_log
 from quadsim.physics.actuators import Actuators
-from quadsim.physics.betaflight import BetaflightActuators
+from quadsim.physics.betaflight import BetaflightActuators, FirmwareLog, motors_reversed
 from quadsim.physics.domain_randomization import draw, gusts
 from quadsim.physics.faults import BiasJump, CommandLoss, RotorFault, SensorFault
 from quadsim.physics.link import Link
@@ -193,7 +195,11 @@ def actuators_of(
         return Actuators(vehicle, dt, faults, link)
     link = Link(dt, vehicle.latency, spec.link, spec.planner.mppi.dt, stream)
     built, configuration = firmware_for(vehicle, spec.betaflight)
-    return BetaflightActuators(vehicle, dt, built, configuration, faults, link)
+    log = None
+    if spec.blackbox is not None:
+        text, reversed_ = spec.betaflight, motors_reversed(vehicle)
+        log = FirmwareLog(Path(spec.blackbox), eeprom_with_log(built.program, text, reversed_))
+    return BetaflightActuators(vehicle, dt, built, configuration, faults, link, log)
 
 
 def pilot_of(spec: Spec) -> PilotController | None:

@@ -52,6 +52,7 @@ class Keywords(TypedDict, total=False):
     plant_dt: float | None
     flight_controller: Literal["betaflight", "ideal"] | None
     betaflight: str | Path | Text | None
+    blackbox: str | None
     link_hz: float | None
     link_latency: float | None
     link_loss: float | None
@@ -108,6 +109,7 @@ class Keywords(TypedDict, total=False):
     model_yaw_cost: float | None
     model_thrust_gain: float | None
     model_tilt_first: bool | None
+    model_yaw_first: bool | None
     model_rate_lag: Numbers | None
     model_delay: float | None
     planner: Planner | None

@@ -96,10 +96,11 @@ class RecordedLink(msgspec.Struct):
 
 
 class RecordedHost(msgspec.Struct):
-    """The folders of the machine that flew, none of which changes the flight."""
+    """The files of the machine that flew, none of which changes the flight."""
 
     runs_dir: str = FlightSettings.runs_dir
     pilot: str | None = None
+    blackbox: str | None = None
 
 
 class Recorded(msgspec.Struct):

@@ -113,6 +113,9 @@ class FlightSettings:
         str | None,
         setting("Betaflight's configuration, FILE.txt of its CLI (default: the vehicle's)"),
     ] = None
+    blackbox: Annotated[
+        str | None, setting("keeps the firmware's own log of the flight, FILE.bbl (default: none)")
+    ] = None
     link_hz: Annotated[
         FrameRate | None,
         setting("frames a second in which commands arrive (default: one in each physics step)"),

@@ -92,6 +92,7 @@ NUMBERS = {
             "penalties",
             "plant_dt",
             "flight_controller",
+            "blackbox",
             "link_hz",
             "link_latency",
             "link_loss",
@@ -156,6 +157,7 @@ class Spec:
     plant_dt: float = FlightSettings.plant_dt  # [s]
     flight_controller: FlightControllerName = "ideal"
     betaflight: Text | None = None  # configuration of the firmware, where that flies
+    blackbox: str | None = None  # file for the firmware's own log
     link_hz: float | None = None  # None: a frame in each physics step
     link_latency: float = 0.0  # beside the vehicle's [s]
     link_loss: float = 0.0  # share of the frames that are lost
@@ -349,6 +351,8 @@ class Spec:
         files = {"runs_dir": self.runs_dir}
         if self.pilot:
             files["pilot"] = self.pilot.place
+        if self.blackbox:
+            files["blackbox"] = self.blackbox
         return {"threads": self.threads} | files
 
 
@@ -423,6 +427,9 @@ def _check_flight_controller(spec: Spec) -> None:
         if spec.betaflight is not None:
             wanted = "expected none beside the flight controller 'ideal'"
             raise SettingError("betaflight", f"{wanted}, got {spec.betaflight.name!r}")
+        if spec.blackbox is not None:
+            wanted = "expected none without the flight controller 'betaflight'"
+            raise SettingError("blackbox", f"{wanted}, got {spec.blackbox!r}")
         return
     name = "flight_controller"
     if spec.vehicle.rotors is None:
@@ -591,6 +598,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         plant_dt=plant_dt,
         flight_controller=flight.flight_controller,
         betaflight=configuration,
+        blackbox=flight.blackbox,
         link_hz=flight.link_hz,
         link_latency=flight.link_latency,
         link_loss=flight.link_loss,
