@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bar
 
-from quadsim.cli.flags import Help, Json
-from quadsim.console import emit, emit_json, progress_console
+from quadsim.cli.flags import Help, Json, settings_as_flags
+from quadsim.console import UsageError, emit, emit_json, plain_table, progress_console
 from quadsim.firmware.package import (
     ADVICE,
     FIRMWARE_VERSION,
@@ -72,12 +73,14 @@ def firmware(
 
 def _identify(vehicle: str | None, betaflight: str | None, json: bool) -> int:
     """Show the rate loop of a vehicle behind the firmware, as the planner's model has it."""
-    from quadsim.spec.identified import identified  # here: show and build need no spec
+    # imported here, as show and build need no spec
+    from quadsim.spec.identified import identified
+    from quadsim.spec.spec import Spec
 
-    settings: Keywords = {"flight_controller": "betaflight"}
-    settings |= {"vehicle": vehicle, "betaflight": betaflight}
     with settings_as_flags():
-        spec = Spec.of(None, **settings)
+        spec = Spec.of(
+            flight_controller="betaflight", vehicle=vehicle, betaflight=betaflight
+        )
     assert spec.betaflight
     found = identified(spec.vehicle, spec.betaflight, spec.plant_dt, spec.planner.mppi.dt)
     if json:
