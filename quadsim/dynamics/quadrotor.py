@@ -16,9 +16,10 @@ slow down, and at full thrust none can. The plant's allocation has the same orde
 (quadsim.physics.allocation). With tau_m = tau_beta = c = 0, the paper's model, thrust and angular
 acceleration follow their commands at once.
 
-tau_beta is the lag of the rotors, tau_m, behind an ideal rate loop. A real one has filters and gains
-of its own; omega then follows its command as a second-order system, of natural frequency
-1 / sqrt(tau_omega tau_beta) and damping ratio sqrt(tau_omega / tau_beta) / 2.
+tau_beta is the lag of the rotors, tau_m, behind an ideal rate loop. A real one has filters and
+gains of its own; omega then follows its command as a second-order system, of natural frequency
+1 / sqrt(tau_omega tau_beta) and damping ratio sqrt(tau_omega / tau_beta) / 2. c_z in r is for a
+mixer that gives up thrust to yaw, too; the limit of yaw falls away then.
 """
 
 from __future__ import annotations
@@ -391,7 +392,8 @@ class ModelParams:
     @property
     def rate_lags(self) -> Vec3:
         """The lags of the angular acceleration, about the body's axes [s]."""
-        return self.rate_lag or (self.motor_tau,) * 3
+        lag = self.motor_tau
+        return self.rate_lag or (lag, lag, lag)
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> ModelParams:

@@ -1,7 +1,7 @@
 """Actuators: from a command to the wrench on the rigid body, the same for every plant.
 
-    limits -> link and latency -> rate loop -> allocation with priorities -> rotor lag -> faults of rotors
-    -> wrench and drag
+    limits -> link and latency -> rate loop -> allocation with priorities -> rotor lag
+    -> faults of rotors -> wrench and drag
 
 Vehicles without rotors skip allocation and lag: their thrust and torque act at once. Scalars and
 tuples throughout: at 400 Hz the overhead of 3-element arrays would be most of the cost.

@@ -184,9 +184,7 @@ def _random_steps(
     return levels[:periods]
 
 
-def _fly(
-    actuators: ActuatorsProtocol, signal: Signal, dt: float, period: float
-) -> Response:
+def _fly(actuators: ActuatorsProtocol, signal: Signal, dt: float, period: float) -> Response:
     """Give a part of the flight to the actuators, and return what came."""
     rates: Vec3 = (0.0, 0.0, 0.0)
     attitude: Quaternion = (1.0, 0.0, 0.0, 0.0)

@@ -28,9 +28,9 @@ from quadsim.dynamics.first_order import response
 from quadsim.dynamics.quadrotor import Control, State
 from quadsim.files.extras import needs_extra
 from quadsim.physics.actuators import angular_acceleration, clamp_command
-from quadsim.physics.link import HOVER
 from quadsim.physics.allocation import mixer
 from quadsim.physics.faults import RotorFault
+from quadsim.physics.link import HOVER
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.rotation import Vec3
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import msgspec
 
-from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.atomic import replace_file
 from quadsim.files.cache import cache_folder
 from quadsim.firmware.configuration import Configuration, Text, configured
@@ -32,11 +31,6 @@ def firmware_for(vehicle: Vehicle, text: Text) -> tuple[Built, Configuration]:
     """
     built = built_firmware()
     return built, configured(built.program, text, motors_reversed(vehicle))
-
-
-def identified_model(vehicle: Vehicle, text: Text, dt: float, period: float) -> ModelParams:
-    """Return the planner's model of a vehicle behind the firmware; see `identified`."""
-    return identified(vehicle, text, dt, period).model(vehicle)
 
 
 @lru_cache(maxsize=16)
@@ -68,9 +62,7 @@ def identified(vehicle: Vehicle, text: Text, dt: float, period: float) -> Identi
     return found
 
 
-def _path(
-    built: Built, vehicle: Vehicle, text: Text, dt: float, period: float
-) -> Path | None:
+def _path(built: Built, vehicle: Vehicle, text: Text, dt: float, period: float) -> Path | None:
     """Return the file of an identification, None where the user has no cache."""
     folder = cache_folder()
     if folder is None:

@@ -123,9 +123,9 @@ class FlightSettings:
     link_latency: Annotated[
         float, setting("latency of the link, beside the vehicle's", "s", ge=0, le=1)
     ] = 0.0
-    link_loss: Annotated[float, setting("share of the link's frames that are lost", ge=0, le=0.9)] = (
-        0.0
-    )
+    link_loss: Annotated[
+        float, setting("share of the link's frames that are lost", ge=0, le=0.9)
+    ] = 0.0
     link_burst: Annotated[
         BurstLength | None,
         setting("mean number of frames lost in a row (default: they are lost independently)"),

@@ -39,7 +39,7 @@ from quadsim.record.limits import StoredSolution
 from quadsim.record.run import INTERACTIVE
 from quadsim.sensing import PERFECT, Sensing, load_sensing
 from quadsim.spec.changes import PlannerChange
-from quadsim.spec.identified import identified_model
+from quadsim.spec.identified import identified
 from quadsim.spec.parts import (
     check_part,
     describe,
@@ -773,9 +773,10 @@ def _model(
     """
     model = given.get("model")
     if model is None:
+        model = ModelParams.of(vehicle)
         # A flight that cannot be is refused when the spec is checked.
-        can_fly = text is not None and vehicle.rotors and is_whole(dt / MAIN_LOOP)
-        model = identified_model(vehicle, text, dt, period) if can_fly else ModelParams.of(vehicle)
+        if text is not None and vehicle.rotors and is_whole(dt / MAIN_LOOP):
+            model = identified(vehicle, text, dt, period).model(vehicle)
     _check_type("model", model, ModelParams)
     return _changed("model", model, given)
 

@@ -58,18 +58,6 @@ def test_the_thrust_is_the_one_that_is_commanded(plant):
     assert states[-1].thrust == pytest.approx(25.0, rel=0.02)
 
 
-def test_a_command_is_reached_along_a_line_within_a_control_period(built):
-    spec = quadsim.Spec.of("split_s_swift", **SHORT)
-    made = plant_of(spec)
-    sent = []
-    for _ in range(12):
-        made.step((0.0, 0.0, 0.0, GRAVITY + 10.0))
-        sent.append(made._actuators._sent.thrust)
-    made.close()
-    line = GRAVITY + np.arange(1, 11)
-    np.testing.assert_allclose(sent, [*line, *[GRAVITY + 10.0] * 2], rtol=1e-12)
-
-
 def test_two_flights_are_the_same_to_the_last_bit(built):
     first = quadsim.fly("split_s_swift", **SHORT)
     assert quadsim.fly("split_s_swift", **SHORT, threads=1).digest() == first.digest()

@@ -9,7 +9,6 @@ from plant_cases import FULL, ROTORS, SKY, both_plants
 
 from quadsim.course import load_course
 from quadsim.physics.actuators import Actuators
-from quadsim.physics.link import HOVER
 from quadsim.physics.faults import (
     BiasJump,
     CommandLoss,
@@ -20,6 +19,7 @@ from quadsim.physics.faults import (
     first_lap,
     parse_fault,
 )
+from quadsim.physics.link import HOVER
 from quadsim.physics.plant import LossyLink, RigidPlant
 from quadsim.physics.plant_state import PlantState
 from quadsim.streams import quadrotor_streams

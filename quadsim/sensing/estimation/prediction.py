@@ -1,8 +1,8 @@
 """Prediction of the state in which a control that is planned now will act.
 
 Between now and then lie the planner's time, the wait for the link's next frame, and the latency of
-link and vehicle. The commands of that time are known, as they have been given already; the planner's
-own model moves the state under them.
+link and vehicle. The commands of that time are known, as they have been given already; the
+planner's own model moves the state under them.
 """
 
 from __future__ import annotations
