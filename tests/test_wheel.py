@@ -7,7 +7,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("quadsim", "courses", "controllers", "web")
-KINDS = (".py", ".yaml", ".typed", ".js", ".css", ".npz")
+KINDS = (".py", ".yaml", ".typed", ".js", ".css", ".npz", ".txt", ".c")
 QUESTION = """
 import quadsim.course, quadsim.vehicle
 print(quadsim.course.__file__)

@@ -210,6 +210,8 @@ def resolve(course: Place, settings: Settings) -> Spec:
         raise SettingError(
             "threads", "attempts fly on one thread each; set jobs, how many fly at once"
         )
+    if settings.get("blackbox"):
+        raise SettingError("blackbox", "attempts would overwrite each other's log; fly one of them")
     spec = Spec.of(course, **settings)
     referee_of(spec)  # which checks that the gates are wide enough for the vehicle
     return spec

@@ -28,7 +28,12 @@ class Pair(NamedTuple):
 
 
 def model_table(spec: dict) -> RenderableType:
-    """Return a row for each parameter that differs, or a line that none does."""
+    """Return a row for each parameter that differs, or a line.
+
+    A firmware has a rate loop of its own, which the vehicle's numbers do not describe.
+    """
+    if spec.get("betaflight"):
+        return "[dim]model[/]  the planner's rate loop is the one identified behind Betaflight"
     rows = differing(spec)
     adapts = spec["planner"]["mppi"].get("adapt")
     if not rows and adapts:

@@ -228,8 +228,8 @@ def weight_text(weight: float | list) -> str:
 def flown_with(spec: dict[str, Any]) -> str:
     """Return in one line what controlled a flight, and how.
 
-    It names the vehicle, the plant, the seed, the sensors, the numbers of the planner that differ
-    from its preset, and the faults.
+    It names the vehicle, the plant, the flight controller, the seed, the sensors, the link, the
+    numbers of the planner that differ from its preset, and the faults.
     """
     own = own_parts(spec)
     pilot = spec.get("pilot")
@@ -242,7 +242,8 @@ def flown_with(spec: dict[str, Any]) -> str:
     parts = [controlled]
     if not pilot:
         parts.append(f"preset {spec['preset']}")
-    parts.append(f"vehicle {spec['vehicle']['name']}")
+    behind = " behind Betaflight" if spec.get("betaflight") else ""
+    parts.append(f"vehicle {spec['vehicle']['name']}{behind}")
     # The other plants have the same dynamics
     if spec.get("plant") == "rotorpy":
         parts.append("plant rotorpy")
@@ -250,12 +251,28 @@ def flown_with(spec: dict[str, Any]) -> str:
     sensing = spec.get("sensing")
     if sensing:
         parts.append(f"sensing {sensing['name']}")
+    if spec.get("link"):
+        parts.append(_link(**spec["link"]))
     if controlled.endswith("sampling") and preset_changes(spec):
         parts.append(preset_changes(spec))
     faults = spec.get("drawn_faults")
     if faults:
         parts.append(f"fault{'s' if len(faults) > 1 else ''} {' and '.join(faults)}")
     return ", ".join(parts)
+
+
+def _link(rate: float | None, latency: float, loss: float, burst: float | None) -> str:
+    """Return the numbers of a link in a few words."""
+    words = ["link"]
+    if rate:
+        words.append(f"of {rate:g} Hz")
+    if latency:
+        words.append(f"late by {1e3 * latency:g} ms")
+    if loss:
+        words.append(f"losing {100 * loss:g} %")
+    if burst:
+        words.append(f"in bursts of {burst:g}")
+    return " ".join(words)
 
 
 def hostless(spec: dict[str, Any]) -> dict:

@@ -76,6 +76,15 @@ class StoredTerm(msgspec.Struct):
     weight: float | list[float]
 
 
+class StoredLink(msgspec.Struct):
+    """The numbers of a link in a record, see quadsim.physics.link.LinkConfig."""
+
+    rate: float | None
+    latency: float
+    loss: float
+    burst: float | None
+
+
 class StoredSpec(msgspec.Struct, kw_only=True):
     """The keys of a spec that reports and pictures read. A spec has more of them."""
 
@@ -98,6 +107,8 @@ class StoredSpec(msgspec.Struct, kw_only=True):
     faults: list[str] = []
     drawn_faults: list[str] = []
     interactive: list[dict[str, Any]] = []
+    betaflight: dict[str, Any] | None = None
+    link: StoredLink | None = None
 
 
 class ReportedPlanner(msgspec.Struct):

@@ -106,6 +106,8 @@ NUMBERS = {
 }
 # Plants whose rotors are those of quadsim.physics.actuators.
 PLANTS_WITH_ROTORS = ("bullet", "rigid")
+# Numbers of the model that records had not from the beginning
+ADDED = ("yaw_first", "rate_lag", "delay")
 LINK_SETTINGS = ("link_hz", "link_latency", "link_loss", "link_burst")
 # Physics step with the firmware: its gyro and its link are exchanged in each [s]
 FIRMWARE_STEP = 1e-3
@@ -290,7 +292,7 @@ class Spec:
                 "mppi": plain(self.planner.mppi),
                 "cost": plain(self.planner.cost),
             },
-            "model": plain(self.model),
+            "model": _of_model(self.model),
             "seed": self.seed,
             "laps": self.laps,
             "timeout": self.timeout,
@@ -359,6 +361,16 @@ class Spec:
 def _followed(reference: StoredSolution | None) -> dict[str, str] | None:
     """Return the key and the hash of the solution that a planner follows, as a record has them."""
     return {"key": reference.key, "sha256": reference.digest} if reference else None
+
+
+def _of_model(model: ModelParams) -> dict[str, Any]:
+    """Return the numbers of a model as a record has them.
+
+    Those of ADDED are left out at their defaults, so that records and their hashes stay the same.
+    """
+    nominal = {f.name: f.default for f in fields(model) if f.name in ADDED}
+    numbers: dict[str, Any] = plain(model)
+    return {name: number for name, number in numbers.items() if number != nominal.get(name, ...)}
 
 
 def _of_firmware(text: Text | None) -> dict[str, Any] | None:
