@@ -11,7 +11,8 @@ Flights of a seed are compared across versions, so the keys are never changed:
 
     flight of a quadrotor   planner (0), vehicle (1, 0), gusts (1, 1), sensors (2), gates (3),
                             faults (4); fault k, counted from 0, (4, k); link (5)
-    its sensors             imu (2, 0), rotors (2, 1), pose (2, 2), camera (2, 3)
+    its sensors             imu (2, 0), rotors (2, 1), pose (2, 2), camera (2, 3); the flight
+                            controller's own imu (2, 4)
     off-road vehicle        planner (0), gusts (1); vehicle (2), sensors (3), gates (4), faults (5),
                             link (6) are not used
     double integrator       planner (); vehicle (0), gusts (1), sensors (2), gates (3), faults (4),
@@ -57,6 +58,7 @@ class SensorStreams(NamedTuple):
     rotors: SeedSequence  # noise of the rotor speeds
     pose: SeedSequence  # noise, drift, spikes and dropouts of the pose sensor
     camera: SeedSequence  # noise, misses, outliers and false associations of corners
+    flight_controller: SeedSequence  # noise of its own inertial measurement unit
 
 
 class LookStreams(NamedTuple):
@@ -104,6 +106,7 @@ def sensor_streams(sensors: SeedSequence) -> SensorStreams:
         rotors=_child(sensors, 1),
         pose=_child(sensors, 2),
         camera=_child(sensors, 3),
+        flight_controller=_child(sensors, 4),
     )
 
 

@@ -15,6 +15,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+from numpy.random import SeedSequence, default_rng
+
 from quadsim.dynamics.quadrotor import Control
 from quadsim.files.atomic import replace_file
 from quadsim.firmware.configuration import (
@@ -68,6 +71,14 @@ class FirmwareLog(NamedTuple):
     eeprom: bytes  # the configuration with the log switched on
 
 
+class ImuNoise(NamedTuple):
+    """The white noise of the firmware's gyroscope and accelerometer in each physics step."""
+
+    gyro: float  # standard deviation [rad/s]
+    accelerometer: float  # standard deviation [m/s^2]
+    stream: SeedSequence
+
+
 class BetaflightActuators:
     """The actuators of one vehicle behind a process of the firmware, stepped every dt [s]."""
 
@@ -80,6 +91,7 @@ class BetaflightActuators:
         faults: Sequence[RotorFault] = (),
         link: Link | None = None,
         log: FirmwareLog | None = None,
+        noise: ImuNoise | None = None,
     ):
         """Start the firmware, arm it, and hover.
 
@@ -91,6 +103,8 @@ class BetaflightActuators:
             faults: faults of the rotors, with their rotors and times.
             link: carries the commands; None: a wire.
             log: where the firmware's own log is kept; None: it writes none.
+            noise: of its inertial measurement unit; None: it measures exactly. Biases are left out,
+                as the firmware calibrates them away while the vehicle stands.
 
         Raises:
             FirmwareError: the firmware does not arm.
@@ -110,6 +124,11 @@ class BetaflightActuators:
         self._specific_force: Vec3 = (0.0, 0.0, GRAVITY)
         self._channels = idle_channels()
         self._log = log
+        self._noise_std = np.zeros(6)
+        self._random = None
+        if noise:
+            self._noise_std = np.repeat([noise.gyro, noise.accelerometer], 3)
+            self._random = default_rng(noise.stream)
         eeprom = log.eeprom if log else configuration.eeprom
         self._firmware = Firmware(built.program, dt, eeprom)
         self._get_ready()
@@ -151,9 +170,10 @@ class BetaflightActuators:
             self._set_sticks(received.command)
 
         # The firmware commands the motors, which the rotors follow.
+        gyro, specific_force = self._measured(omega_body)
         reply = self._firmware.step(
-            omega_body,
-            self._specific_force,
+            gyro,
+            specific_force,
             attitude,
             self._channels,
             frame_every=1 if received.is_new else 0,
@@ -170,6 +190,15 @@ class BetaflightActuators:
         self._specific_force = (fx / vehicle.mass, fy / vehicle.mass, fz / vehicle.mass)
         self._steps += 1
         return Wrench(force=total, torque=torque)
+
+    def _measured(self, omega_body: Vec3) -> tuple[Vec3, Vec3]:
+        """Return body rates [rad/s] and specific force [m/s^2] as the firmware's unit has them."""
+        if self._random is None:
+            return omega_body, self._specific_force
+        exact = np.array((*omega_body, *self._specific_force))
+        noise = self._noise_std * self._random.standard_normal(6)
+        wx, wy, wz, fx, fy, fz = (exact + noise).tolist()
+        return (wx, wy, wz), (fx, fy, fz)
 
     def close(self) -> None:
         """End the firmware, and keep its log.

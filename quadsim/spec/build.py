@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
+from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, cast
 
@@ -24,7 +25,12 @@ from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.files.yaml_errors import shown_value
 from quadsim.firmware.configuration import eeprom_with_log
 from quadsim.physics.actuators import Actuators
-from quadsim.physics.betaflight import BetaflightActuators, FirmwareLog, motors_reversed
+from quadsim.physics.betaflight import (
+    BetaflightActuators,
+    FirmwareLog,
+    ImuNoise,
+    motors_reversed,
+)
 from quadsim.physics.domain_randomization import draw, gusts
 from quadsim.physics.faults import BiasJump, CommandLoss, RotorFault, SensorFault
 from quadsim.physics.link import Link
@@ -36,7 +42,7 @@ from quadsim.race.flight import Controller, PlainController, RefereeProtocol, re
 from quadsim.race.own_parts import check_counts, checked_control
 from quadsim.race.referee import Referee
 from quadsim.sensing import Sensing
-from quadsim.sensing.config import RotorConfig
+from quadsim.sensing.config import ImuConfig, RotorConfig
 from quadsim.sensing.estimation.body_rates import BodyRates
 from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.prediction import Commands, GateCounter
@@ -55,6 +61,7 @@ from quadsim.spec.parts import called, made
 from quadsim.spec.reference import reference_of
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec
+from quadsim.streams import sensor_streams
 from quadsim.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -199,7 +206,19 @@ def actuators_of(
     if spec.blackbox is not None:
         text, reversed_ = spec.betaflight, motors_reversed(vehicle)
         log = FirmwareLog(Path(spec.blackbox), eeprom_with_log(built.program, text, reversed_))
-    return BetaflightActuators(vehicle, dt, built, configuration, faults, link, log)
+    noise = _imu_noise(spec, spec.sensing.imu, dt) if spec.sensing and spec.sensing.imu else None
+    return BetaflightActuators(vehicle, dt, built, configuration, faults, link, log, noise)
+
+
+def _imu_noise(spec: Spec, imu: ImuConfig, dt: float) -> ImuNoise:
+    """Return the noise of the firmware's unit, which samples every dt [s].
+
+    It has the density of the unit that the estimator reads.
+    """
+    samples = 1.0 / (imu.rate * dt)  # of the firmware's to one of the estimator's
+    stream = sensor_streams(spec.streams.sensors).flight_controller
+    scale = sqrt(samples)
+    return ImuNoise(scale * imu.gyro_noise, scale * imu.accelerometer_noise, stream)
 
 
 def pilot_of(spec: Spec) -> PilotController | None:

@@ -119,3 +119,14 @@ def test_without_the_firmware_the_command_that_builds_it_is_named(tmp_path, monk
     package.built_firmware.cache_clear()
     assert err.endswith("which is not built yet: race firmware build\n")
     assert err.count("\n") == 1
+
+
+def test_the_firmware_measures_with_the_noise_of_the_sensors(built):
+    """Rates of a vehicle that hovers exactly are not exact behind a noisy gyroscope."""
+    rates = {}
+    for sensing in ("perfect", "gates"):
+        made = plant_of(quadsim.Spec.of("split_s_swift", sensing=sensing, **SHORT))
+        states = fly_steps(made, (0.0, 0.0, 0.0, GRAVITY), 0.3)
+        made.close()
+        rates[sensing] = np.std([x.body_rates for x in states])
+    assert rates["perfect"] < 1e-3 < rates["gates"]
