@@ -95,17 +95,20 @@ def _identify(vehicle: str | None, betaflight: str | None, json: bool) -> int:
     from quadsim.spec.spec import Spec
 
     with settings_as_flags():
-        spec = Spec.of(
-            flight_controller="betaflight", vehicle=vehicle, betaflight=betaflight
-        )
+        spec = Spec.of(flight_controller="betaflight", vehicle=vehicle, betaflight=betaflight)
     assert spec.betaflight
     found = identified(spec.vehicle, spec.betaflight, spec.plant_dt, spec.planner.mppi.dt)
     if json:
         emit_json(found._asdict() | {"vehicle": spec.vehicle.name})
         return 0
     table = plain_table(
-        "", "lag of rate [ms]", "lag of acceleration [ms]", "frequency [rad/s]", "damping",
-        "explained", left=(0,),
+        "",
+        "lag of rate [ms]",
+        "lag of acceleration [ms]",
+        "frequency [rad/s]",
+        "damping",
+        "explained",
+        left=(0,),
     )
     for name, axis in zip(("roll", "pitch", "yaw"), found.axes, strict=True):
         table.add_row(
@@ -174,13 +177,13 @@ def _gains_table(found: Tuned) -> Table:
         found.responses, found.before, found.after, strict=True
     ):
         rows = (
-            ("ideal", ("", "", ""), axis.ideal),
+            ("wanted", ("", "", ""), axis.wanted),
             ("before", gains_before, axis.before),
             ("after", gains_after, axis.after),
         )
         for name, gains, response in rows:
             table.add_row(
-                axis.axis if name == "ideal" else "",
+                axis.axis if name == "wanted" else "",
                 name,
                 *map(str, gains),
                 f"{1e3 * response.rise_time:.0f}",

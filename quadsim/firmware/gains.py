@@ -10,7 +10,7 @@ from quadsim.firmware.configuration import PERIOD, Configuration, Text
 from quadsim.firmware.process import Firmware
 
 AXIS_NAMES = ("roll", "pitch", "yaw")
-LAST_LINES = re.compile(r"(save|exit|batch end)\b.*|#.*|", re.IGNORECASE)
+LAST_LINES = re.compile(r"(save|exit|batch end)\b.*|", re.IGNORECASE)
 PROFILE = re.compile(r"\s*profile\s+\d+\s*", re.IGNORECASE)
 
 

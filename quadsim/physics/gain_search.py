@@ -2,24 +2,25 @@
 
 About one axis after the other the vehicle is commanded a step of the body rate, and later it is
 pushed by a constant angular acceleration from outside. The gains are those with which the response
-comes nearest to that of the vehicle's own ideal rate loop, whose rotors have the same lag, and with
-which the push changes the body rate least:
+comes nearest to that of an ideal rate loop whose rotors have the same lag, with a damping ratio of
+.7 or more, and with which the push changes the body rate least:
 
-    |omega - omega_ideal| + |omega - omega_cmd| while pushed + overshoot beyond a limit
+    |omega - omega_wanted| + |omega - omega_cmd| while pushed + overshoot beyond a limit
     + what is missing at the end of the step + a little for each point of D
 
 The errors are root mean squares, shares of the step. The first alone would take no integral, as
 nothing on the bench resists turning; the push asks for one. D amplifies the noise of a gyro, so it
 is taken where it helps only.
 
-A grid of P and D comes first, then Nelder and Mead's search from its best point, over the logarithm
-of the gains.
+A grid of P and D comes first, then Nelder and Mead's search from its best points, over their
+logarithms.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from dataclasses import replace
 from itertools import product
 from math import exp, log
 from typing import NamedTuple
@@ -43,21 +44,23 @@ END = 0.15  # last part of the step, in which it has to have settled [s]
 # The push turns the ideal rate loop, which has no integral, by this share of the step.
 PUSHED = 0.2
 
+DAMPING = 0.7  # least damping ratio of the response that is wanted
 MOST_OVERSHOOT = 0.1
-PUSH_WEIGHT = 0.5
+PUSH_WEIGHT = 0.3
 OVERSHOOT_WEIGHT = 2.0
 END_WEIGHT = 0.5
-D_WEIGHT = 3e-4
+D_WEIGHT = 2e-3
 
 # What a pilot would fly
-LEAST = Gains(4, 1, 1)
+LEAST = Gains(4, 10, 1)
+LEAST_OF_YAW = Gains(4, 1, 0)
 MOST = Gains(120, 120, 70)
-# The grid, and I for each P on it
+# The grid; I of roll and pitch equals P there
 P_GRID = (8, 16, 32, 64)
 D_OF_P = (0.6, 1.2, 2.4)
-I_OF_P = 1.0
 YAW_I = (2, 6, 18)
-TRIALS = 45  # of the search that follows the grid
+TRIALS = 60  # of the search that follows the grid
+STARTS = 2  # of that search, from the best points of the grid
 FIRST_STEP = 0.25  # of the logarithm of each gain
 
 YAW = 2
@@ -133,18 +136,25 @@ def step_response(
     return StepResponse(level, response, pushed, dt)
 
 
-def ideal_response(vehicle: Vehicle, axis: int, dt: float, period: float) -> StepResponse:
-    """Return the response of the vehicle's own ideal rate loop; arguments as for `search`."""
-    return step_response(
-        vehicle, axis, dt, lambda: Actuators(vehicle, dt, link=Link(dt, interpolation=period))
-    )
+def wanted_response(vehicle: Vehicle, axis: int, dt: float, period: float) -> StepResponse:
+    """Return the step response that is wanted; arguments as for `search`.
+
+    It is that of the vehicle's own ideal rate loop, or of a slower one, where the lag of the rotors
+    would leave that one too little damping.
+    """
+    assert vehicle.rotors
+    slowest = 4.0 * DAMPING**2 * vehicle.rotors.tau
+    x, y, z = (max(tau, slowest) for tau in vehicle.rate_tau)
+    ideal = replace(vehicle, rate_tau=(x, y, z))
+    link = Link(dt, interpolation=period)
+    return step_response(vehicle, axis, dt, lambda: Actuators(ideal, dt, link=link))
 
 
-def shortfall(response: StepResponse, ideal: StepResponse) -> float:
+def shortfall(response: StepResponse, wanted: StepResponse) -> float:
     """Return by how much a response falls short of what is wanted; see the top of the file."""
     level = response.level
     return (
-        _rms(response.rates - ideal.rates) / level
+        _rms(response.rates - wanted.rates) / level
         + PUSH_WEIGHT * _rms(response.pushed - level) / level
         + OVERSHOOT_WEIGHT * max(response.overshoot - MOST_OVERSHOOT, 0.0)
         + END_WEIGHT * abs(response.settled_error)
@@ -174,7 +184,7 @@ def search(
     Raises:
         FirmwareError: the firmware does not run.
     """
-    ideal = ideal_response(vehicle, axis, dt, period)
+    wanted = wanted_response(vehicle, axis, dt, period)
     tried: dict[Gains, float] = {}
     grid = list(_grid(axis, before))
     trials = TRIALS if axis != YAW else 2 * TRIALS // 3
@@ -182,30 +192,25 @@ def search(
     def cost(gains: Gains) -> float:
         if gains not in tried:
             response = step_response(vehicle, axis, dt, with_gains(gains))
-            tried[gains] = shortfall(response, ideal) + D_WEIGHT * gains.d
+            tried[gains] = shortfall(response, wanted) + D_WEIGHT * gains.d
             show(min(len(tried) / (len(grid) + trials), 1.0))
         return tried[gains]
 
-    start = min(grid, key=cost)
     numbers = 2 if axis == YAW else 3
-    x = np.log([max(gain, 1) for gain in start[:numbers]])
-
-    def cost_of(point: np.ndarray) -> float:
-        return cost(_rounded(point, start))
-
-    # one step to each side, so that a point on a limit has room too
-    steps = FIRST_STEP * np.eye(numbers)
-    minimize(
-        cost_of,
-        x,
-        method="Nelder-Mead",
-        options={
-            "initial_simplex": np.vstack([x, x + steps]),
-            "maxfev": trials,
-            "xatol": 0.01,
-            "fatol": 1e-5,
-        },
-    )
+    best = sorted(grid, key=cost)[:STARTS]
+    for start in best:
+        point = np.log([max(gain, 1) for gain in start[:numbers]])
+        minimize(
+            lambda point, start=start: cost(_rounded(point, start)),
+            point,
+            method="Nelder-Mead",
+            options={
+                "initial_simplex": np.vstack([point, point + FIRST_STEP * np.eye(numbers)]),
+                "maxfev": trials // STARTS,
+                "xatol": 0.01,
+                "fatol": 1e-5,
+            },
+        )
     show(1.0)
     # Of equal ones the smallest
     return min(tried, key=lambda gains: (tried[gains], gains))
@@ -218,20 +223,24 @@ def _grid(axis: int, before: Gains) -> Iterator[Gains]:
             yield Gains(p, i, before.d)
     else:
         for p, ratio in product(P_GRID, D_OF_P):
-            yield _limited(Gains(p, round(I_OF_P * p), round(ratio * p)))
+            yield _limited(Gains(p, p, round(ratio * p)), LEAST)
 
 
 def _rounded(point: np.ndarray, start: Gains) -> Gains:
-    """Return the gains at a point of the search, whole numbers within the limits."""
+    """Return the gains at a point of the search, whole numbers within the limits.
+
+    point: logarithms of P, I and D, or of P and I alone for yaw, which keeps its D.
+    """
     # beyond every limit exp is of no interest
     found = [round(exp(min(number, log(1000)))) for number in point]
-    gains = _limited(start._replace(**dict(zip(Gains._fields, found, strict=False))))
-    # yaw keeps its D
-    return gains if len(found) == len(start) else gains._replace(d=start.d)
+    if len(found) == len(start):
+        return _limited(Gains(*found), LEAST)
+    p, i = found
+    return _limited(Gains(p, i, start.d), LEAST_OF_YAW)
 
 
-def _limited(gains: Gains) -> Gains:
-    limits = zip(LEAST, gains, MOST, strict=True)
+def _limited(gains: Gains, least: Gains) -> Gains:
+    limits = zip(least, gains, MOST, strict=True)
     p, i, d = (min(max(low, gain), high) for low, gain, high in limits)
     return Gains(p, i, d)
 

@@ -11,7 +11,7 @@ from quadsim.firmware.configuration import Text, with_other_gains
 from quadsim.firmware.gains import AXIS_NAMES, AxisGains, Gains, gains_of, with_gains
 from quadsim.firmware.package import FIRMWARE_VERSION
 from quadsim.physics.betaflight import BetaflightActuators, motors_reversed
-from quadsim.physics.gain_search import StepResponse, ideal_response, search, step_response
+from quadsim.physics.gain_search import StepResponse, search, step_response, wanted_response
 from quadsim.physics.link import Link
 from quadsim.spec.identified import firmware_for
 from quadsim.spec.spec import shipped_configuration
@@ -37,7 +37,7 @@ class Responses(NamedTuple):
     """The step responses of one axis."""
 
     axis: str
-    ideal: StepResponse  # of the vehicle's own ideal rate loop
+    wanted: StepResponse
     before: StepResponse
     after: StepResponse
 
@@ -186,7 +186,7 @@ def tuned(
     responses = [
         Responses(
             name,
-            ideal_response(vehicle, axis, dt, period),
+            wanted_response(vehicle, axis, dt, period),
             bench.response(axis),
             bench.response(axis, after),
         )
