@@ -1,4 +1,4 @@
-"""The gains of each configuration turn the vehicle as it is commanded; the search finds such ones."""
+"""Each configuration turns its vehicle as it is commanded, and the search finds such gains."""
 
 import json
 import os
