@@ -126,6 +126,7 @@ def test_the_numbers_of_seed_0_are_those_of_earlier_versions():
         "sensors": [3241444873, 3830689794],
         "gates": [3685993406, 3082302701],
         "faults": [1216546553, 3895736788],
+        "link": [2078861726, 3295290883],
     }
     assert offroad_streams(0).gusts.generate_state(2).tolist() == [673228719, 1136656250]
     assert double_integrator_streams(0).planner.generate_state(2).tolist() == [
@@ -187,10 +188,10 @@ def test_drawing_from_a_stream_or_appending_one_changes_no_other():
     again = sensor_streams(streams.sensors)
     for one, other in zip(again, sensor_streams(untouched.sensors), strict=True):
         assert generated(one) == generated(other)
-    # a seventh stream of a flight would have the next key, as if one more had been spawned
-    appended = np.random.SeedSequence(3).spawn(6)
+    # an eighth stream of a flight would have the next key, as if one more had been spawned
+    appended = np.random.SeedSequence(3).spawn(7)
     assert generated(streams.gates) == generated(appended[3])
-    assert generated(appended[5]) not in [generated(stream) for stream in streams]
+    assert generated(appended[6]) not in [generated(stream) for stream in streams]
 
 
 def test_a_spec_has_the_streams_of_its_seed_anew_at_each_access():

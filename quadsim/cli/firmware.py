@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from rich.markup import escape
 from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bar
+from rich.table import Table
 
 from quadsim.cli.flags import Help, Json, settings_as_flags
 from quadsim.console import UsageError, emit, emit_json, plain_table, progress_console
+from quadsim.firmware.configuration import read_text
 from quadsim.firmware.package import (
     ADVICE,
     FIRMWARE_VERSION,
@@ -22,26 +27,31 @@ from quadsim.firmware.package import (
     firmware_folder,
 )
 
+if TYPE_CHECKING:  # it loads SciPy, for which show and build do not wait
+    from quadsim.spec.tuned_gains import Tuned
+
 
 def firmware(
     action: Annotated[
-        Literal["show", "build", "identify"],
+        Literal["show", "build", "identify", "tune"],
         Help(
             "show: what there is. build: fetch the source with pip, compile it and keep it."
-            " identify: how a vehicle's body rates and thrust follow their commands behind it"
+            " identify: how a vehicle's body rates and thrust follow their commands behind it."
+            " tune: find gains for a vehicle by step responses"
         ),
     ] = "show",
     /,
     *,
     vehicle: Annotated[
-        str | None, Help("for identify: a name or a FILE.yaml; default: the preset's")
+        str | None, Help("for identify and tune: a name or a FILE.yaml; default: the preset's")
     ] = None,
     betaflight: Annotated[
-        str | None, Help("for identify: configuration, FILE.txt; default: the vehicle's")
+        str | None, Help("for identify and tune: configuration, FILE.txt; default: the vehicle's")
     ] = None,
+    out: Annotated[str | None, Help("for tune: new FILE.txt for the configuration found")] = None,
     json: Json = False,
 ) -> int:
-    """Show or build the flight controller Betaflight, or identify a vehicle behind it.
+    """Show or build the flight controller Betaflight, or identify or tune a vehicle behind it.
 
     `race fly --flight-controller betaflight` flies behind it. The build needs pip, gcc and make,
     and takes a minute or two. The firmware is free software under the GPL-3, and runs in a process
@@ -50,12 +60,19 @@ def firmware(
     race firmware build
 
     race firmware identify --vehicle mine.yaml --betaflight mine.txt
+
+    race firmware tune --vehicle mine.yaml --out mine.txt
     """
+    given = {"--vehicle": vehicle, "--betaflight": betaflight, "--out": out}
+    if action == "tune":
+        return _tune(vehicle, betaflight, out, json)
     if action == "identify":
-        return _identify(vehicle, betaflight, json)
-    for name, value in (("--vehicle", vehicle), ("--betaflight", betaflight)):
+        given = {"--out": out}
+    for name, value in given.items():
         if value is not None:
             raise UsageError(f"{name}: expected none beside {action}, got {value!r}")
+    if action == "identify":
+        return _identify(vehicle, betaflight, json)
     built = _built(quiet=json) if action == "build" else find_built()
     if json:
         emit_json(_record(built))
@@ -112,6 +129,83 @@ def _identify(vehicle: str | None, betaflight: str | None, json: bool) -> int:
     return 0
 
 
+def _tune(vehicle: str | None, betaflight: str | None, out: str | None, json: bool) -> int:
+    """Search gains for a vehicle, and show or write the configuration with them."""
+    # imported here, as show and build need no spec
+    from quadsim.record.whole_files import expect_writable, write_whole
+    from quadsim.spec.spec import FIRMWARE_STEP, Spec
+    from quadsim.spec.tuned_gains import first_configuration, tuned
+
+    if out is not None:
+        _expect_new(Path(out))
+        expect_writable(Path(out).parent)
+    with settings_as_flags():
+        spec = Spec.of(vehicle=vehicle)
+        text = read_text(Path(betaflight)) if betaflight else first_configuration(spec.vehicle)
+
+    with _progress(json) as show:
+        found = tuned(spec.vehicle, text, FIRMWARE_STEP, spec.planner.mppi.dt, show)
+    lines = "".join(f"{line}\n" for line in found.text.lines)
+    if out is not None:
+        _expect_new(Path(out))
+        write_whole(Path(out), lines.encode())
+    if json:
+        emit_json(found.as_json() | {"vehicle": spec.vehicle.name, "out": out})
+        return 0
+    emit(f"{spec.vehicle.name} behind Betaflight, {Path(text.name).name}", _gains_table(found), "")
+    if out is None:
+        emit(escape(lines.removesuffix("\n")))
+    else:
+        fly = f"race fly --vehicle {vehicle or spec.vehicle.name} --flight-controller betaflight"
+        emit(escape(f"{out}: {fly} --betaflight {out}"))
+    return 0
+
+
+def _expect_new(path: Path) -> None:
+    """Raise UsageError where there is a file already."""
+    if path.exists():
+        wanted = f"expected a new file, but {path} exists"
+        raise UsageError(f"--out: {wanted}: name another or remove it")
+
+
+def _gains_table(found: Tuned) -> Table:
+    """Return gains and step responses of each axis, before and after the search."""
+    table = plain_table(
+        "", "", "P", "I", "D", "rise time [ms]", "overshoot", "settled error", left=(0, 1)
+    )
+    for axis, gains_before, gains_after in zip(
+        found.responses, found.before, found.after, strict=True
+    ):
+        rows = (
+            ("wanted", ("", "", ""), axis.wanted),
+            ("before", gains_before, axis.before),
+            ("after", gains_after, axis.after),
+        )
+        for name, gains, response in rows:
+            table.add_row(
+                axis.axis if name == "wanted" else "",
+                name,
+                *map(str, gains),
+                f"{1e3 * response.rise_time:.0f}",
+                f"{100 * response.overshoot:.1f} %",
+                f"{100 * response.settled_error:+.1f} %",
+            )
+    return table
+
+
+@contextmanager
+def _progress(quiet: bool) -> Iterator[Callable[[str, float], None]]:
+    """Show a line on a terminal; give the function that says what is done, and what share of it."""
+    console = progress_console()
+    if quiet or not console.is_terminal:
+        yield lambda what, share: None
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(24))
+    with Bar(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda what, share: bar.update(task, description=f"{what:<10}", completed=share)
+
+
 def _record(built: Built | None) -> dict[str, Any]:
     if built is None:
         package = f"{PACKAGE} {PACKAGE_VERSION}"
@@ -122,12 +216,5 @@ def _record(built: Built | None) -> dict[str, Any]:
 
 def _built(quiet: bool) -> Built:
     """Build the firmware; on a terminal a line shows how far it is."""
-    console = progress_console()
-    if quiet or not console.is_terminal:
-        return build()
-    columns = (TextColumn("{task.description}"), BarColumn(24))
-    with Bar(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-        return build(
-            lambda what, share: bar.update(task, description=f"{what:<10}", completed=share)
-        )
+    with _progress(quiet) as show:
+        return build(show)

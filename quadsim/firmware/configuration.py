@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -255,6 +255,24 @@ def configured(program: Path, text: Text, motors_reversed: bool) -> Configuratio
     finally:
         bench.close()
     return Configuration(eeprom, channel, pulse, positions, rates, throttles, motors)
+
+
+def with_other_gains(
+    configuration: Configuration, program: Path, text: Text, motors_reversed: bool
+) -> Configuration:
+    """Return the configuration of a text that differs from an earlier one in its gains alone.
+
+    The curves of sticks and throttle do not depend on the gains, so they are not measured again.
+
+    Args:
+        configuration: of the earlier text.
+        program, text, motors_reversed: as for `configured`.
+
+    Raises:
+        ConfigurationError, FirmwareError: as for `configured`.
+    """
+    eeprom, _ = _read_by_firmware(program, text, motors_reversed)
+    return replace(configuration, eeprom=eeprom)
 
 
 @lru_cache(maxsize=16)

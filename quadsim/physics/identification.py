@@ -25,7 +25,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator, SeedSequence, default_rng
-from scipy.optimize import least_squares
 
 from quadsim.dynamics.first_order import response
 from quadsim.dynamics.quadrotor import Control, ModelParams
@@ -184,20 +183,43 @@ def _random_steps(
     return levels[:periods]
 
 
+class TestBench:
+    """A vehicle that is free to turn, but does not move."""
+
+    __test__ = False  # no test, as pytest would take it from the name
+
+    def __init__(self, actuators: ActuatorsProtocol, dt: float):
+        """dt: physics step [s]."""
+        self._actuators = actuators
+        self._dt = dt
+        self._attitude: Quaternion = (1.0, 0.0, 0.0, 0.0)
+        self.rates: Vec3 = STILL  # body rates [rad/s]
+
+    def step(self, command: Control, push: Vec3 = STILL) -> None:
+        """Turn for one physics step.
+
+        Args:
+            command: given now.
+            push: angular acceleration from outside, body frame [rad/s^2].
+        """
+        dt = self._dt
+        wx, wy, wz = self.rates
+        self._actuators.wrench(command, self.rates, STILL, self._attitude)
+        bx, by, bz = self._actuators.angular_acceleration
+        px, py, pz = push
+        self.rates = (wx + (bx + px) * dt, wy + (by + py) * dt, wz + (bz + pz) * dt)
+        self._attitude = turned_at(self._attitude, self.rates, dt)
+
+
 def _fly(actuators: ActuatorsProtocol, signal: Signal, dt: float, period: float) -> Response:
     """Give a part of the flight to the actuators, and return what came."""
-    rates: Vec3 = (0.0, 0.0, 0.0)
-    attitude: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    bench = TestBench(actuators, dt)
     measured = []
     for command in signal.commands:
-        now = (*rates, actuators.thrust)
+        now = (*bench.rates, actuators.thrust)
         measured.append(now[signal.channel])
         for _ in range(round(period / dt)):
-            actuators.wrench(command, rates, STILL, attitude)
-            wx, wy, wz = rates
-            bx, by, bz = actuators.angular_acceleration
-            rates = (wx + bx * dt, wy + by * dt, wz + bz * dt)
-            attitude = turned_at(attitude, rates, dt)
+            bench.step(command)
     commanded = [command[signal.channel] for command in signal.commands]
     return Response(np.array(commanded), np.array(measured))
 
@@ -216,6 +238,8 @@ class Numbers(NamedTuple):
 
 def _fitted(flown: Sequence[Response], period: float) -> Numbers:
     """Return the numbers with which the model comes nearest to what was flown."""
+    from scipy.optimize import least_squares  # here: commands that fly nothing do not load it
+
     scales = [np.std(response.measured) for response in flown]
 
     def errors(x: np.ndarray) -> np.ndarray:

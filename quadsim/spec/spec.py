@@ -655,6 +655,11 @@ def _configuration(
         return read["betaflight"]
     if flight.flight_controller == "ideal":
         return None
+    return shipped_configuration(vehicle)
+
+
+def shipped_configuration(vehicle: Vehicle) -> Text | None:
+    """Return the firmware's configuration that comes with a vehicle, None where there is none."""
     path = VEHICLES / f"{vehicle.name.partition('-twr')[0]}{CONFIGURATION}"
     return read_text(path) if path.exists() else None
 

@@ -93,7 +93,10 @@ def test_a_configuration_of_ones_own_flies(built, tmp_path, monkeypatch, capsys)
         ({"vehicle": "paper"}, "flight_controller: expected a vehicle with rotors"),
         ({"plant": "rotorpy"}, "flight_controller: expected plant bullet or rigid"),
         ({"plant_dt": 0.00033, "dt": 0.0033}, "plant_dt: expected a whole multiple of 5e-05 s"),
-        ({"vehicle": "kingfisher"}, "betaflight: expected FILE.txt of Betaflight's CLI for the v"),
+        (
+            {"vehicle": quadsim.load_vehicle("swift").but(name="mine")},
+            "betaflight: expected FILE.txt of Betaflight's CLI for the v",
+        ),
         ({"flight_controller": "px4"}, "flight_controller: "),
         ({"vehicle": "swift", "betaflight": "none.txt"}, r"none\.txt: expected a text"),
         (

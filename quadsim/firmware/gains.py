@@ -1,0 +1,89 @@
+"""The gains of Betaflight's rate loop, and their lines in a configuration."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+from quadsim.firmware.configuration import PERIOD, Configuration, Text
+from quadsim.firmware.process import Firmware
+
+AXIS_NAMES = ("roll", "pitch", "yaw")
+LAST_LINES = re.compile(r"(save|exit|batch end)\b.*|", re.IGNORECASE)
+PROFILE = re.compile(r"\s*profile\s+\d+\s*", re.IGNORECASE)
+
+
+class Gains(NamedTuple):
+    """The gains of one axis, in the numbers of Betaflight's CLI."""
+
+    p: int
+    i: int
+    d: int
+
+
+AxisGains = tuple[Gains, Gains, Gains]  # of roll, pitch, yaw
+
+
+def with_gains(text: Text, gains: AxisGains) -> Text:
+    """Return the configuration with other gains.
+
+    Lines of the text that set one of them are replaced; those that are missing follow its last
+    setting. A text with several profiles gets all gains at its end as well, for the profile that it
+    selects last.
+    """
+    settings = dict(_settings(gains))
+    missing = dict(settings)
+    lines = []
+    for line in text.lines:
+        name = _name(line)
+        if name in settings:
+            line = settings[name]
+            missing.pop(name, None)
+        lines.append(line)
+    if any(PROFILE.fullmatch(line) for line in text.lines):
+        missing = settings
+
+    # In `diff all` the last lines save the configuration.
+    end = len(lines)
+    while end > 0 and LAST_LINES.fullmatch(lines[end - 1].strip()):
+        end -= 1
+    return Text(text.name, (*lines[:end], *missing.values(), *lines[end:]))
+
+
+def gains_of(program: Path, configuration: Configuration) -> AxisGains:
+    """Return the gains of a configuration, as the firmware has read them. Raises FirmwareError."""
+    firmware = Firmware(program, PERIOD, configuration.eeprom)
+    try:
+        found = [
+            Gains(*(_read(firmware, f"{letter}_{axis}") for letter in Gains._fields))
+            for axis in AXIS_NAMES
+        ]
+    finally:
+        firmware.close()
+    roll, pitch, yaw = found
+    return roll, pitch, yaw
+
+
+def _read(firmware: Firmware, name: str) -> int:
+    """Return a setting of the firmware that is a whole number."""
+    found = re.search(rf"\b{name} = (\d+)", firmware.command(f"get {name}"))
+    assert found, f"Betaflight has the setting {name}"
+    return int(found[1])
+
+
+def _settings(gains: AxisGains) -> list[tuple[str, str]]:
+    """Return names and lines of the settings. A larger D at fast moves would hide the one found."""
+    numbers = [
+        (f"{letter}_{axis}", number)
+        for axis, of_axis in zip(AXIS_NAMES, gains, strict=True)
+        for letter, number in of_axis._asdict().items()
+    ]
+    numbers += [(f"d_max_{axis}", 0) for axis in AXIS_NAMES]
+    return [(name, f"set {name} = {number}") for name, number in numbers]
+
+
+def _name(line: str) -> str | None:
+    """Return the name of the setting that a line sets."""
+    found = re.fullmatch(r"\s*set\s+(\w+)\s*=.*", line, re.IGNORECASE)
+    return found[1].lower() if found else None
