@@ -30,6 +30,12 @@ from quadsim.firmware.package import (
 if TYPE_CHECKING:  # it loads SciPy, for which show and build do not wait
     from quadsim.spec.tuned_gains import Tuned
 
+# The flags that an action takes beside --json
+FLAGS = {
+    "identify": ("--vehicle", "--betaflight"),
+    "tune": ("--vehicle", "--betaflight", "--out"),
+}
+
 
 def firmware(
     action: Annotated[
@@ -64,13 +70,11 @@ def firmware(
     race firmware tune --vehicle mine.yaml --out mine.txt
     """
     given = {"--vehicle": vehicle, "--betaflight": betaflight, "--out": out}
+    for name, value in given.items():
+        if value is not None and name not in FLAGS.get(action, ()):
+            raise UsageError(f"{name}: expected none beside {action}, got {value!r}")
     if action == "tune":
         return _tune(vehicle, betaflight, out, json)
-    if action == "identify":
-        given = {"--out": out}
-    for name, value in given.items():
-        if value is not None:
-            raise UsageError(f"{name}: expected none beside {action}, got {value!r}")
     if action == "identify":
         return _identify(vehicle, betaflight, json)
     built = _built(quiet=json) if action == "build" else find_built()

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from quadsim.firmware.configuration import PERIOD, Configuration, Text
 from quadsim.firmware.process import Firmware
 
-AXIS_NAMES = ("roll", "pitch", "yaw")
+# Lines at the end of a configuration that save it, and empty ones
 LAST_LINES = re.compile(r"(save|exit|batch end)\b.*|", re.IGNORECASE)
 PROFILE = re.compile(r"\s*profile\s+\d+\s*", re.IGNORECASE)
 
@@ -22,7 +22,15 @@ class Gains(NamedTuple):
     d: int
 
 
-AxisGains = tuple[Gains, Gains, Gains]  # of roll, pitch, yaw
+class AxisGains(NamedTuple):
+    """The gains of the three axes."""
+
+    roll: Gains
+    pitch: Gains
+    yaw: Gains
+
+
+AXIS_NAMES = AxisGains._fields
 
 
 def with_gains(text: Text, gains: AxisGains) -> Text:
@@ -61,8 +69,7 @@ def gains_of(program: Path, configuration: Configuration) -> AxisGains:
         ]
     finally:
         firmware.close()
-    roll, pitch, yaw = found
-    return roll, pitch, yaw
+    return AxisGains(*found)
 
 
 def _read(firmware: Firmware, name: str) -> int:
@@ -73,7 +80,10 @@ def _read(firmware: Firmware, name: str) -> int:
 
 
 def _settings(gains: AxisGains) -> list[tuple[str, str]]:
-    """Return names and lines of the settings. A larger D at fast moves would hide the one found."""
+    """Return names and lines of the settings.
+
+    d_max is switched off, as it would replace D in fast turns.
+    """
     numbers = [
         (f"{letter}_{axis}", number)
         for axis, of_axis in zip(AXIS_NAMES, gains, strict=True)

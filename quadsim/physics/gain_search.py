@@ -31,9 +31,8 @@ from scipy.optimize import minimize
 from quadsim.dynamics.quadrotor import Control
 from quadsim.firmware.gains import Gains
 from quadsim.physics.actuators import Actuators
-from quadsim.physics.identification import RATES, STILL, THRUST, TestBench
+from quadsim.physics.identification import RATES, STILL, THRUST, NewActuators, TestBench
 from quadsim.physics.link import Link
-from quadsim.physics.plant import ActuatorsProtocol
 from quadsim.vehicle import Vehicle
 
 # Parts of the flight: the thrust settles, the step, the push [s]
@@ -95,7 +94,6 @@ class StepResponse(NamedTuple):
         return float(last.mean()) / self.level - 1.0
 
 
-NewActuators = Callable[[], ActuatorsProtocol]
 WithGains = Callable[[Gains], NewActuators]
 Show = Callable[[float], None]  # is told the share of the search that is done
 

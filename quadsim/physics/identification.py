@@ -52,14 +52,14 @@ NewActuators = Callable[[], ActuatorsProtocol]
 
 
 class Response(NamedTuple):
-    """What was commanded and what came, at the begin of each control period."""
+    """A channel's command and its measured value, at the beginning of each control period."""
 
     command: np.ndarray  # body rate [rad/s] or thrust [m/s^2]  (n,)
-    measured: np.ndarray  # the same  (n,)
+    measured: np.ndarray  # body rate or thrust that the vehicle has then  (n,)
 
 
 class RateLoop(NamedTuple):
-    """The second-order system that a body rate follows its command as."""
+    """The lags of one body rate, which make it follow its command as a second-order system."""
 
     rate_tau: float  # tau_omega [s]
     rate_lag: float  # tau_beta [s]
@@ -77,7 +77,7 @@ class RateLoop(NamedTuple):
 
 
 class Identification(NamedTuple):
-    """What a flight on the test bench has shown."""
+    """The lags and the delay of a vehicle, identified from a flight on the test bench."""
 
     roll: RateLoop
     pitch: RateLoop
@@ -100,7 +100,7 @@ class Identification(NamedTuple):
             rate_lag=(x.rate_lag, y.rate_lag, z.rate_lag),
             motor_tau=self.thrust_lag,
             delay=self.delay,
-            # as Betaflight's mixer does
+            # Betaflight's mixer gives up thrust to yaw, too.
             yaw_first=True,
         )
 
@@ -128,6 +128,7 @@ def identify(
                 found.append(_fly(actuators, signal, dt, period))
         return found
 
+    # The numbers come from one flight, and another one with other commands checks them.
     flown, checked = (responses(stream) for stream in identification_streams())
     numbers = _fitted(flown, period)
     explained = [
@@ -212,7 +213,7 @@ class TestBench:
 
 
 def _fly(actuators: ActuatorsProtocol, signal: Signal, dt: float, period: float) -> Response:
-    """Give a part of the flight to the actuators, and return what came."""
+    """Fly one part of the flight on the test bench, and return the response."""
     bench = TestBench(actuators, dt)
     measured = []
     for command in signal.commands:
@@ -263,7 +264,7 @@ def _named(x: Sequence[float] | np.ndarray) -> Numbers:
 def _simulated(
     numbers: Numbers, responses: Sequence[Response], period: float
 ) -> Iterator[np.ndarray]:
-    """Yield what the model does under the commands of each response.  (n,)"""
+    """Yield the values that the model predicts under the commands of each response.  (n,)"""
     *rates, thrust = responses
     lags = zip(numbers.rate_tau, numbers.rate_lag, rates, strict=True)
     for tau, lag, flown in lags:
@@ -289,7 +290,7 @@ def _delayed(command: np.ndarray, first: float, periods: float) -> list[float]:
 
 
 def _rate(commands: list[float], gain: float, share: float, period: float) -> np.ndarray:
-    """Return the body rate at the begin of each period; see quadsim.dynamics.quadrotor.step."""
+    """Return the body rate at the beginning of each period; see quadsim.dynamics.quadrotor.step."""
     rate = acceleration = 0.0
     rates = []
     for command in commands:
@@ -300,7 +301,7 @@ def _rate(commands: list[float], gain: float, share: float, period: float) -> np
 
 
 def _thrust(commands: list[float], thrust: float, share: float) -> np.ndarray:
-    """Return the thrust at the begin of each period."""
+    """Return the thrust at the beginning of each period."""
     thrusts = []
     for command in commands:
         thrusts.append(thrust)

@@ -41,6 +41,19 @@ class LinkConfig:
     loss: float = 0.0  # share of the frames that are lost
     burst: float | None = None  # mean number of frames lost in a row; None: lost independently
 
+    def __str__(self) -> str:
+        """Return the numbers in a few words, such as "link of 40 Hz losing 10 %"."""
+        words = ["link"]
+        if self.rate:
+            words.append(f"of {self.rate:g} Hz")
+        if self.latency:
+            words.append(f"late by {1e3 * self.latency:g} ms")
+        if self.loss:
+            words.append(f"losing {100 * self.loss:g} %")
+        if self.burst:
+            words.append(f"in bursts of {self.burst:g}")
+        return " ".join(words)
+
     @property
     def period(self) -> float:
         """The time between two frames [s]; 0: there is a frame at every instant."""
@@ -56,9 +69,9 @@ WIRE = LinkConfig()
 
 
 class Received(NamedTuple):
-    """What the receiver has in a physics step."""
+    """The state of the receiver in a physics step."""
 
-    command: Control  # the last one that has arrived
+    command: Control  # the last command that has arrived
     is_new: bool  # whether a frame has arrived in this step
 
 
@@ -77,8 +90,8 @@ class Link:
 
         Args:
             dt: physics step [s].
-            vehicle_latency: of the vehicle's own, to which the link adds [s].
-            config: its numbers.
+            vehicle_latency: latency of the vehicle, to which the link adds its own [s].
+            config: numbers of the link.
             interpolation: time in which a new command is reached along a straight line, a control
                 period [s]; 0: at once.
             stream: decides which frames are lost; needed with losses only.

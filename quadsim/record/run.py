@@ -20,6 +20,7 @@ import numpy as np
 from controllers.plan import PlannerSnapshot
 from quadsim.console import plain
 from quadsim.dynamics.quadrotor import CONTROL_UNITS, STATE_UNITS
+from quadsim.physics.link import LinkConfig
 from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.preset_changes import preset_changes
@@ -252,27 +253,13 @@ def flown_with(spec: dict[str, Any]) -> str:
     if sensing:
         parts.append(f"sensing {sensing['name']}")
     if spec.get("link"):
-        parts.append(_link(**spec["link"]))
+        parts.append(str(LinkConfig(**spec["link"])))
     if controlled.endswith("sampling") and preset_changes(spec):
         parts.append(preset_changes(spec))
     faults = spec.get("drawn_faults")
     if faults:
         parts.append(f"fault{'s' if len(faults) > 1 else ''} {' and '.join(faults)}")
     return ", ".join(parts)
-
-
-def _link(rate: float | None, latency: float, loss: float, burst: float | None) -> str:
-    """Return the numbers of a link in a few words."""
-    words = ["link"]
-    if rate:
-        words.append(f"of {rate:g} Hz")
-    if latency:
-        words.append(f"late by {1e3 * latency:g} ms")
-    if loss:
-        words.append(f"losing {100 * loss:g} %")
-    if burst:
-        words.append(f"in bursts of {burst:g}")
-    return " ".join(words)
 
 
 def hostless(spec: dict[str, Any]) -> dict:

@@ -18,6 +18,7 @@ from quadsim.files.csv_rows import csv_text
 from quadsim.files.json_values import without_nan
 from quadsim.files.strict_yaml import FileError
 from quadsim.physics.faults import parse_fault
+from quadsim.physics.link import LinkConfig
 from quadsim.race.events import Event
 from quadsim.record.metrics import chatter
 from quadsim.record.planner_snapshot import BEST, FRAMES, TERM, PlannerSnapshots
@@ -76,15 +77,6 @@ class StoredTerm(msgspec.Struct):
     weight: float | list[float]
 
 
-class StoredLink(msgspec.Struct):
-    """The numbers of a link in a record, see quadsim.physics.link.LinkConfig."""
-
-    rate: float | None
-    latency: float
-    loss: float
-    burst: float | None
-
-
 class StoredSpec(msgspec.Struct, kw_only=True):
     """The keys of a spec that reports and pictures read. A spec has more of them."""
 
@@ -108,7 +100,7 @@ class StoredSpec(msgspec.Struct, kw_only=True):
     drawn_faults: list[str] = []
     interactive: list[dict[str, Any]] = []
     betaflight: dict[str, Any] | None = None
-    link: StoredLink | None = None
+    link: LinkConfig | None = None
 
 
 class ReportedPlanner(msgspec.Struct):

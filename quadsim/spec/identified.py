@@ -12,14 +12,14 @@ from quadsim.files.atomic import replace_file
 from quadsim.files.cache import cache_folder
 from quadsim.firmware.configuration import Configuration, Text, configured
 from quadsim.firmware.package import Built, built_firmware
-from quadsim.physics import betaflight, identification
+from quadsim.physics import betaflight, identification, link
 from quadsim.physics.betaflight import BetaflightActuators, motors_reversed
 from quadsim.physics.identification import Identification, identify
 from quadsim.physics.link import Link
 from quadsim.vehicle import Vehicle
 
 # An identification by other code is another one.
-CODE = (betaflight.__file__, identification.__file__)
+CODE = (betaflight.__file__, identification.__file__, link.__file__)
 
 
 def firmware_for(vehicle: Vehicle, text: Text) -> tuple[Built, Configuration]:
@@ -52,8 +52,8 @@ def identified(vehicle: Vehicle, text: Text, dt: float, period: float) -> Identi
     if found is None:
 
         def actuators() -> BetaflightActuators:
-            link = Link(dt, interpolation=period)
-            return BetaflightActuators(vehicle, dt, built, configuration, link=link)
+            wire = Link(dt, interpolation=period)
+            return BetaflightActuators(vehicle, dt, built, configuration, link=wire)
 
         found = identify(vehicle, dt, period, actuators)
         if path:

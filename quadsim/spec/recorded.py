@@ -21,6 +21,7 @@ from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import checked
 from quadsim.firmware.configuration import Text
+from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.record.run import INTERACTIVE, canonical, hostless, own_parts
 from quadsim.sensing import Sensing
 from quadsim.spec.changes import PlannerChange
@@ -86,15 +87,6 @@ class RecordedBetaflight(msgspec.Struct):
     lines: tuple[str, ...]
 
 
-class RecordedLink(msgspec.Struct):
-    """The numbers of quadsim.physics.link.LinkConfig in a record."""
-
-    rate: float | None = None
-    latency: float = 0.0
-    loss: float = 0.0
-    burst: float | None = None
-
-
 class RecordedHost(msgspec.Struct):
     """The files of the machine that flew, none of which changes the flight."""
 
@@ -129,7 +121,7 @@ class Recorded(msgspec.Struct):
     faults: tuple[str, ...] = ()
     pilot: RecordedPilot | None = None
     betaflight: RecordedBetaflight | None = None
-    link: RecordedLink = msgspec.field(default_factory=RecordedLink)
+    link: LinkConfig = WIRE
     reference: RecordedReference | None = None
     own: dict[str, Any] = {}
     interactive: list[RecordedChange] = []

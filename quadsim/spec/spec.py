@@ -443,6 +443,9 @@ def _check_flight_controller(spec: Spec) -> None:
             wanted = "expected none without the flight controller 'betaflight'"
             raise SettingError("blackbox", f"{wanted}, got {spec.blackbox!r}")
         return
+    if spec.blackbox is not None and not Path(spec.blackbox).absolute().parent.is_dir():
+        wanted = "expected a file in a folder that exists"
+        raise SettingError("blackbox", f"{wanted}, got {spec.blackbox!r}")
     name = "flight_controller"
     if spec.vehicle.rotors is None:
         wanted = "expected a vehicle with rotors for 'betaflight'"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import ceil, degrees
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from quadsim.firmware.gains import AXIS_NAMES, AxisGains, Gains, gains_of, with_
 from quadsim.firmware.package import FIRMWARE_VERSION
 from quadsim.physics.betaflight import BetaflightActuators, motors_reversed
 from quadsim.physics.gain_search import StepResponse, search, step_response, wanted_response
+from quadsim.physics.identification import NewActuators
 from quadsim.physics.link import Link
 from quadsim.spec.identified import firmware_for
 from quadsim.spec.spec import shipped_configuration
@@ -43,7 +45,7 @@ class Responses(NamedTuple):
 
 
 class Tuned(NamedTuple):
-    """What a search for gains has found."""
+    """The gains that a search has found, and how the vehicle responds with them."""
 
     before: AxisGains
     after: AxisGains
@@ -72,8 +74,6 @@ class Tuned(NamedTuple):
 def first_configuration(vehicle: Vehicle) -> Text:
     """Return the configuration that comes with a vehicle; without one, a plain one.
 
-    The plain one has linear rates that cover the vehicle's, and Betaflight's gains.
-
     Raises:
         SettingError: the vehicle has no rotors.
         FileError: the file cannot be read.
@@ -81,10 +81,11 @@ def first_configuration(vehicle: Vehicle) -> Text:
     if vehicle.rotors is None:
         problem = f"expected a vehicle with rotors for Betaflight, got {vehicle.name}"
         raise SettingError("vehicle", problem)
-    return shipped_configuration(vehicle) or _plain_configuration(vehicle)
+    return shipped_configuration(vehicle) or plain_configuration(vehicle)
 
 
-def _plain_configuration(vehicle: Vehicle) -> Text:
+def plain_configuration(vehicle: Vehicle) -> Text:
+    """Return a configuration with linear rates that cover the vehicle's, and Betaflight's gains."""
     tens = [min(ceil(degrees(rate) / 10.0), LARGEST_RATE) for rate in vehicle.rate_max]
     roll, pitch, yaw = (10 * rate for rate in tens)
     lines = [
@@ -165,24 +166,9 @@ def tuned(
     """
     bench = FirmwareBench(vehicle, text, dt, period)
     before = bench.gains
-    found = list(before)
-    for axis, name in enumerate(AXIS_NAMES):
-
-        def changed(gains: Gains, axis: int = axis) -> AxisGains:
-            changed = [*found[:axis], gains, *found[axis + 1 :]]
-            return changed[0], changed[1], changed[2]
-
-        found[axis] = search(
-            vehicle,
-            axis,
-            dt,
-            period,
-            before[axis],
-            # bound now: the loop goes on
-            lambda gains, changed=changed: lambda: bench.actuators(changed(gains)),
-            lambda share, name=name: show(name, share),
-        )
-    after = (found[0], found[1], found[2])
+    after = before
+    for name in AXIS_NAMES:
+        after = _searched(bench, name, after, partial(show, name))
     responses = [
         Responses(
             name,
@@ -193,3 +179,23 @@ def tuned(
         for axis, name in enumerate(AXIS_NAMES)
     ]
     return Tuned(before, after, with_gains(text, after), responses)
+
+
+def _searched(
+    bench: FirmwareBench, name: str, gains: AxisGains, show: Callable[[float], None]
+) -> AxisGains:
+    """Return the gains with those of one axis replaced by the best that are found.
+
+    Args:
+        bench: the test bench.
+        name: name of the axis.
+        gains: gains before the search; the other axes keep theirs.
+        show: is told the share of the search that is done.
+    """
+
+    def with_axis(of_axis: Gains) -> NewActuators:
+        return partial(bench.actuators, gains._replace(**{name: of_axis}))
+
+    axis = AXIS_NAMES.index(name)
+    found = search(bench.vehicle, axis, bench.dt, bench.period, gains[axis], with_axis, show)
+    return gains._replace(**{name: found})

@@ -72,5 +72,6 @@ def test_a_log_without_the_firmware_is_one_line():
 
 
 def test_a_log_that_cannot_be_written_is_one_line(built, tmp_path):
-    with pytest.raises(ValueError, match=r"flight\.bbl: cannot be written"):
-        quadsim.fly("split_s_swift", **SHORT, blackbox=tmp_path / "none" / "flight.bbl")
+    """It is found before the flight."""
+    with pytest.raises(SettingError, match=r"^blackbox: expected a file in a folder that exists"):
+        quadsim.Spec.of("split_s_swift", **SHORT, blackbox=tmp_path / "none" / "flight.bbl")

@@ -16,7 +16,7 @@ from quadsim.firmware.configuration import Text, read_text
 from quadsim.firmware.gains import AXIS_NAMES, Gains, gains_of, with_gains
 from quadsim.physics import gain_search
 from quadsim.physics.gain_search import StepResponse, shortfall, wanted_response
-from quadsim.spec.tuned_gains import FirmwareBench, _plain_configuration, first_configuration
+from quadsim.spec.tuned_gains import FirmwareBench, first_configuration, plain_configuration
 from quadsim.vehicle import VEHICLES, load_vehicle, vehicle_names
 
 DT = 1e-3
@@ -58,7 +58,7 @@ def test_body_rates_reach_their_command(built, name):
 @pytest.mark.parametrize("name", TUNED)
 def test_roll_and_pitch_overshoot_little_and_yaw_less_than_with_the_stock_gains(built, name):
     found = bench(name)
-    plain = bench(name, _plain_configuration(found.vehicle))
+    plain = bench(name, plain_configuration(found.vehicle))
     assert found.response(0).overshoot < 0.12
     assert found.response(1).overshoot < 0.12
     assert found.response(2).overshoot < 0.3

@@ -1,14 +1,18 @@
 """The rate loop that is identified on the test bench: it is found again, and it predicts."""
 
+from contextlib import closing
+from dataclasses import replace
+from math import exp, pi, sqrt
+
 import numpy as np
 import pytest
 
 import quadsim
 from quadsim.cli.cli import race
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
-from quadsim.physics.identification import identify
+from quadsim.physics.identification import RateLoop, TestBench, identify
 from quadsim.physics.plant_state import start_state
-from quadsim.spec.identified import identified
+from quadsim.spec.tuned_gains import FirmwareBench
 from quadsim.vehicle import load_vehicle
 
 PERIOD = 0.01
@@ -25,7 +29,10 @@ class ModelActuators:
     """Actuators that do what the planner's model does, once in a control period."""
 
     def __init__(self, vehicle, steps):
-        """Begin hovering; a control period has so many physics steps."""
+        """Begin hovering.
+
+        steps: number of physics steps in a control period.
+        """
         model = quadsim.Spec.of("figure8", **{f"model_{k}": v for k, v in KNOWN.items()}).model
         self._system = quadrotor(model, PERIOD)
         self._x = start_state(quadsim.load_course("figure8").start, vehicle.radius)
@@ -37,7 +44,7 @@ class ModelActuators:
         self.angular_acceleration = (0.0, 0.0, 0.0)
 
     def wrench(self, command, omega_body, v_body, attitude):
-        """Move the model at the begin of a period, and lead to its rates within it."""
+        """Step the model at the beginning of a period, and lead to its rates within the period."""
         if self._step % self._steps == 0:
             x = self._x._replace(wx=omega_body[0], wy=omega_body[1], wz=omega_body[2])
             self._x = State._make(map(float, self._system.next(x, Control(*command))))
@@ -59,27 +66,52 @@ def test_the_numbers_of_a_known_rate_loop_are_found_again():
     assert min(axis.explained for axis in found.axes) > 0.999
 
 
-def test_the_second_order_system_has_its_frequency_and_damping():
-    """They are those of omega'' = w_n^2 (omega_cmd - omega) - 2 zeta w_n omega'."""
-    found = identified_swift_like()
-    roll = found.roll
-    wn, zeta = roll.natural_frequency, roll.damping
-    assert wn**2 == pytest.approx(1.0 / (roll.rate_tau * roll.rate_lag))
-    assert 2.0 * zeta * wn == pytest.approx(1.0 / roll.rate_lag)
-
-
-def identified_swift_like():
-    vehicle = load_vehicle("swift")
-    return identify(vehicle, PERIOD / 5, PERIOD, lambda: ModelActuators(vehicle, 5))
+def test_a_rate_loop_overshoots_as_its_damping_ratio_says():
+    """The overshoot of a second-order system is exp(-pi zeta / sqrt(1 - zeta^2))."""
+    loop = RateLoop(rate_tau=0.03, rate_lag=0.04, explained=1.0)
+    changes = {"rate_tau": (loop.rate_tau,) * 3, "rate_lag": (loop.rate_lag,) * 3}
+    model = replace(ModelParams.of(load_vehicle("swift")), **changes)
+    system = quadrotor(model, 1e-4)
+    x = start_state(quadsim.load_course("figure8").start, 0.2)
+    rates = []
+    for _ in range(4000):
+        x = State._make(system.next(x, Control(1.0, 0.0, 0.0, 20.0)))
+        rates.append(x.wx)
+    zeta = loop.damping
+    assert max(rates) - 1.0 == pytest.approx(exp(-pi * zeta / sqrt(1.0 - zeta**2)), rel=0.02)
+    # It is largest half a period of the damped oscillation after the step.
+    peak = 1e-4 * np.argmax(rates)
+    damped = loop.natural_frequency * sqrt(1.0 - zeta**2)
+    assert peak == pytest.approx(pi / damped, rel=0.02)
 
 
 def test_the_model_predicts_the_firmware_better_than_the_nominal_one(built):
     spec = quadsim.Spec.of("split_s_swift", flight_controller="betaflight")
-    found = identified(spec.vehicle, spec.betaflight, spec.plant_dt, spec.planner.mppi.dt)
-    assert min(axis.explained for axis in found.axes) > 0.95
-    assert spec.model == found.model(spec.vehicle)
+    period = spec.planner.mppi.dt
+    random = np.random.default_rng(5)
+    levels = np.repeat(random.uniform(-3.0, 3.0, 30), random.integers(1, 25, 30))
+    commands = [Control(level, 0.0, 0.0, 22.0) for level in levels.tolist()]
+
+    # What the firmware does on the test bench
+    with closing(FirmwareBench(spec.vehicle, spec.betaflight, 1e-3, period).actuators()) as flown:
+        bench = TestBench(flown, 1e-3)
+        measured = []
+        for command in commands:
+            measured.append(bench.rates[0])
+            for _ in range(10):
+                bench.step(command)
+
+    def error(model):
+        system = quadrotor(model, period)
+        x = start_state(spec.course.start, spec.vehicle.radius)
+        rates = []
+        for command in commands:
+            rates.append(x.wx)
+            x = State._make(system.next(x, command))
+        return np.std(np.subtract(rates, measured))
+
     assert spec.model != ModelParams.of(spec.vehicle)
-    assert spec.model.yaw_first
+    assert error(spec.model) < 0.7 * error(ModelParams.of(spec.vehicle))
 
 
 def test_a_given_number_of_the_model_takes_the_place_of_the_identified_one(built):
