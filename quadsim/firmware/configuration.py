@@ -132,6 +132,9 @@ FIXED = (
 # What makes the firmware write its log from arming on
 LOG = ("set blackbox_device = VIRTUAL", "set blackbox_mode = NORMAL")
 AUX_OF_ARM = re.compile(r"aux \d+ 0 (\d+) (\d+) (\d+)\b")
+SET = re.compile(r"set\s+\w+\s*=\s*(.*?)\s*", re.IGNORECASE)
+TAKEN = re.compile(r"\w+ set to (.*?)\s*$", re.MULTILINE)
+NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 ERROR = "###ERROR"
 NOT_AVAILABLE = "ERR_CMD_NA"
 
@@ -314,12 +317,26 @@ def _carry_out(firmware: Firmware, line: str, place: str) -> None:
         problem = printed[printed.index(ERROR) :].strip().strip("#").removeprefix("ERROR ")
     elif NOT_AVAILABLE in printed:
         problem = f"Betaflight {FIRMWARE_VERSION} has no such command"
+    elif _is_text_for_number(line, printed):
+        problem = "its value is no number"
     else:
         return
     raise ConfigurationError(
         f"{place}: expected a line of Betaflight's CLI, got {line!r}: {' '.join(problem.split())}: "
         "correct or remove it"
     )
+
+
+def _is_text_for_number(line: str, printed: str) -> bool:
+    """Return whether a setting was given a text where the firmware has set a number.
+
+    The firmware reads the number at which a text begins, and 0 where there is none.
+    """
+    given = SET.fullmatch(line)
+    taken = TAKEN.search(printed)
+    if not given or not taken:
+        return False
+    return bool(NUMBER.fullmatch(taken[1])) and not NUMBER.fullmatch(given[1])
 
 
 def _arm_switch(modes: str, name: str) -> tuple[int, float]:

@@ -10,6 +10,7 @@ from quadsim.firmware.configuration import (
     STANDING,
     THROTTLE,
     Bench,
+    ConfigurationError,
     Text,
     configured,
     read_text,
@@ -138,3 +139,11 @@ def test_a_file_that_is_no_text_is_one_line(tmp_path):
     (tmp_path / "picture.txt").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(FileError, match="expected a text in UTF-8"):
         read_text(tmp_path / "picture.txt")
+
+
+@pytest.mark.parametrize("value", ["many", "3O", ""])
+def test_a_text_in_place_of_a_number_is_refused(built, value):
+    """The firmware itself would take it as 0 or 3."""
+    text = Text("mine.txt", (f"set p_roll = {value}", "aux 0 0 0 1700 2100 0 0"))
+    with pytest.raises(ConfigurationError, match=r"^mine\.txt:1: expected a line"):
+        configured(built.program, text, motors_reversed=True)
