@@ -16,7 +16,7 @@ from functools import lru_cache
 from hashlib import sha256
 from typing import NotRequired, TypedDict
 
-from quadsim.record.metrics import chatter
+from quadsim.record.metrics import chatter, motor_use
 from quadsim.record.provenance import provenance
 from quadsim.record.run import CRASHES, PlanTime, Recorder, Run, canonical
 from quadsim.record.turning_back import TurnedBack, turned_back
@@ -140,6 +140,13 @@ class Variation(TypedDict):
     delivered: float
 
 
+class MotorNumbers(TypedDict):
+    """What a firmware asked of the motors: see quadsim.record.run_metrics.RunMetrics."""
+
+    variation: float  # [1/s]
+    thrust_lost: float  # [m/s^2]
+
+
 class Result(TypedDict):
     """The numbers of an attempt that reports are made of."""
 
@@ -148,6 +155,7 @@ class Result(TypedDict):
     fault: str | None  # the planner's error
     thrust_tv: Variation  # [m/s^2/s]
     rates_tv: Variation  # of the body rates [rad/s^2]
+    motors: NotRequired[MotorNumbers]  # of flights behind a firmware
     turned_back: list[TurnedBack]
     plan_ms: PlanTime
     real_time_factor: float
@@ -161,7 +169,7 @@ def result(flown: Flown) -> Result:
     varied = chatter(run)
     commanded = varied["commanded"]
     delivered = varied["delivered"]
-    return {
+    numbers: Result = {
         "laps": run.laps,
         "crash": _crash(run) if run.outcome == "crashed" else None,
         "fault": flown.fault,
@@ -179,6 +187,13 @@ def result(flown: Flown) -> Result:
         "cpu": flown.provenance["cpu"],
         "digest": run.digest(),
     }
+    motors = motor_use(run)
+    if motors:
+        numbers["motors"] = {
+            "variation": motors.motor_variation,
+            "thrust_lost": motors.thrust_lost,
+        }
+    return numbers
 
 
 def _crash(run: Run) -> Crash:

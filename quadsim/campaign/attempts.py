@@ -27,6 +27,10 @@ class Attempt:
         thrust_tv: chatter of the commanded thrust: its total variation per second [m/s^2/s].
         thrust_tv_delivered: the same of the delivered thrust [m/s^2/s].
         rates_tv: the same of the commanded body rates [rad/s^2].
+        motor_variation: total variation of the firmware's motor commands per second [1/s]; None
+            without a firmware.
+        thrust_lost: mean thrust that was commanded and not given because a motor was at its
+            greatest command [m/s^2]; None without a firmware.
         turned_back: how often the vehicle overshot a gate and returned to it.
         plan_ms: median of the planning times, wall clock [ms].
         commit: the commit that flew the attempt.
@@ -52,6 +56,8 @@ class Attempt:
     thrust_tv: float
     thrust_tv_delivered: float
     rates_tv: float
+    motor_variation: float | None
+    thrust_lost: float | None
     turned_back: int
     plan_ms: float
     commit: str
@@ -69,6 +75,7 @@ def _attempt(row: Row, variant: str, home: Path) -> Attempt:
     """Return one flight; home: the folder that the paths of telemetry are relative to."""
     result = row.result
     laps = tuple(result["laps"])
+    motors = result.get("motors")
     finished = row.outcome == FINISHED
     return Attempt(
         course=row.course,
@@ -82,6 +89,8 @@ def _attempt(row: Row, variant: str, home: Path) -> Attempt:
         thrust_tv=result["thrust_tv"]["commanded"],
         thrust_tv_delivered=result["thrust_tv"]["delivered"],
         rates_tv=result["rates_tv"]["commanded"],
+        motor_variation=motors["variation"] if motors else None,
+        thrust_lost=motors["thrust_lost"] if motors else None,
         turned_back=len(result["turned_back"]),
         plan_ms=result["plan_ms"]["p50"],
         commit=row.code,

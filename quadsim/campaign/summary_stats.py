@@ -60,6 +60,8 @@ class VariantStats:
     thrust_tv: float  # [m/s^2/s] commanded, mean of all attempts
     thrust_tv_delivered: float  # [m/s^2/s]
     rates_tv: float  # [rad/s^2] commanded body rates, mean of all attempts
+    motor_variation: Mean  # [1/s] of the firmware's motor commands; nan without a firmware
+    thrust_lost: Mean  # [m/s^2] commanded and not given at full motors; nan without a firmware
     turned_back: int  # attempts that overshot a gate and returned
     plan_ms: float  # [ms] median of the attempts' medians
     crashes: dict[str, int]  # "gate 3", "ground", "bounds", "planner", "timeout"
@@ -121,6 +123,7 @@ def variant_stats(
     lap = mean_interval(laps)
     race_median = _median([sum(r.result["laps"]) for r in done])
     flying = [r.result["laps"][1:] for r in done if len(r.result["laps"]) > 1]
+    motors = [r.result["motors"] for r in rows if "motors" in r.result]
     ends = Counter(where_it_ended(r) for r in rows if not _finished(r))
     return VariantStats(
         course=rows[0].course,
@@ -138,6 +141,8 @@ def variant_stats(
         thrust_tv=fmean(commanded_tv(r) for r in rows),
         thrust_tv_delivered=fmean(r.result["thrust_tv"]["delivered"] for r in rows),
         rates_tv=fmean(r.result["rates_tv"]["commanded"] for r in rows),
+        motor_variation=mean_interval([m["variation"] for m in motors]),
+        thrust_lost=mean_interval([m["thrust_lost"] for m in motors]),
         turned_back=sum(1 for r in rows if r.result["turned_back"]),
         plan_ms=median(r.result["plan_ms"]["p50"] for r in rows),
         crashes=dict(ends.most_common()),

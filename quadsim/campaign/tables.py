@@ -130,6 +130,9 @@ def comparison_tables(
     above_limit = ABOVE if _limit_known(variants) else {}
     yield TextTable.of(variants, LAPS | above_limit)
     yield TextTable.of(variants, CHATTER, texts=(0, len(CHATTER) - 1))
+    behind_firmware = [v for v in variants if isfinite(v.motor_variation.mean)]
+    if behind_firmware:
+        yield TextTable.of(behind_firmware, MOTORS)
     if pairs:
         yield TextTable.of(pairs, PAIRS)
 
@@ -230,6 +233,11 @@ CHATTER: dict[str, Callable[[VariantStats], str]] = {
     "plan [ms]": lambda v: f"{v.plan_ms:.1f}",
     "turned back": lambda v: str(v.turned_back),
     "ended at": _ends,
+}
+MOTORS: dict[str, Callable[[VariantStats], str]] = {
+    "variant": lambda v: v.name,
+    "motor commands [1/s]": lambda v: interval(v.motor_variation, ".1f"),
+    "thrust lost [m/s^2]": lambda v: interval(v.thrust_lost, ".2f"),
 }
 PAIRS: dict[str, Callable[[PairStats], str]] = {
     "pair": lambda p: f"{p.b} - {p.a}",

@@ -15,6 +15,7 @@ from quadsim.record.run_text import (
     crash_place,
     lap_times,
     limit_text,
+    motor_text,
     planning_text,
 )
 
@@ -44,4 +45,6 @@ def _facts(run: Run, metrics: RunMetrics) -> Iterator[tuple[str, str]]:
         yield "limit", limit_text(metrics)
     yield "speed", f"{metrics.top_speed:.1f} m/s at most, {metrics.mean_speed:.1f} m/s on average"
     yield "thrust chatter", chatter_text(metrics)
+    if metrics.motor_variation is not None:
+        yield "motor commands", motor_text(metrics)
     yield "planning time", planning_text(metrics)

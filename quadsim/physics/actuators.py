@@ -18,6 +18,7 @@ from quadsim.dynamics.quadrotor import Control, rate_loop
 from quadsim.physics.allocation import PerRotor, allocate, mixer, shares
 from quadsim.physics.faults import RotorFault
 from quadsim.physics.link import Link
+from quadsim.physics.plant_state import MotorUse
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
@@ -203,6 +204,8 @@ class Actuators:
         self.thrust = GRAVITY
         # angular acceleration delivered, body frame [rad/s^2]
         self.angular_acceleration: Vec3 = (0.0, 0.0, 0.0)
+        # No firmware commands the motors
+        self.use: MotorUse | None = None
 
     def wrench(
         self,

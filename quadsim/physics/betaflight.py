@@ -38,8 +38,10 @@ from quadsim.physics.actuators import (
     drag_force,
     rotor_strengths,
 )
+from quadsim.physics.allocation import PerRotor
 from quadsim.physics.faults import RotorFault
 from quadsim.physics.link import HOVER, Link
+from quadsim.physics.plant_state import MotorUse
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.vehicle import GRAVITY, Vehicle
 
@@ -52,6 +54,8 @@ LOGS = "LOG*.BF*"  # the firmware's, in its folder; it cuts the last letter of i
 LOG_END = 0.2  # time after which it has ended its log [s]
 # Time between arming and the start of the flight, of which the second half is at hover thrust [s]
 READY = 1.0
+# Command from which a motor counts as being at its greatest
+FULL = 0.999
 
 
 def motors_reversed(vehicle: Vehicle) -> bool:
@@ -132,6 +136,9 @@ class BetaflightActuators:
         eeprom = log.eeprom if log else configuration.eeprom
         self._firmware = Firmware(built.program, dt, eeprom)
         self._get_ready()
+        self.use = MotorUse()
+        self._commanded = HOVER
+        self._motors_before = self._firmware.reply.motors
 
     def _get_ready(self) -> None:
         """Arm the firmware, and hold the sticks of hovering until its filters have settled."""
@@ -168,6 +175,7 @@ class BetaflightActuators:
         received = self._link.carry(clamp_command(command, vehicle))
         if received.is_new:
             self._set_sticks(received.command)
+            self._commanded = received.command
 
         # The firmware commands the motors, which the rotors follow.
         gyro, specific_force = self._measured(omega_body)
@@ -178,6 +186,7 @@ class BetaflightActuators:
             self._channels,
             frame_every=1 if received.is_new else 0,
         )
+        self.use = self._use_after(reply.motors)
         speeds = (reply.motors[motor] * self._rotors.omega_max for motor in MOTOR_OF_ROTOR)
         strengths = rotor_strengths(self._faults, self._steps * self._dt)
         force, torque = self.motors.follow(speeds, strengths)
@@ -190,6 +199,21 @@ class BetaflightActuators:
         self._specific_force = (fx / vehicle.mass, fy / vehicle.mass, fz / vehicle.mass)
         self._steps += 1
         return Wrench(force=total, torque=torque)
+
+    def _use_after(self, motors: PerRotor) -> MotorUse:
+        """Return the use of the motors with a step's commands to them, 1 at the greatest speed."""
+        changes = (
+            abs(now - before) for now, before in zip(motors, self._motors_before, strict=True)
+        )
+        variation = self.use.motor_variation + sum(changes) / len(motors)
+        self._motors_before = motors
+
+        lost = self.use.thrust_lost
+        if max(motors) >= FULL:
+            forces = (self._rotors.thrust(motor * self._rotors.omega_max) for motor in motors)
+            missing = self._commanded.thrust - sum(forces) / self._vehicle.mass
+            lost += max(0.0, missing) * self._dt
+        return MotorUse(variation, lost)
 
     def _measured(self, omega_body: Vec3) -> tuple[Vec3, Vec3]:
         """Return body rates [rad/s] and specific force [m/s^2] as the firmware's unit has them."""

@@ -19,7 +19,7 @@ from quadsim.files.yaml_errors import shown_value
 from quadsim.physics.actuators import Actuators, Wrench
 from quadsim.physics.faults import CommandLoss, RotorFault
 from quadsim.physics.link import HOVER
-from quadsim.physics.plant_state import PlantState, start_state
+from quadsim.physics.plant_state import MotorUse, PlantState, start_state
 from quadsim.physics.rigid_body import RigidBody
 from quadsim.physics.rotorpy_plant import RotorpyPlant
 from quadsim.rotation import Quaternion, Vec3, to_body
@@ -102,6 +102,11 @@ class ActuatorsProtocol(Protocol):
     thrust: float
     # angular acceleration delivered, body frame [rad/s^2]
     angular_acceleration: Vec3
+
+    @property
+    def use(self) -> MotorUse | None:
+        """What the flight has asked of the motors; None where no firmware commands them."""
+        ...
 
     def wrench(
         self, command: Sequence[float], omega_body: Vec3, v_body: Vec3, attitude: Quaternion
@@ -191,7 +196,8 @@ class RigidPlant:
             self._actuators.thrust,
             self._actuators.angular_acceleration,
         )
-        return PlantState(self._steps * self.dt, x, self._world.contacts())
+        t = self._steps * self.dt
+        return PlantState(t, x, self._world.contacts(), self._actuators.use)
 
     def close(self) -> None:
         """Release the world and the actuators."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from quadsim.course import Start
 from quadsim.dynamics.quadrotor import State
@@ -14,6 +14,22 @@ from quadsim.vehicle import GRAVITY
 CLEARANCE = 1e-3
 
 X = TypeVar("X", bound=tuple[float, ...])
+
+
+class MotorUse(NamedTuple):
+    """What a flight has asked of its motors since the start. Both numbers only grow.
+
+    The columns of a run have the same names: see MOTOR_UNITS.
+    """
+
+    # sum of the changes of a motor's command, which is 1 at the greatest speed; mean of the motors
+    motor_variation: float = 0.0
+    # integral of the thrust that was commanded and not given because a motor was at its greatest
+    # command, mass-normalised [m/s]
+    thrust_lost: float = 0.0
+
+
+MOTOR_UNITS = {"motor_variation": "1", "thrust_lost": "m/s"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +52,8 @@ class PlantState(Generic[X]):
     x: X
     # objects that the vehicle touches: "ground", "gate 3", "obstacle 2"
     contacts: tuple[str, ...]
+    # where a firmware commands the motors
+    motors: MotorUse | None = None
 
     @property
     def position(self) -> Vec3:

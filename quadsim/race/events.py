@@ -101,6 +101,8 @@ class Frame:
     snapshot: PlannerSnapshot | None = field(default=None, repr=False)
     # columns of quadsim.sensing.estimate_record.ESTIMATE_UNITS, where the state is sensed
     estimate: tuple[float, ...] = field(default=(), repr=False)
+    # columns of quadsim.physics.plant_state.MOTOR_UNITS, where a firmware commands the motors
+    motors: tuple[float, ...] = field(default=(), repr=False)
 
 
 def flown_laps(events: Iterable[Event], completed: int) -> list[float]:

@@ -246,6 +246,7 @@ def simulate(
             outcome=outcome,
             snapshot=taken,
             estimate=navigation.record(state),
+            motors=state.motors or (),
         )
         if not flying:
             return

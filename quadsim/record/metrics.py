@@ -11,6 +11,7 @@ from math import pi, sqrt
 import numpy as np
 
 from quadsim.dynamics.first_order import remaining
+from quadsim.physics.plant_state import MotorUse
 from quadsim.race.events import sector_times
 from quadsim.record.run import Run
 
@@ -79,6 +80,20 @@ def speed(run: Run) -> np.ndarray:
     """Return the speed of every frame [m/s].  (frames,)"""
     x = run.telemetry
     return np.sqrt(x["vx"] ** 2 + x["vy"] ** 2 + x["vz"] ** 2)
+
+
+def motor_use(run: Run) -> MotorUse | None:
+    """Return what a flight asked of its motors per second of its time [1/s], [m/s^2].
+
+    None where no firmware commanded them.
+    """
+    x = run.telemetry
+    if not run.spec.get("betaflight"):
+        return None
+    if len(x["t"]) < 2:
+        return MotorUse()
+    flown = float(x["t"][-1] - x["t"][0])
+    return MotorUse(*(float(x[name][-1]) / flown for name in MotorUse._fields))
 
 
 def path_length(run: Run) -> float:

@@ -21,6 +21,7 @@ from controllers.plan import PlannerSnapshot
 from quadsim.console import plain
 from quadsim.dynamics.quadrotor import CONTROL_UNITS, STATE_UNITS
 from quadsim.physics.link import LinkConfig
+from quadsim.physics.plant_state import MOTOR_UNITS
 from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.preset_changes import preset_changes
@@ -72,10 +73,16 @@ class RunError(Exception):
 
 
 def columns_of(spec: dict[str, Any]) -> dict[str, str]:
-    """Return the telemetry columns of a run, name -> unit, in order; more where it has sensors."""
+    """Return the telemetry columns of a run, name -> unit, in order.
+
+    There are more where it has sensors, and where a firmware commands the motors.
+    """
+    columns = dict(COLUMNS)
     if spec.get("sensing"):
-        return COLUMNS | ESTIMATE_UNITS
-    return dict(COLUMNS)
+        columns |= ESTIMATE_UNITS
+    if spec.get("betaflight"):
+        columns |= MOTOR_UNITS
+    return columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,6 +322,7 @@ class Recorder:
             frame.cost,
             frame.plan_ms,
             *frame.estimate,
+            *frame.motors,
         )
         if len(self) == len(self._table):
             self._grow(len(row))

@@ -9,6 +9,7 @@ from quadsim.record.limits import StoredSolution
 from quadsim.record.metrics import (
     commanded_rates,
     delivered_rates,
+    motor_use,
     path_length,
     speed,
     splits,
@@ -38,6 +39,10 @@ class RunMetrics:
         rates_tv: chatter of the commanded body rates: their total variation per second, summed
             over roll, pitch and yaw [rad/s^2].
         rates_tv_delivered: the same of the delivered body rates [rad/s^2].
+        motor_variation: total variation of the firmware's motor commands per second, mean of the
+            motors; a command is 1 at the greatest speed [1/s]. None without a firmware.
+        thrust_lost: mean of the thrust that was commanded and not given because a motor was at its
+            greatest command, mass-normalised [m/s^2]; None without a firmware.
         plan_ms_p50: median of the planning times, wall clock [ms].
         plan_ms_p95: 95th percentile of the planning times, wall clock [ms].
         nees: mean normalised estimation error squared, 9 for a consistent estimate; None where the
@@ -67,6 +72,8 @@ class RunMetrics:
     thrust_tv_delivered: float
     rates_tv: float
     rates_tv_delivered: float
+    motor_variation: float | None
+    thrust_lost: float | None
     plan_ms_p50: float
     plan_ms_p95: float
     nees: float | None
@@ -86,6 +93,7 @@ def run_metrics(run: Run, limit: StoredSolution | None) -> RunMetrics:
     finished = run.outcome == "finished"
     sensing = sensing_numbers(run)
     plan_ms = run.wall["plan_ms"]
+    motors = motor_use(run)
     return RunMetrics(
         laps=tuple(run.laps),
         penalties=tuple(run.penalties),
@@ -101,6 +109,8 @@ def run_metrics(run: Run, limit: StoredSolution | None) -> RunMetrics:
         thrust_tv_delivered=total_variation(x["t"], x["a"]),
         rates_tv=total_variation(x["t"], commanded_rates(run)),
         rates_tv_delivered=total_variation(x["t"], delivered_rates(run)),
+        motor_variation=motors.motor_variation if motors else None,
+        thrust_lost=motors.thrust_lost if motors else None,
         plan_ms_p50=plan_ms["p50"],
         plan_ms_p95=plan_ms["p95"],
         nees=sensing["nees"] if sensing else None,

@@ -27,6 +27,8 @@ def _sentences(run: Run, metrics: RunMetrics) -> Iterator[str]:
     if metrics.above_limit is not None:
         yield f"The race is {limit_text(metrics)}."
     yield f"Thrust chatter is {chatter_text(metrics)}."
+    if metrics.motor_variation is not None:
+        yield f"The firmware's motor commands vary by {motor_text(metrics)}."
     who = "The pilot" if run.spec.get("pilot") else "A plan"
     yield f"{who} took {planning_text(metrics)}."
     remark = not_comparable(run.spec)
@@ -64,6 +66,12 @@ def chatter_text(metrics: RunMetrics) -> str:
     """Return the chatter of the thrust as text."""
     commanded = f"{metrics.thrust_tv:.1f} m/s^2 per second commanded"
     return f"{commanded} and {metrics.thrust_tv_delivered:.1f} delivered"
+
+
+def motor_text(metrics: RunMetrics) -> str:
+    """Return how much a firmware changed the motors' commands, and what thrust was lost."""
+    variation = f"{metrics.motor_variation:.1f} per second"
+    return f"{variation}, and {metrics.thrust_lost:.2f} m/s^2 of thrust is lost at full motors"
 
 
 def planning_text(metrics: RunMetrics) -> str:

@@ -133,3 +133,48 @@ def test_the_firmware_measures_with_the_noise_of_the_sensors(built):
         made.close()
         rates[sensing] = np.std([x.body_rates for x in states])
     assert rates["perfect"] < 1e-3 < rates["gates"]
+
+
+def test_steady_motors_do_not_vary_and_lose_no_thrust(plant):
+    hover = (0.0, 0.0, 0.0, GRAVITY)
+    fly_steps(plant, hover, 0.5)
+    before = plant.state.motors
+    fly_steps(plant, hover, 0.5)
+    after = plant.state.motors
+    assert after.motor_variation - before.motor_variation < 0.01
+    assert after.thrust_lost == before.thrust_lost == 0.0
+
+
+def test_motors_vary_with_commands_that_chatter(plant):
+    rolled = []
+    for size in (1.0, 2.0):
+        before = plant.state.motors.motor_variation
+        for k in range(40):
+            roll = size if k % 2 else -size
+            fly_steps(plant, (roll, 0.0, 0.0, 15.0), 0.01)
+        rolled.append(plant.state.motors.motor_variation - before)
+    assert rolled[1] > 1.5 * rolled[0] > 0.0
+
+
+def test_turning_at_full_thrust_costs_thrust(plant):
+    full = quadsim.Spec.of("split_s_swift").vehicle.thrust_max
+    straight = fly_steps(plant, (0.0, 0.0, 0.0, full), 0.4)
+    assert plant.state.motors.thrust_lost == pytest.approx(0.0, abs=0.01)
+    fly_steps(plant, (8.0, 0.0, 0.0, full), 0.1)
+    lost = plant.state.motors.thrust_lost
+    assert lost > 0.1  # [m/s]
+    assert straight[-1].thrust == pytest.approx(full, rel=0.02)
+
+
+def test_a_run_keeps_what_its_motors_did(built, tmp_path):
+    run = quadsim.fly("split_s_swift", **SHORT)
+    variation = run.telemetry["motor_variation"]
+    assert variation[0] == 0.0
+    assert np.all(np.diff(variation) >= 0.0)
+    flown = run.telemetry["t"][-1]
+    assert run.metrics.motor_variation == pytest.approx(variation[-1] / flown)
+    assert run.metrics.thrust_lost == pytest.approx(run.telemetry["thrust_lost"][-1] / flown)
+    assert load_run(run.save(tmp_path / "run")).digest() == run.digest()
+    ideal = quadsim.fly("split_s_swift", **SHORT | {"flight_controller": "ideal"})
+    assert "motor_variation" not in ideal.telemetry
+    assert ideal.metrics.motor_variation is ideal.metrics.thrust_lost is None
