@@ -88,7 +88,11 @@ class MPPIConfig:
         bool, setting("whether the first control of the plan is left unperturbed")
     ] = False
     smooth: Annotated[
-        bool, setting("whether a Savitzky-Golay filter smooths the plan after each update")
+        bool,
+        setting(
+            "whether a Savitzky-Golay filter smooths the plan after each update; true behind"
+            " betaflight"
+        ),
     ] = False
     target_ess: (
         Annotated[float, setting("effective sample size that the temperature is adapted to", ge=1)]

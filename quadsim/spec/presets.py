@@ -43,14 +43,27 @@ class PresetSource:
             return cls(name_or_path, read_text(Path(name_or_path)))
         return cls(name_or_path)
 
-    def planner(self, sampler: str) -> Planner:
-        """Return the preset's numbers for a registered sampler. Raises FileError."""
+    def planner(self, sampler: str, firmware: bool = False) -> Planner:
+        """Return the preset's numbers for a registered sampler. Raises FileError.
+
+        firmware: whether a firmware carries out the commands.
+        """
         if self.text is None:
-            return preset(self.name, sampler)
-        return parse_planner(self.text, self.name, sampler)
+            return _named(self.name, sampler, firmware)
+        return parse_planner(self.text, self.name, sampler, firmware)
 
 
-def parse_planner(text: str, file: str, sampler: str) -> Planner:
+def _named(name: str, sampler: str, firmware: bool) -> Planner:
+    """Return a named preset. Before a firmware, whose filters and gains lag, its plan is smoothed.
+
+    An ideal rate loop follows a plan that changes in each period; a firmware does not, and pays for
+    trying with thrust. See docs/betaflight.md for the flights that show it.
+    """
+    found = preset(name, sampler)
+    return replace(found, mppi=replace(found.mppi, smooth=True)) if firmware else found
+
+
+def parse_planner(text: str, file: str, sampler: str, firmware: bool = False) -> Planner:
     """Return the planner of a preset file's text.
 
     A key that the file leaves out keeps the number of its base. Keys of other samplers are skipped,
@@ -60,7 +73,7 @@ def parse_planner(text: str, file: str, sampler: str) -> Planner:
         FileError: the file is not a preset.
     """
     document = parse(text, file)
-    base = _base(document, sampler)
+    base = _base(document, sampler, firmware)
     entry = document.fill(_schema(base))
     changes: dict[str, Any] = {"preset": file, "vehicle": entry.vehicle or base.vehicle}
     for group, keys in _groups(document):
@@ -82,7 +95,7 @@ def _groups(document: Document) -> Iterator[tuple[str, list[str]]]:
             yield key.value, [k.value for k, _ in node.value]
 
 
-def _base(document: Document, sampler: str) -> Planner:
+def _base(document: Document, sampler: str, firmware: bool) -> Planner:
     """Return the preset that the file's `base` names.
 
     A file without `base` gets the first preset; its schema then reports the missing key.
@@ -92,10 +105,10 @@ def _base(document: Document, sampler: str) -> Planner:
         if isinstance(key, yaml.ScalarNode) and key.value == "base":
             name = node.value
     if not isinstance(name, str):
-        return preset(next(iter(PRESETS)), sampler)
+        return _named(next(iter(PRESETS)), sampler, firmware)
     if name not in PRESETS:
         raise document.error("base", f"no preset {name!r}: {did_you_mean(name, PRESETS)}")
-    return preset(name, sampler)
+    return _named(name, sampler, firmware)
 
 
 def _schema(base: Planner) -> type[Any]:

@@ -762,12 +762,13 @@ def _base_planner(
             )
         preset = PresetSource.read(flight.preset)
         read |= {"preset": preset} if "preset" in given else {}
+    firmware = flight.flight_controller != "ideal"
     if sampling is None:
-        return preset.planner(flight.sampler)
+        return preset.planner(flight.sampler, firmware)
     read["sampler"] = sampling
     # The user's own sampler gets the MPPI and cost numbers of the default sampler.
     name = sampler_name(sampling) if is_registered(sampling) else FlightSettings.sampler
-    return replace(preset.planner(name), sampling=sampling)
+    return replace(preset.planner(name, firmware), sampling=sampling)
 
 
 def _with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:

@@ -178,3 +178,22 @@ def test_a_run_keeps_what_its_motors_did(built, tmp_path):
     ideal = quadsim.fly("split_s_swift", **SHORT | {"flight_controller": "ideal"})
     assert "motor_variation" not in ideal.telemetry
     assert ideal.metrics.motor_variation is ideal.metrics.thrust_lost is None
+
+
+def test_the_plan_is_smoothed_behind_the_firmware_unless_one_says_no(built):
+    assert not quadsim.Spec.of("split_s_swift").planner.mppi.smooth
+    behind = quadsim.Spec.of("split_s_swift", flight_controller="betaflight")
+    assert behind.planner.mppi.smooth
+    assert not behind.but(flight_controller="ideal").planner.mppi.smooth
+    assert not behind.but(smooth=False).planner.mppi.smooth
+
+
+@pytest.mark.parametrize(
+    ("text", "smooth"), [("base: race\n", True), ("base: race\nmppi: {smooth: false}\n", False)]
+)
+def test_a_preset_file_is_as_its_base_behind_the_firmware(built, tmp_path, text, smooth):
+    (tmp_path / "mine.yaml").write_text(text)
+    spec = quadsim.Spec.of(
+        "split_s_swift", preset=tmp_path / "mine.yaml", flight_controller="betaflight"
+    )
+    assert spec.planner.mppi.smooth is smooth

@@ -1,0 +1,129 @@
+"""The pictures of betaflight.md: step responses, and spectra of both samplers' flights.
+
+.venv/bin/python docs/betaflight_figures.py
+
+It needs the firmware (race firmware build) and orangebox (pip install '.[betaflight]').
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from orangebox import Parser
+from scipy.signal import TransferFunction, step, welch
+
+import quadsim
+from quadsim.figures.style import STYLE
+from quadsim.palette import INK, LIMIT, SPARE, STYLES
+from quadsim.physics.actuators import Actuators
+from quadsim.physics.betaflight import READY, BetaflightActuators
+from quadsim.physics.gain_search import step_response
+from quadsim.physics.identification import RateLoop
+from quadsim.spec.identified import firmware_for, identified
+
+FOLDER = Path(__file__).parent
+COURSE = "split_s_swift"
+SAMPLERS = ("gaussian", "colored")
+SHOWN = 0.3  # of a step response [s]
+SEGMENT = 1024  # of Welch's method [samples]
+# Column of the log -> title, factor to the unit, unit
+LOGGED = {
+    "setpoint[0]": ("commanded roll rate", np.pi / 180.0, "rad/s"),
+    "gyroADC[0]": ("measured roll rate", np.pi / 180.0, "rad/s"),
+    "motor[0]": ("command to a motor", None, "1"),
+}
+
+
+def main() -> None:
+    """Fly and draw the pictures."""
+    plt.rcParams.update(STYLE | {"figure.dpi": 130, "figure.constrained_layout.use": True})
+    draw_steps()
+    draw_spectra()
+
+
+def draw_steps() -> None:
+    """Draw what a body rate does after a step of its command, about each axis."""
+    spec = quadsim.Spec.of(COURSE, flight_controller="betaflight")
+    assert spec.betaflight
+    vehicle, dt = spec.vehicle, spec.plant_dt
+    built, configuration = firmware_for(vehicle, spec.betaflight)
+    firmware = partial(BetaflightActuators, vehicle, dt, built, configuration)
+    ideal = partial(Actuators, vehicle, dt)
+    found = identified(vehicle, spec.betaflight, dt, spec.planner.mppi.dt)
+
+    figure, axes = plt.subplots(1, 3, figsize=(10.5, 3.2), sharey=True)
+    for axis, (panel, name) in enumerate(zip(axes, ("roll", "pitch", "yaw"), strict=True)):
+        panel.axhline(1.0, color=LIMIT, linewidth=0.8, label="command")
+        for new_actuators, style, label in (
+            (ideal, SPARE[0], "ideal rate loop"),
+            (firmware, SPARE[1], "Betaflight"),
+        ):
+            response = step_response(vehicle, axis, dt, new_actuators)
+            t = dt * np.arange(len(response.rates))
+            share = response.rates / response.level
+            panel.plot(t, share, color=style.colour, linewidth=1.6, label=label)
+        t, share = predicted(found.axes[axis])
+        panel.plot(t + found.delay, share, "--", color=INK, linewidth=1.2, label="planner's model")
+        panel.set_title(name)
+        panel.set_xlim(0.0, SHOWN)
+        panel.set_xlabel("time since the command [s]")
+    axes[0].set_ylabel("body rate, as a share of the step")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    figure.savefig(FOLDER / "betaflight_steps.png")
+
+
+def predicted(loop: RateLoop) -> tuple[np.ndarray, np.ndarray]:
+    """Return times [s] and the step response of the identified second-order system."""
+    system = TransferFunction([1.0], [loop.rate_tau * loop.rate_lag, loop.rate_tau, 1.0])
+    return step(system, T=np.linspace(0.0, SHOWN, 600))
+
+
+def draw_spectra() -> None:
+    """Draw the spectra of what the firmware logs of both samplers' flights."""
+    figure, axes = plt.subplots(1, 3, figsize=(10.5, 3.4))
+    with TemporaryDirectory() as folder:
+        for sampler in SAMPLERS:
+            log = Path(folder) / f"{sampler}.bbl"
+            run = quadsim.fly(
+                COURSE, sampler=sampler, flight_controller="betaflight", laps=1, blackbox=log
+            )
+            draw_log(axes, log, run.duration, sampler)
+    for panel, (title, _, unit) in zip(axes, LOGGED.values(), strict=True):
+        panel.set_title(title)
+        panel.set_xlabel("frequency [Hz]")
+        panel.set_ylabel(f"power spectral density [({unit})$^2$/Hz]")
+    axes[0].legend()
+    figure.savefig(FOLDER / "betaflight_spectra.png")
+
+
+def draw_log(axes: np.ndarray, log: Path, flown: float, sampler: str) -> None:
+    """Draw the spectra of one flight, from the firmware's log of it."""
+    read = Parser.load(str(log))
+    column = {name: read.field_names.index(name) for name in (*LOGGED, "time")}
+    frames = [frame.data for frame in read.frames()]
+    t = 1e-6 * np.array([frame[column["time"]] for frame in frames], float)
+    t -= t[0] + READY
+    flying = (t >= 0.0) & (t <= flown)
+    rate = 1.0 / np.median(np.diff(t))
+    low, high = map(float, read.headers["motorOutput"])
+    for panel, (name, (_, factor, _)) in zip(axes, LOGGED.items(), strict=True):
+        signal = np.array([frame[column[name]] for frame in frames], float)[flying]
+        scale = 1.0 / (high - low) if factor is None else factor
+        f, density = welch(scale * signal, rate, nperseg=SEGMENT)
+        style = STYLES[sampler]
+        draw_density(panel, f[1:], density[1:], style.colour, sampler)
+
+
+def draw_density(panel: Axes, f: np.ndarray, density: np.ndarray, colour: str, name: str) -> None:
+    """Draw one spectrum on two logarithmic axes."""
+    panel.loglog(f, density, color=colour, linewidth=1.4, label=name)
+    panel.grid(which="both", alpha=0.25)
+
+
+if __name__ == "__main__":
+    main()
