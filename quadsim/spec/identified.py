@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -18,6 +19,8 @@ from quadsim.physics.identification import Identification, identify
 from quadsim.physics.link import Link
 from quadsim.vehicle import Vehicle
 
+# In a program that has not set up logging, a warning is one line on stderr.
+log = logging.getLogger("quadsim")
 # An identification by other code is another one.
 CODE = (betaflight.__file__, identification.__file__, link.__file__)
 
@@ -50,6 +53,10 @@ def identified(vehicle: Vehicle, text: Text, dt: float, period: float) -> Identi
     path = _path(built, vehicle, text, dt, period)
     found = _read(path)
     if found is None:
+        log.warning(
+            f"identifying the rate loop of {vehicle.name} behind Betaflight on a test bench, once:"
+            " some 10 s"
+        )
 
         def actuators() -> BetaflightActuators:
             wire = Link(dt, interpolation=period)

@@ -2,6 +2,7 @@
 
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from math import exp, pi, sqrt
 
 import numpy as np
@@ -12,6 +13,7 @@ from quadsim.cli.cli import race
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
 from quadsim.physics.identification import RateLoop, TestBench, identify
 from quadsim.physics.plant_state import start_state
+from quadsim.spec import identified as identified_module
 from quadsim.spec.tuned_gains import FirmwareBench
 from quadsim.vehicle import load_vehicle
 
@@ -130,3 +132,17 @@ def test_what_only_an_identification_has_is_refused_elsewhere(capsys):
     assert race(["firmware", "build", "--vehicle", "swift"]) == 2
     said = capsys.readouterr().err.strip()
     assert said == "race firmware: --vehicle: expected none beside build, got 'swift'"
+
+
+def test_a_first_identification_says_what_takes_the_time(built, tmp_path, monkeypatch, caplog):
+    """The second one comes from the cache."""
+    text = quadsim.Spec.of("split_s_swift", flight_controller="betaflight").betaflight
+    monkeypatch.setattr(identified_module, "cache_folder", lambda: tmp_path)
+    spec = partial(
+        identified_module.identified.__wrapped__, load_vehicle("swift"), text, 1e-3, PERIOD
+    )
+    first = spec()
+    assert len(caplog.messages) == 1
+    assert "identifying the rate loop of swift behind Betaflight" in caplog.messages[0]
+    assert spec() == first
+    assert len(caplog.messages) == 1
