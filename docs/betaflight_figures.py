@@ -31,11 +31,12 @@ COURSE = "split_s_swift"
 SAMPLERS = ("gaussian", "colored")
 SHOWN = 0.3  # of a step response [s]
 SEGMENT = 1024  # of Welch's method [samples]
-# Column of the log -> title, factor to the unit, unit
+HIGHEST = 300.0  # frequency that is drawn; what the log rounds off lies above [Hz]
+# Column of the log -> title, factor to the unit (None: of the motors' range), unit of the density
 LOGGED = {
-    "setpoint[0]": ("commanded roll rate", np.pi / 180.0, "rad/s"),
-    "gyroADC[0]": ("measured roll rate", np.pi / 180.0, "rad/s"),
-    "motor[0]": ("command to a motor", None, "1"),
+    "setpoint[0]": ("commanded roll rate", np.pi / 180.0, "(rad/s)$^2$/Hz"),
+    "gyroADC[0]": ("measured roll rate", np.pi / 180.0, "(rad/s)$^2$/Hz"),
+    "motor[0]": ("command to a motor", None, "1/Hz"),
 }
 
 
@@ -96,7 +97,7 @@ def draw_spectra() -> None:
     for panel, (title, _, unit) in zip(axes, LOGGED.values(), strict=True):
         panel.set_title(title)
         panel.set_xlabel("frequency [Hz]")
-        panel.set_ylabel(f"power spectral density [({unit})$^2$/Hz]")
+        panel.set_ylabel(f"power spectral density [{unit}]")
     axes[0].legend()
     figure.savefig(FOLDER / "betaflight_spectra.png")
 
@@ -116,7 +117,8 @@ def draw_log(axes: np.ndarray, log: Path, flown: float, sampler: str) -> None:
         scale = 1.0 / (high - low) if factor is None else factor
         f, density = welch(scale * signal, rate, nperseg=SEGMENT)
         style = STYLES[sampler]
-        draw_density(panel, f[1:], density[1:], style.colour, sampler)
+        shown = (f > 0.0) & (f <= HIGHEST)
+        draw_density(panel, f[shown], density[shown], style.colour, sampler)
 
 
 def draw_density(panel: Axes, f: np.ndarray, density: np.ndarray, colour: str, name: str) -> None:
