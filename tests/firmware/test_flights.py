@@ -1,5 +1,7 @@
 """Flights behind the firmware: the vehicle does what is commanded, and the same again."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -197,3 +199,14 @@ def test_a_preset_file_is_as_its_base_behind_the_firmware(built, tmp_path, text,
         "split_s_swift", preset=tmp_path / "mine.yaml", flight_controller="betaflight"
     )
     assert spec.planner.mppi.smooth is smooth
+
+
+def test_a_campaign_in_parallel_equals_the_same_in_sequence(built):
+    fly = partial(quadsim.compare, "split_s_swift", {"firmware": SHORT}, attempts=8, randomize=1)
+
+    def digests(comparison):
+        return [quadsim.load_run(attempt.folder).digest() for attempt in comparison.attempts]
+
+    found = digests(fly(jobs=2))
+    assert found == digests(fly())
+    assert len(set(found)) == 8
