@@ -11,6 +11,9 @@ Flights of a seed are compared across versions, so the keys are never changed:
 
     flight of a quadrotor   planner (0), vehicle (1, 0), gusts (1, 1), sensors (2), gates (3),
                             faults (4); fault k, counted from 0, (4, k); link (5)
+    race of several         seed of entrant k, counted from 0, (6, k), but for the first one, whose
+                            seed is the race's; what vehicle k sees of the others (7, k); its plan
+                            for vehicle m (8, k, m)
     its sensors             imu (2, 0), rotors (2, 1), pose (2, 2), camera (2, 3); the flight
                             controller's own imu (2, 4)
     off-road vehicle        planner (0), gusts (1); vehicle (2), sensors (3), gates (4), faults (5),
@@ -87,6 +90,40 @@ def quadrotor_streams(seed: int) -> Streams:
         faults=_child(root, 4),
         link=_child(root, 5),
     )
+
+
+def entrant_seed(seed: int, entrant: int) -> int:
+    """Return the seed of one entrant's flight, so that a race of one is that flight.
+
+    Args:
+        seed: seed of the race.
+        entrant: index of the entrant, from 0.
+    """
+    if entrant == 0:
+        return seed
+    (drawn,) = _child(SeedSequence(seed), 6, entrant).generate_state(1)
+    return int(drawn) % (10**9 + 1)
+
+
+def sighting_stream(seed: int, vehicle: int) -> SeedSequence:
+    """Return the stream of the noise in what a vehicle of a race sees of the others.
+
+    Args:
+        seed: seed of the race.
+        vehicle: index of the vehicle, from 0.
+    """
+    return _child(SeedSequence(seed), 7, vehicle)
+
+
+def opponent_stream(seed: int, vehicle: int, other: int) -> SeedSequence:
+    """Return the stream of the samples with which a vehicle plans another one's flight.
+
+    Args:
+        seed: seed of the race.
+        vehicle: index of the vehicle that plans, from 0.
+        other: index of the other one.
+    """
+    return _child(SeedSequence(seed), 8, vehicle, other)
 
 
 def fault_stream(faults: SeedSequence, index: int) -> SeedSequence:

@@ -12,7 +12,7 @@ bars' edges, .73 r at their corners. On their faces, and straight through the op
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import dist, hypot, inf
+from math import dist, hypot, inf, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -89,6 +89,35 @@ def _clip_centred(a: Vec3, b: Vec3, half: Vec3) -> tuple[float, float] | None:
 def lerp(a: Vec3, b: Vec3, s: float) -> Vec3:
     """Return the point at the fraction s of the segment a -> b."""
     return (a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2]))
+
+
+def first_within(a0: Vec3, a1: Vec3, b0: Vec3, b1: Vec3, reach: float) -> float | None:
+    """Return the fraction of a step at which two points come within reach of each other.
+
+    Each moves on a straight line, so the way between them does, too.
+
+    Args:
+        a0, a1: the first point before and after the step [m].
+        b0, b1: the second point before and after the step [m].
+        reach: distance [m].
+
+    Returns:
+        0 where they are within reach from the beginning; None where they never are.
+    """
+    way = (b0[0] - a0[0], b0[1] - a0[1], b0[2] - a0[2])
+    change = (b1[0] - a1[0] - way[0], b1[1] - a1[1] - way[1], b1[2] - a1[2] - way[2])
+
+    # |way + s change|^2 = reach^2 is a quadratic equation in s: a s^2 + 2 b s + c = 0.
+    a = sum(d * d for d in change)
+    b = sum(w * d for w, d in zip(way, change, strict=True))
+    c = sum(w * w for w in way) - reach * reach
+    if c <= 0.0:
+        return 0.0
+    discriminant = b * b - a * c
+    if b >= 0.0 or discriminant < 0.0:
+        return None
+    s = (-b - sqrt(discriminant)) / a
+    return s if s <= 1.0 else None
 
 
 class SweptGate:

@@ -35,3 +35,5 @@ class Estimate:
     model: System | None = None
     # the course as it is estimated; None: the controller's own map
     course: Course | None = None
+    # time at which the control will act [s]; None: at t
+    acts: float | None = None

@@ -20,7 +20,7 @@ from quadsim.physics.actuators import Actuators, Wrench
 from quadsim.physics.faults import CommandLoss, RotorFault
 from quadsim.physics.link import HOVER
 from quadsim.physics.plant_state import MotorUse, PlantState, start_state
-from quadsim.physics.rigid_body import RigidBody
+from quadsim.physics.rigid_body import RigidArena, RigidBody
 from quadsim.physics.rotorpy_plant import RotorpyPlant
 from quadsim.rotation import Quaternion, Vec3, to_body
 from quadsim.vehicle import Vehicle
@@ -68,7 +68,10 @@ class Plant(Protocol):
 
 
 class World(Protocol):
-    """A rigid body among a course's gates; see quadsim.physics.rigid_body.RigidBody."""
+    """A rigid body among a course's gates; see quadsim.physics.rigid_body.RigidBody.
+
+    In an Arena it is one of several, and `step` and `close` are those of the arena.
+    """
 
     def place(self, p: Vec3, q: Quaternion) -> None:
         """Put the vehicle at rest at the position p [m] with the attitude q (wxyz)."""
@@ -93,6 +96,51 @@ class World(Protocol):
     def close(self) -> None:
         """Release what the world holds."""
         ...
+
+
+class Member(World, Protocol):
+    """One of several vehicles in an Arena."""
+
+    def remove(self) -> None:
+        """Take the vehicle out, so that no other can touch it any more."""
+        ...
+
+
+class Arena(Protocol):
+    """A world of several vehicles; see quadsim.physics.rigid_body.RigidArena."""
+
+    def add(self, vehicle: Vehicle) -> Member:
+        """Add a vehicle; the first one is "vehicle 1" in the contacts of others."""
+        ...
+
+    def step(self) -> None:
+        """Advance all vehicles by one physics step."""
+        ...
+
+    def close(self) -> None:
+        """Release what the arena holds."""
+        ...
+
+
+def new_arena(plant: str, course: Course, dt: float, collide: bool) -> Arena:
+    """Return the world of several vehicles of this plant.
+
+    Args:
+        plant: "bullet" or "rigid".
+        course: gates and obstacles that stand in the world.
+        dt: physics step [s].
+        collide: whether vehicles collide with each other; otherwise they pass through.
+
+    Raises:
+        ValueError: PyBullet is not installed.
+    """
+    if plant == "rigid":
+        return RigidArena(course, dt, collide)
+    _expect_bullet()
+    # imported here, so that models and referees do not load pybullet
+    from quadsim.physics import world
+
+    return world.Arena(course, dt, collide)
 
 
 class ActuatorsProtocol(Protocol):
@@ -166,12 +214,22 @@ class RigidPlant:
         self._steps = 0
         self.state = self._read()
 
-    @staticmethod
-    def _new_world(course: Course, body: Vehicle, dt: float) -> World:
+    def _new_world(self, course: Course, body: Vehicle, dt: float) -> World:
         return RigidBody(course, body, dt)
 
     def step(self, u: Sequence[float]) -> PlantState[State]:
         """Advance by one physics step under a command in the order of Control  (4,)."""
+        self.push(u)
+        self._world.step()
+        return self.arrive()
+
+    def push(self, u: Sequence[float], disturbance: Vec3 | None = None) -> None:
+        """Apply the forces of the next physics step.
+
+        Args:
+            u: command in the order of Control  (4,).
+            disturbance: force by others, such as their downwash, world frame [N].
+        """
         x = self.state.x
         attitude = x.attitude
         v_body = to_body(attitude, x.velocity)
@@ -180,8 +238,14 @@ class RigidPlant:
             fx, fy, fz = force
             ax, ay, az = to_body(attitude, next(self._gusts))
             force = (fx + self._mass * ax, fy + self._mass * ay, fz + self._mass * az)
+        if disturbance:
+            fx, fy, fz = force
+            dx, dy, dz = to_body(attitude, disturbance)
+            force = (fx + dx, fy + dy, fz + dz)
         self._world.apply(force, torque)
-        self._world.step()
+
+    def arrive(self) -> PlantState[State]:
+        """Return the state after a physics step of the world."""
         self._steps += 1
         self.state = self._read()
         return self.state
@@ -205,15 +269,40 @@ class RigidPlant:
         self._actuators.close()
 
 
+class SharedPlant(RigidPlant):
+    """One of several vehicles in an Arena.
+
+    Whoever steps the arena calls `push` of all its plants before, and `arrive` after it.
+    """
+
+    def __init__(self, arena: Arena, *args: Any, **settings: Any):
+        """Start at rest.
+
+        Args:
+            arena: the world that the vehicle shares with others.
+            args, settings: those of RigidPlant.
+        """
+        self._arena = arena
+        super().__init__(*args, **settings)
+
+    def _new_world(self, course: Course, body: Vehicle, dt: float) -> World:
+        self._member = self._arena.add(body)
+        return self._member
+
+    def remove(self) -> None:
+        """Take the vehicle out of the arena, where no other can touch it any more."""
+        self._member.remove()
+
+    def close(self) -> None:
+        """Release the actuators. Whoever made the arena closes it."""
+        self._actuators.close()
+
+
 class BulletPlant(RigidPlant):
     """The same plant in PyBullet. Raises ValueError where that is not installed."""
 
-    @staticmethod
-    def _new_world(course: Course, body: Vehicle, dt: float) -> World:
-        if not has_bullet():
-            raise ValueError(
-                "plant: 'bullet' needs PyBullet, which is not installed: install it, or fly 'rigid'"
-            )
+    def _new_world(self, course: Course, body: Vehicle, dt: float) -> World:
+        _expect_bullet()
         # imported here, so that models and referees do not load pybullet
         from quadsim.physics import world
 
@@ -226,6 +315,14 @@ PLANTS: dict[PlantName, type[RigidPlant] | type[RotorpyPlant]] = {
     "rigid": RigidPlant,
     "rotorpy": RotorpyPlant,
 }
+
+
+def _expect_bullet() -> None:
+    """Raise ValueError where PyBullet is not installed."""
+    if not has_bullet():
+        raise ValueError(
+            "plant: 'bullet' needs PyBullet, which is not installed: install it, or fly 'rigid'"
+        )
 
 
 def has_bullet() -> bool:
@@ -340,10 +437,29 @@ class LossyLink:
         Args:
             u: command that is sent now, in the order of Control  (4,).
         """
+        return self._plant.step(self._carried(u))
+
+    def push(self, u: Sequence[float], disturbance: Vec3 | None = None) -> None:
+        """Apply the forces of the next physics step, as RigidPlant does."""
+        assert isinstance(self._plant, RigidPlant)
+        self._plant.push(self._carried(u), disturbance)
+
+    def arrive(self) -> PlantState[State]:
+        """Return the state after a physics step of the world, as RigidPlant does."""
+        assert isinstance(self._plant, RigidPlant)
+        return self._plant.arrive()
+
+    def remove(self) -> None:
+        """Take the vehicle out of its arena, as SharedPlant does."""
+        assert isinstance(self._plant, SharedPlant)
+        self._plant.remove()
+
+    def _carried(self, u: Sequence[float]) -> Sequence[float]:
+        """Return the command that is in force when u is sent."""
         t = self._plant.state.t
         if not any(loss.window.active(t) for loss in self._losses):
             self._arrived = u
-        return self._plant.step(self._arrived)
+        return self._arrived
 
     def close(self) -> None:
         """Release what the plant holds."""

@@ -10,13 +10,18 @@ one of them shows the same as in the other.
 
 Contacts are the referee's swept test. The ground stops a fall, without bounce and without friction.
 A gate's frame and an obstacle are reported only: touching one ends a flight, or costs a penalty in
-the timed mode, where the vehicle flies on through it.
+the timed mode, where the vehicle flies on through it. Several vehicles in a RigidArena collide
+without bounce and friction: along the line between their centres they have one velocity afterwards,
+by the conservation of momentum.
 """
 
 from __future__ import annotations
 
+from itertools import combinations
+from math import dist
+
 from quadsim.course import Course
-from quadsim.course.swept import SweptGates
+from quadsim.course.swept import SweptGates, first_within, lerp
 from quadsim.course.swept_obstacles import SweptObstacles
 from quadsim.physics.actuators import gyroscopic
 from quadsim.rotation import Quaternion, Vec3, to_body, to_world, turned_at
@@ -30,8 +35,9 @@ class RigidBody:
 
     def __init__(self, course: Course, vehicle: Vehicle, dt: float):
         """dt: physics step [s]."""
-        self._vehicle = vehicle
+        self.vehicle = vehicle
         self._dt = dt
+        self.removed = False
         self._gates = SweptGates(course.gates, vehicle.radius)
         self._obstacles = SweptObstacles(course.obstacles, vehicle.radius)
         self._force: Vec3 = ORIGIN
@@ -51,6 +57,8 @@ class RigidBody:
         self._q = q
         self._v = v
         self._omega: Vec3 = to_body(q, omega)
+        # position before the last step [m]
+        self.before = p
         self._contacts: tuple[str, ...] = ()
 
     def apply(self, force_body: Vec3, torque_body: Vec3) -> None:
@@ -61,7 +69,7 @@ class RigidBody:
     def step(self) -> None:
         """Advance velocities, then poses by the new velocities, then find contacts on the way."""
         dt = self._dt
-        mass = self._vehicle.mass
+        mass = self.vehicle.mass
 
         fx, fy, fz = to_world(self._q, self._force)
         vx, vy, vz = self._v
@@ -72,12 +80,13 @@ class RigidBody:
 
         self._q = turned_at(self._q, self._omega, dt)
         before = self._p
+        self.before = before
         x = before[0] + dt * vx
         y = before[1] + dt * vy
         z = before[2] + dt * vz
 
         # The ground stops a fall.
-        lowest = self._vehicle.radius
+        lowest = self.vehicle.radius
         grounded = z <= lowest
         self._p = (x, y, max(z, lowest))
         self._v = (vx, vy, max(vz, 0.0) if grounded else vz)
@@ -92,8 +101,8 @@ class RigidBody:
         dt = self._dt
         wx, wy, wz = self._omega
         tx, ty, tz = self._torque
-        gx, gy, gz = gyroscopic(self._omega, self._vehicle.inertia)
-        jx, jy, jz = self._vehicle.inertia
+        gx, gy, gz = gyroscopic(self._omega, self.vehicle.inertia)
+        jx, jy, jz = self.vehicle.inertia
         return wx + dt * (tx - gx) / jx, wy + dt * (ty - gy) / jy, wz + dt * (tz - gz) / jz
 
     def read(self) -> tuple[Vec3, Vec3, Quaternion, Vec3]:
@@ -103,6 +112,33 @@ class RigidBody:
     def contacts(self) -> tuple[str, ...]:
         """Return the objects touched in the last step, e.g. "ground", "gate 3", "obstacle 2"."""
         return self._contacts
+
+    @property
+    def position(self) -> Vec3:
+        """The position [m]."""
+        return self._p
+
+    @property
+    def velocity(self) -> Vec3:
+        """The velocity in the world frame [m/s]."""
+        return self._v
+
+    def touch(self, name: str, position: Vec3, velocity: Vec3) -> None:
+        """Note a contact within the last step, after which it ends elsewhere.
+
+        Args:
+            name: what is touched, "vehicle 2".
+            position: where the step ends [m].
+            velocity: velocity at its end, world frame [m/s].
+        """
+        x, y, z = position
+        self._p = (x, y, max(z, self.vehicle.radius))
+        self._v = velocity
+        self._contacts = (*self._contacts, name)
+
+    def remove(self) -> None:
+        """Take the vehicle out of its arena, where no other can touch it any more."""
+        self.removed = True
 
     def close(self) -> None:
         """Do nothing, as nothing is held."""
@@ -116,3 +152,87 @@ class RigidBody:
                 touched.append(f"gate {swept.index + 1}")
         touched += [incident.touched for incident in self._obstacles.incidents(p0, p1)]
         return tuple(touched)
+
+
+class RigidArena:
+    """Several rigid bodies above one ground, among one course's gates and obstacles."""
+
+    def __init__(self, course: Course, dt: float, collide: bool = True):
+        """Make the world, still without a vehicle.
+
+        Args:
+            course: gates and obstacles.
+            dt: physics step [s].
+            collide: whether vehicles collide with each other; otherwise they pass through.
+        """
+        self._course = course
+        self._dt = dt
+        self._collide = collide
+        self._bodies: list[RigidBody] = []
+
+    def add(self, vehicle: Vehicle) -> RigidBody:
+        """Add a vehicle, and return it; the first one is "vehicle 1" in the contacts of others."""
+        body = RigidBody(self._course, vehicle, self._dt)
+        self._bodies.append(body)
+        return body
+
+    def step(self) -> None:
+        """Advance all vehicles by one physics step, then let those collide that meet on the way."""
+        flying = [(k, body) for k, body in enumerate(self._bodies, 1) if not body.removed]
+        for _, body in flying:
+            body.step()
+        if self._collide:
+            for (k, a), (m, b) in combinations(flying, 2):
+                reach = a.vehicle.radius + b.vehicle.radius
+                s = first_within(a.before, a.position, b.before, b.position, reach)
+                if s is not None:
+                    self._collide_at(s, (k, a), (m, b))
+
+    def _collide_at(
+        self, s: float, first: tuple[int, RigidBody], other: tuple[int, RigidBody]
+    ) -> None:
+        """Let two vehicles collide.
+
+        Args:
+            s: fraction of the step at which they touch.
+            first, other: numbers and bodies of the two.
+        """
+        k, a = first
+        m, b = other
+
+        # The unit vector from one centre to the other, where they touch
+        at_a = lerp(a.before, a.position, s)
+        at_b = lerp(b.before, b.position, s)
+        distance = dist(at_a, at_b)
+        if distance == 0.0:
+            return
+        normal = _scaled(_less(at_b, at_a), 1.0 / distance)
+
+        # The impulse per unit of reduced mass that takes away the approach along it
+        approach = max(_dot(_less(a.velocity, b.velocity), normal), 0.0)
+        total = a.vehicle.mass + b.vehicle.mass
+        v_a = _less(a.velocity, _scaled(normal, approach * b.vehicle.mass / total))
+        v_b = _less(b.velocity, _scaled(normal, -approach * a.vehicle.mass / total))
+
+        # From the contact on they move with their new velocities.
+        left = (1.0 - s) * self._dt
+        a.touch(f"vehicle {m}", _less(at_a, _scaled(v_a, -left)), v_a)
+        b.touch(f"vehicle {k}", _less(at_b, _scaled(v_b, -left)), v_b)
+
+    def close(self) -> None:
+        """Do nothing, as nothing is held."""
+
+
+def _less(a: Vec3, b: Vec3) -> Vec3:
+    """Return a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def _scaled(a: Vec3, factor: float) -> Vec3:
+    """Return factor a."""
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+def _dot(a: Vec3, b: Vec3) -> float:
+    """Return a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

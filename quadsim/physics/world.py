@@ -43,23 +43,29 @@ OTHER_BODY = 2
 CONTACT_DISTANCE = 8
 
 
-class World:
-    """A rigid sphere with its own inertia above the ground at z = 0, among gates and obstacles.
+class Arena:
+    """The ground at z = 0, gates and obstacles, and one vehicle or several among them.
 
-    Each World has a Bullet client of its own.
+    A vehicle is a rigid sphere with its own inertia. Each Arena has a Bullet client of its own.
     """
 
-    def __init__(self, course: Course, vehicle: Vehicle, dt: float):
-        """dt: physics step [s]."""
+    def __init__(self, course: Course, dt: float, collide: bool = True):
+        """Make the world, still without a vehicle.
+
+        Args:
+            course: gates and obstacles that stand in it.
+            dt: physics step [s].
+            collide: whether vehicles collide with each other; otherwise they pass through.
+        """
         self._client = bullet.connect(bullet.DIRECT)
-        self._at: dict[str, int] = {"physicsClientId": self._client}
-        bullet.setTimeStep(dt, **self._at)
-        bullet.setGravity(0.0, 0.0, -GRAVITY, **self._at)
+        self.at: dict[str, int] = {"physicsClientId": self._client}
+        bullet.setTimeStep(dt, **self.at)
+        bullet.setGravity(0.0, 0.0, -GRAVITY, **self.at)
         plane = bullet.createCollisionShape(
-            bullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], **self._at
+            bullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], **self.at
         )
         # body -> name of what it is in contacts
-        self._names = {bullet.createMultiBody(0.0, plane, **self._at): "ground"}
+        self.names = {bullet.createMultiBody(0.0, plane, **self.at): "ground"}
 
         # Each gate stands once, however often a lap leads through it, with its first number.
         first_number: dict[Gate, int] = {}
@@ -67,33 +73,46 @@ class World:
             first_number.setdefault(gate, number)
         self._gates = tuple(first_number)
         self._numbers = tuple(first_number.values())
-        # gates near the vehicle: place in _gates -> body
+        # gates near a vehicle: place in _gates -> body
         self._standing: dict[int, int] = {}
         self._centres = np.array([gate.position for gate in self._gates])  # (gates, 3)
         self._reach = np.array(
             [NEAR + hypot(*gate.opening) / 2 + 2 * gate.frame_width for gate in self._gates]
         )
-
-        # position of the vehicle now, and when gates were last put up [m]
-        self._place = ORIGIN
-        self._gates_stand_around = ORIGIN
         for number, obstacle in enumerate(course.obstacles, 1):
-            self._names[self._add_obstacle(obstacle)] = f"obstacle {number}"
-        self._body = self._add_vehicle(vehicle)
+            self.names[self._add_obstacle(obstacle)] = f"obstacle {number}"
+        self._collide = collide
+        self._bodies: list[Body] = []
 
-    def _put_up_gates(self) -> None:
-        """Let the gates around the vehicle stand, and no others: Bullet visits every body."""
-        self._gates_stand_around = self._place
-        away = np.linalg.norm(self._centres - self._place, axis=1) > self._reach
+    def add(self, vehicle: Vehicle) -> Body:
+        """Add a vehicle, and return it."""
+        return Body(self, vehicle)
+
+    def enter(self, body: Body) -> None:
+        """Let a vehicle take part; the first one is "vehicle 1" in the contacts of others."""
+        if not self._collide:
+            for other in self._bodies:
+                bullet.setCollisionFilterPair(other.number, body.number, -1, -1, 0, **self.at)
+        self._bodies.append(body)
+        self.names[body.number] = f"vehicle {len(self._bodies)}"
+
+    def put_up_gates(self) -> None:
+        """Let the gates around the vehicles stand, and no others: Bullet visits every body."""
+        away = np.ones(len(self._gates), bool)
+        for body in self._bodies:
+            body.gates_stand_around = body.place_now
+            if not body.removed:
+                distances = np.linalg.norm(self._centres - body.place_now, axis=1)
+                away &= distances > self._reach
         for k in [k for k in self._standing if away[k]]:
             body = self._standing.pop(k)
-            del self._names[body]
-            bullet.removeBody(body, **self._at)
+            del self.names[body]
+            bullet.removeBody(body, **self.at)
         for k in np.flatnonzero(~away).tolist():
             if k not in self._standing:
                 body = self._add_gate(self._gates[k])
                 self._standing[k] = body
-                self._names[body] = f"gate {self._numbers[k]}"
+                self.names[body] = f"gate {self._numbers[k]}"
 
     def _add_gate(self, gate: Gate) -> int:
         """Add a gate as one static compound of boxes.
@@ -107,36 +126,62 @@ class World:
             shapeTypes=[bullet.GEOM_BOX] * 4,
             halfExtents=halves,
             collisionFramePositions=centres,
-            **self._at,
+            **self.at,
         )
-        attitude = bullet.getQuaternionFromEuler([gate.roll, gate.pitch, gate.yaw], **self._at)
+        attitude = bullet.getQuaternionFromEuler([gate.roll, gate.pitch, gate.yaw], **self.at)
         return bullet.createMultiBody(
-            0.0, frame, basePosition=gate.position, baseOrientation=attitude, **self._at
+            0.0, frame, basePosition=gate.position, baseOrientation=attitude, **self.at
         )
 
     def _add_obstacle(self, obstacle: Obstacle) -> int:
         """Add a static obstacle and return its body."""
         if isinstance(obstacle, Cylinder):
             shape = bullet.createCollisionShape(
-                bullet.GEOM_CYLINDER, radius=obstacle.radius, height=obstacle.height, **self._at
+                bullet.GEOM_CYLINDER, radius=obstacle.radius, height=obstacle.height, **self.at
             )
             yaw = 0.0
         else:
             shape = bullet.createCollisionShape(
-                bullet.GEOM_BOX, halfExtents=obstacle.half, **self._at
+                bullet.GEOM_BOX, halfExtents=obstacle.half, **self.at
             )
             yaw = obstacle.yaw
-        attitude = bullet.getQuaternionFromEuler([0.0, 0.0, yaw], **self._at)
+        attitude = bullet.getQuaternionFromEuler([0.0, 0.0, yaw], **self.at)
         return bullet.createMultiBody(
-            0.0, shape, basePosition=obstacle.centre, baseOrientation=attitude, **self._at
+            0.0, shape, basePosition=obstacle.centre, baseOrientation=attitude, **self.at
         )
 
-    def _add_vehicle(self, vehicle: Vehicle) -> int:
-        """Add the vehicle, a sphere without damping, and return its body."""
+    def step(self) -> None:
+        """Advance velocities, then poses by the new velocities, then find contacts.
+
+        Without the last, contacts would lag by one step.
+        """
+        if any(dist(b.place_now, b.gates_stand_around) > NEAR / 2 for b in self._bodies):
+            self.put_up_gates()
+        bullet.stepSimulation(**self.at)
+        bullet.performCollisionDetection(**self.at)
+
+    def close(self) -> None:
+        """Disconnect from Bullet."""
+        if bullet.isConnected(**self.at):
+            bullet.disconnect(**self.at)
+
+
+class Body:
+    """One vehicle in an Arena: a sphere without damping."""
+
+    def __init__(self, arena: Arena, vehicle: Vehicle):
+        """Add a vehicle to an arena."""
+        self._arena = arena
+        self._at = arena.at
+        self.removed = False
+        # position of the vehicle now, and when gates were last put up [m]
+        self.place_now = ORIGIN
+        self.gates_stand_around = ORIGIN
         sphere = bullet.createCollisionShape(bullet.GEOM_SPHERE, radius=vehicle.radius, **self._at)
-        body = bullet.createMultiBody(vehicle.mass, sphere, **self._at)
+        # Bullet's number of the body
+        self.number: int = bullet.createMultiBody(vehicle.mass, sphere, **self._at)
         bullet.changeDynamics(
-            body,
+            self.number,
             -1,
             localInertiaDiagonal=vehicle.inertia,
             # the default 0.04 would slow 12 m/s down by 6 m/s^2
@@ -145,7 +190,13 @@ class World:
             restitution=0.0,
             **self._at,
         )
-        return body
+        arena.enter(self)
+
+    def remove(self) -> None:
+        """Take the vehicle out of the arena, where no other can touch it any more."""
+        if not self.removed:
+            self.removed = True
+            bullet.removeBody(self.number, **self._at)
 
     def place(self, p: Vec3, q: Quaternion, v: Vec3 = ORIGIN, omega: Vec3 = ORIGIN) -> None:
         """Put the vehicle at a pose.
@@ -157,44 +208,53 @@ class World:
             omega: angular velocity in the world frame [rad/s].
         """
         w, x, y, z = q
-        bullet.resetBasePositionAndOrientation(self._body, p, (x, y, z, w), **self._at)
-        bullet.resetBaseVelocity(self._body, v, omega, **self._at)
-        self._place = p
-        self._put_up_gates()
+        bullet.resetBasePositionAndOrientation(self.number, p, (x, y, z, w), **self._at)
+        bullet.resetBaseVelocity(self.number, v, omega, **self._at)
+        self.place_now = p
+        self._arena.put_up_gates()
 
     def apply(self, force_body: Vec3, torque_body: Vec3) -> None:
         """Apply a force [N] and a torque [N m] for the next step only; Bullet adds gravity."""
-        bullet.applyExternalForce(self._body, -1, force_body, ORIGIN, bullet.LINK_FRAME, **self._at)
-        bullet.applyExternalTorque(self._body, -1, torque_body, bullet.LINK_FRAME, **self._at)
+        frame = bullet.LINK_FRAME
+        bullet.applyExternalForce(self.number, -1, force_body, ORIGIN, frame, **self._at)
+        bullet.applyExternalTorque(self.number, -1, torque_body, frame, **self._at)
 
     def step(self) -> None:
-        """Advance velocities, then poses by the new velocities, then find contacts.
-
-        Without the last, contacts would lag by one step.
-        """
-        if dist(self._place, self._gates_stand_around) > NEAR / 2:
-            self._put_up_gates()
-        bullet.stepSimulation(**self._at)
-        bullet.performCollisionDetection(**self._at)
+        """Advance the whole arena by one physics step."""
+        self._arena.step()
 
     def read(self) -> tuple[Vec3, Vec3, Quaternion, Vec3]:
         """Return p [m], v [m/s] in the world frame, q wxyz, omega [rad/s] in the body frame."""
-        p, (x, y, z, w) = bullet.getBasePositionAndOrientation(self._body, **self._at)
-        v, omega = bullet.getBaseVelocity(self._body, **self._at)
+        p, (x, y, z, w) = bullet.getBasePositionAndOrientation(self.number, **self._at)
+        v, omega = bullet.getBaseVelocity(self.number, **self._at)
         q = (w, x, y, z)
-        self._place = p
+        self.place_now = p
         return p, v, q, to_body(q, omega)
 
     def contacts(self) -> tuple[str, ...]:
-        """Return the objects that the vehicle touches, e.g. "ground", "gate 3", "obstacle 2".
+        """Return the objects that the vehicle touches: "ground", "gate 3", "vehicle 2".
 
         Bullet also lists near pairs, at a positive distance, which are left out.
         """
-        points = bullet.getContactPoints(bodyA=self._body, **self._at)
+        points = bullet.getContactPoints(bodyA=self.number, **self._at)
         touching = [point for point in points if point[CONTACT_DISTANCE] <= 0.0]
-        return tuple(dict.fromkeys(self._names[point[OTHER_BODY]] for point in touching))
+        names = self._arena.names
+        return tuple(dict.fromkeys(names[point[OTHER_BODY]] for point in touching))
 
     def close(self) -> None:
-        """Disconnect from Bullet."""
-        if bullet.isConnected(**self._at):
-            bullet.disconnect(**self._at)
+        """Release the whole arena."""
+        self._arena.close()
+
+
+class World(Body):
+    """One vehicle in an Arena of its own."""
+
+    def __init__(self, course: Course, vehicle: Vehicle, dt: float):
+        """Make the world.
+
+        Args:
+            course: gates and obstacles that stand in it.
+            vehicle: mass, inertia and radius of the vehicle.
+            dt: physics step [s].
+        """
+        super().__init__(Arena(course, dt), vehicle)

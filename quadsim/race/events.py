@@ -28,7 +28,7 @@ class Event:
 
     # [s]
     t: float
-    # pass, hit, miss, wrong_way, ground, bounds, stuck, timeout, unseen_contact
+    # pass, hit, miss, wrong_way, ground, bounds, stuck, timeout, unseen_contact, contact
     kind: str
     # number of the gate, from 1; 0: no gate
     gate: int
@@ -42,21 +42,26 @@ class Event:
     position: tuple[float, float, float]
     # number of the obstacle, from 1; 0: no obstacle
     obstacle: int = 0
+    # number of another vehicle of the race, from 1; 0: none
+    vehicle: int = 0
 
     @property
     def place(self) -> str:
-        """The place of the event: "gate 3", "obstacle 2", or "" for an event at neither."""
+        """The place of the event: "gate 3", "obstacle 2", "vehicle 2", or "" for one at none."""
         if self.obstacle:
             return f"obstacle {self.obstacle}"
+        if self.vehicle:
+            return f"vehicle {self.vehicle}"
         if self.gate:
             return f"gate {self.gate}"
         return ""
 
     def record(self) -> dict:
-        """Return the event as JSON; without the key "obstacle" where there is none."""
+        """Return the event as JSON; "obstacle" and "vehicle" are left out where there is none."""
         record = asdict(self)
-        if not self.obstacle:
-            del record["obstacle"]
+        for key in ("obstacle", "vehicle"):
+            if not record[key]:
+                del record[key]
         return record
 
 

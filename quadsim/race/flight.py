@@ -3,11 +3,15 @@
 It is a generator of Frames, one for each control step, and its consumer sets the pace: the command
 line collects the frames, the web page draws them as they come and pauses by not asking for the next
 one.
+
+The loop itself is `flight`, which does not step its plant but asks for each physics step. So one
+loop serves a flight alone, whose plant `simulate` steps, and a race, in which quadsim.race.heat
+steps one world for several flights.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from itertools import count
 from math import inf
 from time import perf_counter
@@ -168,6 +172,13 @@ class Plan(NamedTuple):
     ms: float
 
 
+class PhysicsStep(NamedTuple):
+    """A request of a flight: its plant is to make one physics step."""
+
+    # command during the step  (n_u,)
+    u: tuple[float, ...]
+
+
 def simulate(
     plant: Plant,
     controller: Controller,
@@ -200,6 +211,29 @@ def simulate(
         ValueError: the period is not a whole multiple of the plant's step.
         SettingError: a part returns what it must not, or the plant's time does not go on (a
             ValueError).
+    """
+    parts = (plant, controller, referee)
+    for step in flight(*parts, period, clock, snapshot, navigation, time_limit):
+        if isinstance(step, PhysicsStep):
+            plant.step(step.u)
+        else:
+            yield step
+
+
+def flight(
+    plant: Plant,
+    controller: Controller,
+    referee: RefereeProtocol,
+    period: float,
+    clock: Clock | None = None,
+    snapshot: Callable[[], PlannerSnapshot | None] | None = None,
+    navigation: Navigation | None = None,
+    time_limit: float | None = None,
+) -> Iterator[Frame | PhysicsStep]:
+    """Yield the frames of a flight, and between them a request for each physics step.
+
+    The caller steps the plant once for each request, before it asks for the next one. Arguments and
+    errors are those of `simulate`.
     """
     whole_multiple(period, plant.dt)
     began = perf_counter()
@@ -253,10 +287,10 @@ def simulate(
 
         # Apply the previous control until the plan is ready, then the new one to the period's end,
         # or to when the plan is ready if that is later.
-        events = apply_control(plant, referee, previous.u, ready, navigation)
+        events = yield from control_steps(plant, referee, previous.u, ready, navigation)
         next_time = max(state.t + period, plant.state.t)
         clock.wait(next_time)
-        events += apply_control(plant, referee, plan.u, next_time, navigation)
+        events += yield from control_steps(plant, referee, plan.u, next_time, navigation)
 
 
 def plan_next(controller: Controller, navigation: Navigation, t: float, controls: int) -> Plan:
@@ -314,12 +348,41 @@ def apply_control(
     referee: RefereeProtocol,
     u: tuple[float, ...],
     until: float,
-    navigation: Navigation | None = None,
 ) -> list[Event]:
-    """Step the plant with a constant control; the referee and the sensors see every step.
+    """Step the plant with a constant control; the referee sees every step.
 
     Args:
         plant: plant to step.
+        referee: referee that checks every step; its outcome ends the loop.
+        u: control  (n_u,).
+        until: end time [s]; the last physics step is the one that ends nearest to it.
+
+    Returns:
+        The events of these steps, in order.
+
+    Raises:
+        SettingError: as for `control_steps`.
+    """
+    steps = control_steps(plant, referee, u, until)
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as end:
+            return end.value
+        plant.step(step.u)
+
+
+def control_steps(
+    plant: Plant,
+    referee: RefereeProtocol,
+    u: tuple[float, ...],
+    until: float,
+    navigation: Navigation | None = None,
+) -> Generator[PhysicsStep, None, list[Event]]:
+    """Ask for physics steps with a constant control; referee and sensors see every step.
+
+    Args:
+        plant: plant, which the caller steps.
         referee: referee that checks every step; its outcome ends the loop.
         u: control  (n_u,).
         until: end time [s]; the last physics step is the one that ends nearest to it.
@@ -335,8 +398,10 @@ def apply_control(
     events: list[Event] = []
     dt = plant.dt
     before = plant.state
+    request = PhysicsStep(u)
     while before.t < until - dt / 2 and referee.outcome is None:
-        after = plant.step(u)
+        yield request
+        after = plant.state
         check_step(plant, before.t, after.t, dt)
         if navigation:
             navigation.watch(after)

@@ -408,10 +408,11 @@ class Navigation:
         # to wait for the link's next frame is planned as if it was asked for then.
         ready = t + self._planning
         sent = self._commands.next_frame(ready)
-        x = self._when_it_acts(now, t, sent + self._commands.latency)
+        acts = sent + self._commands.latency
+        x = self._when_it_acts(now, t, acts)
         target = self._gates.at(x, now.course)
         model = quadrotor(now.model, self._dt) if now.model else None
-        return Estimate(t + (sent - ready), np.array(x), target, model, now.course)
+        return Estimate(t + (sent - ready), np.array(x), target, model, now.course, acts)
 
     def commanded(self, t: float, ready: float, u: tuple[float, ...]) -> None:
         """Note a control that is given to the vehicle.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from math import sqrt
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -18,6 +18,7 @@ from controllers.costs.race import race_cost
 from controllers.costs.race_view import with_view
 from controllers.costs.reference import ReferenceWeights, reference_cost
 from controllers.learned.pilot import PilotController
+from controllers.plan import PlannerSnapshot
 from controllers.presets import Planner
 from quadsim.course import Course, Gate
 from quadsim.dynamics import System
@@ -34,9 +35,18 @@ from quadsim.physics.betaflight import (
 from quadsim.physics.domain_randomization import draw, gusts
 from quadsim.physics.faults import BiasJump, CommandLoss, RotorFault, SensorFault
 from quadsim.physics.link import Link
-from quadsim.physics.plant import PLANTS, LossyLink, NamedPlant, Plant, PlantName, start_state
+from quadsim.physics.plant import (
+    PLANTS,
+    Arena,
+    LossyLink,
+    NamedPlant,
+    Plant,
+    PlantName,
+    SharedPlant,
+    start_state,
+)
 from quadsim.physics.rotorpy_plant import RotorpyPlant
-from quadsim.race.clock import CLOCKS
+from quadsim.race.clock import CLOCKS, Clock
 from quadsim.race.events import Frame
 from quadsim.race.flight import Controller, PlainController, RefereeProtocol, rest_of, simulate
 from quadsim.race.own_parts import check_counts, checked_control
@@ -89,16 +99,23 @@ def with_threads(spec: Spec) -> Spec:
     return spec.on_threads(use_threads(spec.threads))
 
 
-def build(spec: Spec) -> FlightParts:
+def build(
+    spec: Spec, arena: Arena | None = None, referee: RefereeProtocol | None = None
+) -> FlightParts:
     """Return the plant, the controller and the referee of one flight. The caller closes the plant.
+
+    Args:
+        spec: specification of the flight.
+        arena: the world that its vehicle shares with others; None: a world of its own.
+        referee: the referee; None: that of the spec.
 
     Raises:
         SettingError: an object of the user's own cannot take its part (a ValueError).
         ValueError: course, laps and vehicle do not fit together.
     """
-    referee = referee_of(spec)
+    referee = referee or referee_of(spec)
     controller = controller_of(spec)
-    plant = plant_of(spec)
+    plant = plant_of(spec, arena)
     losses = [fault for fault in spec.drawn_faults if isinstance(fault, CommandLoss)]
     if losses:
         plant = LossyLink(plant, losses)
@@ -134,7 +151,7 @@ def system_of(spec: Spec) -> System:
 
 def start_of(spec: Spec) -> State:
     """Return the nominal state at the start."""
-    return start_state(spec.course.start, spec.vehicle.radius)
+    return start_state(spec.start or spec.course.start, spec.vehicle.radius)
 
 
 def referee_of(spec: Spec) -> RefereeProtocol:
@@ -152,27 +169,31 @@ def referee_of(spec: Spec) -> RefereeProtocol:
     return Referee(spec.flown_course, radius, spec.laps, spec.timeout, spec.penalties)
 
 
-def plant_of(spec: Spec) -> Plant:
+def plant_of(spec: Spec, arena: Arena | None = None) -> Plant:
     """Return the plant of one flight: the user's own, or a named one. The caller closes it.
 
     The seed randomizes the vehicle, the start and the gusts of a named plant.
+
+    Args:
+        spec: specification of the flight.
+        arena: the world that the vehicle shares with others; None: a world of its own.
     """
     if not isinstance(spec.plant, str):
         return NamedPlant(made("plant", spec.plant, spec))
-    plant = PLANTS[cast(PlantName, spec.plant)]
+    plant = partial(SharedPlant, arena) if arena else PLANTS[cast(PlantName, spec.plant)]
     course = spec.flown_course
     faults = [fault for fault in spec.drawn_faults if isinstance(fault, RotorFault)]
     if plant is not RotorpyPlant:
         plant = partial(plant, actuators=partial(actuators_of, spec))
     if spec.randomize == 0:
-        return plant(course, spec.vehicle, spec.plant_dt, faults=faults)
+        return plant(course, spec.vehicle, spec.plant_dt, start=spec.start, faults=faults)
     streams = spec.streams
     varied = draw(streams.vehicle, spec.randomize)
     return plant(
         course,
         varied.vehicle(spec.vehicle),
         spec.plant_dt,
-        start=varied.start(spec.course.start),
+        start=varied.start(spec.start or spec.course.start),
         body=varied.body(spec.vehicle),
         gusts=gusts(streams.gusts, varied.gust, spec.plant_dt),
         faults=faults,
@@ -345,6 +366,28 @@ def race_cost_on(spec: Spec, course: Course) -> Cost:
     return cost
 
 
+@dataclass(frozen=True)
+class Launched:
+    """The parts of a flight that is about to begin, and what `simulate` needs beside them."""
+
+    plant: Plant
+    # plans the flight, and makes the changes of its spec
+    controller: Controller
+    referee: RefereeProtocol
+    period: float  # [s]
+    clock: Clock
+    snapshot: Callable[[], PlannerSnapshot | None] | None
+    navigation: Navigation
+    time_limit: float | None  # [s]
+    # returns the MPPI that plans at present; None: no MPPI flies
+    planner: Callable[[], MPPI] | None
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments of `simulate`, by name."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "planner"}
+
+
 def launch(spec: Spec, parts: FlightParts, navigation: Navigation | None = None) -> Iterator[Frame]:
     """Return the frames of a flight with the parts that `build` returned.
 
@@ -353,29 +396,37 @@ def launch(spec: Spec, parts: FlightParts, navigation: Navigation | None = None)
         parts: the parts, which serve for one flight only.
         navigation: source of the controller's estimates; None: the spec's.
     """
+    return simulate(**launched(spec, parts, navigation).arguments)
+
+
+def launched(spec: Spec, parts: FlightParts, navigation: Navigation | None = None) -> Launched:
+    """Return what `simulate` needs for a flight; see `launch` for the arguments."""
     from controllers.deadline import Deadline
     from controllers.mppi import MPPI
 
     plant, controller, referee = parts
     navigation = navigation or navigation_of(spec, parts)
     snapshot = None
+    planner = None
     if isinstance(controller, MPPI):
         changeable = changeable_planner(spec, controller)
         snapshot = changeable.snapshot
+        planner = changeable.present
         if spec.changes:
             controller = changeable
         elif spec.deadline_ms:
             controller = Deadline(controller, spec.deadline_ms)
-    return simulate(
-        plant,
-        controller,
-        referee,
+    return Launched(
+        plant=plant,
+        controller=controller,
+        referee=referee,
         period=spec.planner.mppi.dt,
         clock=CLOCKS[spec.clock](),
         snapshot=snapshot,
         navigation=navigation,
         # The racing referee has this limit of its own.
         time_limit=None if spec.referee is None else spec.timeout,
+        planner=planner,
     )
 
 
@@ -436,7 +487,7 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
     gates = distinct(spec.course.gates)
     return SensedState(
         sensors,
-        Estimator(sensing, gates, spec.course.start, -WARM_UP, spec.displace_gates),
+        Estimator(sensing, gates, spec.start or spec.course.start, -WARM_UP, spec.displace_gates),
         BodyRates(spec.model, dt, imu),
         VehicleLearner.for_sensors(spec.model, dt, imu),
         None if spec.pilot else CourseEstimate(spec.course),  # a pilot uses the map

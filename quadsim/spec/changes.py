@@ -78,6 +78,10 @@ class ChangeablePlanner:
         """The control at rest, which is applied until the first plan is ready.  (n_u,)"""
         return self.planner.rest
 
+    def present(self) -> MPPI:
+        """Return the planner that flies at present."""
+        return self.planner
+
     def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
         """Make the changes that are due, and return the planner's control."""
         due = None

@@ -13,7 +13,7 @@ from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner
 from controllers.presets import faults as faults_of_planner
 from controllers.samplers import SAMPLERS
-from quadsim.course import Course, load_course
+from quadsim.course import Course, Start, load_course
 from quadsim.course.course import is_described
 from quadsim.dynamics.quadrotor import Control, ModelParams
 from quadsim.files.values import checked
@@ -147,6 +147,7 @@ class Spec:
     model: ModelParams  # the planner's model of the vehicle
     laps: int
     timeout: float  # [s]
+    start: Start | None = None  # place on a start grid; None: the course's own start
     sensing: Sensing | None = None  # None: the planner is given the true state
     pilot: Pilot | None = None  # a learned pilot in the planner's place
     seed: int = 0
@@ -307,6 +308,7 @@ class Spec:
         }
         # Parts that a flight does not use are left out.
         used = {
+            "start": plain(self.start),
             "sensing": plain(self.sensing),
             "displace_gates": self.displace_gates,
             "view_weight": self.view_weight,

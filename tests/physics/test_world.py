@@ -74,7 +74,7 @@ def test_nothing_brakes_a_coasting_vehicle(world):
 
 
 def test_bullets_default_damping_would_have_been_seen(world):
-    bullet.changeDynamics(world._body, -1, linearDamping=0.04, physicsClientId=world._client)
+    bullet.changeDynamics(world.number, -1, linearDamping=0.04, **world._at)
     assert speed_after_a_second(world) < 9.0
 
 
@@ -191,7 +191,7 @@ def test_of_many_gates_only_those_around_the_vehicle_stand_and_keep_their_number
             world.place((4.0 * number, 0.8, 2.0), LEVEL)
             world.step()
             assert world.contacts() == (f"gate {number}",)
-            assert len(world._standing) < 10
+            assert len(world._arena._standing) < 10
 
 
 def test_gates_are_put_up_on_the_way():
@@ -204,7 +204,7 @@ def test_gates_are_put_up_on_the_way():
         for _ in range(600):
             world.step()
             p = world.read()[0]
-            stand = {name for name in world._names.values() if name != "ground"}
+            stand = {name for name in world._arena.names.values() if name != "ground"}
             assert stand >= {f"gate {k}" for k in range(1, 41) if abs(4.0 * k - p[0]) < 4.0}
     assert p[0] > 100.0
 
@@ -227,7 +227,7 @@ def test_closing_twice_is_harmless():
     world = World(COURSE, SPHERE, DT)
     world.close()
     world.close()
-    assert not bullet.isConnected(physicsClientId=world._client)
+    assert not bullet.isConnected(**world._at)
 
 
 def test_loading_the_world_prints_nothing():

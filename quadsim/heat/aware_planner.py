@@ -1,0 +1,157 @@
+"""A planner that minds the other vehicles of its race."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from controllers.costs.keep_clear import OtherVehicle
+from controllers.plan import PlanStats
+from quadsim.course import Course
+from quadsim.dynamics.estimate import Estimate
+from quadsim.heat.expectations import Expectation, planned_path
+from quadsim.race.clock import Clock
+from quadsim.race.flight import Controller
+from quadsim.race.referee import way_left
+from quadsim.race.rules import Progress
+from quadsim.race.traffic import ExpectedPath, Sighting, Traffic
+
+if TYPE_CHECKING:
+    from controllers.mppi import MPPI
+
+
+class PlanningClock(Clock):
+    """The clock of a vehicle with a computer of its own.
+
+    The vehicles of a race are planned one after the other here. On this clock each pays for its own
+    planning time alone, measured on the wall clock.
+    """
+
+    def __init__(self) -> None:
+        # how long the last plan took [s]
+        self.spent = 0.0
+
+    def now(self, t: float) -> float:
+        """Return the time at which the last plan was ready [s].
+
+        Args:
+            t: when the planning started [s].
+        """
+        return t + self.spent
+
+
+class Eyes:
+    """What one vehicle sees of the others, in the time of its own flight."""
+
+    def __init__(self, number: int, traffic: Traffic, start_time: float, course: Course):
+        """Take the place of a vehicle in a race.
+
+        Args:
+            number: index of the vehicle.
+            traffic: what is known of all vehicles.
+            start_time: when its flight starts, in the time of the race [s].
+            course: the map, by which it sees who is ahead.
+        """
+        self.number = number
+        self.traffic = traffic
+        self.start_time = start_time
+        self._course = course
+
+    def look(self, t: float) -> dict[int, Sighting]:
+        """Return what is seen of the others at t [s] of the flight: number -> Sighting."""
+        return self.traffic.sightings(self.number, t + self.start_time)
+
+    def is_behind(self, seen: Sighting, estimate: Estimate) -> bool:
+        """Return whether another vehicle is behind this one."""
+        own = self._progress(estimate.target, tuple(estimate.x[:3].tolist()))
+        return self._progress(seen.passed, seen.position).is_behind(own)
+
+    def _progress(self, passed: int, position: tuple[float, ...]) -> Progress:
+        x, y, z = position
+        gates = self._course.gates
+        return Progress(passed, way_left(gates[passed % len(gates)], (x, y, z)))
+
+
+class AwarePlanner:
+    """A controller whose planner keeps clear of where the others are expected."""
+
+    def __init__(
+        self,
+        controller: Controller,
+        planner: Callable[[], MPPI],
+        eyes: Eyes,
+        expectation: Expectation | None,
+        others: dict[int, OtherVehicle],
+        ahead_share: float = 1.0,
+        tells: bool = False,
+        clock: PlanningClock | None = None,
+    ):
+        """Wrap a planner.
+
+        Args:
+            controller: plans, and returns the control.
+            planner: returns the MPPI that plans at present.
+            eyes: what is seen of the others.
+            expectation: what is expected of them; None: they are ignored.
+            others: number -> term of the planner's cost, for each other vehicle.
+            ahead_share: factor on the terms' weight for vehicles that are behind.
+            tells: whether the others are told the plan.
+            clock: is told the planning time; None: that costs no time.
+        """
+        self._controller = controller
+        self._planner = planner
+        self._eyes = eyes
+        self._expectation = expectation
+        self._others = others
+        self._ahead_share = ahead_share
+        self._tells = tells
+        self._clock = clock
+        self._is_first = True
+        # the paths that were expected for the last plan, for display
+        self.expected: dict[int, ExpectedPath] = {}
+
+    @property
+    def rest(self) -> np.ndarray:
+        """The planner's control at rest.  (n_u,)"""
+        return self._controller.rest
+
+    @property
+    def is_cached(self) -> bool:
+        """Whether the planner was compiled on this machine before."""
+        return self._planner().is_cached
+
+    def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
+        """Return the control to apply and statistics of the plan; see MPPI.control."""
+        began = perf_counter()
+        if self._expectation:
+            self._mind_others(estimate, self._expectation)
+        answer = self._controller.control(estimate)
+        if self._clock and not self._is_first:
+            self._clock.spent = perf_counter() - began
+        self._is_first = False
+        if self._tells:
+            path = planned_path(self._planner(), estimate, self._eyes.start_time)
+            self._eyes.traffic.tell(self._eyes.number, path)
+        return answer
+
+    def _mind_others(self, estimate: Estimate, expectation: Expectation) -> None:
+        """Let the terms of the cost know where the others are expected."""
+        seen = self._eyes.look(estimate.t)
+        self.expected = expectation.paths(seen)
+
+        # The times at which the steps of the horizon end
+        config = self._planner().config
+        acts = estimate.t if estimate.acts is None else estimate.acts
+        steps = np.arange(1, config.horizon + 1)
+        times = self._eyes.start_time + acts + config.dt * steps
+
+        for m, other in self._others.items():
+            if m not in seen:
+                other.expect_nowhere()
+                continue
+            behind = self._ahead_share != 1.0 and self._eyes.is_behind(seen[m], estimate)
+            share = self._ahead_share if behind else 1.0
+            other.expect(self.expected[m].at(times), share)

@@ -1,0 +1,149 @@
+"""Build the world, the planners and the marshal of a race, and simulate it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, cast
+
+from controllers.costs.keep_clear import OtherVehicle, Room
+from quadsim.heat.aware_planner import AwarePlanner, Eyes, PlanningClock
+from quadsim.heat.expectations import ConstantVelocity, Expectation, OwnPlans, ToldPlans
+from quadsim.heat.settings import Awareness
+from quadsim.heat.spec import HeatSpec
+from quadsim.physics.downwash import Downwash
+from quadsim.physics.plant import Arena, new_arena
+from quadsim.race.flight import flight
+from quadsim.race.heat import PlantInArena, RaceFrame, Started, Starter, race_frames
+from quadsim.race.marshal import Marshal, RaceReferee
+from quadsim.race.referee import Referee
+from quadsim.race.rules import RULES
+from quadsim.race.traffic import Traffic
+from quadsim.spec.build import build, flight_frames, launched, planner_of
+from quadsim.spec.spec import Spec
+from quadsim.streams import opponent_stream, sighting_stream
+
+if TYPE_CHECKING:
+    from controllers.mppi import MPPI
+
+# Iterations of the first plan of another vehicle's flight
+FIRST_ITERATIONS = 20
+
+
+def heat_frames(heat: HeatSpec) -> Iterator[RaceFrame]:
+    """Build and simulate a race; yield a frame for each control step of each vehicle.
+
+    A race of one is the flight of its spec.
+    """
+    if len(heat.entrants) == 1:
+        for frame in flight_frames(heat.flown_spec(0)):
+            yield RaceFrame(0, frame.t, frame)
+        return
+    first = heat.entrants[0].spec
+    assert isinstance(first.plant, str)
+    rules = RULES[heat.settings.rules]
+    with closing(new_arena(first.plant, heat.course, first.plant_dt, rules.collide)) as arena:
+        entrants = range(len(heat.entrants))
+        streams = [sighting_stream(heat.seed, k) for k in entrants]
+        traffic = Traffic(len(heat.entrants), heat.settings.sight, streams)
+        starters = [_starter(heat, k, arena, traffic) for k in entrants]
+        radii = [entrant.spec.vehicle.radius for entrant in heat.entrants]
+        marshal = Marshal(rules, [starter.referee for starter in starters], radii)
+        yield from race_frames(arena, starters, marshal, traffic, first.plant_dt)
+
+
+def _starter(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic) -> Starter:
+    """Return entrant k on the start grid.
+
+    Raises:
+        SettingError: an object of the user's own cannot take its part.
+        ValueError: course, laps and vehicle do not fit together.
+    """
+    spec = heat.flown_spec(k)
+    referee = RaceReferee(
+        Referee(spec.flown_course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties)
+    )
+    downwash = Downwash(spec.vehicle) if heat.settings.downwash else None
+    start = partial(_start, heat, k, arena, traffic, referee)
+    return Starter(heat.start_time(k), referee, downwash, start)
+
+
+def _start(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic, referee: RaceReferee) -> Started:
+    """Put entrant k into the world, and begin its flight."""
+    spec = heat.flown_spec(k)
+    awareness = heat.awareness(k)
+    others = _other_vehicles(heat, k, awareness)
+    minds = replace(spec, terms=(*spec.terms, *(other.term for other in others.values())))
+    parts = build(minds, arena, referee)
+    steps = launched(minds, parts)
+
+    controller = steps.controller
+    planner = steps.planner
+    if planner is not None:
+        clock = PlanningClock() if spec.clock == "wall" else None
+        controller = AwarePlanner(
+            controller,
+            planner,
+            Eyes(k, traffic, heat.start_time(k), spec.course),
+            _expectation(heat, k, awareness, traffic),
+            others,
+            ahead_share=awareness.ahead_share,
+            tells=_is_asked_for_plans(heat, k),
+            clock=clock,
+        )
+        steps = replace(steps, controller=controller, clock=clock or steps.clock)
+    # The plants of an arena can be pushed
+    return Started(cast(PlantInArena, parts.plant), flight(**steps.arguments))
+
+
+def _other_vehicles(heat: HeatSpec, k: int, awareness: Awareness) -> dict[int, OtherVehicle]:
+    """Return the terms by which entrant k keeps clear of the others: number -> term."""
+    spec = heat.entrants[k].spec
+    if awareness.expect == "nothing" or spec.pilot or spec.controller:
+        return {}
+    room = Room(
+        weight=awareness.keep_weight,
+        keep=awareness.keep,
+        above=awareness.keep_above,
+        below=awareness.keep_below,
+    )
+    numbers = [m for m in range(len(heat.entrants)) if m != k]
+    horizon = spec.planner.mppi.horizon
+    # Terms are named by their order, so that the compiled loops are those of the number of others.
+    return {m: OtherVehicle(n, room, horizon) for n, m in enumerate(numbers, 1)}
+
+
+def _expectation(
+    heat: HeatSpec, k: int, awareness: Awareness, traffic: Traffic
+) -> Expectation | None:
+    """Return what entrant k expects of the others; None where it ignores them."""
+    match awareness.expect:
+        case "nothing":
+            return None
+        case "velocity":
+            return ConstantVelocity()
+        case "plans":
+            return ToldPlans(traffic)
+    return OwnPlans(partial(_planner_for_other, heat, k))
+
+
+def _planner_for_other(heat: HeatSpec, k: int, m: int) -> MPPI:
+    """Return the planner with which entrant k plans the flight of entrant m.
+
+    It is entrant k's own with fewer samples, and ignores all other vehicles.
+    """
+    spec: Spec = replace(heat.entrants[k].spec, terms=(), cost=None)
+    samples = heat.awareness(k).own_samples
+    mppi = replace(
+        spec.planner.mppi, samples=samples, iterations=1, first_iterations=FIRST_ITERATIONS
+    )
+    small = replace(spec, planner=replace(spec.planner, mppi=mppi))
+    return planner_of(small, opponent_stream(heat.seed, k, m))
+
+
+def _is_asked_for_plans(heat: HeatSpec, k: int) -> bool:
+    """Return whether another entrant expects to be told the plan of entrant k."""
+    others = [m for m in range(len(heat.entrants)) if m != k]
+    return any(heat.awareness(m).expect == "plans" for m in others)

@@ -1,0 +1,63 @@
+"""The rules of a race of several vehicles, as data.
+
+elimination  Vehicles whose centres come within 0.1 m of each other are both out. They pass
+             through each other otherwise. (Geles et al. 2026, UZH's multi-drone protocol)
+chaser       Of two vehicles that touch, the one behind is out. (Game of Drones, NeurIPS 2019)
+physics      Vehicles that touch push each other away, and nobody is out. A gate that is hit
+             costs its penalty, and one that is missed is flown again. (Drone Champions League)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from quadsim.race.referee import Referee, way_left
+from quadsim.rotation import Vec3
+
+RulesName = Literal["elimination", "chaser", "physics"]
+Out = Literal["both", "chaser", "nobody"]
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What a contact of two vehicles means."""
+
+    name: RulesName
+    # distance of two centres that counts as a contact [m]; None: that at which they touch
+    contact: float | None
+    # who is out after a contact
+    out: Out
+    # whether vehicles collide in the simulated world
+    collide: bool
+    # whether a hit of a gate adds time instead of ending the flight
+    penalties: bool
+
+
+RULES: dict[RulesName, Rules] = {
+    "elimination": Rules("elimination", 0.1, "both", collide=False, penalties=False),
+    "chaser": Rules("chaser", None, "chaser", collide=False, penalties=False),
+    "physics": Rules("physics", None, "nobody", collide=True, penalties=True),
+}
+assert tuple(RULES) == get_args(RulesName)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a vehicle has come: gates passed, then the way to the next one."""
+
+    passed: int
+    # [m]
+    way: float
+
+    @classmethod
+    def of(cls, referee: Referee, position: Vec3) -> Progress:
+        """Return the progress of a vehicle at a position [m], by its referee's count."""
+        gate = referee.course.gates[referee.next_gate]
+        return cls(referee.passed, way_left(gate, position))
+
+    def is_behind(self, other: Progress) -> bool:
+        """Return whether this vehicle has come less far than another one."""
+        if self.passed != other.passed:
+            return self.passed < other.passed
+        return self.way > other.way
