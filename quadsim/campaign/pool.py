@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from socket import create_connection
 from threading import Thread
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, TypeVar
 from urllib.parse import urlsplit
 
 from quadsim.campaign.attempt import Flown, fly_attempt
@@ -21,6 +21,8 @@ from quadsim.spec.spec import Spec
 # How long the main thread waits before it looks for a signal that another thread received [s].
 WAKE = 0.5
 NO_LIMIT = 10**6
+Job = TypeVar("Job")
+Answer = TypeVar("Answer")
 ANSWER = 5.0  # how long a Dask scheduler may take to answer [s]
 
 
@@ -164,24 +166,37 @@ def open_pool(jobs: int | None = None, scheduler: str | None = None) -> Pool:
 class _Job(NamedTuple):
     """An attempt to fly."""
 
-    spec: Spec
+    spec: Any
     again: bool  # its worker was lost once
 
 
 def fly_all(pool: Pool, specs: Iterable[Spec]) -> Iterator[tuple[Spec, Flown | None]]:
-    """Yield attempts as they finish.
+    """Yield attempts as they finish; see `run_all`."""
+    return run_all(pool, fly_attempt, specs)
 
-    An attempt whose worker dies is flown once more, alone. It is None if its worker is lost again.
+
+def run_all(
+    pool: Pool, fly: Callable[[Job], Answer], specs: Iterable[Job]
+) -> Iterator[tuple[Job, Answer | None]]:
+    """Yield jobs as they finish, each with its answer.
+
+    A job whose worker dies is done once more, alone. Its answer is None if its worker is lost
+    again.
+
+    Args:
+        pool: does the jobs.
+        fly: does one of them, in a worker.
+        specs: the jobs.
 
     Raises:
-        Exception: what an attempt raises.
+        Exception: what a job raises.
     """
     waiting = deque(_Job(spec, again=False) for spec in specs)
     running: dict[Future, _Job] = {}
     while waiting or running:
         while waiting and _may_submit(pool, running, waiting[0]):
             job = waiting.popleft()
-            running[pool.submit(fly_attempt, job.spec)] = job
+            running[pool.submit(fly, job.spec)] = job
         for future in finished(running):
             job = running.pop(future)
             if not isinstance(future.exception(), pool.lost):

@@ -20,6 +20,9 @@ COMMANDS = {
     "fly": Command(
         "quadsim.cli.fly:fly", "simulate a flight: lap and split times, crashes, chatter", True
     ),
+    "heat": Command(
+        "quadsim.cli.heat:heat", "a race of several vehicles: places, overtakes, collisions", True
+    ),
     "show": Command("quadsim.cli.stored:show", "the report of a stored run"),
     "plot": Command(
         "quadsim.cli.stored:plot", "a stored run as a picture: path, height, controls, spectrum"

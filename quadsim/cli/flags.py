@@ -19,8 +19,17 @@ from controllers.samplers import SAMPLERS
 from quadsim.console import UsageError
 from quadsim.course import course_names
 from quadsim.dynamics.quadrotor import ModelParams
+from quadsim.heat.settings import HeatSettings
 from quadsim.sensing import sensing_names
-from quadsim.spec.settings import SETTINGS, FlightSettings, Setting, SettingError, bare, values_of
+from quadsim.spec.settings import (
+    SETTINGS,
+    FlightSettings,
+    Setting,
+    SettingError,
+    bare,
+    description,
+    values_of,
+)
 from quadsim.vehicle import load_vehicle, vehicle_names
 
 TITLES = {
@@ -174,8 +183,24 @@ def _shown(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
+def _race_flags() -> Any:
+    """Return a type for cyclopts with one key for each setting of a race of several."""
+    group = Group("Race of several vehicles", sort_key=-1)
+    defaults = HeatSettings()
+    kinds = inspect.type_info(HeatSettings).fields  # pyright: ignore[reportAttributeAccessIssue]
+    flags = {}
+    for field in kinds:
+        setting = Setting(
+            field.name, "flight", field.name, {HeatSettings: field.type}, description(field.type)
+        )
+        flags[field.name] = _flag(setting, group, getattr(defaults, field.name))
+    return TypedDict("RaceFlags", flags, total=False)  # pyright: ignore[reportArgumentType]
+
+
 # The settings that were given, by name; their values are texts, see quadsim.files.values.
 if TYPE_CHECKING:
     Given = dict[str, Any] | None
+    GivenRace = dict[str, Any] | None
 else:
     Given = Annotated[_flight_flags() | None, Parameter(name="*")]
+    GivenRace = Annotated[_race_flags() | None, Parameter(name="*")]

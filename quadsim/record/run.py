@@ -47,7 +47,7 @@ COUNTS = ("passed", "lap")
 WALL_CLOCK = ("plan_ms", "estimate_ms")
 FIRST_ROWS = 1024
 # Kinds of events that may end a flight
-CRASHES = ("hit", "ground", "bounds", "wall")
+CRASHES = ("hit", "ground", "bounds", "wall", "contact")
 
 Outcome = Literal["finished", "crashed", "stuck", "timeout", "interrupted"]
 
@@ -215,6 +215,8 @@ def why_not_repeatable(run: Run) -> str:
     spec = run.spec
     if run.outcome == "interrupted":
         return "the flight was interrupted"
+    if spec.get("heat"):
+        return "it flew among others in a race"
     if spec.get("clock") == "wall":
         return "planning took time on the wall clock"
     if spec.get("deadline_ms"):
@@ -256,6 +258,11 @@ def flown_with(spec: dict[str, Any]) -> str:
     if spec.get("plant") == "rotorpy":
         parts.append("plant rotorpy")
     parts.append(f"seed {spec['seed']}")
+    heat = spec.get("heat")
+    if heat:
+        parts.append(
+            f"{heat['name']} among {len(heat['names'])}, rules {heat['settings']['rules']}"
+        )
     sensing = spec.get("sensing")
     if sensing:
         parts.append(f"sensing {sensing['name']}")

@@ -34,7 +34,20 @@ from quadsim.record.run import (
 from quadsim.vehicle import Vehicle
 
 FORMAT = "quadsim run 1"
-CSV_COLUMNS = ("t", "kind", "gate", "lap", "left", "up", "speed", "x", "y", "z", "obstacle")
+CSV_COLUMNS = (
+    "t",
+    "kind",
+    "gate",
+    "lap",
+    "left",
+    "up",
+    "speed",
+    "x",
+    "y",
+    "z",
+    "obstacle",
+    "vehicle",
+)
 
 
 @dataclass(frozen=True)
@@ -77,6 +90,20 @@ class StoredTerm(msgspec.Struct):
     weight: float | list[float]
 
 
+class StoredRules(msgspec.Struct):
+    """The rules of a race that the reports of its runs name."""
+
+    rules: str
+
+
+class StoredHeat(msgspec.Struct):
+    """The race of several vehicles in which a run was flown."""
+
+    name: str
+    names: list[str]
+    settings: StoredRules
+
+
 class StoredSpec(msgspec.Struct, kw_only=True):
     """The keys of a spec that reports and pictures read. A spec has more of them."""
 
@@ -101,6 +128,7 @@ class StoredSpec(msgspec.Struct, kw_only=True):
     interactive: list[dict[str, Any]] = []
     betaflight: dict[str, Any] | None = None
     link: LinkConfig | None = None
+    heat: StoredHeat | None = None
 
 
 class ReportedPlanner(msgspec.Struct):
@@ -240,5 +268,5 @@ def write_csv(events: Iterable[Event]) -> bytes:
 def event_row(event: Event) -> dict[str, object]:
     """Return an event by the columns of events.csv."""
     place = (event.t, event.kind, event.gate, event.lap)
-    values = (*place, *event.offset, event.speed, *event.position, event.obstacle)
+    values = (*place, *event.offset, event.speed, *event.position, event.obstacle, event.vehicle)
     return dict(zip(CSV_COLUMNS, values, strict=True))

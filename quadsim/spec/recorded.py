@@ -16,7 +16,7 @@ from controllers.costs.reference import ReferenceWeights
 from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner
 from controllers.samplers import SAMPLERS, Sampling
-from quadsim.course import Course, parse_course
+from quadsim.course import Course, Start, parse_course
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import checked
@@ -115,6 +115,7 @@ class Recorded(msgspec.Struct):
     clock: Clock
     deadline_ms: float | None
     host: RecordedHost = msgspec.field(default_factory=RecordedHost)
+    start: Start | None = None
     sensing: Sensing | None = None
     displace_gates: float = 0.0
     view_weight: float = 0.0
@@ -150,6 +151,10 @@ def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own
         >>> spec_of_record(run.spec).sampler
         'colored'
     """
+    if "heat" in record:
+        raise RecordError(
+            "heat: the run flew among others; fly the race again with race heat --from its folder"
+        )
     try:
         read = msgspec.convert(dict(record), Recorded)
         described = set(read.own)
@@ -248,6 +253,7 @@ def _built(read: Recorded, own: Mapping[str, Any], folders: Sequence[str]) -> Sp
         model=read.model,
         laps=read.laps,
         timeout=read.timeout,
+        start=read.start,
         sensing=read.sensing,
         pilot=_pilot(read, own),
         seed=read.seed,

@@ -1,0 +1,288 @@
+"""`race heat`: a race of several vehicles in one world, or many of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+from msgspec import Meta
+from rich.console import RenderableType
+from rich.live import Live
+from rich.markup import escape
+
+from quadsim.campaign.heats import HeatsSummary, fly_heats, summary
+from quadsim.campaign.line_ups import heats_of, line_up
+from quadsim.campaign.tables import TextTable, as_table
+from quadsim.cli.compare import Jobs
+from quadsim.cli.flags import (
+    CourseName,
+    Given,
+    GivenRace,
+    Help,
+    Json,
+    settings_as_flags,
+)
+from quadsim.console import (
+    UsageError,
+    complain,
+    emit,
+    emit_json,
+    progress_console,
+    uninterrupted,
+)
+from quadsim.files.values import checked
+from quadsim.heat.archive import find_heat, load_heat, spec_of_heat
+from quadsim.heat.launch import heat_frames
+from quadsim.heat.result import HeatRecorder
+from quadsim.heat.spec import HeatSpec
+from quadsim.heats import Heat
+from quadsim.record.run import RunError
+from quadsim.record.statistics import Mean
+from quadsim.record.whole_files import expect_file
+from quadsim.spec.settings import SETTINGS, FlightSettings, SettingError
+
+PERIOD = 0.1  # of the race between two drawings of the live line [s]
+
+
+def heat(
+    course: CourseName = None,
+    /,
+    *,
+    entrants: Annotated[
+        list[str],
+        Help(
+            "samplers, or [NAME=]part+part of presets, samplers and settings", consume_multiple=True
+        ),
+    ] = ["colored", "gaussian"],  # noqa: B006 (it is read alone)
+    starts: Annotated[
+        int, Meta(ge=1, le=100_000), Help("races, of consecutive seeds and with rotated places")
+    ] = 1,
+    rotation: Annotated[
+        int, Meta(ge=0, le=7), Help("places by which each entrant starts further on, of one race")
+    ] = 0,
+    campaign: Annotated[
+        str, Help("FILE.sqlite where many races are kept")
+    ] = "campaigns/heats.sqlite",
+    jobs: Jobs = None,
+    plot: Annotated[
+        str | None, Help("FILE.png of a race: places, gaps and paths", show_default=False)
+    ] = None,
+    from_: Annotated[
+        str | None,
+        Help("fly a stored race again: its folder, a part of its name, or last", name="--from"),
+    ] = None,
+    race: GivenRace = None,
+    settings: Given = None,
+    json: Json = False,
+) -> int:
+    """Race several vehicles in one world: who wins, who overtakes, who collides?
+
+    Each entrant has a planner or a pilot of its own, and sees the others. With
+    --starts, many races are flown, and finish rates, ranks, wins and a rating
+    have 95 % intervals. What has been flown before is not flown again.
+
+    race heat split_s_swift --entrants colored gaussian
+
+    race heat --entrants colored pilot=split_s_swift calm=colored+target-ess=200
+    --rules physics --laps 1
+
+    race heat --entrants colored colored colored colored --expect plans
+    --starts 64 --randomize 1
+    """
+    given = dict(settings or {})
+    if from_ is not None:
+        if course is not None or given or race:
+            raise UsageError("--from: expected neither a course nor other flags beside a race")
+        return _again(from_, FlightSettings.runs_dir, json)
+    with settings_as_flags():
+        threads = given.pop("threads", None)
+        if threads and starts > 1:
+            raise SettingError("threads", "races fly on one thread each; set --jobs")
+        use_threads_of(threads)
+        made, of_race = line_up(course, entrants, (race or {}) | given)
+        seed = made[0].spec.seed if made else 0
+        heats = heats_of(made, of_race, seed, starts) if starts > 1 else []
+        one = HeatSpec(made, of_race, seed, rotation) if starts == 1 else None
+    if one is not None:
+        return _one(one, given.get("runs_dir") or FlightSettings.runs_dir, plot, json)
+    if plot or rotation:
+        raise UsageError(f"--{'plot' if plot else 'rotation'}: expected none beside --starts")
+    path = Path(campaign)
+    expect_file(path)
+    results = fly_heats(heats, path, jobs)
+    if not results:
+        raise RunError("no race was flown")
+    found = summary(heats[0].names, results)
+    if json:
+        emit_json(_as_json(found) | {"campaign": campaign})
+    else:
+        setting = f"rules {of_race.rules}, expect {of_race.expect}"
+        emit(*_tables(found, heats[0].course.name, setting))
+    return 0 if len(results) == starts else 1
+
+
+def use_threads_of(given: object) -> None:
+    """Use a number of CPU threads from now on, all of them where none is given.
+
+    Raises:
+        SettingError: the number is less than 1, or more than this machine has.
+    """
+    if given is None:
+        return
+    from controllers.lanes.threads import use_threads  # here: it loads the compiler
+
+    number = checked("threads", given, SETTINGS["threads"].kind)
+    use_threads(int(str(number)))
+
+
+def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:
+    """Fly one race, store it and print its report."""
+    flown = _flown(spec, quiet=json)
+    folder = None
+    failure = None
+    with suppress(KeyboardInterrupt), uninterrupted():
+        try:
+            folder = flown.save(runs_dir)
+        except RunError as error:
+            failure = error
+    if plot:
+        flown.plot(plot)
+    if json:
+        emit_json(flown.as_json() | {"folder": str(folder) if folder else None})
+    else:
+        emit(*flown.renderables())
+        if folder:
+            emit("", f"[dim]stored in {escape(str(folder))}[/]")
+    if failure:
+        raise failure
+    if any(run.outcome == "interrupted" for run in flown.runs):
+        complain("race heat: interrupted, the race so far is kept")
+        return 130
+    return 0
+
+
+def _again(name: str, runs_dir: str, json: bool) -> int:
+    """Fly a stored race again, and say whether it is the same."""
+    stored = load_heat(find_heat(name, runs_dir))
+    with settings_as_flags():
+        spec = spec_of_heat(stored)
+    flown = _flown(spec, quiet=json)
+    if json:
+        emit_json(flown.as_json())
+    else:
+        emit(*flown.renderables())
+    same = [run.digest() for run in flown.runs] == [run.digest() for run in stored.runs]
+    complain(
+        "the same race as the stored one, to the last bit"
+        if same
+        else "not the same race as the stored one: see its cpu and versions"
+    )
+    return 0
+
+
+def _flown(spec: HeatSpec, quiet: bool) -> Heat:
+    """Return the race, until it ends or Ctrl-C comes.
+
+    Raises KeyboardInterrupt where not all vehicles have begun.
+    """
+    recorder = HeatRecorder(spec)
+    console = progress_console()
+    live = None
+    if console.is_terminal and not quiet:
+        live = Live(console=console, auto_refresh=False, transient=True)
+        live.start()
+    drawn = -PERIOD
+    try:
+        with suppress(KeyboardInterrupt):
+            for frame in heat_frames(spec):
+                recorder.add(frame)
+                if live and frame.t >= drawn + PERIOD:
+                    live.update(_line(spec, recorder, frame.t), refresh=True)
+                    drawn = frame.t
+    finally:
+        if live:
+            live.stop()
+    if not all(map(len, recorder.recorders)):
+        raise KeyboardInterrupt
+    return Heat.flown(spec, recorder)
+
+
+def _line(spec: HeatSpec, recorder: HeatRecorder, t: float) -> str:
+    """Return the live line: time, and the gates that each entrant has passed."""
+    parts = []
+    for name, own in zip(spec.names, recorder.recorders, strict=True):
+        last = own.last
+        state = "-" if last is None else last.outcome or f"{last.passed} gates"
+        parts.append(f"{escape(name)} {state}")
+    return f"{t:5.1f} s  " + "  ".join(parts)
+
+
+def _percent(interval: tuple[float, float]) -> str:
+    """Return an interval of a share in percent."""
+    low, high = interval
+    return f"{100 * low:.0f} to {100 * high:.0f} %"
+
+
+def _mean(mean: Mean, digits: int = 2) -> str:
+    """Return a mean with its interval."""
+    if mean.n == 0:
+        return "-"
+    if mean.n == 1:
+        return f"{mean.mean:.{digits}f}"
+    return f"{mean.mean:.{digits}f} ({mean.low:.{digits}f} to {mean.high:.{digits}f})"
+
+
+def _tables(found: HeatsSummary, course: str, setting: str) -> Sequence[RenderableType]:
+    """Return the report of many races."""
+    entrants = TextTable.of(
+        found.entrants,
+        {
+            "entrant": lambda e: e.name,
+            "finished": lambda e: f"{e.finished}/{e.races} ({_percent(e.finished_ci)})",
+            "wins": lambda e: f"{e.wins} ({_percent(e.wins_ci)})",
+            "rank": lambda e: _mean(e.rank),
+            "race [s]": lambda e: _mean(e.race, 3),
+            "overtakes": lambda e: _mean(e.overtakes),
+            "rating": lambda e: f"{e.rating:.0f} +- {e.rating_error:.0f}",
+        },
+    )
+    pairs = TextTable.of(
+        found.pairs,
+        {
+            "first": lambda p: p.a,
+            "before": lambda p: p.b,
+            "races": lambda p: f"{p.a_first}/{p.races}",
+            "share": lambda p: _percent(p.ci),
+        },
+        texts=(0, 1),
+    )
+    contact = f"{found.with_contact} of {found.races} races have a contact"
+    return [
+        f"[bold]{escape(course)}[/]  {found.races} races, {setting}",
+        "",
+        as_table(entrants),
+        "",
+        as_table(pairs),
+        "",
+        f"  finished {found.finished} of {found.flights} flights ({_percent(found.finished_ci)})",
+        f"  {contact} ({_percent(found.contact_ci)}), {found.contacts} contacts in all",
+        f"  overtakes in a race {_mean(found.overtakes)}",
+    ]
+
+
+def _as_json(found: HeatsSummary) -> dict:
+    """Return the numbers of many races as JSON."""
+
+    def plain(value: object) -> object:
+        if isinstance(value, Mean):
+            return {"mean": value.mean, "low": value.low, "high": value.high, "n": value.n}
+        return value
+
+    record = {name: plain(value) for name, value in found._asdict().items()}
+    record["entrants"] = [
+        {name: plain(value) for name, value in e._asdict().items()} for e in found.entrants
+    ]
+    record["pairs"] = [pair._asdict() for pair in found.pairs]
+    return record

@@ -1,0 +1,236 @@
+"""The folder of a race: heat.json, and in it a folder for the run of each entrant.
+
+    <UTC>_<course>_heat_s<seed>_<hash>/heat.json
+    <UTC>_<course>_heat_s<seed>_<hash>/1_colored/run.json, telemetry.npz, events.csv
+
+A race is written under a name that ends in .part, and gets its own once it is complete.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import time
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from quadsim.course import Course, parse_course
+from quadsim.files.arrays import read_bytes
+from quadsim.files.strict_yaml import FileError
+from quadsim.heat.result import heat_digest, heat_events, placings
+from quadsim.heat.settings import Awareness, HeatSettings
+from quadsim.heat.spec import Entrant, HeatSpec
+from quadsim.record.archive import PART, load_run
+from quadsim.record.provenance import provenance
+from quadsim.record.run import Run, RunError, canonical
+from quadsim.record.run_format import write_csv, write_json, write_npz
+from quadsim.record.whole_files import one_line, write_whole
+from quadsim.spec.recorded import spec_of_record
+
+FORMAT = "quadsim heat 1"
+HEAT = "heat.json"
+
+
+class StoredEntrant(msgspec.Struct):
+    """An entrant in heat.json."""
+
+    name: str
+    place: int
+    awareness: Awareness
+    spec: dict[str, Any]
+
+
+class StoredHeatSpec(msgspec.Struct):
+    """The specification of a race in heat.json."""
+
+    seed: int
+    rotation: int
+    settings: HeatSettings
+    entrants: list[StoredEntrant]
+
+
+class StoredHeat(msgspec.Struct):
+    """The part of heat.json that is read back; the rest follows from the runs."""
+
+    spec: StoredHeatSpec
+    start_times: list[float]
+    runs: list[str]
+    digest: str
+    format: str = ""
+
+
+class LoadedHeat(NamedTuple):
+    """A race from the disk."""
+
+    spec: StoredHeatSpec
+    runs: tuple[Run, ...]
+    start_times: tuple[float, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The entrants' names."""
+        return tuple(entrant.name for entrant in self.spec.entrants)
+
+    @property
+    def course(self) -> Course:
+        """The course."""
+        spec = self.runs[0].spec
+        return parse_course(spec["course_text"], spec["course"])
+
+
+def heat_name(heat: HeatSpec) -> str:
+    """Return `<UTC>_<course>_heat_s<seed>_<hash>`."""
+    utc = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+    course = re.sub(r"[^\w.-]+", "-", heat.course.name)
+    return f"{utc}_{course}_heat_s{heat.seed}_{heat_key(heat)[:8]}"
+
+
+def heat_key(heat: HeatSpec) -> str:
+    """Return the sha256 [hex] of all that decides a race, but for the libraries."""
+    record = heat.record()
+    for entrant in record["entrants"]:
+        entrant["spec"].pop("host", None)
+    return sha256(canonical(record)).hexdigest()
+
+
+def save_heat(heat: HeatSpec, runs: tuple[Run, ...], root: str | Path) -> Path:
+    """Write a race, whole or not at all, and return its folder.
+
+    Args:
+        heat: its specification.
+        runs: the run of each entrant.
+        root: folder of runs.
+
+    Raises:
+        RunError: the disk is full, or the like; what was written is removed.
+    """
+    root = Path(root)
+    name = heat_name(heat)
+    path = root / name
+    attempt = 1
+    while path.exists() or path.with_name(path.name + PART).exists():
+        attempt += 1
+        path = root / f"{name}-{attempt}"
+    part = path.with_name(path.name + PART)
+    folders = [_folder(k, entrant) for k, entrant in enumerate(heat.names, 1)]
+    try:
+        for folder, run in zip(folders, runs, strict=True):
+            with one_line(part, "cannot make a folder for the race"):
+                (part / folder).mkdir(parents=True)
+            write_whole(part / folder / "telemetry.npz", write_npz(run))
+            write_whole(part / folder / "events.csv", write_csv(run.events))
+            write_whole(part / folder / "run.json", write_json(run, provenance()))
+        write_whole(part / HEAT, _json(heat, runs, folders))
+        with one_line(path, "cannot finish the folder of the race"):
+            part.rename(path)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        raise
+    return path
+
+
+def _folder(number: int, name: str) -> str:
+    """Return the name of the folder of one entrant's run."""
+    return f"{number}_{re.sub(r'[^A-Za-z0-9._-]+', '-', name)[:60]}"
+
+
+def _json(heat: HeatSpec, runs: tuple[Run, ...], folders: list[str]) -> bytes:
+    """Return heat.json."""
+    start_times = [heat.start_time(k) for k in range(len(runs))]
+    record = {
+        "format": FORMAT,
+        "course": heat.course.name,
+        "order": [placing._asdict() for placing in placings(heat.names, runs, heat.course)],
+        "events": [event._asdict() for event in heat_events(heat.names, runs, start_times)],
+        "spec": heat.record(),
+        "start_times": start_times,
+        "runs": folders,
+        **provenance(),
+        "digest": heat_digest(runs),
+    }
+    return json.dumps(record, indent=1, allow_nan=False).encode()
+
+
+def is_heat(path: str | Path) -> bool:
+    """Return whether a folder is that of a race."""
+    return (Path(path) / HEAT).is_file()
+
+
+def list_heats(root: str | Path) -> list[Path]:
+    """Return the folders of complete races, oldest first."""
+    folders = [file.parent for file in Path(root).glob(f"*/{HEAT}")]
+    return sorted(folder for folder in folders if not folder.name.endswith(PART))
+
+
+def find_heat(wanted: str, root: str) -> Path:
+    """Return the folder of a race.
+
+    Args:
+        wanted: a folder, a part of the name of a race, or "last".
+        root: folder of runs.
+
+    Raises:
+        RunError: no race fits, or several do.
+    """
+    if is_heat(wanted):
+        return Path(wanted)
+    heats = list_heats(root)
+    if not heats:
+        raise RunError(f"no races in {root!r}: fly one with race heat, or give --runs-dir")
+    if wanted == "last":
+        return heats[-1]
+    fits = [heat for heat in heats if wanted in heat.name]
+    if len(fits) != 1:
+        found = f"fits {len(fits)} races, expected one" if fits else f"is no race in {root!r}"
+        raise RunError(f"{wanted!r} {found}: expected a folder, part of a name or 'last'")
+    return fits[0]
+
+
+def load_heat(path: str | Path) -> LoadedHeat:
+    """Return a stored race, equal to the last bit.
+
+    Raises:
+        RunError: the folder is missing or damaged, or was changed after the race.
+    """
+    path = Path(path)
+    file = path / HEAT
+    try:
+        stored = msgspec.json.decode(read_bytes(file, "the record of a race"), type=StoredHeat)
+    except FileError as error:
+        raise RunError(str(error)) from None
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
+        raise RunError(f"{file}: damaged: {error}") from None
+    if stored.format != FORMAT:
+        raise RunError(f"{file}: expected format {FORMAT!r}, got {stored.format!r}")
+    count = len(stored.spec.entrants)
+    if not count or len(stored.runs) != count or len(stored.start_times) != count:
+        raise RunError(f"{file}: damaged: expected a run and a start time for each entrant")
+    for name in stored.runs:
+        if Path(name).name != name:
+            raise RunError(f"{file}: damaged: expected the name of a folder, got {name!r}")
+    runs = tuple(load_run(path / name) for name in stored.runs)
+    if heat_digest(runs) != stored.digest:
+        raise RunError(f"{file}: the runs do not give the stored digest; changed after the race")
+    return LoadedHeat(stored.spec, runs, tuple(stored.start_times))
+
+
+def spec_of_heat(loaded: LoadedHeat, runs_dir: str | None = None) -> HeatSpec:
+    """Return the specification of a stored race, which flies the same again.
+
+    Args:
+        loaded: the race.
+        runs_dir: folder of runs in place of the recorded one.
+
+    Raises:
+        RecordError: a file that took part is missing or differs, or an entrant had parts of the
+            user's own.
+    """
+    entrants = [
+        Entrant(stored.name, spec_of_record(stored.spec, runs_dir), stored.awareness)
+        for stored in loaded.spec.entrants
+    ]
+    return HeatSpec(tuple(entrants), loaded.spec.settings, loaded.spec.seed, loaded.spec.rotation)

@@ -1,0 +1,225 @@
+"""What a race leaves behind: a run of each entrant, their order, and what happened between them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from hashlib import sha256
+from itertools import combinations
+from typing import Any, NamedTuple
+
+from quadsim.course import Course
+from quadsim.heat.spec import HeatSpec
+from quadsim.race.events import Event
+from quadsim.race.heat import RaceFrame
+from quadsim.race.referee import way_left
+from quadsim.record.run import Recorder, Run, canonical, hostless
+
+# [s] Two that pass a gate within this time pass it side by side.
+UNAMBIGUOUS = 0.05
+
+
+class Placing(NamedTuple):
+    """The result of one entrant."""
+
+    # from 1
+    rank: int
+    name: str
+    outcome: str
+    # of the whole race, penalties included [s]; None: it has not finished
+    time: float | None
+    # gates passed
+    passed: int
+    # way that was left to the next gate [m]
+    to_next_gate: float
+
+
+class HeatEvent(NamedTuple):
+    """Something that happened between entrants.
+
+    Examples:
+        >>> from quadsim.heat.result import HeatEvent
+        >>> HeatEvent(3.1, "overtake", "colored", "gaussian", gate=4, lap=1).kind
+        'overtake'
+    """
+
+    # time of the race [s]
+    t: float
+    # overtake, contact, out
+    kind: str
+    # the entrant that overtook, that was touched, or that is out
+    name: str
+    # the other one; "" where there is none
+    other: str = ""
+    # number of the gate at which one overtook, or that was hit, from 1; 0: no gate
+    gate: int = 0
+    # number of the lap of `name`, from 1
+    lap: int = 0
+
+
+class HeatRecorder:
+    """Collects the frames of a race."""
+
+    def __init__(self, heat: HeatSpec):
+        """Begin before the start.
+
+        heat: specification of the race.
+        """
+        self._heat = heat
+        self.recorders = [Recorder() for _ in heat.entrants]
+
+    def add(self, frame: RaceFrame) -> None:
+        """Add the next frame of the race."""
+        self.recorders[frame.number].add(frame.frame)
+
+    def runs(self) -> tuple[Run, ...]:
+        """Return the run of each entrant so far, in the order of the entrants."""
+        records = run_records(self._heat)
+        return tuple(
+            recorder.run(record) for recorder, record in zip(self.recorders, records, strict=True)
+        )
+
+
+def run_records(heat: HeatSpec) -> list[dict[str, Any]]:
+    """Return the spec of each entrant's run: its own, and the race in which it was flown.
+
+    The run of a race of one is that of its flight.
+    """
+    record = heat.record()
+    specs = [entrant.pop("spec") for entrant in record["entrants"]]
+    if len(specs) == 1:
+        return specs
+    flown = [canonical(hostless(spec)) for spec in specs]
+    together = sha256(canonical(record) + b"".join(flown)).hexdigest()
+    return [
+        spec
+        | {
+            "heat": {
+                "name": heat.names[k],
+                "number": k + 1,
+                "names": list(heat.names),
+                "place": heat.place(k) + 1,
+                "start_time": heat.start_time(k),
+                "seed": heat.seed,
+                "settings": record["settings"],
+                "awareness": record["entrants"][k]["awareness"],
+                # of the specs of all entrants
+                "sha256": together,
+            }
+        }
+        for k, spec in enumerate(specs)
+    ]
+
+
+def placings(names: Sequence[str], runs: Sequence[Run], course: Course) -> list[Placing]:
+    """Return the results, the winner first.
+
+    Those that have finished are ranked by their time, the others behind them by the gates that they
+    have passed, then by the way to the next gate.
+
+    Args:
+        names: names of the entrants.
+        runs: their runs, in the same order.
+        course: the course.
+    """
+    results = []
+    for name, run in zip(names, runs, strict=True):
+        finished = run.outcome == "finished"
+        passed = int(run.telemetry["passed"][-1])
+        x, y, z = (float(run.telemetry[axis][-1]) for axis in ("px", "py", "pz"))
+        gate = course.gates[passed % len(course.gates)]
+        to_next = 0.0 if finished else way_left(gate, (x, y, z))
+        time = sum(run.laps) if finished else None
+        results.append(Placing(0, name, run.outcome, time, passed, to_next))
+
+    def order(placing: Placing) -> tuple[bool, float, float, float]:
+        time = placing.time
+        return time is None, time or 0.0, -placing.passed, placing.to_next_gate
+
+    ranked = sorted(results, key=order)
+    return [placing._replace(rank=rank) for rank, placing in enumerate(ranked, 1)]
+
+
+def heat_events(
+    names: Sequence[str], runs: Sequence[Run], start_times: Sequence[float]
+) -> list[HeatEvent]:
+    """Return what happened between entrants, in the order of time.
+
+    Args:
+        names: names of the entrants.
+        runs: their runs, in the same order.
+        start_times: when each of them started [s].
+    """
+    found = []
+    for k, run in enumerate(runs):
+        for event in run.events:
+            # Both vehicles of a contact have it among their events.
+            if event.kind == "contact" and event.vehicle - 1 > k:
+                t = start_times[k] + event.t
+                found.append(
+                    HeatEvent(t, "contact", names[k], names[event.vehicle - 1], lap=event.lap)
+                )
+        if run.outcome not in ("finished", "interrupted"):
+            found.append(_out(k, run, names, start_times[k]))
+    for k, m in combinations(range(len(runs)), 2):
+        found += _overtakes((k, m), names, runs, start_times)
+    return sorted(found)
+
+
+def _out(k: int, run: Run, names: Sequence[str], start_time: float) -> HeatEvent:
+    """Return the event of an entrant that has not finished."""
+    last: Event | None = run.events[-1] if run.events else None
+    other = names[last.vehicle - 1] if last and last.vehicle else ""
+    gate = last.gate if last else 0
+    lap = int(run.telemetry["lap"][-1])
+    return HeatEvent(start_time + run.duration, "out", names[k], other, gate, lap)
+
+
+class _Pass(NamedTuple):
+    """A passage of a gate."""
+
+    t: float  # of the race [s]
+    gate: int
+    lap: int
+
+
+def _overtakes(
+    pair: tuple[int, int],
+    names: Sequence[str],
+    runs: Sequence[Run],
+    start_times: Sequence[float],
+) -> Iterable[HeatEvent]:
+    """Yield the overtakes of two entrants: their order at a gate is not that of before.
+
+    An order counts where one passes the gate at least UNAMBIGUOUS before the other does, or before
+    the other's flight ends.
+    """
+    passes = [
+        [
+            _Pass(start_times[k] + event.t, event.gate, event.lap)
+            for event in runs[k].events
+            if event.kind == "pass"
+        ]
+        for k in pair
+    ]
+    ends = [start_times[k] + runs[k].duration for k in pair]
+    leader = None
+    for gate in range(max(map(len, passes))):
+        here = [of_one[gate] if gate < len(of_one) else None for of_one in passes]
+        # A vehicle that has not passed the gate would have done so after the end of its flight.
+        times = [one.t if one else end for one, end in zip(here, ends, strict=True)]
+        if abs(times[0] - times[1]) < UNAMBIGUOUS:
+            continue
+        first = 0 if times[0] < times[1] else 1
+        passed = here[first]
+        if passed is None:
+            # Its flight ended before the other one passed the gate.
+            return
+        if leader is not None and first != leader:
+            name, other = names[pair[first]], names[pair[1 - first]]
+            yield HeatEvent(passed.t, "overtake", name, other, passed.gate, passed.lap)
+        leader = first
+
+
+def heat_digest(runs: Sequence[Run]) -> str:
+    """Return the sha256 [hex] of all that a race's seed determines: that of its runs."""
+    return sha256("".join(run.digest() for run in runs).encode()).hexdigest()
