@@ -94,13 +94,17 @@ def test_a_refusal_to_arm_names_its_reason(built, eeprom):
         expect_armed(reply)
 
 
-def test_a_firmware_that_is_killed_is_one_line(firmware):
+def test_a_firmware_that_is_killed_is_one_line(built, eeprom):
+    """What it printed while it started is not in it."""
+    firmware = Firmware(built.program, PERIOD, eeprom)
     channels = idle_channels()
     firmware.step(*STANDING, channels, 100)
     os.kill(firmware._process.pid, signal.SIGKILL)
     firmware._process.wait()
-    with pytest.raises(FirmwareError, match=r"^firmware: its process ended after 0\.100 s \(sig"):
+    ended = r"^firmware: its process ended after 0\.100 s of its own time \(signal 9\): no message$"
+    with pytest.raises(FirmwareError, match=ended):
         firmware.step(*STANDING, channels)
+    firmware.close()
 
 
 def test_a_program_that_is_none_is_one_line(tmp_path):
