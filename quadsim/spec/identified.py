@@ -11,6 +11,7 @@ import msgspec
 
 from quadsim.files.atomic import replace_file
 from quadsim.files.cache import cache_folder
+from quadsim.firmware import configuration as reading
 from quadsim.firmware.configuration import Configuration, Text, configured
 from quadsim.firmware.package import Built, built_firmware
 from quadsim.physics import betaflight, identification, link
@@ -22,7 +23,7 @@ from quadsim.vehicle import Vehicle
 # In a program that has not set up logging, a warning is one line on stderr.
 log = logging.getLogger("quadsim")
 # An identification by other code is another one.
-CODE = (betaflight.__file__, identification.__file__, link.__file__)
+CODE = (reading.__file__, betaflight.__file__, identification.__file__, link.__file__)
 
 
 def firmware_for(vehicle: Vehicle, text: Text) -> tuple[Built, Configuration]:
