@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from contextlib import suppress
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -64,9 +65,11 @@ def identified(vehicle: Vehicle, text: Text, dt: float, period: float) -> Identi
             return BetaflightActuators(vehicle, dt, built, configuration, link=wire)
 
         found = identify(vehicle, dt, period, actuators)
+        # Where the cache cannot be written, it is identified again next time.
         if path:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            replace_file(path, msgspec.json.encode(found))
+            with suppress(OSError):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                replace_file(path, msgspec.json.encode(found))
     return found
 
 
