@@ -16,6 +16,7 @@ from functools import lru_cache
 from hashlib import sha256
 from typing import NotRequired, TypedDict
 
+from quadsim.firmware.process import FirmwareError
 from quadsim.record.metrics import chatter, motor_use
 from quadsim.record.provenance import provenance
 from quadsim.record.run import CRASHES, PlanTime, Recorder, Run, canonical
@@ -83,7 +84,12 @@ def _hash(record: dict) -> str:
 def fly_attempt(spec: Spec) -> Flown:
     """Fly an attempt, in a worker process on one thread.
 
-    A planner that raises an error in flight has crashed.
+    A planner that raises an error in flight has crashed. A flight whose firmware has ended has not:
+    that says nothing of the variant, so it is no result to keep.
+
+    Raises:
+        FirmwareError: the firmware does not run, or has ended in flight.
+        ValueError, FloatingPointError: the planner raised an error before the flight.
     """
     if mp.parent_process() or "distributed.worker" in sys.modules:
         from controllers.lanes.threads import use_threads  # here: it loads the compiler
@@ -100,6 +106,8 @@ def fly_attempt(spec: Spec) -> Flown:
         try:
             for frame in launch(spec, parts):
                 recorder.add(replace(frame, snapshot=None))
+        except FirmwareError:
+            raise
         except (ValueError, FloatingPointError) as error:
             if not len(recorder):
                 raise

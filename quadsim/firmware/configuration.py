@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from textwrap import shorten
 from typing import NamedTuple
 
 import numpy as np
@@ -52,8 +53,10 @@ COMMANDS_OF_BOARDS = [
     "save",
     "exit",
     "defaults",
-    "feature",
+    r"feature(?!\s+-?(airmode|anti_gravity|motor_stop|3d)\b)",
 ]
+# Settings of the same, and of what the firmware has on a board alone: filters that follow the noise
+# of motors, which are no part of its target for simulation, and telemetry
 SETTINGS_OF_BOARDS = [
     "osd",
     "vtx",
@@ -115,6 +118,27 @@ SETTINGS_OF_BOARDS = [
     "rangefinder",
     "box_user",
     "scheduler",
+    "adc",
+    "cc2500",
+    "channel_forwarding",
+    "dashboard",
+    "dyn_notch",
+    "expresslrs",
+    "flysky",
+    "gimbal",
+    "ibus",
+    "input_filtering",
+    "led_inversion",
+    "mavlink",
+    "mco",
+    "pid_in_tlm",
+    "report_cell",
+    "rpm_limit",
+    "rx_spi",
+    "sdio",
+    "spektrum",
+    "system_hse",
+    "tlm",
 ]
 OF_THE_BOARD = re.compile(
     rf"#.*|({'|'.join(COMMANDS_OF_BOARDS)})\b.*|set ({'|'.join(SETTINGS_OF_BOARDS)})\w*\b.*",
@@ -131,12 +155,29 @@ FIXED = (
 )
 # What makes the firmware write its log from arming on
 LOG = ("set blackbox_device = VIRTUAL", "set blackbox_mode = NORMAL")
-AUX_OF_ARM = re.compile(r"aux \d+ 0 (\d+) (\d+) (\d+)\b")
+# The firmware's list of modes: channel, lowest and highest pulse that switch one on
+MODE = re.compile(r"aux \d+ (?P<mode>\d+) (?P<channel>\d+) (?P<low>\d+) (?P<high>\d+)\b.*")
+ARM_MODE = 0
+# Modes in which the sticks are no body rates and thrust, by number
+OTHER_STICKS = {
+    1: "ANGLE",
+    2: "HORIZON",
+    3: "ALTHOLD",
+    6: "HEADFREE",
+    11: "POS HOLD",
+    12: "PASSTHRU",
+    27: "FAILSAFE",
+    35: "FLIP OVER AFTER CRASH",
+    46: "GPS RESCUE",
+    47: "ACRO TRAINER",
+    49: "LAUNCH CONTROL",
+}
 SET = re.compile(r"set\s+\w+\s*=\s*(.*?)\s*", re.IGNORECASE)
 TAKEN = re.compile(r"\w+ set to (.*?)\s*$", re.MULTILINE)
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 ERROR = "###ERROR"
 NOT_AVAILABLE = "ERR_CMD_NA"
+LONGEST_PROBLEM = 160  # characters of the firmware's own message that an error shows
 
 THROTTLE = 2  # number of the channel
 FIRST_AUX = 4
@@ -184,7 +225,7 @@ ARMING_FLAGS = [
 
 
 class ConfigurationError(FileError):
-    """A line of a configuration that the firmware does not take."""
+    """Lines of a configuration that the firmware does not take: one line of text for each."""
 
 
 @dataclass(frozen=True)
@@ -298,20 +339,25 @@ def _read_by_firmware(
     firmware = Firmware(program, PERIOD)
     try:
         firmware.command("defaults nosave")
+        problems = []
         for number, line in enumerate(text.lines, 1):
             if line.strip() and not OF_THE_BOARD.fullmatch(line.strip()):
-                _carry_out(firmware, line.strip(), f"{text.name}:{number}")
+                problems.append(_carry_out(firmware, line.strip(), f"{text.name}:{number}"))
         direction = "ON" if motors_reversed else "OFF"
         for line in (*FIXED, f"set yaw_motors_reversed = {direction}", *more):
-            _carry_out(firmware, line, "the simulation")
-        arm = _arm_switch(firmware.command("aux"), text.name)
+            problems.append(_carry_out(firmware, line, "the simulation"))
+        if any(problems):
+            raise ConfigurationError("\n".join(filter(None, problems)))
+        modes = list(_modes(firmware.command("aux")))
+        arm = _arm_switch(modes, text.name)
+        _check_other_switches(modes, arm, text.name)
         return firmware.save(), arm
     finally:
         firmware.close()
 
 
-def _carry_out(firmware: Firmware, line: str, place: str) -> None:
-    """Have the firmware read a line. Raises ConfigurationError."""
+def _carry_out(firmware: Firmware, line: str, place: str) -> str | None:
+    """Have the firmware read a line; return what is wrong with it, None where it is taken."""
     printed = firmware.command(line)
     if ERROR in printed:
         problem = printed[printed.index(ERROR) :].strip().strip("#").removeprefix("ERROR ")
@@ -320,11 +366,11 @@ def _carry_out(firmware: Firmware, line: str, place: str) -> None:
     elif _is_text_for_number(line, printed):
         problem = "its value is no number"
     else:
-        return
-    raise ConfigurationError(
-        f"{place}: expected a line of Betaflight's CLI, got {line!r}: {' '.join(problem.split())}: "
-        "correct or remove it"
-    )
+        return None
+    # The allowed values of some settings are a hundred names.
+    problem = shorten(problem, LONGEST_PROBLEM, placeholder=" ...")
+    wanted = "expected a line of Betaflight's CLI"
+    return f"{place}: {wanted}, got {line!r}: {problem}: correct or remove it"
 
 
 def _is_text_for_number(line: str, printed: str) -> bool:
@@ -339,15 +385,52 @@ def _is_text_for_number(line: str, printed: str) -> bool:
     return bool(NUMBER.fullmatch(taken[1])) and not NUMBER.fullmatch(given[1])
 
 
-def _arm_switch(modes: str, name: str) -> tuple[int, float]:
-    """Return the channel and the pulse [us] of the mode ARM. Raises ConfigurationError."""
-    for found in AUX_OF_ARM.finditer(modes):
-        channel, low, high = map(int, found.groups())
+class Mode(NamedTuple):
+    """A mode of the firmware, and where a switch turns it on."""
+
+    number: int
+    channel: int
+    low: int  # least pulse [us]
+    high: int  # [us]; the mode is off from here on
+    line: str
+
+    def is_on(self, pulse: float) -> bool:
+        """Return whether the switch turns it on at a pulse [us]."""
+        return self.low <= pulse < self.high
+
+
+def _modes(printed: str) -> Iterator[Mode]:
+    """Yield the modes that have a switch, from what the firmware prints of them."""
+    for found in MODE.finditer(printed):
+        number, channel, low, high = map(int, found.groups())
         if low < high:
-            return FIRST_AUX + channel, min(max((low + high) / 2, LOW), HIGH)
+            yield Mode(number, FIRST_AUX + channel, low, high, found[0].strip())
+
+
+def _arm_switch(modes: Sequence[Mode], name: str) -> tuple[int, float]:
+    """Return the channel and the pulse [us] of the mode ARM. Raises ConfigurationError."""
+    for mode in modes:
+        if mode.number == ARM_MODE:
+            return mode.channel, min(max((mode.low + mode.high) / 2, LOW), HIGH)
     raise ConfigurationError(
         f"{name}: expected a switch for ARM, such as 'aux 0 0 0 1700 2100 0 0', got none"
     )
+
+
+def _check_other_switches(modes: Sequence[Mode], arm: tuple[int, float], name: str) -> None:
+    """Check that in flight the sticks are body rates and thrust. Raises ConfigurationError.
+
+    All switches but the one for ARM are at their lowest pulse in flight.
+    """
+    arm_channel, arm_pulse = arm
+    for mode in modes:
+        pulse = arm_pulse if mode.channel == arm_channel else LOW
+        if mode.number in OTHER_STICKS and mode.is_on(pulse):
+            wanted = f"expected {OTHER_STICKS[mode.number]} to be off at {pulse:g} us"
+            raise ConfigurationError(
+                f"{name}: {wanted}, where its switch is in flight, got {mode.line!r}: "
+                "correct or remove it"
+            )
 
 
 class Bench:

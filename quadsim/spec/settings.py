@@ -104,7 +104,9 @@ class FlightSettings:
     plant: Annotated[
         PlantName | None, setting("simulator (default: bullet where PyBullet is installed)")
     ] = None
-    plant_dt: Annotated[float, setting("physics step", "s", ge=1e-4, le=0.02)] = 1 / 400
+    plant_dt: Annotated[
+        float, setting("physics step, .001 behind betaflight", "s", ge=1e-4, le=0.02)
+    ] = 1 / 400
     flight_controller: Annotated[
         FlightControllerName,
         setting("ideal: a first-order rate loop; betaflight: the firmware, in lock step"),

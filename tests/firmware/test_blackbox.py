@@ -16,7 +16,8 @@ SHORT = {
     "timeout": 1.0,
 }
 DT = 1e-3
-COLUMNS = ("time", "gyroADC[0]", "gyroADC[1]", "setpoint[0]", "setpoint[1]")
+AXES = (0, 1, 2)
+COLUMNS = ("time", *(f"{name}[{axis}]" for name in ("gyroADC", "setpoint") for axis in AXES))
 
 
 @pytest.fixture(scope="module")
@@ -40,13 +41,13 @@ def at_control_steps(run, log, column, start):
 
 def test_gyro_and_setpoint_are_those_of_the_telemetry(logged):
     run, log = logged
-    rates = np.rad2deg([run.telemetry[name] for name in ("wx", "wy")])
+    rates = np.rad2deg([run.telemetry[name] for name in ("wx", "wy", "wz")])
 
     # The log begins when the firmware is armed, some time before the flight.
     starts = 1e-6 * log["time"][0] + np.arange(0.0, READY, DT)
 
     def error(start):
-        gyro = [at_control_steps(run, log, f"gyroADC[{axis}]", start) for axis in (0, 1)]
+        gyro = [at_control_steps(run, log, f"gyroADC[{axis}]", start) for axis in AXES]
         return np.std(gyro - rates)
 
     start = min(starts, key=error)
@@ -54,8 +55,15 @@ def test_gyro_and_setpoint_are_those_of_the_telemetry(logged):
     # A flight that starts at another time is another one.
     assert error(start + 0.1) > 0.3 * np.std(rates)
 
+    # So has each axis of its own; another one's is not near.
+    for axis in AXES:
+        gyro = at_control_steps(run, log, f"gyroADC[{axis}]", start)
+        errors = [np.std(gyro - rate) for rate in rates]
+        assert np.argmin(errors) == axis
+        assert errors[axis] < 0.1 * np.std(rates[axis])
+
     # The setpoint reaches each command at the end of its control period.
-    for axis, name in enumerate(("wx_cmd", "wy_cmd")):
+    for axis, name in enumerate(("wx_cmd", "wy_cmd", "wz_cmd")):
         asked = np.rad2deg(run.telemetry[name])
         setpoint = at_control_steps(run, log, f"setpoint[{axis}]", start + 0.009)
         assert np.std(setpoint - asked) < 0.15 * np.std(asked)

@@ -109,14 +109,58 @@ def test_a_line_that_the_firmware_does_not_take_is_named(built, lines, problem):
     assert "\n" not in str(caught.value)
 
 
+def test_all_lines_that_the_firmware_does_not_take_are_named_at_once(built):
+    lines = ("set gyro_sync_denom = 1", "set p_roll = 40", "set debug_mode = NEVER")
+    with pytest.raises(ConfigurationError) as caught:
+        configured(built.program, text(*lines), False)
+    first, second = str(caught.value).splitlines()
+    assert first.startswith("mine.txt:2: expected a line of Betaflight's CLI")
+    assert second.startswith("mine.txt:4: expected a line of Betaflight's CLI")
+    # Not the hundred values that are allowed
+    assert len(second) < 300
+
+
 def test_a_configuration_needs_a_switch_that_arms(built):
     with pytest.raises(FileError, match=r"mine\.txt: expected a switch for ARM"):
         configured(built.program, Text("mine.txt", ("set roll_expo = 0",)), False)
 
 
 def test_lines_of_the_board_are_left_out(built):
-    lines = ("# comment", "batch start", "resource MOTOR 1 B01", "set osd_units = METRIC", "save")
+    lines = (
+        "# comment",
+        "batch start",
+        "feature RX_SERIAL",
+        "resource MOTOR 1 B01",
+        "set osd_units = METRIC",
+        "set dyn_notch_count = 1",
+        "save",
+    )
     configured(built.program, text(*lines), False)
+
+
+def test_a_feature_of_flight_is_that_of_the_text(built):
+    found = [
+        configured(built.program, text(*lines), False).eeprom
+        for lines in ((), ("feature AIRMODE",), ("feature -AIRMODE",))
+    ]
+    assert found[0] == found[1] != found[2]
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        ("aux 1 1 1 900 1300 0 0", r"ANGLE to be off at 1000 us, .*'aux 1 1 1 900 1300 0 0'"),
+        ("aux 1 49 0 1300 2100 0 0", "LAUNCH CONTROL to be off at 1900 us"),
+    ],
+)
+def test_a_mode_that_would_take_the_sticks_in_flight_is_refused(built, line, problem):
+    """In ANGLE a stick is an angle, so the vehicle would crash."""
+    with pytest.raises(ConfigurationError, match=problem):
+        configured(built.program, text(line), False)
+
+
+def test_a_mode_that_is_off_in_flight_is_taken(built):
+    configured(built.program, text("aux 1 1 1 1300 2100 0 0"), False)
 
 
 def test_the_channel_of_the_switch_is_that_of_the_text(built):

