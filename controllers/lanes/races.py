@@ -55,7 +55,7 @@ def least_apart(a_before, b_before, a_after, b_after, least):
 
 @njit(fastmath=FAST, error_model="numpy")
 def order(a, b, finish, row, way, place):
-    # two racers compare: who finished first, else who has passed more gates, else who has less to go
+    # who leads: who finished first, else who has passed more gates, else who has less to go
     for l in range(L):
         earlier = finish[a, l] < finish[b, l]
         same_time = finish[a, l] == finish[b, l]
@@ -330,5 +330,3 @@ def _seen(system: System, racing: Racing) -> _Seen:
     lines = writer.lines(seen)
     stores = store(tuple(seen), f"seen[j * {len(seen)} + {{k}}, l]", writer)
     return _Seen(text="\n".join((lines, stores)), size=len(seen))
-
-

@@ -83,19 +83,19 @@ class RacingParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.possible_agents = [f"racer_{number}" for number in range(racers)]
         self.agents: list[str] = []
         size = self._races.size
-        self.observation_spaces = {
+        self._observation_spaces = {
             agent: Box(-FAR, FAR, (size,), np.float32) for agent in self.possible_agents
         }
-        self.action_spaces = {agent: action_space() for agent in self.possible_agents}
+        self._action_spaces = {agent: action_space() for agent in self.possible_agents}
         self._number = {agent: number for number, agent in enumerate(self.possible_agents)}
 
     def observation_space(self, agent: str) -> Box:
         """Return the space of a racer's observations.  (38 + 7 opponents,)"""
-        return self.observation_spaces[agent]
+        return self._observation_spaces[agent]
 
     def action_space(self, agent: str) -> Box:
         """Return the space of a racer's actions, body rates about x, y, z and thrust.  (4,)"""
-        return self.action_spaces[agent]
+        return self._action_spaces[agent]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None

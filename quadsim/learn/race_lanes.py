@@ -123,7 +123,7 @@ class RaceLanes(LaneEnvironments):
         self._finish[of_racers] = NEVER
         self.out[of_racers] = False
         self.rank[of_racers] = 0
-        self._look(chosen.any(axis=1))
+        self._look(np.any(chosen, axis=1))
 
     def step(self, actions: np.ndarray) -> None:
         """Fly one step of dt.
@@ -179,10 +179,10 @@ class RaceLanes(LaneEnvironments):
         self.final_others[block, :, lane] = self.others[block, :, lane]
 
     def _by_race(self, lanes: np.ndarray) -> np.ndarray:
-        """Return a view of one number for each racer.  (blocks, LANES) -> (groups, racers, LANES)"""
+        """Return a view (groups, racers, LANES) of one number for each racer.  (blocks, LANES)"""
         return lanes.reshape(-1, self.racers, LANES)
 
-    def _look(self, chosen: np.ndarray) -> None:
+    def _look(self, chosen: Any) -> None:
         """Let the racers of some groups of races see each other.  (groups,)"""
         self._race_module.look(
             self.X,

@@ -7,7 +7,6 @@ r is the reward of a vehicle alone (quadsim.learn.reward).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, NamedTuple
 
@@ -143,7 +142,7 @@ def race_tables(task: RaceTask, seed: int) -> Tables:
     rows: list[CourseTables] = []
     for k, course in enumerate(task.courses):
         cost = task.cost(k)
-        starts: Sequence[Any] = race_start_rows(
+        starts = race_start_rows(
             course,
             cost,
             task.vehicle,
@@ -153,5 +152,6 @@ def race_tables(task: RaceTask, seed: int) -> Tables:
             seeds=start_stream(seed, k),
             racers=task.racers,
         )
-        rows += [CourseTables(course, task.laps[k], cost, of_one) for of_one in starts]
+        for a in range(task.racers):
+            rows.append(CourseTables(course, task.laps[k], cost, starts[a]))
     return stacked(rows)
