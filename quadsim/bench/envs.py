@@ -2,8 +2,9 @@
 
 A step consists of the model's step, gate tests, obstacles, reward, observation and restart. Each
 number of vehicles is timed in the compiled lanes, as `race train` steps it, and through Gymnasium's
-arrays. Races of several vehicles are timed in the same ways. The two take turns in short pieces, and the shortest time of each is reported, as it is the
-least disturbed by other programs on the machine.
+arrays. Races of several vehicles are timed in the same ways. The two take turns in short pieces,
+and the shortest time of each is reported, as it is the least disturbed by other programs on the
+machine.
 """
 
 from __future__ import annotations
