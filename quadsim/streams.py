@@ -20,7 +20,8 @@ Flights of a seed are compared across versions, so the keys are never changed:
                             link (6) are not used
     double integrator       planner (); vehicle (0), gusts (1), sensors (2), gates (3), faults (4),
                             link (5) are not used
-    environments            starts of course k (k), vehicle of its row i (k, i)
+    environments            starts of course k (k), vehicle of its row i (k, i), in a race of
+                            several that of racer j (k, i, j)
     generated courses       course number k, counted from 1, (k - 1)
 
 Pictures and training have entropy of two words in place of a key, see `pose_stream`, `look_streams`
@@ -196,6 +197,17 @@ def start_vehicle_stream(starts: SeedSequence, row: int) -> SeedSequence:
         row: index of the row, from 0.
     """
     return _child(starts, row)
+
+
+def racer_vehicle_stream(starts: SeedSequence, row: int, racer: int) -> SeedSequence:
+    """Return the stream of the domain randomization of one racer in one row of a race's starts.
+
+    Args:
+        starts: the course's `start_stream`.
+        row: index of the row, from 0.
+        racer: index of the racer, from 0.
+    """
+    return _child(starts, row, racer)
 
 
 def observation_noise_key(seed: int) -> np.ndarray:

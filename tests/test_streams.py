@@ -27,6 +27,7 @@ from quadsim.streams import (
     offroad_streams,
     pose_stream,
     quadrotor_streams,
+    racer_vehicle_stream,
     sensor_streams,
     start_stream,
     start_vehicle_stream,
@@ -93,6 +94,8 @@ def test_environments_and_training_have_the_streams_they_have_always_had(seed):
         assert_same(starts, before)
         for row, vehicle in enumerate(before.spawn(4)):
             assert_same(start_vehicle_stream(starts, row), vehicle)
+            for racer, of_racer in enumerate(vehicle.spawn(3)):
+                assert_same(racer_vehicle_stream(starts, row, racer), of_racer)
     assert observation_noise_key(seed).tolist() == [seed & 0xFFFFFFFF, 0x0B5E]
     assert observation_noise_key(seed).dtype == np.uint32
     assert_same(training_stream(seed), np.random.SeedSequence([seed, 1]))

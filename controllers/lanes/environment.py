@@ -51,6 +51,8 @@ from quadsim.dynamics.records import flat, flat_names
 SAME_STEP = 0
 NEXT_STEP = 1
 DISABLED = 2
+# The vehicle of an episode that has ended stays where it is until `begin` starts the next
+WAIT = 3
 
 SLACK = 1e-3  # part of a vehicle's room to the obstacles that is left to rounding [m]
 
@@ -104,13 +106,14 @@ def restart(l, environment, seed, starts, targets, state, target, model, last, r
 @kept
 @njit(fastmath=FAST, error_model="numpy", parallel=True)
 def begin(states, rows, models, actions, way, room, row, steps, passes, episode, over, obs, starts,
-          targets, course, seed, chosen):
+          targets, course, seed, chosen, racers):
+    # `racers` blocks in a row hold the vehicles of the same races: one draw starts all of a race
     for b in prange(states.shape[0]):
         for l in range(L):
             if chosen[b, l]:
-                restart(l, b * L + l, seed, starts[course[b]], targets[course[b]], states[b],
-                        rows[b], models[b], actions[b], room[b], row[b], steps[b], passes[b],
-                        episode[b], obs[b])
+                restart(l, b // racers * L + l, seed, starts[course[b]], targets[course[b]],
+                        states[b], rows[b], models[b], actions[b], room[b], row[b], steps[b],
+                        passes[b], episode[b], obs[b])
                 over[b, l] = False
 """
 
@@ -122,6 +125,24 @@ def move(source, to):
     for k in range(to.shape[0]):
         for l in range(L):
             to[k, l] = source[k, l]
+
+@njit(fastmath=FAST, error_model="numpy")
+def hold(over, state, after, moved, way_before, way_now, crashed, reached):
+    # a vehicle whose episode has ended stays where it is, with all that it has reached
+    waits = np.int32(0)
+    for l in range(L):
+        waits |= np.int32(1) if over[l] else np.int32(0)
+    if waits == 0:
+        return
+    for k in range(<n_x>):
+        for l in range(L):
+            after[k, l] = state[k, l] if over[l] else after[k, l]
+    for l in range(L):
+        if over[l]:
+            moved[l] = F(0)
+            way_now[l] = way_before[l]
+            crashed[l] = F(0)
+            reached[l] = np.int32(0)
 
 @njit(fastmath=FAST, error_model="numpy")
 def meet_obstacles(state, after, moved, room, crashed, obstacles):
@@ -221,6 +242,8 @@ def advance(states, rows, models, actions_before, way, room, row, steps, passes,
                 dy = after[1, l] - state[1, l]
                 dz = after[2, l] - state[2, l]
                 moved[l] = math.sqrt(dx * dx + dy * dy + dz * dz)
+            if mode == <WAIT>:
+                hold(over[b], state, after, moved, way[b], way_now, crashed, reached)
             for l in range(L):
                 way_before[l] = way[b, l] if steps[b, l] > 0 else way_now[l]
             meet_obstacles(states[b], after, moved, room[b], crashed,
@@ -239,7 +262,10 @@ def advance(states, rows, models, actions_before, way, room, row, steps, passes,
             if judge(steps[b], row[b], crashed, reached, over[b], ended[b], cut[b], passed[b],
                      crashed_now[b], last_row[c], limit):
                 for l in range(L):
-                    if over[b, l] and mode == <NEXT_STEP>:
+                    waited = over[b, l] and mode == <WAIT>
+                    if waited:
+                        steps[b, l] -= np.int32(1)
+                    if waited or (over[b, l] and mode == <NEXT_STEP>):
                         ended[b, l] = False
                         cut[b, l] = False
                         passed[b, l] = False
@@ -247,7 +273,7 @@ def advance(states, rows, models, actions_before, way, room, row, steps, passes,
                         reward_of[b, l] = F(0)
                     done = ended[b, l] or cut[b, l]
                     again = done if mode == <SAME_STEP> else over[b, l] and mode == <NEXT_STEP>
-                    over[b, l] = done and mode != <SAME_STEP>
+                    over[b, l] = waited or (done and mode != <SAME_STEP>)
                     if done and mode == <SAME_STEP>:
                         for k in range(<n_obs>):
                             final[b, k, l] = obs[b, k, l]
@@ -320,7 +346,7 @@ def environment_source(system: System, cost: Cost, learning: Learning) -> str:
     next_rows = next_targets("target.shape[0]", count="passes[l] += 1")
     step = _step(system, cost, learning)
     pay = _pay(system, learning)
-    modes = {"SAME_STEP": SAME_STEP, "NEXT_STEP": NEXT_STEP}
+    modes = {"SAME_STEP": SAME_STEP, "NEXT_STEP": NEXT_STEP, "WAIT": WAIT}
     texts = (
         header(np.float32),
         fill(RESTART, **sizes, observe=observed.text),

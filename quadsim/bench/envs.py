@@ -2,8 +2,9 @@
 
 A step consists of the model's step, gate tests, obstacles, reward, observation and restart. Each
 number of vehicles is timed in the compiled lanes, as `race train` steps it, and through Gymnasium's
-arrays. The two take turns in short pieces, and the shortest time of each is reported, as it is the
-least disturbed by other programs on the machine.
+arrays. Races of several vehicles are timed in the same ways. The two take turns in short pieces,
+and the shortest time of each is reported, as it is the least disturbed by other programs on the
+machine.
 """
 
 from __future__ import annotations
@@ -21,15 +22,18 @@ from controllers.lanes.threads import use_threads
 from quadsim.console import UsageError
 from quadsim.course import load_course
 from quadsim.learn.lanes import LaneEnvironments
+from quadsim.learn.race_lanes import RaceLanes
 from quadsim.learn.task import task
 from quadsim.physics.link import HOVER
 from quadsim.physics.plant import PLANTS
 from quadsim.vehicle import load_vehicle
 
 if TYPE_CHECKING:
+    from quadsim.learn.races import Races  # needs Gymnasium
     from quadsim.learn.vector_env import RacingVectorEnv  # needs Gymnasium
 
 VEHICLES = (64, 512, 4096, 65536)
+RACES = ((1024, 2), (1024, 4), (512, 8))  # numbers of races, and of racers in each
 PIECE = 0.02  # approximate duration of one timed piece [s]
 
 
@@ -53,6 +57,66 @@ class EnvsSpeed(NamedTuple):
     threads: int
     lanes: float  # through the compiled lanes [1/s]
     arrays: float  # through Gymnasium's arrays [1/s]
+
+
+class RacesSpeed(NamedTuple):
+    """The speed of this number of races, in steps of single racers."""
+
+    races: int
+    racers: int  # in a race
+    threads: int
+    lanes: float  # through the compiled lanes [1/s]
+    arrays: float  # through arrays of (races, racers, ...) [1/s]
+
+
+def measure_races(seconds: float) -> list[RacesSpeed]:
+    """Time races of each size of RACES on one thread and on all.
+
+    Args:
+        seconds: approximate duration of the timing for each row.
+
+    Raises:
+        UsageError: Gymnasium is not installed.
+    """
+    try:
+        from quadsim.learn.races import Races
+    except ImportError:
+        raise UsageError("--envs: expected Gymnasium: pip install 'quadsim[rl]'") from None
+    most = use_threads(None)
+    rows = []
+    for threads in sorted({1, most}):
+        use_threads(threads)
+        for number, racers in RACES:
+            races = Races(number, racers=racers, start="anywhere")
+            races.reset(seed=0)
+            functions = {"lanes": race_lane_steps(races), "arrays": race_array_steps(races)}
+            best = shortest(functions, seconds)
+            steps = number * racers
+            speed = RacesSpeed(
+                number, racers, threads, steps / best["lanes"], steps / best["arrays"]
+            )
+            rows.append(speed)
+    use_threads(None)
+    return rows
+
+
+def race_lane_steps(races: Races) -> Callable[[], None]:
+    """Return a function that steps as many races in lanes, with actions around hover."""
+    lanes = RaceLanes(races.task, races.races, 0, restart=True)
+    lanes.begin(0)
+    actions = around_hover(lanes.last.shape)
+    return lambda: lanes.step(actions)
+
+
+def race_array_steps(races: Races) -> Callable[[], None]:
+    """Return a function that steps races through arrays, with actions around hover."""
+    rows = around_hover((races.races * races.racers, 4))
+    actions = rows.reshape(races.races, races.racers, 4)
+
+    def step() -> None:
+        races.step(actions)
+
+    return step
 
 
 def measure_envs(seconds: float) -> list[EnvsSpeed]:

@@ -8,7 +8,7 @@ from rich.console import RenderableType
 from rich.table import Table
 
 from quadsim.bench.cases import QUADROTOR, SWEPT, CaseTime, paper_case
-from quadsim.bench.envs import PUBLISHED, EnvsSpeed
+from quadsim.bench.envs import PUBLISHED, EnvsSpeed, RacesSpeed
 from quadsim.bench.gates import GatesTime
 from quadsim.bench.peers import PeerTime
 from quadsim.bench.stages import PartTime
@@ -132,6 +132,21 @@ def envs_table(rows: Sequence[EnvsSpeed]) -> Table:
             f"{1e9 * row.threads / row.lanes:.0f}",
             f"{row.arrays / 1e6:.1f}",
             f"{1e9 * row.threads / row.arrays:.0f}",
+        )
+    return table
+
+
+def races_table(rows: Sequence[RacesSpeed]) -> Table:
+    """Return million steps of single racers a second."""
+    heads = ("races", "racers", "threads", "in lanes\n[million/s]", "in arrays\n[million/s]")
+    table = plain_table(*heads, no_wrap=True)
+    for row in rows:
+        table.add_row(
+            str(row.races),
+            str(row.racers),
+            str(row.threads),
+            f"{row.lanes / 1e6:.1f}",
+            f"{row.arrays / 1e6:.1f}",
         )
     return table
 

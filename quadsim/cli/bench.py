@@ -14,7 +14,7 @@ from rich.progress import track
 from controllers.lanes.planner_loops import module_source
 from controllers.lanes.threads import use_threads
 from quadsim.bench.cases import QUADROTOR, SWEPT, cases, measure, paper_case
-from quadsim.bench.envs import measure_envs, measure_plants
+from quadsim.bench.envs import measure_envs, measure_plants, measure_races
 from quadsim.bench.gates import measure_gates
 from quadsim.bench.peers import compare, require_peers
 from quadsim.bench.stages import stages
@@ -24,6 +24,7 @@ from quadsim.bench.tables import (
     gates_table,
     other_simulators,
     peer_lines,
+    races_table,
     stages_table,
 )
 from quadsim.cli.flags import Help, Json, Switch
@@ -54,7 +55,7 @@ def bench(
 
     race bench --gates     does a control step take longer on a course with more gates?
 
-    race bench --envs      steps of learning environments a second, over vehicles and threads
+    race bench --envs      steps of learning environments and of races of several a second
 
     race bench --show-code the compiled loops as text: model and cost, inlined into a loop over
     samples
@@ -124,8 +125,14 @@ def _bench_gates(json: bool) -> None:
 def _bench_envs(seconds: float, json: bool) -> None:
     """Time learning environments, and simulators of one vehicle."""
     rows = measure_envs(seconds)
+    races = measure_races(seconds)
     plants = measure_plants(seconds)
     if json:
-        emit_json({"envs": [row._asdict() for row in rows], "plants": plants})
+        result = {
+            "envs": [row._asdict() for row in rows],
+            "races": [row._asdict() for row in races],
+            "plants": plants,
+        }
+        emit_json(result)
     else:
-        emit(envs_table(rows), *other_simulators(plants))
+        emit(envs_table(rows), "", races_table(races), "", *other_simulators(plants))

@@ -7,11 +7,18 @@
 
 Importing this package registers them, and nothing else does. A name with the package in front
 imports it: `gymnasium.make("quadsim.learn:quadsim/Racing-v0")`.
+
+Races of several vehicles are a ParallelEnv of PettingZoo, `quadsim.learn.RacingParallelEnv`, and
+many of them in arrays are `quadsim.learn.races.Races`.
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from quadsim.learn.parallel_env import RacingParallelEnv as RacingParallelEnv
 
 RACING = "quadsim/Racing-v0"
 BULLET = "quadsim/RacingBullet-v0"
@@ -38,3 +45,12 @@ def register_environments() -> None:
 # the lanes need no Gymnasium
 with suppress(ImportError):
     register_environments()
+
+
+def __getattr__(name: str) -> Any:
+    """Import RacingParallelEnv when it is asked for, as it needs PettingZoo."""
+    if name == "RacingParallelEnv":
+        from quadsim.learn.parallel_env import RacingParallelEnv
+
+        return RacingParallelEnv
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -90,9 +90,11 @@ class LaneEnvironments:
         task: courses, vehicle, starts and rewards.
         n: number of environments.
         seed: seed of their starts.
-        autoreset: when an episode that has ended starts anew: SAME_STEP, NEXT_STEP or DISABLED.
+        autoreset: when an episode that has ended starts anew: SAME_STEP, NEXT_STEP or DISABLED;
+            WAIT: it does not, and its vehicle stays where it is.
 
     Attributes:
+        racers: number of blocks in a row whose vehicles fly the same races, one of each in a lane.
         X: states (blocks, n_x, LANES).
         row: numbers of the target rows (blocks, LANES).
         steps, passes: numbers of steps and passed gates of the episodes  (blocks, LANES).
@@ -102,12 +104,14 @@ class LaneEnvironments:
             limit; hit: a gate was passed.
     """
 
+    racers = 1
+
     def __init__(self, task: LearningTask, n: int, seed: int = 0, autoreset: int = DISABLED):
         self.task = task
         self.n = n
         self.seed = seed
         self.autoreset = autoreset
-        _check_courses(task, n)
+        self._check_courses()
         self.tables: Tables | None = None  # of the seed, made when episodes begin
         self._calls = 0
 
@@ -149,7 +153,7 @@ class LaneEnvironments:
             passed=flags(),
             crashed_now=flags(),
         )
-        self.course = (np.arange(B) % len(task.courses)).astype(np.int32)
+        self.course = self._course_of_blocks(B)
         self.X = self.episodes.states
         self.last = self.episodes.actions_before
         self.obs = self.episodes.obs
@@ -205,11 +209,12 @@ class LaneEnvironments:
         if seed is not None or self.tables is None:
             self.seed = self.seed if seed is None else seed
             self._calls = 0
-            self.tables = tables(self.task, self.seed)
+            self.tables = self._make_tables()
             self.episodes.episode[:] = 0
         if chosen is None:
             chosen = np.ones_like(self.over)
-        self._module.begin(*self.episodes, *self._beginnings(self.tables), chosen)
+        beginnings = self._beginnings(self.tables)
+        self._module.begin(*self.episodes, *beginnings, chosen, self.racers)
 
     def step(self, actions: np.ndarray) -> None:
         """Fly one step of dt.
@@ -242,14 +247,32 @@ class LaneEnvironments:
     def _beginnings(self, found: Tables) -> Beginnings:
         return Beginnings(found.starts, found.targets, self.course, self.seed)
 
+    def _make_tables(self) -> Tables:
+        """Return the arrays of the task's courses, with starts drawn from the seed."""
+        return tables(self.task, self.seed)
 
-def _check_courses(task: LearningTask, n: int) -> None:
-    """Raise SettingError unless n environments can fly the courses of the task side by side."""
+    def _course_of_blocks(self, blocks: int) -> np.ndarray:
+        """Return the row of the tables that each block flies by.  (blocks,) int32"""
+        return (np.arange(blocks) % len(self.task.courses)).astype(np.int32)
+
+    def _check_courses(self) -> None:
+        """Raise SettingError unless n environments can fly the courses side by side."""
+        check_courses(self.task, self.n, "environments")
+
+
+def check_courses(task: LearningTask, n: int, what: str) -> None:
+    """Raise SettingError unless n environments or races can fly a task's courses side by side.
+
+    Args:
+        task: the task.
+        n: their number.
+        what: "environments" or "races", for the error.
+    """
     count = len(task.courses)
     if count > blocks(n):
         least = LANES * (count - 1) + 1
-        wanted = f"expected at least {least} environments for {count}"
-        raise SettingError("course", f"{LANES} environments share a course: {wanted}, got {n}")
+        wanted = f"expected at least {least} {what} for {count}"
+        raise SettingError("course", f"{LANES} {what} share a course: {wanted}, got {n}")
     costs = [task.cost(k) for k in range(count)]
     # the compiled module holds one test of obstacles
     tests = {cost.obstacles.touches for cost in costs if cost.obstacles}

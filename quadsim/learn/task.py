@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from msgspec import inspect
@@ -80,6 +80,9 @@ class LearningTask:
         return race_cost(self.courses[k], self.vehicle.radius, weights, self.laps[k])
 
 
+Task = TypeVar("Task", bound=LearningTask)
+
+
 @dataclass(frozen=True)
 class Tables:
     """Arrays over all courses, float32 unless stated otherwise; shorter courses are padded."""
@@ -92,19 +95,21 @@ class Tables:
     starts: np.ndarray  # (courses, starts, ...)
 
 
+class CourseTables(NamedTuple):
+    """What the arrays of one course are made of."""
+
+    course: Course
+    laps: int
+    cost: Cost
+    starts: np.ndarray  # (starts, ...)
+
+
 def tables(task: LearningTask, seed: int) -> Tables:
     """Return the arrays of a task's courses, with starts drawn from the seed."""
-    costs: list[Cost] = []
-    rows: list[np.ndarray] = []
-    obstacles: list[np.ndarray] = []
-    starts: list[np.ndarray] = []
+    courses: list[CourseTables] = []
     for k, course in enumerate(task.courses):
         cost = task.cost(k)
-        costs.append(cost)
-        rows.append(np.hstack([cost.targets, gate_rows(course, task.laps[k])]))
-        if cost.obstacles:
-            obstacles.append(cost.obstacles.rows)
-        course_starts = start_rows(
+        starts = start_rows(
             course,
             cost,
             task.vehicle,
@@ -113,14 +118,21 @@ def tables(task: LearningTask, seed: int) -> Tables:
             task.randomize,
             seeds=start_stream(seed, k),
         )
-        starts.append(course_starts)
+        courses.append(CourseTables(course, task.laps[k], cost, starts))
+    return stacked(courses)
+
+
+def stacked(courses: Sequence[CourseTables]) -> Tables:
+    """Return the arrays of all courses, a row for each."""
+    rows = [np.hstack([c.cost.targets, gate_rows(c.course, c.laps)]) for c in courses]
+    obstacles = [c.cost.obstacles.rows for c in courses if c.cost.obstacles]
     return Tables(
         targets=_padded(rows),
         final_row=np.array([len(r) - 1 for r in rows], np.int32),
-        p_cost=np.array([cost.params for cost in costs], np.float32),
+        p_cost=np.array([c.cost.params for c in courses], np.float32),
         obstacles=_padded(obstacles),
         n_obstacles=np.array([len(o) for o in obstacles], np.int32),
-        starts=np.array(starts, np.float32),
+        starts=np.array([c.starts for c in courses], np.float32),
     )
 
 
@@ -151,6 +163,26 @@ def task(
         SettingError: a value is invalid; its message is one line (a ValueError).
         FileError: a course or a vehicle cannot be read.
     """
+    return make_task(LearningTask, RewardWeights, course, vehicle, laps, reward, settings)
+
+
+def make_task(
+    kind: type[Task],
+    weights: type[RewardWeights],
+    course: Any,
+    vehicle: Any,
+    laps: int | None,
+    reward: Any,
+    settings: Mapping[str, Any],
+) -> Task:
+    """Return a task of this kind, see `task`.
+
+    Args:
+        kind: the task's dataclass.
+        weights: the dataclass of its rewards.
+        course, vehicle, laps, reward: see `task`.
+        settings: further fields of the task.
+    """
     given = course if isinstance(course, list | tuple) else [course]
     courses = tuple(_course(one) for one in given)
     if not courses:
@@ -161,27 +193,27 @@ def task(
         laps_of_each = tuple(course.laps for course in courses)
     else:
         laps_of_each = (checked_object("laps", laps, LAPS),) * len(courses)
-    chosen = _checked_settings(settings)
-    rewards = _weights(reward)
+    chosen = _checked_settings(settings, kind)
+    rewards = _weights(reward, weights)
     for one, count in zip(courses, laps_of_each, strict=True):
         check(one, count, SweptGates(one.gates, vehicle.radius).all, vehicle.radius)
     if "time_limit" not in chosen:
         longest = max(default_timeout(c, n) for c, n in zip(courses, laps_of_each, strict=True))
         chosen["time_limit"] = longest
-    return LearningTask(courses, vehicle, laps_of_each, rewards=rewards, **chosen)
+    return kind(courses, vehicle, laps_of_each, rewards=rewards, **chosen)
 
 
 def _course(given: Any) -> Course:
     return given if isinstance(given, Course) else load_course(_path("course", given))
 
 
-def _checked_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
+def _checked_settings(settings: Mapping[str, Any], kind: type[LearningTask]) -> dict[str, Any]:
     """Return the settings that are not None.
 
     Raises:
         SettingError: a setting is unknown or out of its range.
     """
-    kinds = kinds_of(LearningTask)
+    kinds = kinds_of(kind)
     for name in settings:
         if name not in kinds:
             names = ", ".join(("course", "vehicle", "laps", "reward", *kinds))
@@ -191,18 +223,18 @@ def _checked_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
     return {name: checked_object(name, value, kinds[name]) for name, value in given.items()}
 
 
-def _weights(given: Any) -> RewardWeights:
+def _weights(given: Any, kind: type[RewardWeights]) -> RewardWeights:
     """Return the reward's weights from what the user gave. Raises SettingError."""
     if given is None:
-        return RewardWeights()
-    if isinstance(given, RewardWeights):
+        return kind()
+    if isinstance(given, kind):
         return given
-    names = [f.name for f in fields(RewardWeights)]
+    names = [f.name for f in fields(kind)]
     if not isinstance(given, Mapping) or not set(given) <= set(names):
-        wanted = f"expected RewardWeights or weights of {', '.join(names)}"
+        wanted = f"expected {kind.__name__} or weights of {', '.join(names)}"
         raise SettingError("reward", f"{wanted}, got {shown_value(given)}")
     try:
-        return RewardWeights(**given)
+        return kind(**given)
     except SettingError as error:
         raise SettingError(f"reward.{error.name}", error.problem) from None
 

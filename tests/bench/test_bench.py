@@ -32,11 +32,26 @@ from quadsim.bench.cases import (
     paper_case,
     starting,
 )
-from quadsim.bench.envs import array_steps, lane_steps, measure_plants, shortest
+from quadsim.bench.envs import (
+    RacesSpeed,
+    array_steps,
+    lane_steps,
+    measure_plants,
+    race_array_steps,
+    race_lane_steps,
+    shortest,
+)
 from quadsim.bench.gates import measure_gates
-from quadsim.bench.tables import case_tables, gates_table, growth_table, other_simulators
+from quadsim.bench.tables import (
+    case_tables,
+    gates_table,
+    growth_table,
+    other_simulators,
+    races_table,
+)
 from quadsim.cli import bench
 from quadsim.cli.cli import race
+from quadsim.learn.races import Races
 from quadsim.learn.vector_env import RacingVectorEnv
 from quadsim.physics.plant import PLANTS
 
@@ -224,6 +239,18 @@ def test_environments_are_stepped_in_lanes_and_in_arrays():
     best = shortest({"lanes": lane_steps(64), "arrays": array_steps(envs)}, SHORT)
     assert 0 < best["lanes"] < np.inf
     assert 0 < best["arrays"] < np.inf
+
+
+def test_races_are_stepped_in_lanes_and_in_arrays():
+    races = Races(64, racers=3, start="anywhere")
+    races.reset(seed=0)
+    functions = {"lanes": race_lane_steps(races), "arrays": race_array_steps(races)}
+    best = shortest(functions, SHORT)
+    assert 0 < best["lanes"] < np.inf
+    assert 0 < best["arrays"] < np.inf
+    row = RacesSpeed(64, 3, 1, lanes=5.04e6, arrays=1.06e6)
+    cells = [list(column.cells) for column in races_table([row]).columns]
+    assert cells == [["64"], ["3"], ["1"], ["5.0"], ["1.1"]]
 
 
 def test_other_simulators_are_timed_beside_the_environments():

@@ -237,7 +237,7 @@ def test_observations_that_are_kept_stay_as_they_were():
 def test_the_compiled_functions_take_their_arguments_by_the_names_of_the_records():
     module = LaneEnvironments(task(), 64)._module
     beginning = (*Episodes._fields, *Beginnings._fields)
-    assert len(arguments(module.begin)) == len((*beginning, "chosen"))
+    assert len(arguments(module.begin)) == len((*beginning, "chosen", "racers"))
     assert arguments(module.advance) == (*beginning, *Step._fields)
     first = Step._fields.index(Outcome._fields[0])
     assert Step._fields[first : first + len(Outcome._fields)] == Outcome._fields

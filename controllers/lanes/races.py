@@ -1,0 +1,332 @@
+"""Generate the loops of races of several vehicles, which run after a step of the environments.
+
+The environments' own loops (controllers.lanes.environment) step each vehicle as if it were alone.
+The loops here add what happens between vehicles: who has come too near to another, who leads, what
+each sees of the others.
+
+Races run over lanes. Racer a of race r is lane r % LANES of block r // LANES * racers + a, so that
+the vehicles of a race stand in the same lane of blocks in a row, a group, and a loop over lanes
+compares racer a with racer b in LANES races at once.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controllers.lanes.compiled import load_module
+from controllers.lanes.parts import Point, fill, header, read, store
+from controllers.lanes.text import Writer
+from controllers.lanes.trace import Graph, trace, trace_number
+from quadsim.dynamics import System
+from quadsim.dynamics.records import flat
+
+MOST_RACERS = 8
+NEVER = 1e9  # the step in which a racer finishes that has not finished
+ABSENT = 1e30  # squared distance of an opponent that is not in the race [m^2]
+
+
+class Racing(NamedTuple):
+    """The plain functions that a race adds to the environments of its vehicles."""
+
+    # (start, end) -> least squared distance from the origin on the line between two Points [m^2]
+    nearest: Callable[..., Any]
+    # (x, away) -> record of the numbers observed of an opponent, its presence first
+    opponent: Callable[..., Any]
+    # NamedTuple: relative position and velocity of an opponent
+    away: type
+    # (collided, gained, p) -> number that is added to the reward
+    reward: Callable[..., Any]
+    # NamedTuple: the weights p of the reward
+    weights: type
+
+
+MEET = """
+@njit(fastmath=FAST, error_model="numpy")
+def least_apart(a_before, b_before, a_after, b_after, least):
+    # the squared distance at which two vehicles pass each other in this step, in every lane
+    for l in range(L):
+        <nearest>
+
+@njit(fastmath=FAST, error_model="numpy")
+def order(a, b, finish, row, way, place):
+    # who leads: who finished first, else who has passed more gates, else who has less to go
+    for l in range(L):
+        earlier = finish[a, l] < finish[b, l]
+        same_time = finish[a, l] == finish[b, l]
+        farther = row[a, l] > row[b, l]
+        same_row = row[a, l] == row[b, l]
+        nearer = way[a, l] <= way[b, l]
+        ahead = earlier | (same_time & (farther | (same_row & nearer)))
+        place[a, l] += np.int32(0) if ahead else np.int32(1)
+        place[b, l] += np.int32(1) if ahead else np.int32(0)
+
+@kept
+@njit(fastmath=FAST, error_model="numpy", parallel=True)
+def meet(states, row, way, steps, over, before, out, finish, collided, rank, reward_of, ended, cut,
+         crashed, p_reward, too_near, racers):
+    <read_weights>
+    for g in prange(states.shape[0] // racers):
+        first = g * racers
+        flies = np.empty((<most>, L), np.int32)
+        least = np.empty(L, F)
+        place = np.empty((<most>, L), np.int32)
+        hit = np.empty((<most>, L), F)
+        paid = np.empty(L, F)
+
+        # who is in the air: not who was out before this step, or has finished in it
+        for a in range(racers):
+            b = first + a
+            for l in range(L):
+                finishes = ended[b, l] & (not crashed[b, l])
+                flies[a, l] = np.int32(0) if out[b, l] | finishes else np.int32(1)
+                hit[a, l] = F(0)
+                place[a, l] = np.int32(1)
+
+        # who comes too near to whom
+        for a in range(racers):
+            for b in range(a + 1, racers):
+                least_apart(before[first + a], before[first + b], states[first + a],
+                            states[first + b], least)
+                for l in range(L):
+                    both = (flies[a, l] & flies[b, l]) > 0
+                    touch = F(1) if both & (least[l] < too_near) else F(0)
+                    hit[a, l] = higher(hit[a, l], touch)
+                    hit[b, l] = higher(hit[b, l], touch)
+
+        # who of them is out, and who has finished
+        for a in range(racers):
+            b = first + a
+            for l in range(L):
+                touched = hit[a, l] > F(0)
+                # a racer that has hit a frame in this step has paid for a crash already
+                hit[a, l] = F(0) if crashed[b, l] else hit[a, l]
+                collided[b, l] = touched
+                crashed[b, l] |= touched
+                ended[b, l] |= touched
+                cut[b, l] &= not touched
+                over[b, l] |= touched
+                if ended[b, l] & (not crashed[b, l]):
+                    finish[b, l] = F(steps[b, l])
+
+        # who is where, and what the places gained are worth
+        for a in range(racers):
+            for b in range(a + 1, racers):
+                order(a, b, finish[first : first + racers], row[first : first + racers],
+                      way[first : first + racers], place)
+        for a in range(racers):
+            b = first + a
+            for l in range(L):
+                # before the first step there are no places
+                gained = F(rank[b, l] - place[a, l]) if steps[b, l] > 1 else F(0)
+                <pay>
+            for l in range(L):
+                rank[b, l] = place[a, l]
+                reward_of[b, l] += F(0) if out[b, l] else paid[l]
+"""
+
+LOOK = """
+from controllers.lanes.normals import normal_rows
+
+@njit(fastmath=FAST, error_model="numpy")
+def apart(mine, theirs, absent, near):
+    # the way from a vehicle to an opponent, in every lane: squared distance, position, velocity
+    for l in range(L):
+        dx = theirs[0, l] - mine[0, l]
+        dy = theirs[1, l] - mine[1, l]
+        dz = theirs[2, l] - mine[2, l]
+        near[0, l] = F(<absent>) if absent[l] else dx * dx + dy * dy + dz * dz
+        near[1, l] = dx
+        near[2, l] = dy
+        near[3, l] = dz
+    for k in range(3, 6):
+        for l in range(L):
+            near[1 + k, l] = theirs[k, l] - mine[k, l]
+
+@njit(fastmath=FAST, error_model="numpy")
+def nearer_first(one, other, swaps):
+    # exchange two opponents where the second is nearer
+    for l in range(L):
+        swaps[l] = np.int32(1) if other[0, l] < one[0, l] else np.int32(0)
+    for k in range(7):
+        for l in range(L):
+            a = one[k, l]
+            b = other[k, l]
+            one[k, l] = b if swaps[l] > 0 else a
+            other[k, l] = a if swaps[l] > 0 else b
+
+@njit(fastmath=FAST, error_model="numpy")
+def observe(state, near, j, seen):
+    # the numbers of the j-th nearest opponent, zeros where there is none
+    for l in range(L):
+        absent = near[0, l] >= F(<absent>)
+        <observe>
+
+@njit(fastmath=FAST, error_model="numpy")
+def add_noise(seen, noise, lane, key, call):
+    numbers = seen.shape[0]
+    drawn_noise = np.empty((numbers, L), F)
+    normal_rows(drawn_noise, noise, lane, <group>, key, call)
+    for k in range(numbers):
+        here = k // <size> * <size>
+        for l in range(L):
+            seen[k, l] += drawn_noise[k, l] * seen[here, l]
+
+@kept
+@njit(fastmath=FAST, error_model="numpy", parallel=True)
+def look(states, over, out, obs, others, chosen, noise, key, call, racers):
+    for g in prange(chosen.shape[0]):
+        if chosen[g]:
+            first = g * racers
+            opponents = racers - 1
+            state = np.empty((<n_x>, L), F)
+            near = np.empty((<most> - 1, 7, L), F)
+            seen = np.empty(((<most> - 1) * <size>, L), F)
+            swaps = np.empty(L, np.int32)
+            for a in range(racers):
+                mine = states[first + a]
+                for k in range(<n_x>):
+                    for l in range(L):
+                        state[k, l] = mine[k, l]
+                for j in range(opponents):
+                    b = first + (j if j < a else j + 1)
+                    apart(state, states[b], over[b], near[j])
+                for end in range(opponents - 1, 0, -1):
+                    for j in range(end):
+                        nearer_first(near[j], near[j + 1], swaps)
+                for j in range(opponents):
+                    observe(state, near[j], j, seen)
+                if noise[1] > F(0):
+                    add_noise(seen[: opponents * <size>], noise, (first + a) * L, key, call)
+
+                # a racer that was out before sees nothing
+                to = others[first + a]
+                gone = out[first + a]
+                for k in range(opponents * <size>):
+                    for l in range(L):
+                        to[k, l] = F(0) if gone[l] else seen[k, l]
+                own = obs[first + a]
+                for k in range(own.shape[0]):
+                    for l in range(L):
+                        own[k, l] = F(0) if gone[l] else own[k, l]
+"""
+
+ROWS = """
+@kept
+@njit(parallel=True)
+def observations_to_rows(obs, others, rows):
+    races, racers, numbers = rows.shape
+    own = obs.shape[1]
+    for g in prange(obs.shape[0] // racers):
+        for l in range(min(L, races - g * L)):
+            for a in range(racers):
+                for k in range(own):
+                    rows[g * L + l, a, k] = obs[g * racers + a, k, l]
+                for k in range(own, numbers):
+                    rows[g * L + l, a, k] = others[g * racers + a, k - own, l]
+
+@kept
+@njit(parallel=True)
+def actions_to_lanes(rows, lanes):
+    races, racers, numbers = rows.shape
+    for g in prange(lanes.shape[0] // racers):
+        for l in range(min(L, races - g * L)):
+            for a in range(racers):
+                for k in range(numbers):
+                    lanes[g * racers + a, k, l] = rows[g * L + l, a, k]
+"""
+
+
+@cache
+def _load(source: str) -> ModuleType:
+    """Return the module with this text, compiled at its first use."""
+    digest = hashlib.sha256(source.encode()).hexdigest()[:16]
+    return load_module(f"races_{digest}", source)
+
+
+def races_module(system: System, racing: Racing, observed: int) -> ModuleType:
+    """Return the compiled loops `meet`, `look`, `observations_to_rows`, `actions_to_lanes`.
+
+    They come from the disk's cache where they were built before.
+
+    Args:
+        system: the model of a vehicle.
+        racing: the functions of a race.
+        observed: numbers that a vehicle alone observes.
+    """
+    return _load(races_source(system, racing, observed))
+
+
+def races_source(system: System, racing: Racing, observed: int) -> str:
+    """Return the text of the module.
+
+    Raises:
+        TraceError: one of the functions uses what cannot be compiled.
+    """
+    nearest = _nearest(racing)
+    pay, read_weights = _pay(racing)
+    seen = _seen(system, racing)
+    sizes = {"n_x": len(system.states), "most": MOST_RACERS, "size": seen.size}
+    # the noise of the vehicle's own numbers takes the groups of four before
+    group = -(-observed // 4)
+    texts = (
+        header(np.float32),
+        fill(MEET, **sizes, nearest=nearest, pay=pay, read_weights=read_weights),
+        fill(LOOK, **sizes, observe=seen.text, absent=repr(ABSENT), group=group),
+        ROWS,
+    )
+    return "\n".join(texts)
+
+
+def _nearest(racing: Racing) -> str:
+    """Write the least distance between two vehicles that fly straight in a step."""
+    graph = Graph()
+    a_before = graph.record(Point, "a_from", "a_before[{k}, l]")
+    b_before = graph.record(Point, "b_from", "b_before[{k}, l]")
+    a_after = graph.record(Point, "a_to", "a_after[{k}, l]")
+    b_after = graph.record(Point, "b_to", "b_after[{k}, l]")
+    start = Point(*(b - a for a, b in zip(a_before, b_before, strict=True)))
+    end = Point(*(b - a for a, b in zip(a_after, b_after, strict=True)))
+    found = trace_number(racing.nearest, start, end)
+    writer = Writer(MEET)
+    return "\n".join((writer.lines([found]), f"least[l] = {writer(found)}"))
+
+
+def _pay(racing: Racing) -> tuple[str, str]:
+    """Write what a race adds to the reward, and the lines that read its weights."""
+    graph = Graph()
+    touched = graph.input("has_touched", "hit[a, l]")
+    gained = graph.variable("gained")
+    weights = graph.record(racing.weights, "weight")
+    found = trace_number(racing.reward, touched, gained, weights)
+    writer = Writer(MEET)
+    lines = "\n".join((writer.lines([found]), f"paid[l] = {writer(found)}"))
+    return lines, read(racing.weights, "weight", "p_reward[{k}]", writer)
+
+
+class _Seen(NamedTuple):
+    """The observation of an opponent."""
+
+    text: str  # the lines that compute and store it
+    size: int  # number of observed numbers
+
+
+def _seen(system: System, racing: Racing) -> _Seen:
+    """Write the observation of the j-th nearest opponent."""
+    graph = Graph()
+    x = graph.record(system.state, "x", "state[{k}, l]")
+    away = graph.record(racing.away, "away", "near[1 + {k}, l]")
+    absent = graph.variable("absent")
+    seen = [
+        graph.apply("where", absent, 0.0, number)
+        for number in flat(trace(racing.opponent, x, away))
+    ]
+    writer = Writer(LOOK)
+    lines = writer.lines(seen)
+    stores = store(tuple(seen), f"seen[j * {len(seen)} + {{k}}, l]", writer)
+    return _Seen(text="\n".join((lines, stores)), size=len(seen))

@@ -1,0 +1,198 @@
+"""Many races of several vehicles in the compiled lanes.
+
+The loops of LaneEnvironments step each vehicle as if it were alone; controllers.lanes.races adds
+collisions, places and what racers see of each other. Racer a of race r is lane r % LANES of block
+r // LANES * racers + a.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controllers.lanes.environment import WAIT
+from controllers.lanes.layout import LANES, blocks
+from controllers.lanes.races import NEVER, Racing, races_module
+from controllers.learned.observation import SIZE
+from controllers.learned.opponents import OPPONENT_SIZE, Away, seen_opponent
+from quadsim.learn.lanes import LaneEnvironments, check_courses
+from quadsim.learn.race_task import (
+    RaceRewardParams,
+    RaceTask,
+    nearest_square,
+    race_reward,
+    race_tables,
+)
+from quadsim.learn.task import Tables
+from quadsim.streams import observation_noise_key
+
+
+class Told(NamedTuple):
+    """What the last step has to tell of the races that it belongs to.  (blocks, LANES) each"""
+
+    row: np.ndarray  # number of the target's row
+    steps: np.ndarray  # since the start
+    passes: np.ndarray  # gates passed since the start
+
+
+class RaceLanes(LaneEnvironments):
+    """Races of a task, in lanes.
+
+    All racers of a race start together. A racer that has crashed, collided, finished or come to the
+    time limit is out: it stays where it is, nobody meets or sees it any more, and its observations
+    and rewards are zero from the next step on. A race is over when all are out.
+
+    Args:
+        task: courses, vehicle, racers, starts and rewards.
+        races: number of races.
+        seed: seed of their starts.
+        restart: whether a race that is over starts anew in the same step.
+
+    Attributes:
+        others: observations of the opponents, nearest first
+            (blocks, (racers - 1) * OPPONENT_SIZE, LANES); see controllers.learned.opponents.
+        out: whether the racer was out before the last step  (blocks, LANES).
+        collided: whether it is out by another racer since this step  (blocks, LANES).
+        rank: its place in the race, from 1  (blocks, LANES).
+        done: whether the race is over since this step  (groups, LANES).
+        told: counts of the last step, those of a race that is over also where the next has begun.
+        final, final_others: last observations of the racers of races that are done, where races
+            restart; see `obs` and `others`.
+    """
+
+    task: RaceTask
+
+    def __init__(self, task: RaceTask, races: int, seed: int = 0, restart: bool = False):
+        self.races = races
+        self.racers = task.racers
+        self.restart = restart
+        super().__init__(task, blocks(races) * task.racers * LANES, seed, WAIT)
+        B = len(self.X)
+        opponents = (task.racers - 1) * OPPONENT_SIZE
+        self.others = np.zeros((B, opponents, LANES), np.float32)
+        self.final_others = np.zeros_like(self.others)
+        self.out = np.zeros((B, LANES), bool)
+        self.collided = np.zeros((B, LANES), bool)
+        self.rank = np.zeros((B, LANES), np.int32)
+        self.done = np.zeros((blocks(races), LANES), bool)
+        self.told = Told(self.row, self.steps, self.passes)
+        # step in which a racer has finished, NEVER where it has not
+        self._finish = np.full((B, LANES), NEVER, np.float32)
+        self._before = np.zeros((B, 3, LANES), np.float32)  # positions before the last step
+        self._too_near = np.float32(task.collision_distance**2)
+        # standard deviations of what is seen of opponents; whether they are here is known
+        self._others_noise = np.full(opponents, task.noise, np.float32)
+        self._others_noise[::OPPONENT_SIZE] = 0.0
+        self._race_rewards = np.array(task.rewards.race_params, np.float32)
+
+    def _load_loops(self) -> None:
+        super()._load_loops()
+        racing = Racing(nearest_square, seen_opponent, Away, race_reward, RaceRewardParams)
+        self._race_module = races_module(self.task.system, racing, SIZE)
+        self.observations_to_rows = self._race_module.observations_to_rows
+        self.actions_to_lanes = self._race_module.actions_to_lanes
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return everything but the compiled loops, which a copy takes anew."""
+        loops = ("_race_module", "observations_to_rows", "actions_to_lanes")
+        return {name: v for name, v in super().__getstate__().items() if name not in loops}
+
+    def _make_tables(self) -> Tables:
+        return race_tables(self.task, self.seed)
+
+    def _course_of_blocks(self, blocks: int) -> np.ndarray:
+        block = np.arange(blocks)
+        course = block // self.racers % len(self.task.courses)
+        return (course * self.racers + block % self.racers).astype(np.int32)
+
+    def _check_courses(self) -> None:
+        check_courses(self.task, self.races, "races")
+
+    def begin(self, seed: int | None = None, chosen: np.ndarray | None = None) -> None:
+        """Start races.
+
+        Args:
+            seed: starts the series of races anew.
+            chosen: the races that start (groups, LANES); None: all of them.
+        """
+        if chosen is None:
+            chosen = np.ones_like(self.done)
+        of_racers = np.repeat(chosen, self.racers, axis=0)
+        super().begin(seed, of_racers)
+        self._finish[of_racers] = NEVER
+        self.out[of_racers] = False
+        self.rank[of_racers] = 0
+        self._look(np.any(chosen, axis=1))
+
+    def step(self, actions: np.ndarray) -> None:
+        """Fly one step of dt.
+
+        Args:
+            actions: (blocks, n_u, LANES) float32; what lies outside of -1..1 is clipped.
+        """
+        np.copyto(self.out, self.over)
+        np.copyto(self._before, self.X[:, :3])
+        super().step(actions)
+        self._race_module.meet(
+            self.X,
+            self.row,
+            self.way,
+            self.steps,
+            self.over,
+            self._before,
+            self.out,
+            self._finish,
+            self.collided,
+            self.rank,
+            self.reward,
+            self.ended,
+            self.cut,
+            self.crashed,
+            self._race_rewards,
+            self._too_near,
+            self.racers,
+        )
+        self._look(np.ones(len(self.done), bool))
+
+        all_out = self._by_race(self.over).all(axis=1)
+        was_out = self._by_race(self.out).all(axis=1)
+        np.copyto(self.done, all_out & ~was_out)
+        self.told = Told(self.row, self.steps, self.passes)
+        if self.restart and self.done.any():
+            self.told = Told(*(counts.copy() for counts in self.told))
+            self._keep_final()
+            self._begin_done()
+
+    def _begin_done(self) -> None:
+        """Start the races that are over; `out` goes on to tell of the step that has ended them."""
+        out = self.out.copy()
+        rank = self.rank.copy()
+        self.begin(None, self.done)
+        np.copyto(self.out, out)
+        np.copyto(self.rank, rank)
+
+    def _keep_final(self) -> None:
+        """Keep the observations of the races that are over."""
+        block, lane = np.nonzero(np.repeat(self.done, self.racers, axis=0))
+        self.final[block, :, lane] = self.obs[block, :, lane]
+        self.final_others[block, :, lane] = self.others[block, :, lane]
+
+    def _by_race(self, lanes: np.ndarray) -> np.ndarray:
+        """Return a view (groups, racers, LANES) of one number for each racer.  (blocks, LANES)"""
+        return lanes.reshape(-1, self.racers, LANES)
+
+    def _look(self, chosen: Any) -> None:
+        """Let the racers of some groups of races see each other.  (groups,)"""
+        self._race_module.look(
+            self.X,
+            self.over,
+            self.out,
+            self.obs,
+            self.others,
+            chosen,
+            self._others_noise,
+            observation_noise_key(self.seed),
+            self._calls,
+            self.racers,
+        )

@@ -1,0 +1,157 @@
+"""The task of a race of several: a task of one vehicle, with racers, their rules and their reward.
+
+    r_race = r + rank (places gained) - crash (collided)
+
+r is the reward of a vehicle alone (quadsim.learn.reward).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Any, NamedTuple
+
+from numpy import maximum, minimum
+
+from quadsim.files.strict_yaml import setting
+from quadsim.files.values import SettingError
+from quadsim.learn.race_starts import race_start_rows, start_fault
+from quadsim.learn.reward import MOST, RewardWeights
+from quadsim.learn.task import CourseTables, LearningTask, Tables, make_task, stacked
+from quadsim.streams import start_stream
+
+
+class RaceRewardParams(NamedTuple):
+    """The weights of `race_reward`, named as in RaceRewardWeights."""
+
+    rank: float
+    crash: float
+
+
+@dataclass(frozen=True)
+class RaceRewardWeights(RewardWeights):
+    """Weights of the terms in a race of several.
+
+    Raises:
+        SettingError: a weight is no number, or out of its range (a ValueError).
+
+    Examples:
+        >>> from quadsim.learn import RacingParallelEnv
+        >>> from quadsim.learn.race_task import RaceRewardWeights
+        >>> env = RacingParallelEnv("figure8", racers=2, reward=RaceRewardWeights(rank=2.0))
+    """
+
+    rank: Annotated[
+        float,
+        setting("for each place gained in the race, minus that for each lost", ge=-MOST, le=MOST),
+    ] = 1.0
+
+    @property
+    def race_params(self) -> RaceRewardParams:
+        """The weights as `race_reward` takes them."""
+        return RaceRewardParams(rank=self.rank, crash=self.crash)
+
+
+def race_reward(collided, gained, p):
+    """Return what a race adds to the reward of a vehicle in one step.
+
+    Args:
+        collided: 1 where the vehicle is out by another racer, else 0.
+        gained: places gained, negative where they are lost.
+        p: RaceRewardParams.
+    """
+    return p.rank * gained - p.crash * collided
+
+
+def nearest_square(start, end):
+    """Return the least squared distance from the origin to a point of a line [m^2].
+
+    Between two vehicles that fly straight in a step, their relative position moves along a line.
+
+    Args:
+        start, end: the line's ends, (3,) each [m].
+    """
+    dx = end[0] - start[0]
+    dy = end[1] - start[1]
+    dz = end[2] - start[2]
+    length = dx * dx + dy * dy + dz * dz + 1e-12
+    towards = -(start[0] * dx + start[1] * dy + start[2] * dz)
+    share = minimum(maximum(towards / length, 0.0), 1.0)
+    x = start[0] + share * dx
+    y = start[1] + share * dy
+    z = start[2] + share * dz
+    return x * x + y * y + z * z
+
+
+@dataclass(frozen=True)
+class RaceTask(LearningTask):
+    """A race of several to be learnt. The function `race_task` makes one from names.
+
+    Raises:
+        SettingError: a number is of another type or out of its range (a ValueError).
+    """
+
+    racers: Annotated[int, setting("number of vehicles in a race", ge=2, le=8)] = 4
+    collision_distance: Annotated[
+        float,
+        setting(
+            "two racers whose centres come nearer than this are both out; 0: none is",
+            unit="m",
+            ge=0,
+            le=0.5,
+        ),
+    ] = 0.1
+    rewards: RaceRewardWeights = field(default_factory=RaceRewardWeights)
+
+    def check_starts(self) -> None:
+        """Raise SettingError where a racer has no room to start."""
+        for course in self.courses:
+            fault = start_fault(course, self.racers)
+            if fault:
+                raise SettingError("racers", f"{course.name}: {fault}")
+
+
+def race_task(
+    course: Any = "split_s_swift",
+    vehicle: Any = "swift",
+    laps: int | None = None,
+    reward: Any = None,
+    **settings: Any,
+) -> RaceTask:
+    """Return a task of several racers, with the courses and the vehicle of these names.
+
+    Args:
+        course, vehicle, laps: see quadsim.learn.task.task.
+        reward: RaceRewardWeights, or {term: weight} for the terms that differ from the defaults.
+        settings: racers, collision_distance [m], and those of a task of one vehicle.
+
+    Raises:
+        SettingError: a value is invalid; its message is one line (a ValueError).
+        FileError: a course or a vehicle cannot be read.
+    """
+    found = make_task(RaceTask, RaceRewardWeights, course, vehicle, laps, reward, settings)
+    found.check_starts()
+    return found
+
+
+def race_tables(task: RaceTask, seed: int) -> Tables:
+    """Return the arrays of a task's courses, with starts drawn from the seed.
+
+    Each course stands there once for each racer, as every racer has its own starts: racer a on
+    course k has row k * racers + a.
+    """
+    rows: list[CourseTables] = []
+    for k, course in enumerate(task.courses):
+        cost = task.cost(k)
+        starts = race_start_rows(
+            course,
+            cost,
+            task.vehicle,
+            task.dt,
+            task.start,
+            task.randomize,
+            seeds=start_stream(seed, k),
+            racers=task.racers,
+        )
+        for a in range(task.racers):
+            rows.append(CourseTables(course, task.laps[k], cost, starts[a]))
+    return stacked(rows)
