@@ -11,7 +11,7 @@ from quadsim.course import Course, Start
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
 from quadsim.heat.settings import Awareness, HeatSettings
-from quadsim.race.grid import check_apart, check_place, start_grid
+from quadsim.race.grid import check_grid, start_grid
 from quadsim.race.rules import RULES
 from quadsim.spec.spec import PLANTS_WITH_ROTORS, Spec
 from quadsim.streams import entrant_seed
@@ -81,9 +81,7 @@ class HeatSpec:
         starts = [grid[self.place(k)] for k in range(places)]
         if places > 1:
             radii = [entrant.spec.vehicle.radius for entrant in self.entrants]
-            for k, start in enumerate(starts):
-                check_place(course, start, self.place(k) + 1, radii[k])
-            check_apart(starts, radii, RULES[self.settings.rules].contact)
+            check_grid(course, starts, radii, RULES[self.settings.rules].contact)
         return tuple(starts)
 
     @property

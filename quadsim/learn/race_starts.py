@@ -1,8 +1,4 @@
-"""Starts of races of several vehicles.
-
-Racers stand 1 m apart on an arc around gate 1 and look at it, four in a row. The middle of the
-first row is the start of the course, and each further row stands 1 m behind the one before it.
-Where gate 1 is nearer than 1.5 m, rows are straight and look where the course's start looks.
+"""Starts of races of several vehicles: on the start grid, see quadsim.race.grid, or in flight.
 
 A start in flight (`anywhere`) is for training: all racers of a race begin on the way to the same
 gate, one behind the other.
@@ -10,67 +6,32 @@ gate, one behind the other.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from math import asin, atan2, cos, hypot, pi, sin
 from typing import cast
 
 import numpy as np
 
 from controllers.costs import Cost
 from controllers.costs.race import RaceParams
-from quadsim.course import Course, Start
-from quadsim.course.checks import faults
+from quadsim.course import Course
 from quadsim.dynamics.quadrotor import State
 from quadsim.learn.starts import ROWS, STANDING, hover_action, in_flight, system_params
 from quadsim.physics.domain_randomization import Randomization, draw
 from quadsim.physics.plant_state import start_state
+from quadsim.race.grid import SPACING, place_fault, start_grid
 from quadsim.streams import racer_vehicle_stream
 from quadsim.vehicle import Vehicle
 
-IN_ROW = 4  # racers in a row
-SPACING = 1.0  # between neighbours in a row, and between rows [m]
-LEAST_RADIUS = 1.5  # of the arc of a row [m]; a smaller one would be half a circle
 BESIDE = 0.2  # standard deviation of places in flight about the line of the racers, per axis [m]
-
-
-def start_grid(course: Course, racers: int) -> list[Start]:
-    """Return the start of each racer; racer 0 stands on the right of the first row."""
-    x, y, z = course.start.position
-    gate_x, gate_y, _ = course.gates[0].position
-    radius = hypot(gate_x - x, gate_y - y)
-    from_gate = atan2(y - gate_y, x - gate_x)
-    starts: list[Start] = []
-    for racer in range(racers):
-        row, place = divmod(racer, IN_ROW)
-        in_this_row = min(IN_ROW, racers - row * IN_ROW)
-        aside = place - (in_this_row - 1) / 2  # in SPACING from the middle, to the left
-        behind = row * SPACING
-        if radius >= LEAST_RADIUS:
-            # chords of SPACING; seen from the gate, the left of a racer lies clockwise
-            r = radius + behind
-            angle = from_gate - aside * 2 * asin(SPACING / 2 / r)
-            position = (gate_x + r * cos(angle), gate_y + r * sin(angle), z)
-            yaw = angle + pi
-        else:
-            yaw = course.start.yaw
-            left = aside * SPACING
-            position = (
-                x - behind * cos(yaw) - left * sin(yaw),
-                y - behind * sin(yaw) + left * cos(yaw),
-                z,
-            )
-        starts.append(Start(position, yaw))
-    return starts
 
 
 def start_fault(course: Course, racers: int) -> str:
     """Return what is wrong with the place of a racer at the start, "" where nothing is."""
     for number, start in enumerate(start_grid(course, racers)):
-        found = next(faults(replace(course, start=start)), None)
-        if found:
+        problem = place_fault(course, start)
+        if problem:
             x, y, _ = start.position
             place = f"the start of racer_{number} at ({x:.2f}, {y:.2f})"
-            return f"no room for {racers}: {place}: {found.problem}"
+            return f"no room for {racers}: {place}: {problem}"
     return ""
 
 

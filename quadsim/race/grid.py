@@ -1,23 +1,28 @@
-"""The start grid: places on an arc that faces gate 1, in rows of four."""
+"""The start grid of a race: places on an arc around gate 1, four in a row.
+
+The middle of the first row is the start of the course, and each further row stands behind the one
+before it. Vehicles look at gate 1. Where gate 1 is nearer than 1.5 m, rows are straight and look
+where the course's start looks.
+"""
 
 from __future__ import annotations
 
-from math import atan2, cos, dist, hypot, sin
+from dataclasses import replace
+from math import asin, atan2, cos, dist, hypot, pi, sin
 
 from quadsim.course import Course, Start
-from quadsim.course.swept import SweptGates
-from quadsim.course.swept_obstacles import SweptObstacles
+from quadsim.course.checks import faults
 from quadsim.files.values import SettingError
 
-ROW = 4  # places in a row
-LARGEST_TURN = 1.2  # of a place on the arc, from the middle [rad]
+IN_ROW = 4  # places in a row
+SPACING = 1.0  # between neighbours in a row, and between rows [m]
+LEAST_RADIUS = 1.5  # of the arc of a row [m]; a smaller one would be half a circle
 
 
-def start_grid(course: Course, places: int, spacing: float) -> list[Start]:
-    """Return the places in which vehicles start.
+def start_grid(course: Course, places: int, spacing: float = SPACING) -> list[Start]:
+    """Return the places in which vehicles start; the first stands on the right of the first row.
 
-    The first row is on the arc around gate 1 that leads through the course's own start; further
-    rows are behind it. One place is the course's own start. Each heading is turned as its place is.
+    A single place is the course's own start.
 
     Args:
         course: the course.
@@ -25,82 +30,71 @@ def start_grid(course: Course, places: int, spacing: float) -> list[Start]:
         spacing: distance of neighbours, in a row and between rows [m].
 
     Raises:
-        SettingError: the start is too near to gate 1 for such an arc.
+        SettingError: neighbours on the arc cannot be so far apart.
     """
-    start = course.start
-    x, y, z = start.position
+    if places == 1:
+        return [course.start]
+    x, y, z = course.start.position
     gate_x, gate_y, _ = course.gates[0].position
-    radius = hypot(x - gate_x, y - gate_y)
-    bearing = atan2(y - gate_y, x - gate_x)
+    radius = hypot(gate_x - x, gate_y - y)
+    from_gate = atan2(y - gate_y, x - gate_x)
+    # The widest row is less than half a circle.
+    if radius >= LEAST_RADIUS and (IN_ROW - 1) * spacing > pi * radius:
+        most = pi * radius / (IN_ROW - 1)
+        why = f"as gate 1 of {course.name} is {radius:.2f} m from the start"
+        raise SettingError("spacing", f"expected at most {most:.2f} m, {why}, got {spacing:g}")
 
-    grid = []
+    starts: list[Start] = []
     for place in range(places):
-        row, column = divmod(place, ROW)
-        in_row = min(places - ROW * row, ROW)
-        aside = (column - (in_row - 1) / 2) * spacing
-        if aside == 0.0 and row == 0:
-            grid.append(start)
-            continue
-        if abs(aside) > LARGEST_TURN * radius:
-            wanted = f"at most {2 * LARGEST_TURN * radius / max(in_row - 1, 1):.2f} m"
-            why = f"as gate 1 of {course.name} is {radius:.2f} m from the start"
-            raise SettingError("spacing", f"expected {wanted}, {why}, got {spacing:g}")
-        turn = aside / radius
-        away = radius + row * spacing
-        position = (
-            gate_x + away * cos(bearing + turn),
-            gate_y + away * sin(bearing + turn),
-            z,
-        )
-        grid.append(Start(position, start.yaw + turn))
-    return grid
+        row, column = divmod(place, IN_ROW)
+        in_this_row = min(IN_ROW, places - row * IN_ROW)
+        aside = column - (in_this_row - 1) / 2  # in spacings from the middle, to the left
+        behind = row * spacing
+        if radius >= LEAST_RADIUS:
+            # chords of one spacing; seen from the gate, the left of a vehicle lies clockwise
+            r = radius + behind
+            angle = from_gate - aside * 2 * asin(spacing / 2 / r)
+            position = (gate_x + r * cos(angle), gate_y + r * sin(angle), z)
+            yaw = angle + pi
+        else:
+            yaw = course.start.yaw
+            left = aside * spacing
+            position = (
+                x - behind * cos(yaw) - left * sin(yaw),
+                y - behind * sin(yaw) + left * cos(yaw),
+                z,
+            )
+        starts.append(Start(position, yaw))
+    return starts
 
 
-def check_place(course: Course, start: Start, place: int, radius: float) -> None:
-    """Check that a vehicle has room in its place.
+def place_fault(course: Course, start: Start) -> str:
+    """Return what is wrong with a place on the grid, "" where nothing is."""
+    found = next(faults(replace(course, start=start)), None)
+    return found.problem if found else ""
+
+
+def check_grid(
+    course: Course, starts: list[Start], radii: list[float], contact: float | None
+) -> None:
+    """Check that vehicles have room on the grid, and are not in contact with each other.
 
     Args:
         course: the course.
-        start: the place.
-        place: its number, from 1, for the error.
-        radius: radius of the vehicle [m].
-
-    Raises:
-        SettingError: it stands in a gate, in an obstacle, or out of bounds.
-    """
-    p = start.position
-    inside = ""
-    for swept in SweptGates(course.gates, radius).all:
-        local = swept.gate.to_local(p)
-        if swept.touch(local, local) is not None:
-            inside = f"gate {swept.index + 1}"
-    for incident in SweptObstacles(course.obstacles, radius).incidents(p, p):
-        inside = incident.touched
-    for (low, high), number in zip(course.bounds, p, strict=True):
-        if not low <= number <= high:
-            inside = "a place out of bounds"
-    if inside:
-        at = ", ".join(f"{number:.2f}" for number in p)
-        raise SettingError(
-            "spacing", f"expected room for all starts, got place {place} at ({at}) m in {inside}"
-        )
-
-
-def check_apart(grid: list[Start], radii: list[float], least: float | None) -> None:
-    """Check that no two vehicles are in contact on the grid.
-
-    Args:
-        grid: the places of the vehicles.
+        starts: the places of the vehicles.
         radii: their radii [m].
-        least: distance of centres that counts as a contact [m]; None: that at which they touch.
+        contact: distance of centres that counts as a contact [m]; None: that at which they touch.
 
     Raises:
-        SettingError: two of them are.
+        SettingError: one of them has no room, or two are in contact.
     """
-    for k, a in enumerate(grid):
+    for k, start in enumerate(starts):
+        problem = place_fault(course, start)
+        if problem:
+            at = ", ".join(f"{number:.2f}" for number in start.position[:2])
+            raise SettingError("spacing", f"no room for a start at ({at}) m: {problem}")
         for m in range(k):
-            reach = radii[k] + radii[m] if least is None else least
-            between = dist(a.position, grid[m].position)
-            if between <= reach:
+            reach = radii[k] + radii[m] if contact is None else contact
+            if dist(start.position, starts[m].position) <= reach:
                 wanted = f"expected starts more than {reach:g} m apart"
-                raise SettingError("spacing", f"{wanted}, got places {m + 1} and {k + 1}")
+                raise SettingError("spacing", f"{wanted}, got two that are nearer")

@@ -25,10 +25,10 @@ from quadsim.course import load_course
 from quadsim.learn import RacingParallelEnv
 from quadsim.learn.lanes import LaneEnvironments
 from quadsim.learn.race_lanes import RaceLanes
-from quadsim.learn.race_starts import start_grid
 from quadsim.learn.race_task import RaceRewardWeights, nearest_square, race_task
 from quadsim.learn.races import Races
 from quadsim.learn.reward import RewardWeights
+from quadsim.race.grid import start_grid
 from quadsim.rotation import euler_matrix, from_yaw, matrix
 
 NOTHING_BUT_RANK = dict.fromkeys(
