@@ -19,11 +19,24 @@ if TYPE_CHECKING:
     from controllers.mppi import MPPI
     from controllers.plan import PlanStats
     from controllers.samplers import Colored, Gaussian, LogNormal, Smooth, SmoothStar
-    from quadsim.api import compare, fly, frames, load_run, plot, runs, save_run
+    from quadsim.api import (
+        compare,
+        fly,
+        frames,
+        load_heat,
+        load_run,
+        plot,
+        race,
+        runs,
+        save_run,
+    )
     from quadsim.course import Course, Gate, Start, load_course
     from quadsim.dynamics import System
     from quadsim.dynamics.estimate import Estimate
     from quadsim.files.strict_yaml import FileError
+    from quadsim.heat.settings import Awareness
+    from quadsim.heat.spec import Entrant
+    from quadsim.heats import Heat
     from quadsim.record.run import RunError
     from quadsim.run import Run
     from quadsim.sensing import Sensing, load_sensing
@@ -38,9 +51,15 @@ _HOMES = {
     "controllers.mppi": ("MPPI",),
     "controllers.plan": ("PlanStats",),
     "controllers.samplers": ("Colored", "Gaussian", "LogNormal", "Smooth", "SmoothStar"),
-    "quadsim.api": ("compare", "fly", "frames", "load_run", "plot", "runs", "save_run"),
+    "quadsim.api": (
+        *("compare", "fly", "frames", "load_heat", "load_run"),
+        *("plot", "race", "runs", "save_run"),
+    ),
     "quadsim.course": ("Course", "Gate", "Start", "load_course"),
     "quadsim.files.strict_yaml": ("FileError",),
+    "quadsim.heat.settings": ("Awareness",),
+    "quadsim.heat.spec": ("Entrant",),
+    "quadsim.heats": ("Heat",),
     "quadsim.sensing": ("Sensing", "load_sensing"),
     "quadsim.spec.listings": ("courses", "presets", "sensings", "settings", "vehicles"),
     "quadsim.spec.settings": ("SettingError",),

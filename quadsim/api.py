@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from quadsim.campaign.compare import Comparison
+    from quadsim.heat.spec import Entrant
+    from quadsim.heats import Heat
     from quadsim.spec.keywords import CourseLike, Keywords
     from quadsim.stored_runs import StoredRuns
 
@@ -77,6 +79,75 @@ def frames(
         4
     """
     return flight_frames(spec_of(course, settings))
+
+
+def race(
+    entrants: Sequence[str | Mapping[str, Any] | Spec | Entrant] | Mapping[str, Mapping[str, Any]],
+    course: CourseLike | None = None,
+    rotation: int = 0,
+    **settings: Any,
+) -> Heat:
+    """Race several vehicles in one world and return the Heat: runs, order, events.
+
+    Each entrant flies with its own planner or pilot and sees the others. A race of one is the
+    flight of `fly`.
+
+    Args:
+        entrants: one to eight of them: texts as `race heat --entrants` takes them ("colored",
+            "fast=race+target-ess=100", "pilot=split_s_swift"), dictionaries of settings of `fly`,
+            Specs, or `quadsim.Entrant`; or {name: settings}.
+        course: a name, a FILE.yaml or a Course; default: split_s_swift.
+        rotation: how many places further on the start grid each entrant starts.
+        settings: settings of the race (rules, expect, downwash, spacing, ...; `race heat --help`
+            has all), and settings of `fly` for all entrants.
+
+    Returns:
+        The Heat. The same arguments on the same machine give the same race to the last bit, for any
+        number of threads.
+
+    Raises:
+        SettingError: a setting is invalid, or the entrants do not fit together (a ValueError).
+        FileError: a file cannot be read (a ValueError).
+
+    Examples:
+        >>> import quadsim
+        >>> line_up = {"first": {}, "careful": {"margin": 0.4}}
+        >>> heat = quadsim.race(line_up, "figure8", laps=1, samples=256, expect="velocity")
+        >>> sorted(heat.names)
+        ['careful', 'first']
+        >>> heat.order[0].rank
+        1
+    """
+    from quadsim.campaign.line_ups import line_up
+    from quadsim.heat.spec import HeatSpec
+    from quadsim.heats import fly_heat
+
+    made, of_race = line_up(course, entrants, settings)
+    seed = made[0].spec.seed if made else 0
+    return fly_heat(HeatSpec(made, of_race, seed, rotation))
+
+
+def load_heat(heat: str | Path = "last", runs_dir: str = "runs") -> Heat:
+    """Read a stored race of several vehicles.
+
+    Args:
+        heat: its folder, a part of its name that no other race in `runs_dir` has, or "last".
+        runs_dir: the folder of runs.
+
+    Raises:
+        RunError: there is no such race, or it cannot be read.
+
+    Examples:
+        >>> import quadsim
+        >>> heat = quadsim.race(["colored", "gaussian"], "figure8", laps=1, samples=256)
+        >>> folder = heat.save("flights")
+        >>> quadsim.load_heat(folder).digest() == heat.digest()
+        True
+    """
+    from quadsim.heat.archive import find_heat
+    from quadsim.heats import Heat
+
+    return Heat.load(find_heat(str(heat), runs_dir))
 
 
 def spec_of(course: CourseLike | Spec | Mapping[str, Any] | None, settings: Keywords) -> Spec:

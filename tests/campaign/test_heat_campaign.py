@@ -1,0 +1,151 @@
+"""Many races: ratings are those of their model, and a campaign continues where it was ended."""
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from quadsim.campaign.heats import (
+    PairStats,
+    StoredEvent,
+    StoredPlacing,
+    StoredResult,
+    bradley_terry,
+    fly_heats,
+    summary,
+)
+from quadsim.campaign.line_ups import heats_of, line_up
+from quadsim.record.run import RunError
+from quadsim.record.statistics import wilson
+
+SMALL = {"laps": 1, "samples": 128, "horizon": 60, "first_iterations": 10, "timeout": 0.4}
+
+
+def races(strengths, number, seed):
+    """Return pair statistics of races whose winner is drawn by Bradley and Terry's model."""
+    rng = np.random.default_rng(seed)
+    names = list(strengths)
+    pairs = []
+    for k, a in enumerate(names):
+        for b in names[k + 1 :]:
+            p = 1.0 / (1.0 + 10 ** ((strengths[b] - strengths[a]) / 400.0))
+            first = int(rng.binomial(number, p))
+            pairs.append(PairStats(a, b, number, first, wilson(first, number)))
+    return names, pairs
+
+
+def test_ratings_of_many_races_are_the_strengths_within_their_intervals():
+    strengths = {"a": 1700.0, "b": 1500.0, "c": 1300.0}
+    inside = 0
+    for seed in range(60):
+        found = bradley_terry(*races(strengths, 200, seed))
+        inside += sum(abs(found[name][0] - strengths[name]) <= found[name][1] for name in strengths)
+    # 95 % intervals of 180 ratings
+    assert 160 <= inside <= 180
+    # and they tell these strengths from others
+    wrong = bradley_terry(*races({"a": 1500.0, "b": 1500.0, "c": 1500.0}, 200, 0))
+    assert abs(wrong["a"][0] - 1700.0) > wrong["a"][1]
+
+
+def test_who_always_wins_has_a_finite_rating():
+    found = bradley_terry(["a", "b"], [PairStats("a", "b", 20, 20, wilson(20, 20))])
+    assert found["a"][0] > 1500.0 > found["b"][0]
+    assert np.isfinite(found["a"][1])
+
+
+def stored(order, *events):
+    placings = [StoredPlacing(k, name, "finished", 10.0 + k) for k, name in enumerate(order, 1)]
+    return StoredResult(placings, [StoredEvent(*event) for event in events], "")
+
+
+def test_a_summary_counts_wins_contacts_and_overtakes():
+    found = summary(
+        ["a", "b"],
+        [
+            stored("ab", ("overtake", "a", "b"), ("overtake", "a", "b")),
+            stored("ba", ("contact", "a", "b")),
+            stored("ab"),
+        ],
+    )
+    a, b = found.entrants
+    assert (a.wins, b.wins) == (2, 1)
+    assert (a.overtakes.mean, b.overtaken.mean) == (pytest.approx(2 / 3), pytest.approx(2 / 3))
+    assert (found.with_contact, found.contacts) == (1, 1)
+    assert found.finished_ci == wilson(6, 6)
+    assert found.pairs[0].a_first == 2
+    assert a.rating > b.rating
+
+
+def small_heats(starts):
+    made, of_race = line_up("figure8", ["colored", "gaussian"], SMALL)
+    return heats_of(made, of_race, 0, starts)
+
+
+def test_places_rotate_over_the_races():
+    heats = small_heats(4)
+    assert [heat.rotation for heat in heats] == [0, 1, 0, 1]
+    assert [heat.seed for heat in heats] == [0, 1, 2, 3]
+    assert heats[0].starts[0] == heats[1].starts[1]
+
+
+@pytest.mark.flight
+def test_a_campaign_flies_each_race_once_and_the_same_in_parallel(tmp_path):
+    sequence = fly_heats(small_heats(3), tmp_path / "a.sqlite", jobs=0)
+    assert fly_heats(small_heats(3), tmp_path / "a.sqlite", jobs=0) == sequence
+    with sqlite3.connect(tmp_path / "a.sqlite") as db:
+        assert db.execute("SELECT count(*) FROM heats").fetchall() == [(3,)]
+    parallel = fly_heats(small_heats(3), tmp_path / "b.sqlite", jobs=2)
+    assert [r.digest for r in parallel] == [r.digest for r in sequence]
+
+
+@pytest.mark.process
+def test_a_killed_campaign_is_resumed_with_nothing_lost_and_nothing_twice(tmp_path):
+    race = [sys.executable, "-c", "from quadsim.cli.cli import main; main()"]
+    flags = [f"--{name.replace('_', '-')}={value}" for name, value in SMALL.items()]
+    command = [*race, "heat", "figure8", "--starts", "6", "--jobs", "1", *flags, "--json"]
+    file = tmp_path / "campaigns" / "heats.sqlite"
+
+    killed = subprocess.Popen(
+        command,
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 240.0
+    kept = []
+    while len(kept) < 2 and time.monotonic() < deadline:
+        time.sleep(0.05)
+        kept = rows(file)
+    os.killpg(killed.pid, signal.SIGKILL)
+    killed.communicate()
+    assert 2 <= len(rows(file)) < 6
+
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    assert "are kept from before" in done.stderr
+    assert json.loads(done.stdout)["races"] == 6
+    assert kept == rows(file)[: len(kept)]
+    assert len(rows(file)) == 6
+
+
+def rows(file):
+    if not file.exists():
+        return []
+    try:
+        with sqlite3.connect(file) as db:
+            return db.execute("SELECT key, result FROM heats ORDER BY rowid").fetchall()
+    except sqlite3.OperationalError:  # the table is not there yet
+        return []
+
+
+def test_a_damaged_file_is_one_line(tmp_path):
+    (tmp_path / "a.sqlite").write_text("no database")
+    with pytest.raises(RunError, match=r"a\.sqlite: cannot keep races here"):
+        fly_heats(small_heats(1), tmp_path / "a.sqlite", jobs=0)

@@ -1,0 +1,90 @@
+"""Order, overtakes and events of a race, by runs that are made by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from quadsim.course import load_course
+from quadsim.heat.result import heat_events, placings
+from quadsim.race.events import Event
+
+COURSE = load_course("figure8")
+
+
+def run(*passes, outcome="finished", duration=None, position=(0.0, 0.0, 1.5), ended_with=None):
+    """Return a run that passes gates at these times [s]."""
+    events = [
+        Event(t, "pass", 1 + k % 8, 1 + k // 8, (0.0, 0.0), 9.0, (0.0, 0.0, 1.0))
+        for k, t in enumerate(passes)
+    ]
+    if ended_with:
+        events.append(ended_with)
+    end = duration or (passes[-1] if passes else 0.0)
+    telemetry = {
+        "passed": np.array([len(passes)]),
+        "lap": np.array([1 + max(len(passes) - 1, 0) // 8]),
+        **{axis: np.array([p]) for axis, p in zip(("px", "py", "pz"), position, strict=True)},
+    }
+    laps = [passes[-1]] if outcome == "finished" else []
+    return SimpleNamespace(
+        events=tuple(events), outcome=outcome, duration=end, telemetry=telemetry, laps=laps
+    )
+
+
+def kinds(*runs, starts=None):
+    names = "abcdefgh"[: len(runs)]
+    found = heat_events(names, runs, starts or [0.0] * len(runs))
+    return [(event.kind, event.name, event.other, event.gate) for event in found]
+
+
+def test_a_change_of_order_is_an_overtake_at_the_gate_where_it_shows():
+    assert kinds(run(1.0, 2.0, 3.0), run(1.2, 1.9, 2.8)) == [("overtake", "b", "a", 2)]
+    assert kinds(run(1.0, 2.0, 3.0), run(1.2, 2.2, 3.2)) == []
+
+
+def test_an_order_of_less_than_50_ms_decides_nothing():
+    assert kinds(run(1.0, 2.0, 3.0), run(1.2, 1.96, 3.2)) == []
+    # it shows one gate later
+    assert kinds(run(1.0, 2.0, 3.0), run(1.2, 1.96, 2.9)) == [("overtake", "b", "a", 3)]
+
+
+def test_who_is_out_is_not_overtaken():
+    out = run(1.0, 2.0, outcome="crashed", duration=2.1)
+    found = kinds(out, run(1.2, 2.2, 3.2))
+    assert found == [("out", "a", "", 2)]
+
+
+def test_who_flies_on_is_overtaken_though_it_never_passes_the_gate():
+    late = run(1.0, outcome="timeout", duration=9.0)
+    assert ("overtake", "b", "a", 2) in kinds(late, run(1.2, 2.2))
+
+
+def test_staggered_starts_shift_the_times_of_the_race():
+    assert kinds(run(1.0, 2.0), run(1.2, 1.7), starts=[0.0, 0.5]) == []
+
+
+def test_a_contact_of_two_is_one_event():
+    def touched(t, other):
+        return Event(t, "contact", 0, 1, (0.0, 0.0), 9.0, (0.0, 0.0, 1.0), vehicle=other)
+
+    a = run(1.0, outcome="crashed", duration=1.5, ended_with=touched(1.5, 2))
+    b = run(1.2, outcome="crashed", duration=1.5, ended_with=touched(1.5, 1))
+    assert kinds(a, b) == [("contact", "a", "b", 0), ("out", "a", "b", 0), ("out", "b", "a", 0)]
+
+
+def test_the_order_is_time_then_gates_then_the_way_to_the_next():
+    gate = np.array(COURSE.gates[2].position)
+    ahead = gate - 1.0 * np.array(COURSE.gates[2].axes[0])
+    behind = gate - 3.0 * np.array(COURSE.gates[2].axes[0])
+    runs = {
+        "far": run(1.0, 2.0, outcome="crashed", position=behind),
+        "near": run(1.0, 2.1, outcome="crashed", position=ahead),
+        "first": run(*range(1, 9)),
+        "one": run(1.0, outcome="crashed"),
+        "second": run(*np.arange(1, 9) * 1.01),
+    }
+    found = placings(list(runs), list(runs.values()), COURSE)
+    assert [placing.name for placing in found] == ["first", "second", "near", "far", "one"]
+    assert [placing.rank for placing in found] == [1, 2, 3, 4, 5]
+    assert found[2].to_next_gate == pytest.approx(1.0)
