@@ -10,6 +10,7 @@ from rich.table import Table
 from quadsim.bench.cases import QUADROTOR, SWEPT, CaseTime, paper_case
 from quadsim.bench.envs import PUBLISHED, EnvsSpeed, RacesSpeed
 from quadsim.bench.gates import GatesTime
+from quadsim.bench.heats import OthersTime, WorldTime
 from quadsim.bench.peers import PeerTime
 from quadsim.bench.stages import PartTime
 from quadsim.console import plain_table
@@ -89,6 +90,30 @@ def peer_lines(rows: Sequence[PeerTime]) -> Iterator[str]:
             f"{row.name}: {row.ms_p50:.1f} ms, {row.ratio:.1f} times ours ({row.ours_ms:.2f} ms);"
             f" costs agree to {row.largest_difference:.1e}"
         )
+
+
+def others_table(rows: Sequence[OthersTime]) -> Table:
+    """Return the times of control steps beside other vehicles."""
+    heads = (
+        "expected of\nthe others",
+        "\nothers",
+        "p50\n[ms]",
+        "least\n[ms]",
+        "p50 over that\nalone",
+    )
+    table = plain_table(*heads, left=(0,), no_wrap=True)
+    for row in rows:
+        numbers = (f"{row.ms_p50:.2f}", f"{row.ms_least:.2f}", f"{row.ratio:.3f}")
+        table.add_row(row.expect, str(row.others), *numbers)
+    return table
+
+
+def worlds_table(rows: Sequence[WorldTime]) -> Table:
+    """Return the times of steps of a world of several vehicles."""
+    table = plain_table("\nworld", "\nvehicles", "a physics\nstep [us]", left=(0,), no_wrap=True)
+    for row in rows:
+        table.add_row(row.world, str(row.vehicles), f"{row.us:.0f}")
+    return table
 
 
 def gates_table(rows: Sequence[GatesTime]) -> Table:

@@ -16,6 +16,7 @@ from controllers.lanes.threads import use_threads
 from quadsim.bench.cases import QUADROTOR, SWEPT, cases, measure, paper_case
 from quadsim.bench.envs import measure_envs, measure_plants, measure_races
 from quadsim.bench.gates import measure_gates
+from quadsim.bench.heats import measure_heats
 from quadsim.bench.peers import compare, require_peers
 from quadsim.bench.stages import stages
 from quadsim.bench.tables import (
@@ -23,9 +24,11 @@ from quadsim.bench.tables import (
     envs_table,
     gates_table,
     other_simulators,
+    others_table,
     peer_lines,
     races_table,
     stages_table,
+    worlds_table,
 )
 from quadsim.cli.flags import Help, Json, Switch
 from quadsim.console import emit, emit_json, progress_console
@@ -42,6 +45,9 @@ def bench(
     envs: Annotated[
         bool, Switch("only environments for learning, in lanes and in arrays (extra: rl)")
     ] = False,
+    heats: Annotated[
+        bool, Switch("only races of several: control steps beside others, steps of the world")
+    ] = False,
     show_code: Annotated[
         bool, Switch("print the loops that are compiled for the default race, and time nothing")
     ] = False,
@@ -57,6 +63,8 @@ def bench(
 
     race bench --envs      steps of learning environments and of races of several a second
 
+    race bench --heats     a control step beside 1, 3 and 7 other vehicles
+
     race bench --show-code the compiled loops as text: model and cost, inlined into a loop over
     samples
     """
@@ -66,6 +74,8 @@ def bench(
         _bench_envs(seconds, json)
     elif gates:
         _bench_gates(json)
+    elif heats:
+        _bench_heats(seconds, json)
     else:
         _bench_planner(seconds, peers, json)
     return 0
@@ -120,6 +130,19 @@ def _bench_gates(json: bool) -> None:
         emit_json({"gates": [row._asdict() for row in rows]})
     else:
         emit(gates_table(rows))
+
+
+def _bench_heats(seconds: float, json: bool) -> None:
+    """Time control steps beside other vehicles, and steps of a world of several."""
+    beside, worlds = measure_heats(seconds)
+    if json:
+        result = {
+            "others": [row._asdict() for row in beside],
+            "worlds": [row._asdict() for row in worlds],
+        }
+        emit_json(result)
+    else:
+        emit(others_table(beside), "", worlds_table(worlds))
 
 
 def _bench_envs(seconds: float, json: bool) -> None:

@@ -74,7 +74,7 @@ def _start(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic, referee: Race
     """Put entrant k into the world, and begin its flight."""
     spec = heat.flown_spec(k)
     awareness = heat.awareness(k)
-    others = _other_vehicles(heat, k, awareness)
+    others = other_vehicles(heat, k, awareness)
     minds = replace(spec, terms=(*spec.terms, *(other.term for other in others.values())))
     parts = build(minds, arena, referee)
     steps = launched(minds, parts)
@@ -87,7 +87,7 @@ def _start(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic, referee: Race
             controller,
             planner,
             Eyes(k, traffic, heat.start_time(k), spec.course),
-            _expectation(heat, k, awareness, traffic),
+            expectation_of(heat, k, awareness, traffic),
             others,
             ahead_share=awareness.ahead_share,
             tells=_is_asked_for_plans(heat, k),
@@ -98,7 +98,7 @@ def _start(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic, referee: Race
     return Started(cast(PlantInArena, parts.plant), flight(**steps.arguments))
 
 
-def _other_vehicles(heat: HeatSpec, k: int, awareness: Awareness) -> dict[int, OtherVehicle]:
+def other_vehicles(heat: HeatSpec, k: int, awareness: Awareness) -> dict[int, OtherVehicle]:
     """Return the terms by which entrant k keeps clear of the others: number -> term."""
     spec = heat.entrants[k].spec
     if awareness.expect == "nothing" or spec.pilot or spec.controller:
@@ -115,7 +115,7 @@ def _other_vehicles(heat: HeatSpec, k: int, awareness: Awareness) -> dict[int, O
     return {m: OtherVehicle(n, room, horizon) for n, m in enumerate(numbers, 1)}
 
 
-def _expectation(
+def expectation_of(
     heat: HeatSpec, k: int, awareness: Awareness, traffic: Traffic
 ) -> Expectation | None:
     """Return what entrant k expects of the others; None where it ignores them."""

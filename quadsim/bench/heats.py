@@ -1,0 +1,155 @@
+"""Time what a race of several vehicles costs: control steps beside others, steps of the world."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsim.bench.cases import WARM_UP, median_ms
+from quadsim.dynamics.estimate import Estimate
+from quadsim.dynamics.quadrotor import State
+from quadsim.heat.aware_planner import AwarePlanner, Eyes
+from quadsim.heat.launch import expectation_of, other_vehicles
+from quadsim.heat.settings import Expect, HeatSettings
+from quadsim.heat.spec import Entrant, HeatSpec
+from quadsim.physics.plant import SharedPlant, has_bullet, new_arena
+from quadsim.physics.plant_state import start_state
+from quadsim.race.traffic import ExpectedPath, Traffic
+from quadsim.spec.build import planner_of
+from quadsim.spec.spec import Spec
+from quadsim.streams import sighting_stream
+
+OTHERS = (0, 1, 3, 7)
+EXPECTED: tuple[Expect, ...] = ("velocity", "plans", "own")
+VEHICLES = (1, 8)
+SPEED = 10.0  # of all vehicles [m/s]
+STEPS = 60  # control steps timed of each case
+HOVER = (0.0, 0.0, 0.0, 9.81)
+
+
+class OthersTime(NamedTuple):
+    """The time of a control step beside other vehicles."""
+
+    expect: str
+    others: int
+    ms_p50: float
+    ms_least: float
+    # p50 over that without others, timed in turn with it
+    ratio: float
+
+
+class WorldTime(NamedTuple):
+    """The time of a physics step of the world, with the actuators of all vehicles."""
+
+    world: str
+    vehicles: int
+    us: float
+
+
+def measure_heats(seconds: float) -> tuple[list[OthersTime], list[WorldTime]]:
+    """Return the times of control steps and of the world.
+
+    seconds: approximate time for each case of the world [s].
+    """
+    return list(others_times()), list(world_times(seconds))
+
+
+def others_times() -> Iterator[OthersTime]:
+    """Yield the times of control steps, by what is expected and the number of others."""
+    alone = Case("nothing", 0)
+    alone.step_ms()
+    for expect in EXPECTED:
+        for others in OTHERS[1:]:
+            case = Case(expect, others)
+            for _ in range(WARM_UP + others):
+                case.step_ms()
+            # In turn, so that whatever else the machine does slows both down.
+            times = np.array([(alone.step_ms(), case.step_ms()) for _ in range(STEPS)])
+            base, own = np.median(times, axis=0)
+            yield OthersTime(expect, others, float(own), float(times[:, 1].min()), own / base)
+
+
+class Case:
+    """The planner of a vehicle that flies in line with others."""
+
+    def __init__(self, expect: Expect, others: int):
+        """Make the planner, which has not planned yet."""
+        spec = Spec.of()
+        entrants = tuple(Entrant(str(k), spec) for k in range(others + 1))
+        heat = HeatSpec(entrants, HeatSettings(expect=expect))
+        self._dt = spec.planner.mppi.dt
+        self._radius = spec.vehicle.radius
+        self._start = start_state(spec.course.start, self._radius)
+        self._traffic = Traffic(
+            others + 1,
+            heat.settings.sight,
+            [sighting_stream(0, k) for k in range(others + 1)],
+        )
+        awareness = heat.awareness(0)
+        terms = other_vehicles(heat, 0, awareness)
+        minds = replace(spec, terms=tuple(other.term for other in terms.values()))
+        mppi = planner_of(minds)
+        self._planner = AwarePlanner(
+            mppi,
+            lambda: mppi,
+            Eyes(0, self._traffic, 0.0, spec.course),
+            expectation_of(heat, 0, awareness, self._traffic),
+            terms,
+        )
+        self._others = others
+        self._steps = 0
+
+    def step_ms(self) -> float:
+        """Return the time of the next control step [ms]."""
+        t = self._steps * self._dt
+        self._steps += 1
+        for m in range(1, self._others + 1):
+            ahead = (1.0 * m, 0.5 * m, 0.0)
+            x = self._moved(ahead, t)
+            self._traffic.note(m, t, x, 0)
+            away = np.outer(self._dt * np.arange(151), x.velocity)  # (T + 1, 3)
+            self._traffic.tell(m, ExpectedPath(t, self._dt, np.array(x.position) + away))
+        self._traffic.pass_on()
+        estimate = Estimate(t, np.array(self._moved((0.0, 0.0, 0.0), t)))
+        began = perf_counter()
+        self._planner.control(estimate)
+        return 1e3 * (perf_counter() - began)
+
+    def _moved(self, offset: tuple[float, float, float], t: float) -> State:
+        """Return the state of a vehicle that shuttles in front of the start at t [s]."""
+        way = SPEED * (t % 0.5)
+        start = self._start
+        return start._replace(
+            px=start.px + offset[0] + way,
+            py=start.py + offset[1],
+            pz=start.pz + 1.0,
+            vx=SPEED,
+        )
+
+
+def world_times(seconds: float) -> Iterator[WorldTime]:
+    """Yield the times of physics steps, by world and number of vehicles."""
+    spec = Spec.of()
+    for world in ("rigid", "bullet") if has_bullet() else ("rigid",):
+        for vehicles in VEHICLES:
+            entrants = tuple(Entrant(str(k), spec) for k in range(vehicles))
+            starts = HeatSpec(entrants).starts
+            with closing(new_arena(world, spec.course, spec.plant_dt, collide=True)) as arena:
+                plants = [
+                    SharedPlant(arena, spec.course, spec.vehicle, spec.plant_dt, start=start)
+                    for start in starts
+                ]
+
+                def step() -> None:
+                    for plant in plants:  # noqa: B023 (it is called in this iteration alone)
+                        plant.push(HOVER)
+                    arena.step()
+                    for plant in plants:  # noqa: B023
+                        plant.arrive()
+
+                yield WorldTime(world, vehicles, 1e3 * median_ms(step, seconds))
