@@ -13,7 +13,7 @@ import numpy as np
 
 from controllers.plan import PlannerSnapshot
 from quadsim.course import Course
-from quadsim.palette import Style, dotted, style
+from quadsim.palette import Style, dotted, style, styles
 from quadsim.race.events import Event
 from quadsim.record.limits import StoredSolution
 from quadsim.record.planner_snapshot import PlannerSnapshots
@@ -29,7 +29,7 @@ POSITION = ("px", "py", "pz")
 VELOCITY = ("vx", "vy", "vz")
 QUATERNION = ("qw", "qx", "qy", "qz")
 # kinds of events
-CRASHES = ("hit", "ground", "bounds")
+CRASHES = ("hit", "ground", "bounds", "contact")
 MISSES = ("miss", "wrong_way")
 
 SAME_TIME = 1e-9  # [s] by which times of one frame may differ
@@ -105,7 +105,13 @@ class Competitor:
 
     @property
     def style(self) -> Style:
-        """Its sampler's style, dotted where another competitor has that already."""
+        """Its sampler's style, dotted where another competitor has that already.
+
+        In a race of several it is one that no other entrant has.
+        """
+        heat = self.spec.get("heat")
+        if heat:
+            return styles(heat["names"])[heat["number"] - 1]
         return dotted(style(self.sampler)) if self.again else style(self.sampler)
 
     @property
@@ -197,11 +203,21 @@ class Competitor:
         return float(self.t[frame]), snapshot
 
 
+def heat_of(entries: Sequence[Competitor]) -> str:
+    """Return what identifies the race in which all of these flew; "" where there is none."""
+    heats = {(entry.spec.get("heat") or {}).get("sha256", "") for entry in entries}
+    numbers = {(entry.spec.get("heat") or {}).get("number") for entry in entries}
+    return heats.pop() if len(heats) == 1 and len(numbers) == len(entries) else ""
+
+
 def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
     """Return the competitors with names that differ.
 
-    A name is the sampler's, with the seed or a number where that is not enough.
+    In a race of several they are those of the entrants. Otherwise a name is the sampler's, with the
+    seed or a number where that is not enough.
     """
+    if entries and heat_of(entries):
+        return tuple(replace(entry, name=entry.spec["heat"]["name"]) for entry in entries)
     samplers = [entry.sampler for entry in entries]
     with_seeds = [f"{entry.sampler} s{entry.spec['seed']}" for entry in entries]
     numbered = [f"{entry.sampler} #{i}" for i, entry in enumerate(entries, 1)]

@@ -56,7 +56,7 @@ class Notices:
         """Add a notice of an event that can end a flight."""
         crash = f"at {event.t:.2f} s, {event.speed:.1f} m/s"
         match event.kind:
-            case "hit":
+            case "hit" | "contact":
                 self.add("crash", f"{name}: hit {event.place}", crash)
             case "ground":
                 self.add("crash", f"{name}: hit the ground", crash)

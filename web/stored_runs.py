@@ -12,6 +12,7 @@ import msgspec
 
 from controllers.presets import PRESETS
 from quadsim.course import Course, parse_course
+from quadsim.heat.archive import heat_title, is_heat, list_heats, runs_of_heat
 from quadsim.record.archive import list_runs, load_reportable
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import Run, RunError
@@ -66,6 +67,15 @@ class ReplaySchema(msgspec.Struct):
     interactive: list[StoredChange] = []
 
 
+def runs_at(path: Path) -> list[Path]:
+    """Return the folders of runs at a path: those of a race of several, or the run itself.
+
+    Raises:
+        RunError: the race has no runs.
+    """
+    return runs_of_heat(path) if is_heat(path) else [path]
+
+
 def stored_competitor(path: Path) -> Competitor:
     """Load a run from the disk.
 
@@ -98,8 +108,13 @@ def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
         snapshots=run.snapshots,
         folder=path,
         start_numbers=stored_numbers(spec),
-        limit=limit_of(spec, limits_folder(path.parent)) if path else limit_of(spec),
+        limit=limit_of(spec, limits_folder(_root_of(path))) if path else limit_of(spec),
     )
+
+
+def _root_of(path: Path) -> Path:
+    """Return the folder of runs that a run lies in, alone or in the folder of a race."""
+    return path.parent.parent if is_heat(path.parent) else path.parent
 
 
 def stored_numbers(spec: dict) -> dict[str, float]:
@@ -127,12 +142,15 @@ def _preset_sigma(preset: str, sampler: str) -> Sequence[float]:
 def titled_runs(root: str, most: int) -> dict[str, Path]:
     """Return the latest stored runs by title, as "16:15 split_s_swift colored 16.378 s".
 
+    A race of several vehicles is one of them, with the folder of the race.
+
     Args:
         root: the folder of runs.
         most: how many runs are listed, the latest first.
     """
     found: dict[str, Path] = {}
-    for path in list_runs(root)[: -most - 1 : -1]:
+    stored = sorted([*list_runs(root), *list_heats(root)])
+    for path in stored[: -most - 1 : -1]:
         when = flown_at(path)
         today = when.date() == datetime.now().date()
         clock = when.strftime("%H:%M" if today else "%d %b %H:%M")
@@ -149,6 +167,8 @@ def titled_runs(root: str, most: int) -> dict[str, Path]:
 @cache
 def _result(path: Path) -> str:
     """Return course, sampler and time or outcome; the folder's name where they are not readable."""
+    if is_heat(path):
+        return heat_title(path)
     try:
         row = read_row(path)
     except (OSError, msgspec.MsgspecError, UnicodeDecodeError):

@@ -166,6 +166,44 @@ def list_heats(root: str | Path) -> list[Path]:
     return sorted(folder for folder in folders if not folder.name.endswith(PART))
 
 
+def runs_of_heat(path: str | Path) -> list[Path]:
+    """Return the folders of a race's runs, in the order of the entrants. Raises RunError."""
+    folders = [file.parent for file in Path(path).glob("*_*/run.json")]
+    numbered = [folder for folder in folders if folder.name.partition("_")[0].isdecimal()]
+    if not numbered:
+        raise RunError(f"{path}: expected the runs of a race, found none")
+    return sorted(numbered, key=lambda folder: int(folder.name.partition("_")[0]))
+
+
+def heat_title(path: str | Path) -> str:
+    """Return a stored race in a few words: course, the number of entrants, the winner.
+
+    It is the folder's name where the race is not readable.
+    """
+    try:
+        stored = msgspec.json.decode(read_bytes(Path(path) / HEAT, "a race"), type=TitledHeat)
+        winner = stored.order[0]
+    except (FileError, msgspec.DecodeError, ValueError, RecursionError, IndexError):
+        return Path(path).name
+    ended = f"{winner.time:.3f} s" if winner.time is not None else winner.outcome
+    return f"{stored.course} race of {len(stored.order)}: {winner.name} {ended}"
+
+
+class TitledPlacing(msgspec.Struct):
+    """The part of a placing that a title names."""
+
+    name: str
+    outcome: str
+    time: float | None
+
+
+class TitledHeat(msgspec.Struct):
+    """The part of heat.json that a title names."""
+
+    course: str
+    order: list[TitledPlacing]
+
+
 def find_heat(wanted: str, root: str) -> Path:
     """Return the folder of a race.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from hashlib import sha256
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -160,9 +160,12 @@ def heat_events(
                 )
         if run.outcome not in ("finished", "interrupted"):
             found.append(_out(k, run, names, start_times[k]))
-    for k, m in combinations(range(len(runs)), 2):
-        found += _overtakes((k, m), names, runs, start_times)
-    return sorted(found)
+    passes = [
+        [Pass(start + e.t, e.gate, e.lap) for e in run.events if e.kind == "pass"]
+        for run, start in zip(runs, start_times, strict=True)
+    ]
+    ends = [start + run.duration for run, start in zip(runs, start_times, strict=True)]
+    return sorted([*found, *overtakes(names, passes, ends)])
 
 
 def _out(k: int, run: Run, names: Sequence[str], start_time: float) -> HeatEvent:
@@ -174,7 +177,7 @@ def _out(k: int, run: Run, names: Sequence[str], start_time: float) -> HeatEvent
     return HeatEvent(start_time + run.duration, "out", names[k], other, gate, lap)
 
 
-class _Pass(NamedTuple):
+class Pass(NamedTuple):
     """A passage of a gate."""
 
     t: float  # of the race [s]
@@ -182,31 +185,35 @@ class _Pass(NamedTuple):
     lap: int
 
 
-def _overtakes(
-    pair: tuple[int, int],
-    names: Sequence[str],
-    runs: Sequence[Run],
-    start_times: Sequence[float],
-) -> Iterable[HeatEvent]:
-    """Yield the overtakes of two entrants: their order at a gate is not that of before.
+def overtakes(
+    names: Sequence[str], passes: Sequence[Sequence[Pass]], ends: Sequence[float]
+) -> Iterator[HeatEvent]:
+    """Yield the overtakes: the order of two entrants at a gate is not that of before.
 
     An order counts where one passes the gate at least UNAMBIGUOUS before the other does, or before
     the other's flight ends.
+
+    Args:
+        names: names of the entrants.
+        passes: the passages of each, in their order.
+        ends: when the flight of each ends [s].
     """
-    passes = [
-        [
-            _Pass(start_times[k] + event.t, event.gate, event.lap)
-            for event in runs[k].events
-            if event.kind == "pass"
-        ]
-        for k in pair
-    ]
-    ends = [start_times[k] + runs[k].duration for k in pair]
+    for a, b in combinations(range(len(names)), 2):
+        yield from _overtakes_of_two((a, b), names, passes, ends)
+
+
+def _overtakes_of_two(
+    pair: tuple[int, int],
+    names: Sequence[str],
+    passes: Sequence[Sequence[Pass]],
+    ends: Sequence[float],
+) -> Iterator[HeatEvent]:
+    """Yield the overtakes of two entrants."""
     leader = None
-    for gate in range(max(map(len, passes))):
-        here = [of_one[gate] if gate < len(of_one) else None for of_one in passes]
+    for gate in range(max(len(passes[k]) for k in pair)):
+        here = [passes[k][gate] if gate < len(passes[k]) else None for k in pair]
         # A vehicle that has not passed the gate would have done so after the end of its flight.
-        times = [one.t if one else end for one, end in zip(here, ends, strict=True)]
+        times = [one.t if one else ends[k] for k, one in zip(pair, here, strict=True)]
         if abs(times[0] - times[1]) < UNAMBIGUOUS:
             continue
         first = 0 if times[0] < times[1] else 1

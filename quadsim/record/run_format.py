@@ -101,7 +101,13 @@ class StoredHeat(msgspec.Struct):
 
     name: str
     names: list[str]
+    number: Annotated[int, msgspec.Meta(ge=1)]
     settings: StoredRules
+    sha256: str
+
+    def __post_init__(self) -> None:
+        if self.number > len(self.names):
+            raise ValueError(f"expected a number of {len(self.names)} entrants")
 
 
 class StoredSpec(msgspec.Struct, kw_only=True):

@@ -20,7 +20,7 @@ from quadsim.vehicle import vehicle_names
 from web.choices import PILOT, Choices
 from web.race import Snapshot
 from web.session import Session
-from web.stored_runs import titled_runs
+from web.stored_runs import runs_at, titled_runs
 
 LIVE = "live"
 GHOSTS = "live: two samplers"
@@ -130,7 +130,8 @@ class RacePanel:
             titles.append(self.run.value)
         if self.mode.value == REPLAY:
             titles.append(self.second_run.value)
-        return [self._paths[title] for title in titles if title in self._paths]
+        chosen = [self._paths[title] for title in titles if title in self._paths]
+        return [run for path in chosen for run in runs_at(path)]
 
     def choices(self, sampler: str) -> Choices:
         """Return the chosen flight; the planner's numbers are chosen elsewhere."""

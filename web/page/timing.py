@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import NamedTuple
 
+from quadsim.heat.result import Pass, overtakes
 from quadsim.palette import BEST, FASTER, NEXT
 from quadsim.race.events import Event
 from quadsim.record.run import not_comparable
-from web.competitor import CRASHES, Competitor
+from web.competitor import CRASHES, Competitor, heat_of
 from web.lap_timing import LapTiming, order
 from web.page.course_map import timeline
 from web.page.html import (
@@ -228,6 +229,7 @@ def events(entries: Sequence[Competitor], t: float) -> str:
             found.append(Happening(event.t, entry, _event(event), event.kind in CRASHES))
         for change in entry.changes:
             found.append(Happening(change["t"], entry, _change(change)))
+    found += _overtakes(entries)
     found.sort(key=lambda happening: -happening.t)
     rows: list[list[str] | str] = []
     for happening in found[:EVENTS]:
@@ -238,6 +240,24 @@ def events(entries: Sequence[Competitor], t: float) -> str:
             content = element("span", content, opacity=0.65)
         rows.append([f"{happening.t:.3f}", label(happening.entry), content])
     return box(table(["t [s]", "run", "event"], rows, left=3) if rows else "nothing yet")
+
+
+def _overtakes(entries: Sequence[Competitor]) -> list[Happening]:
+    """Return the overtakes of a race of several; ghosts do not overtake each other."""
+    if len(entries) < 2 or not heat_of(entries):
+        return []
+    by_name = {entry.name: entry for entry in entries}
+    passes = [
+        [Pass(event.t, event.gate, event.lap) for event in entry.events if event.kind == "pass"]
+        for entry in entries
+    ]
+    ends = [entry.last_t for entry in entries]
+    return [
+        Happening(
+            event.t, by_name[event.name], f"overtakes {text(event.other)} at gate {event.gate}"
+        )
+        for event in overtakes(list(by_name), passes, ends)
+    ]
 
 
 def _event(event: Event) -> str:
