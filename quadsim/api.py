@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from quadsim.race.events import Frame
+from quadsim.racing.events import Frame
 from quadsim.record.archive import find_run
 from quadsim.record.archive import load_run as _load_run
 from quadsim.run import Run

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from quadsim.console import as_text, plain
 from quadsim.files.extras import imported
-from quadsim.race.events import Frame
+from quadsim.racing.events import Frame
 from quadsim.record.archive import RunFolder
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.limits import StoredSolution, limit_of, limits_folder

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from quadsim.course import Course, Gate, Start
-from quadsim.race.referee import Referee
+from quadsim.racing.referee import Referee
 
 R = 0.11  # vehicle radius [m]
 HALF = (0.75, 0.6)  # half opening [m]

@@ -5,7 +5,7 @@ from math import pi, sin
 import numpy as np
 
 from controllers.plan import PlannerSnapshot
-from quadsim.race.events import Event, Frame
+from quadsim.racing.events import Event, Frame
 from quadsim.record.archive import RunFolder
 from quadsim.record.run import Run
 

@@ -17,7 +17,7 @@ from controllers.plan import PlanStats
 from quadsim.cli.cli import race
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.physics.plant import PlantState
-from quadsim.race.events import Event
+from quadsim.racing.events import Event
 from quadsim.spec.build import cost_on, planner_of, start_of, system_of
 
 SMALL = {"samples": 256, "horizon": 50, "iterations": 1, "laps": 1, "timeout": 0.3}

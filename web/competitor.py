@@ -14,7 +14,7 @@ import numpy as np
 from controllers.plan import PlannerSnapshot
 from quadsim.course import Course
 from quadsim.palette import Style, dotted, style, styles
-from quadsim.race.events import Event
+from quadsim.racing.events import Event
 from quadsim.record.limits import StoredSolution
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.run import INTERACTIVE

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.race.events import Event, sector_times
+from quadsim.racing.events import Event, sector_times
 from quadsim.record.metrics import total_variation
 from web.competitor import CRASHES, MISSES, Competitor
 from web.race import Snapshot

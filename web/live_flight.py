@@ -8,8 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from controllers.presets import Planner
-from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
-from quadsim.race.flight import simulate
+from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
+from quadsim.racing.flight import simulate
 from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import INTERACTIVE, Recorder, columns_of

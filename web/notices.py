@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Literal
 
-from quadsim.race.events import NO_PROGRESS, Event, Frame
+from quadsim.racing.events import NO_PROGRESS, Event, Frame
 from web.competitor import Competitor
 
 Kind = Literal["error", "crash", "lap", "wait"]

@@ -143,7 +143,7 @@ class PilotController:
     def control(self, estimate: Estimate) -> tuple[np.ndarray, PlanStats]:
         """Return the command and statistics of zero, as there is no plan.
 
-        See quadsim.race.flight.Controller.
+        See quadsim.racing.flight.Controller.
         """
         about = self.pilot.about
         self._until_next -= self._periods.advance(estimate.t)

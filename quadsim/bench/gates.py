@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from quadsim.course import Course, parse_course
-from quadsim.race.events import Frame
+from quadsim.racing.events import Frame
 from quadsim.spec.build import build, launch, with_threads
 from quadsim.spec.spec import Spec
 

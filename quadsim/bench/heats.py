@@ -19,7 +19,7 @@ from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
 from quadsim.physics.plant import SharedPlant, has_bullet, new_arena
 from quadsim.physics.plant_state import start_state
-from quadsim.race.traffic import ExpectedPath, Traffic
+from quadsim.racing.traffic import ExpectedPath, Traffic
 from quadsim.spec.build import planner_of
 from quadsim.spec.spec import Spec
 from quadsim.streams import sighting_stream

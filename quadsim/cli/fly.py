@@ -20,7 +20,7 @@ from quadsim.cli.flags import (
 from quadsim.cli.progress import Progress
 from quadsim.cli.report import present
 from quadsim.console import COMPILING, UsageError, complain, uninterrupted
-from quadsim.race.events import Frame
+from quadsim.racing.events import Frame
 from quadsim.record.archive import RunFolder, find_run, load_reportable, remove_unfinished
 from quadsim.record.run import Recorder, Run, RunError, own_parts, same_flight, why_not_repeatable
 from quadsim.spec.build import build, launch, with_threads

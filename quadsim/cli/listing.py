@@ -22,7 +22,7 @@ from quadsim.files.atomic import replace_file
 from quadsim.files.data_files import locate, read_text
 from quadsim.files.strict_yaml import FileError, parse
 from quadsim.files.yaml_errors import did_you_mean
-from quadsim.race.referee import check as check_race
+from quadsim.racing.referee import check as check_race
 from quadsim.record.whole_files import expect_writable
 from quadsim.sensing.sensing_file import (
     SENSINGS,

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from quadsim.console import progress_console
 from quadsim.dynamics.quadrotor import State
-from quadsim.race.events import Frame
+from quadsim.racing.events import Frame
 from quadsim.spec.spec import Spec
 
 PERIOD = 0.1  # from one drawing of the line to the next [s]

@@ -13,11 +13,11 @@ from controllers.plan import PlanStats
 from quadsim.course import Course
 from quadsim.dynamics.estimate import Estimate
 from quadsim.heat.expectations import Expectation, planned_path
-from quadsim.race.clock import Clock
-from quadsim.race.flight import Controller
-from quadsim.race.referee import way_left
-from quadsim.race.rules import Progress
-from quadsim.race.traffic import ExpectedPath, Sighting, Traffic
+from quadsim.racing.clock import Clock
+from quadsim.racing.flight import Controller
+from quadsim.racing.referee import way_left
+from quadsim.racing.rules import Progress
+from quadsim.racing.traffic import ExpectedPath, Sighting, Traffic
 
 if TYPE_CHECKING:
     from controllers.mppi import MPPI

@@ -9,7 +9,7 @@ import numpy as np
 
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import Control, State
-from quadsim.race.traffic import ExpectedPath, Sighting, Traffic
+from quadsim.racing.traffic import ExpectedPath, Sighting, Traffic
 
 if TYPE_CHECKING:
     from controllers.mppi import MPPI

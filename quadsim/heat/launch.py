@@ -15,12 +15,12 @@ from quadsim.heat.settings import Awareness
 from quadsim.heat.spec import HeatSpec
 from quadsim.physics.downwash import Downwash
 from quadsim.physics.plant import Arena, new_arena
-from quadsim.race.flight import flight
-from quadsim.race.heat import PlantInArena, RaceFrame, Started, Starter, race_frames
-from quadsim.race.marshal import Marshal, RaceReferee
-from quadsim.race.referee import Referee
-from quadsim.race.rules import RULES
-from quadsim.race.traffic import Traffic
+from quadsim.racing.flight import flight
+from quadsim.racing.heat import PlantInArena, RaceFrame, Started, Starter, race_frames
+from quadsim.racing.marshal import Marshal, RaceReferee
+from quadsim.racing.referee import Referee
+from quadsim.racing.rules import RULES
+from quadsim.racing.traffic import Traffic
 from quadsim.spec.build import build, flight_frames, launched, planner_of
 from quadsim.spec.spec import Spec
 from quadsim.streams import opponent_stream, sighting_stream

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 from quadsim.course import Course
 from quadsim.heat.spec import HeatSpec
-from quadsim.race.events import Event
-from quadsim.race.heat import RaceFrame
-from quadsim.race.referee import way_left
+from quadsim.racing.events import Event
+from quadsim.racing.heat import RaceFrame
+from quadsim.racing.referee import way_left
 from quadsim.record.run import Recorder, Run, canonical, hostless
 
 # [s] Two that pass a gate within this time pass it side by side.

@@ -11,8 +11,8 @@ from quadsim.course import Course, Start
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
 from quadsim.heat.settings import Awareness, HeatSettings
-from quadsim.race.grid import check_grid, start_grid
-from quadsim.race.rules import RULES
+from quadsim.racing.grid import check_grid, start_grid
+from quadsim.racing.rules import RULES
 from quadsim.spec.spec import PLANTS_WITH_ROTORS, Spec
 from quadsim.streams import entrant_seed
 
@@ -53,7 +53,7 @@ class HeatSpec:
         >>> spec = quadsim.Spec.of("split_s_swift", laps=1)
         >>> heat = HeatSpec((Entrant("a", spec), Entrant("b", spec)))
         >>> [round(start.position[0], 2) for start in heat.starts]
-        [-4.63, -5.37]
+        [-5.38, -4.6]
     """
 
     entrants: tuple[Entrant, ...]

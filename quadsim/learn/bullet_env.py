@@ -25,7 +25,7 @@ from quadsim.learn.spaces import (
     observation_space,
 )
 from quadsim.learn.task import task
-from quadsim.race.flight import apply_control, whole_multiple
+from quadsim.racing.flight import apply_control, whole_multiple
 from quadsim.spec.build import build
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec

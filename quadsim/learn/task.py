@@ -25,7 +25,7 @@ from quadsim.files.values import SettingError, check_fields, checked_object, kin
 from quadsim.files.yaml_errors import shown_value
 from quadsim.learn.reward import RewardWeights
 from quadsim.learn.starts import start_rows
-from quadsim.race.referee import check
+from quadsim.racing.referee import check
 from quadsim.spec.settings import LapCount
 from quadsim.spec.spec import default_timeout
 from quadsim.streams import start_stream

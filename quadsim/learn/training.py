@@ -24,7 +24,7 @@ from quadsim.dynamics.quadrotor import Control, ModelParams
 from quadsim.learn.checkpoint import Checkpoint, Evaluation, checkpoint_bytes, read_checkpoint
 from quadsim.learn.ppo_config import PPOConfig
 from quadsim.learn.task import LearningTask
-from quadsim.race.events import flown_laps
+from quadsim.racing.events import flown_laps
 from quadsim.record.whole_files import write_whole
 from quadsim.spec.build import flight_frames
 from quadsim.spec.spec import Spec

@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 from quadsim.dynamics.quadrotor import Control, State
 from quadsim.limit.verify import referee_of
-from quadsim.race.events import Event, Frame
+from quadsim.racing.events import Event, Frame
 from quadsim.record.limits import LimitProblem, StoredSolution
 from quadsim.record.run import Recorder, Run
 from quadsim.spec.spec import Spec

@@ -16,7 +16,7 @@ from quadsim.limit.guess import Flight, Guess, flown, line_speeds, solved, strai
 from quadsim.limit.route import Route, segments
 from quadsim.limit.solve import NotSolvedError, Show, solve
 from quadsim.limit.verify import Verified, referee_of, verify
-from quadsim.race.events import Event, flown_laps
+from quadsim.racing.events import Event, flown_laps
 from quadsim.record.limits import LimitProblem, Solution, StoredSolution
 
 # Makes the callback of each iteration from a start's name and the number of nodes

@@ -12,8 +12,8 @@ import numpy as np
 
 from quadsim.dynamics.quadrotor import ATTITUDE, BODY_RATES, POSITION
 from quadsim.limit.dynamics import Dynamics
-from quadsim.race.events import Event
-from quadsim.race.referee import Referee
+from quadsim.racing.events import Event
+from quadsim.racing.referee import Referee
 from quadsim.record.limits import LimitProblem, Solution
 
 # Greatest distance between a node and where the interval before it leads [m]

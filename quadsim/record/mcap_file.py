@@ -31,7 +31,7 @@ from quadsim.course import Course, Gate, parse_course
 from quadsim.course.obstacles import Box, Obstacle
 from quadsim.files.extras import imported
 from quadsim.palette import FRAME, HIT, NEXT
-from quadsim.race.events import Event
+from quadsim.racing.events import Event
 from quadsim.record.run import COUNTS, CRASHES, Run, columns_of
 from quadsim.record.run_format import CSV_COLUMNS, event_row
 from quadsim.rotation import from_euler, from_yaw

@@ -12,7 +12,7 @@ import numpy as np
 
 from quadsim.dynamics.first_order import remaining
 from quadsim.physics.plant_state import MotorUse
-from quadsim.race.events import sector_times
+from quadsim.racing.events import sector_times
 from quadsim.record.run import Run
 
 # Lag of a racing quadrotor's motors, for vehicles whose thrust acts at once [s]

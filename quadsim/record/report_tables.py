@@ -12,7 +12,7 @@ from rich.table import Table
 
 from quadsim.console import plain_table
 from quadsim.course import Course
-from quadsim.race.events import NO_PROGRESS, Event
+from quadsim.racing.events import NO_PROGRESS, Event
 from quadsim.record.metrics import chatter, speed, splits
 from quadsim.record.run import Run
 

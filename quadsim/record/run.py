@@ -22,7 +22,7 @@ from quadsim.console import plain
 from quadsim.dynamics.quadrotor import CONTROL_UNITS, STATE_UNITS
 from quadsim.physics.link import LinkConfig
 from quadsim.physics.plant_state import MOTOR_UNITS
-from quadsim.race.events import Event, Frame, flown_laps, lap_penalties
+from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.preset_changes import preset_changes
 from quadsim.sensing.estimate_record import ESTIMATE_UNITS

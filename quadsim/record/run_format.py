@@ -19,7 +19,7 @@ from quadsim.files.json_values import without_nan
 from quadsim.files.strict_yaml import FileError
 from quadsim.physics.faults import parse_fault
 from quadsim.physics.link import LinkConfig
-from quadsim.race.events import Event
+from quadsim.racing.events import Event
 from quadsim.record.metrics import chatter
 from quadsim.record.planner_snapshot import BEST, FRAMES, TERM, PlannerSnapshots
 from quadsim.record.run import (

@@ -46,11 +46,11 @@ from quadsim.physics.plant import (
     start_state,
 )
 from quadsim.physics.rotorpy_plant import RotorpyPlant
-from quadsim.race.clock import CLOCKS, Clock
-from quadsim.race.events import Frame
-from quadsim.race.flight import Controller, PlainController, RefereeProtocol, rest_of, simulate
-from quadsim.race.own_parts import check_counts, checked_control
-from quadsim.race.referee import Referee
+from quadsim.racing.clock import CLOCKS, Clock
+from quadsim.racing.events import Frame
+from quadsim.racing.flight import Controller, PlainController, RefereeProtocol, rest_of, simulate
+from quadsim.racing.own_parts import check_counts, checked_control
+from quadsim.racing.referee import Referee
 from quadsim.sensing import Sensing
 from quadsim.sensing.config import ImuConfig, RotorConfig
 from quadsim.sensing.estimation.body_rates import BodyRates

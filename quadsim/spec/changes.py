@@ -46,7 +46,7 @@ class PlannerChange:
 
 
 class ChangeablePlanner:
-    """A planner whose numbers may change between two plans; see quadsim.race.flight.Controller.
+    """A planner whose numbers may change between two plans; see quadsim.racing.flight.Controller.
 
     Attributes:
         planner: the MPPI planner that flies at present.

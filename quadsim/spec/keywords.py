@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from quadsim.dynamics.quadrotor import ModelParams
     from quadsim.firmware.configuration import Text
     from quadsim.physics.plant import Plant
-    from quadsim.race.flight import ControlLaw, Controller, RefereeProtocol
+    from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol
     from quadsim.sensing import Sensing
     from quadsim.spec.spec import Spec
     from quadsim.vehicle import Vehicle

@@ -34,7 +34,7 @@ from quadsim.physics.faults import (
 )
 from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.physics.plant import Plant, default_plant
-from quadsim.race.flight import ControlLaw, Controller, RefereeProtocol, whole_multiple
+from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol, whole_multiple
 from quadsim.record.limits import StoredSolution
 from quadsim.record.run import INTERACTIVE
 from quadsim.sensing import PERFECT, Sensing, load_sensing

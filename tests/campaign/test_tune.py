@@ -31,7 +31,7 @@ from quadsim.campaign.search import Search, TrialStats
 from quadsim.campaign.summary_stats import variant_stats
 from quadsim.campaign.tune import objective, pareto
 from quadsim.cli.cli import race
-from quadsim.race.events import Event
+from quadsim.racing.events import Event
 from quadsim.record.run import RunError
 from quadsim.spec.presets import parse_planner
 from quadsim.spec.spec import Spec

@@ -14,7 +14,7 @@ from quadsim.cli.cli import race
 from quadsim.course import parse_course
 from quadsim.dynamics.quadrotor import STATE
 from quadsim.figures.run_figure import draw
-from quadsim.race.events import Event, Frame
+from quadsim.racing.events import Event, Frame
 from quadsim.record import limits
 from quadsim.record.limits import (
     LIMITS,

@@ -11,7 +11,7 @@ from rich.console import Console
 from quadsim.cli.report import report, summary
 from quadsim.dynamics.quadrotor import STATE
 from quadsim.figures.run_figure import title
-from quadsim.race.events import Event, Frame
+from quadsim.racing.events import Event, Frame
 from quadsim.record.metrics import splits
 from quadsim.record.model_differences import differing
 from quadsim.record.report_tables import lap_tables

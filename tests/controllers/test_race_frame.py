@@ -11,7 +11,7 @@ from race_cases import ALL, DT, EXIT, GAP, RADIUS, ROW, WIDTH, at, course, fly, 
 from controllers.costs.frames import SAFETY_MARGIN
 from controllers.costs.race import RUN_OUT, race_cost
 from quadsim.course import course_names, load_course
-from quadsim.race.referee import Referee
+from quadsim.racing.referee import Referee
 from quadsim.vehicle import load_vehicle, vehicle_names
 
 MM = 1e-3

@@ -5,7 +5,7 @@ import pytest
 
 from controllers.costs.race import TERMS
 from controllers.sampled_trajectories import controls, sampled_trajectories, take_snapshot
-from quadsim.race.flight import SNAPSHOT_EVERY, simulate
+from quadsim.racing.flight import SNAPSHOT_EVERY, simulate
 from quadsim.spec.build import FlightParts, build, launch
 from quadsim.spec.spec import Spec
 

@@ -7,7 +7,7 @@ from quadsim.cli.cli import race
 from quadsim.cli.listing import examine
 from quadsim.course.random_courses import APART, random_courses
 from quadsim.course.swept import SweptGates
-from quadsim.race.referee import check
+from quadsim.racing.referee import check
 from quadsim.vehicle import load_vehicle, vehicle_names
 
 

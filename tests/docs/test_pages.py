@@ -361,6 +361,6 @@ def test_a_changed_digit_or_order_is_noticed(printed, output, same):
     ],
 )
 def test_elsewhere_times_agree_within_the_tolerance(printed, found, same, monkeypatch):
-    monkeypatch.setattr("tests.docs.test_pages.is_documented_machine", lambda: False)
+    monkeypatch.setitem(globals(), "is_documented_machine", lambda: False)
     assert agrees(printed, found, flown=True) is same
     assert not agrees(printed, found, flown=False)

@@ -15,7 +15,7 @@ from controllers.costs import Cost
 from controllers.plan import PlanStats
 from quadsim.dynamics.quadrotor import quadrotor
 from quadsim.physics.plant import PlantState
-from quadsim.race.events import Event
+from quadsim.racing.events import Event
 from quadsim.spec.build import start_of
 from tests.fuzz.harness import Case
 from tests.fuzz.junk import junk, reported

@@ -7,7 +7,7 @@ import pytest
 
 from quadsim.course import load_course
 from quadsim.heat.result import heat_events, placings
-from quadsim.race.events import Event
+from quadsim.racing.events import Event
 
 COURSE = load_course("figure8")
 

@@ -28,7 +28,7 @@ from quadsim.learn.race_lanes import RaceLanes
 from quadsim.learn.race_task import RaceRewardWeights, nearest_square, race_task
 from quadsim.learn.races import Races
 from quadsim.learn.reward import RewardWeights
-from quadsim.race.grid import start_grid
+from quadsim.racing.grid import start_grid
 from quadsim.rotation import euler_matrix, from_yaw, matrix
 
 NOTHING_BUT_RANK = dict.fromkeys(

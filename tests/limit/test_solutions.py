@@ -11,7 +11,7 @@ from quadsim.dynamics.quadrotor import ATTITUDE
 from quadsim.limit.dynamics import dynamics
 from quadsim.limit.route import MARGIN
 from quadsim.limit.verify import referee_of, verify
-from quadsim.race.events import flown_laps
+from quadsim.racing.events import flown_laps
 from quadsim.record.limits import SOLUTIONS, LimitProblem, dump, load
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 

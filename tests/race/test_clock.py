@@ -10,8 +10,8 @@ from plant_cases import ModelPlant
 from controllers.plan import PlanStats
 from quadsim.dynamics import System
 from quadsim.dynamics.control_periods import ControlPeriods
-from quadsim.race.clock import Clock, WallClock
-from quadsim.race.flight import simulate
+from quadsim.racing.clock import Clock, WallClock
+from quadsim.racing.flight import simulate
 
 DT, PERIOD = 0.0025, 0.01  # four physics steps in a control period
 

@@ -4,9 +4,9 @@ import pytest
 from referee_cases import FAR, gate
 
 from quadsim.course import Course, Start
-from quadsim.race.marshal import Marshal, Move, RaceReferee
-from quadsim.race.referee import CLEAR, Referee
-from quadsim.race.rules import RULES, Progress
+from quadsim.racing.marshal import Marshal, Move, RaceReferee
+from quadsim.racing.referee import CLEAR, Referee
+from quadsim.racing.rules import RULES, Progress
 
 R = 0.14
 DT = 0.0025

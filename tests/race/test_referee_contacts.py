@@ -15,7 +15,7 @@ import pytest
 from plant_cases import NO_BULLET
 from referee_cases import DT, HALF, WIDTH, R, course, gate
 
-from quadsim.race.referee import Referee
+from quadsim.racing.referee import Referee
 from quadsim.vehicle import GRAVITY, Vehicle
 
 pytest.importorskip("pybullet", reason=NO_BULLET)

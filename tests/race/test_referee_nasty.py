@@ -8,8 +8,8 @@ import pytest
 from referee_cases import DT, HALF, WIDTH, R, fly, gate, kinds, make_referee, straight, through
 
 from quadsim.course import FRAME_DEPTH
-from quadsim.race.events import NO_PROGRESS
-from quadsim.race.referee import NEARER
+from quadsim.racing.events import NO_PROGRESS
+from quadsim.racing.referee import NEARER
 
 CLEAR = FRAME_DEPTH / 2 + R  # behind the plane [m]
 BESIDE = HALF[0] + WIDTH + R + 0.3

@@ -12,8 +12,8 @@ from referee_cases import DT, FAR, R, fly, gate, straight
 from quadsim.course import Box, Course, Cylinder, Start
 from quadsim.physics.plant import RigidPlant
 from quadsim.physics.rigid_body import RigidBody
-from quadsim.race.events import lap_penalties
-from quadsim.race.referee import Referee
+from quadsim.racing.events import lap_penalties
+from quadsim.racing.referee import Referee
 from quadsim.vehicle import GRAVITY, Vehicle
 
 POLE, WALL = Cylinder((-1.0, 0.0, 9.0), 0.1, 2.0), Box((3.0, 0.0, 10.0), (0.5, 2.0, 1.0), 0.4)

@@ -7,7 +7,7 @@ from math import pi
 import pytest
 from referee_cases import DT, HALF, WIDTH, R, fly, gate, kinds, make_referee, straight, through
 
-from quadsim.race.events import PENALTY, flown_laps, lap_penalties, sector_times
+from quadsim.racing.events import PENALTY, flown_laps, lap_penalties, sector_times
 
 # The ends of a flight
 

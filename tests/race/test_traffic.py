@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quadsim.dynamics.quadrotor import State
-from quadsim.race.traffic import ExpectedPath, Sight, Traffic
+from quadsim.racing.traffic import ExpectedPath, Sight, Traffic
 from quadsim.streams import sighting_stream
 
 DT = 0.0025

@@ -7,7 +7,7 @@ import pytest
 from run_cases import SPEC, event, frame, snapshot, two_laps
 
 from quadsim.dynamics.quadrotor import CONTROL, STATE
-from quadsim.race.events import PENALTY, sector_times
+from quadsim.racing.events import PENALTY, sector_times
 from quadsim.record.run import COLUMNS, Run
 
 

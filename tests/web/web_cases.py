@@ -8,7 +8,7 @@ from itertools import count
 import numpy as np
 
 from controllers.plan import PlannerSnapshot
-from quadsim.race.events import Event, Frame
+from quadsim.racing.events import Event, Frame
 from quadsim.record.archive import RunFolder
 from quadsim.record.run import Run
 from web.choices import Choices

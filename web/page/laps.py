@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from quadsim.palette import BEST, FASTER
-from quadsim.race.events import sector_times
+from quadsim.racing.events import sector_times
 from quadsim.record.metrics import high_frequency_fraction, motor_corner, motor_tau, total_variation
 from quadsim.record.run import not_comparable
 from quadsim.record.statistics import mean_interval

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from quadsim.heat.result import Pass, overtakes
 from quadsim.palette import BEST, FASTER, NEXT
-from quadsim.race.events import Event
+from quadsim.racing.events import Event
 from quadsim.record.run import not_comparable
 from web.competitor import CRASHES, Competitor, heat_of
 from web.lap_timing import LapTiming, order

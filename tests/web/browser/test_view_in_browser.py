@@ -11,7 +11,7 @@ from matplotlib.image import imread
 from web_cases import Glider, choices, store, stored
 
 from quadsim.palette import STYLES
-from quadsim.race.events import Event
+from quadsim.racing.events import Event
 from quadsim.record.limits import limit_of
 from quadsim.record.run import Run
 from web.race import PageRace

@@ -5,7 +5,7 @@ line collects the frames, the web page draws them as they come and pauses by not
 one.
 
 The loop itself is `flight`, which does not step its plant but asks for each physics step. So one
-loop serves a flight alone, whose plant `simulate` steps, and a race, in which quadsim.race.heat
+loop serves a flight alone, whose plant `simulate` steps, and a race, in which quadsim.racing.heat
 steps one world for several flights.
 """
 
@@ -23,9 +23,9 @@ from numpy.typing import ArrayLike
 from controllers.plan import PlannerSnapshot, PlanStats
 from quadsim.dynamics.estimate import Estimate
 from quadsim.physics.plant import Plant, PlantState
-from quadsim.race.clock import Clock
-from quadsim.race.events import Event, Frame
-from quadsim.race.own_parts import (
+from quadsim.racing.clock import Clock
+from quadsim.racing.events import Event, Frame
+from quadsim.racing.own_parts import (
     check_counts,
     check_step,
     check_time,
@@ -107,11 +107,11 @@ class PlainController:
 class RefereeProtocol(Protocol):
     """Checks every physics step, and ends the flight by setting an outcome.
 
-    See quadsim.race.referee.Referee.
+    See quadsim.racing.referee.Referee.
 
     Examples:
         >>> import quadsim
-        >>> from quadsim.race.referee import Referee
+        >>> from quadsim.racing.referee import Referee
         >>> class TwoGates(Referee):
         ...     def observe(self, *step):
         ...         events = super().observe(*step)

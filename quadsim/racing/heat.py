@@ -1,7 +1,7 @@
 """The loop of a race: several flights in one world, which is stepped once for all of them.
 
 In each physics step every flight goes on until it needs the next one. It plans there if its control
-period has ended (quadsim.race.flight). Then all forces act, the world makes its step, and the
+period has ended (quadsim.racing.flight). Then all forces act, the world makes its step, and the
 marshal looks at all vehicles before their own referees do.
 """
 
@@ -15,10 +15,10 @@ from quadsim.dynamics.quadrotor import State
 from quadsim.physics.downwash import Downwash
 from quadsim.physics.plant import Arena
 from quadsim.physics.plant_state import PlantState
-from quadsim.race.events import Frame
-from quadsim.race.flight import PhysicsStep
-from quadsim.race.marshal import Marshal, Move, RaceReferee
-from quadsim.race.traffic import Traffic
+from quadsim.racing.events import Frame
+from quadsim.racing.flight import PhysicsStep
+from quadsim.racing.marshal import Marshal, Move, RaceReferee
+from quadsim.racing.traffic import Traffic
 from quadsim.rotation import Vec3
 
 
@@ -51,7 +51,7 @@ class Started(NamedTuple):
     """A flight of a race that has begun."""
 
     plant: PlantInArena
-    # the frames and the requests of the flight, see quadsim.race.flight.flight
+    # the frames and the requests of the flight, see quadsim.racing.flight.flight
     steps: Iterator[Frame | PhysicsStep]
 
 

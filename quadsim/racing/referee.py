@@ -28,7 +28,7 @@ from quadsim.course.swept import Incident, SweptGate, SweptGates, clip, lerp
 from quadsim.course.swept_obstacles import SweptObstacles
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
-from quadsim.race.events import NO_PROGRESS, Event
+from quadsim.racing.events import NO_PROGRESS, Event
 from quadsim.rotation import Vec3
 
 # [m] A sphere this close to the ground is on it.

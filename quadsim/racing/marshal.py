@@ -8,9 +8,9 @@ from math import dist, inf
 from typing import NamedTuple
 
 from quadsim.course.swept import first_within, lerp
-from quadsim.race.events import Event
-from quadsim.race.referee import CLEAR, Referee
-from quadsim.race.rules import Progress, Rules
+from quadsim.racing.events import Event
+from quadsim.racing.referee import CLEAR, Referee
+from quadsim.racing.rules import Progress, Rules
 from quadsim.rotation import Vec3
 
 # [m] Vehicles that push each other away in the simulated world stay this near.

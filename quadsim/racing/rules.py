@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from quadsim.race.referee import Referee, way_left
+from quadsim.racing.referee import Referee, way_left
 from quadsim.rotation import Vec3
 
 RulesName = Literal["elimination", "chaser", "physics"]

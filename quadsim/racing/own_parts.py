@@ -13,7 +13,7 @@ import numpy as np
 from controllers.plan import PlanStats
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
-from quadsim.race.events import Event
+from quadsim.racing.events import Event
 
 # The outcomes that a referee may give.
 OUTCOMES = ("finished", "crashed", "stuck", "timeout")
