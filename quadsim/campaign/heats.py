@@ -35,7 +35,7 @@ Z = 1.959963984540054  # of a 95 % interval
 
 
 class Result(TypedDict):
-    """What is kept of a race."""
+    """A campaign keeps these numbers of a race."""
 
     order: list[dict]  # placings, see quadsim.heat.result.Placing
     events: list[dict]  # see quadsim.heat.result.HeatEvent

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 from msgspec import Meta
 from rich.console import RenderableType
@@ -93,7 +93,7 @@ def heat(
     """
     given = dict(settings or {})
     if from_ is not None:
-        if course is not None or given or race:
+        if course is not None or given or race or starts > 1 or rotation or plot:
             raise UsageError("--from: expected neither a course nor other flags beside a race")
         return _again(from_, FlightSettings.runs_dir, json)
     with settings_as_flags():
@@ -133,8 +133,8 @@ def use_threads_of(given: object) -> None:
         return
     from controllers.lanes.threads import use_threads  # here: it loads the compiler
 
-    number = checked("threads", given, SETTINGS["threads"].kind)
-    use_threads(int(str(number)))
+    number = cast(int, checked("threads", given, SETTINGS["threads"].kind))
+    use_threads(number)
 
 
 def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:

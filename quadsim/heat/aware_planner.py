@@ -44,7 +44,7 @@ class PlanningClock(Clock):
 
 
 class Eyes:
-    """What one vehicle sees of the others, in the time of its own flight."""
+    """Eyes see the other vehicles of a race, in the time of their own vehicle's flight."""
 
     def __init__(self, number: int, traffic: Traffic, start_time: float, course: Course):
         """Take the place of a vehicle in a race.

@@ -1,4 +1,4 @@
-"""What a planner expects of the other vehicles: the path that each of them will fly."""
+"""Expectations predict the path that each of the other vehicles will fly."""
 
 from __future__ import annotations
 

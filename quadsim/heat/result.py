@@ -1,4 +1,4 @@
-"""What a race leaves behind: a run of each entrant, their order, and what happened between them."""
+"""A race ends in a run of each entrant, an order, and events between the entrants."""
 
 from __future__ import annotations
 

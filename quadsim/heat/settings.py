@@ -15,7 +15,7 @@ Expect = Literal["plans", "own", "velocity", "nothing"]
 
 @dataclass(frozen=True)
 class Awareness:
-    """What a planner expects of the other vehicles, and how much room it keeps from them.
+    """A planner expects the other vehicles to fly in some way, and keeps room from them.
 
     Examples:
         >>> from quadsim.heat.settings import Awareness
@@ -98,5 +98,5 @@ class HeatSettings(Awareness):
 
     @property
     def awareness(self) -> Awareness:
-        """What planners expect that have no awareness of their own."""
+        """The awareness of planners that are given none of their own."""
         return Awareness(**{f.name: getattr(self, f.name) for f in fields(Awareness)})

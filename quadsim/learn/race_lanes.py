@@ -29,7 +29,7 @@ from quadsim.streams import observation_noise_key
 
 
 class Told(NamedTuple):
-    """What the last step has to tell of the races that it belongs to.  (blocks, LANES) each"""
+    """Numbers of each racer after the last step, which its race needs.  (blocks, LANES) each"""
 
     row: np.ndarray  # number of the target's row
     steps: np.ndarray  # since the start

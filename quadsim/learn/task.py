@@ -96,7 +96,7 @@ class Tables:
 
 
 class CourseTables(NamedTuple):
-    """What the arrays of one course are made of."""
+    """The parts from which the arrays of one course are made."""
 
     course: Course
     laps: int

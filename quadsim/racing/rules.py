@@ -21,7 +21,7 @@ Out = Literal["both", "chaser", "nobody"]
 
 @dataclass(frozen=True)
 class Rules:
-    """What a contact of two vehicles means."""
+    """Rules decide what a contact of two vehicles means."""
 
     name: RulesName
     # distance of two centres that counts as a contact [m]; None: that at which they touch

@@ -44,7 +44,7 @@ class Sighting(NamedTuple):
 
 
 class ExpectedPath(NamedTuple):
-    """Where a vehicle is expected to fly."""
+    """A path that a vehicle is expected to fly."""
 
     # time of the first position [s]
     t0: float

@@ -122,7 +122,7 @@ def test_a_refusal_to_arm_names_its_reason(built, eeprom):
 
 
 def test_a_firmware_that_is_killed_is_one_line(built, eeprom):
-    """What it printed while it started is not in it."""
+    """The line leaves out the text that the firmware printed while it started."""
     firmware = Firmware(built.program, PERIOD, eeprom)
     channels = idle_channels()
     firmware.step(*STANDING, channels, 100)
