@@ -47,12 +47,16 @@ class ToldPlans:
         return {m: self._traffic.told(m) or straight(seen[m]) for m in seen}
 
 
+# Control periods from one plan of another vehicle's flight to the next
+OWN_PERIODS = 2
+
+
 class OwnPlans:
     """Plans the others' flights by itself, with its own model, cost and sampling.
 
-    Nothing is told: each plan starts from where the other vehicle is seen. One of the others is
-    planned in each control period, in turn, so that the time does not grow with their number; the
-    plans of the others go on from before.
+    Nothing is told: each plan starts from where the other vehicle is seen. The others are planned
+    in turn, one of them in each OWN_PERIODS control periods, so that the time does not grow with
+    their number. Meanwhile a vehicle is expected to follow the last plan that was made for it.
     """
 
     def __init__(self, new_planner: Callable[[int], MPPI]):
@@ -63,15 +67,16 @@ class OwnPlans:
         self._new_planner = new_planner
         self._planners: dict[int, MPPI] = {}
         self._paths: dict[int, ExpectedPath] = {}
-        self._turn = 0
+        self._periods = 0  # that have passed
 
     def paths(self, seen: dict[int, Sighting]) -> dict[int, ExpectedPath]:
-        """Return the planned paths, of which one is new."""
+        """Return the planned paths, of which at most one is new, but for the first time."""
         numbers = sorted(seen)
+        self._periods += 1
+        turn, waits = divmod(self._periods, OWN_PERIODS)
         new = [m for m in numbers if m not in self._paths]
-        if not new and numbers:
-            self._turn += 1
-            new = [numbers[self._turn % len(numbers)]]
+        if not new and numbers and not waits:
+            new = [numbers[turn % len(numbers)]]
         for m in new:
             self._paths[m] = self._plan(m, seen[m])
         return {m: self._paths[m] for m in numbers}
