@@ -148,11 +148,11 @@ def key_of(heat: HeatSpec) -> str:
 
 def fly_heats(
     heats: Sequence[HeatSpec], campaign: Path, jobs: int | None = None
-) -> list[StoredResult]:
+) -> list[StoredResult | None]:
     """Fly the races that a campaign lacks, and return all of them in order.
 
-    Each is kept as soon as it has ended. A race that was lost twice with its worker is reported and
-    left out.
+    Each is kept as soon as it has ended. A race that was lost twice with its worker is reported,
+    and is None.
 
     Args:
         heats: the races.
@@ -177,10 +177,9 @@ def fly_heats(
                         continue
                     store.write(keys[id(heat)], heat, result, code)
                     tally.count(f"{label}: first {result['order'][0]['name']}")
-        found = [store.read(keys[id(heat)]) for heat in heats]
+        return [store.read(keys[id(heat)]) for heat in heats]
     finally:
         store.close()
-    return [result for result in found if result is not None]
 
 
 class EntrantStats(NamedTuple):
@@ -222,6 +221,8 @@ class HeatsSummary(NamedTuple):
     flights: int
     finished: int
     finished_ci: tuple[float, float]
+    # time of those that finished [s]
+    race: Mean
     # races with a contact of two vehicles
     with_contact: int
     contact_ci: tuple[float, float]
@@ -248,6 +249,7 @@ def summary(names: Sequence[str], results: Sequence[StoredResult]) -> HeatsSumma
     contacts = [sum(event.kind == "contact" for event in result.events) for result in results]
     overtakes = [sum(event.kind == "overtake" for event in result.events) for result in results]
     with_contact = sum(count > 0 for count in contacts)
+    times = [placing.time for result in results for placing in result.order]
     return HeatsSummary(
         races=len(results),
         entrants=entrants,
@@ -255,6 +257,7 @@ def summary(names: Sequence[str], results: Sequence[StoredResult]) -> HeatsSumma
         flights=flights,
         finished=finished,
         finished_ci=wilson(finished, flights),
+        race=mean_interval([time for time in times if time is not None]),
         with_contact=with_contact,
         contact_ci=wilson(with_contact, len(results)),
         contacts=sum(contacts),

@@ -108,12 +108,36 @@ def heats_of(
     ]
 
 
+def parse_race_variants(text: str) -> dict[str, dict[str, Any]]:
+    """Return settings of races, by name.
+
+    Args:
+        text: joined by commas, such as "expect=own,gentle=expect=own+keep-weight=50". Without a
+            name the whole part is the name.
+
+    Raises:
+        SettingError: a part is no setting, or two have one name.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    for one in text.split(","):
+        name, parts = _named(one.strip())
+        key = name or one.strip()
+        if key in found:
+            raise SettingError("variants", f"expected different names, got {key!r} twice")
+        try:
+            found[key] = parse_parts(parts)
+        except ValueError as error:
+            raise SettingError("variants", str(error)) from None
+    return found
+
+
 def _named(one: object) -> tuple[str | None, Any]:
     """Return the name of an entrant, None where it has none of its own, and what it is."""
     if isinstance(one, str):
         head, named, parts = one.partition("=")
         # Without a name the first part is a sampler or a preset, or the setting of one.
-        is_setting = head.replace("-", "_") in SETTINGS or head in OF_AWARENESS
+        setting = head.replace("-", "_")
+        is_setting = setting in SETTINGS or setting in KINDS
         if not named or "+" in head or (is_setting and head != "pilot"):
             return None, one
         return head, parts

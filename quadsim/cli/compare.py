@@ -11,12 +11,17 @@ from rich.markup import escape
 from quadsim.campaign.compare import comparison, identity, write_report
 from quadsim.campaign.runner import Runner
 from quadsim.campaign.variants import make_variants, parse_variants
-from quadsim.cli.flags import Given, Help, Json, Switch, course_help, settings_as_flags
+from quadsim.cli.compare_races import compare_races
+from quadsim.cli.flags import Given, GivenRace, Help, Json, Switch, course_help, settings_as_flags
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.record.run import RunError
 from quadsim.record.whole_files import expect_file, expect_writable
 
 CAMPAIGN = "campaigns/race.sqlite"
+RACES = "campaigns/heats.sqlite"  # of --line-up
+VARIANTS = "gaussian,colored"
+ATTEMPTS = 10
+STARTS = 64
 Campaign = Annotated[str, Help("FILE.sqlite where attempts are kept")]
 Jobs = Annotated[
     Annotated[int, Meta(ge=1)] | None, Help("attempts at once; default: one for each core")
@@ -29,11 +34,27 @@ Scheduler = Annotated[
 def compare(
     *courses: Annotated[str, course_help()],
     variants: Annotated[
-        str, Help("samplers, or NAME=preset+flag=value+..., joined by commas")
-    ] = "gaussian,colored",
+        str | None,
+        Help(
+            "samplers, or NAME=preset+flag=value+..., joined by commas; default: gaussian,colored,"
+            " or one race setting with --line-up",
+            show_default=False,
+        ),
+    ] = None,
     attempts: Annotated[
         int, Meta(ge=1, le=100_000), Help("flights of each variant on each course")
-    ] = 10,
+    ] = ATTEMPTS,
+    line_up: Annotated[
+        list[str] | None,
+        Help(
+            "entrants of a race, as in race heat: variants are compared in races of them",
+            consume_multiple=True,
+        ),
+    ] = None,
+    starts: Annotated[
+        Annotated[int, Meta(ge=1, le=100_000)] | None,
+        Help("races of each variant, with --line-up; default: 64"),
+    ] = None,
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     campaign: Campaign = CAMPAIGN,
@@ -42,6 +63,7 @@ def compare(
         str | None, Help("folder of Markdown and figures; default: beside the campaign")
     ] = None,
     json: Json = False,
+    race: GivenRace = None,
     settings: Given = None,
 ) -> int:
     """Fly variants against each other and report differences with intervals.
@@ -55,11 +77,37 @@ def compare(
 
     race compare split_s_swift
     --variants colored,soft=race+target-ess=200,wild=gaussian+sigma=3:3:.6:6
+
+    With --line-up the variants are settings of races: how often do the entrants
+    collide, overtake and finish? Race i of every variant has the same starts.
+
+    race compare split_s_swift --line-up colored colored colored colored
+    --variants expect=own,expect=velocity --starts 64 --randomize 1
     """
+    if line_up is not None:
+        if attempts != ATTEMPTS or scheduler or this_commit:
+            wanted = "--starts in place of --attempts, and neither --scheduler nor --this-commit"
+            raise UsageError(f"--line-up: expected {wanted}")
+        if len(courses) > 1:
+            raise UsageError(f"--line-up: expected one course, got {len(courses)}")
+        return compare_races(
+            course=next(iter(courses), None),
+            entrants=line_up,
+            variants=variants,
+            given=(race or {}) | (settings or {}),
+            starts=starts or STARTS,
+            campaign=Path(RACES if campaign == CAMPAIGN else campaign),
+            jobs=jobs,
+            out=Path(out) if out else None,
+            json=json,
+        )
+    if starts is not None or race:
+        given_flag = "starts" if starts is not None else next(iter(race or {})).replace("_", "-")
+        raise UsageError(f"--{given_flag}: expected --line-up beside it, the entrants of a race")
     if not courses:
         raise UsageError("expected one COURSE or more, got none (race courses lists them)")
     with settings_as_flags():
-        made = make_variants(courses, parse_variants(variants), settings or {})
+        made = make_variants(courses, parse_variants(variants or VARIANTS), settings or {})
     path = Path(campaign)
     expect_file(path)
     report = Path(out) if out else path.with_name(f"{path.stem}.report")

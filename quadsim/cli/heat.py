@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, cast
 
 from msgspec import Meta
-from rich.console import RenderableType
 from rich.live import Live
 from rich.markup import escape
 
-from quadsim.campaign.heats import HeatsSummary, fly_heats, summary
+from quadsim.campaign.heats import fly_heats, summary
 from quadsim.campaign.line_ups import heats_of, line_up
-from quadsim.campaign.tables import TextTable, as_table
 from quadsim.cli.compare import Jobs
 from quadsim.cli.flags import (
     CourseName,
@@ -24,6 +21,7 @@ from quadsim.cli.flags import (
     Json,
     settings_as_flags,
 )
+from quadsim.cli.heat_report import summary_as_json, tables_of
 from quadsim.console import (
     UsageError,
     complain,
@@ -39,7 +37,6 @@ from quadsim.heat.result import HeatRecorder
 from quadsim.heat.spec import HeatSpec
 from quadsim.heats import Heat
 from quadsim.record.run import RunError
-from quadsim.record.statistics import Mean
 from quadsim.record.whole_files import expect_file
 from quadsim.spec.settings import SETTINGS, FlightSettings, SettingError
 
@@ -111,15 +108,18 @@ def heat(
         raise UsageError(f"--{'plot' if plot else 'rotation'}: expected none beside --starts")
     path = Path(campaign)
     expect_file(path)
-    results = fly_heats(heats, path, jobs)
+    results = [result for result in fly_heats(heats, path, jobs) if result is not None]
     if not results:
         raise RunError("no race was flown")
     found = summary(heats[0].names, results)
     if json:
-        emit_json(_as_json(found) | {"campaign": campaign})
+        emit_json(summary_as_json(found) | {"campaign": campaign})
     else:
         setting = f"rules {of_race.rules}, expect {of_race.expect}"
-        emit(*_tables(found, heats[0].course.name, setting))
+        emit(
+            f"[bold]{escape(heats[0].course.name)}[/]  {found.races} races, {setting}",
+            *tables_of(found),
+        )
     return 0 if len(results) == starts else 1
 
 
@@ -217,72 +217,3 @@ def _line(spec: HeatSpec, recorder: HeatRecorder, t: float) -> str:
         state = "-" if last is None else last.outcome or f"{last.passed} gates"
         parts.append(f"{escape(name)} {state}")
     return f"{t:5.1f} s  " + "  ".join(parts)
-
-
-def _percent(interval: tuple[float, float]) -> str:
-    """Return an interval of a share in percent."""
-    low, high = interval
-    return f"{100 * low:.0f} to {100 * high:.0f} %"
-
-
-def _mean(mean: Mean, digits: int = 2) -> str:
-    """Return a mean with its interval."""
-    if mean.n == 0:
-        return "-"
-    if mean.n == 1:
-        return f"{mean.mean:.{digits}f}"
-    return f"{mean.mean:.{digits}f} ({mean.low:.{digits}f} to {mean.high:.{digits}f})"
-
-
-def _tables(found: HeatsSummary, course: str, setting: str) -> Sequence[RenderableType]:
-    """Return the report of many races."""
-    entrants = TextTable.of(
-        found.entrants,
-        {
-            "entrant": lambda e: e.name,
-            "finished": lambda e: f"{e.finished}/{e.races} ({_percent(e.finished_ci)})",
-            "wins": lambda e: f"{e.wins} ({_percent(e.wins_ci)})",
-            "rank": lambda e: _mean(e.rank),
-            "race [s]": lambda e: _mean(e.race, 3),
-            "overtakes": lambda e: _mean(e.overtakes),
-            "rating": lambda e: f"{e.rating:.0f} +- {e.rating_error:.0f}",
-        },
-    )
-    pairs = TextTable.of(
-        found.pairs,
-        {
-            "first": lambda p: p.a,
-            "before": lambda p: p.b,
-            "races": lambda p: f"{p.a_first}/{p.races}",
-            "share": lambda p: _percent(p.ci),
-        },
-        texts=(0, 1),
-    )
-    contact = f"{found.with_contact} of {found.races} races have a contact"
-    return [
-        f"[bold]{escape(course)}[/]  {found.races} races, {setting}",
-        "",
-        as_table(entrants),
-        "",
-        as_table(pairs),
-        "",
-        f"  finished {found.finished} of {found.flights} flights ({_percent(found.finished_ci)})",
-        f"  {contact} ({_percent(found.contact_ci)}), {found.contacts} contacts in all",
-        f"  overtakes in a race {_mean(found.overtakes)}",
-    ]
-
-
-def _as_json(found: HeatsSummary) -> dict:
-    """Return the numbers of many races as JSON."""
-
-    def plain(value: object) -> object:
-        if isinstance(value, Mean):
-            return {"mean": value.mean, "low": value.low, "high": value.high, "n": value.n}
-        return value
-
-    record = {name: plain(value) for name, value in found._asdict().items()}
-    record["entrants"] = [
-        {name: plain(value) for name, value in e._asdict().items()} for e in found.entrants
-    ]
-    record["pairs"] = [pair._asdict() for pair in found.pairs]
-    return record

@@ -110,6 +110,7 @@ class AwarePlanner:
         self._tells = tells
         self._clock = clock
         self._is_first = True
+        self._last: Estimate | None = None  # that was planned from
         # the paths that were expected for the last plan, for display
         self.expected: dict[int, ExpectedPath] = {}
 
@@ -129,18 +130,25 @@ class AwarePlanner:
         if self._expectation:
             self._mind_others(estimate, self._expectation)
         answer = self._controller.control(estimate)
+        self._last = estimate
         if self._clock and not self._is_first:
             self._clock.spent = perf_counter() - began
         self._is_first = False
-        if self._tells:
-            path = planned_path(self._planner(), estimate, self._eyes.start_time)
+        path = self._own_path() if self._tells else None
+        if path:
             self._eyes.traffic.tell(self._eyes.number, path)
         return answer
+
+    def _own_path(self) -> ExpectedPath | None:
+        """Return the path of the last plan, in the time of the race."""
+        if self._last is None:
+            return None
+        return planned_path(self._planner(), self._last, self._eyes.start_time)
 
     def _mind_others(self, estimate: Estimate, expectation: Expectation) -> None:
         """Let the terms of the cost know where the others are expected."""
         seen = self._eyes.look(estimate.t)
-        self.expected = expectation.paths(seen)
+        self.expected = expectation.paths(seen, self._own_path)
 
         # The times at which the steps of the horizon end
         config = self._planner().config

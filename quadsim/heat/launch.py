@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from controllers.costs.keep_clear import OtherVehicle, Room
 from quadsim.heat.aware_planner import AwarePlanner, Eyes, PlanningClock
-from quadsim.heat.expectations import ConstantVelocity, Expectation, OwnPlans, ToldPlans
+from quadsim.heat.expectations import (
+    OPPONENT_STEPS,
+    ConstantVelocity,
+    Expectation,
+    Opponent,
+    OwnPlans,
+    ToldPlans,
+)
 from quadsim.heat.settings import Awareness
 from quadsim.heat.spec import HeatSpec
 from quadsim.physics.downwash import Downwash
@@ -22,14 +29,12 @@ from quadsim.racing.referee import Referee
 from quadsim.racing.rules import RULES
 from quadsim.racing.traffic import Traffic
 from quadsim.spec.build import build, flight_frames, launched, planner_of
-from quadsim.spec.spec import Spec
 from quadsim.streams import opponent_stream, sighting_stream
-
-if TYPE_CHECKING:
-    from controllers.mppi import MPPI
 
 # Iterations of the first plan of another vehicle's flight
 FIRST_ITERATIONS = 20
+# Its effective sample size: a small one, as a poor plan gains more from the best samples
+OPPONENT_ESS = 5.0
 
 
 def heat_frames(heat: HeatSpec) -> Iterator[RaceFrame]:
@@ -103,14 +108,20 @@ def other_vehicles(heat: HeatSpec, k: int, awareness: Awareness) -> dict[int, Ot
     spec = heat.entrants[k].spec
     if awareness.expect == "nothing" or spec.pilot or spec.controller:
         return {}
+    numbers = [m for m in range(len(heat.entrants)) if m != k]
+    return _clear_of(numbers, spec.planner.mppi.horizon, awareness)
+
+
+def _clear_of(
+    numbers: Sequence[int], horizon: int, awareness: Awareness
+) -> dict[int, OtherVehicle]:
+    """Return terms that keep clear of some vehicles: number -> term."""
     room = Room(
         weight=awareness.keep_weight,
         keep=awareness.keep,
         above=awareness.keep_above,
         below=awareness.keep_below,
     )
-    numbers = [m for m in range(len(heat.entrants)) if m != k]
-    horizon = spec.planner.mppi.horizon
     # Terms are named by their order, so that the compiled loops are those of the number of others.
     return {m: OtherVehicle(n, room, horizon) for n, m in enumerate(numbers, 1)}
 
@@ -126,21 +137,32 @@ def expectation_of(
             return ConstantVelocity()
         case "plans":
             return ToldPlans(traffic)
-    return OwnPlans(partial(_planner_for_other, heat, k))
+    noise = heat.settings.seen_velocity_noise
+    return OwnPlans(k, partial(_opponent, heat, k), noise)
 
 
-def _planner_for_other(heat: HeatSpec, k: int, m: int) -> MPPI:
-    """Return the planner with which entrant k plans the flight of entrant m.
-
-    It is entrant k's own with fewer samples, and ignores all other vehicles.
-    """
-    spec: Spec = replace(heat.entrants[k].spec, terms=(), cost=None)
-    samples = heat.awareness(k).own_samples
+def _opponent(heat: HeatSpec, k: int, m: int) -> Opponent:
+    """Return how entrant k plans the flight of entrant m: as its own, with fewer samples."""
+    spec = heat.entrants[k].spec
+    awareness = heat.awareness(k)
     mppi = replace(
-        spec.planner.mppi, samples=samples, iterations=1, first_iterations=FIRST_ITERATIONS
+        spec.planner.mppi,
+        samples=awareness.own_samples,
+        dt=OPPONENT_STEPS * spec.planner.mppi.dt,
+        horizon=-(-spec.planner.mppi.horizon // OPPONENT_STEPS),
+        iterations=1,
+        first_iterations=FIRST_ITERATIONS,
+        target_ess=OPPONENT_ESS,
     )
-    small = replace(spec, planner=replace(spec.planner, mppi=mppi))
-    return planner_of(small, opponent_stream(heat.seed, k, m))
+    others = _clear_of([n for n in range(len(heat.entrants)) if n != m], mppi.horizon, awareness)
+    small = replace(
+        spec,
+        planner=replace(spec.planner, mppi=mppi),
+        terms=tuple(other.term for other in others.values()),
+        cost=None,
+    )
+    planner = planner_of(small, opponent_stream(heat.seed, k, m))
+    return Opponent(planner, small.model, others)
 
 
 def _is_asked_for_plans(heat: HeatSpec, k: int) -> bool:

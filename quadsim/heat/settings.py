@@ -47,7 +47,7 @@ class Awareness:
     ] = 1.0
     own_samples: Annotated[
         int, setting("samples with which another vehicle's flight is planned", ge=64, le=65536)
-    ] = 256
+    ] = 384
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -1,0 +1,110 @@
+"""Tables of many races: their entrants, who comes in before whom, and settings side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isnan
+
+from quadsim.campaign.heats import EntrantStats, HeatsSummary
+from quadsim.campaign.paired_heats import FlownHeats, HeatsDifference
+from quadsim.campaign.tables import TextTable
+from quadsim.record.statistics import Mean
+
+
+def entrants_table(found: HeatsSummary) -> TextTable:
+    """Return the numbers of each entrant."""
+    return TextTable.of(
+        found.entrants,
+        {
+            "entrant": lambda e: e.name,
+            "finished": lambda e: f"{e.finished}/{e.races} ({_percent(e.finished_ci)})",
+            "wins": lambda e: f"{e.wins} ({_percent(e.wins_ci)})",
+            "rank": lambda e: _mean(e.rank),
+            "race [s]": lambda e: _mean(e.race, 3),
+            "overtakes": lambda e: _mean(e.overtakes),
+            "rating": lambda e: f"{e.rating:.0f} +- {e.rating_error:.0f}",
+        },
+    )
+
+
+def win_matrix(found: HeatsSummary) -> TextTable:
+    """Return how often the entrant of a row came in before that of a column, in percent."""
+    shares: dict[tuple[str, str], str] = {}
+    for pair in found.pairs:
+        low, high = pair.ci
+        ahead = pair.a_first / pair.races
+        shares[pair.a, pair.b] = f"{100 * ahead:.0f} ({_percent(pair.ci)})"
+        shares[pair.b, pair.a] = f"{100 * (1 - ahead):.0f} ({_percent((1 - high, 1 - low))})"
+
+    def cell(row: EntrantStats, column: EntrantStats) -> str:
+        return shares.get((row.name, column.name), "-")
+
+    columns = {
+        column.name: lambda row, column=column: cell(row, column) for column in found.entrants
+    }
+    return TextTable.of(found.entrants, {"ahead of": lambda row: row.name, **columns})
+
+
+def lines_of(found: HeatsSummary) -> list[str]:
+    """Return what is said of all entrants together."""
+    races = f"{found.with_contact} of {found.races} races have a contact"
+    return [
+        f"finished {found.finished} of {found.flights} flights ({_percent(found.finished_ci)})",
+        f"{races} ({_percent(found.contact_ci)}), {found.contacts} contacts in all",
+        f"overtakes in a race {_mean(found.overtakes)}",
+    ]
+
+
+def settings_table(flown: Sequence[FlownHeats]) -> TextTable:
+    """Return the races of several settings side by side."""
+    rows = [(one.name, one.summary) for one in flown]
+    return TextTable.of(
+        rows,
+        {
+            "setting": lambda row: row[0],
+            "flights finished": lambda row: _share(row[1].finished, row[1].flights, row[1]),
+            "races with contact": lambda row: (
+                f"{row[1].with_contact}/{row[1].races} ({_percent(row[1].contact_ci)})"
+            ),
+            "contacts": lambda row: str(row[1].contacts),
+            "overtakes in a race": lambda row: _mean(row[1].overtakes),
+            "race [s]": lambda row: _mean(row[1].race, 3),
+        },
+    )
+
+
+def _share(finished: int, flights: int, found: HeatsSummary) -> str:
+    """Return the share of flights that finished."""
+    return f"{finished}/{flights} ({_percent(found.finished_ci)})"
+
+
+def differences_table(differences: Sequence[HeatsDifference]) -> TextTable:
+    """Return what changes from the first setting to each other one, from the same starts."""
+    return TextTable.of(
+        differences,
+        {
+            "setting": lambda d: f"{d.b} - {d.a}",
+            "contacts in a race": lambda d: _mean(d.contacts),
+            "contact in one alone": lambda d: (
+                f"{d.contact_b_only} : {d.contact_a_only} (p {d.p_contact:.2g})"
+            ),
+            "finished in a race": lambda d: _mean(d.finished),
+            "overtakes": lambda d: _mean(d.overtakes),
+            "time [s]": lambda d: _mean(d.time, 3),
+        },
+    )
+
+
+def _percent(interval: tuple[float, float]) -> str:
+    """Return an interval of a share in percent."""
+    low, high = interval
+    return f"{100 * low:.0f} to {100 * high:.0f} %"
+
+
+def _mean(mean: Mean, digits: int = 2) -> str:
+    """Return a mean with its interval."""
+    if mean.n == 0 or isnan(mean.mean):
+        return "-"
+    if mean.n == 1:
+        return f"{mean.mean:.{digits}f}"
+    return f"{mean.mean:.{digits}f} ({mean.low:.{digits}f} to {mean.high:.{digits}f})"

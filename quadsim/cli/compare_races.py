@@ -1,0 +1,77 @@
+"""`race compare --line-up`: settings of races against each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+
+from quadsim.campaign.heat_report import write_heats_report
+from quadsim.campaign.heat_tables import differences_table, settings_table
+from quadsim.campaign.line_ups import parse_race_variants
+from quadsim.campaign.paired_heats import difference, fly_variants, heat_variants
+from quadsim.campaign.tables import as_table
+from quadsim.cli.flags import settings_as_flags
+from quadsim.cli.heat_report import plain, summary_as_json, tables_of
+from quadsim.console import emit, emit_json
+from quadsim.record.whole_files import expect_file, expect_writable
+
+
+def compare_races(
+    course: str | None,
+    entrants: list[str],
+    variants: str | None,
+    given: dict[str, Any],
+    starts: int,
+    campaign: Path,
+    jobs: int | None,
+    out: Path | None,
+    json: bool,
+) -> int:
+    """Fly races of a line-up under several settings and report the differences.
+
+    Args:
+        course: a name or a FILE.yaml; None: the default course.
+        entrants: the line-up.
+        variants: settings of the races, see `parse_race_variants`; None: a single one.
+        given: settings of all races and flights.
+        starts: races of each setting.
+        campaign: the SQLite file.
+        jobs: the number of workers.
+        out: folder of the report; None: beside the campaign.
+        json: whether one JSON value is printed in place of tables.
+
+    Raises:
+        UsageError: a setting or an entrant is invalid.
+        RunError: a file cannot be read or written, or no race was flown.
+    """
+    with settings_as_flags():
+        own = parse_race_variants(variants) if variants else {"race": {}}
+        made = heat_variants(course, entrants, own, given, starts)
+    expect_file(campaign)
+    report = out or campaign.with_name(f"{campaign.stem}.report")
+    expect_writable(report)
+
+    flown = fly_variants(made, campaign, jobs)
+    differences = [difference(flown[0], other) for other in flown[1:]]
+    if json:
+        emit_json(
+            {
+                "settings": {one.name: summary_as_json(one.summary) for one in flown},
+                "differences": [plain(one) for one in differences],
+                "campaign": str(campaign),
+            }
+        )
+    else:
+        course_name = made[0].heats[0].course.name
+        emit(f"[bold]{escape(course_name)}[/]  {starts} races of each setting")
+        if differences:
+            emit("", as_table(settings_table(flown)), "", as_table(differences_table(differences)))
+        for one in flown:
+            emit("", f"[bold]{escape(one.name)}[/]", *tables_of(one.summary))
+    files = write_heats_report(made, flown, differences, report)
+    if not json:
+        emit("", *(f"[dim]{escape(str(file))}[/]" for file in files))
+    complete = all(result is not None for one in flown for result in one.results)
+    return 0 if complete else 1
