@@ -10,6 +10,7 @@ from quadsim.campaign.heat_tables import (
     differences_table,
     entrants_table,
     lines_of,
+    overtakers_table,
     settings_table,
     win_matrix,
 )
@@ -55,6 +56,8 @@ def write_heats_report(
         found = one.summary
         parts.append(f"### {one.name}")
         parts += [as_markdown(entrants_table(found)), as_markdown(win_matrix(found))]
+        if found.overtakers:
+            parts.append(as_markdown(overtakers_table(found)))
         parts.append("\n".join(f"* {line}" for line in lines_of(found)))
     parts.append(f"![]({figures[0].name})")
     text = folder / f"{stem}.md"

@@ -45,6 +45,20 @@ def win_matrix(found: HeatsSummary) -> TextTable:
     return TextTable.of(found.entrants, {"ahead of": lambda row: row.name, **columns})
 
 
+def overtakers_table(found: HeatsSummary) -> TextTable:
+    """Return how often and how soon one entrant overtook another."""
+    return TextTable.of(
+        found.overtakers,
+        {
+            "overtakes": lambda o: o.name,
+            "whom": lambda o: o.other,
+            "races": lambda o: f"{o.races}/{found.races}",
+            "first at gate": lambda o: _mean(o.gates, 1),
+        },
+        texts=(0, 1),
+    )
+
+
 def lines_of(found: HeatsSummary) -> list[str]:
     """Return what is said of all entrants together."""
     races = f"{found.with_contact} of {found.races} races have a contact"

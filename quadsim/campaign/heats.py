@@ -65,6 +65,8 @@ class StoredEvent(msgspec.Struct):
     kind: str
     name: str
     other: str
+    gate: int = 0
+    lap: int = 0
 
 
 class StoredResult(msgspec.Struct):
@@ -211,12 +213,24 @@ class PairStats(NamedTuple):
     ci: tuple[float, float]
 
 
+class OvertakeStats(NamedTuple):
+    """How often and how soon one entrant overtook another."""
+
+    name: str
+    other: str
+    # races in which it did so at least once
+    races: int
+    # gates that it had passed when it first did
+    gates: Mean
+
+
 class HeatsSummary(NamedTuple):
     """The numbers of many races."""
 
     races: int
     entrants: list[EntrantStats]
     pairs: list[PairStats]
+    overtakers: list[OvertakeStats]
     # flights that finished, of all
     flights: int
     finished: int
@@ -230,12 +244,13 @@ class HeatsSummary(NamedTuple):
     overtakes: Mean  # in a race
 
 
-def summary(names: Sequence[str], results: Sequence[StoredResult]) -> HeatsSummary:
+def summary(names: Sequence[str], results: Sequence[StoredResult], gates: int) -> HeatsSummary:
     """Return the numbers of many races, at least one.
 
     Args:
         names: names of the entrants.
         results: the races.
+        gates: number of gates of the course.
     """
     ranks = [{placing.name: placing for placing in result.order} for result in results]
     pairs = []
@@ -254,6 +269,7 @@ def summary(names: Sequence[str], results: Sequence[StoredResult]) -> HeatsSumma
         races=len(results),
         entrants=entrants,
         pairs=pairs,
+        overtakers=list(_overtakers(results, gates)),
         flights=flights,
         finished=finished,
         finished_ci=wilson(finished, flights),
@@ -298,6 +314,21 @@ def _entrant_stats(
         rating=rating,
         rating_error=rating_error,
     )
+
+
+def _overtakers(results: Sequence[StoredResult], gates: int) -> Iterator[OvertakeStats]:
+    """Yield the numbers of each pair of entrants of which one overtook the other."""
+    first: dict[tuple[str, str], list[float]] = {}
+    for result in results:
+        here: dict[tuple[str, str], float] = {}
+        for event in result.events:
+            if event.kind == "overtake":
+                passed = (event.lap - 1) * gates + event.gate
+                here.setdefault((event.name, event.other), float(passed))
+        for pair, passed in here.items():
+            first.setdefault(pair, []).append(passed)
+    for (name, other), passed in sorted(first.items()):
+        yield OvertakeStats(name, other, len(passed), mean_interval(passed))
 
 
 def bradley_terry(

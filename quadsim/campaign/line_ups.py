@@ -92,18 +92,27 @@ def heat_settings(given: Mapping[str, Any]) -> HeatSettings:
 
 
 def heats_of(
-    entrants: tuple[Entrant, ...], settings: HeatSettings, seed: int, starts: int
+    entrants: tuple[Entrant, ...],
+    settings: HeatSettings,
+    seed: int,
+    starts: int,
+    rotate: bool = True,
 ) -> list[HeatSpec]:
-    """Return some races of the same entrants.
+    """Return some races of the same entrants, each with another seed.
 
-    Each has another seed, and places that are rotated by one, so that each entrant starts from each
-    place equally often.
+    Args:
+        entrants: the entrants.
+        settings: settings of the races.
+        seed: seed of the first race.
+        starts: number of races.
+        rotate: whether the places are rotated by one from each race to the next, so that each
+            entrant starts from each place equally often.
 
     Raises:
         SettingError: the entrants cannot race.
     """
     return [
-        HeatSpec(entrants, settings, seed + k, rotation=k % max(len(entrants), 1))
+        HeatSpec(entrants, settings, seed + k, k % max(len(entrants), 1) if rotate else 0)
         for k in range(starts)
     ]
 

@@ -28,6 +28,8 @@ class FlownHeats(NamedTuple):
     name: str
     # names of the entrants
     entrants: Sequence[str]
+    # number of gates of the course
+    gates: int
     results: list[StoredResult | None]
 
     @property
@@ -36,7 +38,7 @@ class FlownHeats(NamedTuple):
         flown = [result for result in self.results if result is not None]
         if not flown:
             raise RunError(f"{self.name}: no race was flown")
-        return summary(self.entrants, flown)
+        return summary(self.entrants, flown, self.gates)
 
 
 class HeatsDifference(NamedTuple):
@@ -63,6 +65,7 @@ def heat_variants(
     variants: Mapping[str, Settings],
     shared: Settings,
     starts: int,
+    rotate: bool = True,
 ) -> list[HeatVariant]:
     """Return the races of a line-up under each of several settings.
 
@@ -72,6 +75,7 @@ def heat_variants(
         variants: settings of the race and of all its flights, by name.
         shared: settings of all variants.
         starts: races of each.
+        rotate: whether places rotate, see `heats_of`.
 
     Raises:
         SettingError: a setting or an entrant is invalid.
@@ -82,7 +86,7 @@ def heat_variants(
         settings: dict[str, Any] = {**shared, **own}
         flown, of_race = line_up(course, entrants, settings)
         seed = flown[0].spec.seed if flown else 0
-        made.append(HeatVariant(name, heats_of(flown, of_race, seed, starts)))
+        made.append(HeatVariant(name, heats_of(flown, of_race, seed, starts, rotate)))
     return made
 
 
@@ -105,7 +109,9 @@ def fly_variants(
         if len(variants) > 1:
             complain(f"{variant.name}:")
         results = fly_heats(variant.heats, campaign, jobs)
-        flown.append(FlownHeats(variant.name, variant.heats[0].names, results))
+        first = variant.heats[0]
+        gates = len(first.course.gates)
+        flown.append(FlownHeats(variant.name, first.names, gates, results))
     return flown
 
 

@@ -26,6 +26,10 @@ Campaign = Annotated[str, Help("FILE.sqlite where attempts are kept")]
 Jobs = Annotated[
     Annotated[int, Meta(ge=1)] | None, Help("attempts at once; default: one for each core")
 ]
+Rotate = Annotated[
+    bool,
+    Help("whether entrants change places on the grid from race to race", negative="--no-rotate"),
+]
 Scheduler = Annotated[
     str | None, Help("tcp://HOST:PORT of a Dask cluster; default: processes of this machine")
 ]
@@ -55,6 +59,7 @@ def compare(
         Annotated[int, Meta(ge=1, le=100_000)] | None,
         Help("races of each variant, with --line-up; default: 64"),
     ] = None,
+    rotate: Rotate = True,
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     campaign: Campaign = CAMPAIGN,
@@ -96,6 +101,7 @@ def compare(
             variants=variants,
             given=(race or {}) | (settings or {}),
             starts=starts or STARTS,
+            rotate=rotate,
             campaign=Path(RACES if campaign == CAMPAIGN else campaign),
             jobs=jobs,
             out=Path(out) if out else None,

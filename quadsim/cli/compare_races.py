@@ -24,6 +24,7 @@ def compare_races(
     variants: str | None,
     given: dict[str, Any],
     starts: int,
+    rotate: bool,
     campaign: Path,
     jobs: int | None,
     out: Path | None,
@@ -37,6 +38,7 @@ def compare_races(
         variants: settings of the races, see `parse_race_variants`; None: a single one.
         given: settings of all races and flights.
         starts: races of each setting.
+        rotate: whether entrants change places from race to race.
         campaign: the SQLite file.
         jobs: the number of workers.
         out: folder of the report; None: beside the campaign.
@@ -48,7 +50,7 @@ def compare_races(
     """
     with settings_as_flags():
         own = parse_race_variants(variants) if variants else {"race": {}}
-        made = heat_variants(course, entrants, own, given, starts)
+        made = heat_variants(course, entrants, own, given, starts, rotate)
     expect_file(campaign)
     report = out or campaign.with_name(f"{campaign.stem}.report")
     expect_writable(report)

@@ -12,7 +12,7 @@ from rich.markup import escape
 
 from quadsim.campaign.heats import fly_heats, summary
 from quadsim.campaign.line_ups import heats_of, line_up
-from quadsim.cli.compare import Jobs
+from quadsim.cli.compare import Jobs, Rotate
 from quadsim.cli.flags import (
     CourseName,
     Given,
@@ -59,6 +59,7 @@ def heat(
     rotation: Annotated[
         int, Meta(ge=0, le=7), Help("places by which each entrant starts further on, of one race")
     ] = 0,
+    rotate: Rotate = True,
     campaign: Annotated[
         str, Help("FILE.sqlite where many races are kept")
     ] = "campaigns/heats.sqlite",
@@ -90,7 +91,7 @@ def heat(
     """
     given = dict(settings or {})
     if from_ is not None:
-        if course is not None or given or race or starts > 1 or rotation or plot:
+        if course is not None or given or race or starts > 1 or rotation or plot or not rotate:
             raise UsageError("--from: expected neither a course nor other flags beside a race")
         return _again(from_, FlightSettings.runs_dir, json)
     with settings_as_flags():
@@ -100,7 +101,7 @@ def heat(
         use_threads_of(threads)
         made, of_race = line_up(course, entrants, (race or {}) | given)
         seed = made[0].spec.seed if made else 0
-        heats = heats_of(made, of_race, seed, starts) if starts > 1 else []
+        heats = heats_of(made, of_race, seed, starts, rotate) if starts > 1 else []
         one = HeatSpec(made, of_race, seed, rotation) if starts == 1 else None
     if one is not None:
         return _one(one, given.get("runs_dir") or FlightSettings.runs_dir, plot, json)
@@ -111,7 +112,7 @@ def heat(
     results = [result for result in fly_heats(heats, path, jobs) if result is not None]
     if not results:
         raise RunError("no race was flown")
-    found = summary(heats[0].names, results)
+    found = summary(heats[0].names, results, len(heats[0].course.gates))
     if json:
         emit_json(summary_as_json(found) | {"campaign": campaign})
     else:

@@ -6,8 +6,8 @@ from typing import Any
 
 from rich.console import RenderableType
 
-from quadsim.campaign.heat_tables import entrants_table, lines_of, win_matrix
-from quadsim.campaign.heats import EntrantStats, HeatsSummary
+from quadsim.campaign.heat_tables import entrants_table, lines_of, overtakers_table, win_matrix
+from quadsim.campaign.heats import EntrantStats, HeatsSummary, OvertakeStats
 from quadsim.campaign.paired_heats import HeatsDifference
 from quadsim.campaign.tables import as_table
 from quadsim.files.json_values import without_nan
@@ -22,6 +22,7 @@ def tables_of(found: HeatsSummary) -> list[RenderableType]:
         "",
         as_table(win_matrix(found)),
         "",
+        *((as_table(overtakers_table(found)), "") if found.overtakers else ()),
         *(f"  {line}" for line in lines_of(found)),
     ]
 
@@ -31,10 +32,11 @@ def summary_as_json(found: HeatsSummary) -> dict[str, Any]:
     return plain(found) | {
         "entrants": [plain(entrant) for entrant in found.entrants],
         "pairs": [pair._asdict() for pair in found.pairs],
+        "overtakers": [plain(overtaker) for overtaker in found.overtakers],
     }
 
 
-def plain(record: HeatsSummary | EntrantStats | HeatsDifference) -> dict[str, Any]:
+def plain(record: HeatsSummary | EntrantStats | HeatsDifference | OvertakeStats) -> dict[str, Any]:
     """Return a record of numbers as a dictionary; a number that is not known is None."""
 
     def number(value: object) -> object:
