@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from controllers.costs import Cost, evaluate
-from controllers.lanes.lanes import LANES
+from controllers.lanes.layout import LANES
 from controllers.lanes.planner_loops import MARKS, steps_between
 from controllers.schedule import Schedule
 from quadsim.dynamics import System

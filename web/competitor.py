@@ -80,6 +80,8 @@ class Competitor:
     pending_numbers: Mapping[str, float] = field(default_factory=dict)
     again: bool = False  # another competitor before it has the same sampler
     limit: StoredSolution | None = None  # the best known of its race
+    # the paths on which it expects the other vehicles of its race, while it flies  (points, 3) each
+    expected: tuple[np.ndarray, ...] = ()
     # corners of gates in the last picture of its camera, while it flies
     corners: Corners | None = None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from controllers.presets import Planner
 from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
@@ -23,6 +23,13 @@ from web.numbers import Change, numbers_of, with_change
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories
     from quadsim.sensing.measurements import Corners
+
+
+class Flown(NamedTuple):
+    """A frame that has been flown."""
+
+    entry: Competitor  # with this frame
+    frame: Frame
 
 
 class LiveFlight:
@@ -81,6 +88,20 @@ class LiveFlight:
     def is_over(self) -> bool:
         """Whether the flight has ended."""
         return self.now.outcome is not None
+
+    @property
+    def entries(self) -> tuple[Competitor, ...]:
+        """The flight as the page shows it, alone."""
+        return (self.now,)
+
+    def show_as(self, entries: Sequence[Competitor]) -> None:
+        """Show the flight under another name."""
+        (self.now,) = entries
+
+    def turn(self) -> list[Flown]:
+        """Fly one period."""
+        frame = self.advance()
+        return [Flown(self.now, frame)]
 
     def keep_in(self, root: str) -> None:
         """Claim a folder among the runs, for the run that the flight will be."""

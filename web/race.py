@@ -9,14 +9,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
+from typing import Protocol
 
-from web.choices import Choices
+from web.choices import Choices, HeatChoices
 from web.competitor import Competitor, named
-from web.live_flight import LiveFlight
+from web.live_flight import Flown, LiveFlight
+from web.live_heat import LiveHeat
 from web.notices import Notice, Notices
 from web.numbers import Change
 from web.pace import Pace
 from web.stored_runs import stored_competitor
+
+TakeOff = Callable[[Choices | HeatChoices], "Flyer"]
 
 REST = 0.02  # wait between two turns while nothing is flown [s]
 TRAJECTORIES_PERIOD = 0.06  # wall-clock time between updates of the sampled trajectories [s]
@@ -51,6 +55,61 @@ class Snapshot:
         return min(later, default=None)
 
 
+class Flyer(Protocol):
+    """What flies on the page: a flight alone in its world, or several in one."""
+
+    period: float  # [s]
+    is_cached: bool
+
+    @property
+    def t(self) -> float:
+        """The time of the last frame [s]."""
+        ...
+
+    @property
+    def entries(self) -> tuple[Competitor, ...]:
+        """The flights as the page shows them."""
+        ...
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all of them have ended."""
+        ...
+
+    def show_as(self, entries: Sequence[Competitor]) -> None:
+        """Show the flights under other names."""
+        ...
+
+    def keep_in(self, root: str) -> None:
+        """Store them in this folder of runs when they end."""
+        ...
+
+    def turn(self) -> list[Flown]:
+        """Fly one period."""
+        ...
+
+    def change(self, change: Change) -> None:
+        """Use another number from the next plan on."""
+        ...
+
+    def update_trajectories(self) -> None:
+        """Take the sampled trajectories of the last plan, for display."""
+        ...
+
+    def end(self) -> None:
+        """Store what was flown."""
+        ...
+
+    def close(self) -> None:
+        """Free the world."""
+        ...
+
+
+def take_off(choices: Choices | HeatChoices) -> Flyer:
+    """Begin what was chosen. Raises ValueError."""
+    return LiveHeat(choices) if isinstance(choices, HeatChoices) else LiveFlight(choices)
+
+
 class PageRace:
     """Live flights side by side with stored runs. One thread uses it.
 
@@ -59,13 +118,13 @@ class PageRace:
         take_off: function that starts a live flight from its choices.
     """
 
-    def __init__(self, root: str, take_off: Callable[[Choices], LiveFlight] = LiveFlight):
+    def __init__(self, root: str, take_off: TakeOff = take_off):
         self.show_trajectories = False  # whether a page shows the sampled trajectories
         self.notices = Notices()
         self._root = root
         self._take_off = take_off
-        self._choices: list[Choices] = []
-        self._live: list[LiveFlight] = []
+        self._choices: list[Choices | HeatChoices] = []
+        self._live: list[Flyer] = []
         self._stored: tuple[Competitor, ...] = ()
         self._count = 0
         self._t = 0.0
@@ -73,7 +132,7 @@ class PageRace:
         self._trajectories_at = 0.0
         self._pace = Pace()
 
-    def start(self, choices: Sequence[Choices], runs: Sequence[Path] = ()) -> None:
+    def start(self, choices: Sequence[Choices | HeatChoices], runs: Sequence[Path] = ()) -> None:
         """Fly the choices side by side with stored runs.
 
         Raises:
@@ -81,7 +140,8 @@ class PageRace:
         """
         stored = tuple(stored_competitor(path) for path in runs)
         flights = [self._take_off(one) for one in choices]
-        courses = {entry.course.text for entry in (*stored, *(flight.now for flight in flights))}
+        live = [entry for flight in flights for entry in flight.entries]
+        courses = {entry.course.text for entry in (*stored, *live)}
         if len(courses) > 1:
             for flight in flights:
                 flight.close()
@@ -91,10 +151,11 @@ class PageRace:
         self._live = flights
         for flight in flights:
             flight.keep_in(self._root)
-        shown = named([*(flight.now for flight in flights), *stored])
-        for flight, now in zip(flights, shown, strict=False):
-            flight.now = now
-        self._stored = shown[len(flights) :]
+        live = [entry for flight in flights for entry in flight.entries]
+        shown = list(named([*live, *stored]))
+        for flight in flights:
+            flight.show_as([shown.pop(0) for _ in flight.entries])
+        self._stored = tuple(shown)
         if not all(flight.is_cached for flight in flights):
             compiling = "Compiling the planner for this machine"
             self.notices.add("wait", compiling, "once; it takes some 20 s")
@@ -193,7 +254,7 @@ class PageRace:
             competitors=tuple(self._competitors),
             race=self._count,
             notices=self.notices.recent,
-            compiling=any(not f.is_cached and not len(f.now.t) for f in self._flying),
+            compiling=any(not f.is_cached and not len(f.entries[0].t) for f in self._flying),
         )
 
     def _begin(self) -> None:
@@ -203,16 +264,18 @@ class PageRace:
         self._playing = True
         self._pace.anchor(0.0)
 
-    def _advance(self, flight: LiveFlight) -> None:
+    def _advance(self, flight: Flyer) -> None:
         """Fly one frame."""
         try:
-            frame = flight.advance()
+            flown = flight.turn()
         except (ValueError, FloatingPointError) as error:
-            self.notices.add("error", f"{flight.now.name}: the flight broke off", str(error))
+            names = ", ".join(entry.name for entry in flight.entries)
+            self.notices.add("error", f"{names}: the flight broke off", str(error))
             flight.end()
             return
-        self.notices.add_events(flight.now, frame)
-        self._move(max(frame.t, self._t))
+        for entry, frame in flown:
+            self.notices.add_events(entry, frame)
+        self._move(max(flight.t, self._t))
         due = perf_counter() - self._trajectories_at > TRAJECTORIES_PERIOD
         if due and self.show_trajectories and flight is self._live[0]:
             flight.update_trajectories()
@@ -226,12 +289,12 @@ class PageRace:
         self._t = t
         self._pace.mark(t)
 
-    def _next_to_fly(self) -> LiveFlight | None:
+    def _next_to_fly(self) -> Flyer | None:
         """Return the live flight whose time is the least."""
         return min(self._flying, key=lambda flight: flight.t, default=None)
 
     @property
-    def _flying(self) -> list[LiveFlight]:
+    def _flying(self) -> list[Flyer]:
         """The live flights that have not ended."""
         return [flight for flight in self._live if not flight.is_over]
 
@@ -243,7 +306,7 @@ class PageRace:
     @property
     def _competitors(self) -> list[Competitor]:
         """All competitors, the live ones first."""
-        return [*(flight.now for flight in self._live), *self._stored]
+        return [*(entry for flight in self._live for entry in flight.entries), *self._stored]
 
     @property
     def _end(self) -> float:

@@ -13,9 +13,7 @@ from functools import partial
 from typing import Concatenate, ParamSpec
 
 from quadsim.record.run import RunError
-from web.choices import Choices
-from web.live_flight import LiveFlight
-from web.race import REST, PageRace, Snapshot
+from web.race import REST, PageRace, Snapshot, TakeOff, take_off
 
 Arguments = ParamSpec("Arguments")
 
@@ -31,7 +29,7 @@ class Session:
         take_off: function that begins a live flight of the given choices.
     """
 
-    def __init__(self, root: str, take_off: Callable[[Choices], LiveFlight] = LiveFlight):
+    def __init__(self, root: str, take_off: TakeOff = take_off):
         self.root = root
         self.snapshot = Snapshot()
         self._race = PageRace(root, take_off)

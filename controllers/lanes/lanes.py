@@ -17,7 +17,6 @@ import numpy as np
 
 from controllers.costs import Cost
 from controllers.lanes.compiled import is_cached, load_module
-from controllers.lanes.layout import LANES
 from controllers.lanes.planner_loops import module_source, steps_between
 from controllers.schedule import Schedule
 from quadsim.dynamics import System
@@ -64,17 +63,16 @@ class Rollout:
         """
         d = self.dtype
         samples, n_u, T = v.shape
-        block = np.zeros((n_u, T, LANES), d)
-        block[:, :, :samples] = v.transpose(1, 2, 0)
-        path = np.empty((T, min(3, len(self.system.states)), LANES), d)
-        means = np.empty((len(self.cost.term_names), LANES), d)
+        block = np.ascontiguousarray(v.transpose(1, 2, 0), d)
+        path = np.empty((T, min(3, len(self.system.states)), samples), d)
+        means = np.empty((len(self.cost.term_names), samples), d)
 
         # The controls are perturbations of a plan of zeros, in full.
         noise_factor, *numbers = self._numbers(x0, target, T)
         plan = np.zeros((T, n_u), d)
         full = np.ones_like(noise_factor)
         self._module.paths(np.asarray(x0, d), plan, block, path, means, full, *numbers)
-        return path[:, :, :samples].transpose(2, 0, 1), means[:, :samples].T
+        return path.transpose(2, 0, 1), means.T
 
     @property
     def is_cached(self) -> bool:

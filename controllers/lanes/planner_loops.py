@@ -1,8 +1,9 @@
 """Generate the planner's loops: a model's step and a cost's terms, inlined into loops over lanes.
 
 `rollout` computes the costs of every block of samples; `paths` computes the positions of one block,
-and each term. `module_source` returns the text that is compiled; print it with
-`race bench --show-code`. For a point mass on a line with a cost of one term its core reads
+and each term, for as many of its lanes as are used. `module_source` returns the text that is
+compiled; print it with `race bench --show-code`. For a point mass on a line with a cost of one term
+its core reads
 
     for t in range(T):
         plan_ax = U[t, 0]
@@ -126,6 +127,7 @@ PATHS = """
 def paths(x0, U, block, path, means, noise_factor, cost_factor, low, high, dt, targets,
           system_numbers, cost_numbers<obstacle_arguments>):
     T = U.shape[0]
+    lanes = block.shape[2]  # that are used, of L
     t0 = 0
     b = 0
     last_row = np.int32(targets.shape[0] - 1)
@@ -133,6 +135,7 @@ def paths(x0, U, block, path, means, noise_factor, cost_factor, low, high, dt, t
     <read_model>
     <read_limits>
     <begin>
+    <begin_crashes>
     means[:, :] = F(0)
     for t in range(T):
         <read_plan>
@@ -140,14 +143,15 @@ def paths(x0, U, block, path, means, noise_factor, cost_factor, low, high, dt, t
         s_t = cost_factor[t]
         k_t = t if varies else 0
         <read_cost>
-        for l in range(L):
+        for l in range(lanes):
             <step>
             <keep_path>
             <add_terms>
         <next_targets>
         <keep_marks>
-    for k in range(means.shape[0]):
-        for l in range(L):
+    for l in range(lanes):
+        <add_crashes>
+        for k in range(means.shape[0]):
             means[k, l] /= F(T)
 """
 
@@ -264,7 +268,9 @@ def module_source(system: System, cost: Cost, dtype: type) -> str:
         **parts,
         keep_path="\n".join(keep_path),
         add_terms="\n".join(add_terms),
-        keep_marks=_marks(cost, KEEP_MARKS, paid_by="means[crash_term]"),
+        keep_marks=_marks(cost, KEEP_MARKS, paid_by="due_to_crashes"),
+        begin_crashes="due_to_crashes = np.zeros(L, F)" if cost.obstacles else "",
+        add_crashes="means[crash_term, l] += due_to_crashes[l]" if cost.obstacles else "",
     )
     return "\n".join([header(dtype), _meet_obstacles(cost), rollout, paths])
 

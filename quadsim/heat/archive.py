@@ -116,7 +116,7 @@ def save_heat(heat: HeatSpec, runs: tuple[Run, ...], root: str | Path) -> Path:
         attempt += 1
         path = root / f"{name}-{attempt}"
     part = path.with_name(path.name + PART)
-    folders = [_folder(k, entrant) for k, entrant in enumerate(heat.names, 1)]
+    folders = [entrant_folder(k, entrant) for k, entrant in enumerate(heat.names, 1)]
     try:
         for folder, run in zip(folders, runs, strict=True):
             with one_line(part, "cannot make a folder for the race"):
@@ -133,7 +133,7 @@ def save_heat(heat: HeatSpec, runs: tuple[Run, ...], root: str | Path) -> Path:
     return path
 
 
-def _folder(number: int, name: str) -> str:
+def entrant_folder(number: int, name: str) -> str:
     """Return the name of the folder of one entrant's run."""
     return f"{number}_{re.sub(r'[^A-Za-z0-9._-]+', '-', name)[:60]}"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
@@ -29,6 +29,7 @@ from quadsim.racing.referee import Referee
 from quadsim.racing.rules import RULES
 from quadsim.racing.traffic import Traffic
 from quadsim.spec.build import build, flight_frames, launched, planner_of
+from quadsim.spec.spec import Spec
 from quadsim.streams import opponent_stream, sighting_stream
 
 # Iterations of the first plan of another vehicle's flight
@@ -37,10 +38,17 @@ FIRST_ITERATIONS = 20
 OPPONENT_ESS = 5.0
 
 
-def heat_frames(heat: HeatSpec) -> Iterator[RaceFrame]:
+def heat_frames(
+    heat: HeatSpec, watched: dict[int, AwarePlanner] | None = None
+) -> Generator[RaceFrame, None, None]:
     """Build and simulate a race; yield a frame for each control step of each vehicle.
 
     A race of one is the flight of its spec.
+
+    Args:
+        heat: the race.
+        watched: is given the planner of each vehicle when it starts, by number; a learned pilot has
+            none.
     """
     if len(heat.entrants) == 1:
         for frame in flight_frames(heat.flown_spec(0)):
@@ -53,13 +61,19 @@ def heat_frames(heat: HeatSpec) -> Iterator[RaceFrame]:
         entrants = range(len(heat.entrants))
         streams = [sighting_stream(heat.seed, k) for k in entrants]
         traffic = Traffic(len(heat.entrants), heat.settings.sight, streams)
-        starters = [_starter(heat, k, arena, traffic) for k in entrants]
+        starters = [_starter(heat, k, arena, traffic, watched) for k in entrants]
         radii = [entrant.spec.vehicle.radius for entrant in heat.entrants]
         marshal = Marshal(rules, [starter.referee for starter in starters], radii)
         yield from race_frames(arena, starters, marshal, traffic, first.plant_dt)
 
 
-def _starter(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic) -> Starter:
+def _starter(
+    heat: HeatSpec,
+    k: int,
+    arena: Arena,
+    traffic: Traffic,
+    watched: dict[int, AwarePlanner] | None,
+) -> Starter:
     """Return entrant k on the start grid.
 
     Raises:
@@ -71,16 +85,23 @@ def _starter(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic) -> Starter:
         Referee(spec.flown_course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties)
     )
     downwash = Downwash(spec.vehicle) if heat.settings.downwash else None
-    start = partial(_start, heat, k, arena, traffic, referee)
+    start = partial(_start, heat, k, arena, traffic, referee, watched)
     return Starter(heat.start_time(k), referee, downwash, start)
 
 
-def _start(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic, referee: RaceReferee) -> Started:
+def _start(
+    heat: HeatSpec,
+    k: int,
+    arena: Arena,
+    traffic: Traffic,
+    referee: RaceReferee,
+    watched: dict[int, AwarePlanner] | None,
+) -> Started:
     """Put entrant k into the world, and begin its flight."""
     spec = heat.flown_spec(k)
     awareness = heat.awareness(k)
     others = other_vehicles(heat, k, awareness)
-    minds = replace(spec, terms=(*spec.terms, *(other.term for other in others.values())))
+    minds = _minding(spec, others)
     parts = build(minds, arena, referee)
     steps = launched(minds, parts)
 
@@ -99,8 +120,27 @@ def _start(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic, referee: Race
             clock=clock,
         )
         steps = replace(steps, controller=controller, clock=clock or steps.clock)
+        if watched is not None:
+            watched[k] = controller
     # The plants of an arena can be pushed
     return Started(cast(PlantInArena, parts.plant), flight(**steps.arguments))
+
+
+def _minding(spec: Spec, others: dict[int, OtherVehicle]) -> Spec:
+    """Return the flight whose planner also has the terms of other vehicles."""
+    return replace(spec, terms=(*spec.terms, *(other.term for other in others.values())))
+
+
+def is_compiled(heat: HeatSpec) -> bool:
+    """Return whether all planners of a race were compiled on this machine before."""
+    if len(heat.entrants) == 1:
+        planners = [heat.flown_spec(0)]
+    else:
+        planners = [
+            _minding(heat.flown_spec(k), other_vehicles(heat, k, heat.awareness(k)))
+            for k in range(len(heat.entrants))
+        ]
+    return all(spec.pilot or planner_of(spec).is_cached for spec in planners)
 
 
 def other_vehicles(heat: HeatSpec, k: int, awareness: Awareness) -> dict[int, OtherVehicle]:

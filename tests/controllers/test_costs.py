@@ -16,7 +16,8 @@ from point import POINT
 
 from controllers.config import MPPIConfig
 from controllers.costs import Cost, Term, crash, evaluate
-from controllers.lanes.lanes import LANES, Rollout, compiled_module
+from controllers.lanes.lanes import Rollout, compiled_module
+from controllers.lanes.layout import LANES
 from controllers.lanes.planner_loops import module_source
 from controllers.lanes.trace import TraceError
 from controllers.mppi import MPPI

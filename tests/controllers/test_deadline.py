@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from controllers.deadline import Deadline
-from controllers.lanes.lanes import LANES
+from controllers.lanes.layout import LANES
 
 MOST = 32 * LANES
 

@@ -19,7 +19,8 @@ from controllers.costs.frames import (
     touches_round,
 )
 from controllers.costs.race import race_cost
-from controllers.lanes.lanes import LANES, Rollout
+from controllers.lanes.lanes import Rollout
+from controllers.lanes.layout import LANES
 from quadsim.course import Box, Cylinder
 from quadsim.course.swept import SweptGate
 from quadsim.course.swept_obstacles import SweptObstacle

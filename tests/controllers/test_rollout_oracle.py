@@ -10,7 +10,8 @@ from oracle import SAME, decision_distance, fly_rows, to_lanes
 
 from controllers.costs import evaluate
 from controllers.costs.race import RaceWeights, race_cost
-from controllers.lanes.lanes import LANES, Rollout
+from controllers.lanes.lanes import Rollout
+from controllers.lanes.layout import LANES
 from controllers.lanes.planner_loops import module_source
 from controllers.schedule import Schedule
 from quadsim.course import Course, Gate, Start

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controllers.lanes.lanes import LANES
+from controllers.lanes.layout import LANES
 from controllers.lanes.normals import fill_normals
 from controllers.lanes.transform import fill_transformed
 

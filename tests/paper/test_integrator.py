@@ -5,7 +5,8 @@ import pytest
 from oracle import fly_rows, to_lanes
 
 from controllers.costs import evaluate
-from controllers.lanes.lanes import LANES, Rollout
+from controllers.lanes.lanes import Rollout
+from controllers.lanes.layout import LANES
 from quadsim.paper.integrator import (
     UNLIMITED,
     Control,

@@ -1,0 +1,166 @@
+"""LiveHeat: a race of several vehicles in one world, flown on the page and stored when it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from quadsim.heat.archive import entrant_folder
+from quadsim.heat.aware_planner import AwarePlanner
+from quadsim.heat.launch import heat_frames, is_compiled
+from quadsim.heat.result import HeatRecorder, run_records
+from quadsim.heats import Heat
+from quadsim.racing.heat import RaceFrame
+from quadsim.record.archive import remove_unfinished
+from quadsim.record.limits import limit_of, limits_folder
+from quadsim.record.run import columns_of
+from web.choices import HeatChoices
+from web.competitor import Competitor
+from web.legs import Legs
+from web.live_flight import Flown, laps_so_far
+from web.numbers import Change, numbers_of
+
+# Times ahead at which expected paths are drawn [s]
+AHEAD = np.linspace(0.0, 1.0, 11)
+
+
+class LiveHeat:
+    """A race of several vehicles. One thread uses it.
+
+    Attributes:
+        entries: the flights as the page shows them; any thread may read them.
+        period: the shortest control period [s].
+        is_cached: False if planners have to be compiled.
+
+    Args:
+        choices: what is to be flown.
+
+    Raises:
+        ValueError: the choices cannot be flown; one line says why.
+    """
+
+    def __init__(self, choices: HeatChoices):
+        self._spec = choices.spec()
+        self._planners: dict[int, AwarePlanner] = {}
+        self._frames = heat_frames(self._spec, self._planners)
+        self._ahead: RaceFrame | None = None  # that belongs to the next period
+        self._recorder = HeatRecorder(self._spec)
+        self._root: str | None = None
+        self.t = 0.0
+        self.is_cached = is_compiled(self._spec)
+        specs = [entrant.spec for entrant in self._spec.entrants]
+        self.period = min(spec.planner.mppi.dt for spec in specs)
+        self.t = -self.period
+        records = run_records(self._spec)
+        self._columns = [tuple(columns_of(record)) for record in records]
+        self.entries = tuple(
+            Competitor(
+                name=name,
+                spec=record,
+                course=spec.course,
+                legs=Legs(spec.course, spec.laps),
+                x=self._recorder.recorders[k].views(self._columns[k]),
+                events=(),
+                laps=(),
+                outcome=None,
+                live=True,
+                start_numbers=numbers_of(spec.planner, spec.planner),
+            )
+            for k, (name, record, spec) in enumerate(
+                zip(self._spec.names, records, specs, strict=True)
+            )
+        )
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all flights have ended."""
+        return all(entry.outcome is not None for entry in self.entries)
+
+    def show_as(self, entries: Sequence[Competitor]) -> None:
+        """Show the flights under other names."""
+        self.entries = tuple(entries)
+
+    def keep_in(self, root: str) -> None:
+        """Store the race in this folder of runs when it ends."""
+        remove_unfinished(root)
+        self._root = root
+        limits = limits_folder(root)
+        self.entries = tuple(
+            replace(entry, limit=limit_of(entry.spec, limits)) for entry in self.entries
+        )
+
+    def turn(self) -> list[Flown]:
+        """Fly one period of all vehicles."""
+        first = self._ahead or next(self._frames)
+        frames = [first]
+        self._ahead = None
+        for frame in self._frames:
+            if frame.t > first.t:
+                self._ahead = frame
+                break
+            frames.append(frame)
+        self.t = first.t
+        entries = list(self.entries)
+        flown = []
+        for frame in frames:
+            self._recorder.add(frame)
+            entries[frame.number] = self._with(entries[frame.number], frame)
+            flown.append(Flown(entries[frame.number], frame.frame))
+        self.entries = tuple(entries)
+        return flown
+
+    def _with(self, entry: Competitor, frame: RaceFrame) -> Competitor:
+        """Return a flight with its next frame."""
+        recorder = self._recorder.recorders[frame.number]
+        events = tuple(recorder.events)
+        over = frame.frame.outcome is not None
+        return replace(
+            entry,
+            x=recorder.views(self._columns[frame.number]),
+            events=events,
+            laps=laps_so_far(events, entry.legs.gates),
+            outcome=frame.frame.outcome,
+            expected=() if over else self._expected(frame),
+        )
+
+    def _expected(self, frame: RaceFrame) -> tuple[np.ndarray, ...]:
+        """Return the paths that a vehicle expects the others to fly.  (points, 3) each"""
+        planner = self._planners.get(frame.number)
+        if planner is None:
+            return ()
+        paths = planner.expected.values()
+        return tuple(path.at(frame.t + AHEAD) for path in paths)
+
+    def change(self, change: Change) -> None:
+        """Keep the numbers of the start: those of a race do not change in flight."""
+
+    def update_trajectories(self) -> None:
+        """Draw no sampled trajectories: the lines of a race are what is expected of the others."""
+
+    def end(self) -> None:
+        """Store the race, unless it was interrupted before anybody passed a gate."""
+        interrupted = not self.is_over
+        self.entries = tuple(
+            replace(entry, outcome=entry.outcome or "interrupted", expected=())
+            for entry in self.entries
+        )
+        self.close()
+        passed = any(event.kind == "pass" for entry in self.entries for event in entry.events)
+        if self._root is None or (interrupted and not passed):
+            return
+        flown = Heat.flown(self._spec, self._recorder)
+        folder = flown.save(self._root)
+        self.entries = tuple(
+            replace(
+                entry,
+                snapshots=run.snapshots,
+                folder=folder / entrant_folder(k, self._spec.names[k - 1]),
+            )
+            for k, (entry, run) in enumerate(zip(self.entries, flown.runs, strict=True), 1)
+        )
+
+    def close(self) -> None:
+        """Free the world."""
+        self._frames.close()
