@@ -129,6 +129,41 @@ class Drone:
         return pieces
 
 
+class ExpectedPathsView:
+    """The paths on which a competitor expects the others, as thin lines of its own colour.
+
+    Args:
+        name: name of the node.
+        entry: the competitor.
+        width: factor on the width of lines.
+    """
+
+    PATHS = 7
+    POINTS = 11
+
+    def __init__(self, scene: viser.SceneApi, name: str, entry: Competitor, width: float):
+        self._lines = scene.add_line_segments(
+            f"/expected/{name}",
+            np.zeros((self.PATHS * (self.POINTS - 1), 2, 3), np.float32),
+            single_colour(entry.style.rgb),
+            thickness=0.025 * width,
+            visible=False,
+        )
+        self._shown: tuple[np.ndarray, ...] = ()
+
+    def show(self, paths: tuple[np.ndarray, ...]) -> None:
+        """Show paths  (points, 3) each; none: hide the lines."""
+        if paths is self._shown:
+            return
+        self._shown = paths
+        self._lines.visible = bool(paths)
+        if paths:
+            # The array keeps its length: fewer paths are repeated.
+            rows = np.arange(self.PATHS) % len(paths)
+            lines = segments(resampled(np.array(paths), self.POINTS)[rows])
+            self._lines.points = lines.reshape(-1, 2, 3).astype(np.float32)
+
+
 class SampledTrajectoriesView:
     """The sampled trajectories, cheapest bright, and the plan in white.
 

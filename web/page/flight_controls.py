@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import viser
 
-from web.choices import Choices
+from web.choices import Choices, HeatChoices
 from web.page.race_panel import RacePanel
 from web.page.sampler_panel import SamplerPanel
 from web.race import PageRace
@@ -41,7 +41,11 @@ class FlightControls:
         self._ask_first(event, lambda: self._session.tell(PageRace.restart))
 
     def _start(self) -> None:
-        choices = [self._choices(sampler) for sampler in self._race.samplers]
+        choices: list[Choices | HeatChoices] = [
+            self._choices(sampler) for sampler in self._race.samplers
+        ]
+        if self._race.is_together:
+            choices.append(self._race.heat(self._choices(self._race.sampler.value)))
         self._session.tell(PageRace.start, choices, self._race.runs)
 
     def _choices(self, sampler: str) -> Choices:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import viser
 
@@ -15,9 +15,11 @@ from controllers.presets import PRESETS
 from controllers.samplers import SAMPLERS
 from quadsim.course import Course, course_names, load_course
 from quadsim.files.strict_yaml import FileError
+from quadsim.heat.settings import Expect, HeatSettings
+from quadsim.racing.rules import RULES
 from quadsim.sensing import PERFECT, sensing_names
 from quadsim.vehicle import vehicle_names
-from web.choices import PILOT, Choices
+from web.choices import PILOT, Choices, HeatChoices
 from web.race import Snapshot
 from web.session import Session
 from web.stored_runs import runs_at, titled_runs
@@ -25,8 +27,10 @@ from web.stored_runs import runs_at, titled_runs
 LIVE = "live"
 GHOSTS = "live: two samplers"
 AGAINST = "live against a run"
+TOGETHER = "live: several in one world"
 REPLAY = "replay"
-MODES = (LIVE, GHOSTS, AGAINST, REPLAY)
+MODES = (LIVE, GHOSTS, TOGETHER, AGAINST, REPLAY)
+FOUR = "colored gaussian colored gaussian"  # entrants that are offered
 NONE: str = "none"
 RUNS = 200  # number of the latest runs that are offered
 LAPS = (1, 2, 3, 5, 10, 20, 50, 100)
@@ -86,6 +90,24 @@ class RacePanel:
             self.sampler = gui.add_dropdown("Sampler", menu.samplers, initial_value=first.sampler)
             second = "Second sampler"
             self.second = gui.add_dropdown(second, menu.samplers, initial_value="gaussian")
+            self.entrants = gui.add_text(
+                "Entrants",
+                FOUR,
+                hint="two to eight: samplers, or NAME=part+part as in race heat --entrants",
+            )
+            self.expect = gui.add_dropdown(
+                "Others",
+                get_args(Expect),
+                initial_value=HeatSettings.expect,
+                hint="what a planner expects of the others: plans that they tell, plans of its own"
+                " for them, constant velocity, or nothing",
+            )
+            self.rules = gui.add_dropdown(
+                "Rules",
+                tuple(RULES),
+                initial_value=HeatSettings.rules,
+                hint="what a contact of two drones costs",
+            )
             self.sensing = gui.add_dropdown(
                 "Sensing",
                 menu.sensings,
@@ -114,9 +136,14 @@ class RacePanel:
         return self.mode.value == REPLAY
 
     @property
+    def is_together(self) -> bool:
+        """Whether several are to fly in one world."""
+        return self.mode.value == TOGETHER
+
+    @property
     def samplers(self) -> list[str]:
         """The samplers that are to be flown."""
-        if self.is_replay:
+        if self.is_replay or self.is_together:
             return []
         if self.mode.value == GHOSTS:
             return [self.sampler.value, self.second.value]
@@ -144,6 +171,18 @@ class RacePanel:
             sensing=self.sensing.value,
             seed=int(self.seed.value),
             laps=int(laps) if laps.isdigit() else 0,
+        )
+
+    def heat(self, flight: Choices) -> HeatChoices:
+        """Return the chosen race of several.
+
+        flight: what all entrants have.
+        """
+        return HeatChoices(
+            flight=flight,
+            entrants=tuple(self.entrants.value.split()),
+            expect=self.expect.value,
+            rules=self.rules.value,
         )
 
     def show_replay(self, runs: Sequence[Path]) -> None:
@@ -204,7 +243,10 @@ class RacePanel:
         )
         for control in flight_controls:
             control.visible = mode != REPLAY
+        self.sampler.visible = mode not in (TOGETHER, REPLAY)
         self.second.visible = mode == GHOSTS
+        for control in (self.entrants, self.expect, self.rules):
+            control.visible = mode == TOGETHER
         self.run.visible = mode in (AGAINST, REPLAY)
         self.second_run.visible = mode == REPLAY
         self.start.label = "REPLAY" if mode == REPLAY else "START"

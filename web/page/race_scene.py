@@ -14,11 +14,12 @@ from viser.transforms import SO3
 from quadsim.course import Course, Cylinder, Gate, Obstacle
 from quadsim.course.opening import outer_half_sizes
 from quadsim.palette import NEXT, Style
-from web.competitor import CRASHES, Competitor
+from web.competitor import CRASHES, Competitor, heat_of
 from web.lap_timing import LapTiming, crashed_gates
 from web.page.drones import (
     SPAN,
     Drone,
+    ExpectedPathsView,
     SampledTrajectoriesView,
     add_lights,
     array_colour,
@@ -85,6 +86,12 @@ class RaceScene:
             self._drones.append(drone)
             if entry.sensed:
                 self._estimates[k] = EstimateView(scene, str(k), scale)
+        # Drones of one world see each other.
+        together = bool(heat_of(entries)) and len(entries) > 1
+        self._expected = [
+            ExpectedPathsView(scene, str(k), entry, width)
+            for k, entry in enumerate(entries if together else ())
+        ]
         self._trajectories = SampledTrajectoriesView(scene, samples, width)
         self._drawn = Drawn(None, None)
 
@@ -95,12 +102,15 @@ class RaceScene:
 
         Args:
             by_speed: colour trails by speed, else by sampler.
-            trajectories: show those of the first competitor, if it has some.
+            trajectories: show those of the first competitor, if it has some, and the paths on which
+                drones of one world expect each other.
         """
         for drone, s in zip(self._drones, timings, strict=True):
             drone.show(s.entry, s.i, by_speed)
         for k, estimate in self._estimates.items():
             estimate.show(timings[k].entry, timings[k].i)
+        for view, s in zip(self._expected, timings, strict=False):
+            view.show(s.entry.expected if trajectories else ())
         self._impacts.show(timings)
         first = timings[0]
         self._course.colour(first.next_gate, crashed_gates(timings))

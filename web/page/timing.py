@@ -106,6 +106,10 @@ def above_limit(entry: Competitor) -> str:
     return f"{share:.1f} % above the best known limit of {entry.limit.time:.3f} s"
 
 
+# Real-time factor below which the page says that the machine is too slow
+SLOW = 0.6
+
+
 class Result(NamedTuple):
     """The end of a flight, as a text in a colour."""
 
@@ -121,7 +125,12 @@ def result(s: LapTiming) -> Result:
     crash = s.crash
     if crash is None:
         return Result(f"DNF {text(entry.outcome)}, lap {s.lap}", RED)
-    where = {"hit": f"at {crash.place}", "ground": "on the ground", "bounds": "out of bounds"}
+    where = {
+        "contact": f"with {crash.place}",
+        "hit": f"at {crash.place}",
+        "ground": "on the ground",
+        "bounds": "out of bounds",
+    }
     return Result(f"CRASHED {where[crash.kind]}, lap {crash.lap}", RED)
 
 
@@ -130,6 +139,8 @@ def _state(s: Snapshot, first: LapTiming) -> str:
     if s.playing:
         doing = "flying" if s.flying else "replay"
         pace = f"{s.factor:.2f} x real time"
+        if s.flying and 0.0 < s.factor < SLOW:
+            pace += ": this machine is too slow for it"
     else:
         doing = "ended" if first.over and not s.flying else "paused"
         pace = f"of {s.end:.2f} s"
