@@ -32,6 +32,10 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 CRASHES = ("hit", "ground", "bounds", "contact")
 MISSES = ("miss", "wrong_way")
 
+# a colour of figures on white, and the one in its place on the page, which is dark
+BLACK = "#000000"
+ON_DARK = "#e8e8e8"
+
 SAME_TIME = 1e-9  # [s] by which times of one frame may differ
 
 Rows = int | slice | np.ndarray
@@ -113,7 +117,8 @@ class Competitor:
         """
         heat = self.spec.get("heat")
         if heat:
-            return styles(heat["names"])[heat["number"] - 1]
+            found = styles(heat["names"])[heat["number"] - 1]
+            return found if found.colour != BLACK else Style(ON_DARK, found.dash)
         return dotted(style(self.sampler)) if self.again else style(self.sampler)
 
     @property

@@ -20,7 +20,10 @@ from quadsim.campaign.heats import (
     fly_heats,
     summary,
 )
-from quadsim.campaign.line_ups import heats_of, line_up
+from quadsim.campaign.line_ups import heats_of, line_up, parse_race_variants
+from quadsim.campaign.paired_heats import FlownHeats, difference
+from quadsim.cli.cli import race
+from quadsim.files.values import SettingError
 from quadsim.record.run import RunError
 from quadsim.record.statistics import wilson
 
@@ -64,14 +67,19 @@ def stored(order, *events):
     return StoredResult(placings, [StoredEvent(*event) for event in events], "")
 
 
+def of_setting(name, *results):
+    return FlownHeats(name, ("a", "b"), 7, list(results))
+
+
 def test_a_summary_counts_wins_contacts_and_overtakes():
     found = summary(
         ["a", "b"],
         [
-            stored("ab", ("overtake", "a", "b"), ("overtake", "a", "b")),
+            stored("ab", ("overtake", "a", "b", 3, 2), ("overtake", "a", "b", 1, 3)),
             stored("ba", ("contact", "a", "b")),
             stored("ab"),
         ],
+        gates=7,
     )
     a, b = found.entrants
     assert (a.wins, b.wins) == (2, 1)
@@ -80,6 +88,68 @@ def test_a_summary_counts_wins_contacts_and_overtakes():
     assert found.finished_ci == wilson(6, 6)
     assert found.pairs[0].a_first == 2
     assert a.rating > b.rating
+    # gate 3 of the second lap is the tenth
+    (overtaker,) = found.overtakers
+    assert (overtaker.name, overtaker.other, overtaker.races) == ("a", "b", 1)
+    assert overtaker.gates.mean == 10.0
+
+
+def test_settings_are_compared_race_by_race():
+    contact = ("contact", "a", "b")
+    calm = of_setting("calm", stored("ab"), stored("ab"), stored("ab", contact), None)
+    wild = of_setting("wild", stored("ab", contact), stored("ba", contact), stored("ab"), None)
+    found = difference(calm, wild)
+    # the race that one of them lost is left out
+    assert found.races == 3
+    assert (found.contact_a_only, found.contact_b_only) == (1, 2)
+    assert found.contacts.mean == pytest.approx(1 / 3)
+    # a and b change places in the second race: a comes in 1 s later, b 1 s earlier
+    assert found.time.n == 6
+    assert found.time.mean == pytest.approx(0.0)
+    assert difference(calm, calm).contacts.mean == 0.0
+
+
+def test_settings_of_races_are_read_with_and_without_names():
+    found = parse_race_variants("expect=own,soft=keep-weight=50+rules=physics,gaussian")
+    assert found == {
+        "expect=own": {"expect": "own"},
+        "soft": {"keep_weight": "50", "rules": "physics"},
+        "gaussian": {"sampler": "gaussian"},
+    }
+    with pytest.raises(SettingError, match="twice"):
+        parse_race_variants("expect=own,expect=own")
+
+
+@pytest.mark.flight
+def test_race_compare_flies_each_setting_from_the_same_starts(tmp_path, capsys):
+    small = [f"--{name.replace('_', '-')}={value}" for name, value in SMALL.items()]
+    command = ["compare", "figure8", "--line-up", "colored", "gaussian", *small, "--starts=2"]
+    files = ["--campaign", str(tmp_path / "a.sqlite"), "--jobs=1", "--json"]
+    settings = ["--variants", "expect=velocity,expect=nothing"]
+    assert race([*command, *settings, *files]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert set(found["settings"]) == {"expect=velocity", "expect=nothing"}
+    (pair,) = found["differences"]
+    assert (pair["a"], pair["b"], pair["races"]) == ("expect=velocity", "expect=nothing", 2)
+    written = {file.suffix for file in (tmp_path / "a.report").iterdir()}
+    assert written == {".md", ".png", ".svg"}
+    with sqlite3.connect(tmp_path / "a.sqlite") as db:
+        assert db.execute("SELECT count(*) FROM heats").fetchall() == [(4,)]
+
+
+@pytest.mark.parametrize(
+    ("flags", "problem"),
+    [
+        (["--line-up", "colored", "--attempts=3"], "expected --starts in place of --attempts"),
+        (["--starts=4"], "expected --line-up beside it"),
+        (["--line-up", "colored", "colored", "--variants=nonsense"], "no sampler or preset"),
+    ],
+)
+def test_flags_that_do_not_fit_a_line_up_are_one_line(flags, problem, capsys):
+    assert race(["compare", "figure8", *flags]) == 2
+    err = capsys.readouterr().err.strip()
+    assert problem in err
+    assert "\n" not in err
 
 
 def small_heats(starts):
