@@ -5,10 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+from rich.markup import escape
+
 from quadsim.cli.flags import Help, Json, RunsDir, Stored, Switch
 from quadsim.cli.report import known_limit, present
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.figures.style import PICTURES, save_figure, write_figure
+from quadsim.heat.archive import heat_folder
+from quadsim.heats import Heat
 from quadsim.record.archive import find_run, load_reportable, load_run
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.mcap_file import mcap_bytes
@@ -16,12 +20,20 @@ from quadsim.record.whole_files import write_whole
 
 
 def show(run: Stored = "last", /, *, runs_dir: RunsDir = "runs", json: Json = False) -> int:
-    """Show the report of a stored run, as `race fly` printed it.
+    """Show the report of a stored run or race, as it was printed after the flight.
 
     race show last
 
     race show 20261120T133511Z --json
     """
+    race = heat_folder(run, runs_dir)
+    if race is not None:
+        heat = Heat.load(race)
+        if json:
+            emit_json(heat.as_json() | {"folder": str(race)})
+        else:
+            emit(*heat.renderables(), "", f"[dim]stored in {escape(str(race))}[/]")
+        return 0
     folder = find_run(run, runs_dir)
     present(load_reportable(folder), folder, json, runs_dir)
     return 0
@@ -39,14 +51,20 @@ def plot(
 ) -> int:
     """Draw a stored run: path from above, thrust, body rates, spectrum.
 
+    A race of several is drawn as paths, places at the gates and gaps.
+
     race plot last --out race.png
     """
-    folder = find_run(run, runs_dir)
-    flown = load_reportable(folder)
-    # Here, so that --help does not load matplotlib
-    from quadsim.figures.run_figure import draw
+    folder = heat_folder(run, runs_dir)
+    if folder is not None:
+        figure = Heat.load(folder).plot()
+    else:
+        folder = find_run(run, runs_dir)
+        flown = load_reportable(folder)
+        # Here, so that --help does not load matplotlib
+        from quadsim.figures.run_figure import draw
 
-    figure = draw(flown, known_limit(flown, folder, runs_dir))
+        figure = draw(flown, known_limit(flown, folder, runs_dir))
     if out is None:
         paths = write_figure(figure, folder, "plot")
     elif Path(out).suffix.lower() in PICTURES:

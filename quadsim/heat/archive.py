@@ -9,6 +9,7 @@ A race is written under a name that ends in .part, and gets its own once it is c
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import time
@@ -24,7 +25,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.heat.result import heat_digest, heat_events, placings
 from quadsim.heat.settings import Awareness, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
-from quadsim.record.archive import PART, load_run
+from quadsim.record.archive import PART, list_runs, load_run
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Run, RunError, canonical
 from quadsim.record.run_format import write_csv, write_json, write_npz
@@ -226,6 +227,30 @@ def find_heat(wanted: str, root: str) -> Path:
         found = f"fits {len(fits)} races, expected one" if fits else f"is no race in {root!r}"
         raise RunError(f"{wanted!r} {found}: expected a folder, part of a name or 'last'")
     return fits[0]
+
+
+def heat_folder(wanted: str, root: str) -> Path | None:
+    """Return the folder of a stored race that is meant as a whole; None where a run is meant.
+
+    Args:
+        wanted: a folder, a part of the name of a race, or "last": the last that was flown.
+        root: folder of runs.
+    """
+    if is_heat(wanted):
+        return Path(wanted)
+    if os.sep in wanted:
+        return None
+    heats = list_heats(root)
+    if wanted == "last":
+        runs = [run for run in list_runs(root) if not is_heat(run.parent)]
+        newest = max((run.name for run in runs), default="")
+        return heats[-1] if heats and heats[-1].name > newest else None
+    fits = [heat for heat in heats if wanted in heat.name]
+    return (
+        fits[0]
+        if len(fits) == 1 and not any(wanted in run.name for run in list_runs(root))
+        else None
+    )
 
 
 def load_heat(path: str | Path) -> LoadedHeat:

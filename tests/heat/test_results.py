@@ -5,6 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import quadsim
+from quadsim.cli.cli import race
 from quadsim.course import load_course
 from quadsim.heat.result import heat_events, placings
 from quadsim.racing.events import Event
@@ -88,3 +90,24 @@ def test_the_order_is_time_then_gates_then_the_way_to_the_next():
     assert [placing.name for placing in found] == ["first", "second", "near", "far", "one"]
     assert [placing.rank for placing in found] == [1, 2, 3, 4, 5]
     assert found[2].to_next_gate == pytest.approx(1.0)
+
+
+@pytest.mark.flight
+def test_a_stored_race_is_shown_and_drawn_as_a_whole(tmp_path, capsys):
+    small = {"laps": 1, "samples": 128, "horizon": 60, "first_iterations": 10, "timeout": 0.3}
+    folder = quadsim.race(["colored", "gaussian"], "figure8", **small).save(tmp_path)
+    for name in ("last", "heat", str(folder)):
+        assert race(["show", name, "--runs-dir", str(tmp_path)]) == 0
+        assert "2 entrants, rules elimination" in capsys.readouterr().out
+    # a run of it is a run
+    assert race(["show", str(folder / "1_colored")]) == 0
+    assert "entrants" not in capsys.readouterr().out
+    assert (
+        race(["plot", "last", "--runs-dir", str(tmp_path), "--out", str(tmp_path / "a.png")]) == 0
+    )
+    assert (tmp_path / "a.png").stat().st_size > 10_000
+    # a flight that is later is the last one
+    quadsim.fly("figure8", **small).save(tmp_path)
+    capsys.readouterr()
+    assert race(["show", "last", "--runs-dir", str(tmp_path)]) == 0
+    assert "entrants" not in capsys.readouterr().out
