@@ -246,11 +246,8 @@ def heat_folder(wanted: str, root: str) -> Path | None:
         newest = max((run.name for run in runs), default="")
         return heats[-1] if heats and heats[-1].name > newest else None
     fits = [heat for heat in heats if wanted in heat.name]
-    return (
-        fits[0]
-        if len(fits) == 1 and not any(wanted in run.name for run in list_runs(root))
-        else None
-    )
+    is_run = any(wanted in run.name for run in list_runs(root))
+    return fits[0] if len(fits) == 1 and not is_run else None
 
 
 def load_heat(path: str | Path) -> LoadedHeat:
