@@ -48,7 +48,6 @@ class LiveHeat:
         self._ahead: RaceFrame | None = None  # that belongs to the next period
         self._recorder = HeatRecorder(self._spec)
         self._root: str | None = None
-        self.t = 0.0
         self.is_cached = is_compiled(self._spec)
         specs = [entrant.spec for entrant in self._spec.entrants]
         self.period = min(spec.planner.mppi.dt for spec in specs)

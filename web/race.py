@@ -56,7 +56,7 @@ class Snapshot:
 
 
 class Flyer(Protocol):
-    """What flies on the page: a flight alone in its world, or several in one."""
+    """A Flyer flies on the page: it is a flight alone in its world, or several in one."""
 
     period: float  # [s]
     is_cached: bool

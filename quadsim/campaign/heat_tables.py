@@ -71,25 +71,27 @@ def lines_of(found: HeatsSummary) -> list[str]:
 
 def settings_table(flown: Sequence[FlownHeats]) -> TextTable:
     """Return the races of several settings side by side."""
-    rows = [(one.name, one.summary) for one in flown]
     return TextTable.of(
-        rows,
+        flown,
         {
-            "setting": lambda row: row[0],
-            "flights finished": lambda row: _share(row[1].finished, row[1].flights, row[1]),
-            "races with contact": lambda row: (
-                f"{row[1].with_contact}/{row[1].races} ({_percent(row[1].contact_ci)})"
-            ),
-            "contacts": lambda row: str(row[1].contacts),
-            "overtakes in a race": lambda row: _mean(row[1].overtakes),
-            "race [s]": lambda row: _mean(row[1].race, 3),
+            "setting": lambda one: one.name,
+            "flights finished": lambda one: _finished(one.summary),
+            "races with contact": lambda one: _with_contact(one.summary),
+            "contacts": lambda one: str(one.summary.contacts),
+            "overtakes in a race": lambda one: _mean(one.summary.overtakes),
+            "race [s]": lambda one: _mean(one.summary.race, 3),
         },
     )
 
 
-def _share(finished: int, flights: int, found: HeatsSummary) -> str:
+def _finished(found: HeatsSummary) -> str:
     """Return the share of flights that finished."""
-    return f"{finished}/{flights} ({_percent(found.finished_ci)})"
+    return f"{found.finished}/{found.flights} ({_percent(found.finished_ci)})"
+
+
+def _with_contact(found: HeatsSummary) -> str:
+    """Return the share of races that have a contact."""
+    return f"{found.with_contact}/{found.races} ({_percent(found.contact_ci)})"
 
 
 def differences_table(differences: Sequence[HeatsDifference]) -> TextTable:

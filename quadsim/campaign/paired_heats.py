@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,8 +24,9 @@ class HeatVariant(NamedTuple):
     heats: list[HeatSpec]
 
 
-class FlownHeats(NamedTuple):
-    """The races of a variant; None where a race was lost with its worker."""
+@dataclass(frozen=True)
+class FlownHeats:
+    """The races of a variant; a race that was lost with its worker is None."""
 
     name: str
     # names of the entrants
@@ -32,7 +35,7 @@ class FlownHeats(NamedTuple):
     gates: int
     results: list[StoredResult | None]
 
-    @property
+    @cached_property
     def summary(self) -> HeatsSummary:
         """The numbers of the races that were flown. Raises RunError where none was."""
         flown = [result for result in self.results if result is not None]
@@ -42,7 +45,7 @@ class FlownHeats(NamedTuple):
 
 
 class HeatsDifference(NamedTuple):
-    """What changes from one setting to another, in races from the same starts."""
+    """The numbers compare two settings, by races from the same starts."""
 
     a: str
     b: str

@@ -107,8 +107,13 @@ def compare(
             out=Path(out) if out else None,
             json=json,
         )
-    if starts is not None or race:
-        given_flag = "starts" if starts is not None else next(iter(race or {})).replace("_", "-")
+    of_races = {
+        "starts": starts is not None,
+        "no-rotate": not rotate,
+        **dict.fromkeys(race or {}, True),
+    }
+    given_flag = next((name.replace("_", "-") for name, given in of_races.items() if given), None)
+    if given_flag is not None:
         raise UsageError(f"--{given_flag}: expected --line-up beside it, the entrants of a race")
     if not courses:
         raise UsageError("expected one COURSE or more, got none (race courses lists them)")

@@ -1,4 +1,4 @@
-"""What a planner that plans the others' flights sees of them, and how well it expects them."""
+"""A planner that plans the others' flights sees how they move, and expects them well."""
 
 import numpy as np
 import pytest
