@@ -25,7 +25,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.heat.result import heat_digest, heat_events, placings
 from quadsim.heat.settings import Awareness, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
-from quadsim.record.archive import PART, list_runs, load_run
+from quadsim.record.archive import PART, list_runs, load_run, written_at
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Run, RunError, canonical
 from quadsim.record.run_format import write_csv, write_json, write_npz
@@ -167,6 +167,11 @@ def list_heats(root: str | Path) -> list[Path]:
     return sorted(folder for folder in folders if not folder.name.endswith(PART))
 
 
+def _raced_at(heat: Path) -> float:
+    """Return when a race's record was written [s since 1970]; names tell seconds alone."""
+    return (heat / HEAT).stat().st_mtime
+
+
 def runs_of_heat(path: str | Path) -> list[Path]:
     """Return the folders of a race's runs, in the order of the entrants. Raises RunError."""
     folders = [file.parent for file in Path(path).glob("*_*/run.json")]
@@ -221,7 +226,7 @@ def find_heat(wanted: str, root: str) -> Path:
     if not heats:
         raise RunError(f"no races in {root!r}: fly one with race heat, or give --runs-dir")
     if wanted == "last":
-        return heats[-1]
+        return max(heats, key=_raced_at)
     fits = [heat for heat in heats if wanted in heat.name]
     if len(fits) != 1:
         found = f"fits {len(fits)} races, expected one" if fits else f"is no race in {root!r}"
@@ -242,9 +247,9 @@ def heat_folder(wanted: str, root: str) -> Path | None:
         return None
     heats = list_heats(root)
     if wanted == "last":
-        runs = [run for run in list_runs(root) if not is_heat(run.parent)]
-        newest = max((run.name for run in runs), default="")
-        return heats[-1] if heats and heats[-1].name > newest else None
+        newest_run = max(map(written_at, list_runs(root)), default=0.0)
+        last = max(heats, key=_raced_at, default=None)
+        return last if last and _raced_at(last) > newest_run else None
     fits = [heat for heat in heats if wanted in heat.name]
     is_run = any(wanted in run.name for run in list_runs(root))
     return fits[0] if len(fits) == 1 and not is_run else None

@@ -186,7 +186,7 @@ def find_run(wanted: str, root: str) -> Path:
     if not runs:
         raise RunError(f"no runs in {root!r}: fly one, or give --runs-dir")
     if wanted == "last":
-        return max(runs, key=_written_at)
+        return max(runs, key=written_at)
     fits = [run for run in runs if wanted in run.name]
     if len(fits) == 1:
         return fits[0]
@@ -250,7 +250,8 @@ def _digest(run: Run) -> str | None:
         return None
 
 
-def _written_at(run: Path) -> float:
+def written_at(run: Path) -> float:
+    """Return when a run's record was written [s since 1970], which orders runs of one second."""
     return (run / "run.json").stat().st_mtime
 
 
