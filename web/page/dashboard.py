@@ -24,7 +24,7 @@ from web.page.panels import PlaybackPanel, ViewPanel, add_keys
 from web.page.race_panel import Menu, RacePanel
 from web.page.race_scene import RaceScene, preview
 from web.page.sampler_panel import SamplerPanel
-from web.page.server import forget_removed
+from web.page.server import PageServer, forget_removed
 from web.page.timing import events, hud, planner, tower
 from web.race import Snapshot
 from web.session import Session
@@ -88,7 +88,7 @@ class Dashboard:
         first: what is chosen at first.
     """
 
-    def __init__(self, server: viser.ViserServer, session: Session, menu: Menu, first: Choices):
+    def __init__(self, server: PageServer, session: Session, menu: Menu, first: Choices):
         self._server = server
         self._session = session
         self._view: RaceView | None = None

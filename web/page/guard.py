@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 import secrets
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from functools import cache, partial
 from http import HTTPStatus
@@ -25,7 +25,8 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from web.page.messages import MAX_BYTES, Control, PageConnection
+from web.page.link import Link
+from web.page.messages import MAX_BYTES, Control, PageConnection, is_link
 
 ALL_INTERFACES = ("0.0.0.0", "::")
 POLICY = (
@@ -46,9 +47,11 @@ PAGE_CHANGES = {  # of viser's page: its loader and the script that this writes 
     ),
     'e.type="module";': 'e.type="module";e.nonce=pass;',
 }
-PAGE_SCRIPT = Path(__file__).with_name("page.js")
+# in this order
+PAGE_SCRIPTS = tuple(Path(__file__).with_name(name) for name in ("link.js", "page.js"))
 LOG = logging.getLogger("race web")
 
+Serves = Callable[[ServerConnection], Awaitable[None]]
 ProcessRequest = Callable[[ServerConnection, Request], Response | None]
 _patching = threading.Lock()
 
@@ -62,10 +65,12 @@ class Guard:
 
     Attributes:
         server: viser's, once it has started.
+        link: takes the messages of the page's own scripts.
     """
 
     def __init__(self, host: str, port: int, token: str | None):
         self.server: viser.ViserServer | None = None
+        self.link = Link()
         names = (host, "127.0.0.1", "localhost", "::1")
         self._hosts = {host_and_port(name, port) for name in names}
         # A server that listens on all interfaces cannot know its own names.
@@ -78,14 +83,22 @@ class Guard:
         """Guard the viser server that starts in this context: viser has no argument for that."""
         original = websockets_server.serve
 
-        def serve(*arguments: Any, process_request: ProcessRequest, **keywords: Any) -> Any:
+        def serve(
+            viser_serves: Serves, *arguments: Any, process_request: ProcessRequest, **keywords: Any
+        ) -> Any:
+            async def serves(connection: ServerConnection) -> None:
+                if is_link(connection):
+                    await self.link.serve(connection)
+                else:
+                    await viser_serves(connection)
+
             keywords |= {
                 "process_request": partial(self._process, process_request),
                 "create_connection": partial(PageConnection, self._find_control),
                 "max_size": MAX_BYTES,
                 "logger": LOG,
             }
-            return original(*arguments, **keywords)
+            return original(serves, *arguments, **keywords)
 
         with _patching:
             websockets_server.serve = serve  # type: ignore[misc,assignment]
@@ -173,7 +186,7 @@ def cookie_of(request: Request, name: str) -> str:
 
 
 def page_response(nonce: str) -> Response:
-    """Return viser's page with our script; the scripts in it have the nonce."""
+    """Return viser's page with our scripts; every script in it has the nonce."""
     body = _viser_page().replace("NONCE", nonce).encode()
     size = str(len(body))
     headers = Headers({"Content-Type": "text/html; charset=utf-8", "Content-Length": size})
@@ -182,15 +195,16 @@ def page_response(nonce: str) -> Response:
 
 @cache
 def _viser_page() -> str:
-    """Return viser's page with PAGE_CHANGES and our script.
+    """Return viser's page with PAGE_CHANGES and our scripts.
 
     Raises:
         RuntimeError: viser is another version than the one that is pinned.
     """
     file = Path(viser.__file__).parent / "client/build/index.html"
     page = file.read_text(encoding="utf-8")
-    script = PAGE_SCRIPT.read_text(encoding="utf-8")
-    ours = {"</head>": f'<script nonce="NONCE">{script}</script></head>'}
+    scripts = [script.read_text(encoding="utf-8") for script in PAGE_SCRIPTS]
+    elements = "".join(f'<script nonce="NONCE">{script}</script>' for script in scripts)
+    ours = {"</head>": f"{elements}</head>"}
     for old, new in (PAGE_CHANGES | ours).items():
         if page.count(old) != 1:
             where = f"PAGE_CHANGES in {__file__}"

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from itertools import chain
 from math import isfinite
 from typing import Annotated, Any
+from urllib.parse import urlsplit
 
 import msgspec
 import viser
@@ -17,6 +18,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.typing import Data
 
 from quadsim.files.yaml_errors import cut
+from web.page.link import LINK_PATH
 
 MAX_BYTES = 16 * 1024 * 1024  # largest message; the largest that pages send is a rendered picture
 MAX_TEXT = 200  # characters of a control's value
@@ -129,8 +131,16 @@ def _is_between(value: Any, low: float | None, high: float | None) -> bool:
     return (low is None or value >= low) and (high is None or value <= high)
 
 
+def is_link(connection: ServerConnection) -> bool:
+    """Return whether a connection is that of the page's own scripts, see web.page.link."""
+    request = connection.request
+    return request is not None and urlsplit(request.path).path == LINK_PATH
+
+
 class PageConnection(ServerConnection):
     """A connection that receives acceptable messages alone; the first other one is logged.
+
+    The messages of a link are passed on as they are: it checks them itself.
 
     Args:
         find_control: returns the control with a uuid.
@@ -146,6 +156,8 @@ class PageConnection(ServerConnection):
         """Return the next acceptable message."""
         while True:
             data = await super().recv(decode)
+            if is_link(self):
+                return data
             problem = problem_of(data, self._find_control)
             if not problem:
                 return data

@@ -24,7 +24,24 @@ def new_token(host: str) -> str | None:
     return None if host in LOOPBACK else secrets.token_urlsafe(18)
 
 
-def serve(host: str, port: int, token: str | None, label: str) -> viser.ViserServer:
+class PageServer(viser.ViserServer):
+    """viser's server, with a link to the page's own scripts.
+
+    Args:
+        guard: guards it while it starts.
+        host, port: address to listen on.
+        label: its name on the page.
+
+    Attributes:
+        link: takes the messages of the page's own scripts.
+    """
+
+    def __init__(self, guard: Guard, host: str, port: int, label: str):
+        super().__init__(host=host, port=port, label=label, verbose=False)
+        self.link = guard.link
+
+
+def serve(host: str, port: int, token: str | None, label: str) -> PageServer:
     """Return a running server.
 
     Args:
@@ -40,7 +57,7 @@ def serve(host: str, port: int, token: str | None, label: str) -> viser.ViserSer
     rich.reconfigure(stderr=True, quiet=True)
     guard = Guard(host, port, token)
     with guard.guarding():
-        server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
+        server = PageServer(guard, host, port, label)
     if server.get_port() != port:
         server.stop()
         raise ValueError(f"port: {port} on {host} was taken in this moment; choose another")

@@ -1,0 +1,145 @@
+"""Link: messages between the page's own scripts and the server, beside viser's.
+
+viser carries the values of its own controls alone. Whatever else the page's scripts have to say,
+such as a click in a table or the sticks of a gamepad, goes as JSON over a websocket of its own, at
+LINK_PATH of the same server. A message is an object whose `type` names its form:
+
+    {"type": "seek", "t": 1.25}
+
+Whoever wants messages registers their form with `Link.on`; a message of no registered form is
+dropped. The Guard admits who may open the page, to the link as to the page itself.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from itertools import count
+from typing import Any, TypeVar, Union
+
+import msgspec
+from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import ConnectionClosed
+
+from quadsim.files.yaml_errors import cut
+
+LINK_PATH = "/link"
+MAX_LINK_BYTES = 4096  # largest message that a page may send
+MAX_WAITING = 64  # messages to a page that reads none; the next ones are dropped
+
+
+class Message(msgspec.Struct, tag_field="type", forbid_unknown_fields=True):
+    """A message; its class has a `tag`, by which the page names it."""
+
+
+AnyMessage = TypeVar("AnyMessage", bound=Message)
+
+
+class LinkVisitor:
+    """A page that is open.
+
+    Attributes:
+        number: tells it apart from all others of this server.
+    """
+
+    def __init__(self, number: int, loop: asyncio.AbstractEventLoop):
+        self.number = number
+        self._loop = loop
+        self._waiting: asyncio.Queue[bytes] = asyncio.Queue(MAX_WAITING)
+
+    def send(self, message: Message) -> None:
+        """Send a message to the page. Any thread may call it; a page that has gone gets none."""
+        data = msgspec.json.encode(message)
+        with suppress(RuntimeError):  # the server has ended
+            self._loop.call_soon_threadsafe(self._queue, data)
+
+    def _queue(self, data: bytes) -> None:
+        with suppress(asyncio.QueueFull):
+            self._waiting.put_nowait(data)
+
+    async def pass_on(self, connection: ServerConnection) -> None:
+        """Send the messages as they come, until cancelled."""
+        while True:
+            await connection.send((await self._waiting.get()).decode())
+
+
+Leaving = Callable[[LinkVisitor], None]
+
+
+class Link:
+    """The messages of all pages of one server.
+
+    Handlers run one after another on the server's event loop, in the order of the messages, so they
+    must be short: what takes longer belongs on another thread.
+    """
+
+    def __init__(self) -> None:
+        self._handlers: dict[type[Message], Callable[[LinkVisitor, Any], None]] = {}
+        self._leaving: list[Leaving] = []
+        self._decoder: msgspec.json.Decoder[Any] | None = None
+        self._numbers = count(1)
+        self._visitors: dict[int, LinkVisitor] = {}
+
+    def on(
+        self, form: type[AnyMessage], handler: Callable[[LinkVisitor, AnyMessage], None]
+    ) -> None:
+        """Let a function handle the messages of one form, in place of the one before.
+
+        Args:
+            form: class of the messages.
+            handler: called with the page and the message.
+        """
+        self._handlers[form] = handler
+        forms = tuple(self._handlers)
+        self._decoder = msgspec.json.Decoder(Union[forms])  # noqa: UP007  a union of a tuple
+
+    def on_leave(self, handler: Leaving) -> None:
+        """Call a function whenever a page is closed, or its connection is lost."""
+        self._leaving.append(handler)
+
+    def send_all(self, message: Message) -> None:
+        """Send a message to every page that is open. Any thread may call it."""
+        for visitor in tuple(self._visitors.values()):
+            visitor.send(message)
+
+    async def serve(self, connection: ServerConnection) -> None:
+        """Handle the messages of one page until it is closed."""
+        visitor = LinkVisitor(next(self._numbers), asyncio.get_running_loop())
+        self._visitors[visitor.number] = visitor
+        sending = asyncio.create_task(visitor.pass_on(connection))
+        has_logged = False
+        try:
+            while True:
+                data = await connection.recv()
+                problem = self._handle(visitor, data)
+                # The first alone, as a page could fill the log.
+                if problem and not has_logged:
+                    has_logged = True
+                    connection.logger.warning("race web: a message was dropped: %s", problem)
+        except ConnectionClosed:
+            pass
+        finally:
+            sending.cancel()
+            del self._visitors[visitor.number]
+            for leave in self._leaving:
+                leave(visitor)
+
+    def _handle(self, visitor: LinkVisitor, data: str | bytes) -> str:
+        """Handle a message; return in one line why it is not acceptable, empty: it is."""
+        if self._decoder is None:
+            return "nothing on this page takes messages"
+        if len(data) > MAX_LINK_BYTES:
+            return f"expected at most {MAX_LINK_BYTES} bytes, got {len(data)}"
+        try:
+            message = self._decoder.decode(data)
+        except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
+            # The text may quote the message, with line feeds and control characters.
+            return cut(str(error).encode("unicode_escape").decode())
+        try:
+            self._handlers[type(message)](visitor, message)
+        except Exception:
+            # An error in one handler must not close the page's link.
+            traceback.print_exc()
+        return ""
