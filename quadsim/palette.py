@@ -44,6 +44,16 @@ SPARE = (
     Style("#332288", (4, 4)),
 )
 OTHER = Style("#b0b0b0", (4, 4))
+# On the dark page, for a second competitor with the same sampler and those after it
+SPARE_ON_DARK = (
+    Style("#f4f4f4", (2, 3)),
+    Style("#8f9dff", (9, 3)),
+    Style("#c8e36b", (6, 3)),
+    Style("#ff9ec7", (9, 3, 2, 3)),
+    Style("#7fe0d0", (4, 4)),
+    Style("#c9a37a", (12, 4)),
+    Style("#a8b3c4", (2, 6)),
+)
 
 # Meanings: the next gate, collisions, best of all, faster than before
 NEXT = "#009e73"
@@ -72,6 +82,18 @@ def styles(variants: Sequence[str]) -> list[Style]:
     """
     spare = cycle(SPARE)
     return [STYLES[name] if name in STYLES else next(spare) for name in variants]
+
+
+def styles_on_dark(samplers: Sequence[str]) -> list[Style]:
+    """Return the styles of competitors on a dark page, all of which differ.
+
+    The first competitor of a sampler has the sampler's style, a later one the next spare one.
+    """
+    spare = cycle(SPARE_ON_DARK)
+    return [
+        style(sampler) if sampler not in samplers[:i] else next(spare)
+        for i, sampler in enumerate(samplers)
+    ]
 
 
 def dotted(s: Style) -> Style:

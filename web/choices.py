@@ -1,43 +1,112 @@
-"""Choices: what a person chooses on the page before START, and the flight it stands for."""
+"""Choices: what a person chooses on the page before START, and the flights it stands for."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from controllers.presets import Planner, preset
-from quadsim.campaign.line_ups import line_up
 from quadsim.dynamics.quadrotor import ModelParams
-from quadsim.heat.settings import Expect
-from quadsim.heat.spec import HeatSpec
+from quadsim.firmware import FlightControllerName
+from quadsim.heat.settings import Expect, HeatSettings
+from quadsim.heat.spec import Entrant, HeatSpec
 from quadsim.racing.rules import RulesName
 from quadsim.sensing import PERFECT
-from quadsim.spec.settings import SettingValue, values_of
-from quadsim.spec.spec import Spec
+from quadsim.spec.presets import PresetSource
+from quadsim.spec.settings import SETTINGS, SettingValue, values_of
+from quadsim.spec.spec import Spec, with_numbers
 from quadsim.vehicle import load_vehicle
-from web.numbers import Change, with_change
+from web.numbers import SLIDERS, Change, with_change
 
 PILOT = "pilot "  # stands before the name of a learned pilot, where a sampler may stand
+# What all competitors of a race have
+OF_THE_RACE = ("course", "seed", "laps")
+OF_THE_PLANNER = {name for name, setting in SETTINGS.items() if setting.group != "flight"}
 
 
 @dataclass(frozen=True)
 class Choices:
-    """One flight, as it is chosen on the page."""
+    """One flight, as it is chosen on the page: a row of the table of competitors."""
 
     course: str = "split_s_swift"
     vehicle: str = "swift"
     preset: str = "race"
     sampler: str = "colored"  # or PILOT with the name of a learned pilot
+    flight_controller: FlightControllerName = "ideal"
     sensing: str = PERFECT
-    seed: int = 0
+    seed: int | str = 0  # a text is checked when the flight begins
     laps: int = 0  # 0: the course's
-    # numbers of web.numbers.SLIDERS that differ from the preset's
+    # numbers of web.numbers.SLIDERS that differ from those of preset and settings
     numbers: Mapping[str, float] = field(default_factory=dict)
     # any other settings of quadsim.fly
     settings: Mapping[str, Any] = field(default_factory=dict)
 
-    def spec(self) -> Spec:
+    @property
+    def kind(self) -> str:
+        """The name of its sampler, or `pilot`."""
+        return "pilot" if self.has_pilot else self.sampler
+
+    @property
+    def has_pilot(self) -> bool:
+        """Whether a learned pilot flies, which has no planner's numbers."""
+        return self.sampler.startswith(PILOT)
+
+    @property
+    def known_settings(self) -> dict[str, Any]:
+        """The changed settings that its planner has; others wait for a sampler that has them."""
+        known = planner_settings(self.preset, self.vehicle, self.sampler)
+        return {
+            name: value
+            for name, value in self.settings.items()
+            if name in known or name not in OF_THE_PLANNER
+        }
+
+    @property
+    def idle_settings(self) -> list[str]:
+        """The names of changed settings that its planner has not."""
+        planner_has = planner_settings(self.preset, self.vehicle, self.sampler)
+        asked = [*self.settings, *(SLIDERS[name].setting for name in self.numbers)]
+        return [name for name in dict.fromkeys(asked) if name in OF_THE_PLANNER - set(planner_has)]
+
+    @property
+    def base(self) -> Planner:
+        """The planner without the numbers of the sliders. Raises ValueError."""
+        sampler = planner_choice(self.sampler)["sampler"]
+        is_ideal = self.flight_controller == "ideal"
+        found = PresetSource.read(self.preset).planner(sampler, firmware=not is_ideal)
+        return with_numbers(found, self.known_settings)
+
+    @property
+    def planner(self) -> Planner:
+        """The planner with all numbers. Raises ValueError: one of them is out of its range."""
+        return self._with_numbers(self.base)
+
+    def _with_numbers(self, base: Planner) -> Planner:
+        """Return the planner with the numbers of the sliders."""
+        planner = base
+        for name, value in self.numbers.items():
+            planner = with_change(planner, base, Change(name, value))
+        return planner
+
+    def with_number(self, name: str, value: float) -> Choices:
+        """Return the choices with the number of a slider."""
+        return replace(self, numbers={**self.numbers, name: value})
+
+    def with_setting(self, name: str, value: Any) -> Choices:
+        """Return the choices with another setting, in place of what its sliders have changed.
+
+        A value that is the preset's is no change.
+        """
+        numbers = {n: x for n, x in self.numbers.items() if SLIDERS[n].setting != name}
+        settings = {key: x for key, x in self.settings.items() if key != name}
+        found = planner_settings(self.preset, self.vehicle, self.sampler).get(name)
+        if found is None or found.value != value:
+            settings[name] = value
+        return replace(self, numbers=numbers, settings=settings)
+
+    def base_spec(self) -> Spec:
         """Return the flight that is chosen, without the numbers of the sliders.
 
         Raises:
@@ -48,23 +117,32 @@ class Choices:
             **planner_choice(self.sampler),
             preset=self.preset,
             vehicle=self.vehicle,
-            seed=self.seed,
+            flight_controller=self.flight_controller,
+            seed=self.seed,  # pyright: ignore[reportArgumentType]
             sensing=self.sensing,
             laps=self.laps or None,
-            **self.settings,
+            **self.known_settings,
         )
+
+    def flown(self, base: Spec) -> Spec:
+        """Return the flight with the numbers of the sliders; a learned pilot has none of them.
+
+        base: what `base_spec` has returned.
+        """
+        return base if base.pilot else replace(base, planner=self._with_numbers(base.planner))
+
+    def spec(self) -> Spec:
+        """Return the flight that is chosen. Raises ValueError, as base_spec does."""
+        return self.flown(self.base_spec())
 
 
 @dataclass(frozen=True)
 class HeatChoices:
     """A race of several vehicles in one world, as it is chosen on the page."""
 
-    # what all entrants have; its sampler is not used
-    flight: Choices
-    # as in `race heat --entrants`
-    entrants: tuple[str, ...]
-    expect: Expect = "own"
-    rules: RulesName = "elimination"
+    flights: tuple[Choices, ...]
+    expect: Expect = HeatSettings.expect
+    rules: RulesName = HeatSettings.rules
 
     def spec(self) -> HeatSpec:
         """Return the race that is chosen.
@@ -72,29 +150,61 @@ class HeatChoices:
         Raises:
             ValueError: the choices do not fit together; one line says why.
         """
-        shared = {
-            "preset": self.flight.preset,
-            "vehicle": self.flight.vehicle,
-            "seed": self.flight.seed,
-            "sensing": self.flight.sensing,
-            "laps": self.flight.laps or None,
-            "expect": self.expect,
-            "rules": self.rules,
-        }
-        given = {name: value for name, value in shared.items() if value is not None}
-        settings = {**given, **self.flight.settings}
-        entrants, of_race = line_up(self.flight.course, self.entrants, settings)
-        moved = tuple(replace(one, spec=self._with_numbers(one.spec)) for one in entrants)
-        return HeatSpec(moved, of_race, self.flight.seed)
+        specs = specs_of(self.flights)
+        names = names_of(self.flights)
+        entrants = tuple(map(Entrant, names, specs))
+        return HeatSpec(entrants, HeatSettings(expect=self.expect, rules=self.rules), specs[0].seed)
 
-    def _with_numbers(self, spec: Spec) -> Spec:
-        """Return a flight with the numbers of the sliders; a learned pilot has none of them."""
-        if spec.pilot:
-            return spec
-        planner = spec.planner
-        for name, value in self.flight.numbers.items():
-            planner = with_change(planner, spec.planner, Change(name, value))
-        return replace(spec, planner=planner)
+
+def names_of(flights: Sequence[Choices]) -> list[str]:
+    """Return the names of competitors: "colored", "colored 2" and so on."""
+    return numbered([flight.kind for flight in flights])
+
+
+def numbered(kinds: Sequence[str]) -> list[str]:
+    """Return names that differ: the second "colored" is "colored 2"."""
+    seen: Counter[str] = Counter()
+    names = []
+    for kind in kinds:
+        seen[kind] += 1
+        names.append(kind if seen[kind] == 1 else f"{kind} {seen[kind]}")
+    return names
+
+
+def specs_of(flights: Sequence[Choices]) -> list[Spec]:
+    """Return the flights that are chosen.
+
+    Raises:
+        ValueError: one of them cannot be flown; one line says which, and why.
+    """
+    specs = []
+    for name, flight in zip(names_of(flights), flights, strict=True):
+        try:
+            specs.append(flight.spec())
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}" if len(flights) > 1 else str(error)) from None
+    return specs
+
+
+def differences(flights: Sequence[Choices]) -> list[str]:
+    """Return what competitors differ in: "sampler", "vehicle" or the name of a number."""
+    rows = [_flown_names(flight) for flight in flights]
+    names = dict.fromkeys(name for row in rows for name in row)
+    different = [name for name in names if len({row.get(name) for row in rows}) > 1]
+    return [name.replace("_", " ") for name in different]
+
+
+def _flown_names(flight: Choices) -> dict[str, str]:
+    """Return what is flown of a competitor's own choices, as texts by name."""
+    own = asdict(flight)
+    left_out = (*OF_THE_RACE, "numbers", "settings")
+    found = {name: str(value) for name, value in own.items() if name not in left_out}
+    idle = flight.idle_settings
+    found |= {name: str(value) for name, value in flight.known_settings.items()}
+    for name, value in flight.numbers.items():
+        if SLIDERS[name].setting not in idle:
+            found[name] = str(value)
+    return found
 
 
 def planner_choice(sampler: str) -> dict[str, str]:

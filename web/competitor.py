@@ -13,11 +13,12 @@ import numpy as np
 
 from controllers.plan import PlannerSnapshot
 from quadsim.course import Course
-from quadsim.palette import Style, dotted, style, styles
+from quadsim.palette import Style, style, styles_on_dark
 from quadsim.racing.events import Event
 from quadsim.record.limits import StoredSolution
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.run import INTERACTIVE
+from web.choices import numbered
 from web.legs import Legs
 
 if TYPE_CHECKING:
@@ -31,10 +32,6 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 # kinds of events
 CRASHES = ("hit", "ground", "bounds", "contact")
 MISSES = ("miss", "wrong_way")
-
-# a colour of figures on white, and the one in its place on the page, which is dark
-BLACK = "#000000"
-ON_DARK = "#e8e8e8"
 
 SAME_TIME = 1e-9  # [s] by which times of one frame may differ
 
@@ -82,7 +79,7 @@ class Competitor:
     start_numbers: Mapping[str, float] = field(default_factory=dict)  # of web.numbers.SLIDERS
     # numbers that the next plan will use
     pending_numbers: Mapping[str, float] = field(default_factory=dict)
-    again: bool = False  # another competitor before it has the same sampler
+    own_style: Style | None = None  # its colour and line among others; None: its sampler's
     limit: StoredSolution | None = None  # the best known of its race
     # the paths on which it expects the other vehicles of its race, while it flies  (points, 3) each
     expected: tuple[np.ndarray, ...] = ()
@@ -111,15 +108,8 @@ class Competitor:
 
     @property
     def style(self) -> Style:
-        """Its sampler's style, dotted where another competitor has that already.
-
-        In a race of several it is one that no other entrant has.
-        """
-        heat = self.spec.get("heat")
-        if heat:
-            found = styles(heat["names"])[heat["number"] - 1]
-            return found if found.colour != BLACK else Style(ON_DARK, found.dash)
-        return dotted(style(self.sampler)) if self.again else style(self.sampler)
+        """Its colour and line style, which no other competitor of the race has."""
+        return self.own_style or style(self.sampler)
 
     @property
     def t(self) -> np.ndarray:
@@ -218,24 +208,28 @@ def heat_of(entries: Sequence[Competitor]) -> str:
 
 
 def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
-    """Return the competitors with names that differ.
+    """Return the competitors with names and styles that differ."""
+    names = _names(entries)
+    styles = styles_on_dark([entry.sampler for entry in entries])
+    return tuple(
+        entry
+        if (entry.name, entry.style) == (name, own)
+        else replace(entry, name=name, own_style=own)
+        for entry, name, own in zip(entries, names, styles, strict=True)
+    )
+
+
+def _names(entries: Sequence[Competitor]) -> list[str]:
+    """Return names that differ.
 
     In a race of several they are those of the entrants. Otherwise a name is the sampler's, with the
     seed or a number where that is not enough.
     """
     if entries and heat_of(entries):
-        return tuple(replace(entry, name=entry.spec["heat"]["name"]) for entry in entries)
+        return [entry.spec["heat"]["name"] for entry in entries]
     samplers = [entry.sampler for entry in entries]
     with_seeds = [f"{entry.sampler} s{entry.spec['seed']}" for entry in entries]
-    numbered = [f"{entry.sampler} #{i}" for i, entry in enumerate(entries, 1)]
-    names = numbered
-    for candidates in (samplers, with_seeds):
-        if len(set(candidates)) == len(entries):
-            names = candidates
-            break
-    shown = []
-    for i, (entry, name) in enumerate(zip(entries, names, strict=True)):
-        again = entry.sampler in samplers[:i]
-        same = (entry.name, entry.again) == (name, again)
-        shown.append(entry if same else replace(entry, name=name, again=again))
-    return tuple(shown)
+    for names in (samplers, with_seeds):
+        if len(set(names)) == len(entries):
+            return names
+    return numbered(samplers)

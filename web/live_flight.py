@@ -50,15 +50,11 @@ class LiveFlight:
     is_cached: bool
 
     def __init__(self, choices: Choices):
-        spec = choices.spec()
-        self._preset = spec.planner  # the scale of the standard deviations multiplies its own
-        planner = spec.planner
-        if not spec.pilot:
-            for name, value in choices.numbers.items():
-                planner = with_change(planner, self._preset, Change(name, value))
-        self._spec = replace(spec, planner=planner)
+        base = choices.base_spec()
+        self._preset = base.planner  # the scale of the standard deviations multiplies its own
+        self._spec = spec = choices.flown(base)
         # The numbers that fly at present
-        self._numbers = planner
+        self._numbers = planner = spec.planner
         self.period = planner.mppi.dt
         self._pending: dict[str, Change] = {}
         self._frames = self._take_off()
@@ -67,7 +63,7 @@ class LiveFlight:
         record = self._spec.record()
         self._columns = tuple(columns_of(record))
         self.now = Competitor(
-            name=choices.sampler,
+            name=choices.kind,
             spec=record,
             course=spec.course,
             legs=Legs(spec.course, spec.laps),

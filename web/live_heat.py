@@ -20,7 +20,7 @@ from web.choices import HeatChoices
 from web.competitor import Competitor
 from web.legs import Legs
 from web.live_flight import Flown, laps_so_far
-from web.numbers import Change, numbers_of
+from web.numbers import SLIDERS, Change, numbers_of
 
 # Times ahead at which expected paths are drawn [s]
 AHEAD = np.linspace(0.0, 1.0, 11)
@@ -43,6 +43,7 @@ class LiveHeat:
 
     def __init__(self, choices: HeatChoices):
         self._spec = choices.spec()
+        bases = [flight.base for flight in choices.flights]
         self._planners: dict[int, AwarePlanner] = {}
         self._frames = heat_frames(self._spec, self._planners)
         self._ahead: RaceFrame | None = None  # that belongs to the next period
@@ -65,10 +66,10 @@ class LiveHeat:
                 laps=(),
                 outcome=None,
                 live=True,
-                start_numbers=numbers_of(spec.planner, spec.planner),
+                start_numbers=numbers_of(spec.planner, base),
             )
-            for k, (name, record, spec) in enumerate(
-                zip(self._spec.names, records, specs, strict=True)
+            for k, (name, record, spec, base) in enumerate(
+                zip(self._spec.names, records, specs, bases, strict=True)
             )
         )
 
@@ -133,7 +134,16 @@ class LiveHeat:
         return tuple(path.at(frame.t + AHEAD) for path in paths)
 
     def change(self, change: Change) -> None:
-        """Keep the numbers of the start: those of a race do not change in flight."""
+        """Refuse: the numbers of a race in one world stay those of its start.
+
+        Raises:
+            ValueError: always, with what to do instead.
+        """
+        label = SLIDERS[change.name].label
+        raise ValueError(
+            f"{label}: in one world the numbers of START stay; change the competitor's number"
+            " before START, or fly as ghosts"
+        )
 
     def update_trajectories(self) -> None:
         """Draw no sampled trajectories: the lines of a race are what is expected of the others."""

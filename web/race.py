@@ -11,7 +11,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Protocol
 
-from web.choices import Choices, HeatChoices
+from web.choices import Choices, HeatChoices, names_of
 from web.competitor import Competitor, named
 from web.live_flight import Flown, LiveFlight
 from web.live_heat import LiveHeat
@@ -139,7 +139,7 @@ class PageRace:
             ValueError, RunError: a flight or run cannot be flown or shown; the old race continues.
         """
         stored = tuple(stored_competitor(path) for path in runs)
-        flights = [self._take_off(one) for one in choices]
+        flights = self._built(choices)
         live = [entry for flight in flights for entry in flight.entries]
         courses = {entry.course.text for entry in (*stored, *live)}
         if len(courses) > 1:
@@ -160,6 +160,26 @@ class PageRace:
             compiling = "Compiling the planner for this machine"
             self.notices.add("wait", compiling, "once; it takes some 20 s")
         self._begin()
+
+    def _built(self, choices: Sequence[Choices | HeatChoices]) -> list[Flyer]:
+        """Return the flights of choices, ready to begin; none is left over where one cannot be.
+
+        Raises:
+            ValueError: a flight cannot be flown; one line says which and why.
+        """
+        names = names_of([one for one in choices if isinstance(one, Choices)])
+        names += ["the race"] * (len(choices) - len(names))
+        flights: list[Flyer] = []
+        for name, one in zip(names, choices, strict=True):
+            try:
+                flights.append(self._take_off(one))
+            except ValueError as error:
+                for flight in flights:
+                    flight.close()
+                if len(choices) == 1:
+                    raise
+                raise ValueError(f"{name}: {error}") from None
+        return flights
 
     def restart(self) -> None:
         """Begin the same race anew: live flights from the ground, stored runs from t = 0."""
@@ -231,10 +251,19 @@ class PageRace:
         self._pace.speed = factor
         self._pace.anchor(self._t)
 
-    def change(self, change: Change) -> None:
-        """Let every live flight use a changed number from its next plan on."""
+    def change(self, change: Change, name: str = "") -> None:
+        """Let live flights use a changed number from their next plan on.
+
+        Args:
+            change: the number.
+            name: name of the competitor whose number it is; "": every one's that flies.
+
+        Raises:
+            ValueError: a race in one world keeps the numbers of its start.
+        """
         for flight in self._flying:
-            flight.change(change)
+            if not name or any(entry.name == name for entry in flight.entries):
+                flight.change(change)
 
     def end_flights(self) -> None:
         """End every live flight; the page keeps showing them."""

@@ -41,7 +41,7 @@ def web(
     # imported here, as they load numba and viser, which --help does not need
     from web.choices import Choices
     from web.page.dashboard import Dashboard
-    from web.page.race_panel import Menu
+    from web.page.menu import Menu
     from web.page.server import address, new_token, serve
     from web.race import PageRace
     from web.session import Session
@@ -52,7 +52,8 @@ def web(
     except ValueError as error:  # "port: ..."
         raise UsageError(f"--{error}") from None
     session = Session(runs_dir)
-    page = Dashboard(server, session, Menu.of_everything(course), Choices(course=course))
+    rivals = [Choices(course=course, sampler=sampler) for sampler in ("colored", "gaussian")]
+    page = Dashboard(server, session, Menu.of_everything(course), *rivals)
     if paths:
         page.race.show_replay(paths)
         session.tell(PageRace.start, [], paths)

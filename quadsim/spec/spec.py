@@ -588,7 +588,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     if flight.thrust_to_weight:
         vehicle = with_thrust_to_weight(vehicle, flight.thrust_to_weight)
 
-    planner = _with_numbers(replace(base, vehicle=vehicle.name), given)
+    planner = with_numbers(replace(base, vehicle=vehicle.name), given)
     configuration = _configuration(flight, given, vehicle, read)
     plant_dt = _plant_dt(flight, given)
     model = _model(given, vehicle, configuration, plant_dt, planner.mppi.dt)
@@ -773,7 +773,7 @@ def _base_planner(
     return replace(preset.planner(name, firmware), sampling=sampling)
 
 
-def _with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:
+def with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:
     """Return the planner with the given numbers of its sampler, MPPI and cost."""
     groups: tuple[Group, ...] = ("sampling", "mppi", "cost")
     changed = {group: _changed(group, getattr(planner, group), given) for group in groups}

@@ -29,7 +29,7 @@ def session(gliders, tmp_path):
 def page(session):
     """A running page and its server."""
     from web.page.dashboard import Dashboard
-    from web.page.race_panel import Menu
+    from web.page.menu import Menu
     from web.page.server import serve
 
     server = serve("127.0.0.1", 0, None, "race")

@@ -24,7 +24,7 @@ from wire import connect
 
 from web.choices import Choices
 from web.page.dashboard import Dashboard
-from web.page.race_panel import Menu
+from web.page.menu import Menu
 from web.page.server import serve
 from web.race import PageRace
 from web.session import Session

@@ -18,12 +18,13 @@ from web.page.charts import TABS, Charts, Tabs
 from web.page.course_map import Map
 from web.page.export import add_export
 from web.page.flight_controls import FlightControls
+from web.page.flight_numbers import FlightNumbers
 from web.page.html import STYLE
 from web.page.laps import chatter, laps
+from web.page.menu import Menu
 from web.page.panels import PlaybackPanel, ViewPanel, add_keys
-from web.page.race_panel import Menu, RacePanel
+from web.page.race_panel import RacePanel
 from web.page.race_scene import RaceScene, preview
-from web.page.sampler_panel import SamplerPanel
 from web.page.server import PageServer, forget_removed
 from web.page.timing import events, hud, planner, tower
 from web.race import Snapshot
@@ -85,10 +86,10 @@ class Dashboard:
 
     Args:
         menu: what there is to choose from.
-        first: what is chosen at first.
+        first: the competitors that are chosen at first.
     """
 
-    def __init__(self, server: PageServer, session: Session, menu: Menu, first: Choices):
+    def __init__(self, server: PageServer, session: Session, menu: Menu, *first: Choices):
         self._server = server
         self._session = session
         self._view: RaceView | None = None
@@ -110,8 +111,11 @@ class Dashboard:
         )
         gui.add_html(STYLE)
         self.race = RacePanel(gui, session, menu, first)
-        self.sampler = SamplerPanel(gui, session, self.race)
-        controls = FlightControls(session, self.race, self.sampler)
+        self.numbers = FlightNumbers(gui, session, first[0])
+        # they stand above the controls of the next START
+        above, below = self.race.folder.order, self.race.table.folder.order
+        self.numbers.folder.order = (above + below) / 2
+        controls = FlightControls(session, self.race)
         self._playback = PlaybackPanel(gui, session, controls)
         self._camera = Camera(server)
         self._options = ViewPanel(gui, self._camera)
@@ -183,7 +187,7 @@ class Dashboard:
                 self._update_tables(s, timings, view)
             if self._controls_due(perf_counter()):
                 self._playback.update(s)
-                self.sampler.update(s)
+                self.numbers.update(s)
                 self.race.update(s)
         if self._past_due((view, [entry.past(s.t) for entry in s.competitors])):
             self._update_past(s, view)
@@ -255,7 +259,7 @@ class Dashboard:
 
     def _update_tables(self, s: Snapshot, timings: list[LapTiming], view: RaceView | None) -> None:
         """Show the tables of the present moment."""
-        self._tables["HUD"].content = hud(s, timings)
+        self._tables["HUD"].content = hud(s, timings, self.race.coming)
         if view:
             self._tables["Timing"].content = tower(timings) + view.map.draw(timings)
             self._tables["Planner"].content = planner(timings[0])

@@ -74,7 +74,7 @@ class Drone:
     ):
         node = f"/competitor/{name}"
         colour = entry.style.rgb
-        self._dashed = entry.again  # as its line in the charts
+        self._dashed = bool(entry.style.dash)  # as its line in the charts
         self._colours = np.tile(array_colour(colour), (TRAIL, 2, 1))
         self._shown = Shown(frame=-1, by_speed=False)
         self._frame = scene.add_frame(node, show_axes=False)

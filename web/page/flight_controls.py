@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import viser
 
-from web.choices import Choices, HeatChoices
 from web.page.race_panel import RacePanel
-from web.page.sampler_panel import SamplerPanel
 from web.race import PageRace
 from web.session import Session
 
@@ -19,10 +16,9 @@ Event = viser.GuiEvent | viser.CommandEvent
 class FlightControls:
     """Begins and ends flights. A visitor who did not begin the flight that is on is asked first."""
 
-    def __init__(self, session: Session, race: RacePanel, sampler: SamplerPanel):
+    def __init__(self, session: Session, race: RacePanel):
         self._session = session
         self._race = race
-        self._sampler = sampler
         self._pilot: int | None = None  # number of the visitor who began the flight
         race.start.on_click(self.start)
         race.stop.on_click(self.stop)
@@ -41,20 +37,7 @@ class FlightControls:
         self._ask_first(event, lambda: self._session.tell(PageRace.restart))
 
     def _start(self) -> None:
-        choices: list[Choices | HeatChoices] = [
-            self._choices(sampler) for sampler in self._race.samplers
-        ]
-        if self._race.is_together:
-            choices.append(self._race.heat(self._choices(self._race.sampler.value)))
-        self._session.tell(PageRace.start, choices, self._race.runs)
-
-    def _choices(self, sampler: str) -> Choices:
-        """Return the chosen flight of a sampler, with the numbers of the planner."""
-        return replace(
-            self._race.choices(sampler),
-            numbers=self._sampler.moved,
-            settings=self._sampler.others.changed(sampler),
-        )
+        self._session.tell(PageRace.start, self._race.choices, self._race.runs)
 
     def _ask_first(self, event: Event, act: Callable[[], None]) -> None:
         """Act; first ask a visitor who would end a flight that another one began."""

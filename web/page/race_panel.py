@@ -2,64 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, get_args
 
 import viser
 
-from controllers.learned.pilot import pilot_names
-from controllers.presets import PRESETS
-from controllers.samplers import SAMPLERS
-from quadsim.course import Course, course_names, load_course
+from quadsim.course import Course, load_course
 from quadsim.files.strict_yaml import FileError
 from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.racing.rules import RULES
-from quadsim.sensing import PERFECT, sensing_names
-from quadsim.vehicle import vehicle_names
-from web.choices import PILOT, Choices, HeatChoices
+from web.choices import Choices, HeatChoices, specs_of
+from web.page.competitor_table import CompetitorTable, announced, table_of
+from web.page.menu import Menu
 from web.race import Snapshot
 from web.session import Session
 from web.stored_runs import runs_at, titled_runs
 
 LIVE = "live"
-GHOSTS = "live: two samplers"
 AGAINST = "live against a run"
-TOGETHER = "live: several in one world"
 REPLAY = "replay"
-MODES = (LIVE, GHOSTS, TOGETHER, AGAINST, REPLAY)
-FOUR = "colored gaussian colored gaussian"  # entrants that are offered
+MODES = (LIVE, AGAINST, REPLAY)
+GHOSTS = "as ghosts"
+TOGETHER = "in one world"
 NONE: str = "none"
 RUNS = 200  # number of the latest runs that are offered
 LAPS = (1, 2, 3, 5, 10, 20, 50, 100)
-
-
-@dataclass(frozen=True)
-class Menu:
-    """The names that the page offers."""
-
-    courses: tuple[str, ...]
-    vehicles: tuple[str, ...]
-    presets: Mapping[str, str]  # name -> the vehicle it is meant for
-    samplers: tuple[str, ...]  # samplers and learned pilots, see web.choices.PILOT
-    sensings: tuple[str, ...] = (PERFECT,)
-
-    @classmethod
-    def of_everything(cls, course: str) -> Menu:
-        """Return the menu of everything that comes with quadsim, and of one more course.
-
-        course: a name, or a FILE.yaml that is added to the menu.
-        """
-        pilots = [PILOT + name for name in pilot_names()]
-        return cls(
-            courses=tuple(dict.fromkeys((*course_names(), course))),
-            vehicles=vehicle_names(),
-            presets={name: planners["colored"].vehicle for name, planners in PRESETS.items()},
-            samplers=(*SAMPLERS, *pilots),
-            sensings=sensing_names(),
-        )
 
 
 class LoadedCourse(NamedTuple):
@@ -73,27 +42,31 @@ class RacePanel:
     """The controls that choose a race.
 
     Args:
-        first: the flight that the controls show at first.
+        menu: what there is to choose from.
+        first: the competitors that the controls show at first, with what the whole race has.
+
+    Attributes:
+        table: the competitors.
+        coming: what START will fly, as HTML.
     """
 
-    def __init__(self, gui: viser.GuiApi, session: Session, menu: Menu, first: Choices):
+    def __init__(self, gui: viser.GuiApi, session: Session, menu: Menu, first: Sequence[Choices]):
         self._session = session
-        self._menu = menu
         self._loaded = LoadedCourse("", None)
         self._paths: dict[str, Path] = {}  # title of a stored run -> its folder
-        with gui.add_folder("Race"):
+        self.coming = ""
+        self._shown: object = None  # what the table of competitors shows
+        race = first[0]
+        self.folder = gui.add_folder("Race")
+        with self.folder:
             self.mode = gui.add_dropdown("Mode", MODES, initial_value=LIVE)
-            self.course = gui.add_dropdown("Course", menu.courses, initial_value=first.course)
-            presets = tuple(menu.presets)
-            self.preset = gui.add_dropdown("Preset", presets, initial_value=first.preset)
-            self.vehicle = gui.add_dropdown("Vehicle", menu.vehicles, initial_value=first.vehicle)
-            self.sampler = gui.add_dropdown("Sampler", menu.samplers, initial_value=first.sampler)
-            second = "Second sampler"
-            self.second = gui.add_dropdown(second, menu.samplers, initial_value="gaussian")
-            self.entrants = gui.add_text(
-                "Entrants",
-                FOUR,
-                hint="two to eight: samplers, or NAME=part+part as in race heat --entrants",
+            self._competitors = gui.add_html("")
+            self.world = gui.add_dropdown(
+                "Fly",
+                (GHOSTS, TOGETHER),
+                initial_value=GHOSTS,
+                hint="ghosts: each alone in its world, side by side; in one world they see each"
+                " other, keep clear and can touch",
             )
             self.expect = gui.add_dropdown(
                 "Others",
@@ -108,24 +81,24 @@ class RacePanel:
                 initial_value=HeatSettings.rules,
                 hint="what a contact of two drones costs",
             )
-            self.sensing = gui.add_dropdown(
-                "Sensing",
-                menu.sensings,
-                initial_value=first.sensing,
-                hint="sensors by which the vehicle knows its state; perfect: the true state",
+            self.course = gui.add_dropdown("Course", menu.courses, initial_value=race.course)
+            self.seed = gui.add_text(
+                "Seed",
+                str(race.seed),
+                hint="of the planner's noise and of all else that is random; the same for all",
             )
-            self.seed = gui.add_number("Seed", first.seed, min=0, max=10**9, step=1)
             own = self._own_laps()
-            counts = sorted({*LAPS, first.laps} - {0})
-            laps = str(first.laps) if first.laps else own
+            counts = sorted({*LAPS, race.laps} - {0})
+            laps = str(race.laps) if race.laps else own
             self.laps = gui.add_dropdown("Laps", (own, *map(str, counts)), initial_value=laps)
             self.run = gui.add_dropdown("Run", (NONE,), initial_value=NONE)
             self.second_run = gui.add_dropdown("Second run", (NONE,), initial_value=NONE)
             self.start = gui.add_button("START", icon=viser.Icon.FLAG, color="orange")
             stop = viser.Icon.PLAYER_STOP
             self.stop = gui.add_button("STOP", icon=stop, color="red", disabled=True)
+        self.table = CompetitorTable(gui, menu, first)
         self.mode.on_update(self._show_controls)
-        self.preset.on_update(self._choose_vehicle)
+        self.world.on_update(self._show_controls)
         self.run.on_update(self._choose_course)
         self.refresh()
         self._show_controls()
@@ -137,17 +110,28 @@ class RacePanel:
 
     @property
     def is_together(self) -> bool:
-        """Whether several are to fly in one world."""
-        return self.mode.value == TOGETHER
+        """Whether the competitors are to fly in one world."""
+        return self.world.value == TOGETHER and len(self.table.rows) > 1
 
     @property
-    def samplers(self) -> list[str]:
-        """The samplers that are to be flown."""
-        if self.is_replay or self.is_together:
+    def flights(self) -> list[Choices]:
+        """The flights of the competitors, as they are chosen."""
+        laps = self.laps.value
+        race = Choices(
+            course=self.course.value,
+            seed=self.seed.value.strip(),
+            laps=int(laps) if laps.isdigit() else 0,
+        )
+        return self.table.flights(race)
+
+    @property
+    def choices(self) -> list[Choices | HeatChoices]:
+        """What START will fly."""
+        if self.is_replay:
             return []
-        if self.mode.value == GHOSTS:
-            return [self.sampler.value, self.second.value]
-        return [self.sampler.value]
+        if self.is_together:
+            return [HeatChoices(tuple(self.flights), self.expect.value, self.rules.value)]
+        return [*self.flights]
 
     @property
     def runs(self) -> list[Path]:
@@ -159,31 +143,6 @@ class RacePanel:
             titles.append(self.second_run.value)
         chosen = [self._paths[title] for title in titles if title in self._paths]
         return [run for path in chosen for run in runs_at(path)]
-
-    def choices(self, sampler: str) -> Choices:
-        """Return the chosen flight; the planner's numbers are chosen elsewhere."""
-        laps = self.laps.value
-        return Choices(
-            course=self.course.value,
-            vehicle=self.vehicle.value,
-            preset=self.preset.value,
-            sampler=sampler,
-            sensing=self.sensing.value,
-            seed=int(self.seed.value),
-            laps=int(laps) if laps.isdigit() else 0,
-        )
-
-    def heat(self, flight: Choices) -> HeatChoices:
-        """Return the chosen race of several.
-
-        flight: what all entrants have.
-        """
-        return HeatChoices(
-            flight=flight,
-            entrants=tuple(self.entrants.value.split()),
-            expect=self.expect.value,
-            rules=self.rules.value,
-        )
 
     def show_replay(self, runs: Sequence[Path]) -> None:
         """Show that these runs are being replayed."""
@@ -206,10 +165,21 @@ class RacePanel:
     def update(self, s: Snapshot) -> None:
         """Enable and label the controls for the present state of the race."""
         self.stop.disabled = not s.flying
+        self._show_competitors()
         own = self._own_laps()
         # viser sends options even if they have not changed.
         if self.laps.options[0] != own:
             self.laps.options = (own, *self.laps.options[1:])
+
+    def _show_competitors(self) -> None:
+        """Show the table of competitors, and why they cannot be flown, if they have changed."""
+        asked = (self.choices, self.table.edited)
+        if asked == self._shown:
+            return
+        self._shown = asked
+        problem = problem_of(self.choices)
+        self._competitors.content = table_of(self.flights, self.table.edited, problem)
+        self.coming = "" if self.is_replay else announced(self.flights, self.world.value)
 
     def preview(self) -> Course | None:
         """Return the course that START will fly, None where stored runs are shown instead."""
@@ -232,29 +202,15 @@ class RacePanel:
     def _show_controls(self, _: viser.GuiEvent | None = None) -> None:
         """Show the controls that the mode needs."""
         mode = self.mode.value
-        flight_controls = (
-            self.course,
-            self.preset,
-            self.vehicle,
-            self.sampler,
-            self.sensing,
-            self.seed,
-            self.laps,
-        )
-        for control in flight_controls:
-            control.visible = mode != REPLAY
-        self.sampler.visible = mode not in (TOGETHER, REPLAY)
-        self.second.visible = mode == GHOSTS
-        for control in (self.entrants, self.expect, self.rules):
-            control.visible = mode == TOGETHER
+        live = mode != REPLAY
+        for control in (self._competitors, self.world, self.course, self.seed, self.laps):
+            control.visible = live
+        self.table.folder.visible = live
+        for control in (self.expect, self.rules):
+            control.visible = live and self.world.value == TOGETHER
         self.run.visible = mode in (AGAINST, REPLAY)
         self.second_run.visible = mode == REPLAY
         self.start.label = "REPLAY" if mode == REPLAY else "START"
-
-    # It is a coroutine so that it runs before the other callbacks of a new preset.
-    async def _choose_vehicle(self, _: viser.GuiEvent) -> None:
-        """Choose the vehicle that the preset is meant for."""
-        self.vehicle.value = self._menu.presets[self.preset.value]
 
     def _choose_course(self, _: viser.GuiEvent) -> None:
         """Choose the course in the run's name, for a live flight beside the run."""
@@ -264,3 +220,15 @@ class RacePanel:
         found = [course for course in self.course.options if f"_{course}_" in path.name]
         if found:
             self.course.value = max(found, key=len)
+
+
+def problem_of(choices: Sequence[Choices | HeatChoices]) -> str:
+    """Return in one line why choices cannot be flown; "": they can."""
+    try:
+        specs_of([one for one in choices if isinstance(one, Choices)])
+        for one in choices:
+            if isinstance(one, HeatChoices):
+                one.spec()
+    except ValueError as error:
+        return str(error)
+    return ""

@@ -12,6 +12,7 @@ from quadsim.racing.events import Event
 from quadsim.record.run import not_comparable
 from web.competitor import CRASHES, Competitor, heat_of
 from web.lap_timing import LapTiming, order
+from web.page.comparison import comparison, headline, result
 from web.page.course_map import timeline
 from web.page.html import (
     DIM,
@@ -42,20 +43,28 @@ RAISES_COST = "#6f86d6"
 CENTRED = {"text_align": "center"}
 
 
-def hud(s: Snapshot, timings: list[LapTiming]) -> str:
-    """Return the head-up display of the first competitor.
+def hud(s: Snapshot, timings: list[LapTiming], coming: str = "") -> str:
+    """Return the head-up display.
 
-    It has lap, its time, next gate, speed and gap; below, what the race is doing, the results and
-    the time line.
+    It says who leads, by how much, and how much the thrust of each chatters; for the first
+    competitor lap, its time, next gate, speed and gap; below, what the race is doing, the results
+    and the time line.
+
+    coming: what START will fly, as HTML.
     """
     if s.compiling:
         compiling = "Compiling the planner for this machine: once, it takes some 20 s"
         return head_up(div(compiling, **CENTRED, color=DIM))
     if not timings:
-        return head_up(div("Choose a race and press START", **CENTRED, color=DIM))
-    results = "".join(_result(one, len(timings) > 1) for one in timings if one.over)
+        return head_up(coming or div("Choose a race and press START", **CENTRED, color=DIM))
+    leads = ""
+    if len(timings) > 1:
+        leads = div(headline(timings), **CENTRED, font_size="18px")
+    else:
+        leads = _result(timings[0])
+    above = "".join(_above(one, len(timings) > 1) for one in timings if one.over)
     line = timeline(s.competitors, s.t, s.end)
-    return head_up(_numbers(timings), results, _state(s, timings[0]), line)
+    return head_up(leads, _numbers(timings), comparison(timings), above, _state(s, timings), line)
 
 
 def _numbers(timings: list[LapTiming]) -> str:
@@ -86,13 +95,19 @@ def _numbers(timings: list[LapTiming]) -> str:
     return row.replace("<div ", '<div class="numbers" ', 1)
 
 
-def _result(s: LapTiming, has_name: bool) -> str:
+def _result(s: LapTiming) -> str:
     """Return the result of a flight as HTML, which stays until another race begins."""
+    if not s.over:
+        return ""
     ended = result(s)
+    return div(coloured(ended.content, ended.colour), **CENTRED, font_size="17px", **MONO)
+
+
+def _above(s: LapTiming, has_name: bool) -> str:
+    """Return by how much a flight was above the best known limit, as HTML."""
+    above = above_limit(s.entry)
     name = label(s.entry) + " " if has_name else ""
-    shown = name + coloured(ended.content, ended.colour)
-    above = div(above_limit(s.entry), **CENTRED, font_size="12px")
-    return div(shown, **CENTRED, font_size="17px", **MONO) + above
+    return div(name + above, **CENTRED, font_size="12px") if above else ""
 
 
 def above_limit(entry: Competitor) -> str:
@@ -110,32 +125,9 @@ def above_limit(entry: Competitor) -> str:
 SLOW = 0.6
 
 
-class Result(NamedTuple):
-    """The end of a flight, as a text in a colour."""
-
-    content: str
-    colour: str
-
-
-def result(s: LapTiming) -> Result:
-    """Return the result of a flight."""
-    entry = s.entry
-    if entry.outcome == "finished":
-        return Result(f"FINISHED {sum(entry.laps):.3f} s", FASTER)
-    crash = s.crash
-    if crash is None:
-        return Result(f"DNF {text(entry.outcome)}, lap {s.lap}", RED)
-    where = {
-        "contact": f"with {crash.place}",
-        "hit": f"at {crash.place}",
-        "ground": "on the ground",
-        "bounds": "out of bounds",
-    }
-    return Result(f"CRASHED {where[crash.kind]}, lap {crash.lap}", RED)
-
-
-def _state(s: Snapshot, first: LapTiming) -> str:
+def _state(s: Snapshot, timings: Sequence[LapTiming]) -> str:
     """Return the state of the race as text: flying, paused, ended or replay."""
+    first = timings[0]
     if s.playing:
         doing = "flying" if s.flying else "replay"
         pace = f"{s.factor:.2f} x real time"
@@ -148,9 +140,10 @@ def _state(s: Snapshot, first: LapTiming) -> str:
     sensing = first.entry.spec.get("sensing")
     if sensing:
         parts.append(f"sensing {text(sensing['name'])}")
-    remark = not_comparable(first.entry.spec)
-    if remark:
-        parts.append(coloured(remark, RED))
+    for timing in timings:
+        remark = not_comparable(timing.entry.spec)
+        if remark:
+            parts.append(coloured(f"{text(timing.entry.name)}: {remark}", RED))
     return div(" · ".join(parts), color=DIM, font_size="11px", **CENTRED, margin_top="2px")
 
 

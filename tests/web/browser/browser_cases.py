@@ -15,7 +15,7 @@ DRAWN = "?fixedDpr=0.2"
 def dashboard(root, take_off, **first):
     """A running page: its session, which knows its address."""
     from web.page.dashboard import Dashboard
-    from web.page.race_panel import Menu
+    from web.page.menu import Menu
     from web.page.server import serve
     from web.session import Session
 

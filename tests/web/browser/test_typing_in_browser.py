@@ -1,0 +1,73 @@
+"""Claims that the number that is typed, key by key, is the one that counts, over flights without
+physics."""
+
+import pytest
+from browser_cases import field, press, waited
+
+from web.race import PageRace
+
+
+def typed(page, label, text, leave="Enter"):
+    """Type into a box as a person does; return what then stands there."""
+    box = field(page, label).last
+    box.click()
+    page.keyboard.press("Control+a")
+    page.keyboard.type(text, delay=20)
+    page.keyboard.press(leave)
+    return box
+
+
+def flown(page, session):
+    """The planner of the next START."""
+    races = session.snapshot.race
+    press(page, "START")
+    assert waited(page, lambda: session.snapshot.race > races)
+    session.tell(PageRace.end_flights)
+    return session.snapshot.competitors[0].spec["planner"]
+
+
+@pytest.fixture(autouse=True)
+def preset(page):
+    """The boxes hold the preset's numbers."""
+    press(page, "Reset to preset")
+    assert waited(page, lambda: field(page, "Samples").last.input_value() == "4096")
+    yield
+    press(page, "Reset to preset")
+
+
+def test_the_typed_number_is_flown(page, session):
+    """viser's own box makes 1.5 of .5 and 1.2 of .2, and takes no 1024."""
+    before = flown(page, session)["sampling"]["sigma"]
+    typed(page, "Sigma scale", ".5")
+    typed(page, "Temperature", "0.234", leave="Tab")
+    typed(page, "Samples", "1024")
+    planner = flown(page, session)
+    assert planner["sampling"]["sigma"] == pytest.approx([0.5 * sigma for sigma in before])
+    assert planner["mppi"]["temperature"] == 0.234
+    assert planner["mppi"]["samples"] == 1024
+
+
+def test_a_number_does_not_count_before_enter_or_leaving(page, session):
+    box = typed(page, "Samples", "1024", leave="End")
+    page.wait_for_timeout(300)
+    assert flown(page, session)["mppi"]["samples"] in (1024, 4096)  # START takes the focus
+    box = typed(page, "Samples", "512", leave="Escape")
+    assert box.input_value() in ("1024", "4096")
+
+
+@pytest.mark.parametrize(
+    ("label", "text", "words"),
+    [
+        ("Samples", "99999", ["Samples", "from 256 to 8192", "got 99999", "it stays 4096"]),
+        ("Sigma scale", "0", ["Sigma scale", "from 0.1 to 4", "got 0", "it stays 1"]),
+        ("Temperature", "warm", ["Temperature", "expected a number", "got warm"]),
+    ],
+)
+def test_what_is_out_of_range_is_said_and_nothing_of_it_is_taken(page, session, label, text, words):
+    before = field(page, label).last.input_value()
+    box = typed(page, label, text)
+    notice = page.get_by_role("alert").filter(has_text=words[0])
+    assert waited(page, lambda: notice.count() and all(w in notice.inner_text() for w in words))
+    page.keyboard.press("Tab")
+    page.wait_for_timeout(300)
+    assert box.input_value() == before

@@ -1,0 +1,82 @@
+// Stands in viser's page before its own script. What is typed into a box counts on Enter or when the box is left, and as a
+// whole: viser would take every key, so that "1024" began as 1, and would refuse or bound what is out of range without a word.
+(() => {
+  const NUMBER = ".mantine-NumberInput-input";
+  const BOXES = `${NUMBER}, .mantine-TextInput-input`;
+  const SECONDS = 8;
+  const setValue = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set;
+  const notice = document.createElement("div");
+  notice.setAttribute("role", "alert");
+  notice.style.cssText =
+    "position:fixed;left:50%;bottom:64px;transform:translateX(-50%);z-index:10000;padding:8px 16px;border-radius:6px;" +
+    "background:#8a3a00;color:#fff;font:600 15px sans-serif;display:none";
+  let hidden = 0;
+  let passes = false; // whether viser is to see what is typed
+
+  function say(text) {
+    notice.textContent = text;
+    notice.style.display = "block";
+    clearTimeout(hidden);
+    hidden = setTimeout(() => (notice.style.display = "none"), 1000 * SECONDS);
+  }
+
+  // React keeps the value that counts as the box's default value.
+  const counts = (box) => box.defaultValue;
+
+  // Why a number cannot be taken; empty: it can.
+  function problem(box, text) {
+    const label = box.labels?.[0]?.textContent || box.getAttribute("aria-label") || "";
+    const [, name, unit] = label.match(/^(.*?)(?: \[(.+)\])?$/);
+    const slider = box.closest("[class*=Flex-root]")?.querySelector("[role=slider]");
+    const number = Number(text);
+    let range = "";
+    if (slider) range = ` from ${slider.getAttribute("aria-valuemin")} to ${slider.getAttribute("aria-valuemax")}`;
+    const beyond = slider && (number < slider.getAttribute("aria-valuemin") || number > slider.getAttribute("aria-valuemax"));
+    if (text !== "" && Number.isFinite(number) && !beyond) return "";
+    return `${name}: expected a number${range}${unit ? ` ${unit}` : ""}, got ${text || "nothing"}; it stays ${counts(box)}`;
+  }
+
+  function commit(box) {
+    if (box.value === counts(box)) return;
+    let text = box.value.trim();
+    if (box.matches(NUMBER)) {
+      const wrong = problem(box, text);
+      if (wrong) {
+        setValue.call(box, counts(box));
+        say(wrong);
+        return;
+      }
+      text = String(Number(text)); // .5 as 0.5, 1e3 as 1000
+    }
+    setValue.call(box, text);
+    passes = true;
+    box.dispatchEvent(new Event("input", { bubbles: true }));
+    passes = false;
+  }
+
+  const boxOf = (event) => (event.target instanceof HTMLInputElement && event.target.matches(BOXES) ? event.target : null);
+
+  for (const kind of ["input", "change"]) {
+    addEventListener(kind, (event) => !passes && boxOf(event) && event.stopPropagation(), true);
+  }
+  addEventListener("focusout", (event) => boxOf(event) && commit(event.target), true);
+  addEventListener(
+    "keydown",
+    (event) => {
+      const box = boxOf(event);
+      if (!box) return;
+      if (["Enter", "ArrowUp", "ArrowDown"].includes(event.key)) commit(box);
+      if (event.key === "Escape") setValue.call(box, counts(box));
+    },
+    true,
+  );
+  addEventListener("DOMContentLoaded", () => document.body.append(notice));
+})();
+// A click on a row of the table of competitors presses the button of its number.
+addEventListener("click", (event) => {
+  const row = event.target instanceof Element && event.target.closest("[data-row]");
+  if (!row) return;
+  const add = [...document.querySelectorAll("button")].find((button) => button.textContent === "add" || button.textContent === "remove");
+  const group = add?.parentElement;
+  [...(group?.querySelectorAll("button") ?? [])].find((button) => button.textContent === row.dataset.row)?.click();
+});

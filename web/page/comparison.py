@@ -1,0 +1,110 @@
+"""Comparison: who leads and by how much, how each flight ended, the chatter of their thrust."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsim.palette import FASTER
+from web.lap_timing import LapTiming, Way, order, time_at
+from web.page.html import DIM, MONO, RED, bar, coloured, div, element, label, small, text
+
+WHY_CHATTER = (
+    "chatter: how much the commanded thrust jumps in a second [m/s²/s]. Motors lag and cannot"
+    " follow, it only heats them: less is better."
+)
+FEWEST = 20  # frames before there is a figure of chatter
+
+
+class Result(NamedTuple):
+    """The end of a flight, as a text in a colour."""
+
+    content: str
+    colour: str
+
+
+def result(s: LapTiming) -> Result:
+    """Return the result of a flight."""
+    entry = s.entry
+    if entry.outcome == "finished":
+        return Result(f"FINISHED {sum(entry.laps):.3f} s", FASTER)
+    crash = s.crash
+    if crash is None:
+        return Result(f"DNF {text(entry.outcome)}, lap {s.lap}", RED)
+    where = {
+        "contact": f"with {crash.place}",
+        "hit": f"at {crash.place}",
+        "ground": "on the ground",
+        "bounds": "out of bounds",
+    }
+    return Result(f"CRASHED {where[crash.kind]}, lap {crash.lap}", RED)
+
+
+def headline(timings: Sequence[LapTiming]) -> str:
+    """Return in one sentence who leads, and by how much, as HTML."""
+    going = [s for s in order(timings) if not _is_out(s)]
+    if not going:
+        first = label(order(timings)[0].entry)
+        return f"nobody finished; {first} came farthest"
+    first = label(going[0].entry)
+    if len(going) == 1:
+        return f"{first} {'finished alone' if going[0].over else 'flies on alone'}"
+    second = going[1]
+    behind = seconds_behind(second, going[0])
+    verb = "beats" if second.over else "leads"
+    by = f" by <b>{behind:.2f} s</b>" if np.isfinite(behind) else ""
+    more = f" and {len(timings) - 2} more" if len(timings) > 2 else ""
+    return f"{first} {verb} {label(second.entry)}{more}{by}"
+
+
+def seconds_behind(s: LapTiming, leader: LapTiming) -> float:
+    """Return how long after the leader a competitor was at its place [s]; nan: at the start."""
+    if s.over and leader.over:
+        return sum(s.entry.laps) - sum(leader.entry.laps)
+    way = Way(leader.entry.t, leader.entry.progress)
+    return s.t - float(time_at(np.array([s.place]), way)[0])
+
+
+def comparison(timings: Sequence[LapTiming]) -> str:
+    """Return a row for each competitor, the leader first, with its chatter in large figures."""
+    ranked = order(timings)
+    going = [s for s in ranked if not _is_out(s)]
+    most = max(s.chatter for s in timings)
+    parts = []
+    for s in [*going, *(s for s in ranked if _is_out(s))]:
+        leader = going[0] if going else s
+        cells = [
+            div(label(s.entry), width="34%", overflow="hidden"),
+            div(_standing(s, leader), width="30%"),
+            div(_chatter(s, most), width="36%"),
+        ]
+        parts.append(div("".join(cells), display="flex", align_items="center", gap="8px", **MONO))
+    return div("".join(parts) + small(WHY_CHATTER), margin_top="4px")
+
+
+def _is_out(s: LapTiming) -> bool:
+    """Return whether a flight has ended without a finish."""
+    return s.over and s.entry.outcome != "finished"
+
+
+def _standing(s: LapTiming, leader: LapTiming) -> str:
+    """Return the lap and the gap of a competitor, or how its flight ended."""
+    if s.over:
+        ended = result(s)
+        return coloured(ended.content, ended.colour)
+    lap = f"lap {s.lap}/{s.entry.laps_to_fly}"
+    if s is leader:
+        return f"{lap} leads"
+    behind = seconds_behind(s, leader)
+    return f"{lap} +{behind:.2f} s" if np.isfinite(behind) else lap
+
+
+def _chatter(s: LapTiming, most: float) -> str:
+    """Return the chatter of a competitor, with a bar beside the one that has most."""
+    if s.i < FEWEST:
+        return element("span", "chatter -", color=DIM)
+    figure = element("span", f"{s.chatter:.0f}", font_size="20px", font_weight=700)
+    word = element("span", " chatter", color=DIM, font_size="11px")
+    return figure + word + bar(s.chatter / max(most, 1e-9), s.entry.style.colour, height=4)

@@ -1,0 +1,40 @@
+"""Menu: the names that the page offers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from controllers.learned.pilot import pilot_names
+from controllers.presets import PRESETS
+from controllers.samplers import SAMPLERS
+from quadsim.course import course_names
+from quadsim.sensing import PERFECT, sensing_names
+from quadsim.vehicle import vehicle_names
+from web.choices import PILOT
+
+
+@dataclass(frozen=True)
+class Menu:
+    """The names that the page offers."""
+
+    courses: tuple[str, ...]
+    vehicles: tuple[str, ...]
+    presets: Mapping[str, str]  # name -> the vehicle it is meant for
+    samplers: tuple[str, ...]  # samplers and learned pilots, see web.choices.PILOT
+    sensings: tuple[str, ...] = (PERFECT,)
+
+    @classmethod
+    def of_everything(cls, course: str) -> Menu:
+        """Return the menu of everything that comes with quadsim, and of one more course.
+
+        course: a name, or a FILE.yaml that is added to the menu.
+        """
+        pilots = [PILOT + name for name in pilot_names()]
+        return cls(
+            courses=tuple(dict.fromkeys((*course_names(), course))),
+            vehicles=vehicle_names(),
+            presets={name: planners["colored"].vehicle for name, planners in PRESETS.items()},
+            samplers=(*SAMPLERS, *pilots),
+            sensings=sensing_names(),
+        )
