@@ -180,7 +180,7 @@ def main() -> None:
         server = serve(HOST, 0, None, "race")
         session = Session(f"{root}/runs")
         menu = Menu.of_everything(COLORED.course)
-        dashboard = Dashboard(server, session, menu, COLORED)
+        dashboard = Dashboard(server, session, menu, COLORED, GAUSSIAN)
         found = shutil.which("chromium") or shutil.which("chromium-browser")
         browser = p.chromium.launch(executable_path=found, args=DRAWN)
         studio = Studio(browser, session, dashboard, address(HOST, server.get_port()))

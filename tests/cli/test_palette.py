@@ -12,7 +12,7 @@ from quadsim.campaign import figure as comparison
 from quadsim.campaign.summary_stats import Section, variant_stats
 from quadsim.course import load_course
 from quadsim.figures.run_figure import draw
-from quadsim.palette import OTHER, SPARE, STYLES, dotted, style, styles
+from quadsim.palette import OTHER, SPARE, STYLES, dotted, style, styles, styles_on_dark
 from quadsim.paper import double_integrator
 
 ROOT = Path(__file__).parents[2]
@@ -27,6 +27,14 @@ def test_a_sampler_has_its_own_style_and_other_variants_the_spare_ones_in_order(
 def test_no_two_styles_of_the_palette_have_one_colour():
     colours = [s.colour for s in (*STYLES.values(), *SPARE, OTHER)]
     assert len(set(colours)) == len(colours)
+
+
+def test_eight_competitors_differ_in_colour_and_line_also_with_one_sampler():
+    for samplers in (["colored"] * 8, ["gaussian", "colored"] * 4, [*STYLES, "pilot", *STYLES][:8]):
+        found = styles_on_dark(samplers)
+        assert len({s.colour for s in found}) == len(found)
+        assert len({s.dash for s in found[-7:]}) >= 5
+        assert found[0] == STYLES[samplers[0]]
 
 
 def test_a_sampler_s_second_line_keeps_its_colour_and_differs_from_the_first():

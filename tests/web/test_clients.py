@@ -66,7 +66,7 @@ def test_one_click_starts_a_flight(page, session):
 )
 def test_a_value_out_of_range_or_of_another_type_changes_nothing(page, value):
     dashboard, server = page
-    slider = dashboard.sampler.sliders["temperature"]
+    slider = dashboard.race.table.numbers.sliders["temperature"]
     before = slider.value
 
     async def client_does():
@@ -85,7 +85,7 @@ def test_a_value_out_of_range_or_of_another_type_changes_nothing(page, value):
 @pytest.mark.parametrize("name", ["removed", "update_cb", "gui_api", "uuid", "nonsense"])
 def test_only_values_can_be_set(page, name):
     dashboard, server = page
-    slider = dashboard.sampler.sliders["sigma"]
+    slider = dashboard.race.table.numbers.sliders["sigma"]
     before = getattr(slider._impl, name, None)
 
     async def client_does():
@@ -124,9 +124,10 @@ def test_moving_gamma_in_flight_is_an_event(page, session):
                 lambda: (
                     session.snapshot.competitors
                     and max(session.snapshot.competitors[0].t, default=0.0) > 0.02
+                    and dashboard.numbers.folder.visible
                 )
             )
-            await client.set(dashboard.sampler.sliders["gamma_rates"], 1.25)
+            await client.set(dashboard.numbers.sliders["gamma_rates"], 1.25)
             assert await settled(lambda: session.snapshot.competitors[0].changes)
 
     asyncio.run(client_does())
@@ -135,7 +136,7 @@ def test_moving_gamma_in_flight_is_an_event(page, session):
 
 def test_two_clients_see_each_others_changes(page):
     dashboard, server = page
-    slider = dashboard.sampler.sliders["sigma"]
+    slider = dashboard.race.table.numbers.sliders["sigma"]
 
     async def clients_do():
         async with connect(server.get_port()) as one, connect(server.get_port()) as two:

@@ -1,5 +1,7 @@
 """A race of several drones on the page is the race of the command, stored as one."""
 
+from dataclasses import replace
+
 import pytest
 
 import quadsim
@@ -7,6 +9,7 @@ from quadsim.heat.archive import load_heat
 from quadsim.heat.result import heat_digest
 from web.choices import Choices, HeatChoices
 from web.live_heat import LiveHeat
+from web.numbers import Change
 from web.race import PageRace
 
 SMALL = {"samples": 128, "horizon": 60, "first_iterations": 10, "timeout": 0.8}
@@ -14,8 +17,11 @@ ENTRANTS = ("colored", "gaussian")
 
 
 def choices(**settings):
-    flight = Choices(course="figure8", laps=1, settings=SMALL | settings)
-    return HeatChoices(flight, ENTRANTS)
+    flights = [
+        Choices(course="figure8", sampler=sampler, laps=1, settings=SMALL | settings)
+        for sampler in ENTRANTS
+    ]
+    return HeatChoices(tuple(flights))
 
 
 @pytest.mark.flight
@@ -54,7 +60,31 @@ def test_a_race_that_is_stopped_before_a_gate_leaves_nothing(tmp_path):
     assert {entry.outcome for entry in race.snapshot().competitors} == {"interrupted"}
 
 
-def test_entrants_that_do_not_exist_are_one_line():
-    with pytest.raises(ValueError, match="no sampler or preset 'colred'") as caught:
-        HeatChoices(Choices(course="figure8"), ("colred", "gaussian")).spec()
+def test_an_entrant_that_cannot_fly_is_named_in_one_line():
+    """Before anything is built."""
+    good = Choices(course="figure8")
+    with pytest.raises(ValueError, match=r"^colored 2: samples: expected") as caught:
+        HeatChoices((good, replace(good, settings={"samples": "many"}))).spec()
     assert "\n" not in str(caught.value)
+
+
+def test_each_entrant_has_numbers_of_its_own():
+    flights = (
+        Choices(course="figure8", numbers={"samples": 512}),
+        Choices(course="figure8", settings={"horizon": 100}, vehicle="kolibri"),
+        Choices(course="figure8", sampler="gaussian", numbers={"gamma_rates": 1.0}),
+    )
+    heat = HeatChoices(flights).spec()
+    assert heat.names == ("colored", "colored 2", "gaussian")
+    first, second, third = (entrant.spec for entrant in heat.entrants)
+    assert (first.planner.mppi.samples, second.planner.mppi.samples) == (512, 4096)
+    assert (first.planner.mppi.horizon, second.planner.mppi.horizon) == (150, 100)
+    assert (first.vehicle.name, second.vehicle.name) == ("swift", "kolibri")
+    assert third.sampler == "gaussian"  # which has no gamma
+
+
+def test_numbers_moved_in_flight_are_refused_with_what_to_do(tmp_path):
+    heat = LiveHeat(choices())
+    with pytest.raises(ValueError, match=r"Samples: in one world the numbers of START stay"):
+        heat.change(Change("samples", 512))
+    heat.close()

@@ -89,13 +89,14 @@ def test_names_of_runs_differ():
         "colored s0",
         "colored s1",
     ]
-    assert [x.name for x in named([competitor(), competitor()])] == ["colored #1", "colored #2"]
+    assert [x.name for x in named([competitor(), competitor()])] == ["colored", "colored 2"]
 
 
 def test_two_runs_of_one_sampler_differ_in_line_and_others_keep_theirs(competitors):
     one, two = named([competitor(), competitor(seed=1)])
     assert one.style == STYLES["colored"] != two.style
-    assert two.style.colour == one.style.colour
+    assert two.style.colour != one.style.colour
+    assert two.style.dash != one.style.dash
     assert label(one) != label(two).replace("s1", "s0")
     assert [x.style for x in competitors] == [STYLES["colored"], STYLES["gaussian"]]
 

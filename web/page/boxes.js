@@ -20,6 +20,9 @@
     hidden = setTimeout(() => (notice.style.display = "none"), 1000 * SECONDS);
   }
 
+  // What was typed and does not count yet: drawing a box anew, viser writes the value that counts over it.
+  const typed = new WeakMap();
+
   // React keeps the value that counts as the box's default value.
   const counts = (box) => box.defaultValue;
 
@@ -37,8 +40,10 @@
   }
 
   function commit(box) {
-    if (box.value === counts(box)) return;
-    let text = box.value.trim();
+    const raw = typed.get(box) ?? box.value;
+    typed.delete(box);
+    if (raw === counts(box)) return;
+    let text = raw.trim();
     if (box.matches(NUMBER)) {
       const wrong = problem(box, text);
       if (wrong) {
@@ -57,8 +62,25 @@
   const boxOf = (event) => (event.target instanceof HTMLInputElement && event.target.matches(BOXES) ? event.target : null);
 
   for (const kind of ["input", "change"]) {
-    addEventListener(kind, (event) => !passes && boxOf(event) && event.stopPropagation(), true);
+    addEventListener(
+      kind,
+      (event) => {
+        const box = !passes && boxOf(event);
+        if (!box) return;
+        event.stopPropagation();
+        if (kind === "input") typed.set(box, box.value);
+      },
+      true,
+    );
   }
+  addEventListener(
+    "beforeinput",
+    (event) => {
+      const box = boxOf(event);
+      if (box && typed.has(box) && box.value !== typed.get(box)) setValue.call(box, typed.get(box));
+    },
+    true,
+  );
   addEventListener("focusout", (event) => boxOf(event) && commit(event.target), true);
   addEventListener(
     "keydown",
@@ -66,17 +88,20 @@
       const box = boxOf(event);
       if (!box) return;
       if (["Enter", "ArrowUp", "ArrowDown"].includes(event.key)) commit(box);
-      if (event.key === "Escape") setValue.call(box, counts(box));
+      if (event.key === "Escape") {
+        typed.delete(box);
+        setValue.call(box, counts(box));
+      }
     },
     true,
   );
   addEventListener("DOMContentLoaded", () => document.body.append(notice));
 })();
-// A click on a row of the table of competitors presses the button of its number.
+// A click on a row of the table of competitors presses the button of its number, which stands beside "add" and "remove".
 addEventListener("click", (event) => {
   const row = event.target instanceof Element && event.target.closest("[data-row]");
   if (!row) return;
-  const add = [...document.querySelectorAll("button")].find((button) => button.textContent === "add" || button.textContent === "remove");
-  const group = add?.parentElement;
-  [...(group?.querySelectorAll("button") ?? [])].find((button) => button.textContent === row.dataset.row)?.click();
+  const buttons = [...document.querySelectorAll("button")];
+  const group = buttons.find((button) => ["add", "remove"].includes(button.textContent))?.parentElement;
+  buttons.find((button) => button.parentElement === group && button.textContent === row.dataset.row)?.click();
 });

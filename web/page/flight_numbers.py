@@ -17,8 +17,8 @@ from web.race import PageRace, Snapshot
 from web.session import Session
 
 EVERYONE: str = "everyone"
-SETTLED = 0.3  # [s] for which a slider rests before its number is asked for: a drag is one change
-HOLD = 0.8  # [s] after a slider was moved by hand, before it follows the race again
+SETTLED = 0.5  # [s] for which a slider rests before its number is asked for: a drag is one change
+HOLD = 1.0  # [s] after a slider was moved by hand, before it follows the race again
 
 
 class FlightNumbers:

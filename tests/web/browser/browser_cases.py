@@ -23,8 +23,8 @@ def dashboard(root, take_off, **first):
     session = Session(str(root), take_off)
     menu = Menu(
         courses=("split_s_swift", "figure8"),
-        vehicles=("swift",),
-        presets={"race": "swift"},
+        vehicles=("swift", "paper"),
+        presets={"race": "swift", "paper": "paper"},
         samplers=("colored", "gaussian", f"{PILOT}split_s_swift"),
         sensings=("perfect", "gates"),
     )
@@ -64,6 +64,29 @@ def choose(page, label, option):
 def fill(page, label, value):
     field(page, label).last.fill(str(value))
     field(page, label).last.press("Enter")
+
+
+def add_rival(page, sampler):
+    """Add a competitor, a copy of the one that is edited, with another sampler."""
+    press(page, "add")
+    choose(page, "Sampler", sampler)
+
+
+def alone(page):
+    """Leave one competitor, with the preset's numbers for colored sampling."""
+    while button(page, "remove").count():
+        before = rows(page).count()
+        press(page, "remove")
+        assert waited(page, lambda n=before: rows(page).count() == n - 1)
+    choose(page, "Sampler", "colored")
+    press(page, "Reset to preset")
+    assert waited(page, lambda: rows(page).count() == 1)
+    assert waited(page, lambda: "colored" in rows(page).inner_text())
+
+
+def rows(page):
+    """The rows of the table of competitors."""
+    return page.locator("[data-row]")
 
 
 def button(page, name):

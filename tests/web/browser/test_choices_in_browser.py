@@ -3,7 +3,7 @@
 import re
 from threading import Event
 
-from browser_cases import choose, field, press, waited
+from browser_cases import choose, field, fill, press, waited
 from web_cases import COURSE
 
 from quadsim.course import load_course
@@ -55,8 +55,7 @@ def test_runs_are_called_by_time_course_sampler_and_result_the_latest_first(page
 
 
 def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, gliders):
-    """And is flown by each sampler that has it."""
-    page.get_by_text("All numbers, from the next START").click()
+    page.get_by_text("All numbers", exact=True).click()
     numbers = {
         "Sampling": "Law",
         "MPPI": "Horizon [steps]",
@@ -73,22 +72,35 @@ def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, gli
         shown = found.setting.field.replace("_", " ")
         wanted = re.compile(rf"{shown}( rates| thrust| scale)?( \[.*\])?", re.IGNORECASE)
         assert any(wanted.fullmatch(label) for label in labels), name
-    field(page, "Horizon [steps]").first.fill("100")
-    field(page, "Law").first.click()
-    page.get_by_role("option", name="paper").click()
-    choose(page, "Mode", "live: two samplers")
+    fill(page, "Horizon [steps]", "100")
+    choose(page, "Law", "paper")
     built = len(gliders.built)
     press(page, "START")
-    assert waited(page, lambda: len(gliders.built) == built + 2)
-    colored, gaussian = (glider.choices.settings for glider in gliders.built[-2:])
-    assert colored == {"horizon": "100", "law": "paper"}
-    assert gaussian == {"horizon": "100"}
+    assert waited(page, lambda: len(gliders.built) == built + 1)
+    assert gliders.built[-1].choices.settings == {"horizon": 100, "law": "paper"}
     session.tell(PageRace.end_flights)
     press(page, "Reset to preset")
     horizon = field(page, "Horizon [steps]").first
-    assert waited(page, lambda: horizon.count() and horizon.input_value() == "150")
-    choose(page, "Mode", "live")
-    page.get_by_text("All numbers, from the next START").click()
+    assert waited(page, lambda: horizon.input_value() == "150")
+    page.get_by_text("All numbers", exact=True).click()
+
+
+def test_what_cannot_be_flown_is_said_before_start_in_one_line(page, session):
+    """A number out of its range is refused at once, one that fits nothing else in the table."""
+    races = session.snapshot.race
+    fill(page, "Seed", "many")
+    refused = page.locator("p, span, div:visible", has_text="seed: expected a whole number").first
+    refused.wait_for()
+    press(page, "START")
+    assert waited(page, lambda: any("seed" in n.text for n in session.snapshot.notices))
+    assert session.snapshot.race == races
+    fill(page, "Seed", "0")
+    page.get_by_text("All numbers", exact=True).click()
+    page.get_by_text("MPPI", exact=True).click()
+    fill(page, "Horizon [steps]", "1")
+    page.get_by_text("horizon: expected a whole number").first.wait_for()
+    assert waited(page, lambda: field(page, "Horizon [steps]").first.input_value() == "150")
+    page.get_by_text("All numbers", exact=True).click()
 
 
 def test_a_planner_that_is_being_compiled_says_so_in_the_head_up_display(page, session, gliders):

@@ -1,11 +1,17 @@
 """Claims about real flights in a real browser: the planner on few samples, a pilot on sensors."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from browser_cases import SLOW, choose, dashboard, drone, field, fill, opened, press, seen, waited
 
+import quadsim
 from controllers.presets import PRESETS
+from quadsim.cli.fly import spec_again
 from quadsim.record.archive import list_runs, load_run
+from quadsim.record.run import same_flight
 from web.choices import PILOT
 from web.live_flight import LiveFlight
 from web.numbers import SLIDERS
@@ -161,14 +167,39 @@ def test_moving_gamma_in_flight_is_flown_by_the_planner_and_shown_as_an_event(
     fill(page, "Samples", 256)
     start(page, session)
     assert waited(page, lambda: session.snapshot.t > 0.05)
-    fill(page, "Gamma rates", 1.5)
+    fill(page, "Gamma rates now", 1.5)
     page.get_by_role("tab", name="Events").click()
     before = PRESETS["race"]["colored"].sampling.gamma[0]
     seen(page, f"gamma rates {before:g} → 1.5")
     seen(page, "not comparable")
     (change,) = session.snapshot.competitors[0].changes
     assert waited(page, lambda: session.snapshot.t > change["t"] + 0.05)
-    session.tell(PageRace.end_flights)
+
+
+def test_what_is_called_repeatable_is_flown_again_to_the_last_bit_with_its_changes(page, session):
+    """The flight that was changed above, until its end; `race fly --from` flies this spec."""
+    session.tell(PageRace.set_speed, 1e6)
+    assert waited(page, lambda: not session.snapshot.flying)
+    session.tell(PageRace.set_speed, 1.0)
+    (entry,) = session.snapshot.competitors
+    run = load_run(entry.folder)
+    assert len(run.spec["interactive"]) == 1
+    assert json.loads((entry.folder / "run.json").read_text())["repeatable_from_spec"] is True
+    assert same_flight(run, quadsim.fly(spec_again(run, {})))
+    unchanged = {**run.spec, "interactive": []}
+    assert not same_flight(run, quadsim.fly(spec_again(replace(run, spec=unchanged), {})))
+
+
+def test_a_flight_that_was_stopped_is_not_called_repeatable(page, session):
+    start(page, session)
+    session.tell(PageRace.set_speed, 1e6)
+    assert waited(page, lambda: session.snapshot.competitors[0].events)
+    press(page, "STOP")
+    assert waited(page, lambda: not session.snapshot.flying)
+    session.tell(PageRace.set_speed, 1.0)
+    (entry,) = session.snapshot.competitors
+    assert entry.outcome == "interrupted"
+    assert json.loads((entry.folder / "run.json").read_text())["repeatable_from_spec"] is False
 
 
 def test_the_console_holds_no_error_and_no_warning(page, replayed):
