@@ -87,6 +87,8 @@
     (event) => {
       const box = boxOf(event);
       if (!box) return;
+      // viser's box takes the last key for the whole change, and would refuse the number.
+      if (event.key.length === 1 || ["Backspace", "Delete"].includes(event.key)) event.stopPropagation();
       if (["Enter", "ArrowUp", "ArrowDown"].includes(event.key)) commit(box);
       if (event.key === "Escape") {
         typed.delete(box);

@@ -183,7 +183,7 @@ class Dashboard:
                 if self._scene_due((view, state)):
                     view.scene.update(timings, look.by_speed, look.trajectories)
                 self._camera.follow(timings[0])
-            if self._tables_due((view, state)):
+            if self._tables_due((view, state, self.race.coming)):
                 self._update_tables(s, timings, view)
             if self._controls_due(perf_counter()):
                 self._playback.update(s)
