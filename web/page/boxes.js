@@ -81,7 +81,23 @@
     },
     true,
   );
-  addEventListener("focusout", (event) => boxOf(event) && commit(event.target), true);
+  // Before the focus goes: viser's box takes the focus back when its number changes, and forgets the number when it goes.
+  addEventListener(
+    "pointerdown",
+    ({ target }) => {
+      const box = document.activeElement;
+      if (box !== target && box?.matches(BOXES)) commit(box);
+    },
+    true,
+  );
+  addEventListener(
+    "focusout",
+    (event) => {
+      const box = boxOf(event);
+      if (box && typed.has(box)) setTimeout(() => commit(box));
+    },
+    true,
+  );
   addEventListener(
     "keydown",
     (event) => {
@@ -89,7 +105,7 @@
       if (!box) return;
       // viser's box takes the last key for the whole change, and would refuse the number.
       if (event.key.length === 1 || ["Backspace", "Delete"].includes(event.key)) event.stopPropagation();
-      if (["Enter", "ArrowUp", "ArrowDown"].includes(event.key)) commit(box);
+      if (["Enter", "Tab", "ArrowUp", "ArrowDown"].includes(event.key)) commit(box);
       if (event.key === "Escape") {
         typed.delete(box);
         setValue.call(box, counts(box));
