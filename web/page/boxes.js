@@ -26,11 +26,12 @@
   // React keeps the value that counts as the box's default value.
   const counts = (box) => box.defaultValue;
 
-  // Why a number cannot be taken; empty: it can.
+  // Why a number cannot be taken; empty: it can. viser does not disable the box of a slider that is disabled.
   function problem(box, text) {
     const label = box.labels?.[0]?.textContent || box.getAttribute("aria-label") || "";
     const [, name, unit] = label.match(/^(.*?)(?: \[(.+)\])?$/);
     const slider = box.closest("[class*=Flex-root]")?.querySelector("[role=slider]");
+    if (slider?.getAttribute("aria-disabled") === "true") return `${name} cannot be changed now; it stays ${counts(box)}`;
     const number = Number(text);
     let range = "";
     if (slider) range = ` from ${slider.getAttribute("aria-valuemin")} to ${slider.getAttribute("aria-valuemax")}`;

@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from browser_cases import add_rival, choose, dashboard, field, opened, press, rows, waited
+from browser_cases import add_rival, choose, dashboard, fill, opened, press, rows, waited
 
 from web.race import take_off
 
@@ -33,7 +33,9 @@ def test_a_race_in_one_world_is_flown_and_shown(browser, session):
         head = page.locator(".hud")
         assert waited(page, lambda: re.search("(colored|gaussian) leads", head.inner_text()))
         page.get_by_text("in one world the numbers of START stay").first.wait_for()
-        assert waited(page, field(page, "Samples now").last.is_disabled)
+        fill(page, "Samples now", 512)
+        refused = page.get_by_role("alert").filter(has_text="Samples now cannot be changed now")
+        refused.wait_for()
         press(page, "STOP")
         assert waited(page, lambda: not session.snapshot.flying)
         assert not page.complaints
