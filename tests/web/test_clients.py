@@ -74,6 +74,7 @@ def test_a_value_out_of_range_or_of_another_type_changes_nothing(page, value):
             await client.set(slider, value)
             await client.set(slider, 2.5)  # a valid value is still accepted
             assert await settled(lambda: slider.value == 2.5)
+            assert await settled(lambda: seen)
 
     seen = []
     slider.on_update(lambda _: seen.append(slider.value))
