@@ -48,9 +48,7 @@ PAGE_CHANGES = {  # of viser's page: its loader and the script that this writes 
     'e.type="module";': 'e.type="module";e.nonce=pass;',
 }
 # in this order
-PAGE_SCRIPTS = tuple(
-    Path(__file__).with_name(name) for name in ("link.js", "page.js", "boxes.js")
-)
+PAGE_SCRIPTS = tuple(Path(__file__).with_name(name) for name in ("link.js", "page.js", "boxes.js"))
 LOG = logging.getLogger("race web")
 
 Serves = Callable[[ServerConnection], Awaitable[None]]
