@@ -15,7 +15,7 @@ differently, here or elsewhere in the project, each caller keeps the formula tha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import atan2, cos, hypot, sin, sqrt
+from math import asin, atan2, cos, hypot, sin, sqrt
 
 import numpy as np
 
@@ -24,6 +24,8 @@ Quaternion = tuple[float, float, float, float]  # wxyz, of unit length
 
 # [rad] A turn below this is taken as linear.
 SMALL = 1e-9
+# An axis is vertical where its height is nearer to 1 than this.
+VERTICAL = 1e-12
 
 
 # Plain arithmetic, inlined into the compiled lanes.
@@ -219,6 +221,19 @@ def from_euler(yaw: float, pitch: float, roll: float) -> Quaternion:
     about_y = (cos(0.5 * pitch), 0.0, sin(0.5 * pitch), 0.0)
     about_x = (cos(0.5 * roll), sin(0.5 * roll), 0.0, 0.0)
     return product(product(from_yaw(yaw), about_y), about_x)
+
+
+def euler_angles(q: Sequence[float]) -> Vec3:
+    """Return yaw, pitch and roll of an attitude [rad], the inverse of `from_euler`.
+
+    Where the body's x axis is vertical, yaw and roll turn about the same axis: the roll is 0.
+    """
+    xx, xy, xz, yx, yy, _, _, _, zz = body_axes(q)
+    yz = 2.0 * (q[2] * q[3] + q[0] * q[1])
+    pitch = -asin(min(max(xz, -1.0), 1.0))
+    if abs(xz) > 1.0 - VERTICAL:
+        return atan2(-yx, yy), pitch, 0.0
+    return atan2(xy, xx), pitch, atan2(yz, zz)
 
 
 # Matrices.

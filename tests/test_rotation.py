@@ -12,6 +12,7 @@ from quadsim.rotation import (
     along,
     between,
     body_axes,
+    euler_angles,
     euler_matrix,
     exp,
     from_euler,
@@ -196,3 +197,11 @@ def test_formulas_that_round_differently_are_both_kept():
         assert turned(q, turn) == earlier_turn_of_an_estimate(q, turn)
         differ += turned(q, turn) != turned_at(q, rates, 0.0025)
     assert differ > 20, "then one of them would do"
+
+
+def test_euler_angles_give_the_attitude_again_also_where_a_gate_points_up_or_down():
+    straight_up = [from_euler(0.3, side * radians(90.0), 0.2) for side in (-1.0, 1.0)]
+    for q in (*attitudes(200), *straight_up):
+        yaw, pitch, roll = euler_angles(q)
+        assert abs(pitch) <= radians(90.0)
+        np.testing.assert_allclose(euler_matrix(yaw, pitch, roll), matrix(q), rtol=0, atol=1e-6)

@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from importlib.util import find_spec
-from pathlib import Path
-from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Annotated
 
 from msgspec import Meta
@@ -21,16 +19,9 @@ from quadsim.course import load_course
 from quadsim.files.extras import needs_extra
 from quadsim.files.strict_yaml import unit
 from quadsim.record.archive import RunFolder, find_run, load_run
-from quadsim.record.limits import (
-    LimitError,
-    LimitProblem,
-    ModelName,
-    StoredSolution,
-    dump,
-    limits_folder,
-)
-from quadsim.record.run import RunError
-from quadsim.record.whole_files import try_writing, write_whole
+from quadsim.record.keeper import Keeper
+from quadsim.record.limits import LimitProblem, ModelName, StoredSolution, limits_folder
+from quadsim.record.whole_files import try_writing
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:
@@ -223,54 +214,6 @@ def _progress(stopped: list[int], quiet: bool) -> Progress:
         return tell
 
     return show
-
-
-class Keeper:
-    """Keeps the best known solution of a race in its file."""
-
-    def __init__(self, problem: LimitProblem, folder: Path, best: StoredSolution | None):
-        """Take the race, the folder of its file, and the best solution known before."""
-        self.best = best
-        # The fastest that was found now, where it is faster than those known before
-        self.found: StoredSolution | None = None
-        self._problem = problem
-        self._path = folder / problem.file_name
-        self._failure: RunError | None = None
-
-    def keep(self, found: StoredSolution | None) -> None:
-        """Keep a solution where it is the fastest; `finish` tells whether it could be written."""
-        if found is None or not self._is_fastest(found):
-            return
-        self.best = self.found = found
-        self._failure = None
-        try:
-            write_whole(self._path, dump(found))
-        except RunError as error:
-            self._failure = error
-
-    def finish(self) -> None:
-        """Keep what could not be written among the temporary files, so that no search is lost.
-
-        Raises:
-            RunError: the solution is not in its own file; the message says where it is.
-        """
-        if self._failure is None or self.found is None:
-            return
-        try:
-            place = Path(mkdtemp(prefix="quadsim-limit-")) / self._path.name
-            write_whole(place, dump(self.found))
-        except (OSError, RunError):
-            raise RunError(f"{self._failure}: nor among the temporary files") from None
-        advice = f"the solution is kept as {place}: move it to {self._path.parent}"
-        raise RunError(f"{self._failure}: {advice}")
-
-    def _is_fastest(self, found: StoredSolution) -> bool:
-        """Return whether a solution is faster than all others, those of other processes too."""
-        with suppress(LimitError):
-            newest = self._problem.best_known(self._path.parent)
-            if newest and (self.best is None or newest.time < self.best.time):
-                self.best = newest
-        return self.best is None or found.time < self.best.time
 
 
 def _summary(problem: LimitProblem, known: StoredSolution | None, attempts: list[Attempt]) -> dict:

@@ -16,13 +16,13 @@ from rich.markup import escape
 from controllers.presets import PRESETS
 from quadsim.cli.flags import Help, Json
 from quadsim.console import UsageError, complain, emit, emit_json, width
-from quadsim.course import COURSES, Course, course_names, load_course, parse_course
-from quadsim.course.swept import SweptGates
+from quadsim.course import COURSES, course_names, load_course, parse_course
+from quadsim.course.course import summary
 from quadsim.files.atomic import replace_file
 from quadsim.files.data_files import locate, read_text
 from quadsim.files.strict_yaml import FileError, parse
 from quadsim.files.yaml_errors import did_you_mean
-from quadsim.racing.referee import check as check_race
+from quadsim.racing.fits import misfit
 from quadsim.record.whole_files import expect_writable
 from quadsim.sensing.sensing_file import (
     SENSINGS,
@@ -41,7 +41,7 @@ from quadsim.spec.listings import (
 )
 from quadsim.spec.presets import parse_planner
 from quadsim.spec.settings_table import setting_rows
-from quadsim.vehicle import VEHICLES, Vehicle, load_vehicle, parse_vehicle, vehicle_names
+from quadsim.vehicle import VEHICLES, load_vehicle, parse_vehicle, vehicle_names
 
 # Keys that only one kind of file has
 OF_VEHICLE = {"mass", "inertia", "rate_tau"}
@@ -204,7 +204,7 @@ def with_fits(results: Sequence[dict]) -> list[dict]:
     for file, other in product(by_kind["course"], by_kind["vehicle"]):
         # a pipe can be read once only
         with suppress(FileError):
-            problem = _misfit(load_course(file), load_vehicle(other))
+            problem = misfit(load_course(file), load_vehicle(other))
             if problem:
                 problems.setdefault(file, f"{file}: for {other}: {problem}")
     checked = []
@@ -213,16 +213,6 @@ def with_fits(results: Sequence[dict]) -> list[dict]:
         wrong = {"file": result["file"], "ok": False, "error": error, "excerpt": ""}
         checked.append(wrong if error else result)
     return checked
-
-
-def _misfit(course: Course, vehicle: Vehicle) -> str:
-    """Return why a vehicle cannot fly a course, "" where it can."""
-    radius = vehicle.radius
-    try:
-        check_race(course, course.laps, SweptGates(course.gates, radius).all, radius)
-    except ValueError as error:
-        return str(error)
-    return ""
 
 
 def describe(text: str, file: str) -> Described:
@@ -249,7 +239,7 @@ def describe(text: str, file: str) -> Described:
         sensing = parse_sensing(text, file)
         given = [name for name in SENSORS if getattr(sensing, name)]
         return Described("sensing", ", ".join(given) or "the true state")
-    return _describe_course(parse_course(text, file))
+    return Described("course", summary(parse_course(text, file)))
 
 
 def _describe_preset(text: str, file: str) -> Described:
@@ -260,15 +250,6 @@ def _describe_preset(text: str, file: str) -> Described:
         raise parse(text, file).error("vehicle", str(error)) from None
     samples, horizon = planner.mppi.samples, planner.mppi.horizon
     return Described("preset", f"{samples} samples, horizon {horizon}")
-
-
-def _describe_course(course: Course) -> Described:
-    parts = [f"{len(course.gates)} gates"]
-    if course.obstacles:
-        parts.append(f"{len(course.obstacles)} obstacles")
-    parts.append(f"{course.lap_length:.1f} m")
-    parts.append(f"loop, {course.laps} laps" if course.loop else "open")
-    return Described("course", ", ".join(parts))
 
 
 def _find(name: str) -> Path:

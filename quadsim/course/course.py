@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import degrees, dist, inf, nextafter, radians
@@ -300,7 +300,7 @@ class Course:
         """
         start = np.array([self.start.position])
         if not frames:
-            return np.vstack([start, [gate.position for gate in self.gates]])
+            return np.vstack([start, *(gate.position for gate in self.gates)])
         of_gates = [gate.corners(gate.frame_width) for gate in self.gates]
         of_obstacles = [obstacle.corners() for obstacle in self.obstacles]
         return np.vstack([start, *of_gates, *of_obstacles])
@@ -409,24 +409,82 @@ def parse_course(text: str, file: str) -> Course:
         FileError: the text is not a course.
     """
     document = parse(text, file)
-    entry = document.fill(CourseFile)
-    course = Course(
-        name=entry.name or re.sub(r"[^A-Za-z0-9_-]", "_", Path(file).stem)[:64],
-        source=entry.source,
-        gates=tuple(_gate(g, entry) for g in entry.gates),
-        start=Start(entry.start.position, radians(entry.start.yaw_deg)),
-        bounds=entry.bounds or (),
-        loop=entry.loop,
-        laps=entry.laps,
-        published=entry.published,
-        text=text,
-        obstacles=tuple(_obstacles(document, entry.obstacles)),
-    )
-    if not entry.bounds:
-        course = replace(course, bounds=_default_bounds(course))
+    course = _read(document)
     for path, problem in faults(course):
         raise document.error(path, problem)
     return course
+
+
+def course_errors(text: str, file: str) -> list[FileError]:
+    """Return all that is wrong with a course file; the first is the one `parse_course` raises.
+
+    What cannot be read hides what does not fit together.
+
+    Args:
+        text: the YAML.
+        file: shown in errors.
+    """
+    try:
+        document = parse(text, file)
+        course = _read(document)
+    except FileError as error:
+        return [error]
+    return [document.error(path, problem) for path, problem in faults(course)]
+
+
+def course_entries(course: Course) -> CourseFile:
+    """Return the entries of a course's file.
+
+    Raises:
+        FileError: the course's text is not a course.
+    """
+    return parse(course.text, f"{course.name}.yaml").fill(CourseFile)
+
+
+def course_of(entries: CourseFile, name: str, text: str = "") -> Course:
+    """Return the course that entries describe, also one whose parts do not fit together.
+
+    Args:
+        entries: entries of a course file.
+        name: the course's name.
+        text: the YAML of the entries.
+    """
+    course = Course(
+        name=name,
+        source=entries.source,
+        gates=tuple(_gate(gate, entries) for gate in entries.gates),
+        start=Start(entries.start.position, radians(entries.start.yaw_deg)),
+        bounds=entries.bounds or (),
+        loop=entries.loop,
+        laps=entries.laps,
+        published=entries.published,
+        text=text,
+        obstacles=tuple(_obstacle(obstacle) for obstacle in entries.obstacles),
+    )
+    if not entries.bounds:
+        course = replace(course, bounds=_default_bounds(course))
+    return course
+
+
+def summary(course: Course) -> str:
+    """Return what a course has in a few words, as "7 gates, 75.0 m, loop, 3 laps"."""
+    parts = [f"{len(course.gates)} gates"]
+    if course.obstacles:
+        parts.append(f"{len(course.obstacles)} obstacles")
+    parts.append(f"{course.lap_length:.1f} m")
+    parts.append(f"loop, {course.laps} laps" if course.loop else "open")
+    return ", ".join(parts)
+
+
+def _read(document: Document) -> Course:
+    """Return the course of a file, whether its parts fit together or not. Raises FileError."""
+    entries = document.fill(CourseFile)
+    for i, entry in enumerate(entries.obstacles):
+        if (entry.box is None) == (entry.cylinder is None):
+            got = "neither" if entry.box is None else "both"
+            raise document.error(f"obstacles[{i}]", f"expected a box or a cylinder, got {got}")
+    own_name = re.sub(r"[^A-Za-z0-9_-]", "_", Path(document.file).stem)[:64]
+    return course_of(entries, entries.name or own_name, document.text)
 
 
 def is_described(course: Course) -> bool:
@@ -565,18 +623,14 @@ def _gate(entry: GateEntry, course: CourseFile) -> Gate:
     )
 
 
-def _obstacles(document: Document, entries: tuple[ObstacleEntry, ...]) -> Iterator[Obstacle]:
-    """Yield the obstacles. Raises FileError for an entry that is not one of both kinds."""
-    for i, entry in enumerate(entries):
-        box = entry.box
-        cylinder = entry.cylinder
-        if (box is None) == (cylinder is None):
-            got = "neither" if box is None else "both"
-            raise document.error(f"obstacles[{i}]", f"expected a box or a cylinder, got {got}")
-        if box:
-            yield Box(box.centre, box.size, radians(box.yaw_deg))
-        if cylinder:
-            yield Cylinder(cylinder.base, cylinder.radius, cylinder.height)
+def _obstacle(entry: ObstacleEntry) -> Obstacle:
+    """Return an obstacle of an entry that has a box or a cylinder."""
+    if entry.box:
+        return Box(entry.box.centre, entry.box.size, radians(entry.box.yaw_deg))
+    pole = entry.cylinder
+    if pole is None:
+        raise ValueError("expected a box or a cylinder, got neither")
+    return Cylinder(pole.base, pole.radius, pole.height)
 
 
 def _default_bounds(course: Course) -> tuple[tuple[float, float], ...]:

@@ -20,6 +20,7 @@ from quadsim.cli.cli import race
 from quadsim.course import parse_course
 from quadsim.limit.route import MARGIN
 from quadsim.limit.search import Search
+from quadsim.record import keeper
 from quadsim.record.archive import load_run
 from quadsim.record.limits import (
     LimitError,
@@ -234,7 +235,7 @@ def test_what_cannot_be_stored_after_the_search_is_kept_elsewhere(
     place, tmp_path, monkeypatch, capsys
 ):
     """The disk fills while the search runs."""
-    write = command.write_whole
+    write = keeper.write_whole
 
     def full(path, data):
         if str(path).startswith(str(tmp_path / "runs")):
@@ -243,7 +244,7 @@ def test_what_cannot_be_stored_after_the_search_is_kept_elsewhere(
 
     (tmp_path / "other").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "other"))
-    monkeypatch.setattr(command, "write_whole", full)
+    monkeypatch.setattr(keeper, "write_whole", full)
     words = ("limit", str(place[0] / "mine.yaml"), "--nodes", "8")
     code, out, err = run(capsys, *words, "--runs-dir", str(tmp_path / "runs"))
     assert code == 2

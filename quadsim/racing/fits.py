@@ -1,0 +1,18 @@
+"""Whether a vehicle can fly a course: the check of `race check` and of the page's course editor."""
+
+from __future__ import annotations
+
+from quadsim.course import Course
+from quadsim.course.swept import SweptGates
+from quadsim.racing.referee import check
+from quadsim.vehicle import Vehicle
+
+
+def misfit(course: Course, vehicle: Vehicle) -> str:
+    """Return in one line why a vehicle cannot fly a course, "" where it can."""
+    radius = vehicle.radius
+    try:
+        check(course, course.laps, SweptGates(course.gates, radius).all, radius)
+    except ValueError as error:
+        return str(error)
+    return ""
