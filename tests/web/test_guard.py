@@ -215,6 +215,28 @@ def test_a_camera_is_acceptable():
     assert not problem_of(msgspec.msgpack.encode(CAMERA), lambda uuid: None)
 
 
+HANDLE = {
+    "type": "TransformControlsUpdateMessage",
+    "name": "/edit/handle/0",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [1.0, 2.0, 3.0],
+    "owner": "",
+}
+
+
+def test_the_pose_of_a_handle_is_one_that_a_part_of_a_course_can_have():
+    def problem(**changed):
+        return problem_of(msgspec.msgpack.encode(HANDLE | changed), lambda uuid: None)
+
+    assert not problem()
+    assert problem(position=[1.0, 2.0, 1e5])
+    assert problem(position=[1.0, float("nan"), 3.0])
+    assert problem(wxyz=[0.0, 0.0, 0.0, 0.0])
+    assert problem(wxyz=[float("inf"), 0.0, 0.0, 0.0])
+    assert problem(name="x" * 1000)
+    assert problem(scale=2.0)
+
+
 @pytest.mark.parametrize(
     "data",
     [

@@ -90,6 +90,10 @@ class Camera:
             for client in self._server.get_clients().values():
                 self._place(client)
 
+    def frame_next(self, course: Course) -> None:
+        """Frame this course where a camera is placed the next time; none is moved now."""
+        self._course = course
+
     def choose(self, client: viser.ClientHandle | None, mode: str | None = None) -> None:
         """Choose a mode for one visitor alone; None: the next mode."""
         if client is None:

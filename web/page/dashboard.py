@@ -15,7 +15,9 @@ from web.choices import Choices
 from web.lap_timing import LapTiming, lap_timings
 from web.page.camera import Camera
 from web.page.charts import TABS, Charts, Tabs
+from web.page.course_editor import CourseEditor
 from web.page.course_map import Map
+from web.page.drones import SPAN
 from web.page.export import add_export
 from web.page.flight_controls import FlightControls
 from web.page.flight_numbers import FlightNumbers
@@ -97,6 +99,7 @@ class Dashboard:
         self._previewed: Course | None = None
         self._race = 0  # number of the race that was on last
         self._passed_over: Course | None = None  # course that was chosen while it was on
+        self._is_editing = False  # whether a course that is being edited is shown
         self._notice = 0  # number of the last that was shown
         self._scene_due = Due(0.0)
         self._tables_due = Due(TABLES)
@@ -122,6 +125,8 @@ class Dashboard:
         add_keys(gui, session, self._camera, controls)
         add_export(gui, session)
         self._add_panels(gui)
+        with self._editor_tab:
+            self._editor = CourseEditor(gui, session, self.race)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._thread.start()
@@ -130,6 +135,7 @@ class Dashboard:
         """Stop showing anything."""
         self._closing.set()
         self._thread.join()
+        self._editor.close()
 
     def _add_panels(self, gui: viser.GuiApi) -> None:
         """Add the panels beside the controls: timing above, charts below, the head-up display."""
@@ -139,6 +145,7 @@ class Dashboard:
         below = gui.add_panel()
         head = gui.add_panel()
         self._tabs: Tabs = {name: below.add_tab(name) for name in TABS}
+        self._editor_tab = below.add_tab("Course editor")
         tabs = {name: top.add_tab(name) for name in ("Timing", "Laps", "Events", "Planner")}
         tabs["HUD"] = head.add_tab("HUD")
         tabs["Chatter"] = self._tabs["Spectrum"]
@@ -176,9 +183,11 @@ class Dashboard:
             trajectories=self._options.trajectories.value,
         )
         competitors = tuple(entry.state for entry in s.competitors)
-        state = (s.race, s.t, s.end, s.playing, s.flying, look, competitors)
         with self._server.atomic():
-            view = self._view_of(s, timings)
+            self._update_editor(s)
+            editing = self._is_editing
+            state = (s.race, s.t, s.end, s.playing, s.flying, look, competitors, editing)
+            view = None if editing else self._view_of(s, timings)
             if view:
                 if self._scene_due((view, state)):
                     view.scene.update(timings, look.by_speed, look.trajectories)
@@ -200,6 +209,21 @@ class Dashboard:
         if self._runs_due(perf_counter()):
             self.race.refresh()
         self._notify(s)
+
+    def _update_editor(self, s: Snapshot) -> None:
+        """Show the course that is being edited in place of a race, while the editor is open."""
+        is_open = self._editor.update_controls(s)
+        if is_open != self._is_editing:
+            self._is_editing = is_open
+            self._clear()
+            self._previewed = None
+            if is_open:
+                self._camera.show(self._editor.framed(), SPAN)
+                self._editor.begin(self._server.scene)
+        if is_open and self._editor.update_scene():
+            self._camera.frame_next(self._editor.framed())
+            self._tables["HUD"].content = self._editor.head()
+            self._tables["Timing"].content = self._editor.map()
 
     def _view_of(self, s: Snapshot, timings: list[LapTiming]) -> RaceView | None:
         """Return the view of the race.
@@ -259,7 +283,8 @@ class Dashboard:
 
     def _update_tables(self, s: Snapshot, timings: list[LapTiming], view: RaceView | None) -> None:
         """Show the tables of the present moment."""
-        self._tables["HUD"].content = hud(s, timings, self.race.coming)
+        if not self._is_editing:
+            self._tables["HUD"].content = hud(s, timings, self.race.coming)
         if view:
             self._tables["Timing"].content = tower(timings) + view.map.draw(timings)
             self._tables["Planner"].content = planner(timings[0])

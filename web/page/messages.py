@@ -1,14 +1,16 @@
-"""Messages that visitors may send: their camera, values of controls, keys, and rendered pictures.
+"""Messages that visitors may send: camera, values of controls, keys, pictures, handles, clicks.
 
 viser would set any attribute of a control to any value. Here a message passes only if it has the
-form of one that the page sends, and a control's value only if that control could have it.
+form of one that the page sends, and a control's value only if that control could have it. The pose
+of a handle in the scene is within FARTHEST, with a unit quaternion; viser itself passes it on to
+handles that exist alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import chain
-from math import isfinite
+from math import hypot, isfinite
 from typing import Annotated, Any
 from urllib.parse import urlsplit
 
@@ -22,6 +24,8 @@ from web.page.link import LINK_PATH
 
 MAX_BYTES = 16 * 1024 * 1024  # largest message; the largest that pages send is a rendered picture
 MAX_TEXT = 200  # characters of a control's value
+FARTHEST = 1e4  # coordinate of a handle, as of a course file [m]
+UNIT = 1e-3  # greatest error of the length of a handle's quaternion
 
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
 Vector = tuple[float, float, float]
@@ -75,7 +79,68 @@ class PictureMessage(
     render_uuid: Text
 
 
-_DECODER = msgspec.msgpack.Decoder(CameraMessage | ValueMessage | KeyMessage | PictureMessage)
+class HandleMessage(
+    msgspec.Struct,
+    tag="TransformControlsUpdateMessage",
+    tag_field="type",
+    forbid_unknown_fields=True,
+):
+    """The pose to which a handle in the scene is dragged."""
+
+    name: Text
+    wxyz: tuple[float, float, float, float]
+    position: Vector
+    owner: Text = ""
+
+
+class DragStartMessage(
+    msgspec.Struct,
+    tag="TransformControlsDragStartMessage",
+    tag_field="type",
+    forbid_unknown_fields=True,
+):
+    """A handle in the scene that is taken."""
+
+    name: Text
+    owner: Text = ""
+
+
+class DragEndMessage(
+    msgspec.Struct,
+    tag="TransformControlsDragEndMessage",
+    tag_field="type",
+    forbid_unknown_fields=True,
+):
+    """A handle in the scene that is let go."""
+
+    name: Text
+    owner: Text = ""
+
+
+class ClickMessage(
+    msgspec.Struct, tag="SceneNodeClickMessage", tag_field="type", forbid_unknown_fields=True
+):
+    """A click on a part of the scene."""
+
+    name: Text
+    instance_index: int | None
+    ray_origin: Vector
+    ray_direction: Vector
+    screen_pos: tuple[float, float]
+    modifier: Text | None
+    owner: Text = ""
+
+
+_DECODER = msgspec.msgpack.Decoder(
+    CameraMessage
+    | ValueMessage
+    | KeyMessage
+    | PictureMessage
+    | HandleMessage
+    | DragStartMessage
+    | DragEndMessage
+    | ClickMessage
+)
 
 Control = viser.GuiInputHandle[Any] | viser.GuiButtonHandle | viser.GuiButtonGroupHandle
 # returns the control with a uuid
@@ -93,6 +158,8 @@ def problem_of(data: Data, find_control: FindControl) -> str:
         return cut(str(error).encode("unicode_escape").decode())
     if isinstance(message, CameraMessage) and not _is_finite(message):
         return "expected a camera of finite numbers"
+    if isinstance(message, HandleMessage) and not _is_pose(message):
+        return f"expected a handle within {FARTHEST:g} m and a unit quaternion"
     if isinstance(message, ValueMessage):
         control = find_control(message.uuid)
         if control is None or not accepts(control, message.updates.value):
@@ -121,6 +188,12 @@ def _is_finite(camera: CameraMessage) -> bool:
     vectors = (camera.wxyz, camera.position, camera.look_at, camera.up_direction)
     numbers = (camera.fov, camera.near, camera.far, camera.image_height, camera.image_width)
     return all(map(isfinite, (*numbers, *chain(*vectors))))
+
+
+def _is_pose(handle: HandleMessage) -> bool:
+    """Return whether the pose of a handle can be that of a part of a course."""
+    is_near = all(abs(coordinate) <= FARTHEST for coordinate in handle.position)
+    return is_near and abs(hypot(*handle.wxyz) - 1.0) <= UNIT
 
 
 def _is_number(value: Any) -> bool:

@@ -185,6 +185,30 @@ class RacePanel:
         """Return the course that START will fly, None where stored runs are shown instead."""
         return None if self.is_replay else self._course()
 
+    def chosen_course(self) -> Course | None:
+        """Return the course that is chosen; None if its file cannot be read."""
+        return self._course()
+
+    @property
+    def first_vehicle(self) -> str:
+        """The vehicle of the first competitor."""
+        return self.flights[0].vehicle
+
+    def offer_course(self, name: str, chosen: bool = False) -> None:
+        """Add a course to the menu.
+
+        Args:
+            name: a name or a path.
+            chosen: whether START flies it next; its file is then read again.
+        """
+        if name not in self.course.options:
+            self.course.options = (*self.course.options, name)
+        if chosen:
+            self._loaded = LoadedCourse("", None)
+            self.course.value = name
+            if self.is_replay:
+                self.mode.value = LIVE
+
     def _course(self) -> Course | None:
         """Return the chosen course; None if its file cannot be read, which START reports."""
         name = self.course.value

@@ -199,36 +199,55 @@ class CourseView:
     this node a name of its own. A page that replaces a node by another one of the same name gives
     the old one new arrays, and may draw it once more after its buffers are gone, which logs
     GL_INVALID_OPERATION in the console.
+
+    Attributes:
+        bars: the node of the bars of all gates, four each.
+        obstacles: the nodes of the obstacles.
     """
 
     def __init__(self, scene: viser.SceneApi, course: Course):
         self._gates = len(course.gates)
         cube = trimesh.creation.box()
-        bars = [bars_of(gate) for gate in course.gates]
-        centres = np.concatenate([bar.centres for bar in bars])
-        self._bars = scene.add_batched_meshes_simple(
+        bars = all_bars_of(course)
+        self.bars = scene.add_batched_meshes_simple(
             f"/course/gates/{next(SCENES)}",
             cube.vertices,
             cube.faces,
-            batched_wxyzs=np.concatenate([bar.quaternions for bar in bars]),
-            batched_positions=centres,
-            batched_scales=np.concatenate([bar.sizes for bar in bars]),
-            batched_colors=np.tile(PLAIN, (len(centres), 1)),
+            batched_wxyzs=bars.quaternions,
+            batched_positions=bars.centres,
+            batched_scales=bars.sizes,
+            batched_colors=np.tile(PLAIN, (len(bars.centres), 1)),
             flat_shading=True,
             side="double",
             lod="off",
         )
         scale = gate_scale(course)
-        for number, gate in enumerate(course.gates, 1):
-            above = outer_half_sizes(gate.opening, gate.frame_width).up + 0.35 * scale
-            top = np.array(gate.position) + above * gate.rotation[:, 2]
-            scene.add_label(f"/course/number/{number}", str(number), position=top)
-        scene.add_line_segments(
+        self._numbers = [
+            scene.add_label(f"/course/number/{number}", str(number), position=above(gate, scale))
+            for number, gate in enumerate(course.gates, 1)
+        ]
+        self._arrows = scene.add_line_segments(
             "/course/arrows", arrows(course), single_colour(ARROW), thickness=0.05 * scale
         )
-        for number, obstacle in enumerate(course.obstacles, 1):
+        self.obstacles = [
             _add_obstacle(scene, f"/course/obstacle/{number}", obstacle)
-        _add_ground(scene, course)
+            for number, obstacle in enumerate(course.obstacles, 1)
+        ]
+        add_ground(scene, course)
+
+    def move(self, course: Course) -> None:
+        """Show the same number of gates, and obstacles of the same sizes, at other places."""
+        bars = all_bars_of(course)
+        self.bars.batched_positions = bars.centres
+        self.bars.batched_wxyzs = bars.quaternions
+        self.bars.batched_scales = bars.sizes
+        scale = gate_scale(course)
+        for label, gate in zip(self._numbers, course.gates, strict=True):
+            label.position = above(gate, scale)
+        self._arrows.points = arrows(course)
+        for node, obstacle in zip(self.obstacles, course.obstacles, strict=True):
+            node.position = obstacle.centre
+            node.wxyz = SO3.from_z_radians(_yaw_of(obstacle)).wxyz
 
     def colour(self, next_gate: int, hit: set[int]) -> None:
         """Colour the next gate and those that were hit.
@@ -239,7 +258,7 @@ class CourseView:
         colours = np.tile(PLAIN, (self._gates + 1, 1))  # the first is of no gate
         colours[list(hit)] = HIT_GATE
         colours[next_gate] = NEXT_GATE
-        self._bars.batched_colors = np.repeat(colours[1:], 4, axis=0)
+        self.bars.batched_colors = np.repeat(colours[1:], 4, axis=0)
 
 
 class Bars(NamedTuple):
@@ -258,21 +277,43 @@ def bars_of(gate: Gate) -> Bars:
     return Bars(in_world, 2 * halves, np.tile(quaternion, (4, 1)))
 
 
-def _add_obstacle(scene: viser.SceneApi, name: str, obstacle: Obstacle) -> None:
+def all_bars_of(course: Course) -> Bars:
+    """Return the bars of all gates, in their order, as float32."""
+    bars = [bars_of(gate) for gate in course.gates]
+    return Bars(
+        centres=np.concatenate([bar.centres for bar in bars]).astype(np.float32),
+        sizes=np.concatenate([bar.sizes for bar in bars]).astype(np.float32),
+        quaternions=np.concatenate([bar.quaternions for bar in bars]).astype(np.float32),
+    )
+
+
+def above(gate: Gate, scale: float) -> np.ndarray:
+    """Return the place of a gate's number [m].  (3,)
+
+    scale: as of `gate_scale`.
+    """
+    up = outer_half_sizes(gate.opening, gate.frame_width).up + 0.35 * scale
+    return np.array(gate.position) + up * gate.rotation[:, 2]
+
+
+def _yaw_of(obstacle: Obstacle) -> float:
+    """Return the direction of an obstacle's x axis [rad]."""
+    return 0.0 if isinstance(obstacle, Cylinder) else obstacle.yaw
+
+
+def _add_obstacle(scene: viser.SceneApi, name: str, obstacle: Obstacle) -> viser.MeshHandle:
     """Add an obstacle to the scene."""
     if isinstance(obstacle, Cylinder):
         body = trimesh.creation.cylinder(obstacle.radius, obstacle.height, sections=24)
-        yaw = 0.0
     else:
         body = trimesh.creation.box(obstacle.size)
-        yaw = obstacle.yaw
-    scene.add_mesh_simple(
+    return scene.add_mesh_simple(
         name,
         body.vertices,
         body.faces,
         color=OBSTACLE,
         flat_shading=True,
-        wxyz=SO3.from_z_radians(yaw).wxyz,
+        wxyz=SO3.from_z_radians(_yaw_of(obstacle)).wxyz,
         position=obstacle.centre,
     )
 
@@ -290,7 +331,7 @@ def arrows(course: Course) -> np.ndarray:
     return np.array(lines, np.float32)
 
 
-def _add_ground(scene: viser.SceneApi, course: Course) -> None:
+def add_ground(scene: viser.SceneApi, course: Course) -> None:
     """Add the ground below the course."""
     points = course.points(frames=False)[:, :2]
     low = points.min(axis=0)

@@ -114,11 +114,17 @@ def waited(page, claim, seconds=90):
 def listen(page):
     """Collect errors and warnings of the console and errors of scripts.
 
-    Left out are a stall of software drawing, advice of three.js to viser, and viser's sorter of
-    Gaussian splats, of which this page has none: the policy forbids its code.
+    Left out are a stall and a missing extension of software drawing, advice of three.js to viser,
+    and viser's sorter of Gaussian splats, of which this page has none: the policy forbids its code.
     """
     page.complaints = complaints = []
-    unimportant = ("GPU stall due to ReadPixels", "THREE.Clock", "unsafe-eval", "EvalError")
+    unimportant = (
+        "GPU stall due to ReadPixels",
+        "KHR_parallel_shader_compile",
+        "THREE.Clock",
+        "unsafe-eval",
+        "EvalError",
+    )
 
     def heard(kind, text):
         if kind in ("error", "warning") and not any(part in text for part in unimportant):

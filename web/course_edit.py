@@ -1,0 +1,158 @@
+"""CourseEdit: the course that the visitors of a page edit together, its checks, file and limit.
+
+Changes come from one thread, viser's event loop; any thread may read.
+"""
+
+from __future__ import annotations
+
+import re
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsim.course import Course
+from quadsim.course.course import summary
+from quadsim.files.strict_yaml import FileError
+from quadsim.racing.fits import misfit
+from quadsim.record.limits import LimitError, LimitProblem, StoredSolution, limits_folder
+from quadsim.vehicle import load_vehicle
+from web.course_draft import Draft, Item
+from web.course_folder import CourseFolder
+from web.edit_history import History
+from web.limit_search import LimitSearch
+
+# Keys of a course file that name an item
+KEYS = re.compile(r"\b(gate|obstacle)s\[(\d+)\]|\b(start)\b")
+
+
+class Checked(NamedTuple):
+    """What `race check` would say of a draft beside a vehicle, and the limit that is known."""
+
+    # one line each; empty: the draft can be flown
+    errors: tuple[str, ...]
+    # items that the errors name
+    wrong: frozenset[Item]
+    # the course in a few words; "" with errors
+    summary: str
+    limit: StoredSolution | None = None
+
+
+class CourseEdit:
+    """One draft with its history, until another one is begun; that can be undone, too.
+
+    Args:
+        runs_dir: the folder of runs.
+    """
+
+    def __init__(self, runs_dir: str):
+        self.history = History(Draft.empty())
+        self.is_open = False
+        self.folder = CourseFolder(runs_dir)
+        self.search: LimitSearch | None = None
+        self._runs_dir = runs_dir
+        self._saved: tuple[Draft, str] | None = None
+
+    @property
+    def draft(self) -> Draft:
+        """The draft as it is now."""
+        return self.history.draft
+
+    @property
+    def saved_as(self) -> str:
+        """The path of the file that has this draft, "" where none was written."""
+        if self._saved and self._saved[0].entries == self.draft.entries:
+            return self._saved[1]
+        return ""
+
+    def begin(self, course: Course | None) -> None:
+        """Edit a copy of a course, or an empty course.
+
+        Raises:
+            FileError: the course's text is not a course.
+        """
+        self.change(Draft.copy_of(course) if course else Draft.empty())
+        self.is_open = True
+
+    def change(self, draft: Draft, what: object = None) -> None:
+        """Take a changed draft; what: see History.change."""
+        self.history = self.history.change(draft, what, perf_counter())
+
+    def undo(self) -> None:
+        """Go back by one change."""
+        self.history = self.history.undo()
+
+    def redo(self) -> None:
+        """Do again what was undone last."""
+        self.history = self.history.redo()
+
+    def save(self, name: str) -> str:
+        """Write the draft and return its path. Raises ValueError, RunError; see CourseFolder."""
+        draft = self.draft
+        path = self.folder.save(draft, name)
+        self._saved = (draft, path)
+        return path
+
+    def check(self, name: str, vehicle: str) -> Checked:
+        """Return what `race check NAME.yaml VEHICLE` would say of the draft."""
+        draft = self.draft
+        errors = draft.errors(name)
+        lines = [str(error) for error in errors]
+        named = [error.key for error in errors]
+        if errors:
+            return Checked(tuple(lines), items_in(named), "")
+        course = draft.course(name)
+        problem = self._misfit(course, vehicle)
+        if problem:
+            line = f"{name}.yaml: for {vehicle}: {problem}"
+            return Checked((line,), items_in([problem]), "")
+        return Checked((), frozenset(), summary(course), self._known_limit(course, vehicle))
+
+    def begin_search(self, name: str, vehicle: str) -> None:
+        """Search the limit of the draft as it is now.
+
+        Raises:
+            ValueError: a search is on, the draft has errors, or the optimiser is not installed.
+        """
+        if self.search and self.search.is_on:
+            raise ValueError("a search is on: cancel it first")
+        errors = self.check(name, vehicle).errors
+        if errors:
+            raise ValueError(f"{errors[0]}: correct it before the limit is searched")
+        course = self.draft.course(name)
+        problem = LimitProblem.of(course, load_vehicle(vehicle), course.laps)
+        self.search = LimitSearch(problem, self._runs_dir)
+
+    def cancel_search(self) -> None:
+        """End the search, if one is on."""
+        if self.search and self.search.is_on:
+            self.search.cancel()
+
+    def _misfit(self, course: Course, vehicle: str) -> str:
+        """Return why the vehicle cannot fly the course, "" where it can."""
+        try:
+            return misfit(course, load_vehicle(vehicle))
+        except FileError as error:
+            return str(error)
+
+    def _known_limit(self, course: Course, vehicle: str) -> StoredSolution | None:
+        """Return the fastest race that is known; a damaged solution is none."""
+        problem = LimitProblem.of(course, load_vehicle(vehicle), course.laps)
+        try:
+            return problem.best_known(limits_folder(self._runs_dir))
+        except LimitError:
+            return None
+
+
+def items_in(texts: list[str]) -> frozenset[Item]:
+    """Return the items that keys of a course file name, such as "gates[3].position"."""
+    found = set()
+    for text in texts:
+        for kind, index, start in KEYS.findall(text):
+            found.add(Item("start") if start else Item(kind, int(index)))
+    return frozenset(found)
+
+
+def limit_path(limit: StoredSolution | None) -> np.ndarray | None:
+    """Return the path of a solution  (n, 3) [m], None without one."""
+    return None if limit is None else limit.path(rate=50.0)[:, 1:]

@@ -1,0 +1,79 @@
+"""CourseFolder: the folder beside the runs in which courses that were made on the page are kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from quadsim.course import course_names
+from quadsim.course.course import Name
+from quadsim.record.whole_files import write_whole
+from web.course_draft import Draft
+
+# Name of the folder among the runs
+COURSES = "courses"
+LONGEST_NAME = 64
+
+
+class CourseFolder:
+    """The courses that were made on the page. Nothing is written outside of their folder.
+
+    Args:
+        runs_dir: the folder of runs.
+    """
+
+    def __init__(self, runs_dir: str | Path):
+        self._folder = Path(runs_dir) / COURSES
+        # Texts that this folder was given, by file: these files may be written over
+        self._own: dict[Path, str] = {}
+
+    def files(self) -> tuple[str, ...]:
+        """Return the paths of the courses, sorted."""
+        return tuple(str(path) for path in sorted(self._folder.glob("*.yaml")))
+
+    def save(self, draft: Draft, name: str) -> str:
+        """Write a draft whole or not at all, and return its path, which names it as a course.
+
+        A file is written over only where it is what this folder wrote last.
+
+        Args:
+            draft: the course.
+            name: the name of its file, without .yaml.
+
+        Raises:
+            ValueError: the name or the draft cannot be used.
+            RunError: the file cannot be written.
+        """
+        _check_name(name)
+        errors = draft.errors(name)
+        if errors:
+            raise ValueError(f"{errors[0]}: correct it before the course is saved")
+        path = self._folder / f"{name}.yaml"
+        if not self._may_write(path):
+            raise ValueError(f"{path}: expected a new name, there is a course already")
+        text = draft.text()
+        write_whole(path, text.encode())
+        self._own[path] = text
+        return str(path)
+
+    def _may_write(self, path: Path) -> bool:
+        """Return whether a path is free, or a file that is as it was saved here."""
+        if not path.is_symlink() and not path.exists():
+            return True
+        try:
+            return path.read_text(encoding="utf-8") == self._own.get(path)
+        except (OSError, UnicodeDecodeError):
+            return False
+
+
+def _check_name(name: str) -> None:
+    """Raise ValueError unless a name is that of a file for a course, and of no shipped course."""
+    try:
+        msgspec.convert(name, Name)
+    except msgspec.ValidationError:
+        expected = f"expected 1 to {LONGEST_NAME} letters, digits, - and _, got {name!r}"
+        raise ValueError(f"name of the course: {expected}") from None
+    if name.lower() in {known.lower() for known in course_names()}:
+        problem = f"{name!r} comes with quadsim and is not written over"
+        raise ValueError(f"name of the course: {problem}; choose another")

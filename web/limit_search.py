@@ -1,0 +1,124 @@
+"""LimitSearch: the search of a course's least time, in a process of its own.
+
+It is the search of `race limit`: what it finds is kept in the folder of limits among the runs. A
+flight on the page is not slowed down by the interpreter that both would share.
+"""
+
+from __future__ import annotations
+
+import multiprocessing as mp
+import os
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from importlib.util import find_spec
+from multiprocessing.connection import Connection
+from typing import NamedTuple
+
+from quadsim.files.extras import needs_extra
+from quadsim.record.keeper import Keeper
+from quadsim.record.limits import LimitProblem, limits_folder
+from quadsim.record.run import RunError
+from quadsim.record.whole_files import try_writing
+
+# Nodes on the way to a gate, as by `race limit`
+NODES = 20
+# The process gives way to flights
+NICE = 10
+
+
+class Progress(NamedTuple):
+    """How far a search is."""
+
+    # one line, also what went wrong
+    text: str
+    # least time found so far [s], None: none yet
+    best: float | None = None
+    is_over: bool = False
+
+
+class LimitSearch:
+    """A search that runs until it has ended or is cancelled.
+
+    Args:
+        problem: the race.
+        runs_dir: the folder of runs.
+
+    Raises:
+        ValueError: the optimiser is not installed.
+    """
+
+    def __init__(self, problem: LimitProblem, runs_dir: str):
+        if find_spec("casadi") is None:
+            raise ValueError(needs_extra("casadi", "limit"))
+        self.problem = problem
+        self.progress = Progress("starting")
+        self._is_cancelled = False
+        context = mp.get_context("spawn")
+        self._reports, reports = context.Pipe(duplex=False)
+        # daemon: it ends with the page
+        self._process = context.Process(
+            target=_search, args=(problem, runs_dir, NODES, reports), daemon=True
+        )
+        self._process.start()
+        # Only the process writes to it, so that its end ends what is read here
+        reports.close()
+        self._reader = threading.Thread(target=self._read, name="limit", daemon=True)
+        self._reader.start()
+
+    @property
+    def is_on(self) -> bool:
+        """Whether it still searches."""
+        return not self.progress.is_over
+
+    def cancel(self) -> None:
+        """End the search; what it has found is kept."""
+        self._is_cancelled = True
+        self._process.terminate()
+        self._reader.join()
+
+    def _read(self) -> None:
+        """Take the reports of the process until it ends."""
+        with suppress(EOFError, OSError):
+            while True:
+                self.progress = self._reports.recv()
+        self._process.join()
+        if self.is_on:
+            # The process has not said how it ended
+            how = "cancelled" if self._is_cancelled else "the search broke off: try it again"
+            self.progress = Progress(how, self.progress.best, is_over=True)
+
+
+def _search(problem: LimitProblem, runs_dir: str, nodes: int, reports: Connection) -> None:
+    """Search in this process and report each iteration."""
+    os.nice(NICE)
+    best: float | None = None
+
+    def report(text: str, is_over: bool = False) -> None:
+        reports.send(Progress(text, best, is_over))
+
+    def progress(start: str, count: int) -> Callable[[int, float], None]:
+        def show(iteration: int, time: float) -> None:
+            report(f"{start}, {count} nodes: iteration {iteration}, {time:.3f} s")
+
+        return show
+
+    report("loading the optimiser")
+    from quadsim.limit.search import Search
+
+    try:
+        folder = limits_folder(runs_dir)
+        try_writing(folder)
+        keeper = Keeper(problem, folder, problem.best_known(folder))
+        search = Search(problem)
+        for attempt in search.attempts([], nodes, progress):
+            keeper.keep(search.stored([attempt]))
+            best = keeper.best.time if keeper.best else None
+        keeper.finish()
+    except (ValueError, RunError) as error:
+        report(f"cannot be searched: {error}", is_over=True)
+        return
+    found = (
+        "no start led to a race that holds" if best is None else f"best known limit {best:.3f} s"
+    )
+    report(found, is_over=True)
