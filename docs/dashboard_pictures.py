@@ -145,6 +145,16 @@ def stored(root: Path, choices: Choices) -> Path:
     return flown.folder
 
 
+def edit(page: Page) -> None:
+    """Edit a copy of the chosen course: another gate is chosen, and a pole stands beside it."""
+    page.get_by_role("tab", name="Course editor").click()
+    page.get_by_role("button", name="Edit a copy").click()
+    page.get_by_role("button", name="Done", exact=True).wait_for()
+    page.get_by_role("button", name="later", exact=True).wait_for()
+    page.get_by_role("button", name="pole", exact=True).click()
+    page.get_by_text("obstacles, ").first.wait_for()
+
+
 def take_pictures(studio: Studio, colored: Path, gaussian: Path, crashed: Path) -> None:
     """Take every picture."""
     session = studio.session
@@ -170,6 +180,9 @@ def take_pictures(studio: Studio, colored: Path, gaussian: Path, crashed: Path) 
     studio.page.locator(".u-over").first.hover(position={"x": 200, "y": 40})
     studio.shoot("replay")
     studio.save_phone()
+    edit(studio.page)
+    studio.page.wait_for_timeout(SETTLED)
+    save(picture_of(studio.page), "editor")
 
 
 def main() -> None:
