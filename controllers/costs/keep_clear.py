@@ -58,8 +58,10 @@ class OtherVehicle:
         self._x = np.full(horizon, NOWHERE)
         self._y = np.full(horizon, NOWHERE)
         self._z = np.full(horizon, NOWHERE)
-        # One weight for each step: it may be another one in each plan.
+        # One weight and one distance for each step: they may be others in each plan.
         self._weight = np.full(horizon, float(room.weight))
+        self._keep = np.full(horizon, float(room.keep))
+        self._per_square = np.full(horizon, 1.0 / room.keep**2)
         self.term = Term(
             keep_clear,
             self._weight,
@@ -67,24 +69,28 @@ class OtherVehicle:
             x=self._x,
             y=self._y,
             z=self._z,
-            keep=room.keep,
-            per_square=1.0 / room.keep**2,
+            keep=self._keep,
+            per_square=self._per_square,
             above=room.above,
             below=room.below,
         )
 
-    def expect(self, positions: np.ndarray, share: float = 1.0) -> None:
+    def expect(self, positions: np.ndarray, share: float = 1.0, keep_share: float = 1.0) -> None:
         """Expect the vehicle at these places from the next plan on.
 
         Args:
             positions: position at the end of each step of the horizon [m]  (T, 3).
             share: factor on the weight.
+            keep_share: factor on the distance that is kept.
         """
         # The arrays are those of the term, whose numbers are read anew for each plan.
         self._x[:] = positions[:, 0]
         self._y[:] = positions[:, 1]
         self._z[:] = positions[:, 2]
         self._weight[:] = share * self._room.weight
+        keep = keep_share * self._room.keep
+        self._keep[:] = keep
+        self._per_square[:] = 1.0 / keep**2
 
     def expect_nowhere(self) -> None:
         """Expect the vehicle nowhere, as it has left the race."""

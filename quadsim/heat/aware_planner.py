@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import dist
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from controllers.plan import PlanStats
 from quadsim.course import Course
 from quadsim.dynamics.estimate import Estimate
 from quadsim.heat.expectations import Expectation, planned_path
+from quadsim.heat.patience import Patience
+from quadsim.heat.sides import Sides
 from quadsim.racing.clock import Clock
 from quadsim.racing.flight import Controller
 from quadsim.racing.referee import way_left
@@ -21,6 +24,9 @@ from quadsim.racing.traffic import ExpectedPath, Sighting, Traffic
 
 if TYPE_CHECKING:
     from controllers.mppi import MPPI
+
+# Distance within which a vehicle ahead is followed [m]
+CLOSE = 3.0
 
 
 class PlanningClock(Clock):
@@ -69,10 +75,26 @@ class Eyes:
         own = self._progress(estimate.target, tuple(estimate.x[:3].tolist()))
         return self._progress(seen.passed, seen.position).is_behind(own)
 
+    def follows(self, seen: Sighting, estimate: Estimate) -> bool:
+        """Return whether another vehicle is closely ahead of this one."""
+        near = dist(seen.position, estimate.x[:3].tolist()) < CLOSE
+        return near and not self.is_behind(seen, estimate)
+
     def _progress(self, passed: int, position: tuple[float, ...]) -> Progress:
         x, y, z = position
         gates = self._course.gates
         return Progress(passed, way_left(gates[passed % len(gates)], (x, y, z)))
+
+
+class Racecraft(NamedTuple):
+    """Rules for vehicles ahead and behind."""
+
+    # factor on the weight of keeping clear of vehicles that are behind
+    ahead_share: float = 1.0
+    # the distance that is kept, by the time lost behind a vehicle; None: always the same
+    patience: Patience | None = None
+    # samples that pass a vehicle ahead; None: no sample is made to
+    sides: Sides | None = None
 
 
 class AwarePlanner:
@@ -85,7 +107,7 @@ class AwarePlanner:
         eyes: Eyes,
         expectation: Expectation | None,
         others: dict[int, OtherVehicle],
-        ahead_share: float = 1.0,
+        racecraft: Racecraft | None = None,
         tells: bool = False,
         clock: PlanningClock | None = None,
     ):
@@ -97,7 +119,7 @@ class AwarePlanner:
             eyes: what is seen of the others.
             expectation: what is expected of them; None: they are ignored.
             others: number -> term of the planner's cost, for each other vehicle.
-            ahead_share: factor on the terms' weight for vehicles that are behind.
+            racecraft: its rules for vehicles ahead and behind; None: no rule.
             tells: whether the others are told the plan.
             clock: is told the planning time; None: that costs no time.
         """
@@ -106,7 +128,7 @@ class AwarePlanner:
         self._eyes = eyes
         self._expectation = expectation
         self._others = others
-        self._ahead_share = ahead_share
+        self._racecraft = racecraft or Racecraft()
         self._tells = tells
         self._clock = clock
         self._is_first = True
@@ -156,10 +178,20 @@ class AwarePlanner:
         steps = np.arange(1, config.horizon + 1)
         times = self._eyes.start_time + acts + config.dt * steps
 
+        follows_any = False
         for m, other in self._others.items():
             if m not in seen:
                 other.expect_nowhere()
                 continue
-            behind = self._ahead_share != 1.0 and self._eyes.is_behind(seen[m], estimate)
-            share = self._ahead_share if behind else 1.0
-            other.expect(self.expected[m].at(times), share)
+            share = keep_share = 1.0
+            craft = self._racecraft
+            if craft.ahead_share != 1.0 and self._eyes.is_behind(seen[m], estimate):
+                share = craft.ahead_share
+            if craft.patience or craft.sides:
+                follows = self._eyes.follows(seen[m], estimate)
+                follows_any = follows_any or follows
+                if craft.patience:
+                    keep_share = craft.patience.share(m, estimate.t, follows)
+            other.expect(self.expected[m].at(times), share, keep_share)
+        if self._racecraft.sides:
+            self._racecraft.sides.offer(self._planner(), follows_any)

@@ -9,7 +9,7 @@ from functools import partial
 from typing import cast
 
 from controllers.costs.keep_clear import OtherVehicle, Room
-from quadsim.heat.aware_planner import AwarePlanner, Eyes, PlanningClock
+from quadsim.heat.aware_planner import AwarePlanner, Eyes, PlanningClock, Racecraft
 from quadsim.heat.expectations import (
     OPPONENT_STEPS,
     ConstantVelocity,
@@ -18,7 +18,9 @@ from quadsim.heat.expectations import (
     OwnPlans,
     ToldPlans,
 )
+from quadsim.heat.patience import Patience
 from quadsim.heat.settings import Awareness
+from quadsim.heat.sides import Sides
 from quadsim.heat.spec import HeatSpec
 from quadsim.physics.downwash import Downwash
 from quadsim.physics.plant import Arena, new_arena
@@ -115,7 +117,7 @@ def _start(
             Eyes(k, traffic, heat.start_time(k), spec.course),
             expectation_of(heat, k, awareness, traffic),
             others,
-            ahead_share=awareness.ahead_share,
+            racecraft=_racecraft_of(awareness),
             tells=_is_asked_for_plans(heat, k),
             clock=clock,
         )
@@ -124,6 +126,15 @@ def _start(
             watched[k] = controller
     # The plants of an arena can be pushed
     return Started(cast(PlantInArena, parts.plant), flight(**steps.arguments))
+
+
+def _racecraft_of(awareness: Awareness) -> Racecraft:
+    """Return the rules that an awareness asks for."""
+    return Racecraft(
+        ahead_share=awareness.ahead_share,
+        patience=Patience(awareness.patience) if awareness.patience else None,
+        sides=Sides(awareness.sides, awareness.keep) if awareness.sides else None,
+    )
 
 
 def _minding(spec: Spec, others: dict[int, OtherVehicle]) -> Spec:

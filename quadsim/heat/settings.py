@@ -45,6 +45,22 @@ class Awareness:
     ahead_share: Annotated[
         float, setting("factor on keep_weight for vehicles that are behind", ge=0, le=10)
     ] = 1.0
+    patience: Annotated[
+        float,
+        setting(
+            "time closely behind another vehicle until half of keep is kept from it; 0: keep is"
+            " kept always",
+            unit="s",
+            ge=0,
+            le=60,
+        ),
+    ] = 0.0
+    sides: Annotated[
+        float,
+        setting(
+            "share of the samples that pass a vehicle ahead on its left or right", ge=0, le=0.9
+        ),
+    ] = 0.0
     own_samples: Annotated[
         int, setting("samples with which another vehicle's flight is planned", ge=64, le=65536)
     ] = 384

@@ -13,7 +13,10 @@ ROOM = Room(weight=200.0, keep=0.6, above=0.8, below=0.4)
 def missing(dx=0.0, dz=0.0, other=None):
     """Return the term beside a vehicle at the origin."""
     other = other or OtherVehicle(1, ROOM, horizon=3)
-    p = other.term.parameters._replace(x=0.0, y=0.0, z=0.0)
+    of_a_step = {
+        name: float(np.ravel(value)[0]) for name, value in other.term.parameters._asdict().items()
+    }
+    p = other.term.parameters._replace(**of_a_step | {"x": 0.0, "y": 0.0, "z": 0.0})
     here = SimpleNamespace(px=dx, py=0.0, pz=dz)
     return float(keep_clear(None, here, None, None, p))
 
@@ -39,5 +42,9 @@ def test_expected_places_are_parameters_of_the_steps():
     other.expect(places, share=0.5)
     np.testing.assert_array_equal(other.term.parameters.z, places[:, 2])
     np.testing.assert_array_equal(other.term.weight, [100.0] * 3)
+    np.testing.assert_array_equal(other.term.parameters.keep, [0.6] * 3)
+    other.expect(places, keep_share=0.5)
+    np.testing.assert_array_equal(other.term.parameters.keep, [0.3] * 3)
+    np.testing.assert_allclose(other.term.parameters.per_square, [1 / 0.09] * 3)
     other.expect_nowhere()
     assert (other.term.parameters.x == NOWHERE).all()

@@ -1,0 +1,46 @@
+"""A racer keeps less distance from a vehicle that it has followed for a while."""
+
+from __future__ import annotations
+
+# What is left of the distance when all patience is lost
+LEAST_SHARE = 0.5
+
+
+class Patience:
+    """The share of the distance that is kept from each vehicle, by the time lost behind it.
+
+    It falls from 1 to a half within `seconds` behind a vehicle, and rises again as fast when that
+    one is past or away.
+
+    Examples:
+        >>> from quadsim.heat.patience import Patience
+        >>> patience = Patience(2.0)
+        >>> [patience.share(3, 0.5 * k, follows=True) for k in range(6)]
+        [1.0, 0.875, 0.75, 0.625, 0.5, 0.5]
+    """
+
+    def __init__(self, seconds: float):
+        """Begin with all patience.
+
+        Args:
+            seconds: time behind a vehicle until half of the distance is kept [s].
+        """
+        self._seconds = seconds
+        # number -> time lost behind that vehicle, at most `seconds` [s]
+        self._lost: dict[int, float] = {}
+        # number -> when it was looked at last [s]
+        self._looked: dict[int, float] = {}
+
+    def share(self, m: int, t: float, follows: bool) -> float:
+        """Return the share of the distance that is kept from vehicle m.
+
+        Args:
+            m: its number.
+            t: now [s].
+            follows: whether it is closely ahead.
+        """
+        passed = t - self._looked.get(m, t)
+        lost = self._lost.get(m, 0.0) + (passed if follows else -passed)
+        self._looked[m] = t
+        self._lost[m] = min(max(lost, 0.0), self._seconds)
+        return 1.0 - (1.0 - LEAST_SHARE) * self._lost[m] / self._seconds
