@@ -40,6 +40,8 @@ from quadsim.record.run import RunError
 from quadsim.record.whole_files import expect_file
 from quadsim.spec.settings import SETTINGS, FlightSettings, SettingError
 
+# Who races where nobody is named
+ENTRANTS = ("colored", "gaussian")
 PERIOD = 0.1  # of the race between two drawings of the live line [s]
 
 
@@ -48,11 +50,14 @@ def heat(
     /,
     *,
     entrants: Annotated[
-        list[str],
+        list[str] | None,
         Help(
-            "samplers, or [NAME=]part+part of presets, samplers and settings", consume_multiple=True
+            "samplers, or [NAME=]part+part of presets, samplers and settings; default: colored"
+            " gaussian",
+            consume_multiple=True,
+            show_default=False,
         ),
-    ] = ["colored", "gaussian"],  # noqa: B006 (it is read alone)
+    ] = None,
     starts: Annotated[
         int, Meta(ge=1, le=100_000), Help("races, of consecutive seeds and with rotated places")
     ] = 1,
@@ -91,7 +96,8 @@ def heat(
     """
     given = dict(settings or {})
     if from_ is not None:
-        if course is not None or given or race or starts > 1 or rotation or plot or not rotate:
+        named = course is not None or entrants is not None
+        if named or given or race or starts > 1 or rotation or plot or not rotate:
             raise UsageError("--from: expected neither a course nor other flags beside a race")
         return _again(from_, FlightSettings.runs_dir, json)
     with settings_as_flags():
@@ -99,7 +105,8 @@ def heat(
         if threads and starts > 1:
             raise SettingError("threads", "races fly on one thread each; set --jobs")
         use_threads_of(threads)
-        made, of_race = line_up(course, entrants, (race or {}) | given)
+        names = ENTRANTS if entrants is None else entrants
+        made, of_race = line_up(course, names, (race or {}) | given)
         seed = made[0].spec.seed if made else 0
         heats = heats_of(made, of_race, seed, starts, rotate) if starts > 1 else []
         one = HeatSpec(made, of_race, seed, rotation) if starts == 1 else None

@@ -111,3 +111,10 @@ def test_a_stored_race_is_shown_and_drawn_as_a_whole(tmp_path, capsys):
     capsys.readouterr()
     assert race(["show", "last", "--runs-dir", str(tmp_path)]) == 0
     assert "entrants" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("flags", [["--entrants", "colored"], ["--laps", "1"], ["--no-rotate"]])
+def test_a_race_that_is_flown_again_takes_no_other_flags(flags, capsys):
+    assert race(["heat", "--from", "last", *flags]) == 2
+    line = capsys.readouterr().err
+    assert line == "race heat: --from: expected neither a course nor other flags beside a race\n"
