@@ -19,6 +19,14 @@ from quadsim.record.run import RunError
 
 pytestmark = pytest.mark.flight
 
+# A course that is flown in two seconds
+TWO_GATES = """\
+opening: [2, 2]
+start: {position: [0, 0, 2], yaw_deg: 0}
+gates:
+  - {position: [6, 0, 2], yaw_deg: 0}
+  - {position: [12, 0, 2], yaw_deg: 0}
+"""
 SMALL = {"laps": 1, "samples": 128, "horizon": 60, "first_iterations": 10}
 
 
@@ -46,8 +54,16 @@ def paths(recorder):
     return np.array([[run.telemetry[a][:least] for a in axes] for run in runs]).swapaxes(1, 2)
 
 
-def test_a_race_of_one_is_the_flight_of_before():
-    spec = quadsim.Spec.of("figure8", **SMALL, seed=3, randomize=1.0)
+@pytest.fixture
+def two_gates(tmp_path):
+    """Return the file of a short course."""
+    file = tmp_path / "two_gates.yaml"
+    file.write_text(TWO_GATES)
+    return str(file)
+
+
+def test_a_race_of_one_is_the_flight_of_before(two_gates):
+    spec = quadsim.Spec.of(two_gates, **SMALL, seed=3, randomize=1.0)
     alone = fly_heat(HeatSpec((Entrant("me", spec),), seed=3))
     (run,) = alone.runs
     assert run.digest() == quadsim.fly(spec).digest()
@@ -86,8 +102,8 @@ def test_who_ignores_the_others_flies_as_if_alone_where_nothing_acts_on_it():
 def test_planners_that_expect_each_other_keep_farther_apart():
     def nearest(expect):
         gaps = []
-        for seed in range(3):
-            a, b = paths(flown(heat("colored", "colored", expect=expect, seed=seed), 1.6))
+        for seed in range(2):
+            a, b = paths(flown(heat("colored", "colored", expect=expect, seed=seed), 1.0))
             gaps.append(np.linalg.norm(a - b, axis=1)[20:].min())
         return np.array(gaps)
 
@@ -140,8 +156,10 @@ def test_downwash_pushes_who_flies_below():
     assert not np.array_equal(height(True), height(False))
 
 
-def test_a_stored_race_is_read_and_flown_again_to_the_last_bit(tmp_path):
-    found = fly_heat(heat("fast=colored+margin=.2", "gaussian+expect=velocity", randomize=1))
+def test_a_stored_race_is_read_and_flown_again_to_the_last_bit(two_gates, tmp_path):
+    entrants = ("fast=colored+margin=.2", "gaussian+expect=velocity")
+    found = fly_heat(heat(*entrants, course=two_gates, randomize=1))
+    assert {run.outcome for run in found.runs} == {"finished"}
     folder = found.save(tmp_path)
     assert list_heats(tmp_path) == [folder]
     loaded = load_heat(folder)
