@@ -15,7 +15,6 @@ from quadsim.course import Course
 from quadsim.dynamics.estimate import Estimate
 from quadsim.heat.expectations import Expectation, planned_path
 from quadsim.heat.patience import Patience
-from quadsim.heat.sides import Sides
 from quadsim.racing.clock import Clock
 from quadsim.racing.flight import Controller
 from quadsim.racing.referee import way_left
@@ -93,8 +92,6 @@ class Racecraft(NamedTuple):
     ahead_share: float = 1.0
     # the distance that is kept, by the time lost behind a vehicle; None: always the same
     patience: Patience | None = None
-    # samples that pass a vehicle ahead; None: no sample is made to
-    sides: Sides | None = None
 
 
 class AwarePlanner:
@@ -119,7 +116,7 @@ class AwarePlanner:
             eyes: what is seen of the others.
             expectation: what is expected of them; None: they are ignored.
             others: number -> term of the planner's cost, for each other vehicle.
-            racecraft: its rules for vehicles ahead and behind; None: no rule.
+            racecraft: its rules for vehicles ahead and behind; None: all are alike.
             tells: whether the others are told the plan.
             clock: is told the planning time; None: that costs no time.
         """
@@ -178,20 +175,15 @@ class AwarePlanner:
         steps = np.arange(1, config.horizon + 1)
         times = self._eyes.start_time + acts + config.dt * steps
 
-        follows_any = False
+        ahead_share, patience = self._racecraft
         for m, other in self._others.items():
             if m not in seen:
                 other.expect_nowhere()
                 continue
             share = keep_share = 1.0
-            craft = self._racecraft
-            if craft.ahead_share != 1.0 and self._eyes.is_behind(seen[m], estimate):
-                share = craft.ahead_share
-            if craft.patience or craft.sides:
+            if ahead_share != 1.0 and self._eyes.is_behind(seen[m], estimate):
+                share = ahead_share
+            if patience:
                 follows = self._eyes.follows(seen[m], estimate)
-                follows_any = follows_any or follows
-                if craft.patience:
-                    keep_share = craft.patience.share(m, estimate.t, follows)
+                keep_share = patience.share(m, estimate.t, follows)
             other.expect(self.expected[m].at(times), share, keep_share)
-        if self._racecraft.sides:
-            self._racecraft.sides.offer(self._planner(), follows_any)

@@ -20,7 +20,6 @@ from quadsim.heat.expectations import (
 )
 from quadsim.heat.patience import Patience
 from quadsim.heat.settings import Awareness
-from quadsim.heat.sides import Sides
 from quadsim.heat.spec import HeatSpec
 from quadsim.physics.downwash import Downwash
 from quadsim.physics.plant import Arena, new_arena
@@ -133,7 +132,6 @@ def _racecraft_of(awareness: Awareness) -> Racecraft:
     return Racecraft(
         ahead_share=awareness.ahead_share,
         patience=Patience(awareness.patience) if awareness.patience else None,
-        sides=Sides(awareness.sides, awareness.keep) if awareness.sides else None,
     )
 
 

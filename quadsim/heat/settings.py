@@ -55,12 +55,6 @@ class Awareness:
             le=60,
         ),
     ] = 0.0
-    sides: Annotated[
-        float,
-        setting(
-            "share of the samples that pass a vehicle ahead on its left or right", ge=0, le=0.9
-        ),
-    ] = 0.0
     own_samples: Annotated[
         int, setting("samples with which another vehicle's flight is planned", ge=64, le=65536)
     ] = 384
