@@ -17,6 +17,7 @@ from quadsim.files.extras import imported
 from quadsim.record.archive import list_runs, load_run
 from quadsim.record.run import Outcome
 from quadsim.run import Run
+from quadsim.sensing import PERFECT
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -46,6 +47,8 @@ class StoredRun:
         outcome: finished, crashed, stuck, timeout or interrupted.
         laps: times of the completed laps, penalties included [s].
         laps_wanted: laps of the race.
+        sensing: name of the set of sensors; "perfect" gave the true state.
+        changes: numbers of the planner that were changed in flight.
 
     Examples:
         >>> import quadsim
@@ -67,6 +70,8 @@ class StoredRun:
     outcome: str
     laps: tuple[float, ...]
     laps_wanted: int
+    sensing: str = PERFECT
+    changes: int = 0
 
     @property
     def time(self) -> float | None:
@@ -188,6 +193,8 @@ class _Spec(msgspec.Struct):
     seed: int
     laps: int
     pilot: _Named | None = None
+    sensing: _Named | None = None
+    interactive: list[dict] = []
 
 
 class _Result(msgspec.Struct):
@@ -213,14 +220,20 @@ def stored_runs(runs_dir: str | Path, **patterns: str | int | None) -> StoredRun
     return StoredRuns(rows, damaged)
 
 
-def read_row(path: Path) -> StoredRun:
+def read_row(path: Path, data: bytes | None = None) -> StoredRun:
     """Return what the run.json of a folder says.
+
+    Args:
+        path: the folder.
+        data: content of its run.json; None: it is read.
 
     Raises:
         OSError: the file cannot be read.
         msgspec.MsgspecError: the file is not that of a run.
     """
-    found = msgspec.json.decode((path / "run.json").read_bytes(), type=_Result)
+    if data is None:
+        data = (path / "run.json").read_bytes()
+    found = msgspec.json.decode(data, type=_Result)
     spec = found.spec
     return StoredRun(
         name=path.name,
@@ -235,6 +248,8 @@ def read_row(path: Path) -> StoredRun:
         outcome=found.outcome,
         laps=tuple(found.laps),
         laps_wanted=spec.laps,
+        sensing=spec.sensing.name if spec.sensing else PERFECT,
+        changes=len(spec.interactive),
     )
 
 

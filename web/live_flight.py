@@ -15,6 +15,7 @@ from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import INTERACTIVE, Recorder, columns_of
 from quadsim.spec.build import build, changeable_planner, navigation_of
 from quadsim.spec.changes import ChangeablePlanner, PlannerChange
+from web.again import AgainChoices
 from web.choices import Choices
 from web.competitor import Competitor
 from web.legs import Legs
@@ -49,7 +50,7 @@ class LiveFlight:
 
     is_cached: bool
 
-    def __init__(self, choices: Choices):
+    def __init__(self, choices: Choices | AgainChoices):
         base = choices.base_spec()
         self._preset = base.planner  # the scale of the standard deviations multiplies its own
         self._spec = spec = choices.flown(base)
@@ -63,7 +64,7 @@ class LiveFlight:
         record = self._spec.record()
         self._columns = tuple(columns_of(record))
         self.now = Competitor(
-            name=choices.kind,
+            name=spec.sampler,
             spec=record,
             course=spec.course,
             legs=Legs(spec.course, spec.laps),
@@ -132,8 +133,12 @@ class LiveFlight:
         return frame
 
     def change(self, change: Change) -> None:
-        """Use a number from the next plan on. A learned pilot has none of these numbers."""
-        if self._spec.pilot:
+        """Use a number from the next plan on.
+
+        A learned pilot has none of these numbers, and a flight that makes recorded changes again
+        makes no others.
+        """
+        if self._spec.pilot or self._spec.changes:
             return
         self._pending[change.name] = change
         asked = numbers_of(self._asked_planner(), self._preset)

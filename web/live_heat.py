@@ -16,6 +16,7 @@ from quadsim.racing.heat import RaceFrame
 from quadsim.record.archive import remove_unfinished
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import columns_of
+from web.again import HeatAgainChoices
 from web.choices import HeatChoices
 from web.competitor import Competitor
 from web.legs import Legs
@@ -41,9 +42,12 @@ class LiveHeat:
         ValueError: the choices cannot be flown; one line says why.
     """
 
-    def __init__(self, choices: HeatChoices):
+    def __init__(self, choices: HeatChoices | HeatAgainChoices):
         self._spec = choices.spec()
-        bases = [flight.base for flight in choices.flights]
+        if isinstance(choices, HeatChoices):
+            bases = [flight.base for flight in choices.flights]
+        else:
+            bases = [entrant.spec.planner for entrant in self._spec.entrants]
         self._planners: dict[int, AwarePlanner] = {}
         self._frames = heat_frames(self._spec, self._planners)
         self._ahead: RaceFrame | None = None  # that belongs to the next period

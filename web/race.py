@@ -11,6 +11,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Protocol
 
+from web.again import AgainChoices, HeatAgainChoices
 from web.choices import Choices, HeatChoices, names_of
 from web.competitor import Competitor, named
 from web.live_flight import Flown, LiveFlight
@@ -20,7 +21,8 @@ from web.numbers import Change
 from web.pace import Pace
 from web.stored_runs import stored_competitor
 
-TakeOff = Callable[[Choices | HeatChoices], "Flyer"]
+AnyChoices = Choices | HeatChoices | AgainChoices | HeatAgainChoices
+TakeOff = Callable[[AnyChoices], "Flyer"]
 
 REST = 0.02  # wait between two turns while nothing is flown [s]
 TRAJECTORIES_PERIOD = 0.06  # wall-clock time between updates of the sampled trajectories [s]
@@ -105,9 +107,11 @@ class Flyer(Protocol):
         ...
 
 
-def take_off(choices: Choices | HeatChoices) -> Flyer:
-    """Begin what was chosen. Raises ValueError."""
-    return LiveHeat(choices) if isinstance(choices, HeatChoices) else LiveFlight(choices)
+def take_off(choices: AnyChoices) -> Flyer:
+    """Begin what was chosen. Raises ValueError, RunError."""
+    if isinstance(choices, HeatChoices | HeatAgainChoices):
+        return LiveHeat(choices)
+    return LiveFlight(choices)
 
 
 class PageRace:
@@ -123,7 +127,7 @@ class PageRace:
         self.notices = Notices()
         self._root = root
         self._take_off = take_off
-        self._choices: list[Choices | HeatChoices] = []
+        self._choices: list[AnyChoices] = []
         self._live: list[Flyer] = []
         self._stored: tuple[Competitor, ...] = ()
         self._count = 0
@@ -132,7 +136,7 @@ class PageRace:
         self._trajectories_at = 0.0
         self._pace = Pace()
 
-    def start(self, choices: Sequence[Choices | HeatChoices], runs: Sequence[Path] = ()) -> None:
+    def start(self, choices: Sequence[AnyChoices], runs: Sequence[Path] = ()) -> None:
         """Fly the choices side by side with stored runs.
 
         Raises:
@@ -161,7 +165,7 @@ class PageRace:
             self.notices.add("wait", compiling, "once; it takes some 20 s")
         self._begin()
 
-    def _built(self, choices: Sequence[Choices | HeatChoices]) -> list[Flyer]:
+    def _built(self, choices: Sequence[AnyChoices]) -> list[Flyer]:
         """Return the flights of choices, ready to begin; none is left over where one cannot be.
 
         Raises:
@@ -180,6 +184,17 @@ class PageRace:
                     raise
                 raise ValueError(f"{name}: {error}") from None
         return flights
+
+    def replay(self, runs: Sequence[Path], t: float | None = None) -> None:
+        """Show stored runs side by side: from the start, or paused at t [s].
+
+        Raises:
+            ValueError, RunError: see `start`.
+        """
+        self.start([], runs)
+        if t is not None:
+            self.play(False)
+            self.scrub(t)
 
     def restart(self) -> None:
         """Begin the same race anew: live flights from the ground, stored runs from t = 0."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import nan
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from quadsim.campaign.store import Row, Store
 from quadsim.campaign.summary_stats import VariantStats, best_known_time, lap_limit, variant_stats
-from quadsim.campaign.tables import short
+from quadsim.campaign.tables import number, short
 from quadsim.console import complain
 from quadsim.record.run import RunError
 
@@ -50,6 +50,24 @@ class Group:
     def stats(self) -> VariantStats:
         """Return the numbers of the attempts."""
         return variant_stats(self.first.name, self.rows, self.limit, self.best_known)
+
+
+ABOVE_LIMIT = "above [%]"  # the median race, above the best known limit
+# Columns of the table of groups
+COLUMNS: dict[str, Callable[[Group], str]] = {
+    "id": lambda g: g.id,
+    "variant": lambda g: g.first.name,
+    "course": lambda g: g.first.course,
+    "vehicle": lambda g: g.first.vehicle,
+    "rnd": lambda g: f"{g.first.randomize:g}",
+    "seeds": lambda g: g.seeds,
+    "done": lambda g: f"{g.stats.finished}/{g.stats.attempts}",
+    "lap [s]": lambda g: number(g.stats.lap_mean),
+    ABOVE_LIMIT: lambda g: number(100.0 * g.stats.above_limit, ".1f"),
+    "thrust": lambda g: number(g.stats.thrust_tv, ".1f"),
+    "commit": lambda g: short(g.first.code),
+}
+TEXTS = ("variant", "course", "vehicle")  # columns of text
 
 
 class _Limits(NamedTuple):

@@ -234,6 +234,23 @@ class Store:
         return self._db.execute(query, (name,)).fetchone() is not None
 
 
+def is_campaign(path: Path) -> bool:
+    """Return whether a file is a campaign of this version. It is not changed."""
+    try:
+        db = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
+    except sqlite3.Error:
+        return False
+    try:
+        (version,) = db.execute("PRAGMA user_version").fetchone()
+        query = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name = 'attempts'"
+        (tables,) = db.execute(query).fetchone()
+    except sqlite3.Error:
+        return False
+    finally:
+        db.close()
+    return version == SCHEMA_VERSION and tables == 1
+
+
 def code_of(provenance: dict) -> str:
     """Return the commit of a flight, or the version where there is no repository."""
     return provenance["git"] or f"version {provenance['versions']['quadsim']}"

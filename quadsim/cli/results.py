@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from fnmatch import fnmatch
 from itertools import combinations
@@ -12,28 +12,13 @@ from typing import Annotated
 from rich.console import RenderableType
 from rich.markup import escape
 
-from quadsim.campaign.results import Group, find, stored
+from quadsim.campaign.results import ABOVE_LIMIT, COLUMNS, TEXTS, Group, find, stored
 from quadsim.campaign.summary_stats import PairStats, pair_stats
-from quadsim.campaign.tables import PAIRS, TextTable, as_table, number, short
+from quadsim.campaign.tables import PAIRS, TextTable, as_table
 from quadsim.cli.compare import CAMPAIGN
 from quadsim.cli.flags import Help, Json, RunsDir
 from quadsim.console import UsageError, emit, emit_json
 
-ABOVE_LIMIT = "above [%]"  # the median race, above the best known limit
-COLUMNS: dict[str, Callable[[Group], str]] = {
-    "id": lambda g: g.id,
-    "variant": lambda g: g.first.name,
-    "course": lambda g: g.first.course,
-    "vehicle": lambda g: g.first.vehicle,
-    "rnd": lambda g: f"{g.first.randomize:g}",
-    "seeds": lambda g: g.seeds,
-    "done": lambda g: f"{g.stats.finished}/{g.stats.attempts}",
-    "lap [s]": lambda g: number(g.stats.lap_mean),
-    ABOVE_LIMIT: lambda g: number(100.0 * g.stats.above_limit, ".1f"),
-    "thrust": lambda g: number(g.stats.thrust_tv, ".1f"),
-    "commit": lambda g: short(g.first.code),
-}
-TEXTS = ("variant", "course", "vehicle")  # columns of text
 # Columns that stand above the table where all groups share the cell, with their names there.
 SHARED = {"course": "course", "vehicle": "vehicle", "rnd": "randomized", "commit": "commit"}
 

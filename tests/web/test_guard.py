@@ -80,6 +80,12 @@ def test_the_token_becomes_a_cookie_that_scripts_cannot_read(token_server):
     assert refused(port, additional_headers={"Cookie": cookie}) is None
 
 
+def test_what_a_link_names_stays_in_the_address_without_the_token(token_server):
+    asked = "run=a_b&t=3.2&camera=top%0d%0aX:y"
+    status, headers = get(token_server.get_port(), path=f"/?run=c&token={TOKEN}&{asked}")
+    assert (status, headers["Location"]) == (303, "/?run=c&run=a_b&t=3.2&camera=top%0D%0AX%3Ay")
+
+
 def test_a_foreign_page_is_refused_even_with_the_token(token_server):
     port = token_server.get_port()
     cookie = {"Cookie": f"race{port}={TOKEN}"}

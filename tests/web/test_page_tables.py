@@ -13,7 +13,6 @@ from quadsim.record.limits import limit_of
 from web.competitor import named
 from web.lap_timing import Way, gap, lap_timings, order, time_at
 from web.legs import Legs
-from web.page.charts import mark_line, with_mark
 from web.page.course_map import Map, timeline
 from web.page.html import RED, label
 from web.page.laps import chatter, laps, splits
@@ -51,14 +50,6 @@ def test_the_gap_of_two_steady_flights_grows_with_the_way(competitors):
     found = gap(place, second, first)
     assert np.allclose(found, place * (1 / 36.0 - 1 / 40.0), atol=0.03)
     assert not np.allclose(found, 0.0, atol=0.03)
-
-
-def test_a_mark_is_a_vertical_line():
-    x = with_mark(np.linspace(0.0, 9.0, 10), 4.5)
-    line = mark_line(x, 4.5)
-    assert x.tolist() == [0, 1, 2, 3, 4, 4.5, 4.5, 5, 6, 7, 8, 9]
-    assert line[x == 4.5].tolist() == [0.0, 1.0]
-    assert np.isnan(line[x != 4.5]).all()
 
 
 def test_a_place_not_reached_has_no_time():

@@ -49,7 +49,7 @@ class Glider(LiveFlight):
         self.closed = True
 
     def frames(self):
-        speed = SPEED[self.choices.sampler]
+        speed = SPEED[self._spec.sampler]
         course, laps = self._spec.course, self._spec.laps
         gates = course.gates * laps
         points = np.array([course.start.position, *(gate.position for gate in gates)])

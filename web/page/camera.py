@@ -105,6 +105,10 @@ class Camera:
         self._modes[number] = mode
         self._place(client)
 
+    def mode_of(self, client: viser.ClientHandle) -> str:
+        """Return the mode of one visitor's camera."""
+        return self._modes[client.client_id]
+
     def follow(self, s: LapTiming) -> None:
         """Move the cameras that move with the first drone."""
         self._chase = chase(s, self._chase)

@@ -1,224 +1,266 @@
-"""Curves over time, place and frequency.
+"""Charts of signals over time, gaps over place and spectra, which charts.js draws.
 
-Every array keeps its length from one update to the next.
+The page asks for what it lacks: it names the race that it shows, how many frames it has of each
+competitor and which curves, and gets the next ones over the link. So a page that is slow or has
+just opened gets everything in its own time, and nothing is kept for it here. Pressing a chart moves
+the time of the replay.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple
 
+import msgspec
 import numpy as np
 import viser
-from viser import uplot
+from msgspec import Meta
 
 from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
 from web.competitor import Competitor
 from web.lap_timing import LapTiming, Way, best_lap, gap, lap_of
-from web.page.html import DIM, TRACK
+from web.limit_race import limit_race
+from web.page.link import LinkVisitor, Message
+from web.page.server import PageServer
+from web.race import PageRace, Snapshot
+from web.session import Session
 
 TABS = ("Signals", "Spectrum", "Gap")
-# the window of the signals: its length [s], how much of it is to come [s], points
-WINDOW = 6.0
-AHEAD = 2.0
-POINTS = 240
-RECENT = 1000  # frames: more than the window holds
 PLACES = 300
 FREQUENCIES = np.geomspace(0.4, 50.0, 120)  # [Hz]
 FEWEST = 32  # frames that a spectrum needs
 PSD_FLOOR = 1e-3  # [1e-3 (m/s^2)^2/Hz] below which nothing is drawn
-SPEED = "speed"
+CHUNK = 3000  # frames of a competitor in one answer
+MOST = 64  # competitors that a page may ask for
+
+Tabs = Mapping[str, viser.GuiTabHandle]  # one for each of TABS
+Count = Annotated[int, Meta(ge=0, le=10**8)]
+Curve = list[float]  # a nan is a gap in the line; it is sent as null
 
 
 class Signal(NamedTuple):
-    """A curve of a chart."""
-
-    label: str
-    column: str  # of the telemetry, or SPEED
-    width: float  # of the line [px]
-
-
-class SignalChart(NamedTuple):
-    """A chart of signals over time."""
+    """A chart over time: its column of the telemetry, and that of the command it follows."""
 
     title: str
-    height: int  # [px]
-    signals: tuple[Signal, ...]
+    column: str
+    command: str = ""  # empty: there is none
 
 
-def _rate_chart(name: str, column: str) -> SignalChart:
-    commanded = Signal("commanded", f"{column}_cmd", 0.6)
-    return SignalChart(f"{name} [rad/s]", 100, (commanded, Signal("delivered", column, 1.6)))
-
-
-SIGNAL_CHARTS = (
-    SignalChart(
-        "thrust [m/s²], thin: commanded, thick: delivered",
-        140,
-        (Signal("commanded", "a_cmd", 0.7), Signal("delivered", "a", 1.8)),
-    ),
-    _rate_chart("roll rate", "wx"),
-    _rate_chart("pitch rate", "wy"),
-    _rate_chart("yaw rate", "wz"),
-    SignalChart("speed [m/s]", 100, (Signal("", SPEED, 1.6),)),
+# In the order in which the page offers them; charts.js draws the first ones at first.
+SIGNALS = (
+    Signal("thrust [m/s²]", "a", "a_cmd"),
+    Signal("roll rate [rad/s]", "wx", "wx_cmd"),
+    Signal("pitch rate [rad/s]", "wy", "wy_cmd"),
+    Signal("yaw rate [rad/s]", "wz", "wz_cmd"),
+    Signal("speed [m/s]", "speed"),
+    Signal("height [m]", "pz"),
+    Signal("effective samples", "ess"),
+    Signal("temperature", "temperature"),
+    Signal("planning time [ms]", "plan_ms"),
 )
-Tabs = Mapping[str, viser.GuiTabHandle]  # one for each of TABS
+COLUMNS = tuple(name for one in SIGNALS for name in (one.column, one.command) if name)
+
+
+class AskCharts(Message, tag="ask_charts"):
+    """A page says what it has and asks for the rest."""
+
+    race: Count
+    frames: Annotated[list[Count], Meta(max_length=MOST)]
+    curves: Count
+
+
+class Seek(Message, tag="seek"):
+    """A visitor moves the time of the replay [s]."""
+
+    t: Annotated[float, Meta(ge=0, le=1e6)]
+
+
+class SeekPlace(Message, tag="seek_place"):
+    """A visitor moves the replay to where the first competitor is so far along the race [m]."""
+
+    place: Annotated[float, Meta(ge=0, le=1e8)]
+
+
+class Line(msgspec.Struct):
+    """The look of a competitor in all charts."""
+
+    name: str
+    colour: str
+    dash: tuple[int, ...]
+
+
+class Frames(msgspec.Struct):
+    """Frames of a competitor from number `start` on: columns of the telemetry, and t [s]."""
+
+    start: int
+    columns: dict[str, Curve]
+
+
+class Curves(msgspec.Struct):
+    """A chart whose curves are drawn anew: one for each competitor."""
+
+    title: str
+    x_title: str
+    tab: str
+    x: Curve
+    y: list[Curve]
+    mark: float  # where a vertical line stands
+    is_log: bool = False
+    # place of x = 0 along the race [m], where a press moves the replay there
+    seeks_from: float | None = None
+
+
+class ChartsAnswer(Message, tag="charts"):
+    """The part of the race that a page lacks."""
+
+    race: int
+    t: float
+    end: float
+    is_playing: bool
+    can_seek: bool
+    lines: list[Line]
+    frames: list[Frames]
+    laps: list[float]  # starts and ends of the first competitor's laps [s]
+    # number of the curves, and the curves where the page lacks them
+    curves: int
+    charts: list[Curves] | None = None
+    # in the first answer of a race
+    signals: list[Signal] | None = None
 
 
 class Charts:
-    """All charts of one race. Where the pointer is, the legend below a chart shows the values."""
+    """Answers what pages ask for; `update` renews the curves that are not over time."""
 
-    def __init__(self, gui: viser.GuiApi, tabs: Tabs, entries: Sequence[Competitor]):
-        self._gui = gui
-        self._all: list[viser.GuiUplotHandle] = []
-        legs = entries[0].legs
-        lines = [_line(entry, entry.name) for entry in entries]
-        here = [*lines, _mark("here")]
-        with tabs["Signals"]:
-            self._signals = [self._add_signals(chart, entries) for chart in SIGNAL_CHARTS]
-        self._corner = motor_corner(motor_tau(entries[0].spec["vehicle"]))
-        with tabs["Spectrum"]:
-            title = f"thrust PSD [10⁻³ (m/s²)²/Hz]; dashed: motors' corner {self._corner:.1f} Hz"
-            curves = [*lines, _mark("corner")]
-            self._spectrum = self._add(title, "f [Hz]", FREQUENCIES, curves, 250, log=True)
-        self._race = np.linspace(0.0, legs.length, PLACES)
-        last_lap = float(np.diff(legs.lap_ends, prepend=0.0)[-1])
-        self._lap = np.linspace(0.0, last_lap, PLACES)
-        with tabs["Gap"]:
-            title = "this lap against the best lap of all [s]"
-            self._lap_gap = self._add(title, "place [m]", self._lap, here, 160)
-            title = f"gap to {entries[0].name} [s]; above 0: behind"
-            self._race_gap = self._add(title, "place [m]", self._race, here, 160)
+    def __init__(self, server: PageServer, tabs: Tabs, session: Session):
+        self._session = session
+        self._curves: list[Curves] = []
+        self._number = 0
+        self._of_race = 0  # race that the curves are of
+        server.link.on(AskCharts, self._answer)
+        server.link.on(Seek, self._seek)
+        server.link.on(SeekPlace, self._seek_place)
+        for name in TABS:
+            with tabs[name]:
+                server.gui.add_html(f'<div class="race-charts" data-charts="{name}"></div>')
 
-    def hide(self) -> None:
-        """Hide every chart."""
-        for chart in self._all:
-            chart.visible = False
+    def update(self, s: Snapshot, timings: Sequence[LapTiming]) -> None:
+        """Compute the spectra and the gaps of the present moment."""
+        limit = limit_race(timings[0].entry)
+        self._curves = [*_gaps(timings, limit), *_spectra(timings)]
+        self._of_race = s.race
+        self._number += 1
 
-    def remove(self) -> None:
-        """Remove every chart."""
-        for chart in self._all:
-            chart.remove()
+    def _answer(self, visitor: LinkVisitor, ask: AskCharts) -> None:
+        visitor.send(answer(self._session.snapshot, ask, self._number, self._shown(ask)))
 
-    def update_signals(self, timings: Sequence[LapTiming]) -> None:
-        """Show the last seconds of every competitor, and the next if all flights have ended."""
-        now = max(s.t for s in timings)
-        all_ended = all(s.entry.outcome for s in timings)
-        ahead = AHEAD if all_ended else 0.0
-        end = max(now + ahead, WINDOW)
-        window = np.linspace(end - WINDOW, end, POINTS)
-        t = with_mark(window, now)
-        for handle, chart in zip(self._signals, SIGNAL_CHARTS, strict=True):
-            curves = [
-                _values(t, s, signal.column, ahead) for s in timings for signal in chart.signals
-            ]
-            handle.data = (t, *curves, mark_line(t, now))
+    def _shown(self, ask: AskCharts) -> list[Curves] | None:
+        """Return the curves, None where the page has them."""
+        if self._of_race != self._session.snapshot.race:
+            return []
+        return None if ask.curves == self._number else self._curves
 
-    def update_spectrum(self, timings: Sequence[LapTiming]) -> None:
-        """Show the power spectral density of the commanded thrust so far."""
-        f = with_mark(FREQUENCIES, self._corner)
-        curves = [psd(s.entry.until(s.t), f) for s in timings]
-        if np.isfinite(curves).any():
-            self._spectrum.data = (f, *curves, mark_line(f, self._corner))
+    def _seek(self, _: LinkVisitor, asked: Seek) -> None:
+        if can_seek(self._session.snapshot):
+            self._session.tell(PageRace.play, False)
+            self._session.tell(PageRace.scrub, asked.t)
 
-    def update_gaps(self, timings: Sequence[LapTiming]) -> None:
-        """Show the seconds behind at the same place.
-
-        They are those of this lap behind the best of all, and of the race behind the first
-        competitor.
-        """
-        first = timings[0]
-        ways = [Way(s.entry.t[: s.i + 1], s.entry.progress[: s.i + 1]) for s in timings]
-        place = with_mark(self._race, first.place)
-        gaps = [gap(place, way, ways[0]) for way in ways]
-        self._race_gap.data = (place, *gaps, mark_line(place, first.place))
-        best = best_lap([s.entry for s in timings])
-        if best is None:
-            return
-        laps = [lap_of(s.entry, s.lap - 1, s.i) for s in timings]
-        here = first.place - [0.0, *first.entry.legs.lap_ends][first.lap - 1]
-        place = with_mark(self._lap, here)
-        gaps = [gap(place, lap, best) for lap in laps]
-        self._lap_gap.data = (place, *gaps, mark_line(place, here))
-
-    def _add_signals(
-        self, chart: SignalChart, entries: Sequence[Competitor]
-    ) -> viser.GuiUplotHandle:
-        lines = [
-            _line(entry, f"{entry.name} {signal.label}".strip(), signal.width)
-            for entry in entries
-            for signal in chart.signals
-        ]
-        window = np.linspace(0.0, WINDOW, POINTS)
-        return self._add(chart.title, "t [s]", window, [*lines, _mark("now")], chart.height)
-
-    def _add(
-        self,
-        title: str,
-        x_label: str,
-        x: np.ndarray,
-        lines: list[uplot.Series],
-        height: int,
-        log: bool = False,
-    ) -> viser.GuiUplotHandle:
-        """Add a chart without values.
-
-        Args:
-            x: places of the points  (n,)
-            lines: lines of the curves; the last one is the mark.
-            height: [px]
-            log: whether both axes are logarithmic.
-        """
-        axis = {"stroke": DIM, "grid": {"stroke": TRACK, "width": 1}, "ticks": {"stroke": TRACK}}
-        x_scale = uplot.Scale(time=False, distr=3) if log else uplot.Scale(time=False)
-        y_scale = uplot.Scale(distr=3) if log else uplot.Scale(auto=True)
-        chart = self._gui.add_uplot(
-            data=(x, *(np.full(len(x), np.nan) for _ in lines)),
-            series=(uplot.Series(label=x_label), *lines),
-            title=title,
-            scales={
-                "x": x_scale,
-                "y": y_scale,
-                "mark": uplot.Scale(auto=False, range=(0.0, 1.0)),
-            },
-            axes=(uplot.Axis(**axis, size=34), uplot.Axis(**axis, size=78 if log else 46)),
-            legend=uplot.Legend(show=True, live=True),
-            cursor=uplot.Cursor(sync=uplot.Cursor_Sync(key=x_label)),
-            padding=(10, 18, 0, 0),
-            height=height,
-        )
-        self._all.append(chart)
-        return chart
+    def _seek_place(self, visitor: LinkVisitor, asked: SeekPlace) -> None:
+        s = self._session.snapshot
+        if s.competitors and len(s.competitors[0].t):
+            first = s.competitors[0]
+            self._seek(visitor, Seek(float(first.t[first.at_place(asked.place)])))
 
 
-def with_mark(x: np.ndarray, at: float) -> np.ndarray:
-    """Return sorted values with `at` put in twice.  (n,) -> (n + 2,)"""
-    return np.sort(np.append(x, [at, at]))
+def can_seek(s: Snapshot) -> bool:
+    """Return whether a visitor may move the time: not while a flight goes on."""
+    return not (s.flying and s.playing)
 
 
-def mark_line(x: np.ndarray, at: float) -> np.ndarray:
-    """Return a vertical line at `at`, on a scale from 0 to 1 of its own.
+def answer(s: Snapshot, ask: AskCharts, number: int, curves: list[Curves] | None) -> ChartsAnswer:
+    """Return what a page lacks.
 
     Args:
-        x: places that have `at` twice  (n,)
-
-    Returns:
-        0 and 1 at `at`, elsewhere nan  (n,)
+        s: the race.
+        ask: what the page has.
+        number: number of the present curves.
+        curves: the present curves, None where the page has them.
     """
-    line = np.full(len(x), np.nan)
-    first = int(np.searchsorted(x, at))
-    line[first : first + 2] = 0.0, 1.0
-    return line
+    entries = s.competitors
+    is_new = ask.race != s.race or len(ask.frames) != len(entries)
+    starts = [0] * len(entries) if is_new else ask.frames
+    frames = [_frames(entry, start) for entry, start in zip(entries, starts, strict=True)]
+    return ChartsAnswer(
+        race=s.race,
+        t=s.t,
+        end=s.end,
+        is_playing=s.playing,
+        can_seek=can_seek(s),
+        lines=[Line(one.name, one.style.colour, one.style.dash) for one in entries],
+        frames=frames,
+        laps=entries[0].lap_starts if entries else [],
+        curves=number,
+        charts=curves,
+        signals=list(SIGNALS) if is_new else None,
+    )
 
 
-def _values(t: np.ndarray, s: LapTiming, column: str, ahead: float) -> np.ndarray:
-    """Return a signal at these times.
+def _frames(entry: Competitor, start: int) -> Frames:
+    """Return the next frames of a competitor."""
+    rows = slice(start, start + CHUNK)
+    columns = {"t": _rounded(entry.t[rows], 4)}
+    for name in COLUMNS:
+        values = entry.speed(rows) if name == "speed" else entry.x[name][rows]
+        columns[name] = _rounded(values, 3)
+    return Frames(min(start, len(entry.t)), columns)
 
-    It is nan, a gap in the line, before the flight and `ahead` [s] after its frame.
+
+def _rounded(values: np.ndarray, digits: int) -> Curve:
+    found: Any = np.round(values, digits).tolist()
+    return found
+
+
+def _gaps(timings: Sequence[LapTiming], limit: Competitor | None) -> list[Curves]:
+    """Return the seconds behind at the same place.
+
+    They are those of the race behind the limit and behind the first competitor, and those of this
+    lap behind the best lap of all.
     """
-    rows = slice(max(s.i - RECENT, 0), s.entry.at(s.t + ahead) + 1)
-    values = s.entry.speed(rows) if column == SPEED else s.entry.x[column][rows]
-    return np.interp(t, s.entry.t[rows], values, left=np.nan, right=np.nan)
+    first = timings[0]
+    legs = first.entry.legs
+    ways = [Way(s.entry.t[: s.i + 1], s.entry.progress[: s.i + 1]) for s in timings]
+    place = np.linspace(0.0, legs.length, PLACES)
+    found = []
+    references = [(f"gap to {first.entry.name} [s]; above 0: behind", ways[0])]
+    if limit is not None:
+        title = "behind the limit, the best known race [s]"
+        references.insert(0, (title, Way(limit.t, limit.progress)))
+    if len(timings) == 1:
+        references = references[:-1]
+    for title, reference in references:
+        y = [_rounded(gap(place, way, reference), 3) for way in ways]
+        found.append(
+            Curves(title, "place [m]", "Gap", _rounded(place, 2), y, first.place, seeks_from=0.0)
+        )
+    best = best_lap([s.entry for s in timings])
+    if best is not None:
+        begins = float([0.0, *legs.lap_ends][first.lap - 1])
+        place = np.linspace(0.0, float(np.diff(legs.lap_ends, prepend=0.0)[-1]), PLACES)
+        laps = [lap_of(s.entry, s.lap - 1, s.i) for s in timings]
+        y = [_rounded(gap(place, lap, best), 3) for lap in laps]
+        title = "this lap behind the best lap of all [s]"
+        mark = first.place - begins
+        x = _rounded(place, 2)
+        found.append(Curves(title, "place in the lap [m]", "Gap", x, y, mark, seeks_from=begins))
+    return found
+
+
+def _spectra(timings: Sequence[LapTiming]) -> list[Curves]:
+    """Return the power spectral densities of the commanded thrust so far."""
+    corner = motor_corner(motor_tau(timings[0].entry.spec["vehicle"]))
+    y = [_rounded(psd(s.entry.until(s.t), FREQUENCIES), 5) for s in timings]
+    title = f"thrust PSD [10⁻³ (m/s²)²/Hz]; dashed: motors' corner {corner:.1f} Hz"
+    x = _rounded(FREQUENCIES, 4)
+    return [Curves(title, "f [Hz]", "Spectrum", x, y, corner, is_log=True)]
 
 
 def psd(entry: Competitor, f: np.ndarray) -> np.ndarray:
@@ -235,14 +277,3 @@ def psd(entry: Competitor, f: np.ndarray) -> np.ndarray:
     bins, power = thrust_psd(entry.t, entry.x["a_cmd"])
     curve = np.log(np.maximum(1e3 * power[1:], PSD_FLOOR))
     return np.exp(np.interp(np.log(f), np.log(bins[1:]), curve, left=np.nan, right=np.nan))
-
-
-def _line(entry: Competitor, label: str, width: float = 1.8) -> uplot.Series:
-    """Return a line in the colour and style of a competitor."""
-    style = entry.style
-    return uplot.Series(label=label, stroke=style.colour, width=width, dash=style.dash)
-
-
-def _mark(label: str) -> uplot.Series:
-    """Return a dashed vertical line."""
-    return uplot.Series(label=label, stroke=DIM, width=1.2, dash=(3, 3), scale="mark")

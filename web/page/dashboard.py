@@ -13,6 +13,7 @@ import viser
 from quadsim.course import Course
 from web.choices import Choices
 from web.lap_timing import LapTiming, lap_timings
+from web.limit_race import limit_race
 from web.page.camera import Camera
 from web.page.charts import TABS, Charts, Tabs
 from web.page.course_editor import CourseEditor
@@ -27,6 +28,8 @@ from web.page.menu import Menu
 from web.page.panels import PlaybackPanel, ViewPanel, add_keys
 from web.page.race_panel import RacePanel
 from web.page.race_scene import RaceScene, preview
+from web.page.runs_panel import RunsPanel
+from web.page.sectors import sectors
 from web.page.server import PageServer, forget_removed
 from web.page.timing import events, hud, planner, tower
 from web.race import Snapshot
@@ -35,7 +38,6 @@ from web.session import Session
 # periods [s]
 SCENE = 1 / 25
 TABLES = 1 / 8
-SIGNALS = 1 / 5
 SLOW = 1.0  # period of spectra and gaps [s]
 
 Colour = Literal["red", "orange", "green", "blue"]
@@ -71,16 +73,16 @@ class Look(NamedTuple):
     by_place: bool
     by_speed: bool
     trajectories: bool
+    limit: bool
 
 
 class RaceView:
-    """The scene, map and charts of one race."""
+    """The scene and map of one race."""
 
-    def __init__(self, server: viser.ViserServer, s: Snapshot, tabs: Tabs, true_size: bool):
+    def __init__(self, server: viser.ViserServer, s: Snapshot, true_size: bool):
         self.race = s.race
         self.scene = RaceScene(server.scene, s.competitors, true_size)
         self.map = Map(s.competitors[0].course)
-        self.charts = Charts(server.gui, tabs, s.competitors)
 
 
 class Dashboard:
@@ -95,7 +97,6 @@ class Dashboard:
         self._server = server
         self._session = session
         self._view: RaceView | None = None
-        self._old_charts: list[Charts] = []
         self._previewed: Course | None = None
         self._race = 0  # number of the race that was on last
         self._passed_over: Course | None = None  # course that was chosen while it was on
@@ -105,7 +106,6 @@ class Dashboard:
         self._tables_due = Due(TABLES)
         self._past_due = Due(TABLES)
         self._controls_due = Due(TABLES)
-        self._signals_due = Due(SIGNALS)
         self._slow_due = Due(SLOW)
         self._runs_due = Due(SLOW)
         gui = server.gui
@@ -114,6 +114,7 @@ class Dashboard:
         )
         gui.add_html(STYLE)
         self.race = RacePanel(gui, session, menu, first)
+        self.runs = RunsPanel(server, session, self.race)
         self.numbers = FlightNumbers(gui, session, first[0])
         # they stand above the controls of the next START
         above, below = self.race.folder.order, self.race.table.folder.order
@@ -123,7 +124,7 @@ class Dashboard:
         self._camera = Camera(server)
         self._options = ViewPanel(gui, self._camera)
         add_keys(gui, session, self._camera, controls)
-        add_export(gui, session)
+        add_export(gui, session, self._camera)
         self._add_panels(gui)
         with self._editor_tab:
             self._editor = CourseEditor(gui, session, self.race)
@@ -136,6 +137,7 @@ class Dashboard:
         self._closing.set()
         self._thread.join()
         self._editor.close()
+        self.runs.close()
 
     def _add_panels(self, gui: viser.GuiApi) -> None:
         """Add the panels beside the controls: timing above, charts below, the head-up display."""
@@ -144,15 +146,16 @@ class Dashboard:
         top = gui.add_panel()
         below = gui.add_panel()
         head = gui.add_panel()
-        self._tabs: Tabs = {name: below.add_tab(name) for name in TABS}
+        chart_tabs: Tabs = {name: below.add_tab(name) for name in TABS}
+        self._charts = Charts(self._server, chart_tabs, self._session)
         self._editor_tab = below.add_tab("Course editor")
         tabs = {name: top.add_tab(name) for name in ("Timing", "Laps", "Events", "Planner")}
         tabs["HUD"] = head.add_tab("HUD")
-        tabs["Chatter"] = self._tabs["Spectrum"]
+        tabs["Chatter"] = chart_tabs["Spectrum"]
         self._tables: dict[str, viser.GuiHtmlHandle] = {}
         for name, tab in tabs.items():
             with tab:
-                # below the charts of a tab, which come and go
+                # below the charts of a tab
                 self._tables[name] = gui.add_html("", order=1e6)
         top.dock_right()
         top.set_width(430)
@@ -181,6 +184,7 @@ class Dashboard:
             by_place=self._options.by_place,
             by_speed=self._options.by_speed(len(timings)),
             trajectories=self._options.trajectories.value,
+            limit=self._options.limit.value,
         )
         competitors = tuple(entry.state for entry in s.competitors)
         with self._server.atomic():
@@ -191,6 +195,7 @@ class Dashboard:
             if view:
                 if self._scene_due((view, state)):
                     view.scene.update(timings, look.by_speed, look.trajectories)
+                    view.scene.update_limit(timings[0], look.limit, look.by_place)
                 self._camera.follow(timings[0])
             if self._tables_due((view, state, self.race.coming)):
                 self._update_tables(s, timings, view)
@@ -200,11 +205,8 @@ class Dashboard:
                 self.race.update(s)
         if self._past_due((view, [entry.past(s.t) for entry in s.competitors])):
             self._update_past(s, view)
-        if view and self._signals_due((view, state)):
-            view.charts.update_signals(timings)
         if view and self._slow_due((view, state)):
-            view.charts.update_spectrum(timings)
-            view.charts.update_gaps(timings)
+            self._charts.update(s, timings)
             self._tables["Chatter"].content = chatter([e.until(s.t) for e in s.competitors])
         if self._runs_due(perf_counter()):
             self.race.refresh()
@@ -242,7 +244,7 @@ class Dashboard:
         if not timings or len(timings) != len(s.competitors):
             return None
         self._clear()
-        self._view = RaceView(self._server, s, self._tabs, self._options.true_size.value)
+        self._view = RaceView(self._server, s, self._options.true_size.value)
         self._camera.show(s.competitors[0].course, self._view.scene.drone_size)
         return self._view
 
@@ -265,19 +267,8 @@ class Dashboard:
         self._tables["Timing"].content = Map(course).draw([])
 
     def _clear(self) -> None:
-        """Remove the scene and hide the charts of the last race.
-
-        Those of the race before it are removed. Their last curves have arrived by now: a slow page
-        gets many messages at once, and looks for what it is to change only after it has removed
-        what it is to remove.
-        """
+        """Remove the scene of the last race."""
         self._server.scene.reset()
-        for charts in self._old_charts:
-            charts.remove()
-        self._old_charts = []
-        if self._view:
-            self._view.charts.hide()
-            self._old_charts.append(self._view.charts)
         self._view = None
         forget_removed(self._server)
 
@@ -293,7 +284,8 @@ class Dashboard:
         """Show the tables of what has happened."""
         self._tables["Events"].content = events(s.competitors, s.t)
         past = [entry.until(s.t) for entry in s.competitors]
-        self._tables["Laps"].content = laps(past) if view else ""
+        limit = limit_race(s.competitors[0]) if view else None
+        self._tables["Laps"].content = laps(past, sectors(past, limit)) if view else ""
 
     def _notify(self, s: Snapshot) -> None:
         """Show the notices that have not been shown yet."""

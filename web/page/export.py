@@ -19,10 +19,11 @@ from quadsim.record.exchange import telemetry_csv
 from quadsim.record.run import RunError
 from web.competitor import Competitor, named
 from web.lap_timing import lap_timings
-from web.page.camera import set_initial_camera
+from web.page.camera import Camera, set_initial_camera
 from web.page.html import div, element, text
 from web.page.laps import laps
 from web.page.race_scene import RaceScene
+from web.page.runs_panel import link_to, show_link
 from web.page.server import serve
 from web.race import Snapshot
 from web.session import Session
@@ -44,19 +45,23 @@ class Download(NamedTuple):
     data: bytes
 
 
-def add_export(gui: viser.GuiApi, session: Session) -> None:
-    """Add buttons by which a visitor downloads what is on the page."""
+def add_export(gui: viser.GuiApi, session: Session, camera: Camera) -> None:
+    """Add buttons by which a visitor downloads what is on the page, or links to it."""
     with gui.add_folder("Export", expand_by_default=False):
-        hint = "page: animated, plays offline; PNG: the view"
-        what = gui.add_button_group("", ("page", "CSV", "zip", "PNG"), hint=hint)
+        hint = "page: animated, plays offline; PNG: the view; link: an address that shows this"
+        what = gui.add_button_group("", ("page", "CSV", "zip", "PNG", "link"), hint=hint)
 
     @what.on_click
     def _(event: viser.GuiEvent) -> None:
         client = event.client
         if client is None:
             return
+        s = session.snapshot
         try:
-            file = _download(client, what.value, session.snapshot)
+            if what.value == "link":
+                show_link(client, link_to(s.competitors, s.t, camera.mode_of(client), session.root))
+                return
+            file = _download(client, what.value, s)
         except (RunError, ValueError, RuntimeError, TimeoutError, OSError) as error:
             client.add_notification(
                 "Cannot export", str(error), auto_close_seconds=NOTICE, color="red"

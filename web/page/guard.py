@@ -17,7 +17,7 @@ from functools import cache, partial
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs, parse_qsl, urlencode, urlsplit
 
 import viser
 import websockets.asyncio.server as websockets_server
@@ -48,7 +48,10 @@ PAGE_CHANGES = {  # of viser's page: its loader and the script that this writes 
     'e.type="module";': 'e.type="module";e.nonce=pass;',
 }
 # in this order
-PAGE_SCRIPTS = tuple(Path(__file__).with_name(name) for name in ("link.js", "page.js", "boxes.js"))
+PAGE_SCRIPTS = tuple(
+    Path(__file__).with_name(name)
+    for name in ("link.js", "page.js", "boxes.js", "runs.js", "charts.js")
+)
 LOG = logging.getLogger("race web")
 
 Serves = Callable[[ServerConnection], Awaitable[None]]
@@ -149,7 +152,8 @@ class Guard:
             return connection.respond(HTTPStatus.UNAUTHORIZED, advice)
         # The cookie takes the token's place, and the token leaves the address.
         response = connection.respond(HTTPStatus.SEE_OTHER, "")
-        response.headers["Location"] = "/"
+        others = [pair for pair in parse_qsl(urlsplit(request.path).query) if pair[0] != "token"]
+        response.headers["Location"] = "/?" + urlencode(others) if others else "/"
         cookie = f"{self._cookie}={self._token}; HttpOnly; SameSite=Strict; Path=/"
         response.headers["Set-Cookie"] = cookie
         return response

@@ -17,7 +17,9 @@ GREY = "#e2e6ec"  # values that are neither good nor bad
 MONOSPACE = "ui-monospace,Menlo,Consolas,monospace"
 MONO = {"font_family": MONOSPACE, "font_variant_numeric": "tabular-nums"}
 
-STYLE = f"<style>{Path(__file__).with_name('page.css').read_text(encoding='utf-8')}</style>"
+SHEETS = ("page.css", "runs.css", "charts.css")
+RULES = [Path(__file__).with_name(name).read_text(encoding="utf-8") for name in SHEETS]
+STYLE = f"<style>{''.join(RULES)}</style>"
 
 
 def text(value: object) -> str:

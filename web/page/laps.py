@@ -38,8 +38,11 @@ GATES = 8  # columns of the split table
 FEWEST = 16  # frames before there is a figure of chatter
 
 
-def laps(entries: Sequence[Competitor]) -> str:
-    """Return lap times and splits of runs."""
+def laps(entries: Sequence[Competitor], sectors: str = "") -> str:
+    """Return lap times and splits of runs.
+
+    sectors: HTML that stands between them.
+    """
     if not any(entry.events for entry in entries):
         return box("no gate passed yet")
     parts = [heading("laps [s]"), _table(entries)]
@@ -48,7 +51,7 @@ def laps(entries: Sequence[Competitor]) -> str:
             remark = coloured(not_comparable(entry.spec), RED)
             parts.append(f"<div>{label(entry)} {remark}</div>")
     parts.append(_strips(entries))
-    return box(*parts, heading("splits by gate [s]"), splits(entries))
+    return box(*parts, sectors, heading("splits by gate [s]"), splits(entries))
 
 
 def _table(entries: Sequence[Competitor]) -> str:

@@ -2,6 +2,7 @@
 //
 //   race.send({ type: "seek", t: 1.25 })   sends a message; returns false while there is no connection
 //   race.on("notice", (message) => ...)    is called for each message of this type from the server
+//   race.on("open", () => ...)             is called whenever the connection is made
 //
 // An element of the page with an attribute data-send, which holds a message as JSON, sends it when it is pressed.
 window.race = (() => {
@@ -13,11 +14,13 @@ window.race = (() => {
     const address = new URL("link", location.href.split("?")[0]);
     address.protocol = address.protocol.replace("http", "ws");
     socket = new WebSocket(address);
-    socket.onmessage = ({ data }) => {
-      const message = JSON.parse(data);
-      for (const handler of handlers[message.type] ?? []) handler(message);
-    };
+    socket.onopen = () => handle({ type: "open" });
+    socket.onmessage = ({ data }) => handle(JSON.parse(data));
     socket.onclose = () => setTimeout(connect, RETRY);
+  }
+
+  function handle(message) {
+    for (const handler of handlers[message.type] ?? []) handler(message);
   }
 
   function send(message) {

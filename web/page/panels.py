@@ -102,6 +102,8 @@ class ViewPanel:
             self.trails = gui.add_dropdown("Trails", trails, initial_value=AUTO)
             hint = "the cheapest of the samples; white: the plan"
             self.trajectories = gui.add_checkbox("Sampled trajectories", True, hint=hint)
+            hint = "the best known race of race limit, as a ghost"
+            self.limit = gui.add_checkbox("Limit's race", False, hint=hint)
             hint = "of the drones, from the next start"
             self.true_size = gui.add_checkbox("True size", False, hint=hint)
         self.camera.on_click(lambda event: camera.choose(event.client, self.camera.value))
@@ -151,6 +153,7 @@ def show_help(client: viser.ClientHandle | None, keys: list[Key]) -> None:
         "interactive and cannot be compared with others."
     )
     rows: list[list[str] | str] = [[key.key, key.what] for key in keys]
+    rows.append(["T", "table of runs, and campaigns"])  # runs.js
     with client.gui.add_modal("Keys") as modal:
         client.gui.add_html(box(table(["key", "does"], rows, left=2), small(note)))
         client.gui.add_button("Close").on_click(lambda _: modal.close())

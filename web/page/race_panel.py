@@ -17,6 +17,7 @@ from web.choices import Choices, HeatChoices, specs_of
 from web.page.competitor_table import CompetitorTable, announced, table_of
 from web.page.menu import Menu
 from web.race import Snapshot
+from web.run_table import FolderWatch
 from web.session import Session
 from web.stored_runs import runs_at, titled_runs
 
@@ -53,6 +54,7 @@ class RacePanel:
     def __init__(self, gui: viser.GuiApi, session: Session, menu: Menu, first: Sequence[Choices]):
         self._session = session
         self._loaded = LoadedCourse("", None)
+        self._folder = FolderWatch(Path(session.root))
         self._paths: dict[str, Path] = {}  # title of a stored run -> its folder
         self.coming = ""
         self._shown: object = None  # what the table of competitors shows
@@ -153,7 +155,9 @@ class RacePanel:
                 control.value = titles[path]
 
     def refresh(self) -> None:
-        """List the stored runs, the latest first."""
+        """List the stored runs, the latest first, if others are there than before."""
+        if not self._folder.has_changed():
+            return
         self._paths = titled_runs(self._session.root, RUNS)
         options = (NONE, *self._paths)
         for control in (self.run, self.second_run):

@@ -16,6 +16,7 @@ from quadsim.course.opening import outer_half_sizes
 from quadsim.palette import NEXT, Style
 from web.competitor import CRASHES, Competitor, heat_of
 from web.lap_timing import LapTiming, crashed_gates
+from web.limit_race import limit_race
 from web.page.drones import (
     SPAN,
     Drone,
@@ -27,6 +28,7 @@ from web.page.drones import (
 )
 from web.page.estimate import EstimateView
 from web.page.html import RED
+from web.page.limit_ghost import LimitGhost
 
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories
@@ -94,6 +96,7 @@ class RaceScene:
         ]
         self._trajectories = SampledTrajectoriesView(scene, samples, width)
         self._drawn = Drawn(None, None)
+        self._limit = LimitGhost(scene, limit_race(entries[0]), scale, width)
 
     def update(
         self, timings: Sequence[LapTiming], by_speed: bool, trajectories: bool = True
@@ -115,6 +118,13 @@ class RaceScene:
         first = timings[0]
         self._course.colour(first.next_gate, crashed_gates(timings))
         self._show_trajectories(first, trajectories)
+
+    def update_limit(self, first: LapTiming, on: bool, by_place: bool) -> None:
+        """Show or hide the best known race, at the time or the place of the first competitor."""
+        if on:
+            self._limit.show(first.t, first.place if by_place else None)
+        else:
+            self._limit.hide()
 
     def _show_trajectories(self, first: LapTiming, on: bool) -> None:
         """Show the sampled trajectories of the first competitor."""

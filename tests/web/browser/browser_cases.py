@@ -30,6 +30,7 @@ def dashboard(root, take_off, **first):
     )
     page = Dashboard(server, session, menu, Choices(**first))
     session.server = server
+    session.camera_modes = page._camera._modes.values
     session.address = f"http://127.0.0.1:{server.get_port()}/{DRAWN}"
     yield session
     page.close()

@@ -1,0 +1,98 @@
+"""Claims about the table of runs and the charts, as a person uses them."""
+
+import pytest
+from browser_cases import DRAWN, dashboard, opened, press, waited
+from web_cases import Glider, Gliders, choices, run_of, store
+
+from web.race import PageRace
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    root = tmp_path_factory.mktemp("table")
+    for seed in (3, 1, 2):
+        for sampler in ("colored", "gaussian"):
+            store(root, run_of(Glider(choices(sampler, laps=2, seed=seed))))
+    broken = store(root, run_of(Glider(choices("colored", laps=1, seed=9))))
+    (broken / "run.json").write_text("{}")
+    return root
+
+
+@pytest.fixture(scope="module")
+def session(root):
+    with dashboard(root, Gliders(), course="figure8", laps=2) as session:
+        yield session
+
+
+@pytest.fixture(scope="module")
+def page(browser, session, root):
+    """A page whose address names two runs, a time and a camera."""
+    names = sorted(path.name for path in root.iterdir() if "_s1_" in path.name)
+    asked = "&".join(f"run={name}" for name in names)
+    address = session.address.replace(DRAWN, f"{DRAWN}&{asked}&t=1.5&camera=top")
+    with opened(browser, address) as page:
+        page.names = names
+        yield page
+
+
+def names_shown(session):
+    return [entry.folder.name for entry in session.snapshot.competitors]
+
+
+def seeds_listed(page):
+    return page.locator(".race-sheet tbody tr td:nth-child(8)").all_text_contents()
+
+
+def test_an_address_shows_its_runs_at_its_time_from_its_camera(page, session):
+    assert waited(page, lambda: names_shown(session) == page.names and session.snapshot.t == 1.5)
+    assert not session.snapshot.playing
+    assert waited(page, lambda: "top" in session.camera_modes())
+
+
+def test_runs_are_filtered_sorted_and_compared(page, session):
+    page.keyboard.press("t")
+    sheet = page.get_by_role("dialog", name="Runs and campaigns")
+    sheet.wait_for()
+    assert sheet.locator("td.problem").count() == 1
+    sheet.get_by_role("searchbox").fill("figure8 gauss")
+    assert waited(page, lambda: len(seeds_listed(page)) == 3)
+    sheet.get_by_role("button", name="seed").click()
+    assert seeds_listed(page) == ["1", "2", "3"]
+    sheet.get_by_role("button", name="seed").click()
+    assert seeds_listed(page) == ["3", "2", "1"]
+    for k in (0, 2):
+        sheet.get_by_role("checkbox").nth(k).check()
+    press(page, "Compare 2")
+    assert waited(page, lambda: all("gaussian" in name for name in names_shown(session)))
+    assert {name.split("_s")[-1][0] for name in names_shown(session)} == {"1", "3"}
+    assert not sheet.is_visible()
+
+
+def test_a_press_in_a_chart_moves_the_time_and_the_pointer_shows_values(page, session):
+    session.tell(PageRace.play, False)
+    canvas = page.locator('[data-charts="Signals"] canvas').first
+    canvas.wait_for()
+    place = canvas.bounding_box()
+    y = place["y"] + place["height"] / 2
+    page.mouse.move(place["x"] + 150, y)
+    legend = page.locator(".race-chart .legend").first
+    legend.get_by_text("commanded").first.wait_for()
+    before = legend.inner_text()
+    page.mouse.move(place["x"] + 120, y)
+    assert waited(page, lambda: legend.inner_text() != before)
+    pointed = float(legend.locator(".at").inner_text().split()[-1])
+    page.mouse.down()
+    assert waited(page, lambda: abs(session.snapshot.t - pointed) < 0.02)
+    page.mouse.move(place["x"] + 180, y, steps=3)
+    assert waited(page, lambda: session.snapshot.t > pointed + 0.3)
+    page.mouse.up()
+    # fewer signals
+    charts = page.locator('[data-charts="Signals"] .race-chart')
+    count = charts.count()
+    page.get_by_text("signals", exact=True).click()
+    page.locator("details label", has_text="thrust").click()
+    assert waited(page, lambda: charts.count() == count - 1)
+
+
+def test_the_console_holds_no_error_and_no_warning(page):
+    assert page.complaints == []

@@ -1,0 +1,152 @@
+"""Claims about what charts are given: every frame once, gaps to the limit, sectors."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_runs_panel import comes, talk
+from web_cases import choices, competitor, stored, until
+
+from quadsim.palette import BEST
+from web.competitor import POSITION, VELOCITY, named
+from web.lap_timing import Way, gap, lap_timings
+from web.limit_race import limit_race
+from web.page import charts
+from web.page.charts import AskCharts, answer
+from web.page.sectors import sector_ends, sectors, times_of
+from web.race import PageRace, Snapshot
+
+NOTHING = AskCharts(race=0, frames=[], curves=0)
+
+
+@pytest.fixture(scope="module")
+def competitors():
+    return named([competitor("colored"), competitor("gaussian")])
+
+
+def race_of(competitors, t=1.0):
+    return Snapshot(t=t, end=9.0, competitors=tuple(competitors), race=1)
+
+
+def limited(entry):
+    """The same flight with the best known limit of its race."""
+    from quadsim.record.limits import limit_of
+
+    return replace(entry, limit=limit_of(entry.spec))
+
+
+def test_a_page_gets_every_frame_once_in_its_own_time(competitors, monkeypatch):
+    monkeypatch.setattr(charts, "CHUNK", 70)
+    s = race_of(competitors)
+    got = [[] for _ in competitors]
+    asked = NOTHING
+    for _ in range(50):
+        given = answer(s, asked, 0, None)
+        for have, frames in zip(got, given.frames, strict=True):
+            assert frames.start == len(have)
+            have += frames.columns["a_cmd"]
+        asked = AskCharts(race=given.race, frames=[len(have) for have in got], curves=0)
+    for have, entry in zip(got, competitors, strict=True):
+        assert np.allclose(have, entry.x["a_cmd"], atol=6e-4)
+    # the race is another one: from the first frame on
+    again = answer(replace(s, race=2), asked, 0, None)
+    assert [frames.start for frames in again.frames] == [0, 0]
+    assert again.signals
+
+
+def test_commanded_and_delivered_are_different_columns(competitors):
+    given = answer(race_of(competitors), NOTHING, 0, None)
+    for signal in given.signals[:4]:
+        assert signal.command != signal.column
+        assert {signal.column, signal.command} <= set(given.frames[0].columns)
+
+
+def test_the_time_moves_by_a_press_and_not_while_a_flight_is_on(page, session, tmp_path):
+    folder = stored(tmp_path, laps=3)
+    session.tell(PageRace.replay, [folder], 0.5)
+    assert until(lambda: session.snapshot.t == 0.5)
+    entry = session.snapshot.competitors[0]
+    place = float(entry.progress[200])
+
+    async def client_does(linked):
+        await linked.send("seek", t=2.0)
+        await comes(lambda: session.snapshot.t == 2.0)
+        await linked.send("seek_place", place=place)
+        await comes(lambda: abs(session.snapshot.t - float(entry.t[entry.at_place(place)])) < 1e-9)
+        session.tell(PageRace.set_speed, 0.1)
+        session.tell(PageRace.start, [choices(laps=3)])
+        await comes(lambda: session.snapshot.flying and session.snapshot.t > 0.05)
+        await linked.send("seek", t=0.0)
+        given = await linked.ask("charts", "ask_charts", race=0, frames=[], curves=0)
+        assert not given["can_seek"]
+        assert session.snapshot.playing
+        assert session.snapshot.t > 0.05
+
+    talk(page, client_does)
+
+
+def test_the_limit_is_a_race_through_all_gates_in_its_time(competitors):
+    entry = limited(competitors[0])
+    limit = limit_race(entry)
+    assert limit is limit_race(entry)
+    assert limit.last_t == pytest.approx(entry.limit.time, abs=0.02)
+    assert limit.laps == tuple(entry.limit.lap_times)
+    assert sum(map(sum, times_of(limit, sector_ends(entry.legs)))) == pytest.approx(
+        limit.last_t, abs=0.02
+    )
+    centres = [gate.position for gate in entry.course.gates] * entry.laps_to_fly
+    passed = np.array([event.position for event in limit.events])
+    assert np.linalg.norm(passed - centres, axis=1).max() < 1.5
+    assert limit.progress[-1] == pytest.approx(entry.legs.length, abs=0.5)
+    # its velocity is that of its path
+    step = np.diff(limit.rows(POSITION), axis=0) / np.diff(limit.t)[:, None]
+    assert np.abs(step - limit.rows(VELOCITY)[:-1]).max() < 2.0
+    assert limit_race(replace(entry, limit=None)) is None
+
+
+def test_a_chart_shows_the_seconds_behind_the_limit(competitors):
+    entries = [limited(one) for one in competitors]
+    s = race_of(entries, t=3.0)
+    timings = lap_timings(s, by_place=False)
+    curves = charts._gaps(timings, limit_race(entries[0]))
+    (behind,) = [one for one in curves if "behind the limit" in one.title]
+    limit = limit_race(entries[0])
+    place = np.array(behind.x)
+    first = timings[0]
+    way = Way(first.entry.t[: first.i + 1], first.entry.progress[: first.i + 1])
+    wanted = gap(place, way, Way(limit.t, limit.progress))
+    assert np.allclose(np.array(behind.y[0], float), wanted, atol=0.02, equal_nan=True)
+    assert np.isfinite(wanted).sum() > 50
+    without = charts._gaps(timings, None)
+    assert not any("limit" in one.title for one in without)
+
+
+def test_sectors_end_at_gates_and_sum_to_the_lap(competitors):
+    entry = competitors[0]
+    ends = sector_ends(entry.legs)
+    assert ends == sorted(set(ends))
+    assert len(ends) == 3
+    assert ends[-1] == entry.legs.gates
+    for row, lap in zip(times_of(entry, ends), entry.laps, strict=True):
+        assert len(row) == 3
+        assert sum(row) == pytest.approx(lap)
+
+
+def test_the_best_sector_of_all_is_purple(competitors):
+    page = sectors(competitors, None)
+    ends = sector_ends(competitors[0].legs)
+    for k in range(3):
+        best = min(row[k] for entry in competitors for row in times_of(entry, ends))
+        assert f'color:{BEST};font-weight:600">{best:.3f}<' in page
+    limit = limit_race(limited(competitors[0]))
+    with_limit = sectors(competitors, limit)
+    assert "limit" in with_limit
+    # the limit is not compared: the same times are purple
+    assert with_limit.count(BEST) == page.count(BEST)
+
+
+def test_names_from_files_are_no_html_in_sectors(competitors):
+    bad = replace(competitors[0], name="<script>alert(1)</script>")
+    page = sectors([bad], None)
+    assert "<script" not in page
+    assert "&lt;script" in page

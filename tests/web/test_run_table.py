@@ -1,0 +1,154 @@
+"""Claims about the table of stored runs: read once, checked, named by its rows alone."""
+
+import json
+import os
+import shutil
+import time
+
+import pytest
+from run_cases import SPEC, save, two_laps
+from web_cases import stored
+
+import quadsim
+from quadsim.record.limits import limit_of
+from web import run_table
+from web.campaign_reports import CampaignReports
+from web.run_table import RunTable
+
+SMALL = {"samples": 256, "horizon": 40, "iterations": 1, "laps": 1, "timeout": 0.4}
+
+
+def old(folder):
+    """Let a folder have changed some time ago, as its time is not exact within a moment."""
+    past = time.time() - 60.0
+    os.utime(folder, (past, past))
+
+
+def test_a_row_says_what_the_run_says(tmp_path):
+    change = {"t": 0.1, "name": "sigma", "from": 1.0, "to": 2.0}
+    probe = save(tmp_path, two_laps(SPEC)) / "run.json"
+    record = json.loads(probe.read_text())
+    record["spec"] |= {"sensing": {"name": "gates"}, "interactive": [change, change]}
+    probe.write_text(json.dumps(record))
+    folder = stored(tmp_path, "gaussian", laps=3)
+    table = RunTable(str(tmp_path))
+    assert table.refresh()
+    of_glider, of_probe = sorted(table.rows, key=lambda row: row.course)
+    record = json.loads((folder / "run.json").read_text())
+    best = limit_of(record["spec"]).time
+    time_flown = sum(record["laps"])
+    assert of_glider.name == folder.name
+    assert (of_glider.course, of_glider.flown_by, of_glider.vehicle) == (
+        "figure8",
+        "gaussian",
+        "swift",
+    )
+    assert (of_glider.sensing, of_glider.seed, of_glider.laps) == ("perfect", 0, "3/3")
+    assert (of_glider.changes, of_glider.outcome, of_glider.time) == (0, "finished", time_flown)
+    assert of_glider.above == pytest.approx(100 * (time_flown / best - 1), abs=0.06)
+    assert (of_probe.sensing, of_probe.changes, of_probe.above) == ("gates", 2, None)
+
+
+def test_a_look_at_the_same_folder_reads_nothing_and_a_new_run_arrives(tmp_path, monkeypatch):
+    stored(tmp_path)
+    table = RunTable(str(tmp_path))
+    old(tmp_path)
+    assert table.refresh()
+    with monkeypatch.context() as closed:
+        closed.setattr(run_table, "read_row", None)
+        closed.setattr(os, "scandir", None)
+        for _ in range(3):
+            assert not table.refresh()
+    (before,) = table.rows
+    arrived = stored(tmp_path, "gaussian")
+    read = []
+    reads = run_table.read_row
+    monkeypatch.setattr(
+        run_table, "read_row", lambda path, data: read.append(path) or reads(path, data)
+    )
+    assert table.refresh()
+    assert read == [arrived]
+    assert {row.name for row in table.rows} == {before.name, arrived.name}
+    shutil.rmtree(arrived)
+    assert table.refresh()
+    assert table.rows == (before,)
+
+
+def test_a_limit_that_is_found_later_is_compared_with(tmp_path, monkeypatch):
+    monkeypatch.setattr(run_table, "limit_of", lambda spec, folder: None)
+    stored(tmp_path, laps=3)
+    table = RunTable(str(tmp_path))
+    table.refresh()
+    assert table.rows[0].above is None
+    monkeypatch.undo()
+    (tmp_path / "limits").mkdir()
+    assert table.refresh()
+    assert table.rows[0].above is not None
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"{", b"{}", b"\xff\xfe", b'{"outcome": "won"}', b"[" * 100_000]
+)
+def test_a_damaged_run_is_a_row_that_says_so(tmp_path, content):
+    stored(tmp_path)
+    broken = stored(tmp_path, "gaussian")
+    (broken / "run.json").write_bytes(content)
+    table = RunTable(str(tmp_path))
+    table.refresh()
+    rows = {row.name: row for row in table.rows}
+    assert len(rows) == 2
+    assert rows[broken.name].problem.startswith("damaged: ")
+    assert "\n" not in rows[broken.name].problem
+    assert [row.problem for row in table.rows if row.name != broken.name] == [""]
+
+
+def test_a_pipe_in_place_of_a_record_is_not_waited_for(tmp_path):
+    (tmp_path / "20260101T000000Z_pipe").mkdir()
+    os.mkfifo(tmp_path / "20260101T000000Z_pipe" / "run.json")
+    folder = stored(tmp_path)
+    table = RunTable(str(tmp_path))
+    table.refresh()
+    assert [row.name for row in table.rows] == [folder.name]
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "../runs", "limits", "/etc", "x\0y"])
+def test_only_a_listed_name_is_a_folder(tmp_path, name):
+    folder = stored(tmp_path)
+    (tmp_path / "limits").mkdir()
+    table = RunTable(str(tmp_path))
+    table.refresh()
+    assert table.path(folder.name) == folder
+    assert table.path(name) is None
+
+
+def test_reports_beside_the_runs_are_listed_and_read_by_their_listed_names_alone(tmp_path):
+    folder = tmp_path / "campaigns" / "race.report"
+    folder.mkdir(parents=True)
+    (folder / "a_b.md").write_text("## figure8\n\n| a | b |\n|---|---|\n| 1 | 2 |\n")
+    (folder / "a_b.png").write_bytes(b"\x89PNG\r\n\x1a\n...")
+    (tmp_path / "secret.md").write_text("secret")
+    reports = CampaignReports(str(tmp_path / "runs"))
+    reports.refresh()
+    (row,) = reports.rows
+    assert (row.campaign, row.title) == ("race.sqlite", "a_b")
+    report = reports.read(row.name)
+    assert "| 1 | 2 |" in report.markdown
+    assert report.figure.startswith("data:image/png;base64,")
+    (folder / "a_b.png").write_text("<svg onload=alert(1)>")
+    assert reports.read(row.name).figure == ""
+    for name in ("secret.md", "campaigns/race.report/../../secret.md", str(tmp_path / "secret.md")):
+        with pytest.raises(ValueError, match="expected a report of the list"):
+            reports.read(name)
+
+
+def test_a_campaign_is_shown_as_a_table_and_other_files_are_left_alone(tmp_path):
+    campaign = tmp_path / "campaigns" / "race.sqlite"
+    quadsim.compare("figure8", ("colored",), attempts=2, campaign=campaign, **SMALL)
+    foreign = tmp_path / "campaigns" / "notes.sqlite"
+    foreign.write_bytes(b"")
+    reports = CampaignReports(str(tmp_path / "runs"))
+    reports.refresh()
+    (row,) = reports.rows
+    table = reports.read(row.name).markdown
+    assert "| colored | figure8 | swift | 0 | 0-1 |" in table
+    assert foreign.read_bytes() == b""

@@ -1,0 +1,51 @@
+"""AgainChoices: a stored run or race that is flown again on the page, as START flies it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from quadsim.heat.archive import load_heat, spec_of_heat
+from quadsim.heat.spec import HeatSpec
+from quadsim.record.archive import load_reportable
+from quadsim.spec.recorded import spec_of_record
+from quadsim.spec.spec import Spec
+
+
+@dataclass(frozen=True)
+class AgainChoices:
+    """A stored run that is to be flown again, changes in flight included."""
+
+    folder: Path
+    # folder of runs, where solutions that were followed are looked for
+    root: str
+
+    def base_spec(self) -> Spec:
+        """Return the flight.
+
+        Raises:
+            RunError: the run is damaged.
+            ValueError: the page cannot fly it; one line says why.
+        """
+        run = load_reportable(self.folder)
+        for name, usual in (("clock", "simulated"), ("deadline_ms", None)):
+            if run.spec.get(name) != usual:
+                why = f"{name}: the run followed the wall clock, which the page does not"
+                raise ValueError(f"{why}; copy its command and fly it in a terminal")
+        return spec_of_record(run.spec, self.root)
+
+    def flown(self, base: Spec) -> Spec:
+        """Return the flight with the numbers of the sliders, which are those of the record."""
+        return base
+
+
+@dataclass(frozen=True)
+class HeatAgainChoices:
+    """A stored race of several that is to be flown again."""
+
+    folder: Path
+    root: str
+
+    def spec(self) -> HeatSpec:
+        """Return the race. Raises RunError, ValueError, see AgainChoices."""
+        return spec_of_heat(load_heat(self.folder), self.root)

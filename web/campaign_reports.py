@@ -1,0 +1,130 @@
+"""CampaignReports: the campaigns beside the folder of runs, and what `race compare` wrote of them.
+
+A report has the tables and the figure of one comparison; a campaign's file has everything that was
+flown, shown as by `race results`.
+"""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from quadsim.campaign.results import COLUMNS, TEXTS, stored
+from quadsim.campaign.store import is_campaign
+from quadsim.campaign.tables import TextTable, as_markdown
+from quadsim.files.arrays import read_bytes
+
+# The folder of campaigns beside that of runs, as `race compare` makes it
+CAMPAIGNS = "campaigns"
+SUFFIX = ".sqlite"
+PNG = b"\x89PNG\r\n\x1a\n"
+# Largest report and largest figure that are shown [bytes]
+LARGEST_TEXT = 1_000_000
+LARGEST_FIGURE = 8_000_000
+# Reports that are listed, the latest
+MOST = 200
+
+
+class ReportRow(msgspec.Struct, frozen=True):
+    """A report or a campaign in the list."""
+
+    # by which a page names it
+    name: str
+    # local time at which it was written
+    when: str
+    # the file of the campaign
+    campaign: str
+    # the name of the report; empty for the file itself
+    title: str
+
+
+class Report(NamedTuple):
+    """A report as it was written, or a campaign's table."""
+
+    markdown: str
+    # PNG as a data URI; empty: there is none
+    figure: str
+
+
+class CampaignReports:
+    """The reports of campaigns. One thread uses it.
+
+    They lie in `campaigns/` beside the folder of runs, or right beside it: NAME.sqlite and the
+    reports in NAME.report/.
+
+    Args:
+        root: the folder of runs.
+
+    Attributes:
+        rows: the reports, the latest first.
+    """
+
+    def __init__(self, root: str):
+        self.rows: tuple[ReportRow, ...] = ()
+        self._root = root
+        self._beside = Path(root).resolve().parent
+        self._paths: dict[str, Path] = {}
+
+    def refresh(self) -> None:
+        """List the reports that are there now."""
+        found = sorted(self._found(), reverse=True)[:MOST]
+        self._paths = {path.relative_to(self._beside).as_posix(): path for _, path in found}
+        self.rows = tuple(
+            ReportRow(
+                name=name,
+                when=f"{datetime.fromtimestamp(written):%Y-%m-%d %H:%M:%S}",
+                campaign=_campaign_of(path),
+                title="" if path.suffix == SUFFIX else path.stem,
+            )
+            for (written, _), (name, path) in zip(found, self._paths.items(), strict=True)
+        )
+
+    def read(self, name: str) -> Report:
+        """Read a report.
+
+        Raises:
+            ValueError, RunError: there is none of this name, or it cannot be read.
+        """
+        path = self._paths.get(name)
+        if path is None:
+            raise ValueError("expected a report of the list; it may have been removed")
+        if path.suffix == SUFFIX:
+            return Report(self._table(path), "")
+        text = read_bytes(path, "a report", LARGEST_TEXT).decode(errors="replace")
+        picture = path.with_suffix(".png")
+        figure = ""
+        if picture.is_file():
+            data = read_bytes(picture, "the figure of a report", LARGEST_FIGURE)
+            if data.startswith(PNG):
+                figure = f"data:image/png;base64,{b64encode(data).decode()}"
+        return Report(text, figure)
+
+    def _table(self, path: Path) -> str:
+        """Return all that a campaign has flown as Markdown. Raises RunError."""
+        groups = stored([str(path)], self._root)
+        if not groups:
+            return "No attempt has been flown yet."
+        texts = tuple(i for i, head in enumerate(COLUMNS) if head in TEXTS)
+        return f"## {path.name}\n\n{as_markdown(TextTable.of(groups, COLUMNS, texts))}\n"
+
+    def _found(self) -> Iterator[tuple[float, Path]]:
+        """Yield each report with the time at which it was written [s since 1970]."""
+        for folder in (self._beside / CAMPAIGNS, self._beside):
+            for path in folder.glob("*.report/*.md"):
+                if path.is_file() and path.name.isprintable():
+                    yield path.stat().st_mtime, path
+            for path in folder.glob(f"*{SUFFIX}"):
+                if path.is_file() and path.name.isprintable() and is_campaign(path):
+                    yield path.stat().st_mtime, path
+
+
+def _campaign_of(path: Path) -> str:
+    """Return the name of the campaign's file for a report or the file itself."""
+    if path.suffix == SUFFIX:
+        return path.name
+    return path.parent.name.removesuffix(".report") + SUFFIX

@@ -1,0 +1,267 @@
+"""RunsPanel: the table of stored runs and the reports of campaigns, for runs.js over the link.
+
+The page filters and sorts; it names runs by their folders' names, which are looked up among those
+that were listed. What takes longer than a moment happens on a thread of its own.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import traceback
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+from urllib.parse import urlencode
+
+import viser
+from msgspec import Meta
+
+from quadsim.heat.archive import is_heat
+from quadsim.record.archive import load_reportable
+from quadsim.record.run import RunError, why_not_repeatable
+from quadsim.spec.wording import Wording, heat_wording, wording
+from web.again import AgainChoices, HeatAgainChoices
+from web.campaign_reports import CampaignReports, ReportRow
+from web.competitor import Competitor
+from web.page.html import box, div, element, small, text
+from web.page.link import LinkVisitor, Message
+from web.page.race_panel import RacePanel
+from web.page.server import PageServer
+from web.race import PageRace
+from web.run_table import RunRow, RunTable
+from web.session import Session
+from web.stored_runs import runs_at
+
+PERIOD = 1.0  # [s] between two looks at the folder of runs
+MOST = 1000  # latest rows that a page gets
+WAITING = 64  # requests that wait; more are dropped
+TOGETHER = 8  # runs that are shown side by side, at most
+FLYING = "A flight is on: STOP ends it, then this can be shown"
+
+Name = Annotated[str, Meta(max_length=300)]
+
+
+class ListRuns(Message, tag="list_runs"):
+    """A page asks for the table."""
+
+
+class ReplayRuns(Message, tag="replay_runs"):
+    """A visitor wants to see stored runs side by side, from the start or paused at t [s]."""
+
+    names: Annotated[list[Name], Meta(min_length=1, max_length=TOGETHER)]
+    t: Annotated[float, Meta(ge=0, le=1e6)] | None = None
+
+
+class FlyAgain(Message, tag="fly_again"):
+    """A visitor wants to fly a stored run again."""
+
+    name: Name
+
+
+class WordRun(Message, tag="word_run"):
+    """A visitor wants a stored run as a command line and as Python."""
+
+    name: Name
+
+
+class ListReports(Message, tag="list_reports"):
+    """A page asks for the list of reports."""
+
+
+class ShowReport(Message, tag="show_report"):
+    """A visitor wants to see a report."""
+
+    name: Name
+
+
+class Runs(Message, tag="runs"):
+    """The table."""
+
+    rows: Sequence[RunRow]
+
+
+class RunWording(Message, tag="run_wording"):
+    """A run as a command line and as Python."""
+
+    name: str
+    command: str
+    python: str
+    # why it may not give the same bits; empty: it does
+    remark: str
+
+
+class Reports(Message, tag="reports"):
+    """The list of reports."""
+
+    rows: Sequence[ReportRow]
+
+
+class ReportShown(Message, tag="report"):
+    """A report: Markdown, and its figure as a data URI."""
+
+    name: str
+    markdown: str
+    figure: str
+
+
+class Remark(Message, tag="remark"):
+    """A line for one visitor: why something was not done."""
+
+    text: str
+
+
+Request = ListRuns | ReplayRuns | FlyAgain | WordRun | ListReports | ShowReport
+
+
+class RunsPanel:
+    """Answers the pages' requests about stored runs and campaigns, until `close`."""
+
+    def __init__(self, server: PageServer, session: Session, race: RacePanel):
+        self._link = server.link
+        self._session = session
+        self._race = race
+        self._table = RunTable(session.root)
+        self._reports = CampaignReports(session.root)
+        self._wordings: dict[str, RunWording] = {}
+        # None wakes the thread
+        self._requests: queue.Queue[tuple[LinkVisitor, Request] | None] = queue.Queue(WAITING)
+        for form in (ListRuns, ReplayRuns, FlyAgain, WordRun, ListReports, ShowReport):
+            self._link.on(form, self._queue)
+        open_table = '<button class="race-open" data-open="runs">Runs and campaigns (T)</button>'
+        server.gui.add_html(open_table)
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="runs", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Answer no more requests."""
+        self._closing.set()
+        with suppress(queue.Full):
+            self._requests.put_nowait(None)
+        self._thread.join()
+
+    def _queue(self, visitor: LinkVisitor, request: Request) -> None:
+        with suppress(queue.Full):
+            self._requests.put_nowait((visitor, request))
+
+    def _run(self) -> None:
+        """Answer requests, and look at the folder of runs between them."""
+        while not self._closing.is_set():
+            try:
+                if self._table.refresh():
+                    self._link.send_all(Runs(self._table.rows[:MOST]))
+                asked = self._requests.get(timeout=PERIOD)
+                if asked:
+                    self._answer(*asked)
+            except queue.Empty:
+                continue
+            except Exception:
+                # an error in one request must not end the others
+                traceback.print_exc()
+                self._closing.wait(PERIOD)
+
+    def _answer(self, visitor: LinkVisitor, request: Request) -> None:
+        """Answer a request; say in one line what cannot be done."""
+        try:
+            match request:
+                case ListRuns():
+                    visitor.send(Runs(self._table.rows[:MOST]))
+                case ReplayRuns(names, t):
+                    self._replay(names, t)
+                case FlyAgain(name):
+                    self._fly_again(name)
+                case WordRun(name):
+                    visitor.send(self._worded(name))
+                case ListReports():
+                    self._reports.refresh()
+                    visitor.send(Reports(self._reports.rows))
+                case ShowReport(name):
+                    visitor.send(ReportShown(name, *self._reports.read(name)))
+        except (ValueError, RunError) as error:
+            visitor.send(Remark(str(error)))
+
+    def _path(self, name: str) -> Path:
+        """Return the folder of a listed run. Raises ValueError."""
+        path = self._table.path(name)
+        if path is None:
+            raise ValueError(f"no run {name[:80]!r} in the table: expected one that is listed")
+        return path
+
+    def _replay(self, names: Sequence[str], t: float | None) -> None:
+        """Show runs side by side. Raises ValueError, RunError."""
+        folders = [self._path(name) for name in dict.fromkeys(names)]
+        self._expect_landed()
+        runs = [run for folder in folders for run in runs_at(folder)]
+        self._session.tell(PageRace.replay, runs, t)
+        self._race.show_replay(folders)
+
+    def _fly_again(self, name: str) -> None:
+        """Fly a run or a race again. Raises ValueError."""
+        folder = self._path(name)
+        self._expect_landed()
+        root = self._session.root
+        choices = HeatAgainChoices if is_heat(folder) else AgainChoices
+        self._session.tell(PageRace.start, [choices(folder, root)])
+
+    def _expect_landed(self) -> None:
+        """Raise ValueError while a flight is on, which may be another visitor's."""
+        if self._session.snapshot.flying:
+            raise ValueError(FLYING)
+
+    def _worded(self, name: str) -> RunWording:
+        """Return a run as texts that fly it again. Raises ValueError, RunError."""
+        folder = self._path(name)
+        if name not in self._wordings:
+            remark = ""
+            if is_heat(folder):
+                texts: Wording = heat_wording(folder)
+            else:
+                run = load_reportable(folder)
+                texts = wording(run.spec, folder)
+                remark = why_not_repeatable(run)
+            self._wordings[name] = RunWording(name, texts.command, texts.python, remark)
+        return self._wordings[name]
+
+
+def show_link(client: viser.ClientHandle, link: str) -> None:
+    """Open a window with an address for copying on one visitor's page.
+
+    link: what follows the address of the page, see `link_to`.
+    """
+    with client.gui.add_modal("Link to what is shown") as modal:
+        shown = div(element("code", text(link), word_break="break-all"), margin="4px 0 8px")
+        copy = f'<button class="race-open" data-copy-link="{text(link)}">Copy the address</button>'
+        note = "It opens these runs at this time for everybody who looks at this page."
+        client.gui.add_html(box(shown, copy, small(note)))
+        client.gui.add_button("Close").on_click(lambda _: modal.close())
+
+
+def link_to(entries: Sequence[Competitor], t: float, camera: str, root: str) -> str:
+    """Return the part of an address that names runs, time and camera.
+
+    It is such as "?run=20261120T161507Z_figure8_colored_s0_18af0139&t=3.20&camera=top".
+
+    Args:
+        entries: what is shown.
+        t: the time that is shown [s].
+        camera: mode of the visitor's camera.
+        root: the folder of runs.
+
+    Raises:
+        ValueError: something that is shown is not stored in the folder of runs.
+    """
+    names: dict[str, None] = {}
+    for entry in entries:
+        folder = entry.folder
+        if folder is None:
+            raise ValueError("nothing is stored yet: a flight is kept when it ends")
+        if is_heat(folder.parent):
+            folder = folder.parent
+        if folder.resolve().parent != Path(root).resolve():
+            raise ValueError(f"{folder}: a link can name runs of {root!r} alone")
+        names[folder.name] = None
+    return "?" + urlencode(
+        [*(("run", name) for name in names), ("t", f"{t:.2f}"), ("camera", camera)]
+    )

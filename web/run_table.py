@@ -1,0 +1,304 @@
+"""RunTable: every stored run and race of a folder as a row, read once and kept.
+
+A folder of runs gets its name when all its files are written, so the table is read again when the
+names in the folder have changed, and then only what is new: while nothing arrives, a look at 200
+runs is a look at one folder's time.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from datetime import datetime
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from quadsim.files.arrays import read_bytes
+from quadsim.files.strict_yaml import FileError
+from quadsim.heat.archive import HEAT, TitledPlacing
+from quadsim.record.archive import PART
+from quadsim.record.limits import limit_of, limits_folder
+from quadsim.record.run import canonical
+from quadsim.sensing import PERFECT
+from quadsim.stored_runs import StoredRun, flown_at, read_row
+
+RECORD = "run.json"
+# Largest run.json or heat.json that is read [bytes]; one of 100 laps has a tenth
+LARGEST = 20_000_000
+# Longest name in a row [characters]
+LONGEST = 80
+# A folder whose time is so near to now [s] may change once more without getting another time
+RECENT = 2.0
+# Parts of a spec that decide the limit of its race
+OF_LIMIT = ("course", "course_text", "vehicle", "laps", "plant", "penalties", "own")
+
+
+class RunRow(msgspec.Struct, frozen=True):
+    """A row of the table: a run, a race of several, or a folder that cannot be read."""
+
+    # name of the folder, by which a page names the row
+    name: str
+    # local time of the flight, as "2026-11-20 16:15:07"
+    when: str
+    course: str = ""
+    # the sampler, or `pilot NAME`; of a race, the entrants
+    flown_by: str = ""
+    vehicle: str = ""
+    preset: str = ""
+    sensing: str = ""
+    seed: int | None = None
+    # laps completed and wanted
+    laps: str = ""
+    # numbers changed in flight
+    changes: int = 0
+    outcome: str = ""
+    # of the whole race, for a run that finished [s]
+    time: float | None = None
+    # by how much that is above the best known limit [%]
+    above: float | None = None
+    # vehicles in one world
+    vehicles: int = 1
+    # what is wrong with a folder that cannot be read, in one line
+    problem: str = ""
+
+
+class _Stamp(NamedTuple):
+    """The time at which the names in a folder last changed."""
+
+    changed: int  # [ns since 1970]; 0: there is no such folder
+    is_recent: bool
+
+    @classmethod
+    def of(cls, folder: Path) -> _Stamp:
+        try:
+            changed = os.stat(folder).st_mtime_ns
+        except OSError:
+            return cls(0, False)
+        return cls(changed, time.time() - changed * 1e-9 < RECENT)
+
+
+class FolderWatch:
+    """Tells whether the names in a folder have changed since the last call.
+
+    A call asks for the folder's time alone.
+
+    Args:
+        folder: the folder; it need not be there.
+    """
+
+    def __init__(self, folder: Path):
+        self._folder = folder
+        self._last: _Stamp | None = None
+
+    def has_changed(self) -> bool:
+        """Return whether the names have, or may have, changed since the last call."""
+        now = _Stamp.of(self._folder)
+        last = self._last
+        self._last = now
+        return last is None or last.is_recent or now.changed != last.changed
+
+
+class _Read(NamedTuple):
+    """A row as it was read, and the race whose limit it is compared with; empty: none."""
+
+    row: RunRow
+    race: str
+    spec: dict[str, Any]
+
+
+class RunTable:
+    """The stored runs and races of a folder. One thread uses it.
+
+    Args:
+        root: the folder of runs.
+
+    Attributes:
+        rows: the rows, the latest first.
+    """
+
+    def __init__(self, root: str):
+        self.rows: tuple[RunRow, ...] = ()
+        self._root = Path(root)
+        self._watch = FolderWatch(self._root)
+        self._limits_watch = FolderWatch(limits_folder(root))
+        self._read: dict[str, _Read] = {}
+        # time of the best known limit [s] by race; None: none is known
+        self._limits: dict[str, float | None] = {}
+
+    def refresh(self) -> bool:
+        """Read what has arrived since the last call; return whether the rows have changed."""
+        has_changed = self._watch.has_changed()
+        if self._limits_watch.has_changed():
+            self._limits.clear()
+            has_changed = True
+        return has_changed and self._look()
+
+    def path(self, name: str) -> Path | None:
+        """Return the folder of a row; None where no row of the table has this name."""
+        return self._root / name if name in self._read else None
+
+    def _look(self) -> bool:
+        """Look for folders that are new or gone; return whether the rows have changed."""
+        found = dict(sorted(self._folders(), reverse=True))
+        self._read = {
+            name: self._read.get(name) or _read(path, record)
+            for name, (path, record) in found.items()
+        }
+        rows = tuple(map(self._with_limit, self._read.values()))
+        has_changed = rows != self.rows
+        self.rows = rows
+        return has_changed
+
+    def _folders(self) -> Iterator[tuple[str, tuple[Path, str]]]:
+        """Yield each folder of a run or a race by its name, with the name of its record."""
+        try:
+            entries = list(os.scandir(self._root))
+        except OSError:
+            return
+        for entry in entries:
+            if entry.name.endswith(PART) or not entry.name.isprintable():
+                continue
+            path = self._root / entry.name
+            known = self._read.get(entry.name)
+            for record in (HEAT, RECORD):
+                if known or (path / record).is_file():
+                    yield entry.name, (path, record)
+                    break
+
+    def _with_limit(self, read: _Read) -> RunRow:
+        """Return a row with its distance from the best known limit."""
+        row = read.row
+        if row.time is None or not read.race:
+            return row
+        if read.race not in self._limits:
+            limit = limit_of(read.spec, limits_folder(self._root))
+            self._limits[read.race] = limit.time if limit else None
+        best = self._limits[read.race]
+        if best is None:
+            return row
+        # Adding 0.0 makes a negative zero a plain one
+        above = round(100.0 * (row.time / best - 1.0), 1) + 0.0
+        return msgspec.structs.replace(row, above=above)
+
+
+def _read(path: Path, record: str) -> _Read:
+    """Read the row of a folder; a damaged one is a row that says so."""
+    when = flown_at(path)
+    try:
+        data = read_bytes(path / record, "the record of a flight", LARGEST)
+        return _race(path.name, when, data) if record == HEAT else _run(path, data)
+    except (FileError, msgspec.MsgspecError, ValueError, RecursionError, IndexError) as error:
+        problem = " ".join(str(error).split())
+        row = RunRow(path.name, _text(when), problem=f"damaged: {problem}"[: 2 * LONGEST])
+        return _Read(row, "", {})
+
+
+class _AnyRecord(msgspec.Struct):
+    """The spec of a run.json, whatever it holds."""
+
+    spec: dict[str, Any]
+
+
+def _run(path: Path, data: bytes) -> _Read:
+    """Return the row of a run. data: its run.json."""
+    run = read_row(path, data)
+    spec = msgspec.json.decode(data, type=_AnyRecord).spec
+    row = RunRow(
+        name=path.name,
+        when=_text(run.when),
+        course=_cut(run.course),
+        flown_by=_cut(_flown_by(run)),
+        vehicle=_cut(run.vehicle),
+        preset=_cut("" if run.pilot else run.preset),
+        sensing=_cut(run.sensing),
+        seed=run.seed,
+        laps=f"{len(run.laps)}/{run.laps_wanted}",
+        changes=run.changes,
+        outcome=run.outcome,
+        time=run.time,
+    )
+    return _Read(row, *_of_limit(spec))
+
+
+def _flown_by(run: StoredRun) -> str:
+    return f"pilot {run.pilot}" if run.pilot else run.sampler
+
+
+class _Named(msgspec.Struct):
+    name: str
+
+
+class _EntrantSpec(msgspec.Struct):
+    """The part of an entrant's spec that a row shows."""
+
+    vehicle: _Named
+    preset: str
+    laps: int
+    pilot: _Named | None = None
+    sensing: _Named | None = None
+
+
+class _Entrant(msgspec.Struct):
+    name: str
+    spec: dict[str, Any]
+
+
+class _HeatSpec(msgspec.Struct):
+    seed: int
+    entrants: list[_Entrant]
+
+
+class _HeatRecord(msgspec.Struct):
+    """The part of a heat.json that a row shows."""
+
+    course: str
+    order: list[TitledPlacing]
+    spec: _HeatSpec
+
+
+def _race(name: str, when: datetime, data: bytes) -> _Read:
+    """Return the row of a race of several: the time is the winner's. data: its heat.json."""
+    race = msgspec.json.decode(data, type=_HeatRecord)
+    specs = {entrant.name: entrant.spec for entrant in race.spec.entrants}
+    shown = [msgspec.convert(spec, _EntrantSpec) for spec in specs.values()]
+    winner = race.order[0]
+    finished = sum(placing.time is not None for placing in race.order)
+    row = RunRow(
+        name=name,
+        when=_text(when),
+        course=_cut(race.course),
+        flown_by=_cut(", ".join(specs)),
+        vehicle=_each(spec.vehicle.name for spec in shown),
+        preset=_each("" if spec.pilot else spec.preset for spec in shown),
+        sensing=_each(spec.sensing.name if spec.sensing else PERFECT for spec in shown),
+        seed=race.spec.seed,
+        laps=str(shown[0].laps),
+        outcome=_cut(f"{finished} of {len(race.order)} finished, {winner.name} first"),
+        time=winner.time,
+        vehicles=len(specs),
+    )
+    return _Read(row, *_of_limit(specs.get(winner.name, {})))
+
+
+def _each(names: Iterator[str]) -> str:
+    """Return different names, each once."""
+    return _cut(", ".join(dict.fromkeys(filter(None, names))))
+
+
+def _of_limit(spec: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Return what identifies the race of a spec, and the parts of the spec that decide it."""
+    parts = {name: spec[name] for name in OF_LIMIT if name in spec}
+    return sha256(canonical(parts)).hexdigest(), parts
+
+
+def _text(when: datetime) -> str:
+    return f"{when:%Y-%m-%d %H:%M:%S}"
+
+
+def _cut(text: str) -> str:
+    """Return a name from a file, shortened where it is long."""
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
