@@ -253,7 +253,7 @@
     const beyond = x < line.x[0] - 0.02 || x > line.x.at(-1) + 0.02;
     // The last point of a line stands for the places up to the next one.
     const value = line.y[near] ?? line.y[near - 1];
-    return beyond || value === null || value === undefined ? "" : Number(value.toPrecision(4)).toFixed(Math.abs(value) < 10 ? 3 : 1);
+    return beyond || value === null || value === undefined ? "" : value.toFixed(Math.abs(value) < 10 ? 3 : 1);
   }
 
   function legend(chart) {

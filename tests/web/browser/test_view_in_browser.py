@@ -137,11 +137,11 @@ def test_all_text_can_be_read(page, race):
 
 def test_the_pointer_over_a_chart_shows_the_values_there(page, race):
     page.get_by_role("tab", name="Signals").click()
-    chart = page.locator(".u-over").first
+    chart = page.locator('[data-charts="Signals"] canvas').first
     chart.wait_for()
-    chart.hover(position={"x": 20, "y": 30})
-    thrust = page.locator(".u-series", has_text="colored delivered").locator(".u-value").first
-    assert waited(page, lambda: thrust.inner_text() == "9.81"), thrust.inner_text()
+    chart.hover(position={"x": 70, "y": 30})
+    thrust = page.locator(".legend span", has_text="colored delivered").locator("b").first
+    assert waited(page, lambda: thrust.inner_text() == "9.810"), thrust.inner_text()
 
 
 def test_each_visitor_has_a_camera_and_fpv_is_the_drones(page, race, phone):
