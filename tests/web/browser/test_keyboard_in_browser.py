@@ -25,7 +25,7 @@ def focused(page):
 
 
 def tab_to(page, name):
-    for _ in range(80):
+    for _ in range(120):
         if focused(page).strip() == name:
             return True
         page.keyboard.press("Tab")
