@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter
+from typing import Protocol, cast
 
 import numpy as np
 
@@ -17,21 +18,43 @@ SHRINK = 0.8  # factor on the samples after a late plan
 GROW = 1.05  # factor on the samples after an early plan
 
 
+class Planning(Protocol):
+    """A controller that plans with an MPPI."""
+
+    @property
+    def rest(self) -> np.ndarray:
+        """The control at rest.  (n_u,)"""
+        ...
+
+    def control(self, known: Estimate, /) -> tuple[np.ndarray, PlanStats]:
+        """Return the control to apply and statistics of the plan."""
+        ...
+
+
 class Deadline:
-    """An MPPI whose number of samples follows its planning time.
+    """A planner whose number of samples follows its planning time.
 
     The number lies between one block of lanes and the configuration's.
     """
 
-    def __init__(self, mppi: MPPI, deadline_ms: float, time: Callable[[], float] = perf_counter):
+    def __init__(
+        self,
+        controller: Planning,
+        deadline_ms: float,
+        time: Callable[[], float] = perf_counter,
+        planner: Callable[[], MPPI] | None = None,
+    ):
         """Adapt the samples of a planner.
 
         Args:
-            mppi: the planner.
+            controller: the planner, or a controller that plans with one.
             deadline_ms: the time for one plan [ms].
             time: returns seconds since any instant.
+            planner: returns the MPPI with which the controller plans at present; None: the
+                controller is the MPPI itself.
         """
-        self.mppi = mppi
+        self._controller = controller
+        self._planner = planner or (lambda: cast(MPPI, controller))
         self.deadline_ms = deadline_ms
         self._time = time
         self._warm = False  # the first plan may have to compile
@@ -39,15 +62,15 @@ class Deadline:
     @property
     def rest(self) -> np.ndarray:
         """The planner's control at rest.  (n_u,)"""
-        return self.mppi.rest
+        return self._controller.rest
 
-    def control(self, known: Estimate | np.ndarray) -> tuple[np.ndarray, PlanStats]:
+    def control(self, known: Estimate, /) -> tuple[np.ndarray, PlanStats]:
         """Return the control to apply and statistics of the plan; see MPPI.control."""
         began = self._time()
-        answer = self.mppi.control(known)
+        answer = self._controller.control(known)
         if self._warm:
             plan_ms = 1e3 * (self._time() - began)
-            self.mppi.samples = self.next_samples(plan_ms)
+            self._planner().samples = self.next_samples(plan_ms)
         self._warm = True
         return answer
 
@@ -56,8 +79,9 @@ class Deadline:
 
         They are whole blocks of lanes, so that a smaller budget is never slower than a larger one.
         """
-        now = self.mppi.samples
-        most = self.mppi.config.samples
+        mppi = self._planner()
+        now = mppi.samples
+        most = mppi.config.samples
         if plan_ms > self.deadline_ms:
             fewer = int(now * SHRINK) // LANES * LANES
             return max(fewer, min(LANES, most))

@@ -15,14 +15,14 @@ from quadsim.heat.spec import Entrant, HeatSpec
 from quadsim.racing.rules import RulesName
 from quadsim.sensing import PERFECT
 from quadsim.spec.presets import PresetSource
-from quadsim.spec.settings import SETTINGS, SettingValue, values_of
+from quadsim.spec.settings import SETTINGS, Clock, SettingValue, values_of
 from quadsim.spec.spec import Spec, with_numbers
 from quadsim.vehicle import load_vehicle
 from web.numbers import SLIDERS, Change, with_change
 
 PILOT = "pilot "  # stands before the name of a learned pilot, where a sampler may stand
 # What all competitors of a race have
-OF_THE_RACE = ("course", "seed", "laps")
+OF_THE_RACE = ("course", "seed", "laps", "clock", "deadline_ms")
 OF_THE_PLANNER = {name for name, setting in SETTINGS.items() if setting.group != "flight"}
 
 
@@ -38,6 +38,9 @@ class Choices:
     sensing: str = PERFECT
     seed: int | str = 0  # a text is checked when the flight begins
     laps: int = 0  # 0: the course's
+    clock: Clock = "simulated"
+    # the longest time of a plan [ms], as a text of the page; "none": it has none
+    deadline_ms: float | str = "none"
     # numbers of web.numbers.SLIDERS that differ from those of preset and settings
     numbers: Mapping[str, float] = field(default_factory=dict)
     # any other settings of quadsim.fly
@@ -121,8 +124,15 @@ class Choices:
             seed=self.seed,  # pyright: ignore[reportArgumentType]
             sensing=self.sensing,
             laps=self.laps or None,
+            clock=self.clock,
+            deadline_ms=self._deadline,  # pyright: ignore[reportArgumentType]
             **self.known_settings,
         )
+
+    @property
+    def _deadline(self) -> float | str | None:
+        """The deadline as a setting of quadsim.fly; a learned pilot has no samples to keep one."""
+        return None if self.has_pilot or self.deadline_ms == "none" else self.deadline_ms
 
     def flown(self, base: Spec) -> Spec:
         """Return the flight with the numbers of the sliders; a learned pilot has none of them.

@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from controllers.presets import Planner
+from quadsim.heat.aware_planner import PlanningClock
 from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.racing.flight import simulate
 from quadsim.record.archive import RunFolder, remove_unfinished
@@ -20,6 +21,7 @@ from web.choices import Choices
 from web.competitor import Competitor
 from web.legs import Legs
 from web.numbers import Change, numbers_of, with_change
+from web.planning_time import TimedController
 
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories
@@ -209,7 +211,9 @@ class LiveFlight:
 
     def _take_off(self) -> Iterator[Frame]:
         """Build plant, planner and referee. Return the frames of the flight."""
-        from controllers.mppi import MPPI  # here, as it loads the compiler
+        # here, as they load the compiler
+        from controllers.deadline import Deadline
+        from controllers.mppi import MPPI
 
         parts = build(self._spec)
         self._plant = parts.plant
@@ -221,14 +225,22 @@ class LiveFlight:
             self.is_cached = controller.is_cached
             controller = self._planner = changeable_planner(self._spec, controller)
             snapshot = self._planner.snapshot
+            if self._spec.deadline_ms:
+                present = self._planner.present
+                controller = Deadline(controller, self._spec.deadline_ms, planner=present)
         else:
             self.is_cached = True
+        clock = None
+        if self._spec.clock == "wall":
+            clock = PlanningClock()
+            controller = TimedController(controller, clock)
         self._navigation = navigation_of(self._spec, parts)
         return simulate(
             parts.plant,
             controller=controller,
             referee=parts.referee,
             period=self.period,
+            clock=clock,
             snapshot=snapshot,
             navigation=self._navigation,
         )

@@ -49,7 +49,8 @@ class Notices:
         if passed and _has_best_lap(entry.laps, frame.t):
             self.add("lap", f"{entry.name}: best lap", f"{entry.laps[-1]:.3f} s")
         if frame.outcome == "finished":
-            flown = f"{len(entry.laps)} laps in {sum(entry.laps):.3f} s"
+            laps = "lap" if len(entry.laps) == 1 else "laps"
+            flown = f"{len(entry.laps)} {laps} in {sum(entry.laps):.3f} s"
             self.add("lap", f"{entry.name}: finished", flown)
 
     def _add_end(self, name: str, event: Event) -> None:

@@ -24,23 +24,71 @@ class Change(NamedTuple):
 
 @dataclass(frozen=True)
 class Slider:
-    """The range of a slider. Its help text is the setting's."""
+    """The range of a slider, and what its number does."""
 
     setting: str  # name of the annotated setting
     label: str
     low: float
     high: float
     step: float
+    hint: str
 
 
 SLIDERS = {
-    "sigma": Slider("sigma", "Sigma scale", 0.1, 4.0, 0.05),
-    "gamma_rates": Slider("gamma", "Gamma rates", 0.0, 6.0, 0.05),
-    "gamma_thrust": Slider("gamma", "Gamma thrust", 0.0, 6.0, 0.05),
-    "temperature": Slider("temperature", "Temperature", 0.01, 10.0, 0.01),
+    "sigma": Slider(
+        setting="sigma",
+        label="Sigma scale",
+        low=0.1,
+        high=4.0,
+        step=0.05,
+        hint="factor on the preset's standard deviations: how far the samples are from the plan",
+    ),
+    "gamma_rates": Slider(
+        setting="gamma",
+        label="Gamma rates",
+        low=0.0,
+        high=6.0,
+        step=0.05,
+        hint="colour of the body rates' noise, 1/f^gamma: 0 is white and makes commands chatter, a "
+        "larger gamma makes them smoother",
+    ),
+    "gamma_thrust": Slider(
+        setting="gamma",
+        label="Gamma thrust",
+        low=0.0,
+        high=6.0,
+        step=0.05,
+        hint="colour of the thrust's noise, 1/f^gamma: 0 is white and makes the thrust chatter, a "
+        "larger gamma makes it smoother",
+    ),
+    "temperature": Slider(
+        setting="temperature",
+        label="Temperature",
+        low=0.01,
+        high=10.0,
+        step=0.01,
+        hint="lambda: at a low one the plan follows the cheapest samples, at a high one it is the "
+        "mean of many; with a target ESS it is where the temperature starts",
+    ),
     # 0: the temperature is fixed
-    "target_ess": Slider("target_ess", "Target ESS", 0.0, 400.0, 5.0),
-    "samples": Slider("samples", "Samples", 256, 8192, 256),
+    "target_ess": Slider(
+        setting="target_ess",
+        label="Target ESS",
+        low=0.0,
+        high=400.0,
+        step=5.0,
+        hint="effective sample size: how many samples the temperature is steered to give weight; "
+        "0: the temperature stays as it is",
+    ),
+    "samples": Slider(
+        setting="samples",
+        label="Samples",
+        low=256,
+        high=8192,
+        step=256,
+        hint="control sequences that are tried in each iteration: with more, plans are better and "
+        "take longer",
+    ),
 }
 
 

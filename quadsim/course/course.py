@@ -226,10 +226,10 @@ class Course:
 
     def __repr__(self) -> str:
         """Return one short line; `to_yaml` has all numbers."""
-        parts = [f"{len(self.gates)} gates"]
+        parts = [_counted(len(self.gates), "gate")]
         if self.obstacles:
-            parts.append(f"{len(self.obstacles)} obstacles")
-        parts.append(f"{self.laps} laps" if self.loop else "open")
+            parts.append(_counted(len(self.obstacles), "obstacle"))
+        parts.append(_counted(self.laps, "lap") if self.loop else "open")
         return f"<Course {self.name}: {', '.join(parts)}>"
 
     @cached_property
@@ -468,12 +468,17 @@ def course_of(entries: CourseFile, name: str, text: str = "") -> Course:
 
 def summary(course: Course) -> str:
     """Return what a course has in a few words, as "7 gates, 75.0 m, loop, 3 laps"."""
-    parts = [f"{len(course.gates)} gates"]
+    parts = [_counted(len(course.gates), "gate")]
     if course.obstacles:
-        parts.append(f"{len(course.obstacles)} obstacles")
+        parts.append(_counted(len(course.obstacles), "obstacle"))
     parts.append(f"{course.lap_length:.1f} m")
-    parts.append(f"loop, {course.laps} laps" if course.loop else "open")
+    parts.append(f"loop, {_counted(course.laps, 'lap')}" if course.loop else "open")
     return ", ".join(parts)
+
+
+def _counted(count: int, what: str) -> str:
+    """Return a count of things, as "1 lap" or "3 laps"."""
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def _read(document: Document) -> Course:

@@ -123,7 +123,7 @@ def save_heat(heat: HeatSpec, runs: tuple[Run, ...], root: str | Path) -> Path:
             with one_line(part, "cannot make a folder for the race"):
                 (part / folder).mkdir(parents=True)
             write_whole(part / folder / "telemetry.npz", write_npz(run))
-            write_whole(part / folder / "events.csv", write_csv(run.events))
+            write_whole(part / folder / "events.csv", write_csv(run))
             write_whole(part / folder / "run.json", write_json(run, provenance()))
         write_whole(part / HEAT, _json(heat, runs, folders))
         with one_line(path, "cannot finish the folder of the race"):

@@ -113,7 +113,7 @@ class RunFolder:
         """
         try:
             write_whole(self.part / "telemetry.npz", write_npz(run))
-            write_whole(self.part / "events.csv", write_csv(run.events))
+            write_whole(self.part / "events.csv", write_csv(run))
             write_whole(self.part / "run.json", write_json(run, self._provenance))
         except RunError:
             self.drop()

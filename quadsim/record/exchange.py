@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
+from math import isnan
 
+from quadsim.record.number_changes import changes_of, values_in_flight
 from quadsim.record.run import Run, RunError, columns_of
 
 
@@ -13,12 +15,14 @@ def telemetry_csv(runs: Sequence[tuple[str, Run]]) -> bytes:
     """Return a table with a row for each control step.
 
     The header has column and unit, `px [m]`. Of several runs the first column is the run's name.
+    A number of the planner that was changed in flight has a column `changed NAME` with its value at
+    each step, which is empty for a run in which it was not changed.
 
     Args:
         runs: the name of each run, and the run; at least one.
 
     Raises:
-        RunError: a run has other columns than the first.
+        RunError: a run has other columns than the first, or changes that were written by hand.
     """
     first_name, first = runs[0]
     columns = columns_of(first.spec)
@@ -26,11 +30,17 @@ def telemetry_csv(runs: Sequence[tuple[str, Run]]) -> bytes:
     lines = io.StringIO(newline="")
     out = csv.writer(lines)
     head = [f"{name} [{unit}]" for name, unit in columns.items()]
+    changes = [changes_of(run.spec) for _, run in runs]
+    changed = list(dict.fromkeys(change.name for own in changes for change in own))
+    head += [f"changed {name}" for name in changed]
     out.writerow(["run", *head] if has_names else head)
-    for run_name, run in runs:
+    for (run_name, run), own in zip(runs, changes, strict=True):
         if columns_of(run.spec) != columns:
             raise RunError(f"{run_name}: expected the columns of {first_name}, got others")
         table = [run.telemetry[name].tolist() for name in columns]
+        for name in changed:
+            values = values_in_flight(own, name, run.telemetry["t"]).tolist()
+            table.append(["" if isnan(value) else value for value in values])
         for row in zip(*table, strict=True):
             out.writerow([run_name, *row] if has_names else row)
     return lines.getvalue().encode()

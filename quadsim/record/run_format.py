@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from hashlib import sha256
+from operator import itemgetter
 from typing import Annotated, Any
 
 import msgspec
@@ -21,6 +22,7 @@ from quadsim.physics.faults import parse_fault
 from quadsim.physics.link import LinkConfig
 from quadsim.racing.events import Event
 from quadsim.record.metrics import chatter
+from quadsim.record.number_changes import CHANGE_COLUMNS, changes_of
 from quadsim.record.planner_snapshot import BEST, FRAMES, TERM, PlannerSnapshots
 from quadsim.record.run import (
     COUNTS,
@@ -266,9 +268,19 @@ def _declared(wanted: Iterable[str]) -> dict[str, Declared]:
     }
 
 
-def write_csv(events: Iterable[Event]) -> bytes:
-    """Return events.csv, a row for each event."""
-    return csv_text([event_row(event) for event in events], CSV_COLUMNS).encode()
+def write_csv(run: Run) -> bytes:
+    """Return events.csv, a row for each event.
+
+    Numbers that were changed in flight have rows of the kind "change" among them, and columns of
+    their own.
+    """
+    rows = [event_row(event) for event in run.events]
+    changes = [change.row() for change in changes_of(run.spec)]
+    if not changes:
+        return csv_text(rows, CSV_COLUMNS).encode()
+    return csv_text(
+        sorted([*changes, *rows], key=itemgetter("t")), (*CSV_COLUMNS, *CHANGE_COLUMNS)
+    ).encode()
 
 
 def event_row(event: Event) -> dict[str, object]:

@@ -414,8 +414,8 @@ def launched(spec: Spec, parts: FlightParts, navigation: Navigation | None = Non
         planner = changeable.present
         if spec.changes:
             controller = changeable
-        elif spec.deadline_ms:
-            controller = Deadline(controller, spec.deadline_ms)
+        if spec.deadline_ms:
+            controller = Deadline(controller, spec.deadline_ms, planner=planner)
     return Launched(
         plant=plant,
         controller=controller,

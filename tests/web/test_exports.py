@@ -15,7 +15,9 @@ from web_cases import Glider, choices, run_of, store, stored
 from quadsim.cli.cli import race
 from quadsim.palette import STYLES
 from quadsim.record.archive import load_run
-from quadsim.record.run import COLUMNS
+from quadsim.record.exchange import telemetry_csv
+from quadsim.record.run import COLUMNS, RunError
+from quadsim.record.run_format import write_csv
 from web.competitor import named
 from web.page.export import picture
 from web.stored_runs import stored_competitor
@@ -50,6 +52,38 @@ def test_two_runs_are_in_one_table_and_one_zip(folder, tmp_path):
         archive.extractall(tmp_path / "out")
     for path in (folder, other):
         assert load_run(tmp_path / "out" / path.name).digest() == load_run(path).digest()
+
+
+def test_numbers_that_were_changed_in_flight_are_in_both_tables(folder, tmp_path):
+    run = load_run(folder)
+    changes = [
+        {"t": 0.5, "name": "samples", "from": 4096.0, "to": 512.0},
+        {"t": 0.9, "name": "samples", "from": 512.0, "to": 1024.0},
+        {"t": 0.9, "name": "temperature", "from": 1.0, "to": 2.5},
+    ]
+    changed = replace(run, spec={**run.spec, "interactive": changes})
+
+    events = list(csv.DictReader(io.StringIO(write_csv(changed).decode())))
+    rows = [row for row in events if row["kind"] == "change"]
+    told = [(float(r["t"]), r["number"], float(r["from"]), float(r["to"])) for r in rows]
+    assert told == [tuple(change.values()) for change in changes]
+    assert [float(row["t"]) for row in events] == sorted(float(row["t"]) for row in events)
+    assert len(events) == len(run.events) + len(changes)
+    assert b"number" not in write_csv(run)  # a run without changes has the table it has always had
+
+    data = telemetry_csv([("plain", run), ("changed", changed)]).decode()
+    table = list(csv.DictReader(io.StringIO(data)))
+    for row in table:
+        t = float(row["t [s]"])
+        samples = 4096.0 if t < 0.495 else 512.0 if t < 0.895 else 1024.0
+        wanted = ["", ""]
+        if row["run"] == "changed":
+            wanted = [str(samples), "1.0" if t < 0.895 else "2.5"]
+        assert [row["changed samples"], row["changed temperature"]] == wanted
+
+    by_hand = replace(run, spec={**run.spec, "interactive": [{"t": "soon"}]})
+    with pytest.raises(RunError, match="interactive: "):
+        telemetry_csv([("by hand", by_hand)])
 
 
 def test_a_picture_has_a_dark_ground_everywhere_and_names_both_runs(folder):

@@ -86,6 +86,19 @@ def test_what_a_link_names_stays_in_the_address_without_the_token(token_server):
     assert (status, headers["Location"]) == (303, "/?run=c&run=a_b&t=3.2&camera=top%0D%0AX%3Ay")
 
 
+def test_no_cookie_holds_the_nonce_of_a_policy(token_server, open_server):
+    """A script that runs with the nonce would know the cookie, and the reverse."""
+    port = token_server.get_port()
+    _, first = get(port, path=f"/?token={TOKEN}")
+    value = first["Set-Cookie"].partition(";")[0].partition("=")[2]
+    _, page = get(port, Cookie=first["Set-Cookie"].partition(";")[0])
+    for headers in (first, page):
+        assert "'nonce-" in headers["Content-Security-Policy"]
+        assert value not in headers["Content-Security-Policy"]
+    assert "Set-Cookie" not in page
+    assert "Set-Cookie" not in get(open_server.get_port())[1]
+
+
 def test_a_foreign_page_is_refused_even_with_the_token(token_server):
     port = token_server.get_port()
     cookie = {"Cookie": f"race{port}={TOKEN}"}

@@ -207,11 +207,10 @@ def test_a_real_race_of_several_is_flown_again_to_the_same_bits(tmp_path):
         assert same_flight(load_run(entry.folder), run)
 
 
-def test_a_run_on_the_wall_clock_is_not_flown_again_as_another(tmp_path):
-    run = run_of(Glider(choices(settings={"clock": "wall"})))
-    folder = store(tmp_path, run)
-    with pytest.raises(ValueError, match="clock: the run followed the wall clock"):
-        AgainChoices(folder, str(tmp_path)).base_spec()
+def test_a_run_on_the_wall_clock_is_flown_again_on_it(tmp_path):
+    run = run_of(Glider(choices(clock="wall", deadline_ms="8")))
+    again = AgainChoices(store(tmp_path, run), str(tmp_path)).base_spec()
+    assert (again.clock, again.deadline_ms) == ("wall", 8.0)
 
 
 def test_a_link_names_what_is_shown_and_nothing_outside(tmp_path):

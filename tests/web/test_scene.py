@@ -10,7 +10,7 @@ from quadsim.course import course_names, load_course
 from quadsim.palette import NEXT, STYLES, Style
 from web.lap_timing import lap_timings
 from web.pace import Pace
-from web.page.camera import FOV, fpv, free_part, overview, top_view
+from web.page.camera import ASIDE, FOV, fpv, free_part, overview, top_view, towards
 from web.page.drones import (
     INTO,
     OUT,
@@ -183,3 +183,21 @@ def test_a_scrubbed_competitor_is_as_it_was_then():
     assert then.t[-1] <= t < whole.t[-1]
     assert then.events == tuple(e for e in whole.events if e.t <= t)
     assert whole.until(whole.t[-1]) is whole
+
+
+def test_the_chasing_camera_turns_from_the_drone_towards_the_next_gate():
+    """The drone stays in the picture, also where the gate is beside or behind it."""
+    eye, p = np.array([0.0, 0.0, 1.3]), np.array([3.6, 0.0, 0.0])
+
+    def angle(look_at, at):
+        a, b = look_at - eye, np.array(at) - eye
+        return np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1, 1))
+
+    ahead = (20.0, 4.0, 0.0)
+    middle = towards(eye, p, ahead)
+    assert angle(middle, p) == pytest.approx(angle(middle, ahead))
+    for gate in ((3.0, 20.0, 0.0), (-20.0, 1.0, 3.0)):
+        look_at = towards(eye, p, gate)
+        assert angle(look_at, p) == pytest.approx(ASIDE)
+        assert angle(look_at, gate) < angle(p, gate)
+    assert np.allclose(towards(eye, p, tuple(2 * p - eye)), p)

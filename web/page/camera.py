@@ -13,6 +13,7 @@ from viser.transforms import SO3
 from quadsim.course import Course
 from web.competitor import POSITION, QUATERNION, VELOCITY
 from web.lap_timing import LapTiming
+from web.page.html import text
 
 FREE, CHASE, TOP, FPV = MODES = ("free", "chase", "top", "FPV")
 FOV = 0.9  # vertical [rad]
@@ -32,7 +33,10 @@ MARGIN = 0.04  # share of the free part that is left on each side
 # [m/s].
 BEHIND = 3.6
 ABOVE = 1.3
-SMOOTHING = 0.12
+# It looks half way from the drone to the next gate, but turns away from the drone by this at most,
+# so that it stays well in the picture [rad].
+ASIDE = radians(14.0)
+SMOOTHING = 0.2
 LOOK_SMOOTHING = 2.5 * SMOOTHING
 JUMP = 15.0
 LOWEST = 0.4
@@ -74,6 +78,8 @@ class Camera:
         self._server = server
         # camera modes of the visitors, by the visitor's number
         self._modes: defaultdict[int, str] = defaultdict(lambda: FREE)
+        # hidden texts by which page.js marks the button of each visitor's mode
+        self._told: dict[int, viser.GuiHtmlHandle] = {}
         self._placed: dict[int, Placed] = {}
         self._course: Course | None = None
         self._size = 1.0  # of the drone as it is drawn [m]
@@ -103,6 +109,7 @@ class Camera:
             now = MODES.index(self._modes[number])
             mode = MODES[(now + 1) % len(MODES)]
         self._modes[number] = mode
+        self._tell(client)
         self._place(client)
 
     def mode_of(self, client: viser.ClientHandle) -> str:
@@ -125,12 +132,22 @@ class Camera:
                     camera.position, camera.look_at = pose
 
     def _connected(self, client: viser.ClientHandle) -> None:
+        self._told[client.client_id] = client.gui.add_html("")
+        self._tell(client)
         self._place(client)
         client.camera.on_update(lambda _: self._reported(client))
 
     def _disconnected(self, client: viser.ClientHandle) -> None:
         self._modes.pop(client.client_id, None)
+        self._told.pop(client.client_id, None)
         self._placed.pop(client.client_id, None)
+
+    def _tell(self, client: viser.ClientHandle) -> None:
+        """Tell a visitor's page which mode is on."""
+        number = client.client_id
+        if number in self._told:
+            mode = text(self._modes[number])
+            self._told[number].content = f'<span class="camera-mode" hidden>{mode}</span>'
 
     def _reported(self, client: viser.ClientHandle) -> None:
         """Frame the course anew where that is still what the visitor looks at.
@@ -171,7 +188,10 @@ class Camera:
 
 
 def chase(s: LapTiming, last: Pose) -> Pose:
-    """Return a pose behind the drone that looks where it flies and moves smoothly from the last."""
+    """Return a pose behind the drone that looks where it flies, towards the next gate.
+
+    It moves smoothly from the last one.
+    """
     p = s.entry.rows(POSITION, s.i)
     vx, vy, vz = s.entry.rows(VELOCITY, s.i)
     ahead = np.array([vx, vy, 0.3 * vz])
@@ -179,15 +199,36 @@ def chase(s: LapTiming, last: Pose) -> Pose:
         w, z = s.entry.rows(("qw", "qz"), s.i)
         ahead = np.array([w * w - z * z, 2 * w * z, 0.0])
     behind = p - BEHIND * ahead / np.linalg.norm(ahead) + ABOVE * UP
+    target = p
+    if s.next_gate:
+        target = towards(behind, p, s.entry.course.gates[s.next_gate - 1].position)
     if np.linalg.norm(behind - last.position) > JUMP:
         # another race, or a scrubbed replay
         position = behind
-        look_at = p
+        look_at = target
     else:
         position = last.position + SMOOTHING * (behind - last.position)
-        look_at = last.look_at + LOOK_SMOOTHING * (p - last.look_at)
+        look_at = last.look_at + LOOK_SMOOTHING * (target - last.look_at)
     position[2] = max(position[2], LOWEST)
     return Pose(position, look_at)
+
+
+def towards(eye: np.ndarray, p: np.ndarray, gate: tuple[float, ...]) -> np.ndarray:
+    """Return a point to look at, as far away as p and turned from p towards a gate.
+
+    Args:
+        eye, p, gate: positions of the camera, the drone and the gate's centre [m]  (3,)
+    """
+    distance = float(np.linalg.norm(p - eye))
+    to_drone = (p - eye) / distance
+    to_gate = np.array(gate) - eye
+    to_gate /= max(float(np.linalg.norm(to_gate)), 1e-9)
+    across = to_gate - (to_gate @ to_drone) * to_drone
+    length = float(np.linalg.norm(across))
+    if length < 1e-6:
+        return p
+    angle = min(np.arctan2(length, to_gate @ to_drone) / 2, ASIDE)
+    return eye + distance * (np.cos(angle) * to_drone + np.sin(angle) * across / length)
 
 
 def fpv(s: LapTiming) -> tuple[Pose, np.ndarray]:

@@ -9,7 +9,20 @@ import numpy as np
 
 from quadsim.palette import FASTER
 from web.lap_timing import LapTiming, Way, order, time_at
-from web.page.html import DIM, MONO, RED, bar, coloured, div, element, label, small, text
+from web.page.html import (
+    DIM,
+    MONO,
+    RED,
+    TEXT,
+    bar,
+    coloured,
+    div,
+    element,
+    label,
+    rounded,
+    small,
+    text,
+)
 
 WHY_CHATTER = (
     "chatter: how much the commanded thrust jumps in a second [m/s²/s]. Motors lag and cannot"
@@ -54,7 +67,7 @@ def headline(timings: Sequence[LapTiming]) -> str:
     second = going[1]
     behind = seconds_behind(second, going[0])
     verb = "beats" if second.over else "leads"
-    by = f" by <b>{behind:.2f} s</b>" if np.isfinite(behind) else ""
+    by = f" by <b>{rounded(behind, 2):.2f} s</b>" if np.isfinite(behind) else ""
     more = f" and {len(timings) - 2} more" if len(timings) > 2 else ""
     return f"{first} {verb} {label(second.entry)}{more}{by}"
 
@@ -98,7 +111,7 @@ def _standing(s: LapTiming, leader: LapTiming) -> str:
     if s is leader:
         return f"{lap} leads"
     behind = seconds_behind(s, leader)
-    return f"{lap} +{behind:.2f} s" if np.isfinite(behind) else lap
+    return f"{lap} {rounded(behind, 2):+.2f} s" if np.isfinite(behind) else lap
 
 
 def _chatter(s: LapTiming, most: float) -> str:
@@ -106,5 +119,5 @@ def _chatter(s: LapTiming, most: float) -> str:
     if s.i < FEWEST:
         return element("span", "chatter -", color=DIM)
     figure = element("span", f"{s.chatter:.0f}", font_size="20px", font_weight=700)
-    word = element("span", " chatter", color=DIM, font_size="11px")
+    word = element("span", " chatter", color=DIM, font_size=TEXT)
     return figure + word + bar(s.chatter / max(most, 1e-9), s.entry.style.colour, height=4)

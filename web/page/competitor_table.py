@@ -9,11 +9,13 @@ from typing import Any, get_args
 
 import viser
 
+from quadsim.course import Course
 from quadsim.firmware import FlightControllerName
 from quadsim.heat.spec import MOST
 from quadsim.palette import styles_on_dark
 from web.choices import OF_THE_RACE, Choices, differences, names_of
 from web.numbers import SLIDERS
+from web.offered_presets import offered_presets
 from web.page.html import RED, box, coloured, div, element, small, swatch, text
 from web.page.menu import Menu
 from web.page.row_numbers import RowNumbers, Step, shown_value
@@ -83,6 +85,15 @@ class CompetitorTable:
         """
         shared = {name: getattr(race, name) for name in OF_THE_RACE}
         return [replace(row, **shared) for row in self.rows]
+
+    def offer_presets(self, course: Course, laps: int) -> None:
+        """Offer the presets with which the competitor that is edited can fly a race."""
+        chosen = {row.preset for row in self.rows}
+        vehicle = self.rows[self.edited].vehicle
+        offered = offered_presets(self._menu.presets, chosen, course, vehicle, laps)
+        # viser sends options even if they have not changed.
+        if self.preset.options != offered:
+            self.preset.options = offered
 
     def edit(self, event: viser.GuiEvent, step: Step) -> None:
         """Change the competitor that is edited; tell the visitor if that cannot be."""

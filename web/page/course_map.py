@@ -19,7 +19,7 @@ WIDTH = 330
 HEIGHT = 190
 SHORTEST = 9.0  # least length of a gate on the map [px]
 # length of the time line and height of a competitor's row [px]
-LONG = 500
+LONG = 320
 ROW = 11
 
 
@@ -34,7 +34,7 @@ def timeline(entries: Sequence[Competitor], t: float, end: float) -> str:
         end: end of the time line [s]
     """
     scale = LONG / max(end, 1e-3)  # [px/s]
-    height = ROW * len(entries) + 11
+    height = ROW * len(entries) + 14
     parts = []
     for k, entry in enumerate(entries):
         parts += _row(entry, ROW * k + 1.0, scale)
@@ -45,15 +45,15 @@ def timeline(entries: Sequence[Competitor], t: float, end: float) -> str:
                 "text",
                 f"lap {number}",
                 x=(start + stop) / 2 * scale,
-                y=height - 1.0,
+                y=height - 2.0,
                 fill=DIM,
-                font_size=9,
+                font_size=13,
                 text_anchor="middle",
             )
         )
     now = min(t, end) * scale
     white = {"stroke": "#fff", "stroke_width": 2}
-    parts.append(svg("line", x1=now, x2=now, y1=0, y2=height - 10, **white))
+    parts.append(svg("line", x1=now, x2=now, y1=0, y2=height - 13, **white))
     ground = f"linear-gradient({TRACK},{TRACK}) 0 0/100% 1px no-repeat"
     style = f"width:100%;display:block;margin-top:5px;background:{ground}"
     return svg("svg", "".join(parts), viewBox=f"-3 0 {LONG + 6} {height}", style=style)
@@ -129,8 +129,9 @@ class Map:
             x, y = self._pixels(s.entry.rows(("px", "py"), s.i))
             colour = s.entry.style.colour
             parts.append(svg("circle", cx=x, cy=y, r=6, fill=colour, stroke=MARKER_EDGE))
-        style = "width:100%;display:block"
-        return svg("svg", "".join(parts), viewBox=f"0 0 {WIDTH} {HEIGHT}", style=style)
+        look = {"viewBox": f"0 0 {WIDTH} {HEIGHT}", "style": "width:100%;display:block"}
+        whole = svg("svg", "".join(parts), **look)
+        return whole.replace("<svg ", '<svg class="course-map" ', 1)
 
     def _pixels(self, p: np.ndarray) -> np.ndarray:
         """Return the place of x, y [m] on the map [px].  (2,)"""
@@ -161,5 +162,5 @@ class Map:
         a = self._pixels(centre - half)
         b = self._pixels(centre + half)
         x, y = b + (b - a) / max(float(np.linalg.norm(b - a)), 1e-6) * 8
-        look = {"fill": "#aab2c0", "font_size": 10, "text_anchor": "middle"}
+        look = {"fill": "#aab2c0", "font_size": 13, "text_anchor": "middle"}
         return GateMark(a, b, svg("text", str(number), x=x, y=y + 3, **look))

@@ -26,6 +26,7 @@ from web.page.html import STYLE
 from web.page.laps import chatter, laps
 from web.page.menu import Menu
 from web.page.panels import PlaybackPanel, ViewPanel, add_keys
+from web.page.picture_tab import PictureTab
 from web.page.race_panel import RacePanel
 from web.page.race_scene import RaceScene, preview
 from web.page.runs_panel import RunsPanel
@@ -39,6 +40,7 @@ from web.session import Session
 SCENE = 1 / 25
 TABLES = 1 / 8
 SLOW = 1.0  # period of spectra and gaps [s]
+HEAD = 340  # width of the head-up display [px]
 
 Colour = Literal["red", "orange", "green", "blue"]
 COLOURS: dict[str, Colour] = {"error": "red", "crash": "orange", "lap": "green", "wait": "blue"}
@@ -138,6 +140,7 @@ class Dashboard:
         self._thread.join()
         self._editor.close()
         self.runs.close()
+        self._pictures.close()
 
     def _add_panels(self, gui: viser.GuiApi) -> None:
         """Add the panels beside the controls: timing above, charts below, the head-up display."""
@@ -150,6 +153,7 @@ class Dashboard:
         self._charts = Charts(self._server, chart_tabs, self._session)
         self._editor_tab = below.add_tab("Course editor")
         tabs = {name: top.add_tab(name) for name in ("Timing", "Laps", "Events", "Planner")}
+        self._pictures = PictureTab(gui, top.add_tab("Camera"))
         tabs["HUD"] = head.add_tab("HUD")
         tabs["Chatter"] = chart_tabs["Spectrum"]
         self._tables: dict[str, viser.GuiHtmlHandle] = {}
@@ -160,8 +164,10 @@ class Dashboard:
         top.dock_right()
         top.set_width(430)
         below.dock_below(top)
-        head.float(x=10, y=12, width=480)
-        head.expand()  # on a phone it is a part of the sheet, folded by itself
+        head.float(x=8, y=8, width=HEAD)
+        # On a phone panels are parts of the sheet, folded by themselves.
+        head.expand()
+        top.expand()
 
     def _run(self) -> None:
         """Show one snapshot after another while somebody watches."""
@@ -205,6 +211,7 @@ class Dashboard:
                 self.race.update(s)
         if self._past_due((view, [entry.past(s.t) for entry in s.competitors])):
             self._update_past(s, view)
+        self._pictures.update(timings if view else [])
         if view and self._slow_due((view, state)):
             self._charts.update(s, timings)
             self._tables["Chatter"].content = chatter([e.until(s.t) for e in s.competitors])

@@ -14,6 +14,7 @@ MARKER_EDGE = "#111"  # outlines of dots
 TRACK = "#2c3038"  # background of bars and strips
 RED = "#ff6b6b"  # hits and crashes, as light as text on a dark page has to be
 GREY = "#e2e6ec"  # values that are neither good nor bad
+TEXT = "12px"  # the smallest size of a text
 MONOSPACE = "ui-monospace,Menlo,Consolas,monospace"
 MONO = {"font_family": MONOSPACE, "font_variant_numeric": "tabular-nums"}
 
@@ -25,6 +26,11 @@ STYLE = f"<style>{''.join(RULES)}</style>"
 def text(value: object) -> str:
     """Return a value as text that is no HTML."""
     return escape(str(value), quote=True)
+
+
+def rounded(value: float, decimals: int) -> float:
+    """Return a number with so many decimals; zero has no sign."""
+    return round(value, decimals) + 0.0
 
 
 def element(tag: str, content: str, **look: object) -> str:
@@ -67,7 +73,7 @@ def table(head: list[str], rows: Sequence[list[str] | str], left: int = 1) -> st
             body += f'<tr><td colspan="{len(head)}" style="padding:0 4px 5px">{row}</td></tr>'
         else:
             body += _row("td", row, left, {})
-    look = {"width": "100%", "border_collapse": "collapse", "font_size": "11.5px"}
+    look = {"width": "100%", "border_collapse": "collapse", "font_size": TEXT}
     return element("table", body, **look, **MONO)
 
 
@@ -82,7 +88,7 @@ def _row(tag: str, cells: list[str], left: int, look: dict[str, object]) -> str:
 
 def box(*parts: str) -> str:
     """Return parts one below the other, in the text size of the page."""
-    return div("".join(parts), padding="4px 10px 8px", font_size="12px", line_height=1.35)
+    return div("".join(parts), padding="4px 10px 8px", font_size=TEXT, line_height=1.35)
 
 
 def heading(content: str) -> str:
@@ -90,7 +96,7 @@ def heading(content: str) -> str:
     return div(
         content,
         color=DIM,
-        font_size="11px",
+        font_size=TEXT,
         letter_spacing=".06em",
         text_transform="uppercase",
         margin="10px 0 4px",
@@ -99,7 +105,7 @@ def heading(content: str) -> str:
 
 def small(content: str) -> str:
     """Return a remark."""
-    return div(content, color=DIM, font_size="11px")
+    return div(content, color=DIM, font_size=TEXT)
 
 
 def coloured(content: str, colour: str) -> str:

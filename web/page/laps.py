@@ -97,7 +97,7 @@ def _strips(entries: Sequence[Competitor]) -> str:
     scale = Strips(times)
     height = ROW * len(entries) + 16
     marks = [_strip(entry, ROW * (k + 0.5), scale) for k, entry in enumerate(entries)]
-    look = {"fill": DIM, "font_size": 10, "text_anchor": "middle"}
+    look = {"fill": DIM, "font_size": 12, "text_anchor": "middle"}
     for t in np.linspace(scale.low, scale.high, 3):
         marks.append(svg("text", f"{t:.2f}", x=scale.x(t), y=height - 3, **look))
     style = "width:100%;margin-top:6px"

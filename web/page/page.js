@@ -1,9 +1,10 @@
 // Stands in viser's page before its own script. It says when the connection is lost, names the controls that viser
-// leaves without a name, and shows the head-up display on a phone.
+// leaves without a name, says which camera is on, lets keys act where they should, and shows the head-up display on a
+// phone.
 (() => {
   document.title = "race";
   const lost =
-    "Disconnected: the page shows the last that arrived. It connects again by itself while it has the focus.";
+    "Disconnected: the page shows the last that arrived. It connects again by itself.";
   const status = document.createElement("div");
   status.setAttribute("role", "status");
   status.style.cssText =
@@ -16,13 +17,23 @@
     document.title = on ? "race" : "race (disconnected)";
   }
 
-  // The connection lives in viser's worker, which reports its state.
+  // The connection lives in viser's worker, which reports its state. viser asks it every second to connect, and each time
+  // gives up the attempt before. After many failures a browser holds attempts back for up to 5 s: none would ever succeed
+  // again. Here an attempt is left alone until it has ended, and the next one follows after a pause.
+  const PAUSE = 1000; // [ms]
   window.Worker = class extends Worker {
     constructor(...where) {
       super(...where);
       this.addEventListener("message", ({ data }) => {
-        if (data?.type === "connected" || data?.type === "closed") connected(data.type === "connected");
+        if (data?.type !== "connected" && data?.type !== "closed") return;
+        connected(data.type === "connected");
+        clearTimeout(this.attempt);
+        if (data.type === "closed") this.attempt = setTimeout(() => super.postMessage({ type: "retry" }), PAUSE);
       });
+    }
+
+    postMessage(data, ...more) {
+      if (data?.type !== "retry") super.postMessage(data, ...more);
     }
   };
 
@@ -71,8 +82,38 @@
     if (shown && head.innerHTML !== hud.innerHTML) head.replaceChildren(...hud.cloneNode(true).childNodes);
   }
 
+  // The buttons of the camera are everybody's. The mode is each visitor's own: the server tells it in a hidden text.
+  function markCamera() {
+    const mode = document.querySelector(".camera-mode")?.textContent;
+    for (const label of document.querySelectorAll("label[for]")) {
+      if (label.textContent !== "Camera") continue;
+      for (const button of label.closest("[class*=Flex-root]").querySelectorAll("button")) {
+        button.setAttribute("aria-pressed", button.textContent === mode);
+      }
+    }
+  }
+
+  // Keys in a window act there alone. Escape, and a click beside it, press its last button, which closes it without effect.
+  function pressLastButton(dialog) {
+    [...dialog.querySelectorAll("button")].at(-1)?.click();
+  }
+
+  function actInWindow(event) {
+    const dialogs = document.querySelectorAll(".mantine-Modal-content");
+    if (!dialogs.length) return;
+    event.stopPropagation();
+    if (event.key === "Escape") pressLastButton(dialogs[dialogs.length - 1]);
+  }
+
+  // While a box has the focus the keys of the race do not act: Enter, Escape and a choice by mouse leave it.
+  function leaveBox(event) {
+    if ((event.key === "Enter" || event.key === "Escape") && event.target.matches("input")) event.target.blur();
+  }
+
   addEventListener("DOMContentLoaded", () => {
     document.body.append(status, head);
+    document.body.addEventListener("keydown", actInWindow);
+    document.body.addEventListener("keydown", leaveBox);
     // The space bar presses the button that has the focus; elsewhere it is the key for pause.
     document.body.addEventListener("keydown", (event) => {
       const pressed = event.target.closest("button, [role=button], [role=tab], [role=option]");
@@ -80,13 +121,17 @@
     });
     // Clicked with the mouse, a button keeps no focus: the space bar would press it again instead of pausing.
     document.body.addEventListener("click", (event) => {
-      if (event.detail > 0) document.activeElement.closest("button, [role=button]")?.blur();
+      if (event.detail > 0) document.activeElement.closest("button, [role=button], [type=checkbox]")?.blur();
+      if (event.target.closest("[role=option]")) document.activeElement.blur();
+      const beside = event.target.closest(".mantine-Modal-root");
+      if (beside && !event.target.closest(".mantine-Modal-content")) pressLastButton(beside);
     });
     let due = 0;
     function changed() {
       due ||= setTimeout(() => {
         due = 0;
         nameControls();
+        markCamera();
         copyHead();
       }, 200);
     }

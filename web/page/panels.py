@@ -30,12 +30,15 @@ class PlaybackPanel:
         self._shown = 0.0  # time that the slider was set to [s]
         self._scrubbed_at = inf  # when the slider was last moved by hand [s]; inf: it was not
         with gui.add_folder("Playback"):
-            self.time = gui.add_slider("Time [s]", 0.0, 1.0, RESOLUTION, 0.0)
+            hint = "the time that is shown; moving it pauses the race"
+            self.time = gui.add_slider("Time [s]", 0.0, 1.0, RESOLUTION, 0.0, hint=hint)
             self.buttons = gui.add_button_group("", ("<", "pause", ">"))
             skip = viser.Icon.PLAYER_SKIP_FORWARD
             self.event = gui.add_button("Next event", icon=skip, color="gray", disabled=True)
             self.restart = gui.add_button("Restart", icon=viser.Icon.REPEAT, color="gray")
-            self.speed = gui.add_dropdown("Speed [x real time]", SPEEDS, initial_value="1")
+            hint = "race seconds in a second: 1 is real time, less is slow motion"
+            speed = "Speed [x real time]"
+            self.speed = gui.add_dropdown(speed, SPEEDS, initial_value="1", hint=hint)
         self.buttons.on_click(self._pressed)
         self.event.on_click(lambda _: session.tell(PageRace.jump))
         self.restart.on_click(controls.restart)

@@ -13,6 +13,7 @@ from quadsim.course import Course, load_course
 from quadsim.files.strict_yaml import FileError
 from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.racing.rules import RULES
+from quadsim.spec.settings import Clock
 from web.choices import Choices, HeatChoices, specs_of
 from web.page.competitor_table import CompetitorTable, announced, table_of
 from web.page.menu import Menu
@@ -93,6 +94,18 @@ class RacePanel:
             counts = sorted({*LAPS, race.laps} - {0})
             laps = str(race.laps) if race.laps else own
             self.laps = gui.add_dropdown("Laps", (own, *map(str, counts)), initial_value=laps)
+            self.clock = gui.add_dropdown(
+                "Clock",
+                get_args(Clock),
+                initial_value=race.clock,
+                hint="simulated: planning takes no time; wall: while a plan is made the flight "
+                "continues on the last one",
+            )
+            self.deadline = gui.add_text(
+                "Deadline [ms]",
+                str(race.deadline_ms),
+                hint="longest time of a plan, kept by fewer samples; none, or a number",
+            )
             self.run = gui.add_dropdown("Run", (NONE,), initial_value=NONE)
             self.second_run = gui.add_dropdown("Second run", (NONE,), initial_value=NONE)
             self.start = gui.add_button("START", icon=viser.Icon.FLAG, color="orange")
@@ -123,6 +136,8 @@ class RacePanel:
             course=self.course.value,
             seed=self.seed.value.strip(),
             laps=int(laps) if laps.isdigit() else 0,
+            clock=self.clock.value,
+            deadline_ms=self.deadline.value.strip(),
         )
         return self.table.flights(race)
 
@@ -165,6 +180,14 @@ class RacePanel:
                 control.options = options  # a run that is gone becomes NONE
         if self.run.value == NONE and len(options) > 1:
             self.run.value = options[1]
+        self._offer_presets()
+
+    def _offer_presets(self) -> None:
+        """Offer the presets that can fly the race that is chosen."""
+        course = self._course()
+        if course is not None:
+            laps = int(self.laps.value) if self.laps.value.isdigit() else course.laps
+            self.table.offer_presets(course, laps)
 
     def update(self, s: Snapshot) -> None:
         """Enable and label the controls for the present state of the race."""
@@ -231,7 +254,8 @@ class RacePanel:
         """Show the controls that the mode needs."""
         mode = self.mode.value
         live = mode != REPLAY
-        for control in (self._competitors, self.world, self.course, self.seed, self.laps):
+        of_the_race = (self.world, self.course, self.seed, self.laps, self.clock, self.deadline)
+        for control in (self._competitors, *of_the_race):
             control.visible = live
         self.table.folder.visible = live
         for control in (self.expect, self.rules):

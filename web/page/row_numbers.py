@@ -136,8 +136,6 @@ def add_sliders(gui: viser.GuiApi, first: Choices, ending: str) -> dict[str, vis
         first: the competitor whose numbers they have first.
         ending: what ends their labels.
     """
-    # Colored sampling has every number that has a slider.
-    settings = planner_settings(first.preset, first.vehicle, "colored")
     numbers = numbers_of(first.base, first.base)
     sliders = {}
     for name, slider in SLIDERS.items():
@@ -148,7 +146,7 @@ def add_sliders(gui: viser.GuiApi, first: Choices, ending: str) -> dict[str, vis
             max=max(float(slider.high), value),
             step=float(slider.step),
             initial_value=value,
-            hint=settings[slider.setting].setting.help,
+            hint=slider.hint,
         )
         handle.precision = DIGITS  # a box takes numbers between the steps
         sliders[name] = handle

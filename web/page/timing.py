@@ -18,6 +18,7 @@ from web.page.html import (
     DIM,
     MONO,
     RED,
+    TEXT,
     TRACK,
     bar,
     box,
@@ -27,6 +28,7 @@ from web.page.html import (
     head_up,
     heading,
     label,
+    rounded,
     small,
     table,
     text,
@@ -73,13 +75,13 @@ def _numbers(timings: list[LapTiming]) -> str:
     entry = first.entry
     cells = [
         f"LAP {first.lap}/{entry.laps_to_fly}",
-        f"{first.lap_time:.2f} s",
+        f"{rounded(first.lap_time, 2):.2f} s",
         f"G{first.gate}/{entry.legs.gates}" if first.gate else "FINISH",
         f"{entry.speed(first.i):.1f} m/s",
     ]
     gaps = [other.gap - first.gap for other in timings[1:] if isfinite(other.gap)]
     if gaps:
-        behind = -min(gaps)
+        behind = rounded(-min(gaps), 2)
         cells.append(coloured(f"{behind:+.2f} s", FASTER if behind < 0 else RED))
     spans = "".join(f"<span>{cell}</span>" for cell in cells)
     row = div(
@@ -107,7 +109,7 @@ def _above(s: LapTiming, has_name: bool) -> str:
     """Return by how much a flight was above the best known limit, as HTML."""
     above = above_limit(s.entry)
     name = label(s.entry) + " " if has_name else ""
-    return div(name + above, **CENTRED, font_size="12px") if above else ""
+    return div(name + above, **CENTRED, font_size=TEXT) if above else ""
 
 
 def above_limit(entry: Competitor) -> str:
@@ -117,7 +119,7 @@ def above_limit(entry: Competitor) -> str:
     """
     if entry.outcome != "finished" or entry.limit is None:
         return ""
-    share = round(100.0 * entry.limit.above(sum(entry.laps)), 1) + 0.0  # no negative zero
+    share = rounded(100.0 * entry.limit.above(sum(entry.laps)), 1)
     return f"{share:.1f} % above the best known limit of {entry.limit.time:.3f} s"
 
 
@@ -140,11 +142,13 @@ def _state(s: Snapshot, timings: Sequence[LapTiming]) -> str:
     sensing = first.entry.spec.get("sensing")
     if sensing:
         parts.append(f"sensing {text(sensing['name'])}")
+    if first.entry.spec.get("clock") == "wall":
+        parts.append("wall clock")
     for timing in timings:
         remark = not_comparable(timing.entry.spec)
         if remark:
             parts.append(coloured(f"{text(timing.entry.name)}: {remark}", RED))
-    return div(" · ".join(parts), color=DIM, font_size="11px", **CENTRED, margin_top="2px")
+    return div(" · ".join(parts), color=DIM, font_size=TEXT, **CENTRED, margin_top="2px")
 
 
 def tower(timings: list[LapTiming]) -> str:
@@ -161,9 +165,9 @@ def tower(timings: list[LapTiming]) -> str:
         rows.append(_row(place, s, best_lap))
         rows.append(_sectors(s, best) + bar(s.progress, s.entry.style.colour))
     note = (
-        "gap [s]: behind at the same place; last, best: lap [s]; "
-        f"{coloured('purple', BEST)} the best of all, {coloured('green', FASTER)} a run's own "
-        "best; chatter: total variation of the commanded thrust [m/s²/s]"
+        f"gap [s] at the same place; {coloured('purple', BEST)} best of all, "
+        f"{coloured('green', FASTER)} a run's own best; chatter: total variation of the commanded "
+        "thrust [m/s²/s]"
     )
     return box(table(head, rows, left=2), small(note))
 
@@ -193,7 +197,7 @@ def _gap(place: int, s: LapTiming) -> str:
         return coloured("DNF", RED)
     if place == 1:
         return "leader"
-    return f"{s.gap:+.2f}" if isfinite(s.gap) else "-"
+    return f"{rounded(s.gap, 2):+.2f}" if isfinite(s.gap) else "-"
 
 
 def _sectors(s: LapTiming, best: list[float]) -> str:
@@ -331,4 +335,4 @@ def _terms(s: LapTiming) -> tuple[dict[str, float], str]:
 
 def _line(content: str) -> str:
     """Return a line of numbers."""
-    return div(content, **MONO, font_size="12px", margin_top="3px")
+    return div(content, **MONO, font_size=TEXT, margin_top="3px")

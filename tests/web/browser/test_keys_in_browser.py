@@ -1,0 +1,147 @@
+"""Claims about keys, the focus and the sizes of texts, over flights without physics."""
+
+import pytest
+from browser_cases import button, choose, field, press, waited
+from test_keyboard_in_browser import tab_to
+from web_cases import choices, stored
+
+from web.race import PageRace
+
+# texts smaller than 12 px as they are drawn, those in a drawing by its scale
+SMALL = """() => {
+  const found = [];
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let node; (node = texts.nextNode()); ) {
+    const parent = node.parentElement;
+    if (!node.textContent.trim() || !parent.checkVisibility({ opacityProperty: true })) continue;
+    if (["SCRIPT", "STYLE", "title"].includes(parent.tagName)) continue;
+    const scale = parent.ownerSVGElement ? parent.getScreenCTM().a : 1;
+    const size = scale * parseFloat(getComputedStyle(parent).fontSize);
+    if (size < 11.95) found.push([size, node.textContent.trim().slice(0, 30)]);
+  }
+  for (const input of document.querySelectorAll("input")) {
+    const size = parseFloat(getComputedStyle(input).fontSize);
+    if (input.checkVisibility() && size < 11.95) found.push([size, input.value]);
+  }
+  return found; }"""
+OUTLINE = "getComputedStyle(document.activeElement).outlineStyle"
+
+
+@pytest.fixture(autouse=True)
+def at_rest(page):
+    """Nothing has the focus, and the camera is free."""
+    page.evaluate("document.activeElement.blur()")
+    press(page, "free")
+    assert waited(page, lambda: pressed(page) == ["free"], 5)
+
+
+def has_focus(page, element):
+    return element.evaluate("e => e === document.activeElement")
+
+
+def pressed(page):
+    """The camera that is marked."""
+    marked = page.locator("button[aria-pressed=true]:visible")
+    return marked.all_inner_texts()
+
+
+def test_the_button_of_the_camera_that_is_on_is_marked(page, session):
+    for mode in ("chase", "FPV", "top", "free"):
+        press(page, mode)
+        assert waited(page, lambda mode=mode: pressed(page) == [mode], 5), pressed(page)
+    page.keyboard.press("c")
+    assert waited(page, lambda: pressed(page) == ["chase"], 5)
+
+
+def test_escape_and_a_click_beside_it_close_the_help_and_keys_do_not_act_beneath(page, session):
+    race = session.snapshot.race
+    help_window = page.get_by_role("dialog").filter(has_text="Keys")
+    page.keyboard.press("h")
+    help_window.wait_for()
+    page.keyboard.press("c")
+    page.keyboard.press("s")
+    page.wait_for_timeout(200)
+    assert pressed(page) == ["free"]
+    assert session.snapshot.race == race
+    page.keyboard.press("Escape")
+    help_window.wait_for(state="detached")
+    page.keyboard.press("h")
+    help_window.wait_for()
+    page.mouse.click(600, 700)
+    help_window.wait_for(state="detached")
+
+
+@pytest.mark.parametrize("key", ["Enter", "Escape"])
+def test_keys_act_again_after_a_number_was_typed(page, session, key):
+    box = field(page, "Seed").first
+    box.click()
+    page.keyboard.press("c")
+    assert pressed(page) == ["free"]  # the box has it
+    page.keyboard.press(key)
+    assert not has_focus(page, box)
+    page.keyboard.press("c")
+    assert waited(page, lambda: pressed(page) == ["chase"], 5)
+
+
+def test_keys_act_after_a_choice_and_a_tick_by_mouse(page, session):
+    choose(page, "Trails", "speed")
+    page.keyboard.press("c")
+    assert waited(page, lambda: pressed(page) == ["chase"], 5)
+    tick = page.get_by_label("True size")
+    tick.click()
+    tick.click()
+    page.keyboard.press("c")
+    assert waited(page, lambda: pressed(page) == ["top"], 5)
+    choose(page, "Trails", "auto")
+
+
+def test_what_the_keyboard_acts_on_can_be_seen(page):
+    for name in ("Export", "START"):
+        assert tab_to(page, name)
+        assert page.evaluate(OUTLINE) == "solid"
+    button(page, "START").evaluate("e => e.blur()")
+
+
+def test_no_text_is_smaller_than_12_pixels(page, session, root):
+    run = stored(root, "gaussian", laps=2)
+    session.tell(PageRace.start, [choices("colored", laps=2)], [run])
+    assert waited(page, lambda: session.snapshot.t > 0.2)
+    session.tell(PageRace.play, False)
+    for tab in ("Laps", "Events", "Camera", "Timing"):
+        page.get_by_role("tab", name=tab, exact=True).click()
+        assert waited(page, lambda: page.evaluate(SMALL) == [], 3), page.evaluate(SMALL)
+
+
+def test_the_map_is_whole_beside_two_runs_on_a_small_screen(page, session, root):
+    runs = [stored(root, "colored", laps=2), stored(root, "gaussian", laps=2)]
+    size = page.viewport_size
+    page.set_viewport_size({"width": 1280, "height": 800})
+    race = session.snapshot.race
+    session.tell(PageRace.start, [], runs)
+    assert waited(page, lambda: session.snapshot.race > race)
+    session.tell(PageRace.play, False)
+    page.get_by_role("tab", name="Timing", exact=True).click()
+    cut = """() => { const map = document.querySelector(".course-map");
+        const pane = map.closest("[class*=ScrollArea-viewport], [data-dock-leaf]");
+        return map.getBoundingClientRect().bottom - pane.getBoundingClientRect().bottom; }"""
+    assert waited(page, lambda: page.locator(".course-map circle").count() == 2, 10)
+    assert page.evaluate(cut) <= 0.0
+    assert page.locator(".hud").first.bounding_box()["width"] <= 350
+    page.set_viewport_size(size)
+
+
+def test_a_camera_picture_is_shown_when_it_is_asked_for(page, session, root):
+    pytest.importorskip("pybullet")
+    session.tell(PageRace.start, [], [stored(root, "colored", laps=2)])
+    session.tell(PageRace.play, False)
+    session.tell(PageRace.scrub, 0.2)
+    page.get_by_role("tab", name="Camera", exact=True).click()
+    picture = page.get_by_alt_text("What the camera of colored at 0.20 s sees")
+    assert picture.count() == 0
+    page.get_by_label("Camera pictures").check()
+    picture.wait_for()
+    assert picture.evaluate("e => e.naturalWidth") == 320
+    page.get_by_label("Camera pictures").uncheck()
+    picture.wait_for(state="detached")
+    page.get_by_role("tab", name="Timing", exact=True).click()
+    assert page.complaints == []

@@ -1,0 +1,144 @@
+"""Claims about the pictures of a drone's camera on the page: what they show, and who draws them."""
+
+import io
+import time
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from PIL import Image
+from web_cases import competitor, until
+
+from quadsim.sensing.config import GateCameraConfig
+from quadsim.sensing.measurements import Corners
+from quadsim.spec.spec import Spec
+from web.camera_pictures import CameraPictures, camera_of, moment_of, pose_at, smaller
+from web.page.picture_tab import picture_html
+
+pytest.importorskip("pybullet")
+T = 0.203  # between two frames [s]
+
+
+@pytest.fixture(scope="module")
+def entry():
+    """A flight with the gate camera."""
+    plain = competitor()
+    sensing = Spec.of("figure8", sensing="gates").record()["sensing"]
+    return replace(plain, spec={**plain.spec, "sensing": sensing})
+
+
+@pytest.fixture
+def pictures():
+    pictures = CameraPictures()
+    yield pictures
+    pictures.close()
+
+
+def taken(pictures, entry, t):
+    """The picture of a moment."""
+
+    def is_there():
+        pictures.show(entry, t)
+        return pictures.last is not None
+
+    assert until(is_there, 60)
+    assert pictures.last.problem == ""
+    return pictures.last
+
+
+def corners_at(entry, t):
+    """What a camera without errors finds."""
+    camera = camera_of(entry)
+    pixels, depth = camera.gate_corners(entry.course.gates, *pose_at(entry, t))
+    seen = (depth > 0.5) & camera.in_picture(pixels.reshape(-1, 2)).reshape(-1, 4)
+    gates, corners = np.nonzero(seen)
+    return Corners(t, gates, corners, pixels[seen], int(seen.sum()))
+
+
+def test_corners_that_were_found_lie_on_the_gates_of_the_picture(entry, pictures):
+    """Inside the opening is ground or sky, and just outside the corner the orange frame."""
+    found = corners_at(entry, T)
+    picture = taken(pictures, replace(entry, corners=found), T + 0.02)
+    assert picture.moment.t == T  # of the camera's own picture, not of the page
+    image = np.asarray(Image.open(io.BytesIO(picture.jpeg))).astype(int)
+    scale = image.shape[1] / picture.moment.size[0]
+    camera = camera_of(entry)
+    position, attitude = pose_at(entry, T)
+    orange = []
+    for number in set(found.gates.tolist()):
+        gate = entry.course.gates[number]
+        centre = gate.corners().mean(axis=0)
+        outside = centre + 1.06 * (gate.corners() - centre)
+        pixels, depth = camera.project(outside, position, attitude)
+        near = (depth > 0.5) & (depth < 8.0) & camera.in_picture(pixels)
+        for u, v in (scale * pixels[near]).astype(int):
+            red, green, blue = image[v, u]
+            orange.append(red > 1.3 * green > 1.3 * blue)
+    assert len(orange) >= 2
+    assert np.mean(orange) > 0.6
+    html = picture_html(picture)
+    assert html.count("<line") == 2 * len(found.pixels)
+    u, v = found.pixels[0]
+    assert f'x1="{u - 6:.1f}" y1="{v - 6:.1f}"' in html
+
+
+def test_corners_of_another_moment_are_not_drawn(entry):
+    found = corners_at(entry, T)
+    later = moment_of(replace(entry, corners=found), T + 0.3)
+    assert later.corners is None
+    assert later.t == T + 0.3
+    earlier = moment_of(replace(entry, corners=found), T - 0.05)
+    assert earlier.corners is None
+
+
+def test_whoever_asks_does_not_wait(entry, pictures):
+    """A picture takes a tenth of a second, and the scene longer."""
+    waits = []
+    end = time.monotonic() + 60
+    t = 0.1
+    drawn = set()
+    while len(drawn) < 3 and time.monotonic() < end:
+        began = time.perf_counter()
+        pictures.show(entry, t)
+        waits.append(time.perf_counter() - began)
+        if pictures.last:
+            drawn.add(pictures.last.moment.t)
+            t = 0.1 + 0.1 * len(drawn)
+        time.sleep(0.01)
+    assert len(drawn) == 3
+    assert np.median(waits) < 2e-3
+    assert sorted(waits)[-2] < 0.1  # the first starts the process
+
+
+def test_a_process_that_was_killed_is_said_and_replaced(entry, pictures):
+    taken(pictures, entry, 0.1)
+    pictures._process.kill()
+    pictures._process.join()
+
+    def is_said():
+        pictures.show(entry, 0.5)
+        return pictures.last.problem
+
+    assert until(is_said)
+    assert "has ended" in pictures.last.problem
+    assert "has ended" in picture_html(pictures.last)
+    pictures.last = None
+    assert taken(pictures, entry, 0.6).jpeg
+
+
+def test_a_flight_without_a_camera_is_seen_by_that_of_race_render():
+    plain = competitor()
+    assert camera_of(plain).source == "AI Grand Prix"
+    assert camera_of(plain).tilt_deg == 20
+    written_by_hand = replace(plain, spec={**plain.spec, "sensing": {"camera": {"width": "x"}}})
+    assert camera_of(written_by_hand) == camera_of(plain)
+
+
+def test_a_smaller_picture_has_the_same_field_of_view():
+    spec = {"width": 641, "height": 360, "fx": 300.0, "fy": 310.0, "tilt_deg": 10.0}
+    camera = msgspec.convert(spec, GateCameraConfig)
+    small = smaller(camera)
+    assert small.width <= 400
+    assert small.width / small.fx == pytest.approx(camera.width / camera.fx)
+    assert small.height / small.fy == pytest.approx(camera.height / camera.fy)

@@ -1,0 +1,131 @@
+"""Claims about what can be chosen on the page, and how its numbers are written."""
+
+from itertools import pairwise
+from types import SimpleNamespace
+
+import pytest
+from web_cases import choices, competitor
+
+from controllers.presets import PRESETS
+from quadsim.course import load_course
+from web.choices import PILOT, Choices, HeatChoices
+from web.live_flight import LiveFlight
+from web.notices import Notices
+from web.numbers import SLIDERS, Change
+from web.offered_presets import offered_presets
+from web.page.html import rounded
+
+QUICK = {"samples": 512, "horizon": 20, "iterations": 1}
+
+
+@pytest.mark.parametrize(
+    ("course", "vehicle", "laps", "can_follow"),
+    [
+        ("split_s_swift", "swift", 3, True),
+        ("split_s_swift", "swift", 1, False),
+        ("lsy_level2", "crazyflie", 1, True),
+        ("lsy_level2", "swift", 1, False),
+    ],
+)
+def test_a_preset_that_follows_a_solution_is_offered_where_one_is_stored(
+    tmp_path, monkeypatch, course, vehicle, laps, can_follow
+):
+    """START agrees: it flies what is offered, and refuses what is not."""
+    monkeypatch.chdir(tmp_path)  # no solutions of this machine's own
+    offered = offered_presets(PRESETS, {"race"}, load_course(course), vehicle, laps)
+    assert ("race_informed" in offered) == can_follow
+    assert {"paper", "race", "race_small"} <= set(offered)
+    chosen = Choices(course=course, vehicle=vehicle, preset="race_informed", laps=laps)
+    if can_follow:
+        assert chosen.spec().reference is not None
+    else:
+        with pytest.raises(ValueError, match="race limit"):
+            chosen.spec()
+        kept = offered_presets(PRESETS, {"race_informed"}, load_course(course), vehicle, laps)
+        assert "race_informed" in kept  # while it is the one that is chosen
+
+
+def test_clock_and_deadline_reach_the_flight_and_every_entrant_of_a_race():
+    spec = choices(clock="wall", deadline_ms="7.5").spec()
+    assert (spec.clock, spec.deadline_ms) == ("wall", 7.5)
+    with pytest.raises(ValueError, match=r"deadline_ms.*soon"):
+        choices(deadline_ms="soon").spec()
+    plain = choices().spec()
+    assert (plain.clock, plain.deadline_ms) == ("simulated", None)
+    own = {"clock": "wall", "deadline_ms": "7.5"}
+    heat = HeatChoices((choices("colored", **own), choices("gaussian", **own))).spec()
+    for entrant in heat.entrants:
+        assert (entrant.spec.clock, entrant.spec.deadline_ms) == ("wall", 7.5)
+
+
+def test_a_learned_pilot_flies_beside_a_deadline_that_it_cannot_have():
+    pilot = Choices(course="split_s_swift", sampler=f"{PILOT}split_s_swift", deadline_ms="5")
+    assert pilot.spec().deadline_ms is None
+
+
+@pytest.mark.flight
+def test_on_the_wall_clock_planning_takes_time_and_a_pause_does_not():
+    flight = LiveFlight(choices(clock="wall", settings=QUICK))
+    try:
+        for _ in range(2):
+            flight.advance()
+        times = [flight.advance().t]
+        with pytest.MonkeyPatch.context() as patch:
+            # A visitor looks away for minutes, and each plan takes 50 ms.
+            now = SimpleNamespace(t=0.0)
+            patch.setattr("web.planning_time.perf_counter", lambda: now.t)
+            inner = flight._planner.control
+
+            def slow(estimate):
+                now.t += 0.05
+                return inner(estimate)
+
+            patch.setattr(flight._planner, "control", slow)
+            for _ in range(4):
+                now.t += 100.0
+                times.append(flight.advance().t)
+        steps = [after - before for before, after in pairwise(times[1:])]
+        assert steps == pytest.approx([0.05] * 3, abs=flight._plant.dt)
+    finally:
+        flight.end()
+    assert flight.now.spec["clock"] == "wall"
+
+
+@pytest.mark.flight
+def test_a_deadline_holds_also_after_a_number_was_changed_in_flight():
+    """No plan can be made in a microsecond: the samples shrink to the least."""
+    flight = LiveFlight(choices(deadline_ms="0.001", settings=QUICK))
+    try:
+        for _ in range(12):
+            flight.advance()
+        fewest = flight._planner.planner.samples
+        assert fewest < 512
+        flight.change(Change("temperature", 2.0))
+        for _ in range(12):
+            flight.advance()
+        assert flight._planner.planner.config.temperature == 2.0
+        assert flight._planner.planner.samples == fewest
+    finally:
+        flight.end()
+
+
+def test_zero_has_no_sign():
+    assert f"{rounded(-0.001, 2):+.2f}" == "+0.00"
+    assert f"{rounded(-0.0, 2):.2f}" == "0.00"
+    assert f"{rounded(-0.006, 2):+.2f}" == "-0.01"
+
+
+def test_one_lap_is_no_laps():
+    for laps, words in ((1, "1 lap in "), (2, "2 laps in ")):
+        entry = competitor(laps=laps)
+        notices = Notices()
+        end = SimpleNamespace(t=entry.last_t, events=(), outcome="finished")
+        notices.add_events(entry, end)
+        (notice,) = notices.recent
+        assert notice.text.startswith(words)
+
+
+def test_every_slider_says_what_its_number_does():
+    hints = [slider.hint for slider in SLIDERS.values()]
+    assert len(set(hints)) == len(hints)
+    assert all(len(hint) > 40 for hint in hints)

@@ -1,0 +1,262 @@
+"""Pictures of what a vehicle's camera sees, drawn for the page as `race render` draws them.
+
+PyBullet's renderer takes a tenth of a second and holds Python's lock meanwhile, so that it would
+hold up a flight. It runs in a process of its own, with a low priority.
+"""
+
+from __future__ import annotations
+
+import io
+import multiprocessing as mp
+import os
+import signal
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from time import perf_counter
+from typing import TYPE_CHECKING, NamedTuple
+
+import msgspec
+import numpy as np
+from PIL import Image
+
+from quadsim.course import parse_course
+from quadsim.files.extras import needs_extra
+from quadsim.physics.plant import has_bullet
+from quadsim.render.look import plain_look
+from quadsim.rotation import Quaternion, Vec3
+from quadsim.sensing.camera import Camera, load_camera
+from quadsim.sensing.config import GateCameraConfig
+from quadsim.sensing.measurements import Corners
+from web.competitor import POSITION, QUATERNION, Competitor
+
+if TYPE_CHECKING:
+    from quadsim.render.scene import Scene
+
+DEFAULT_CAMERA = "aigp"  # of a vehicle that flies without one, as in `race render`
+WIDTH = 400  # a picture is drawn about as wide [px]
+PERIOD = 0.25  # least time from one picture to the next [s]
+SHOWN = 0.25  # [s] before the shown moment in which corners were found that are drawn
+NICE = 10
+QUALITY = 80  # of the JPEG
+ENDED = "the process that draws the pictures has ended"
+
+
+class View(NamedTuple):
+    """What is to be drawn: a course from a vehicle's camera."""
+
+    course_name: str
+    course_text: str
+    camera: Camera
+    position: Vec3  # of the vehicle [m]
+    attitude: Quaternion  # of the vehicle
+
+
+class Moment(NamedTuple):
+    """A competitor at the moment of a picture."""
+
+    name: str
+    t: float  # [s]
+    view: View
+    # size of the camera's own pictures, in which the corners are given [px]
+    size: tuple[int, int]
+    corners: Corners | None  # that were found in this very picture
+
+
+class CameraPicture(NamedTuple):
+    """A picture of a moment, or why there is none."""
+
+    moment: Moment
+    jpeg: bytes
+    problem: str = ""
+
+
+class CameraPictures:
+    """Pictures of one moment after another. One thread uses it, and never waits.
+
+    Attributes:
+        last: the last picture; None: there is none yet.
+    """
+
+    def __init__(self) -> None:
+        self.last: CameraPicture | None = None
+        self._process: BaseProcess | None = None
+        self._pipe: Connection | None = None
+        self._asked: Moment | None = None  # that is being drawn
+        self._asked_at = -PERIOD  # [s]
+
+    def show(self, entry: Competitor, t: float) -> None:
+        """Take the picture that is ready, and ask for one of this moment when that is due."""
+        self._take()
+        if self._asked or perf_counter() - self._asked_at < PERIOD:
+            return
+        moment = moment_of(entry, t)
+        if self.last and _is_same(moment, self.last.moment):
+            return
+        if not has_bullet():
+            self.last = CameraPicture(moment, b"", needs_extra("pybullet", "bullet"))
+            return
+        self._ask(moment)
+
+    def close(self) -> None:
+        """End the process; the next call of `show` starts another one."""
+        if self._process:
+            self._process.terminate()
+            self._process.join()
+        if self._pipe:
+            self._pipe.close()
+        self._process = None
+        self._pipe = None
+        self._asked = None
+
+    def _ask(self, moment: Moment) -> None:
+        """Ask the process for a picture; start it if there is none."""
+        self._asked = moment
+        self._asked_at = perf_counter()
+        pipe = self._pipe or self._start()
+        try:
+            pipe.send(moment.view)
+        except OSError:
+            self._took(b"", ENDED)
+
+    def _take(self) -> None:
+        """Take the picture that was asked for, if it is ready."""
+        if self._asked is None or self._pipe is None:
+            return
+        try:
+            if not self._pipe.poll():
+                return
+            jpeg, problem = self._pipe.recv()
+        except (EOFError, OSError):
+            jpeg, problem = b"", ENDED
+        self._took(jpeg, problem)
+
+    def _took(self, jpeg: bytes, problem: str) -> None:
+        """Keep the picture that was asked for. Where there is none, the process begins anew."""
+        assert self._asked is not None
+        self.last = CameraPicture(self._asked, jpeg, problem)
+        self._asked = None
+        if problem:
+            self.close()
+
+    def _start(self) -> Connection:
+        """Start the process, and return the pipe to it."""
+        # Python would look for its own modules in the current folder first.
+        os.environ["PYTHONSAFEPATH"] = "1"
+        # A fork would inherit the locks of threads that it does not have.
+        spawn = mp.get_context("spawn")
+        self._pipe, theirs = spawn.Pipe()
+        process = spawn.Process(target=draw_all, args=(theirs,), daemon=True)
+        process.start()
+        self._process = process
+        # Without this copy each side learns when the other has ended.
+        theirs.close()
+        return self._pipe
+
+
+def moment_of(entry: Competitor, t: float) -> Moment:
+    """Return the moment of a competitor to be drawn.
+
+    Where its camera has just found corners of gates it is that of the camera's last picture, so
+    that the corners lie on it.
+    """
+    camera = camera_of(entry)
+    corners = entry.corners
+    if corners and not 0.0 <= t - corners.t <= SHOWN:
+        corners = None
+    if corners:
+        t = corners.t
+    position, attitude = pose_at(entry, t)
+    view = View(entry.course.name, entry.course.text, smaller(camera), position, attitude)
+    return Moment(entry.name, t, view, (camera.width, camera.height), corners)
+
+
+def camera_of(entry: Competitor) -> Camera:
+    """Return the camera that a vehicle flies with; where it has none, that of `race render`."""
+    sensing = entry.spec.get("sensing") or {}
+    try:
+        return msgspec.convert(sensing.get("camera"), GateCameraConfig)
+    except msgspec.ValidationError:  # it has none, or one that was written by hand
+        return load_camera(DEFAULT_CAMERA)
+
+
+def smaller(camera: Camera) -> Camera:
+    """Return the camera with fewer pixels, about WIDTH in a row, and the same field of view."""
+    parts = max(round(camera.width / WIDTH), 1)
+    width = camera.width // parts
+    height = camera.height // parts
+    return Camera(
+        width=width,
+        height=height,
+        fx=camera.fx * width / camera.width,
+        fy=camera.fy * height / camera.height,
+        tilt_deg=camera.tilt_deg,
+        position=camera.position,
+    )
+
+
+def pose_at(entry: Competitor, t: float) -> tuple[Vec3, Quaternion]:
+    """Return position [m] and attitude of a competitor, between its frames interpolated."""
+    after = int(np.searchsorted(entry.t, t).clip(1, max(len(entry.t) - 1, 1)))
+    rows = np.array([after - 1, min(after, len(entry.t) - 1)])
+    times = entry.t[rows]
+    share = float(np.clip((t - times[0]) / max(times[1] - times[0], 1e-9), 0.0, 1.0))
+    p0, p1 = entry.rows(POSITION, rows)
+    q0, q1 = entry.rows(QUATERNION, rows)
+    # q and -q are one attitude
+    q1 = q1 if q0 @ q1 >= 0.0 else -q1
+    q = q0 + share * (q1 - q0)
+    x, y, z = (p0 + share * (p1 - p0)).tolist()
+    w, i, j, k = (q / np.linalg.norm(q)).tolist()
+    return (x, y, z), (w, i, j, k)
+
+
+def _is_same(one: Moment, other: Moment) -> bool:
+    """Return whether two moments give the same picture, with the same corners."""
+    return one._replace(corners=None) == other._replace(corners=None) and (
+        one.corners is other.corners
+    )
+
+
+def draw_all(views: Connection) -> None:
+    """Draw one view after another, in a process of its own, until the other side is closed.
+
+    Each is answered with a JPEG and a text; one of them is empty.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent
+    os.nice(NICE)
+    painter = Painter()
+    while True:
+        try:
+            view = views.recv()
+        except (EOFError, OSError):
+            return
+        try:
+            views.send((painter.draw(view), ""))
+        except ValueError as error:
+            views.send((b"", str(error)))
+
+
+class Painter:
+    """Draws views. It keeps the last scene, which takes longer to set up than to draw."""
+
+    def __init__(self) -> None:
+        self._scene: Scene | None = None
+        self._of: tuple[str, Camera] | None = None  # course and camera of the scene
+
+    def draw(self, view: View) -> bytes:
+        """Return a view as a JPEG.
+
+        Raises:
+            ValueError: the course has more gates than a picture tells apart.
+        """
+        from quadsim.render.scene import Scene  # here, as it loads PyBullet
+
+        if self._scene is None or self._of != (view.course_text, view.camera):
+            if self._scene:
+                self._scene.close()
+            self._scene = Scene(parse_course(view.course_text, view.course_name), view.camera)
+            self._of = (view.course_text, view.camera)
+        seen = self._scene.shoot(view.position, view.attitude, plain_look())
+        data = io.BytesIO()
+        Image.fromarray(seen.rgb).save(data, "jpeg", quality=QUALITY)
+        return data.getvalue()

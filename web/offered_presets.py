@@ -1,0 +1,46 @@
+"""Which presets a page offers for a race: all but those that could not fly it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from functools import lru_cache
+
+from controllers.costs.reference import ReferenceWeights
+from controllers.presets import PRESETS
+from quadsim.course import Course
+from quadsim.record.limits import LimitProblem, limits_folder
+from quadsim.spec.reference import followed_problem
+from quadsim.spec.settings import FlightSettings
+from quadsim.vehicle import load_vehicle
+
+
+def offered_presets(
+    names: Iterable[str], chosen: Collection[str], course: Course, vehicle: str, laps: int
+) -> tuple[str, ...]:
+    """Return the presets that can fly a race, and those that are chosen at present.
+
+    A preset that follows a solution of `race limit` needs one of this course, vehicle and number of
+    laps.
+
+    Args:
+        names: presets to choose from, each of PRESETS.
+        chosen: those that are chosen; they are not taken away from a person who looks at them,
+            and the page says what they lack.
+    """
+    return tuple(name for name in names if name in chosen or _can_fly(name, course, vehicle, laps))
+
+
+def _can_fly(preset: str, course: Course, vehicle: str, laps: int) -> bool:
+    """Return whether a preset follows nothing, or a solution of this race is stored."""
+    weights = PRESETS[preset][FlightSettings.sampler].cost
+    if not isinstance(weights, ReferenceWeights):
+        return True
+    problem = _problem(weights, course, vehicle, laps)
+    return bool(problem.files(limits_folder(FlightSettings.runs_dir)))
+
+
+# A page asks once a second; the problem's name is a hash of course and vehicle.
+@lru_cache(maxsize=16)
+def _problem(weights: ReferenceWeights, course: Course, vehicle: str, laps: int) -> LimitProblem:
+    """Return the race whose solution a preset follows."""
+    return followed_problem(course, load_vehicle(vehicle), laps, weights)

@@ -1,0 +1,76 @@
+"""The tab with pictures of what the first drone's camera sees."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Sequence
+
+import viser
+
+from web.camera_pictures import CameraPicture, CameraPictures
+from web.lap_timing import LapTiming
+from web.page.html import box, element, small, svg, text
+
+ARM = 6.0  # half length of a corner's cross, in pixels of the camera
+CORNER = "#00e5ff"
+
+
+class PictureTab:
+    """Shows pictures while they are asked for: each takes a tenth of a second of a core."""
+
+    def __init__(self, gui: viser.GuiApi, tab: viser.GuiTabHandle):
+        self._pictures = CameraPictures()
+        self._shown: CameraPicture | None = None
+        with tab:
+            hint = "what the first drone's camera sees at the time that is shown; the pictures are "
+            hint += "drawn in a process of their own"
+            self.on = gui.add_checkbox("Camera pictures", False, hint=hint)
+            self._html = gui.add_html("")
+
+    def update(self, timings: Sequence[LapTiming]) -> None:
+        """Show the last picture, and ask for the next one."""
+        if not self.on.value or not timings:
+            self.close()
+            return
+        first = timings[0]
+        self._pictures.show(first.entry, first.t)
+        if self._pictures.last is not self._shown:
+            self._shown = self._pictures.last
+            self._html.content = picture_html(self._shown) if self._shown else ""
+
+    def close(self) -> None:
+        """End the process that draws."""
+        if self._shown:
+            self._shown = None
+            self._html.content = ""
+        self._pictures.last = None
+        self._pictures.close()
+
+
+def picture_html(picture: CameraPicture) -> str:
+    """Return a picture with crosses at the corners that were found in it."""
+    moment = picture.moment
+    if picture.problem:
+        return box(small(text(picture.problem)))
+    caption = f"{moment.name} at {moment.t:.2f} s"
+    data = b64encode(picture.jpeg).decode()
+    alt = f"What the camera of {caption} sees"
+    image = f'<img src="data:image/jpeg;base64,{data}" alt="{text(alt)}" style="width:100%">'
+    if moment.corners:
+        image += _crosses(picture)
+        caption += f": {len(moment.corners.pixels)} corners of gates were found"
+    return box(element("div", image, position="relative"), small(text(caption)))
+
+
+def _crosses(picture: CameraPicture) -> str:
+    """Return crosses, as wide as the picture."""
+    moment = picture.moment
+    width, height = moment.size
+    lines = []
+    for u, v in moment.corners.pixels.tolist() if moment.corners else ():
+        for x, y in ((ARM, ARM), (ARM, -ARM)):
+            ends = {"x1": u - x, "y1": v - y, "x2": u + x, "y2": v + y}
+            lines.append(svg("line", **ends, stroke=CORNER, stroke_width=2))
+    style = "position:absolute;left:0;top:0;width:100%;height:100%"
+    look = {"viewBox": f"0 0 {width} {height}", "preserveAspectRatio": "none", "style": style}
+    return svg("svg", "".join(lines), **look)
