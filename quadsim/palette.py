@@ -33,6 +33,8 @@ STYLES = {
     "log_normal": Style("#009e73", (2, 3)),
     "smooth": Style("#cc79a7", (9, 3, 2, 3)),
     "smooth_star": Style("#f0e442", (9, 3)),
+    # a person, see quadsim.racing.hand
+    "hand": Style("#ee3377", (14, 2)),
 }
 # For variants that are no sampler: the rest of the eight colours, then three of Paul Tol's
 SPARE = (

@@ -12,14 +12,17 @@ from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.firmware import FlightControllerName
 from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
+from quadsim.racing.hand import HAND
 from quadsim.racing.rules import RulesName
 from quadsim.sensing import PERFECT
 from quadsim.spec.presets import PresetSource
 from quadsim.spec.settings import SETTINGS, Clock, SettingValue, values_of
 from quadsim.spec.spec import Spec, with_numbers
 from quadsim.vehicle import load_vehicle
+from web.by_hand import flown_by_hand
 from web.numbers import SLIDERS, Change, with_change
 
+# HAND, too, may stand where a sampler may: a person flies
 PILOT = "pilot "  # stands before the name of a learned pilot, where a sampler may stand
 # What all competitors of a race have
 OF_THE_RACE = ("course", "seed", "laps", "clock", "deadline_ms")
@@ -33,7 +36,7 @@ class Choices:
     course: str = "split_s_swift"
     vehicle: str = "swift"
     preset: str = "race"
-    sampler: str = "colored"  # or PILOT with the name of a learned pilot
+    sampler: str = "colored"  # or PILOT with the name of a learned pilot, or HAND
     flight_controller: FlightControllerName = "ideal"
     sensing: str = PERFECT
     seed: int | str = 0  # a text is checked when the flight begins
@@ -48,13 +51,13 @@ class Choices:
 
     @property
     def kind(self) -> str:
-        """The name of its sampler, or `pilot`."""
-        return "pilot" if self.has_pilot else self.sampler
+        """The name of its sampler, `pilot` or `hand`."""
+        return "pilot" if self.sampler.startswith(PILOT) else self.sampler
 
     @property
-    def has_pilot(self) -> bool:
-        """Whether a learned pilot flies, which has no planner's numbers."""
-        return self.sampler.startswith(PILOT)
+    def has_planner(self) -> bool:
+        """Whether a planner flies; a learned pilot or a person has no planner's numbers."""
+        return is_planner(self.sampler)
 
     @property
     def known_settings(self) -> dict[str, Any]:
@@ -115,7 +118,7 @@ class Choices:
         Raises:
             ValueError: the choices do not fit together; one line says why.
         """
-        return Spec.of(
+        spec = Spec.of(
             self.course,
             **planner_choice(self.sampler),
             preset=self.preset,
@@ -128,6 +131,7 @@ class Choices:
             deadline_ms=self._deadline,  # pyright: ignore[reportArgumentType]
             **self.known_settings,
         )
+        return flown_by_hand(spec) if self.sampler == HAND else spec
 
     @property
     def _deadline(self) -> float | str | None:
@@ -135,11 +139,13 @@ class Choices:
         return None if self.has_pilot or self.deadline_ms == "none" else self.deadline_ms
 
     def flown(self, base: Spec) -> Spec:
-        """Return the flight with the numbers of the sliders; a learned pilot has none of them.
+        """Return the flight with the numbers of the sliders, which only a planner has.
 
         base: what `base_spec` has returned.
         """
-        return base if base.pilot else replace(base, planner=self._with_numbers(base.planner))
+        if not base.has_planner:
+            return base
+        return replace(base, planner=self._with_numbers(base.planner))
 
     def spec(self) -> Spec:
         """Return the flight that is chosen. Raises ValueError, as base_spec does."""
@@ -187,6 +193,7 @@ def specs_of(flights: Sequence[Choices]) -> list[Spec]:
     Raises:
         ValueError: one of them cannot be flown; one line says which, and why.
     """
+    expect_one_hand(flights)
     specs = []
     for name, flight in zip(names_of(flights), flights, strict=True):
         try:
@@ -194,6 +201,13 @@ def specs_of(flights: Sequence[Choices]) -> list[Spec]:
         except ValueError as error:
             raise ValueError(f"{name}: {error}" if len(flights) > 1 else str(error)) from None
     return specs
+
+
+def expect_one_hand(flights: Sequence[Choices]) -> None:
+    """Raise ValueError where a person would have to fly several vehicles."""
+    hands = [flight for flight in flights if flight.sampler == HAND]
+    if len(hands) > 1:
+        raise ValueError(f"sampler: expected one competitor by hand at most, got {len(hands)}")
 
 
 def differences(flights: Sequence[Choices]) -> list[str]:
@@ -221,7 +235,12 @@ def planner_choice(sampler: str) -> dict[str, str]:
     """Return the settings of quadsim.fly that a sampler or a learned pilot stands for."""
     if sampler.startswith(PILOT):
         return {"sampler": "colored", "pilot": sampler.removeprefix(PILOT)}
-    return {"sampler": sampler}
+    return {"sampler": "colored" if sampler == HAND else sampler}
+
+
+def is_planner(sampler: str) -> bool:
+    """Return whether a choice is a sampler: neither a learned pilot nor a person."""
+    return sampler != HAND and not sampler.startswith(PILOT)
 
 
 def preset_of(name: str, sampler: str) -> Planner:
@@ -232,9 +251,9 @@ def preset_of(name: str, sampler: str) -> Planner:
 def planner_settings(preset_name: str, vehicle: str, sampler: str) -> dict[str, SettingValue]:
     """Return every setting of the planner and of its model of the vehicle, by name.
 
-    A learned pilot has none.
+    A learned pilot and a person have none.
     """
-    if sampler.startswith(PILOT):
+    if not is_planner(sampler):
         return {}
     model = ModelParams.of(load_vehicle(vehicle))
     return values_of(preset(preset_name, sampler), model)

@@ -17,7 +17,7 @@ from quadsim.palette import Style, style, styles_on_dark
 from quadsim.racing.events import Event
 from quadsim.record.limits import StoredSolution
 from quadsim.record.planner_snapshot import PlannerSnapshots
-from quadsim.record.run import INTERACTIVE
+from quadsim.record.run import INTERACTIVE, has_planner
 from web.choices import numbered
 from web.legs import Legs
 
@@ -95,6 +95,11 @@ class Competitor:
     def sampler(self) -> str:
         """The name of its sampler, or `pilot`."""
         return self.spec["sampler"]
+
+    @property
+    def has_planner(self) -> bool:
+        """Whether a planner flies it: neither a learned pilot nor a person."""
+        return has_planner(self.spec)
 
     @property
     def laps_to_fly(self) -> int:

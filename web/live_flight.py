@@ -42,6 +42,7 @@ class LiveFlight:
         now: the flight as the page shows it; any thread may read it.
         period: control period [s].
         is_cached: False if the first plan has to compile, which takes some 20 s.
+        hand: the controller by which a person flies, None where nobody does.
 
     Args:
         choices: what is to be flown.
@@ -56,6 +57,7 @@ class LiveFlight:
         base = choices.base_spec()
         self._preset = base.planner  # the scale of the standard deviations multiplies its own
         self._spec = spec = choices.flown(base)
+        self.hand = spec.hand
         # The numbers that fly at present
         self._numbers = planner = spec.planner
         self.period = planner.mppi.dt
@@ -137,10 +139,10 @@ class LiveFlight:
     def change(self, change: Change) -> None:
         """Use a number from the next plan on.
 
-        A learned pilot has none of these numbers, and a flight that makes recorded changes again
-        makes no others.
+        Only a planner has these numbers, and a flight that makes recorded changes again makes no
+        others.
         """
-        if self._spec.pilot or self._spec.changes:
+        if not self._spec.has_planner or self._spec.changes:
             return
         self._pending[change.name] = change
         asked = numbers_of(self._asked_planner(), self._preset)

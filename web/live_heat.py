@@ -34,6 +34,7 @@ class LiveHeat:
         entries: the flights as the page shows them; any thread may read them.
         period: the shortest control period [s].
         is_cached: False if planners have to be compiled.
+        hand: the controller by which a person flies, None where nobody does.
 
     Args:
         choices: what is to be flown.
@@ -55,6 +56,7 @@ class LiveHeat:
         self._root: str | None = None
         self.is_cached = is_compiled(self._spec)
         specs = [entrant.spec for entrant in self._spec.entrants]
+        self.hand = next((spec.hand for spec in specs if spec.hand), None)
         self.period = min(spec.planner.mppi.dt for spec in specs)
         self.t = -self.period
         records = run_records(self._spec)

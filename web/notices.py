@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Literal
 
-from quadsim.racing.events import NO_PROGRESS, Event, Frame
+from quadsim.racing.events import Event, Frame
 from web.competitor import Competitor
 
 Kind = Literal["error", "crash", "lap", "wait"]
@@ -66,8 +66,7 @@ class Notices:
             case "timeout":
                 self.add("crash", f"{name}: out of time", f"after {event.t:.1f} s")
             case "stuck":
-                stuck = f"{name}: no progress for {NO_PROGRESS:g} s"
-                self.add("crash", stuck, f"before gate {event.gate}")
+                self.add("crash", f"{name}: no progress", f"before gate {event.gate}")
 
 
 def _has_best_lap(laps: tuple[float, ...], t: float) -> bool:

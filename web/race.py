@@ -11,8 +11,10 @@ from pathlib import Path
 from time import perf_counter
 from typing import Protocol
 
+from quadsim.racing.hand import Hand
 from web.again import AgainChoices, HeatAgainChoices
-from web.choices import Choices, HeatChoices, names_of
+from web.choices import Choices, HeatChoices, expect_one_hand, names_of
+from web.cockpit import Cockpit
 from web.competitor import Competitor, named
 from web.live_flight import Flown, LiveFlight
 from web.live_heat import LiveHeat
@@ -42,6 +44,8 @@ class Snapshot:
     race: int = 0  # number of the race; a page draws a new scene when it changes
     notices: tuple[Notice, ...] = ()
     compiling: bool = False  # whether a flight waits for its planner to be compiled
+    by_hand: bool = False  # whether a person flies in this race, which then runs at real time
+    waiting: bool = False  # whether the race stands on its start until that person is ready
 
     @property
     def next_event(self) -> float | None:
@@ -62,6 +66,7 @@ class Flyer(Protocol):
 
     period: float  # [s]
     is_cached: bool
+    hand: Hand | None  # the controller by which a person flies
 
     @property
     def t(self) -> float:
@@ -120,9 +125,10 @@ class PageRace:
     Args:
         root: the folder of runs.
         take_off: function that starts a live flight from its choices.
+        cockpit: has the sticks of the person who flies; None: one of its own.
     """
 
-    def __init__(self, root: str, take_off: TakeOff = take_off):
+    def __init__(self, root: str, take_off: TakeOff = take_off, cockpit: Cockpit | None = None):
         self.show_trajectories = False  # whether a page shows the sampled trajectories
         self.notices = Notices()
         self._root = root
@@ -135,6 +141,10 @@ class PageRace:
         self._playing = False
         self._trajectories_at = 0.0
         self._pace = Pace()
+        self._speed = 1.0  # asked for, for races in which nobody flies by hand
+        self._cockpit = cockpit or Cockpit()
+        self._hand: Hand | None = None
+        self._waiting = False
 
     def start(self, choices: Sequence[AnyChoices], runs: Sequence[Path] = ()) -> None:
         """Fly the choices side by side with stored runs.
@@ -151,6 +161,7 @@ class PageRace:
                 flight.close()
             raise ValueError("side by side: expected runs of one course, got several")
         self.end_flights()
+        self._hand = next((flight.hand for flight in flights if flight.hand), None)
         self._choices = list(choices)
         self._live = flights
         for flight in flights:
@@ -171,7 +182,9 @@ class PageRace:
         Raises:
             ValueError: a flight cannot be flown; one line says which and why.
         """
-        names = names_of([one for one in choices if isinstance(one, Choices)])
+        alone = [one for one in choices if isinstance(one, Choices)]
+        expect_one_hand(alone)
+        names = names_of(alone)
         names += ["the race"] * (len(choices) - len(names))
         flights: list[Flyer] = []
         for name, one in zip(names, choices, strict=True):
@@ -216,6 +229,8 @@ class PageRace:
             self._move(min(self._pace.now(), self._end))
             self._playing = self._t < self._end
             return REST
+        if self._waiting and flight.t >= 0.0 and not self._begins_by_hand():
+            return REST
         wait = self._pace.until(flight.t + flight.period)
         if wait <= 0.0:
             self._advance(flight)
@@ -238,6 +253,8 @@ class PageRace:
         self._playing = False
         flight = self._next_to_fly()
         if flight is not None and by > 0 and self._t >= self._flown - 1e-9:
+            if self._hand:
+                raise ValueError("step: expected a race without a person, who flies in real time")
             self._advance(flight)
             return
         for entry in self._competitors:
@@ -262,7 +279,17 @@ class PageRace:
             self.scrub(t)
 
     def set_speed(self, factor: float) -> None:
-        """Set the real-time factor; a live flight comes as near to it as the machine can."""
+        """Set the real-time factor; a live flight comes as near to it as the machine can.
+
+        Raises:
+            ValueError: a person flies, whose race runs at real time.
+        """
+        self._speed = factor
+        if self._hand and self._flying:
+            raise ValueError(
+                f"speed: expected 1 x real time while a person flies, got {factor:g}: "
+                "it will hold for the next race"
+            )
         self._pace.speed = factor
         self._pace.anchor(self._t)
 
@@ -299,6 +326,8 @@ class PageRace:
             race=self._count,
             notices=self.notices.recent,
             compiling=any(not f.is_cached and not len(f.entries[0].t) for f in self._flying),
+            by_hand=self._hand is not None,
+            waiting=self._waiting and bool(self._flying),
         )
 
     def _begin(self) -> None:
@@ -306,7 +335,20 @@ class PageRace:
         self._count += 1
         self._t = 0.0
         self._playing = True
+        self._waiting = self._hand is not None
+        self._cockpit.serve(self._hand)
+        self._pace.speed = 1.0 if self._hand else self._speed
         self._pace.anchor(0.0)
+
+    def _begins_by_hand(self) -> bool:
+        """Return whether the person who flies is ready, and begin then."""
+        if not self._cockpit.is_ready:
+            return False
+        assert self._hand
+        self._hand.begin()
+        self._waiting = False
+        self._pace.anchor(0.0)
+        return True
 
     def _advance(self, flight: Flyer) -> None:
         """Fly one frame."""

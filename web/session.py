@@ -13,6 +13,7 @@ from functools import partial
 from typing import Concatenate, ParamSpec
 
 from quadsim.record.run import RunError
+from web.cockpit import Cockpit
 from web.race import REST, PageRace, Snapshot, TakeOff, take_off
 
 Arguments = ParamSpec("Arguments")
@@ -27,12 +28,16 @@ class Session:
     Args:
         root: the folder of runs.
         take_off: function that begins a live flight of the given choices.
+
+    Attributes:
+        cockpit: takes the sticks of a visitor who flies.
     """
 
     def __init__(self, root: str, take_off: TakeOff = take_off):
         self.root = root
         self.snapshot = Snapshot()
-        self._race = PageRace(root, take_off)
+        self.cockpit = Cockpit()
+        self._race = PageRace(root, take_off, self.cockpit)
         self._commands: queue.SimpleQueue[Callable[[], float | None]] = queue.SimpleQueue()
         self._closing = False
         self._worker = threading.Thread(target=self._run, name="race", daemon=True)

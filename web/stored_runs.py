@@ -54,6 +54,20 @@ class StoredChange(msgspec.Struct):
     after: float = msgspec.field(name="to")
 
 
+class StoredRates(msgspec.Struct):
+    """How a person's vehicle follows one stick."""
+
+    most: float  # [rad/s]
+
+
+class StoredHand(msgspec.Struct):
+    """The rates of a person who flew."""
+
+    roll: StoredRates
+    pitch: StoredRates
+    yaw: StoredRates
+
+
 class ReplaySchema(msgspec.Struct):
     """The parts of a spec that the page shows. A run may have been made by hand."""
 
@@ -64,6 +78,7 @@ class ReplaySchema(msgspec.Struct):
     laps: Annotated[int, msgspec.Meta(ge=1)]
     vehicle: dict
     planner: StoredPlanner
+    hand: StoredHand | None = None
     interactive: list[StoredChange] = []
 
 

@@ -83,7 +83,14 @@ def _starter(
     """
     spec = heat.flown_spec(k)
     referee = RaceReferee(
-        Referee(spec.flown_course, spec.vehicle.radius, spec.laps, spec.timeout, spec.penalties)
+        Referee(
+            spec.flown_course,
+            spec.vehicle.radius,
+            laps=spec.laps,
+            timeout=spec.timeout,
+            penalties=spec.penalties,
+            patience=spec.patience,
+        )
     )
     downwash = Downwash(spec.vehicle) if heat.settings.downwash else None
     start = partial(_start, heat, k, arena, traffic, referee, watched)
@@ -149,7 +156,7 @@ def is_compiled(heat: HeatSpec) -> bool:
             _minding(heat.flown_spec(k), other_vehicles(heat, k, heat.awareness(k)))
             for k in range(len(heat.entrants))
         ]
-    return all(spec.pilot or planner_of(spec).is_cached for spec in planners)
+    return all(not spec.has_planner or planner_of(spec).is_cached for spec in planners)
 
 
 def other_vehicles(heat: HeatSpec, k: int, awareness: Awareness) -> dict[int, OtherVehicle]:

@@ -10,6 +10,8 @@ from controllers.plan import PlannerSnapshot
 
 # [s] A flight is over after this time without getting nearer to the next gate than before.
 NO_PROGRESS = 5.0
+# The same for a person, who has to turn round by sight [s]
+NO_PROGRESS_BY_HAND = 30.0
 # [s] for a hit in the timed mode, as AirSim Drone Racing Lab scores
 PENALTY = 3.0
 

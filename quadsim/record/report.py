@@ -21,7 +21,13 @@ from quadsim.record.report_tables import (
     lap_tables,
     published_table,
 )
-from quadsim.record.run import Run, flown_with, not_comparable, why_not_repeatable
+from quadsim.record.run import (
+    Run,
+    flown_with,
+    has_planner,
+    not_comparable,
+    why_not_repeatable,
+)
 from quadsim.record.turning_back import turned_back
 
 # Colour of an outcome; any other is yellow
@@ -83,7 +89,7 @@ def _parts(run: Run, columns: int) -> Iterator[RenderableType]:
     sensing = _sensing(run)
     if sensing:
         yield sensing
-    if not run.spec.get("pilot"):
+    if has_planner(run.spec):
         yield model_table(run.spec)
     reason = why_not_repeatable(run)
     if reason:
@@ -95,9 +101,9 @@ def _planning(run: Run) -> str:
     """Return the planning times and the speed of the simulation, as text."""
     plan_ms = run.wall["plan_ms"]
     ess = run.telemetry["ess"]
-    name = "pilot"
+    name = run.spec["sampler"]  # pilot or hand
     parts = [f"{plan_ms['p50']:.1f} ms p50", f"{plan_ms['p95']:.1f} ms p95"]
-    if not run.spec.get("pilot"):
+    if has_planner(run.spec):
         name = "planning"
         median = float(np.median(ess)) if len(ess) else 0.0
         parts.append(f"median ESS {median:.0f}")

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from quadsim.console import plain_table
 from quadsim.course import Course
-from quadsim.racing.events import NO_PROGRESS, Event
+from quadsim.racing.events import Event
 from quadsim.record.metrics import chatter, speed, splits
 from quadsim.record.run import Run
 
@@ -132,7 +132,7 @@ def incident_table(run: Run) -> RenderableType:
 def _incident_name(event: Event) -> str:
     name = event.kind.replace("_", " ")
     if event.kind == "stuck":
-        name = f"no progress for {NO_PROGRESS:g} s"
+        name = "no progress"
     return f"{name}, {event.place}" if event.obstacle else name
 
 

@@ -23,6 +23,7 @@ from quadsim.dynamics.quadrotor import CONTROL_UNITS, STATE_UNITS
 from quadsim.physics.link import LinkConfig
 from quadsim.physics.plant_state import MOTOR_UNITS
 from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
+from quadsim.racing.hand import HAND
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.preset_changes import preset_changes
 from quadsim.sensing.estimate_record import ESTIMATE_UNITS
@@ -215,6 +216,8 @@ def why_not_repeatable(run: Run) -> str:
     spec = run.spec
     if run.outcome == "interrupted":
         return "the flight was interrupted"
+    if spec.get(HAND):
+        return "a person flew it"
     if spec.get("heat"):
         return "it flew among others in a race"
     if spec.get("clock") == "wall":
@@ -235,6 +238,11 @@ def weight_text(weight: float | list) -> str:
     return "one for each step" if isinstance(weight, list) else f"{weight:g}"
 
 
+def has_planner(spec: dict[str, Any]) -> bool:
+    """Return whether a planner flew: neither a learned pilot nor a person did."""
+    return not (spec.get("pilot") or spec.get(HAND))
+
+
 def flown_with(spec: dict[str, Any]) -> str:
     """Return in one line what controlled a flight, and how.
 
@@ -247,10 +255,12 @@ def flown_with(spec: dict[str, Any]) -> str:
         controlled = f"controller {own['controller']}"
     elif pilot:
         controlled = f"pilot {pilot['name']}"
+    elif spec.get(HAND):
+        controlled = "the sticks of a person"
     else:
         controlled = f"{spec['sampler']} sampling"
     parts = [controlled]
-    if not pilot:
+    if has_planner(spec):
         parts.append(f"preset {spec['preset']}")
     behind = " behind Betaflight" if spec.get("betaflight") else ""
     parts.append(f"vehicle {spec['vehicle']['name']}{behind}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from quadsim.racing.hand import HAND
 from quadsim.record.run import CRASHES, Run, flown_with, not_comparable
 from quadsim.record.run_metrics import RunMetrics
 
@@ -29,8 +30,9 @@ def _sentences(run: Run, metrics: RunMetrics) -> Iterator[str]:
     yield f"Thrust chatter is {chatter_text(metrics)}."
     if metrics.motor_variation is not None:
         yield f"The firmware's motor commands vary by {motor_text(metrics)}."
-    who = "The pilot" if run.spec.get("pilot") else "A plan"
-    yield f"{who} took {planning_text(metrics)}."
+    if not run.spec.get(HAND):
+        who = "The pilot" if run.spec.get("pilot") else "A plan"
+        yield f"{who} took {planning_text(metrics)}."
     remark = not_comparable(run.spec)
     if remark:
         yield f"{remark[0].upper()}{remark[1:]}."

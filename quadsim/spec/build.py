@@ -166,7 +166,14 @@ def referee_of(spec: Spec) -> RefereeProtocol:
         check_counts(own)
         return own
     radius = spec.vehicle.radius
-    return Referee(spec.flown_course, radius, spec.laps, spec.timeout, spec.penalties)
+    return Referee(
+        spec.flown_course,
+        radius,
+        laps=spec.laps,
+        timeout=spec.timeout,
+        penalties=spec.penalties,
+        patience=spec.patience,
+    )
 
 
 def plant_of(spec: Spec, arena: Arena | None = None) -> Plant:

@@ -22,6 +22,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import checked
 from quadsim.firmware.configuration import Text
 from quadsim.physics.link import WIRE, LinkConfig
+from quadsim.racing.hand import HAND
 from quadsim.record.run import INTERACTIVE, canonical, hostless, own_parts
 from quadsim.sensing import Sensing
 from quadsim.spec.changes import PlannerChange
@@ -155,6 +156,8 @@ def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own
         raise RecordError(
             "heat: the run flew among others; fly the race again with race heat --from its folder"
         )
+    if HAND in record:
+        raise RecordError("hand: a person flew the run, which cannot be flown again: replay it")
     try:
         read = msgspec.convert(dict(record), Recorded)
         described = set(read.own)

@@ -34,7 +34,9 @@ from quadsim.physics.faults import (
 )
 from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.physics.plant import Plant, default_plant
+from quadsim.racing.events import NO_PROGRESS, NO_PROGRESS_BY_HAND
 from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol, whole_multiple
+from quadsim.racing.hand import HAND, Hand
 from quadsim.record.limits import StoredSolution
 from quadsim.record.run import INTERACTIVE
 from quadsim.sensing import PERFECT, Sensing, load_sensing
@@ -240,8 +242,25 @@ class Spec:
 
     @property
     def sampler(self) -> str:
-        """The sampler's name, the class name of the user's own, or "pilot"."""
+        """The sampler's name, the class name of the user's own, "pilot" or "hand"."""
+        if self.hand:
+            return HAND
         return "pilot" if self.pilot else sampler_name(self.planner.sampling)
+
+    @property
+    def hand(self) -> Hand | None:
+        """The controller by which a person flies, None where nobody does."""
+        return self.controller if isinstance(self.controller, Hand) else None
+
+    @property
+    def has_planner(self) -> bool:
+        """Whether a planner may fly: neither a learned pilot nor a person does."""
+        return self.pilot is None and self.hand is None
+
+    @property
+    def patience(self) -> float:
+        """The time without progress after which the vehicle is stuck [s]."""
+        return NO_PROGRESS_BY_HAND if self.hand else NO_PROGRESS
 
     @property
     def preset(self) -> str:
@@ -315,6 +334,7 @@ class Spec:
             "faults": [str(fault) for fault in self.faults],
             "drawn_faults": [str(fault) for fault in self.drawn_faults],
             "pilot": self.pilot.record() if self.pilot else None,
+            HAND: self.hand.record() if self.hand else None,
             "betaflight": _of_firmware(self.betaflight),
             "link": None if self.link == WIRE else plain(self.link),
             "reference": _followed(self.reference),
@@ -327,7 +347,7 @@ class Spec:
         """Return {role: part} of the user's own objects; the role `terms` has a tuple."""
         parts: dict[str, object] = {
             "cost": self.cost,
-            "controller": self.controller,
+            "controller": None if self.hand else self.controller,
             "referee": self.referee,
             "terms": self.terms or None,
         }

@@ -11,6 +11,7 @@ import viser
 from viser.transforms import SO3
 
 from quadsim.course import Course
+from quadsim.racing.hand import HAND
 from web.competitor import POSITION, QUATERNION, VELOCITY
 from web.lap_timing import LapTiming
 from web.page.html import text
@@ -21,6 +22,8 @@ NEAR = 0.01  # nothing nearer is drawn [m]
 # The drone's camera is wide and tilted up, as pilots have it.
 DRONE_FOV = radians(100.0)
 DRONE_TILT = radians(45.0)
+# A person flies slower than the planners, and nearer to level.
+HAND_TILT = radians(20.0)
 # Width over height of a canvas: on a narrower one the panels are taken to be a sheet at the bottom,
 # as on a phone.
 PHONE = 0.6
@@ -234,8 +237,9 @@ def towards(eye: np.ndarray, p: np.ndarray, gate: tuple[float, ...]) -> np.ndarr
 def fpv(s: LapTiming) -> tuple[Pose, np.ndarray]:
     """Return the pose of the drone's camera at its centre, and the camera's up direction."""
     forward, _, up = SO3(s.entry.rows(QUATERNION, s.i)).as_matrix().T
-    along = np.cos(DRONE_TILT) * forward + np.sin(DRONE_TILT) * up
-    across = np.cos(DRONE_TILT) * up - np.sin(DRONE_TILT) * forward
+    tilt = HAND_TILT if s.entry.sampler == HAND else DRONE_TILT
+    along = np.cos(tilt) * forward + np.sin(tilt) * up
+    across = np.cos(tilt) * up - np.sin(tilt) * forward
     p = s.entry.rows(POSITION, s.i)
     return Pose(p, p + along), across
 

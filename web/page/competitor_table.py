@@ -13,6 +13,8 @@ from quadsim.course import Course
 from quadsim.firmware import FlightControllerName
 from quadsim.heat.spec import MOST
 from quadsim.palette import styles_on_dark
+from quadsim.racing.hand import HAND
+from web.by_hand import flight_controller_of
 from web.choices import OF_THE_RACE, Choices, differences, names_of
 from web.numbers import SLIDERS
 from web.offered_presets import offered_presets
@@ -51,7 +53,7 @@ class CompetitorTable:
         with self.folder:
             self._title = gui.add_html("")
             self.choose = gui.add_button_group("Edit", self._buttons())
-            hint = "how the planner samples; or a learned pilot in its place"
+            hint = "how the planner samples; or hand, a person, or a learned pilot in its place"
             self.sampler = gui.add_dropdown(
                 "Sampler", menu.samplers, initial_value=row.sampler, hint=hint
             )
@@ -135,7 +137,9 @@ class CompetitorTable:
         own = styles_on_dark([one.kind for one in self.rows])[self.edited]
         title = f"{swatch(own)}{coloured(text(name), own.colour)}, number {self.edited + 1}"
         remarks = []
-        if row.has_pilot:
+        if row.sampler == HAND:
+            remarks.append("a person flies, by gamepad or keyboard: none of the numbers below")
+        elif not row.has_planner:
             remarks.append("a learned pilot has none of the numbers below")
         elif row.idle_settings:
             idle = ", ".join(row.idle_settings).replace("_", " ")
@@ -163,13 +167,16 @@ class CompetitorTable:
         self._show()
 
     async def _chosen(self, name: str, event: viser.GuiEvent) -> None:
-        """Take a name. A preset brings the vehicle that it is meant for."""
+        """Take a name. A preset brings the vehicle that it is meant for, a person the firmware."""
         if event.client_id is None:  # by _show(), not by a visitor
             return
         value = self._controls[name].value
         changes = {name: value}
         if name == "preset":
             changes["vehicle"] = self._menu.presets[value]
+        if value == HAND:
+            vehicle = self.rows[self.edited].vehicle
+            changes["flight_controller"] = flight_controller_of(vehicle)
         self.edit(event, lambda row: replace(row, **changes))
 
     async def _reset(self, event: viser.GuiEvent) -> None:
@@ -229,11 +236,11 @@ def compared(flights: Sequence[Choices]) -> str:
 
 def _what(flight: Choices) -> str:
     """Return how a competitor flies, as HTML: its names, and the numbers that were changed."""
-    parts = [flight.sampler if flight.has_pilot else flight.preset, flight.vehicle]
+    parts = [flight.preset if flight.has_planner else flight.sampler, flight.vehicle]
     parts += [
         getattr(flight, name) for name, usual in USUAL.items() if getattr(flight, name) != usual
     ]
-    changed = [] if flight.has_pilot else changes_of(flight)
+    changed = changes_of(flight) if flight.has_planner else []
     shown = [text(part) for part in parts]
     return " · ".join([*shown, *(f"<b>{text(change)}</b>" for change in changed)])
 

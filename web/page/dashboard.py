@@ -23,6 +23,7 @@ from web.page.export import add_export
 from web.page.flight_controls import FlightControls
 from web.page.flight_numbers import FlightNumbers
 from web.page.html import STYLE
+from web.page.joining import Joining, by_hand
 from web.page.laps import chatter, laps
 from web.page.menu import Menu
 from web.page.panels import PlaybackPanel, ViewPanel, add_keys
@@ -124,6 +125,7 @@ class Dashboard:
         controls = FlightControls(session, self.race)
         self._playback = PlaybackPanel(gui, session, controls)
         self._camera = Camera(server)
+        self._joining = Joining(server, session.cockpit, self._camera)
         self._options = ViewPanel(gui, self._camera)
         add_keys(gui, session, self._camera, controls)
         add_export(gui, session, self._camera)
@@ -193,16 +195,18 @@ class Dashboard:
             limit=self._options.limit.value,
         )
         competitors = tuple(entry.state for entry in s.competitors)
+        self._joining.update(s, timings)
         with self._server.atomic():
             self._update_editor(s)
             editing = self._is_editing
-            state = (s.race, s.t, s.end, s.playing, s.flying, look, competitors, editing)
+            doing = (s.playing, s.flying, s.waiting, editing)
+            state = (s.race, s.t, s.end, doing, look, competitors)
             view = None if editing else self._view_of(s, timings)
             if view:
                 if self._scene_due((view, state)):
                     view.scene.update(timings, look.by_speed, look.trajectories)
                     view.scene.update_limit(timings[0], look.limit, look.by_place)
-                self._camera.follow(timings[0])
+                self._camera.follow(by_hand(timings) or timings[0])
             if self._tables_due((view, state, self.race.coming)):
                 self._update_tables(s, timings, view)
             if self._controls_due(perf_counter()):

@@ -103,7 +103,7 @@ def _numbers(entries: list[Competitor], t: float) -> dict[str, float]:
 
 def _has(entry: Competitor, name: str) -> bool:
     """Return whether a competitor's planner has the number of a slider."""
-    if entry.spec.get("pilot"):
+    if not entry.has_planner:
         return False
     sampling = entry.spec["planner"].get("sampling")
     is_of_colored = SLIDERS[name].setting == "gamma"
@@ -118,8 +118,8 @@ def _changes(entry: Competitor, name: str) -> bool:
 def _remark(entries: list[Competitor], flying: bool) -> str:
     """Return in a line what the sliders act on, as HTML."""
     names = text(", ".join(entry.name for entry in entries))
-    if all(entry.spec.get("pilot") for entry in entries):
-        return f"{names}: a learned pilot has none of these numbers"
+    if not any(entry.has_planner for entry in entries):
+        return f"{names}: a learned pilot, or a person, has none of these numbers"
     if not flying:
         return f"{names}: the numbers at this time"
     if any(entry.spec.get("heat") for entry in entries):

@@ -50,7 +50,7 @@ PAGE_CHANGES = {  # of viser's page: its loader and the script that this writes 
 # in this order
 PAGE_SCRIPTS = tuple(
     Path(__file__).with_name(name)
-    for name in ("link.js", "page.js", "boxes.js", "runs.js", "charts.js")
+    for name in ("link.js", "sticks.js", "page.js", "boxes.js", "runs.js", "charts.js")
 )
 LOG = logging.getLogger("race web")
 

@@ -9,6 +9,7 @@ from controllers.learned.pilot import pilot_names
 from controllers.presets import PRESETS
 from controllers.samplers import SAMPLERS
 from quadsim.course import course_names
+from quadsim.racing.hand import HAND
 from quadsim.sensing import PERFECT, sensing_names
 from quadsim.vehicle import vehicle_names
 from web.choices import PILOT
@@ -21,7 +22,7 @@ class Menu:
     courses: tuple[str, ...]
     vehicles: tuple[str, ...]
     presets: Mapping[str, str]  # name -> the vehicle it is meant for
-    samplers: tuple[str, ...]  # samplers and learned pilots, see web.choices.PILOT
+    samplers: tuple[str, ...]  # samplers, HAND and learned pilots, see web.choices.PILOT
     sensings: tuple[str, ...] = (PERFECT,)
 
     @classmethod
@@ -35,6 +36,6 @@ class Menu:
             courses=tuple(dict.fromkeys((*course_names(), course))),
             vehicles=vehicle_names(),
             presets={name: planners["colored"].vehicle for name, planners in PRESETS.items()},
-            samplers=(*SAMPLERS, *pilots),
+            samplers=(*SAMPLERS, HAND, *pilots),
             sensings=sensing_names(),
         )

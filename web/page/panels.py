@@ -50,6 +50,8 @@ class PlaybackPanel:
         self.time.max = round(max(s.end, 1.0), 2)
         self.time.disabled = s.flying and s.playing
         self.buttons.options = ("<", "pause" if s.playing else "play", ">")
+        # A person flies in real time.
+        self.speed.disabled = s.by_hand and s.flying
         self.event.disabled = s.next_event is None
         self.restart.disabled = not s.race
         self._show_time(min(round(s.t, 2), self.time.max))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
+from math import degrees, isfinite
 from typing import NamedTuple
 
 from quadsim.heat.result import Pass, overtakes
 from quadsim.palette import BEST, FASTER, NEXT
 from quadsim.racing.events import Event
+from quadsim.racing.hand import HAND
 from quadsim.record.run import not_comparable
 from web.competitor import CRASHES, Competitor, heat_of
 from web.lap_timing import LapTiming, order
@@ -133,12 +134,15 @@ def _state(s: Snapshot, timings: Sequence[LapTiming]) -> str:
     if s.playing:
         doing = "flying" if s.flying else "replay"
         pace = f"{s.factor:.2f} x real time"
+        if s.waiting:
+            doing = "on the start, until the throttle is raised"
+            pace = ""
         if s.flying and 0.0 < s.factor < SLOW:
             pace += ": this machine is too slow for it"
     else:
         doing = "ended" if first.over and not s.flying else "paused"
         pace = f"of {s.end:.2f} s"
-    parts = [doing, f"t {s.t:.2f} s", pace]
+    parts = [part for part in (doing, f"t {s.t:.2f} s", pace) if part]
     sensing = first.entry.spec.get("sensing")
     if sensing:
         parts.append(f"sensing {text(sensing['name'])}")
@@ -289,6 +293,13 @@ def planner(s: LapTiming) -> str:
     if pilot:
         flies = f"no plan: the learned pilot {text(pilot['name'])} flies"
         return box(heading("learned pilot"), _line(f"{flies}, {plan_ms:.2f} ms a command"))
+    if not s.entry.has_planner:
+        rates = s.entry.spec[HAND]
+        most = ", ".join(f"{degrees(rates[axis]['most']):.0f}" for axis in ("roll", "pitch", "yaw"))
+        return box(
+            heading("by hand"),
+            _line(f"no plan: a person flies, with rates up to {most} deg/s (roll, pitch, yaw)"),
+        )
     mppi = s.entry.spec["planner"]["mppi"]
     samples = mppi["samples"]
     ess = float(x["ess"][s.i])

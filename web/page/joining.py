@@ -1,0 +1,159 @@
+"""Joining: a visitor who flies: sticks from the page's script sticks.js, instruments back to it."""
+
+from __future__ import annotations
+
+import secrets
+from math import asin, atan2, degrees
+from time import perf_counter
+from typing import Annotated, Literal
+
+import numpy as np
+import viser
+from msgspec import Meta
+from viser.transforms import SO3
+
+from quadsim.racing.hand import HAND, Sticks
+from web.cockpit import Cockpit
+from web.competitor import QUATERNION
+from web.lap_timing import LapTiming
+from web.page.camera import FPV, Camera
+from web.page.link import LinkVisitor, Message
+from web.page.server import PageServer
+from web.race import Snapshot
+
+SEAT = 16  # bytes of a seat's name
+REMINDER = 1.0  # time after which an unchanged state is sent again, for pages that are new [s]
+
+Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
+
+
+class Take(Message, tag="take"):
+    """A visitor asks for the sticks."""
+
+    seat: Annotated[str, Meta(max_length=4 * SEAT)]  # of the same visitor at viser's server
+
+
+class LetGo(Message, tag="let_go"):
+    """A visitor lets go of the sticks."""
+
+
+class StickMessage(Message, tag="sticks"):
+    """The sticks of a visitor, with the time on the page's own clock."""
+
+    roll: Deflection
+    pitch: Deflection
+    yaw: Deflection
+    throttle: Annotated[float, Meta(ge=0.0, le=1.0)]
+    stamp: float  # [ms]
+
+
+class Heard(Message, tag="heard"):
+    """The answer to sticks: the page knows by the stamp how long both ways have taken."""
+
+    stamp: float  # [ms]
+
+
+class Taken(Message, tag="taken"):
+    """The answer to a visitor who asks for the sticks."""
+
+    number: int  # of this visitor
+    yours: bool  # whether the visitor has the sticks now
+
+
+class Instruments(Message, tag="instruments"):
+    """What a visitor who flies, or may fly, is shown."""
+
+    phase: Literal["none", "waiting", "flying", "over"]
+    pilot: int | None = None  # number of the visitor who has the sticks
+    silent: bool = False  # no sticks have come for a while: the failsafe acts
+    was_down: bool = False  # the throttle was down, as it has to be before a start
+    hover: float = 0.5  # throttle for hovering
+    behind: str = ""  # name of the flight controller
+    t: float = 0.0  # [s]
+    speed: float = 0.0  # [m/s]
+    height: float = 0.0  # above the ground [m]
+    roll: float = 0.0  # to the right [deg]
+    pitch: float = 0.0  # nose up [deg]
+
+
+NOBODY = Instruments(phase="none")
+
+
+class Joining:
+    """Takes the sticks of one visitor at a time, and shows all of them what is flown by hand."""
+
+    def __init__(self, server: PageServer, cockpit: Cockpit, camera: Camera):
+        self._link = server.link
+        self._cockpit = cockpit
+        self._camera = camera
+        self._seats: dict[str, viser.ClientHandle] = {}
+        self._sent = NOBODY
+        self._sent_at = 0.0
+        server.on_client_connect(self._seat)
+        server.on_client_disconnect(self._leave_seat)
+        self._link.on(Take, self._take)
+        self._link.on(LetGo, lambda visitor, _: cockpit.let_go(visitor.number))
+        self._link.on(StickMessage, self._move)
+        self._link.on_leave(lambda visitor: cockpit.let_go(visitor.number))
+
+    def update(self, s: Snapshot, timings: list[LapTiming]) -> None:
+        """Show the state of the flight by hand."""
+        shown = instruments(s, by_hand(timings), self._cockpit)
+        now = perf_counter()
+        if shown != self._sent or now - self._sent_at > REMINDER:
+            self._link.send_all(shown)
+            self._sent = shown
+            self._sent_at = now
+
+    def _seat(self, client: viser.ClientHandle) -> None:
+        """Give a page a name that only it knows, by which its two connections belong together."""
+        name = secrets.token_urlsafe(SEAT)
+        self._seats[name] = client
+        client.gui.add_html(f'<div hidden data-seat="{name}"></div>', order=1e6)
+
+    def _leave_seat(self, client: viser.ClientHandle) -> None:
+        left = [name for name, one in self._seats.items() if one.client_id == client.client_id]
+        for name in left:
+            del self._seats[name]
+
+    def _take(self, visitor: LinkVisitor, message: Take) -> None:
+        yours = self._cockpit.take(visitor.number)
+        visitor.send(Taken(visitor.number, yours))
+        client = self._seats.get(message.seat)
+        if yours and client:
+            self._camera.choose(client, FPV)
+
+    def _move(self, visitor: LinkVisitor, message: StickMessage) -> None:
+        sticks = Sticks(message.roll, message.pitch, message.yaw, message.throttle)
+        if self._cockpit.move(visitor.number, sticks):
+            visitor.send(Heard(message.stamp))
+
+
+def by_hand(timings: list[LapTiming]) -> LapTiming | None:
+    """Return the live flight that a person flies, None without one."""
+    return next((one for one in timings if one.entry.live and one.entry.sampler == HAND), None)
+
+
+def instruments(s: Snapshot, timing: LapTiming | None, cockpit: Cockpit) -> Instruments:
+    """Return what a visitor who flies is shown."""
+    if not s.by_hand or timing is None:
+        return NOBODY
+    entry = timing.entry
+    rotation = SO3(entry.rows(QUATERNION, timing.i)).as_matrix()
+    forward, left, up = rotation.T
+    phase = "over"
+    if entry.outcome is None:
+        phase = "waiting" if s.waiting else "flying"
+    return Instruments(
+        phase=phase,
+        pilot=cockpit.pilot,
+        silent=phase == "flying" and cockpit.sticks is None,
+        was_down=cockpit.was_down,
+        hover=cockpit.hover,
+        behind="Betaflight" if entry.spec.get("betaflight") else "an ideal rate loop",
+        t=round(float(s.t), 2),
+        speed=round(float(entry.speed(timing.i)), 2),
+        height=round(float(entry.x["pz"][timing.i]), 2),
+        roll=round(degrees(atan2(left[2], up[2])), 1),
+        pitch=round(degrees(asin(np.clip(forward[2], -1.0, 1.0))), 1),
+    )
