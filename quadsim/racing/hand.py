@@ -63,7 +63,7 @@ class HandRates:
         """Return Betaflight's default rates, at most those that the vehicle turns at."""
         roll, pitch, yaw = (
             Rates(center=min(Rates().center, most), most=min(Rates().most, most))
-            for most in vehicle.omega_max
+            for most in vehicle.rate_max
         )
         return cls(roll, pitch, yaw, vehicle.thrust_max)
 

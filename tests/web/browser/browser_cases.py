@@ -3,6 +3,7 @@
 import re
 from contextlib import contextmanager
 
+from quadsim.racing.hand import HAND
 from web.choices import PILOT, Choices
 
 SLOW = 60_000  # [ms] a first frame drawn in software
@@ -22,10 +23,10 @@ def dashboard(root, take_off, **first):
     server = serve("127.0.0.1", 0, None, "race")
     session = Session(str(root), take_off)
     menu = Menu(
-        courses=("split_s_swift", "figure8"),
+        courses=tuple(dict.fromkeys(("split_s_swift", "figure8", first.get("course", "figure8")))),
         vehicles=("swift", "paper"),
         presets={"race": "swift", "paper": "paper"},
-        samplers=("colored", "gaussian", f"{PILOT}split_s_swift"),
+        samplers=("colored", "gaussian", HAND, f"{PILOT}split_s_swift"),
         sensings=("perfect", "gates"),
     )
     page = Dashboard(server, session, menu, Choices(**first))
