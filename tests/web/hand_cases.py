@@ -1,6 +1,6 @@
 """A scripted pilot: sticks that fly slowly along the middle line of a wide course."""
 
-from math import atan2, degrees, hypot, pi
+from math import atan2, hypot, pi
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from quadsim.racing.hand import HandRates, Sticks
 from quadsim.rotation import matrix
 from quadsim.vehicle import GRAVITY, load_vehicle
 
-SPEED = 4.0  # [m/s]
+SPEED = 3.0  # [m/s]
 # Three wide gates on a circle
 RING = """\
 source: made for this test
@@ -48,7 +48,7 @@ def sticks(course, x, passed, rates=None):
     a = 1.2 * (wanted_v - v) + 0.4 * v
     a[2] += GRAVITY
     flat = hypot(a[0], a[1])
-    most = 0.7 * a[2]
+    most = 0.4 * a[2]
     if flat > most:
         a[:2] *= most / flat
     R = matrix(q)
