@@ -1,0 +1,173 @@
+"""Claims about flying by hand in a real browser, by a scripted gamepad and by the keyboard."""
+
+import pytest
+from browser_cases import dashboard, opened, press, waited
+from hand_cases import RING, sticks
+
+from quadsim.firmware.package import ADVICE, find_built
+from quadsim.racing.hand import HAND, SINKING
+from quadsim.record.archive import list_runs, load_run
+from web.by_hand import flight_controller_of
+from web.race import PageRace, take_off
+
+STATE = ("px", "py", "pz", "vx", "vy", "vz", "qw", "qx", "qy", "qz")
+# A gamepad whose sticks spring back to the middle, the throttle to hovering, where the script falls
+# silent.
+GAMEPAD = """() => {
+    const pad = {id: "scripted gamepad", connected: true, mapping: "standard"};
+    window.hold = (axes) => Object.assign(window, {axes, heldAt: performance.now()});
+    window.hold([0, 0, 0, 0]);
+    navigator.getGamepads = () => {
+        const silent = performance.now() - window.heldAt > 250;
+        const axes = silent ? [0, window.axes[1], 0, 0] : window.axes;
+        return window.unplugged ? [] : [{...pad, axes}];
+    };
+}"""
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    return tmp_path_factory.mktemp("by_hand")
+
+
+@pytest.fixture(scope="module")
+def session(root):
+    course = root / "ring.yaml"
+    course.write_text(RING)
+    first = {"course": str(course), "sampler": HAND}
+    with dashboard(
+        root, take_off, flight_controller=flight_controller_of("swift"), **first
+    ) as session:
+        yield session
+
+
+@pytest.fixture(scope="module")
+def page(browser, session):
+    """The page of a visitor with a gamepad."""
+    with opened(browser, session.address) as page:
+        page.evaluate(GAMEPAD)
+        yield page
+
+
+@pytest.fixture
+def waiting(page, session):
+    """A vehicle that stands on its start, and a visitor who has its sticks."""
+    page.evaluate("window.hold([0, 0, 0, 0]), window.unplugged = false")
+    race = session.snapshot.race
+    press(page, "START")
+    assert waited(page, lambda: session.snapshot.race > race and session.snapshot.waiting)
+    if session.cockpit.pilot is None:
+        press(page, "Take the sticks")
+    assert waited(page, lambda: session.cockpit.pilot is not None)
+    yield
+    session.tell(PageRace.end_flights)
+    assert waited(page, lambda: not session.snapshot.flying)
+
+
+def hold(page, found):
+    """Hold the sticks of the gamepad, in mode 2."""
+    page.evaluate(
+        "axes => window.hold(axes)", [found.yaw, 1 - 2 * found.throttle, found.roll, -found.pitch]
+    )
+
+
+def note(page):
+    return page.locator(".cockpit .note").inner_text()
+
+
+def start(page, session):
+    """Pull the throttle down, then raise it."""
+    page.evaluate("window.hold([0, 1, 0, 0])")
+    assert waited(page, lambda: session.cockpit.was_down)
+    page.evaluate("window.hold([0, 0, 0, 0])")
+    assert waited(page, lambda: not session.snapshot.waiting)
+
+
+def test_a_scripted_gamepad_flies_a_lap_through_betaflight_that_is_kept(
+    page, session, root, waiting
+):
+    if find_built() is None:
+        pytest.skip(f"Betaflight is not built: {ADVICE}")
+    page.wait_for_timeout(300)
+    assert session.snapshot.waiting  # although the stick rests at hover
+    start(page, session)
+
+    def over():
+        (entry,) = session.snapshot.competitors
+        if entry.outcome is not None:
+            return True
+        x = [float(entry.x[name][-1]) for name in STATE]
+        passed = int(entry.x["passed"][-1])
+        hold(page, sticks(entry.course, x, passed))
+        return False
+
+    assert waited(page, over)
+    assert waited(page, lambda: not session.snapshot.flying)
+    (entry,) = session.snapshot.competitors
+    assert entry.outcome == "finished", entry.events
+    assert "ms both ways" in page.locator(".cockpit .link").inner_text()
+    kept = load_run(entry.folder)
+    assert entry.folder in list_runs(root)
+    assert len(kept.laps) == 1
+    assert kept.spec["sampler"] == HAND
+    assert kept.spec["betaflight"]["firmware"]["firmware"] == "4.6.0"
+    # what was flown is what the sticks asked for
+    assert len(set(kept.telemetry["wy_cmd"].tolist())) > 50
+    assert abs(kept.telemetry["wy_cmd"]).max() <= kept.spec[HAND]["pitch"]["most"]
+
+
+def test_a_link_that_falls_silent_is_said_and_flown_by_the_failsafe(page, session, waiting):
+    start(page, session)
+    page.evaluate("""() => {
+        window.kept = race.send;
+        race.send = (message) => message.type === "sticks" || window.kept(message);
+    }""")
+    assert waited(page, lambda: "FAILSAFE" in note(page))
+    (entry,) = session.snapshot.competitors
+    assert entry.x["a_cmd"][-1] == pytest.approx(SINKING)
+    assert [entry.x[f"w{axis}_cmd"][-1] for axis in "xyz"] == [0.0, 0.0, 0.0]
+    page.evaluate("race.send = window.kept")
+    hover = session.cockpit.hover
+    page.evaluate("throttle => window.hold([0, 1 - 2 * throttle, 0, 0])", hover)
+    assert waited(page, lambda: "FAILSAFE" not in note(page))
+
+
+def test_keys_fly_and_do_nothing_else_meanwhile(page, session, waiting):
+    page.evaluate("window.unplugged = true, document.activeElement.blur()")
+    race = session.snapshot.race
+    # without a key the throttle is down
+    assert waited(page, lambda: "Hold W" in note(page))
+    page.keyboard.down("w")
+    assert waited(page, lambda: not session.snapshot.waiting)
+    page.keyboard.up("w")
+    page.keyboard.down("ArrowRight")
+    assert waited(page, lambda: session.snapshot.competitors[0].x["wx_cmd"][-1] > 1.0)
+    page.keyboard.up("ArrowRight")
+    # without a key the sticks return to the middle, the throttle to hovering
+    assert waited(page, lambda: abs(session.snapshot.competitors[0].x["wx_cmd"][-1]) < 1e-6)
+    page.keyboard.press("x")  # elsewhere it stops the race
+    page.keyboard.press("s")  # and this starts another
+    page.wait_for_timeout(300)
+    assert session.snapshot.race == race
+    assert session.snapshot.flying
+    page.keyboard.press("Escape")
+    assert waited(page, lambda: session.cockpit.pilot is None)
+    page.keyboard.press("x")
+    assert waited(page, lambda: not session.snapshot.flying)
+
+
+def test_another_visitor_cannot_take_the_sticks(browser, page, session, waiting):
+    with opened(browser, session.address) as other:
+        button = other.get_by_role("button", name="Take the sticks")
+        button.wait_for()
+        assert waited(other, button.is_disabled)
+        assert "Another visitor flies" in note(other)
+        pilot = session.cockpit.pilot
+        other.evaluate("race.send({type: 'take', seat: ''})")
+        other.evaluate(
+            """race.send({type: "sticks", roll: 1, pitch: 0, yaw: 0, throttle: 0, stamp: 0})"""
+        )
+        other.wait_for_timeout(300)
+        assert session.cockpit.pilot == pilot
+        assert session.cockpit.sticks.roll == 0.0
+    assert page.complaints == []
