@@ -17,11 +17,11 @@ laps: 1
 opening: [4, 3]
 frame_width: 0.3
 bounds: [[-14, 14], [-14, 14], [-1, 9]]
-start: {position: [0, -8, 2], yaw_deg: 0}
+start: {position: [0, -5.6, 2], yaw_deg: 0}
 gates:
-  - {position: [7, 4, 2], yaw_deg: 120}
-  - {position: [-7, 4, 2], yaw_deg: -120}
-  - {position: [0, -8, 2], yaw_deg: 0}
+  - {position: [4.9, 2.8, 2], yaw_deg: 120}
+  - {position: [-4.9, 2.8, 2], yaw_deg: -120}
+  - {position: [0, -5.6, 2], yaw_deg: 0}
 """
 
 
