@@ -135,8 +135,8 @@ class Choices:
 
     @property
     def _deadline(self) -> float | str | None:
-        """The deadline as a setting of quadsim.fly; a learned pilot has no samples to keep one."""
-        return None if self.has_pilot or self.deadline_ms == "none" else self.deadline_ms
+        """The deadline as a setting of quadsim.fly; only a planner has samples to keep one."""
+        return None if not self.has_planner or self.deadline_ms == "none" else self.deadline_ms
 
     def flown(self, base: Spec) -> Spec:
         """Return the flight with the numbers of the sliders, which only a planner has.
