@@ -26,7 +26,7 @@ def root(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def session(root):
-    with dashboard(root, LiveFlight, laps=1) as session:
+    with dashboard(root, LiveFlight, laps=1, settings={"timeout": 8.0}) as session:
         yield session
 
 
