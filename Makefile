@@ -27,8 +27,10 @@ bench: $(VENV)/.app
 quick: $(VENV)/.dev
 	$(PYTEST) -m "$(QUICK)" --durations=5 --durations-min=1
 
+# The browser draws in software, on both cores: its tests have the machine to themselves.
 test: $(VENV)/.dev
-	$(PYTEST)
+	$(PYTEST) --ignore tests/web/browser
+	$(PYTEST) -n 0 tests/web/browser
 
 # 1500 damaged inputs, disks and environments: some minutes. Other ones: make fuzz SEED=1
 SEED ?= 0

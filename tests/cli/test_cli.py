@@ -131,7 +131,7 @@ def test_check_says_ok_or_where_it_is_wrong(cwd, capsys):
     (cwd / "bad.yaml").write_text(COURSE.replace("yaw_deg: 0}\n", "yaw_deg: north}\n"))
     code, out, err = outcome("check mine.yaml bad.yaml swift", capsys)
     assert code == 2
-    assert "mine.yaml: ok, course: 1 gates" in out
+    assert "mine.yaml: ok, course: 1 gate," in out
     assert "swift.yaml: ok, vehicle" in out
     assert err.startswith("bad.yaml:2:39: start.yaw_deg: expected a number [deg], got 'north'\n")
 

@@ -25,6 +25,8 @@ SOFTWARE = [
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-accelerated-2d-canvas",
+    "--disable-gpu-rasterization",
 ]
 QUIET = [
     "--disable-quic",
