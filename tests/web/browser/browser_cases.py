@@ -7,6 +7,7 @@ from quadsim.racing.hand import HAND
 from web.choices import PILOT, Choices
 
 SLOW = 60_000  # [ms] a first frame drawn in software
+ATTEMPTS = 4  # to choose from a menu
 WIDE = {"width": 1200, "height": 800}
 # fewer pixels than the screen has, as they are drawn in software
 DRAWN = "?fixedDpr=0.2"
@@ -59,8 +60,20 @@ def field(page, label):
 
 
 def choose(page, label, option):
+    """Choose an option; open the menu again where the page has moved it under the pointer."""
+    from playwright.sync_api import TimeoutError  # here, as playwright may be missing
+
+    wanted = page.get_by_role("option", name=option, exact=True)
+    for _ in range(ATTEMPTS - 1):
+        field(page, label).click()
+        try:
+            wanted.click(timeout=SLOW / 10)
+        except TimeoutError:
+            page.keyboard.press("Escape")
+        else:
+            return
     field(page, label).click()
-    page.get_by_role("option", name=option, exact=True).click()
+    wanted.click()
 
 
 def fill(page, label, value):

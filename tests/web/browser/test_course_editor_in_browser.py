@@ -72,9 +72,9 @@ def test_a_course_made_in_the_browser_is_flown_again_by_the_command_to_the_same_
     ):
         open_editor(page)
         told(page, "gates: expected 1 or more")
-        press(page, "gate")
-        press(page, "gate")
-        assert waited(page, lambda: field(page, "Item").first.input_value() == "gate 2")
+        for item in ("gate 1", "gate 2"):
+            press(page, "gate")
+            assert waited(page, lambda i=item: field(page, "Item").first.input_value() == i)
         typed(page, "y [m]", 1.25)
         typed(page, "Yaw [deg]", 20)
         press(page, "pole")

@@ -165,9 +165,9 @@ def test_a_change_that_no_plan_has_used_is_not_recorded(page, session):
     """Paused and moved back; paused, moved, stopped."""
     start(page, session)
     paused(page, session)
-    for value in (2, 1):
-        fill(page, "Sigma scale now", value)
-        page.wait_for_timeout(500)
+    settled(page, session, "Sigma scale now", "sigma", 2)
+    fill(page, "Sigma scale now", 1)
+    assert waited(page, lambda: session.snapshot.competitors[0].pending_numbers == {})
     frames = len(session.snapshot.competitors[0].t)
     session.tell(PageRace.play, True)
     assert waited(page, lambda: len(session.snapshot.competitors[0].t) > frames + 5)

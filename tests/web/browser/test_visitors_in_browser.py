@@ -82,6 +82,8 @@ def test_another_visitors_start_asks_before_it_ends_a_flight(page, other, sessio
     assert session.snapshot.race == race
     assert session.snapshot.flying
     assert button(page, "Let it fly").count() == 0  # the visitor whose flight it is is not asked
+    # a key does nothing while the question is open
+    assert waited(other, lambda: button(other, "Let it fly").count() == 0)
     other.keyboard.press("x")
     button(other, "End it").click()
     assert waited(other, lambda: not session.snapshot.flying)
