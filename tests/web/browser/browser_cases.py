@@ -11,6 +11,10 @@ ATTEMPTS = 4  # to choose from a menu
 WIDE = {"width": 1200, "height": 800}
 # fewer pixels than the screen has, as they are drawn in software
 DRAWN = "?fixedDpr=0.2"
+# and fewer pictures: a page that draws as often as it can leaves little of two cores to the flight
+FRAMES = """const draw = window.requestAnimationFrame.bind(window);
+            window.requestAnimationFrame = (f) => setTimeout(() => draw(f), 80);
+            window.cancelAnimationFrame = (frame) => clearTimeout(frame);"""
 
 
 @contextmanager
@@ -46,6 +50,7 @@ def opened(browser, address, viewport=None):
     with browser.new_context(viewport=viewport or WIDE, accept_downloads=True) as context:
         page = context.new_page()
         page.set_default_timeout(SLOW)
+        page.add_init_script(FRAMES)
         listen(page)
         page.goto(address)
         page.get_by_text("Playback").first.wait_for()
@@ -77,7 +82,12 @@ def choose(page, label, option):
 
 
 def fill(page, label, value):
-    field(page, label).last.fill(str(value))
+    """Type a value, once the control can be changed: in flight a slider can a moment after START."""
+    box = field(page, label).last
+    slider = box.locator("xpath=ancestor::div[contains(@class,'Flex-root')][1]//*[@role='slider']")
+    if slider.count():
+        assert waited(page, lambda: slider.first.get_attribute("aria-disabled") != "true")
+    box.fill(str(value))
     field(page, label).last.press("Enter")
 
 

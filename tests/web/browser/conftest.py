@@ -1,4 +1,4 @@
-"""One browser, and one page over flights without physics, for the tests of this folder.
+"""One browser, and a page over flights without physics for each file of this folder.
 
 The browser ends with them, as nothing else may use asyncio meanwhile.
 """
@@ -27,6 +27,7 @@ SOFTWARE = [
     "--enable-unsafe-swiftshader",
     "--disable-accelerated-2d-canvas",
     "--disable-gpu-rasterization",
+    "--disable-gpu-compositing",
 ]
 QUIET = [
     "--disable-quic",
@@ -46,24 +47,24 @@ def browser():
         browser.close()
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def root(tmp_path_factory):
     """The folder of runs of the shared session."""
     return tmp_path_factory.mktemp("runs")
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def gliders():
     return Gliders()
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def shared_session(root, gliders):
     with dashboard(root, gliders, course=COURSE, laps=40) as session:
         yield session
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def shared_page(browser, shared_session):
     with opened(browser, shared_session.address) as page:
         yield page
@@ -73,6 +74,8 @@ def shared_page(browser, shared_session):
 def session(shared_session):
     """The shared session; its flights end with the test."""
     yield shared_session
+    # pytest shows it with a failure
+    print(*shared_session.snapshot.notices, sep="\n")
     shared_session.tell(PageRace.end_flights)
     shared_session.tell(PageRace.set_speed, 1.0)
 
@@ -82,5 +85,7 @@ def page(shared_page, session):
     """The shared page of the first visitor; no flight is on."""
     assert waited(shared_page, lambda: not session.snapshot.flying)
     yield shared_page
+    print(shared_page.locator("button:visible").all_inner_texts())
+    print(shared_page.locator("[data-row]").all_inner_texts())
     if shared_page.get_by_role("button", name="REPLAY", exact=True).count():
         choose(shared_page, "Mode", "live")
