@@ -82,7 +82,7 @@ def choose(page, label, option):
 
 
 def fill(page, label, value):
-    """Type a value once the control can be changed, which a slider in flight can soon after START."""
+    """Type a value once the control can be changed: a slider in flight can soon after START."""
     box = field(page, label).last
     slider = box.locator("xpath=ancestor::div[contains(@class,'Flex-root')][1]//*[@role='slider']")
     if slider.count():
