@@ -9,12 +9,20 @@ from web.choices import PILOT, Choices
 SLOW = 60_000  # [ms] a first frame drawn in software
 ATTEMPTS = 4  # to choose from a menu
 WIDE = {"width": 1200, "height": 800}
-# fewer pixels than the screen has, as they are drawn in software
+# The 3D scene is drawn in software, so it gets fewer pixels than the screen has ...
 DRAWN = "?fixedDpr=0.2"
-# and fewer pictures: a page that draws as often as it can leaves little of two cores to the flight
-FRAMES = """const draw = window.requestAnimationFrame.bind(window);
-            window.requestAnimationFrame = (f) => setTimeout(() => draw(f), 80);
-            window.cancelAnimationFrame = (frame) => clearTimeout(frame);"""
+# ... and at most 12 pictures a second. Else drawing a flight takes a whole core.
+FEWER_PICTURES = """() => {
+    const draw = window.requestAnimationFrame.bind(window);
+    const PAUSE = 80; // [ms]
+    const pending = new Set();
+    window.requestAnimationFrame = (callback) => {
+        const frame = setTimeout(() => draw((t) => pending.delete(frame) && callback(t)), PAUSE);
+        pending.add(frame);
+        return frame;
+    };
+    window.cancelAnimationFrame = (frame) => pending.delete(frame);
+}"""
 
 
 @contextmanager
@@ -50,18 +58,22 @@ def opened(browser, address, viewport=None):
     with browser.new_context(viewport=viewport or WIDE, accept_downloads=True) as context:
         page = context.new_page()
         page.set_default_timeout(SLOW)
-        page.add_init_script(FRAMES)
+        page.add_init_script(f"({FEWER_PICTURES})()")
         listen(page)
         page.goto(address)
         page.get_by_text("Playback").first.wait_for()
         yield page
 
 
+def row(page, label):
+    """A control with its label."""
+    label = page.locator("label").filter(has_text=re.compile(f"^{re.escape(label)}$"))
+    return label.locator("xpath=ancestor::div[contains(@class,'Flex-root')][1]")
+
+
 def field(page, label):
     """The inputs of a control."""
-    label = page.locator("label").filter(has_text=re.compile(f"^{re.escape(label)}$"))
-    row = label.locator("xpath=ancestor::div[contains(@class,'Flex-root')][1]")
-    return row.locator("input:not([type=hidden])")
+    return row(page, label).locator("input:not([type=hidden])")
 
 
 def choose(page, label, option):
@@ -83,12 +95,18 @@ def choose(page, label, option):
 
 def fill(page, label, value):
     """Type a value once the control can be changed: a slider in flight can soon after START."""
-    box = field(page, label).last
-    slider = box.locator("xpath=ancestor::div[contains(@class,'Flex-root')][1]//*[@role='slider']")
+    field(page, label).last.wait_for()
+    slider = row(page, label).locator("[role=slider]")
     if slider.count():
         assert waited(page, lambda: slider.first.get_attribute("aria-disabled") != "true")
+    enter(page, label, value)
+
+
+def enter(page, label, value):
+    """Type a value, whether or not the control can be changed."""
+    box = field(page, label).last
     box.fill(str(value))
-    field(page, label).last.press("Enter")
+    box.press("Enter")
 
 
 def add_rival(page, sampler):

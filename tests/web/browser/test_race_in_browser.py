@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from browser_cases import add_rival, choose, dashboard, field, opened, press, rows, waited
+from browser_cases import add_rival, choose, dashboard, enter, opened, press, rows, waited
 
 from web.race import take_off
 
@@ -33,8 +33,7 @@ def test_a_race_in_one_world_is_flown_and_shown(browser, session):
         head = page.locator(".hud")
         assert waited(page, lambda: re.search("(colored|gaussian) leads", head.inner_text()))
         page.get_by_text("in one world the numbers of START stay").first.wait_for()
-        field(page, "Samples now").last.fill("512")
-        field(page, "Samples now").last.press("Enter")
+        enter(page, "Samples now", 512)
         refused = page.get_by_role("alert").filter(has_text="Samples now cannot be changed now")
         refused.wait_for()
         press(page, "STOP")
