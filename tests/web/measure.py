@@ -1,8 +1,11 @@
 """Measure the cost of a page. This is no test: it takes minutes and a quiet machine to itself.
 
-python tests/web/measure.py slowdown   plan time with four clients against none: < 10 % more
+python tests/web/measure.py slowdown   plan time with three clients against none: < 10 % more
 python tests/web/measure.py air        from one click to the second frame: < 5 s
-python tests/web/measure.py soak 30    memory and threads over 30 minutes of flights: flat
+python tests/web/measure.py soak 60    memory and threads over an hour of races of four: < 20 MB
+                                       more after the first ten minutes
+
+The clients of `slowdown` have a core to themselves, so that what they take is the page's own work.
 """
 
 from __future__ import annotations
@@ -22,17 +25,21 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from wire import connect
 
-from web.choices import Choices
+from web.choices import Choices, HeatChoices
 from web.page.dashboard import Dashboard
 from web.page.menu import Menu
 from web.page.server import serve
 from web.race import PageRace
 from web.session import Session
 
-CLIENTS = 4
+CLIENTS = 3
+PAGE_CORE, CLIENT_CORE = 0, 1
 SOAK_SAMPLES = 512  # few: the page may grow, not the planner
+SOAK_SAMPLERS = ("colored", "gaussian", "colored", "gaussian")  # in one world
+WARM_UP = 600.0  # [s] until a soak counts
 MOST_SLOWER = 10.0  # [%]
 MOST_SECONDS = 5.0
+MOST_GROWN = 20.0  # [MB]
 MENU = Menu(("split_s_swift",), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
 
 
@@ -57,14 +64,24 @@ class Place:
         while len(self.server.get_clients()) != CLIENTS * on:
             time.sleep(0.05)
 
-    def flight(self, laps: int = 1, samples: int | None = None) -> float:
-        """Fly. Return the median plan time in real time [ms]."""
+    def flight(self) -> float:
+        """Fly one lap. Return the median plan time in real time [ms]."""
+        self._fly(Choices(laps=1))
+        return float(np.median(self.session.snapshot.competitors[0].x["plan_ms"]))
+
+    def heat(self, seed: int) -> str:
+        """Race four drones in one world. Return how it ended for each of them."""
+        numbers = {"samples": SOAK_SAMPLES}
+        entrants = [Choices(sampler=name, seed=seed, numbers=numbers) for name in SOAK_SAMPLERS]
+        self._fly(HeatChoices(tuple(entrants)))
+        return ", ".join(one.outcome or "" for one in self.session.snapshot.competitors)
+
+    def _fly(self, choices: Choices | HeatChoices) -> None:
+        """Fly to the end."""
         races = self.session.snapshot.race
-        numbers = {"samples": samples} if samples else {}
-        self.session.tell(PageRace.start, [Choices(laps=laps, numbers=numbers)])
+        self.session.tell(PageRace.start, [choices])
         while self.session.snapshot.race == races or self.session.snapshot.flying:
             time.sleep(0.05)
-        return float(np.median(self.session.snapshot.competitors[0].x["plan_ms"]))
 
     def close(self) -> None:
         """End everything."""
@@ -76,6 +93,7 @@ class Place:
 
 def slowdown(place: Place, pairs: int = 5) -> None:
     """Compare plan times, in turns, so that a machine that warms up slows both."""
+    pin_threads(PAGE_CORE)
     place.flight()
     slower = []
     for _ in range(pairs):
@@ -109,18 +127,30 @@ def verdict(found: float, most: float, unit: str) -> str:
 
 
 def soak(place: Place, minutes: float) -> None:
-    """Measure memory and threads over many flights."""
+    """Measure memory and threads over many races of four."""
     place.watch(True)
-    place.flight(3, SOAK_SAMPLES)
-    memory, threads = [], []
-    end = time.monotonic() + 60 * minutes
-    while time.monotonic() < end:
-        place.flight(3, SOAK_SAMPLES)
-        memory.append(resident())
-        threads.append(threading.active_count())
-        print(f"{memory[-1]:.0f} MB, {threads[-1]} threads")
-    more = f"{memory[-1] - memory[0]:+.0f} MB and {threads[-1] - threads[0]:+d} threads"
-    print(f"grown by {more} in {minutes:g} minutes")
+    memory: list[float] = []  # [MB], from WARM_UP on
+    began = time.monotonic()
+    races = 0
+    while (passed := time.monotonic() - began) < 60 * minutes:
+        outcomes = place.heat(races)
+        races += 1
+        now = resident()
+        if passed >= WARM_UP:
+            memory.append(now)
+        minute = f"{passed / 60:5.1f} min"
+        print(f"{minute}  {now:.0f} MB  {threading.active_count()} threads  {outcomes}", flush=True)
+    if memory:
+        most = max(memory) - memory[0]
+        print(f"{races} races in {minutes:g} minutes; after the first {WARM_UP / 60:g} minutes")
+        print(f"{memory[0]:.0f} to {memory[-1]:.0f} MB: at most {most:+.1f} MB", end=", ")
+        print(verdict(most, MOST_GROWN, "MB"))
+
+
+def pin_threads(core: int) -> None:
+    """Keep all threads of this process, those that it will start too, on one core."""
+    for thread in Path("/proc/self/task").iterdir():
+        os.sched_setaffinity(int(thread.name), {core})
 
 
 def resident() -> float:
@@ -142,6 +172,7 @@ async def watchers(port: int) -> None:
 def main() -> None:
     what, *more = sys.argv[1:] or ["slowdown"]
     if what == "watch":
+        os.sched_setaffinity(0, {CLIENT_CORE})
         asyncio.run(watchers(int(more[0])))
         return
     with tempfile.TemporaryDirectory() as root:
