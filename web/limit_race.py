@@ -69,6 +69,8 @@ def _competitor(entry: Competitor, stored: StoredSolution) -> Competitor:
         own_style=None,
         expected=(),
         corners=None,
+        # or the solution, by which it is found in _made, would be kept for ever
+        limit=None,
     )
 
 

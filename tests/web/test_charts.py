@@ -1,5 +1,7 @@
 """Claims about what charts are given: every frame once, gaps to the limit, sectors."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -102,6 +104,16 @@ def test_the_limit_is_a_race_through_all_gates_in_its_time(competitors):
     step = np.diff(limit.rows(POSITION), axis=0) / np.diff(limit.t)[:, None]
     assert np.abs(step - limit.rows(VELOCITY)[:-1]).max() < 2.0
     assert limit_race(replace(entry, limit=None)) is None
+
+
+def test_the_limit_is_freed_with_the_last_flight_of_its_race(competitors):
+    entry = limited(competitors[0])
+    solution = weakref.ref(entry.limit)
+    race = limit_race(entry)
+    assert solution() is not None
+    del entry, race
+    gc.collect()
+    assert solution() is None
 
 
 def test_a_chart_shows_the_seconds_behind_the_limit(competitors):
