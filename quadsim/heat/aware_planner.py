@@ -13,7 +13,7 @@ from controllers.costs.keep_clear import OtherVehicle
 from controllers.plan import PlanStats
 from quadsim.course import Course
 from quadsim.dynamics.estimate import Estimate
-from quadsim.heat.expectations import Expectation, planned_path
+from quadsim.heat.expectations import Expectation, Outlook, planned_path
 from quadsim.heat.patience import Patience
 from quadsim.racing.clock import Clock
 from quadsim.racing.flight import Controller
@@ -167,7 +167,8 @@ class AwarePlanner:
     def _mind_others(self, estimate: Estimate, expectation: Expectation) -> None:
         """Let the terms of the cost know where the others are expected."""
         seen = self._eyes.look(estimate.t)
-        self.expected = expectation.paths(seen, self._own_path)
+        behind = frozenset(m for m in seen if self._eyes.is_behind(seen[m], estimate))
+        self.expected = expectation.paths(Outlook(seen, behind, self._own_path))
 
         # The times at which the steps of the horizon end
         config = self._planner().config
@@ -181,7 +182,7 @@ class AwarePlanner:
                 other.expect_nowhere()
                 continue
             share = keep_share = 1.0
-            if ahead_share != 1.0 and self._eyes.is_behind(seen[m], estimate):
+            if m in behind:
                 share = ahead_share
             if patience:
                 follows = self._eyes.follows(seen[m], estimate)

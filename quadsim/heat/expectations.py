@@ -21,25 +21,31 @@ if TYPE_CHECKING:
 OwnPath = Callable[[], ExpectedPath | None]
 
 
+class Outlook(NamedTuple):
+    """What a vehicle knows of its race when it expects the others' paths."""
+
+    # what is seen of the others now: number -> Sighting
+    seen: dict[int, Sighting]
+    # the numbers of those that are behind it
+    behind: frozenset[int]
+    # returns the path that it has planned
+    own: OwnPath
+
+
 class Expectation(Protocol):
     """A way to expect the paths of other vehicles."""
 
-    def paths(self, seen: dict[int, Sighting], own: OwnPath) -> dict[int, ExpectedPath]:
-        """Return the path of each vehicle that is seen: number -> path.
-
-        Args:
-            seen: what is seen of the others now.
-            own: returns the path that the vehicle itself has planned.
-        """
+    def paths(self, outlook: Outlook) -> dict[int, ExpectedPath]:
+        """Return the path of each vehicle that is seen: number -> path."""
         ...
 
 
 class ConstantVelocity:
     """Expects that the others go on at the velocity that is seen."""
 
-    def paths(self, seen: dict[int, Sighting], own: OwnPath) -> dict[int, ExpectedPath]:
+    def paths(self, outlook: Outlook) -> dict[int, ExpectedPath]:
         """Return straight lines."""
-        return {m: straight(sighting) for m, sighting in seen.items()}
+        return {m: straight(sighting) for m, sighting in outlook.seen.items()}
 
 
 class ToldPlans:
@@ -49,9 +55,11 @@ class ToldPlans:
         """Take what is told from the traffic."""
         self._traffic = traffic
 
-    def paths(self, seen: dict[int, Sighting], own: OwnPath) -> dict[int, ExpectedPath]:
+    def paths(self, outlook: Outlook) -> dict[int, ExpectedPath]:
         """Return the told plans; a straight line for who has told none."""
-        return {m: self._traffic.told(m) or straight(seen[m]) for m in seen}
+        return {
+            m: self._traffic.told(m) or straight(sighting) for m, sighting in outlook.seen.items()
+        }
 
 
 # Control periods in a step of the plan of another vehicle's flight, and the least number of them
@@ -74,9 +82,12 @@ class OwnPlans:
     """Plans the others' flights by itself, with its own model, cost and sampling.
 
     Nothing is told: each plan starts from where the other vehicle is seen, and keeps clear of what
-    the vehicle itself has planned and of what it expects of the rest, as the other one would. The
-    others are planned in turn, at most one of them in a control period, so that the time does not
-    grow with their number. Meanwhile a vehicle is expected to follow its last plan.
+    is expected of the rest. A vehicle behind keeps clear of what this one has planned, too. One
+    ahead is not expected to: who comes from behind has to keep clear, and a plan in which the
+    vehicle ahead makes room is an overtake that the other one may not agree to.
+
+    The others are planned in turn, at most one of them in a control period, so that the time does
+    not grow with their number. Meanwhile a vehicle is expected to follow its last plan.
 
     Body rates and thrust are not seen: they follow from how attitude and velocity change.
     """
@@ -100,8 +111,9 @@ class OwnPlans:
         self._before: dict[int, Sighting] = {}  # what was seen a control period ago
         self._periods = 0  # that have passed
 
-    def paths(self, seen: dict[int, Sighting], own: OwnPath) -> dict[int, ExpectedPath]:
+    def paths(self, outlook: Outlook) -> dict[int, ExpectedPath]:
         """Return the planned paths, of which at most one is new, but for the first time."""
+        seen = outlook.seen
         numbers = sorted(seen)
         new = [m for m in numbers if m not in self._paths]
         self._periods += 1
@@ -109,13 +121,15 @@ class OwnPlans:
         if not new and turn < len(numbers):
             new = [numbers[turn]]
         if new:
-            around = {m: self._paths[m] for m in numbers if m in self._paths}
             if turn == 0 or self._own is None:
-                self._own = own()
-            if self._own is not None:
-                around[self._number] = self._own
+                self._own = outlook.own()
+            around = {m: self._paths[m] for m in numbers if m in self._paths}
             for m in new:
-                self._paths[m] = self._plan(m, seen[m], around)
+                if m in outlook.behind and self._own is not None:
+                    around_it = {**around, self._number: self._own}
+                else:
+                    around_it = around
+                self._paths[m] = self._plan(m, seen[m], around_it)
         self._before = seen
         return {m: self._paths[m] for m in numbers}
 

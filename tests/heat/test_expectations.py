@@ -6,7 +6,7 @@ import pytest
 import quadsim
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
 from quadsim.heat import aware_planner
-from quadsim.heat.expectations import ConstantVelocity, OwnPlans, straight
+from quadsim.heat.expectations import ConstantVelocity, Outlook, OwnPlans, straight
 from quadsim.racing.traffic import Sighting
 from quadsim.vehicle import load_vehicle
 
@@ -56,9 +56,32 @@ def test_the_thrust_of_the_plan_counts_where_velocities_are_seen_with_noise():
 
 def test_constant_velocity_is_a_straight_line():
     seen = Sighting(1.0, (1.0, 2.0, 3.0), (4.0, 0.0, -1.0), (1.0, 0.0, 0.0, 0.0), 0)
-    path = ConstantVelocity().paths({3: seen}, lambda: None)[3]
+    path = ConstantVelocity().paths(Outlook({3: seen}, frozenset(), lambda: None))[3]
     assert path.at(np.array([1.5])) == pytest.approx(np.array([[3.0, 2.0, 2.5]]))
     assert straight(seen).at(np.array([1.0])) == pytest.approx(np.array([[1.0, 2.0, 3.0]]))
+
+
+class Noted(OwnPlans):
+    """Plans straight lines, and notes of whom each vehicle is expected to keep clear."""
+
+    def __init__(self):
+        super().__init__(0, lambda m: pytest.fail("nothing is planned here"))
+        self.keeps_clear_of = {}
+
+    def _plan(self, m, seen, around):
+        self.keeps_clear_of[m] = set(around)
+        return straight(seen)
+
+
+def test_a_vehicle_behind_is_expected_to_make_way_and_one_ahead_is_not():
+    seen = {
+        m: Sighting(1.0, (m, 0.0, 3.0), (4.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0) for m in (1, 2, 3)
+    }
+    own = straight(seen[2])
+    expectation = Noted()
+    for _ in range(4):  # each in its turn
+        expectation.paths(Outlook(seen, frozenset({3}), lambda: own))
+    assert expectation.keeps_clear_of == {1: {1, 2, 3}, 2: {1, 2, 3}, 3: {0, 1, 2, 3}}
 
 
 def errors(expect, monkeypatch):
