@@ -18,6 +18,7 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 
+from quadsim.racing.hand import HAND
 from quadsim.record.archive import list_runs
 from web.choices import PILOT, Choices
 from web.page.dashboard import Dashboard
@@ -44,6 +45,7 @@ STORED = {"colored": COLORED, "gaussian": GAUSSIAN, "crashed": CARELESS}
 # [s] of a race when the next gate is in the view of the drone's camera, and of its sensor
 IN_VIEW = 7.5
 SENSED = 0.5
+RAISED = 1500  # [ms] of rising after a person has taken off
 CLOSE_NOTICES = """document.querySelectorAll('button[class*=CloseButton]')
     .forEach(note => note.click())"""
 
@@ -155,6 +157,22 @@ def edit(page: Page) -> None:
     page.get_by_text("obstacles, ").first.wait_for()
 
 
+def take_off_by_hand(session: Session, page: Page) -> None:
+    """Take the sticks beside a planner, and take off by the keyboard."""
+    races = session.snapshot.race
+    session.tell(PageRace.start, [Choices(sampler=HAND), COLORED])
+    wait(lambda: session.snapshot.race > races)
+    page.get_by_role("button", name="Take the sticks").click()
+    wait(lambda: session.cockpit.pilot is not None)
+    page.keyboard.down("s")
+    page.wait_for_timeout(RAISED)
+    page.keyboard.up("s")
+    page.keyboard.down("w")
+    wait(lambda: not session.snapshot.waiting)
+    page.wait_for_timeout(RAISED)
+    page.keyboard.up("w")
+
+
 def take_pictures(studio: Studio, colored: Path, gaussian: Path, crashed: Path) -> None:
     """Take every picture."""
     session = studio.session
@@ -180,6 +198,10 @@ def take_pictures(studio: Studio, colored: Path, gaussian: Path, crashed: Path) 
     studio.page.locator(".u-over").first.hover(position={"x": 200, "y": 40})
     studio.shoot("replay")
     studio.save_phone()
+    take_off_by_hand(session, studio.page)
+    save(picture_of(studio.page), "hand")
+    session.tell(PageRace.end_flights)
+    studio.page.keyboard.press("Escape")
     edit(studio.page)
     studio.page.wait_for_timeout(SETTLED)
     save(picture_of(studio.page), "editor")

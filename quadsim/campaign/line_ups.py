@@ -46,6 +46,10 @@ def line_up(
         SettingError: a setting or an entrant is invalid.
         FileError: a file cannot be read.
     """
+    if isinstance(entrants, str):
+        raise SettingError(
+            "entrants", f"expected a list of entrants, got the text {entrants!r}: put it in a list"
+        )
     heat = heat_settings({name: settings[name] for name in settings if name in KINDS})
     shared = {name: value for name, value in settings.items() if name not in KINDS}
     if isinstance(entrants, Mapping):

@@ -218,6 +218,11 @@ def test_what_cannot_race_is_one_line(entrants, settings, problem):
     assert "\n" not in str(error.value)
 
 
+def test_a_text_is_no_list_of_entrants():
+    with pytest.raises(quadsim.SettingError, match=r"got the text 'colored': put it in a list"):
+        quadsim.race("colored")
+
+
 def test_under_physics_hits_cost_time_and_vehicles_push_each_other_away():
     spec = heat("colored", "colored", expect="nothing", spacing=0.3, rules="physics")
     assert all(entrant.spec.penalties for entrant in spec.entrants)

@@ -67,7 +67,9 @@ def headline(timings: Sequence[LapTiming]) -> str:
     second = going[1]
     behind = seconds_behind(second, going[0])
     verb = "beats" if second.over else "leads"
-    by = f" by <b>{rounded(behind, 2):.2f} s</b>" if np.isfinite(behind) else ""
+    by = ""
+    if np.isfinite(behind):
+        by = f" by {element('b', f'{rounded(behind, 2):.2f} s', white_space='nowrap')}"
     more = f" and {len(timings) - 2} more" if len(timings) > 2 else ""
     return f"{first} {verb} {label(second.entry)}{more}{by}"
 
@@ -111,7 +113,9 @@ def _standing(s: LapTiming, leader: LapTiming) -> str:
     if s is leader:
         return f"{lap} leads"
     behind = seconds_behind(s, leader)
-    return f"{lap} {rounded(behind, 2):+.2f} s" if np.isfinite(behind) else lap
+    if not np.isfinite(behind):
+        return lap
+    return f"{lap} {element('span', f'{rounded(behind, 2):+.2f} s', white_space='nowrap')}"
 
 
 def _chatter(s: LapTiming, most: float) -> str:
