@@ -18,6 +18,7 @@ from web.cockpit import Cockpit
 from web.competitor import Competitor, named
 from web.live_flight import Flown, LiveFlight
 from web.live_heat import LiveHeat
+from web.memory import give_back
 from web.notices import Notice, Notices
 from web.numbers import Change
 from web.pace import Pace
@@ -332,6 +333,7 @@ class PageRace:
 
     def _begin(self) -> None:
         """Begin another race at t = 0."""
+        give_back()  # what the last race leaves
         self._count += 1
         self._t = 0.0
         self._playing = True

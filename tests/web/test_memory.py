@@ -1,13 +1,18 @@
 """Claims about what a page and its server free when another race begins."""
 
 import asyncio
+import os
+import platform
 from contextlib import asynccontextmanager
+from pathlib import Path
 
+import numpy as np
 import pytest
 import viser
 from web_cases import choices, until
 from wire import connect, received
 
+from web.memory import give_back
 from web.race import PageRace
 
 pytestmark = pytest.mark.flight  # races of some seconds
@@ -133,3 +138,19 @@ def test_a_race_that_has_ended_or_stands_still_sends_nothing(page, session):
             assert len(seen) > standing
 
     asyncio.run(client_does())
+
+
+def resident():
+    """The memory of this process [MB]."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library keeps nothing")
+def test_memory_between_arrays_in_use_goes_back():
+    arrays = [np.ones(4000) for _ in range(2000)]  # of 32 kB
+    in_use = arrays[::100]
+    del arrays
+    before = resident()
+    give_back()
+    assert resident() < before - 40
+    assert all(array.sum() == 4000 for array in in_use)
