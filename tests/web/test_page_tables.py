@@ -13,6 +13,7 @@ from quadsim.record.limits import limit_of
 from web.competitor import named
 from web.lap_timing import Way, gap, lap_timings, order, time_at
 from web.legs import Legs
+from web.page.comparison import headline
 from web.page.course_map import Map, timeline
 from web.page.html import RED, label
 from web.page.laps import chatter, laps, splits
@@ -63,6 +64,13 @@ def test_the_faster_flight_leads(competitors):
     assert (first.entry.name, second.entry.name) == ("colored", "gaussian")
     assert first.gap == 0.0
     assert second.gap > 0.0
+
+
+def test_the_headline_says_who_leads_and_that_nobody_does_at_the_start(competitors):
+    leads = headline(at(competitors, 1.0))
+    assert " leads " in leads
+    assert re.search(r" by <b[^>]*>0\.[0-9]{2} s</b>", leads)
+    assert " is level with " in headline(at(competitors, 0.0))
 
 
 def test_by_place_everyone_is_shown_at_the_first_ones_place(competitors):

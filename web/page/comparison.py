@@ -66,11 +66,13 @@ def headline(timings: Sequence[LapTiming]) -> str:
         return f"{first} {'finished alone' if going[0].over else 'flies on alone'}"
     second = going[1]
     behind = seconds_behind(second, going[0])
+    more = f" and {len(timings) - 2} more" if len(timings) > 2 else ""
+    if not second.over and rounded(behind, 2) == 0.0:
+        return f"{first} is level with {label(second.entry)}{more}"
     verb = "beats" if second.over else "leads"
     by = ""
     if np.isfinite(behind):
         by = f" by {element('b', f'{rounded(behind, 2):.2f} s', white_space='nowrap')}"
-    more = f" and {len(timings) - 2} more" if len(timings) > 2 else ""
     return f"{first} {verb} {label(second.entry)}{more}{by}"
 
 

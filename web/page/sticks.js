@@ -208,7 +208,7 @@
     button.disabled = !mine() && state.pilot !== null && state.pilot !== undefined;
     numbers.textContent =
       `${state.speed.toFixed(1)} m/s · ${state.height.toFixed(1)} m high · ` +
-      `throttle ${Math.round(100 * sticks.throttle)} %`;
+      `throttle ${Math.round(100 * sticks.throttle)}\u00a0%`;
     const sky = over.querySelector(".sky");
     // Turned about the middle by roll, and moved by pitch: 1 unit a degree.
     sky.setAttribute("transform", `rotate(${-state.roll}) translate(0 ${limited(state.pitch, -90, 90)})`);
