@@ -154,7 +154,7 @@ def edit(page: Page) -> None:
     page.get_by_role("button", name="Done", exact=True).wait_for()
     page.get_by_role("button", name="later", exact=True).wait_for()
     page.get_by_role("button", name="pole", exact=True).click()
-    page.get_by_text("obstacles, ").first.wait_for()
+    page.get_by_text("1 obstacle, ").first.wait_for()
 
 
 def take_off_by_hand(session: Session, page: Page) -> None:
