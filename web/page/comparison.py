@@ -28,6 +28,8 @@ WHY_CHATTER = (
     "chatter: how much the commanded thrust jumps in a second [m/s²/s]. Motors lag and cannot"
     " follow, it only heats them: less is better."
 )
+# Competitors whose rows have two lines
+FEW = 4
 FEWEST = 20  # frames before there is a figure of chatter
 
 
@@ -85,20 +87,25 @@ def seconds_behind(s: LapTiming, leader: LapTiming) -> float:
 
 
 def comparison(timings: Sequence[LapTiming]) -> str:
-    """Return a row for each competitor, the leader first, with its chatter in large figures."""
+    """Return a row for each competitor, the leader first, with its chatter in large figures.
+
+    The rows of more than FEW competitors are lower; a phone shows the first of them (page.css).
+    """
     ranked = order(timings)
     going = [s for s in ranked if not _is_out(s)]
     most = max(s.chatter for s in timings)
+    brief = len(timings) > FEW
     parts = []
     for s in [*going, *(s for s in ranked if _is_out(s))]:
         leader = going[0] if going else s
         cells = [
             div(label(s.entry), width="34%", overflow="hidden"),
-            div(_standing(s, leader), width="30%"),
-            div(_chatter(s, most), width="36%"),
+            div(_standing(s, leader, brief), width="30%"),
+            div(_chatter(s, most, brief), width="36%"),
         ]
         parts.append(div("".join(cells), display="flex", align_items="center", gap="8px", **MONO))
-    return div("".join(parts) + small(WHY_CHATTER), margin_top="4px")
+    rows = f'<div class="standings">{"".join(parts)}</div>'
+    return div(rows + small(WHY_CHATTER), margin_top="4px")
 
 
 def _is_out(s: LapTiming) -> bool:
@@ -106,24 +113,26 @@ def _is_out(s: LapTiming) -> bool:
     return s.over and s.entry.outcome != "finished"
 
 
-def _standing(s: LapTiming, leader: LapTiming) -> str:
-    """Return the lap and the gap of a competitor, or how its flight ended."""
+def _standing(s: LapTiming, leader: LapTiming, brief: bool) -> str:
+    """Return the lap and the gap of a competitor, the gap alone if brief, or how it ended."""
     if s.over:
         ended = result(s)
         return coloured(ended.content, ended.colour)
-    lap = f"lap {s.lap}/{s.entry.laps_to_fly}"
+    lap = "" if brief else f"lap {s.lap}/{s.entry.laps_to_fly} "
     if s is leader:
-        return f"{lap} leads"
+        return f"{lap}leads"
     behind = seconds_behind(s, leader)
     if not np.isfinite(behind):
         return lap
-    return f"{lap} {element('span', f'{rounded(behind, 2):+.2f} s', white_space='nowrap')}"
+    return f"{lap}{element('span', f'{rounded(behind, 2):+.2f} s', white_space='nowrap')}"
 
 
-def _chatter(s: LapTiming, most: float) -> str:
-    """Return the chatter of a competitor, with a bar beside the one that has most."""
+def _chatter(s: LapTiming, most: float, brief: bool) -> str:
+    """Return the chatter of a competitor, with a bar beside the one that has most unless brief."""
     if s.i < FEWEST:
         return element("span", "chatter -", color=DIM)
-    figure = element("span", f"{s.chatter:.0f}", font_size="20px", font_weight=700)
+    size = "15px" if brief else "20px"
+    figure = element("span", f"{s.chatter:.0f}", font_size=size, font_weight=700)
     word = element("span", " chatter", color=DIM, font_size=TEXT)
-    return figure + word + bar(s.chatter / max(most, 1e-9), s.entry.style.colour, height=4)
+    share = s.chatter / max(most, 1e-9)
+    return figure + word + ("" if brief else bar(share, s.entry.style.colour, height=4))
