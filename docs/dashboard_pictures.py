@@ -55,10 +55,20 @@ class Studio:
 
     def __init__(self, browser: Browser, session: Session, dashboard: Dashboard, url: str):
         self.session = session
-        self.page = open_page(browser, url, WIDE)
-        self.phone = open_page(browser, url, PHONE)
+        self._browser = browser
+        self._url = url
+        self.page = self.open_page()
+        self.phone = self.open_page(PHONE)
         self._dashboard = dashboard
         self._phone_shots: list[Image.Image] = []
+
+    def open_page(self, size: ViewportSize = WIDE) -> Page:
+        """Return a page of a visitor of its own."""
+        page = self._browser.new_context(viewport=size).new_page()
+        page.set_default_timeout(1e3 * PATIENCE)
+        page.goto(self._url)
+        page.get_by_text("Playback").first.wait_for()
+        return page
 
     def show(self, runs: Sequence[Path], t: float) -> None:
         """Show stored runs at t [s]."""
@@ -94,15 +104,6 @@ class Studio:
             row, column = divmod(k, COLUMNS)
             sheet.paste(shot, (column * width, row * height))
         save(sheet, "phone")
-
-
-def open_page(browser: Browser, url: str, size: ViewportSize) -> Page:
-    """Return a page of a visitor of its own."""
-    page = browser.new_context(viewport=size).new_page()
-    page.set_default_timeout(1e3 * PATIENCE)
-    page.goto(url)
-    page.get_by_role("button", name="START", exact=True).wait_for()
-    return page
 
 
 def picture_of(page: Page) -> Image.Image:
@@ -157,13 +158,17 @@ def edit(page: Page) -> None:
     page.get_by_text("1 obstacle, ").first.wait_for()
 
 
-def take_off_by_hand(session: Session, page: Page) -> None:
-    """Take the sticks beside a planner, and take off by the keyboard."""
+def by_hand(studio: Studio, page: Page) -> None:
+    """Take off by the keyboard, beside a planner."""
+    session = studio.session
+    page.wait_for_timeout(SETTLED)
+    page.evaluate(CLOSE_NOTICES)
     races = session.snapshot.race
     session.tell(PageRace.start, [Choices(sampler=HAND), COLORED])
     wait(lambda: session.snapshot.race > races)
     page.get_by_role("button", name="Take the sticks").click()
-    wait(lambda: session.cockpit.pilot is not None)
+    # until then the keys are those of the page
+    page.get_by_role("button", name="Let go (Esc)").wait_for()
     page.keyboard.down("s")
     page.wait_for_timeout(RAISED)
     page.keyboard.up("s")
@@ -171,6 +176,8 @@ def take_off_by_hand(session: Session, page: Page) -> None:
     wait(lambda: not session.snapshot.waiting)
     page.wait_for_timeout(RAISED)
     page.keyboard.up("w")
+    save(picture_of(page), "hand")
+    session.tell(PageRace.end_flights)
 
 
 def take_pictures(studio: Studio, colored: Path, gaussian: Path, crashed: Path) -> None:
@@ -195,16 +202,15 @@ def take_pictures(studio: Studio, colored: Path, gaussian: Path, crashed: Path) 
     studio.shoot("finish")
     studio.show([colored, gaussian], 8.0)
     studio.page.wait_for_timeout(SETTLED)  # or the pointer is over a chart of the last race
-    studio.page.locator(".u-over").first.hover(position={"x": 200, "y": 40})
+    studio.page.locator(".race-chart canvas").first.hover(position={"x": 200, "y": 40})
     studio.shoot("replay")
     studio.save_phone()
-    take_off_by_hand(session, studio.page)
-    save(picture_of(studio.page), "hand")
-    session.tell(PageRace.end_flights)
-    studio.page.keyboard.press("Escape")
     edit(studio.page)
     studio.page.wait_for_timeout(SETTLED)
+    studio.page.evaluate(CLOSE_NOTICES)
     save(picture_of(studio.page), "editor")
+    studio.page.close()
+    by_hand(studio, studio.open_page())
 
 
 def main() -> None:
