@@ -69,7 +69,7 @@ def _competitor(entry: Competitor, stored: StoredSolution) -> Competitor:
         own_style=None,
         expected=(),
         corners=None,
-        # or the solution, by which it is found in _made, would be kept for ever
+        # A reference to the solution would keep it in _made for ever.
         limit=None,
     )
 

@@ -333,7 +333,7 @@ class PageRace:
 
     def _begin(self) -> None:
         """Begin another race at t = 0."""
-        give_back()  # what the last race leaves
+        give_back()  # memory that the last race has freed
         self._count += 1
         self._t = 0.0
         self._playing = True

@@ -107,7 +107,6 @@ class _Read(NamedTuple):
 
     row: RunRow
     race: str
-    # parts of its spec that decide the limit of the race
     spec: dict[str, Any]
 
 
@@ -129,8 +128,6 @@ class RunTable:
         self._read: dict[str, _Read] = {}
         # time of the best known limit [s] by race; None: none is known
         self._limits: dict[str, float | None] = {}
-        # a spec of each race, which all its runs share: a spec holds the whole text of its course
-        self._specs: dict[str, dict[str, Any]] = {}
 
     def refresh(self) -> bool:
         """Read what has arrived since the last call; return whether the rows have changed."""
@@ -148,17 +145,13 @@ class RunTable:
         """Look for folders that are new or gone; return whether the rows have changed."""
         found = dict(sorted(self._folders(), reverse=True))
         self._read = {
-            name: self._read.get(name) or self._shared(_read(path, record))
+            name: self._read.get(name) or _read(path, record)
             for name, (path, record) in found.items()
         }
         rows = tuple(map(self._with_limit, self._read.values()))
         has_changed = rows != self.rows
         self.rows = rows
         return has_changed
-
-    def _shared(self, read: _Read) -> _Read:
-        """Return a row whose spec is the one that all runs of its race share."""
-        return read._replace(spec=self._specs.setdefault(read.race, read.spec))
 
     def _folders(self) -> Iterator[tuple[str, tuple[Path, str]]]:
         """Yield each folder of a run or a race by its name, with the name of its record."""

@@ -22,7 +22,7 @@ OwnPath = Callable[[], ExpectedPath | None]
 
 
 class Outlook(NamedTuple):
-    """What a vehicle knows of its race when it expects the others' paths."""
+    """An outlook holds what a vehicle knows of its race when it predicts the others' paths."""
 
     # what is seen of the others now: number -> Sighting
     seen: dict[int, Sighting]
@@ -82,9 +82,9 @@ class OwnPlans:
     """Plans the others' flights by itself, with its own model, cost and sampling.
 
     Nothing is told: each plan starts from where the other vehicle is seen, and keeps clear of what
-    is expected of the rest. A vehicle behind keeps clear of what this one has planned, too. One
-    ahead is not expected to: who comes from behind has to keep clear, and a plan in which the
-    vehicle ahead makes room is an overtake that the other one may not agree to.
+    is expected of the rest. A vehicle that is behind also keeps clear of what this one has planned.
+    A vehicle that is ahead is not expected to: it has not agreed to make room, so an overtake that
+    relied on it would end in a contact.
 
     The others are planned in turn, at most one of them in a control period, so that the time does
     not grow with their number. Meanwhile a vehicle is expected to follow its last plan.
@@ -125,6 +125,7 @@ class OwnPlans:
                 self._own = outlook.own()
             around = {m: self._paths[m] for m in numbers if m in self._paths}
             for m in new:
+                # Only a vehicle that is behind keeps clear of this one.
                 if m in outlook.behind and self._own is not None:
                     around_it = {**around, self._number: self._own}
                 else:

@@ -145,7 +145,7 @@ def resident():
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library keeps nothing")
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="malloc_trim belongs to glibc")
 def test_memory_between_arrays_in_use_goes_back():
     arrays = [np.ones(4000) for _ in range(2000)]  # of 32 kB
     in_use = arrays[::100]

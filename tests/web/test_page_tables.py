@@ -71,6 +71,10 @@ def test_the_headline_says_who_leads_and_that_nobody_does_at_the_start(competito
     assert " leads " in leads
     assert re.search(r" by <b[^>]*>0\.[0-9]{2} s</b>", leads)
     assert " is level with " in headline(at(competitors, 0.0))
+    three = named([*competitors, competitor("gaussian", seed=1)])
+    assert " more" in headline(at(three, 1.0))
+    # only the first two are known to be level
+    assert " more" not in headline(at(three, 0.0))
 
 
 def test_by_place_everyone_is_shown_at_the_first_ones_place(competitors):

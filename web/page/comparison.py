@@ -28,7 +28,7 @@ WHY_CHATTER = (
     "chatter: how much the commanded thrust jumps in a second [m/s²/s]. Motors lag and cannot"
     " follow, it only heats them: less is better."
 )
-# Competitors whose rows have two lines
+# The rows of more competitors than this have one line each
 FEW = 4
 FEWEST = 20  # frames before there is a figure of chatter
 
@@ -68,10 +68,10 @@ def headline(timings: Sequence[LapTiming]) -> str:
         return f"{first} {'finished alone' if going[0].over else 'flies on alone'}"
     second = going[1]
     behind = seconds_behind(second, going[0])
-    more = f" and {len(timings) - 2} more" if len(timings) > 2 else ""
     if not second.over and rounded(behind, 2) == 0.0:
-        return f"{first} is level with {label(second.entry)}{more}"
+        return f"{first} is level with {label(second.entry)}"
     verb = "beats" if second.over else "leads"
+    more = f" and {len(timings) - 2} more" if len(timings) > 2 else ""
     by = ""
     if np.isfinite(behind):
         by = f" by {element('b', f'{rounded(behind, 2):.2f} s', white_space='nowrap')}"
@@ -89,7 +89,7 @@ def seconds_behind(s: LapTiming, leader: LapTiming) -> float:
 def comparison(timings: Sequence[LapTiming]) -> str:
     """Return a row for each competitor, the leader first, with its chatter in large figures.
 
-    The rows of more than FEW competitors are lower; a phone shows the first of them (page.css).
+    More than FEW competitors have rows of one line. On a phone, page.css shows the first FEW.
     """
     ranked = order(timings)
     going = [s for s in ranked if not _is_out(s)]
