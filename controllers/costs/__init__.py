@@ -336,21 +336,40 @@ class Cost:
         Raises:
             ValueError: an array of another length than the horizon.
         """
-        values = [term.weight for term in self.terms]
-        values += self.params
-        for term in self.terms:
-            values += term.parameters or ()
-        if not any(np.ndim(value) for value in values):
-            return np.array([values], float)
-        rows = np.empty((horizon, len(values)))
-        for k, (name, value) in enumerate(zip(self.number_names, values, strict=True)):
-            if np.shape(value) not in ((), (horizon,)):
+        if not self._by_step:
+            return np.array([self._numbers], float)
+        rows = np.empty((horizon, len(self._numbers)))
+        rows[:] = self._constants
+        for k in self._by_step:
+            value = self._numbers[k]
+            if np.shape(value) != (horizon,):
+                name = self.number_names[k]
                 raise ValueError(
                     f"cost {self.name}: {name}: expected one number or one for each of "
                     f"{horizon} steps, got shape {np.shape(value)}"
                 )
             rows[:, k] = value
         return rows
+
+    @cached_property
+    def _numbers(self) -> list[Any]:
+        """Weights and parameters, as number_names has them."""
+        numbers: list[Any] = [term.weight for term in self.terms]
+        numbers += self.params
+        for term in self.terms:
+            numbers += term.parameters or ()
+        return numbers
+
+    @cached_property
+    def _by_step(self) -> list[int]:
+        """Indices of the numbers that are arrays, one number for each step of the horizon."""
+        return [k for k, value in enumerate(self._numbers) if np.ndim(value)]
+
+    @cached_property
+    def _constants(self) -> np.ndarray:
+        """The numbers that do not depend on the step, zeros in the others' places.  (n,)"""
+        numbers = [0.0 if np.ndim(value) else value for value in self._numbers]
+        return np.array(numbers, float)
 
     def targets_from(self, target: int, x: np.ndarray, dtype: type = np.float32) -> np.ndarray:
         """Return the target rows from the current one on.

@@ -317,7 +317,8 @@ def in_reach(
     box_high = columns(rows, ObstacleRow, "x_high", "z_high")
     low = box_low - np.maximum(way, 0.0) - turn
     high = box_high - np.minimum(way, 0.0) + turn
-    near = np.flatnonzero(((low <= p) & (p <= high)).all(axis=1))
+    x_near, y_near, z_near = ((low <= p) & (p <= high)).T
+    near = np.flatnonzero(x_near & y_near & z_near)
     found = rows[near]
 
     # A vehicle that touches a row is within its margin already

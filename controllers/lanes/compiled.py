@@ -68,6 +68,11 @@ def _refused(error: NumbaError) -> str:
 _lost_threads = False
 
 
+def lost_threads() -> bool:
+    """Return whether this process was forked from one that had started the threads of the loops."""
+    return _lost_threads
+
+
 def _after_fork() -> None:
     """Let the loops of a forked process run on the one thread that it has.
 

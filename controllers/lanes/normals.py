@@ -129,7 +129,7 @@ def normal_rows(out, scale, lane, group, key, call):
 
 
 @kept
-@njit(fastmath=FAST, error_model="numpy", parallel=True)
+@njit(fastmath=FAST, error_model="numpy", parallel=True, nogil=True)
 def fill_normals(out, scale, key, call, first=0):
     """Fill out with out[b, r, l] = scale[r] N(0, 1), independent over everything.
 

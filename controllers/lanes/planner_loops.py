@@ -92,7 +92,7 @@ reached[l] = np.int32(1) if <is_reached> else np.int32(0)
 
 ROLLOUT = """
 @kept
-@njit(fastmath=FAST, error_model="numpy", parallel=True)
+@njit(fastmath=FAST, error_model="numpy", parallel=True, nogil=True)
 def rollout(x0, U, z, J, noise_factor, cost_factor, low, high, dt, targets, system_numbers,
             cost_numbers<obstacle_arguments>):
     T = U.shape[0]

@@ -13,7 +13,7 @@ CHUNK = 25  # steps of the horizon that a thread sums at a time: 6 kB of partial
 
 
 @kept
-@njit(fastmath=FAST, error_model="numpy", parallel=True)
+@njit(fastmath=FAST, error_model="numpy", parallel=True, nogil=True)
 def _lane_sums(noise, ramp, U, low, high, weights, sums):
     """Fill sums with sums[c, t, l] = sum_b w[b, l] (clip(U + ramp noise) - U).
 

@@ -6,7 +6,9 @@ import os
 
 import numba
 import numpy as np
+from numba.np.ufunc import parallel
 
+from controllers.lanes.compiled import lost_threads
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
 
@@ -22,6 +24,17 @@ def most_threads() -> int:
     if hasattr(os, "sched_getaffinity"):  # Linux
         most = min(len(os.sched_getaffinity(0)), most)
     return most
+
+
+def can_run_side_by_side() -> bool:
+    """Return whether loops may run on several threads for several callers at once.
+
+    numba's own threads ("workqueue") serve one caller at a time; those of OpenMP and TBB serve
+    several. Which of them there are depends on the machine, and is known once a loop has run.
+    """
+    if lost_threads() or not parallel._is_initialized:
+        return False
+    return numba.threading_layer() in ("omp", "tbb")
 
 
 def use_threads(n: int | None) -> int:

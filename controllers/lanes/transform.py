@@ -43,7 +43,7 @@ def settle(z, offset):
             z[t * {W} + l] -= offset[t] * z1[l]
 
 @kept
-@njit(fastmath=set({fast}), error_model="numpy", parallel=True)
+@njit(fastmath=set({fast}), error_model="numpy", parallel=True, nogil=True)
 def transformed(out, scale, offset, turns, key, call, first):
     series, channels, steps, lanes = out.shape
     for b in prange((series + 1) // 2):

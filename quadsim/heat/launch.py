@@ -20,11 +20,19 @@ from quadsim.heat.expectations import (
 )
 from quadsim.heat.patience import Patience
 from quadsim.heat.settings import Awareness
+from quadsim.heat.side_by_side import SideBySide
 from quadsim.heat.spec import HeatSpec
 from quadsim.physics.downwash import Downwash
 from quadsim.physics.plant import Arena, new_arena
 from quadsim.racing.flight import flight
-from quadsim.racing.heat import PlantInArena, RaceFrame, Started, Starter, race_frames
+from quadsim.racing.heat import (
+    PlantInArena,
+    RaceFrame,
+    Started,
+    Starter,
+    in_turn,
+    race_frames,
+)
 from quadsim.racing.marshal import Marshal, RaceReferee
 from quadsim.racing.referee import Referee
 from quadsim.racing.rules import RULES
@@ -58,14 +66,26 @@ def heat_frames(
     first = heat.entrants[0].spec
     assert isinstance(first.plant, str)
     rules = RULES[heat.settings.rules]
-    with closing(new_arena(first.plant, heat.course, first.plant_dt, rules.collide)) as arena:
+    arena = new_arena(first.plant, heat.course, first.plant_dt, rules.collide)
+    with closing(arena), SideBySide() as side_by_side:
         entrants = range(len(heat.entrants))
         streams = [sighting_stream(heat.seed, k) for k in entrants]
         traffic = Traffic(len(heat.entrants), heat.settings.sight, streams)
         starters = [_starter(heat, k, arena, traffic, watched) for k in entrants]
         radii = [entrant.spec.vehicle.radius for entrant in heat.entrants]
         marshal = Marshal(rules, [starter.referee for starter in starters], radii)
-        yield from race_frames(arena, starters, marshal, traffic, first.plant_dt)
+        make_plans = side_by_side if _may_plan_side_by_side(heat) else in_turn
+        yield from race_frames(arena, starters, marshal, traffic, first.plant_dt, make_plans)
+
+
+def _may_plan_side_by_side(heat: HeatSpec) -> bool:
+    """Return whether the vehicles of a race may plan on several threads at once.
+
+    On the wall clock each vehicle pays for its planning time, so it has the machine to itself
+    meanwhile. A user's own controller may rely on being called on the thread of the flight.
+    """
+    specs = [entrant.spec for entrant in heat.entrants]
+    return all(spec.clock != "wall" and spec.controller is None for spec in specs)
 
 
 def _starter(

@@ -4,9 +4,9 @@ It is a generator of Frames, one for each control step, and its consumer sets th
 line collects the frames, the web page draws them as they come and pauses by not asking for the next
 one.
 
-The loop itself is `flight`, which does not step its plant but asks for each physics step. So one
-loop serves a flight alone, whose plant `simulate` steps, and a race, in which quadsim.racing.heat
-steps one world for several flights.
+The loop itself is `flight`, which neither plans nor steps its plant but asks for each plan and for
+each physics step. So one loop serves a flight alone, for which `simulate` does so, and a race, in
+which quadsim.racing.heat plans several flights side by side and steps one world for all of them.
 """
 
 from __future__ import annotations
@@ -172,6 +172,64 @@ class Plan(NamedTuple):
     ms: float
 
 
+class Planning:
+    """A request of a flight: its controller is to plan.
+
+    The plans of several flights at one instant do not depend on each other: they may be made in any
+    order, and on several threads.
+
+    Attributes:
+        is_first: whether this is the first plan of the flight, for which loops may be compiled.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        navigation: Navigation,
+        t: float,
+        controls: int,
+        is_first: bool = False,
+    ):
+        """Ask for a plan.
+
+        Args:
+            controller: the controller.
+            navigation: source of the estimate.
+            t: time now [s].
+            controls: n_u.
+            is_first: whether this is the first plan of the flight.
+        """
+        self.is_first = is_first
+        self._controller = controller
+        self._navigation = navigation
+        self._t = t
+        self._controls = controls
+        self._plan: Plan | None = None
+
+    def run(self) -> None:
+        """Plan.
+
+        Raises:
+            SettingError: the controller returns anything else than a control and PlanStats.
+        """
+        before = perf_counter()
+        answer = self._controller.control(self._navigation.estimate(self._t))
+        ms = 1e3 * (perf_counter() - before)
+        u, stats = checked_plan(self._controller, answer, self._controls)
+        self._plan = Plan(u, stats, ms)
+
+    @property
+    def plan(self) -> Plan:
+        """The plan.
+
+        Raises:
+            RuntimeError: it has not been made.
+        """
+        if self._plan is None:
+            raise RuntimeError("the flight goes on before its plan has been made: call run()")
+        return self._plan
+
+
 class PhysicsStep(NamedTuple):
     """A request of a flight: its plant is to make one physics step."""
 
@@ -214,7 +272,9 @@ def simulate(
     """
     parts = (plant, controller, referee)
     for step in flight(*parts, period, clock, snapshot, navigation, time_limit):
-        if isinstance(step, PhysicsStep):
+        if isinstance(step, Planning):
+            step.run()
+        elif isinstance(step, PhysicsStep):
             plant.step(step.u)
         else:
             yield step
@@ -229,11 +289,11 @@ def flight(
     snapshot: Callable[[], PlannerSnapshot | None] | None = None,
     navigation: Navigation | None = None,
     time_limit: float | None = None,
-) -> Iterator[Frame | PhysicsStep]:
-    """Yield the frames of a flight, and between them a request for each physics step.
+) -> Iterator[Frame | Planning | PhysicsStep]:
+    """Yield the frames of a flight, and between them a request for each plan and physics step.
 
-    The caller steps the plant once for each request, before it asks for the next one. Arguments and
-    errors are those of `simulate`.
+    The caller runs the plan, or steps the plant once, before it asks for the next item. Arguments
+    and errors are those of `simulate`.
     """
     whole_multiple(period, plant.dt)
     began = perf_counter()
@@ -257,7 +317,9 @@ def flight(
 
         # Plan from the present estimate.
         if flying:
-            plan = plan_next(controller, navigation, state.t, len(rest))
+            planning = Planning(controller, navigation, state.t, len(rest), is_first=k == 0)
+            yield planning
+            plan = planning.plan
         # The clock is read before the frame is yielded, as its consumer may take a while.
         ready = clock.now(state.t)
         taken = snapshot() if snapshot and flying and k % SNAPSHOT_EVERY == 0 else None
@@ -291,25 +353,6 @@ def flight(
         next_time = max(state.t + period, plant.state.t)
         clock.wait(next_time)
         events += yield from control_steps(plant, referee, plan.u, next_time, navigation)
-
-
-def plan_next(controller: Controller, navigation: Navigation, t: float, controls: int) -> Plan:
-    """Return the controller's next control from the estimate at t [s], and its planning time.
-
-    Args:
-        controller: the controller.
-        navigation: source of the estimate.
-        t: time now [s].
-        controls: n_u.
-
-    Raises:
-        SettingError: the controller returns anything else than a control and PlanStats.
-    """
-    before = perf_counter()
-    answer = controller.control(navigation.estimate(t))
-    ms = 1e3 * (perf_counter() - before)
-    u, stats = checked_plan(controller, answer, controls)
-    return Plan(u, stats, ms)
 
 
 def rest_of(controller: Controller) -> tuple[float, ...]:

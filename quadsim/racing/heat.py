@@ -1,14 +1,15 @@
 """The loop of a race: several flights in one world, which is stepped once for all of them.
 
-In each physics step every flight goes on until it needs the next one. It plans there if its control
-period has ended (quadsim.racing.flight). Then all forces act, the world makes its step, and the
-marshal looks at all vehicles before their own referees do.
+In each physics step every flight goes on until it needs the next one. Those whose control period
+has ended plan first, all of them from what is known at that instant (quadsim.racing.flight). Then
+all forces act, the world makes its step, and the marshal looks at all vehicles before their own
+referees do.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import count
+from itertools import chain, count
 from typing import NamedTuple, Protocol
 
 from quadsim.dynamics.quadrotor import State
@@ -16,7 +17,7 @@ from quadsim.physics.downwash import Downwash
 from quadsim.physics.plant import Arena
 from quadsim.physics.plant_state import PlantState
 from quadsim.racing.events import Frame
-from quadsim.racing.flight import PhysicsStep
+from quadsim.racing.flight import PhysicsStep, Planning
 from quadsim.racing.marshal import Marshal, Move, RaceReferee
 from quadsim.racing.traffic import Traffic
 from quadsim.rotation import Vec3
@@ -52,7 +53,7 @@ class Started(NamedTuple):
 
     plant: PlantInArena
     # the frames and the requests of the flight, see quadsim.racing.flight.flight
-    steps: Iterator[Frame | PhysicsStep]
+    steps: Iterator[Frame | Planning | PhysicsStep]
 
 
 class Starter(NamedTuple):
@@ -67,6 +68,16 @@ class Starter(NamedTuple):
     start: Callable[[], Started]
 
 
+# Makes the plans of one instant
+MakePlans = Callable[[Sequence[Planning]], None]
+
+
+def in_turn(plannings: Sequence[Planning]) -> None:
+    """Make some plans one after the other."""
+    for planning in plannings:
+        planning.run()
+
+
 class RaceFrame(NamedTuple):
     """One control step of one vehicle of a race."""
 
@@ -78,20 +89,26 @@ class RaceFrame(NamedTuple):
 
 
 def race_frames(
-    arena: Arena, starters: Sequence[Starter], marshal: Marshal, traffic: Traffic, dt: float
+    arena: Arena,
+    starters: Sequence[Starter],
+    marshal: Marshal,
+    traffic: Traffic,
+    dt: float,
+    make_plans: MakePlans = in_turn,
 ) -> Iterator[RaceFrame]:
     """Simulate a race until the last flight has ended, and yield the frames of all flights.
 
     Args:
         arena: the world, which the caller closes.
-        starters: the vehicles, in the order in which they plan at one instant.
+        starters: the vehicles.
         marshal: watches their contacts.
         traffic: what they know of each other.
         dt: physics step [s].
+        make_plans: makes the plans of one instant.
     """
     started: dict[int, Started] = {}
     try:
-        yield from _race(arena, starters, marshal, traffic, dt, started)
+        yield from _race(arena, starters, marshal, traffic, dt, make_plans, started)
     finally:
         for flight in started.values():
             flight.plant.close()
@@ -103,6 +120,7 @@ def _race(
     marshal: Marshal,
     traffic: Traffic,
     dt: float,
+    make_plans: MakePlans,
     started: dict[int, Started],
 ) -> Iterator[RaceFrame]:
     """Simulate a race; `started` collects the flights that have begun."""
@@ -117,19 +135,24 @@ def _race(
                 flying.add(k)
                 traffic.note(k, t, started[k].plant.state.x, 0)
 
+        # Those whose control period has ended plan.
+        first_items = {k: next(started[k].steps) for k in sorted(flying)}
+        make_plans([item for item in first_items.values() if isinstance(item, Planning)])
+        traffic.pass_on()
+
         # Each flight goes on until it needs the next physics step. A flight that has ended leaves.
         commands: dict[int, tuple[float, ...]] = {}
-        for k in sorted(flying):
-            for item in started[k].steps:
+        for k, first_item in first_items.items():
+            for item in chain([first_item], started[k].steps):
                 if isinstance(item, PhysicsStep):
                     commands[k] = item.u
                     break
-                yield RaceFrame(k, t, item)
+                if isinstance(item, Frame):
+                    yield RaceFrame(k, t, item)
             else:
                 flying.discard(k)
                 started[k].plant.remove()
                 traffic.leave(k)
-        traffic.pass_on()
         if not flying and len(started) == len(starters):
             return
 

@@ -62,9 +62,11 @@ class ExpectedPath(NamedTuple):
             times: [s].
         """
         k = (times - self.t0) / self.dt
-        first = np.clip(np.floor(k).astype(int), 0, len(self.positions) - 2)
+        # Conversion to int rounds down, as none of these is negative.
+        first = np.minimum(np.maximum(k, 0.0), len(self.positions) - 2).astype(int)
+        start = self.positions[first]
         share = (k - first)[:, None]
-        return (1.0 - share) * self.positions[first] + share * self.positions[first + 1]
+        return start + share * (self.positions[first + 1] - start)
 
 
 class Noted(NamedTuple):
