@@ -34,7 +34,8 @@ def can_run_side_by_side() -> bool:
     """
     if lost_threads() or not parallel._is_initialized:
         return False
-    return numba.threading_layer() in ("omp", "tbb")
+    layer = numba.threading_layer()  # pyright: ignore[reportPrivateImportUsage]
+    return layer in ("omp", "tbb")
 
 
 def use_threads(n: int | None) -> int:

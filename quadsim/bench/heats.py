@@ -1,4 +1,4 @@
-"""Time what a race of several vehicles costs: control steps beside others, steps of the world."""
+"""Time what a race of several vehicles costs: control steps, steps of the world, whole races."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from quadsim.bench.cases import WARM_UP, median_ms
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State
 from quadsim.heat.aware_planner import AwarePlanner, Eyes
-from quadsim.heat.launch import expectation_of, other_vehicles
+from quadsim.heat.launch import expectation_of, heat_frames, other_vehicles
 from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
 from quadsim.physics.plant import SharedPlant, has_bullet, new_arena
 from quadsim.physics.plant_state import start_state
+from quadsim.racing.heat import RaceFrame
 from quadsim.racing.traffic import ExpectedPath, Traffic
 from quadsim.spec.build import planner_of
 from quadsim.spec.spec import Spec
@@ -29,6 +30,10 @@ EXPECTED: tuple[Expect, ...] = ("velocity", "plans", "own")
 VEHICLES = (1, 8)
 SPEED = 10.0  # of all vehicles [m/s]
 STEPS = 60  # control steps timed of each case
+# Races of so many vehicles are timed, whose planners have so many samples
+RACERS = (1, 2, 4)
+RACE_SAMPLES = 1024
+RACE_TIME = 1.0  # of which so much is timed [s]
 HOVER = (0.0, 0.0, 0.0, 9.81)
 
 
@@ -51,12 +56,33 @@ class WorldTime(NamedTuple):
     us: float
 
 
-def measure_heats(seconds: float) -> tuple[list[OthersTime], list[WorldTime]]:
-    """Return the times of control steps and of the world.
+class RaceTime(NamedTuple):
+    """The time of a race in one world, with all that belongs to it but a page."""
 
-    seconds: approximate time for each case of the world [s].
+    vehicles: int
+    # of each planner
+    samples: int
+    # for a control period of all vehicles
+    ms: float
+    # race time over wall-clock time
+    real_time: float
+
+
+class HeatTimes(NamedTuple):
+    """What a race of several vehicles costs."""
+
+    beside: list[OthersTime]
+    worlds: list[WorldTime]
+    races: list[RaceTime]
+
+
+def measure_heats(seconds: float) -> HeatTimes:
+    """Return the times of control steps, of the world and of whole races.
+
+    Args:
+        seconds: approximate time for each case of the world [s].
     """
-    return list(others_times()), list(world_times(seconds))
+    return HeatTimes(list(others_times()), list(world_times(seconds)), list(race_times()))
 
 
 def others_times() -> Iterator[OthersTime]:
@@ -153,3 +179,33 @@ def world_times(seconds: float) -> Iterator[WorldTime]:
                         plant.arrive()
 
                 yield WorldTime(world, vehicles, 1e3 * median_ms(step, seconds))
+
+
+def race_times() -> Iterator[RaceTime]:
+    """Yield the times of races, by the number of vehicles, which plan each other's flights."""
+    spec = Spec.of(samples=RACE_SAMPLES)
+    period = spec.planner.mppi.dt
+    for vehicles in RACERS:
+        entrants = tuple(Entrant(str(k), spec) for k in range(vehicles))
+        with closing(heat_frames(HeatSpec(entrants))) as frames:
+            # The first plans are longer, and loops may be compiled for them.
+            t = run_until(frames, WARM_UP * period)
+            began = perf_counter()
+            raced = run_until(frames, t + RACE_TIME) - t
+            spent = perf_counter() - began
+        yield RaceTime(
+            vehicles=vehicles,
+            samples=RACE_SAMPLES,
+            ms=1e3 * spent * period / raced,
+            real_time=raced / spent,
+        )
+
+
+def run_until(frames: Iterator[RaceFrame], t: float) -> float:
+    """Fly a race until t [s], or to its end if that is earlier, and return its time then [s]."""
+    last = 0.0
+    for frame in frames:
+        last = frame.t
+        if last >= t:
+            break
+    return last

@@ -10,7 +10,7 @@ from rich.table import Table
 from quadsim.bench.cases import QUADROTOR, SWEPT, CaseTime, paper_case
 from quadsim.bench.envs import PUBLISHED, EnvsSpeed, RacesSpeed
 from quadsim.bench.gates import GatesTime
-from quadsim.bench.heats import OthersTime, WorldTime
+from quadsim.bench.heats import OthersTime, RaceTime, WorldTime
 from quadsim.bench.peers import PeerTime
 from quadsim.bench.stages import PartTime
 from quadsim.console import plain_table
@@ -113,6 +113,16 @@ def worlds_table(rows: Sequence[WorldTime]) -> Table:
     table = plain_table("\nworld", "\nvehicles", "a physics\nstep [us]", left=(0,), no_wrap=True)
     for row in rows:
         table.add_row(row.world, str(row.vehicles), f"{row.us:.0f}")
+    return table
+
+
+def heat_table(rows: Sequence[RaceTime]) -> Table:
+    """Return the times of races in one world."""
+    heads = ("vehicles\nin a race", "samples\nof each", "a control\nperiod [ms]", "of real\ntime")
+    table = plain_table(*heads, no_wrap=True)
+    for row in rows:
+        numbers = (f"{row.ms:.1f}", f"{row.real_time:.2f}")
+        table.add_row(str(row.vehicles), str(row.samples), *numbers)
     return table
 
 

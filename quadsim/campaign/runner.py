@@ -60,14 +60,17 @@ class Tally(Progress):
             TextColumn("{task.description}"),
         )
         super().__init__(*columns, console=console, transient=True, disable=not console.is_terminal)
+        self._kept = kept
         self.add_task("", total=total, completed=kept)
 
     def count(self, note: str) -> None:
         """Count one attempt; the note says which, and how it ended."""
         (task,) = self.tasks
         self.advance(task.id)
-        if task.time_remaining:
-            note += f", {task.time_remaining:.0f} s left"
+        if task.remaining:
+            # By the mean since the start: attempts often end several at a time.
+            each = (task.elapsed or 0.0) / (task.completed - self._kept)
+            note += f", {each * task.remaining:.0f} s left"
         self.update(task.id, description=note)
         if self.disable:
             complain(f"{task.completed:.0f}/{task.total:.0f} {note}")

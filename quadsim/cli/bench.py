@@ -23,6 +23,7 @@ from quadsim.bench.tables import (
     case_tables,
     envs_table,
     gates_table,
+    heat_table,
     other_simulators,
     others_table,
     peer_lines,
@@ -46,7 +47,8 @@ def bench(
         bool, Switch("only environments for learning, in lanes and in arrays (extra: rl)")
     ] = False,
     heats: Annotated[
-        bool, Switch("only races of several: control steps beside others, steps of the world")
+        bool,
+        Switch("only races of several: control steps beside others, the world, whole races"),
     ] = False,
     show_code: Annotated[
         bool, Switch("print the loops that are compiled for the default race, and time nothing")
@@ -63,7 +65,7 @@ def bench(
 
     race bench --envs      steps of learning environments and of races of several a second
 
-    race bench --heats     a control step beside 1, 3 and 7 other vehicles
+    race bench --heats     a control step beside 1, 3 and 7 other vehicles, and whole races
 
     race bench --show-code the compiled loops as text: model and cost, inlined into a loop over
     samples
@@ -133,16 +135,18 @@ def _bench_gates(json: bool) -> None:
 
 
 def _bench_heats(seconds: float, json: bool) -> None:
-    """Time control steps beside other vehicles, and steps of a world of several."""
-    beside, worlds = measure_heats(seconds)
+    """Time control steps beside other vehicles, steps of a world of several, and races."""
+    times = measure_heats(seconds)
     if json:
         result = {
-            "others": [row._asdict() for row in beside],
-            "worlds": [row._asdict() for row in worlds],
+            "others": [row._asdict() for row in times.beside],
+            "worlds": [row._asdict() for row in times.worlds],
+            "races": [row._asdict() for row in times.races],
         }
         emit_json(result)
     else:
-        emit(others_table(beside), "", worlds_table(worlds))
+        emit(others_table(times.beside), "", worlds_table(times.worlds))
+        emit("", heat_table(times.races))
 
 
 def _bench_envs(seconds: float, json: bool) -> None:

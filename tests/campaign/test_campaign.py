@@ -14,7 +14,7 @@ import pytest
 
 import quadsim
 from quadsim.campaign.compare import identity
-from quadsim.campaign.runner import Runner
+from quadsim.campaign.runner import Runner, Tally
 from quadsim.campaign.store import Store
 from quadsim.cli.cli import race
 from tests.campaign_cases import FLIGHT, RACE, end_after, seeds_flown, start, variant
@@ -184,3 +184,14 @@ def test_a_comparison_that_lost_all_its_attempts_is_one_line(tmp_path, capsys, m
     assert compare(tmp_path / "c.sqlite", "--jobs", "1", attempts=1) == 2
     assert capsys.readouterr().err.splitlines()[-1].startswith("race compare: ")
     assert not (tmp_path / "c.report").exists()
+
+
+def test_the_time_left_is_the_mean_time_of_an_attempt_times_their_number(capsys):
+    with Tally(total=5, kept=1) as tally:
+        (task,) = tally.tasks
+        assert task.start_time is not None
+        task.start_time -= 10.0
+        tally.count("seed 0")
+        tally.count("seed 1")
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-2:] == ["2/5 seed 0, 30 s left", "3/5 seed 1, 10 s left"]
