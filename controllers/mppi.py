@@ -38,6 +38,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -72,6 +73,14 @@ class Iteration:
     # (alternative - nominal) / ramp, added to the perturbations of the last samples  (2, T, n_u)
     rest_offset: np.ndarray
     J: np.ndarray  # cost of each sample  (M,)
+
+
+class Held(NamedTuple):
+    """The perturbations of one chunk of an iteration."""
+
+    it: Iteration
+    chunk: slice
+    z: np.ndarray  # (series, n_u, halves * T, LANES)
 
 
 class MPPI:
@@ -152,6 +161,8 @@ class MPPI:
         self.samples = config.samples  # M, which a deadline may change
         self.last: Iteration | None = None
         self._calls = 0
+        # The perturbations that the sampler's memory holds, which the next draw overwrites
+        self._held: Held | None = None
 
     def control(self, known: Estimate | np.ndarray) -> tuple[np.ndarray, PlanStats]:
         """Plan, and return the control to apply.
@@ -256,7 +267,8 @@ class MPPI:
     def perturbations(self, it: Iteration, chunk: slice) -> np.ndarray:
         """Return the perturbations z of a chunk's samples, relative to the nominal sequence.
 
-        Those of sample 0 are zero, so that the nominal sequence itself is rolled out.
+        Those of sample 0 are zero, so that the nominal sequence itself is rolled out. The last ones
+        that were drawn are still there, for display.
 
         Args:
             it: the iteration.
@@ -265,6 +277,8 @@ class MPPI:
         Returns:
             Perturbations  (series, n_u, halves * T, LANES), see controllers.lanes.layout.
         """
+        if self._held and self._held.it is it and self._held.chunk == chunk:
+            return self._held.z
         count = chunk.stop - chunk.start
         T = self.config.horizon
         M = len(it.J)
@@ -278,6 +292,7 @@ class MPPI:
             layout.first_steps(z, T)[:] = 0
         if chunk.start == 0:
             layout.sample(z, 0, T)[:] = 0
+        self._held = Held(it, chunk, z)
         return z
 
     def costs(self, it: Iteration, z: np.ndarray, chunk: slice) -> np.ndarray:

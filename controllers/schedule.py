@@ -17,6 +17,7 @@ more weight than the beginning of its path.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -29,17 +30,35 @@ class Schedule:
     cost_rise: float = 0.0  # at least 0
 
     def noise(self, horizon: int) -> np.ndarray:
-        """Return n_t, the factors on the perturbations.
+        """Return n_t, the factors on the perturbations, an array that cannot be written to.
 
         Returns:
             Factors of the blocks of samples with an even index, and of those with an odd one
             (2, T).
         """
-        even = np.linspace(self.first_noise, 1.0, horizon)
-        odd = np.ones(horizon)
-        return np.stack([even, odd])
+        return _noise(self.first_noise, horizon)
 
     def cost(self, horizon: int) -> np.ndarray:
-        """Return s_t, the weights of the stage cost, whose mean is 1.  (T,)"""
-        s = ((np.arange(horizon) + 1.0) / horizon) ** self.cost_rise
-        return s / s.mean()
+        """Return s_t, the weights of the stage cost, whose mean is 1.  (T,)
+
+        The array cannot be written to.
+        """
+        return _cost(self.cost_rise, horizon)
+
+
+# A planner asks for both in each control step.
+@lru_cache(maxsize=64)
+def _noise(first_noise: float, horizon: int) -> np.ndarray:
+    even = np.linspace(first_noise, 1.0, horizon)
+    odd = np.ones(horizon)
+    factors = np.stack([even, odd])
+    factors.flags.writeable = False
+    return factors
+
+
+@lru_cache(maxsize=64)
+def _cost(cost_rise: float, horizon: int) -> np.ndarray:
+    s = ((np.arange(horizon) + 1.0) / horizon) ** cost_rise
+    weights = s / s.mean()
+    weights.flags.writeable = False
+    return weights
