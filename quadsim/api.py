@@ -121,7 +121,9 @@ def race(
     from quadsim.campaign.line_ups import line_up
     from quadsim.heat.spec import HeatSpec
     from quadsim.heats import fly_heat
+    from quadsim.spec.build import use_threads_of
 
+    use_threads_of(settings.pop("threads", None))
     made, of_race = line_up(course, entrants, settings)
     seed = made[0].spec.seed if made else 0
     return fly_heat(HeatSpec(made, of_race, seed, rotation))

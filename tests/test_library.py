@@ -137,6 +137,20 @@ def test_the_number_of_threads_is_used(on_threads):
     assert on_threads(2, fly) == 1
 
 
+def test_the_number_of_threads_is_used_in_races_of_several(on_threads):
+    from controllers.lanes.threads import threads
+
+    short = SMALL | {"timeout": 0.05, "laps": 1}
+
+    def race():
+        quadsim.race(["colored", "gaussian"], "figure8", **short, threads=1)
+        return threads()
+
+    assert on_threads(2, race) == 1
+    with pytest.raises(quadsim.SettingError, match="threads: expected a whole number"):
+        quadsim.race(["colored", "gaussian"], "figure8", **short, threads=0)
+
+
 def test_mppi_alone_in_a_loop_brings_the_double_integrator_to_its_goal():
     dt = 0.05
     system = double_integrator(dt)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated
 
 from msgspec import Meta
 from rich.live import Live
@@ -30,7 +30,6 @@ from quadsim.console import (
     progress_console,
     uninterrupted,
 )
-from quadsim.files.values import checked
 from quadsim.heat.archive import find_heat, load_heat, spec_of_heat
 from quadsim.heat.launch import heat_frames
 from quadsim.heat.result import HeatRecorder
@@ -38,7 +37,8 @@ from quadsim.heat.spec import HeatSpec
 from quadsim.heats import Heat
 from quadsim.record.run import RunError
 from quadsim.record.whole_files import expect_file
-from quadsim.spec.settings import SETTINGS, FlightSettings, SettingError
+from quadsim.spec.build import use_threads_of
+from quadsim.spec.settings import FlightSettings, SettingError
 
 # Who races where nobody is named
 ENTRANTS = ("colored", "gaussian")
@@ -129,20 +129,6 @@ def heat(
             *tables_of(found),
         )
     return 0 if len(results) == starts else 1
-
-
-def use_threads_of(given: object) -> None:
-    """Use a number of CPU threads from now on, all of them where none is given.
-
-    Raises:
-        SettingError: the number is less than 1, or more than this machine has.
-    """
-    if given is None:
-        return
-    from controllers.lanes.threads import use_threads  # here: it loads the compiler
-
-    number = cast(int, checked("threads", given, SETTINGS["threads"].kind))
-    use_threads(number)
 
 
 def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:

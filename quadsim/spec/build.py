@@ -23,6 +23,7 @@ from controllers.presets import Planner
 from quadsim.course import Course, Gate
 from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import State, quadrotor
+from quadsim.files.values import checked
 from quadsim.files.yaml_errors import shown_value
 from quadsim.firmware.configuration import eeprom_with_log
 from quadsim.physics.actuators import Actuators
@@ -69,7 +70,7 @@ from quadsim.spec.changes import ChangeablePlanner
 from quadsim.spec.identified import firmware_for
 from quadsim.spec.parts import called, made
 from quadsim.spec.reference import reference_of
-from quadsim.spec.settings import SettingError
+from quadsim.spec.settings import SETTINGS, SettingError
 from quadsim.spec.spec import Spec
 from quadsim.streams import sensor_streams
 from quadsim.vehicle import Vehicle
@@ -97,6 +98,19 @@ def with_threads(spec: Spec) -> Spec:
     from controllers.lanes.threads import use_threads  # here: it loads the compiler
 
     return spec.on_threads(use_threads(spec.threads))
+
+
+def use_threads_of(given: object) -> None:
+    """Use the number of CPU threads that a user asks for; None: leave it as it is.
+
+    Raises:
+        SettingError: the number is less than 1, or more than this machine has.
+    """
+    if given is None:
+        return
+    from controllers.lanes.threads import use_threads  # here: it loads the compiler
+
+    use_threads(cast(int, checked("threads", given, SETTINGS["threads"].kind)))
 
 
 def build(
