@@ -56,6 +56,20 @@ def test_a_cheapest_sample_flown_again_costs_what_it_cost(flight):
     assert terms.sum(axis=1) == pytest.approx(last.J[best], rel=1e-3)
 
 
+def test_samples_of_an_earlier_iteration_are_drawn_again(flight):
+    spec, plant, mppi, referee = flight
+    stream = launch(spec, FlightParts(plant, mppi, referee))
+    next(stream)
+    earlier = mppi.last
+    some = np.array([0, 63, 64, 255])
+    at_once = controls(mppi, earlier, some)
+    next(stream)
+    later = controls(mppi, mppi.last, some)
+    assert np.array_equal(controls(mppi, earlier, some), at_once)
+    assert np.array_equal(controls(mppi, mppi.last, some), later)
+    assert not np.array_equal(at_once, later)
+
+
 def test_looking_changes_nothing(flight):
     _, mppi = flown(flight)
     plan, temperature = mppi.plan.copy(), mppi.temperature
