@@ -153,7 +153,7 @@ def _named(one: object) -> tuple[str | None, Any]:
         is_setting = setting in SETTINGS or setting in KINDS
         if not named or "+" in head or (is_setting and head != "pilot"):
             return None, one
-        return head, parts
+        return head, one if head == "pilot" else parts
     if isinstance(one, Entrant):
         return one.name, one
     if isinstance(one, Spec):

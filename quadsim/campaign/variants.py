@@ -129,8 +129,8 @@ def _kind_of(part: str) -> str:
         return "pilot"
     if part in PRESETS or part.endswith(SUFFIXES):
         return "preset"
-    near = did_you_mean(part, [*SAMPLERS, *PRESETS])
-    raise ValueError(f"no sampler or preset {part!r}: {near}")
+    near = did_you_mean(part, [*SAMPLERS, *PRESETS, *pilot_names()])
+    raise ValueError(f"no sampler, preset or pilot {part!r}: {near}")
 
 
 def make_variants(

@@ -142,7 +142,7 @@ def test_race_compare_flies_each_setting_from_the_same_starts(tmp_path, capsys):
     [
         (["--line-up", "colored", "--attempts=3"], "expected --starts in place of --attempts"),
         (["--starts=4"], "expected --line-up beside it"),
-        (["--line-up", "colored", "colored", "--variants=nonsense"], "no sampler or preset"),
+        (["--line-up", "colored", "colored", "--variants=nonsense"], "no sampler, preset or pilot"),
     ],
 )
 def test_flags_that_do_not_fit_a_line_up_are_one_line(flags, problem, capsys):

@@ -50,7 +50,7 @@ WRONG = {
     "fly split_s_swfit": "no course 'split_s_swfit': did you mean 'split_s_swift'?",
     "fly xyzzy": "no course 'xyzzy'",
     "fly --plant-dt 1e-9": "--plant-dt: expected",
-    "compare paper_flat --variants colred": "--variants: no sampler or preset 'colred'",
+    "compare paper_flat --variants colred": "--variants: no sampler, preset or pilot 'colred'",
     "compare paper_flat --variants a\x07=colored": "--variants: expected",
     "compare paper_flat --campaign .": "'.': expected",
     "compare paper_flat --campaign=": "'.': expected",

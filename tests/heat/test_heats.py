@@ -199,7 +199,7 @@ def test_a_race_that_cannot_be_written_leaves_nothing(tmp_path):
     [
         (["colored"] * 9, {}, "entrants: expected 1 to 8 of them, got 9"),
         (["a=colored", "a=gaussian"], {}, "entrants: expected different names, got 'a' 2 times"),
-        (["colord"], {}, "entrants: no sampler or preset 'colord': did you mean 'colored'?"),
+        (["colord"], {}, "entrants: no sampler, preset or pilot 'colord': did you mean 'colored'?"),
         (["colored", "gaussian+laps=2"], {}, "entrants: expected laps 1 for 'gaussian+laps=2'"),
         (["colored", "gaussian"], {"spacing": 0.05}, "spacing: expected starts more than 0.1 m"),
         (["colored", "gaussian"], {"spacing": 9}, "spacing: expected at most"),
@@ -216,6 +216,11 @@ def test_what_cannot_race_is_one_line(entrants, settings, problem):
         heat(*entrants, course=course, **settings)
     assert problem in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_a_pilot_that_does_not_exist_is_one_line():
+    with pytest.raises(quadsim.FileError, match=r"^no pilot 'split': expected FILE\.npz, or one"):
+        heat("pilot=split", "colored", course="figure8")
 
 
 def test_a_text_is_no_list_of_entrants():
