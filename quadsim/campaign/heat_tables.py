@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import isnan
 
 from quadsim.campaign.heats import EntrantStats, HeatsSummary
@@ -53,10 +54,21 @@ def overtakers_table(found: HeatsSummary) -> TextTable:
             "overtakes": lambda o: o.name,
             "whom": lambda o: o.other,
             "races": lambda o: f"{o.races}/{found.races}",
-            "first at gate": lambda o: _mean(o.gates, 1),
+            "first at gate": lambda o: _gate(o.gates),
         },
         texts=(0, 1),
     )
+
+
+# Fewer overtakes have no useful interval: that of three may span more than the race.
+LEAST_OVERTAKES = 5
+
+
+def _gate(gates: Mean) -> str:
+    """Return the mean gate of some overtakes, with its interval, which begins at the first gate."""
+    if 0 < gates.n < LEAST_OVERTAKES:
+        return f"{gates.mean:.1f}"
+    return _mean(replace(gates, low=max(gates.low, 1.0)), 1)
 
 
 def lines_of(found: HeatsSummary) -> list[str]:

@@ -11,6 +11,7 @@ import time
 import numpy as np
 import pytest
 
+from quadsim.campaign.heat_tables import overtakers_table
 from quadsim.campaign.heats import (
     PairStats,
     StoredEvent,
@@ -25,7 +26,7 @@ from quadsim.campaign.paired_heats import FlownHeats, difference
 from quadsim.cli.cli import race
 from quadsim.files.values import SettingError
 from quadsim.record.run import RunError
-from quadsim.record.statistics import wilson
+from quadsim.record.statistics import mean_interval, wilson
 
 SMALL = {"laps": 1, "samples": 128, "horizon": 60, "first_iterations": 10, "timeout": 0.4}
 
@@ -92,6 +93,17 @@ def test_a_summary_counts_wins_contacts_and_overtakes():
     (overtaker,) = found.overtakers
     assert (overtaker.name, overtaker.other, overtaker.races) == ("a", "b", 1)
     assert overtaker.gates.mean == 10.0
+
+
+def test_few_overtakes_have_a_mean_without_an_interval():
+    def first_at(laps):
+        races = [stored("ab", ("overtake", "a", "b", 1, lap)) for lap in laps]
+        return overtakers_table(summary(["a", "b"], races, gates=7)).rows[0][-1]
+
+    assert first_at([1, 3]) == "8.0"
+    assert first_at([1] * 5 + [3]) == "3.3 (1.0 to 9.3)"
+    # The interval would begin before the first gate.
+    assert mean_interval([1.0] * 5 + [15.0]).low < 1.0
 
 
 def test_settings_are_compared_race_by_race():
