@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from types import TracebackType
 
-from controllers.lanes.threads import can_run_side_by_side, threads, use_threads
 from quadsim.racing.flight import Planning
 from quadsim.racing.heat import in_turn
 
@@ -42,6 +41,9 @@ class SideBySide:
 
     def __call__(self, plannings: Sequence[Planning]) -> None:
         """Make some plans."""
+        # Imported here, as it loads the compiler
+        from controllers.lanes.threads import can_run_side_by_side, threads
+
         shared = threads()
         few = min(len(plannings), shared) < 2
         if few or any(planning.is_first for planning in plannings) or not can_run_side_by_side():
@@ -58,5 +60,7 @@ class SideBySide:
 
 def _plan(planning: Planning, share: int) -> None:
     """Make a plan on some of the threads."""
+    from controllers.lanes.threads import use_threads
+
     use_threads(share)
     planning.run()
