@@ -134,8 +134,8 @@ def store(root, run):
         return folder.save(run)
 
 
-def until(claim, seconds=10.0):
-    """Return whether the claim comes true in time."""
+def until(claim, seconds=60.0):
+    """Return whether the claim comes true in time, in which a planner may be compiled."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         if claim():
