@@ -75,10 +75,10 @@ class Iteration:
     J: np.ndarray  # cost of each sample  (M,)
 
 
-class Held(NamedTuple):
-    """The perturbations of one chunk of an iteration."""
+class DrawnChunk(NamedTuple):
+    """A DrawnChunk holds the perturbations that were drawn for one chunk of an iteration."""
 
-    it: Iteration
+    iteration: Iteration
     chunk: slice
     z: np.ndarray  # (series, n_u, halves * T, LANES)
 
@@ -161,8 +161,8 @@ class MPPI:
         self.samples = config.samples  # M, which a deadline may change
         self.last: Iteration | None = None
         self._calls = 0
-        # The perturbations that the sampler's memory holds, which the next draw overwrites
-        self._held: Held | None = None
+        # The chunk that is in the sampler's memory, until the next draw overwrites it
+        self._drawn: DrawnChunk | None = None
 
     def control(self, known: Estimate | np.ndarray) -> tuple[np.ndarray, PlanStats]:
         """Plan, and return the control to apply.
@@ -267,8 +267,8 @@ class MPPI:
     def perturbations(self, it: Iteration, chunk: slice) -> np.ndarray:
         """Return the perturbations z of a chunk's samples, relative to the nominal sequence.
 
-        Those of sample 0 are zero, so that the nominal sequence itself is rolled out. The last ones
-        that were drawn are still there, for display.
+        Those of sample 0 are zero, so that the nominal sequence itself is rolled out. The chunk
+        that was drawn last is not drawn again.
 
         Args:
             it: the iteration.
@@ -277,8 +277,11 @@ class MPPI:
         Returns:
             Perturbations  (series, n_u, halves * T, LANES), see controllers.lanes.layout.
         """
-        if self._held and self._held.it is it and self._held.chunk == chunk:
-            return self._held.z
+        # A display asks for the samples of the last iteration, which are still in memory.
+        drawn = self._drawn
+        if drawn and drawn.iteration is it and drawn.chunk == chunk:
+            return drawn.z
+
         count = chunk.stop - chunk.start
         T = self.config.horizon
         M = len(it.J)
@@ -292,7 +295,7 @@ class MPPI:
             layout.first_steps(z, T)[:] = 0
         if chunk.start == 0:
             layout.sample(z, 0, T)[:] = 0
-        self._held = Held(it, chunk, z)
+        self._drawn = DrawnChunk(it, chunk, z)
         return z
 
     def costs(self, it: Iteration, z: np.ndarray, chunk: slice) -> np.ndarray:

@@ -30,7 +30,7 @@ class Schedule:
     cost_rise: float = 0.0  # at least 0
 
     def noise(self, horizon: int) -> np.ndarray:
-        """Return n_t, the factors on the perturbations, an array that cannot be written to.
+        """Return n_t, the factors on the perturbations. The array is read-only.
 
         Returns:
             Factors of the blocks of samples with an even index, and of those with an odd one
@@ -41,14 +41,15 @@ class Schedule:
     def cost(self, horizon: int) -> np.ndarray:
         """Return s_t, the weights of the stage cost, whose mean is 1.  (T,)
 
-        The array cannot be written to.
+        The array is read-only.
         """
         return _cost(self.cost_rise, horizon)
 
 
-# A planner asks for both in each control step.
+# A planner asks for these factors and weights in each control step, so they are kept.
 @lru_cache(maxsize=64)
 def _noise(first_noise: float, horizon: int) -> np.ndarray:
+    """Return the factors on the perturbations, see Schedule.noise.  (2, T)"""
     even = np.linspace(first_noise, 1.0, horizon)
     odd = np.ones(horizon)
     factors = np.stack([even, odd])
@@ -58,6 +59,7 @@ def _noise(first_noise: float, horizon: int) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _cost(cost_rise: float, horizon: int) -> np.ndarray:
+    """Return the weights of the stage cost, see Schedule.cost.  (T,)"""
     s = ((np.arange(horizon) + 1.0) / horizon) ** cost_rise
     weights = s / s.mean()
     weights.flags.writeable = False

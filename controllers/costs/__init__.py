@@ -352,9 +352,9 @@ class Cost:
         return rows
 
     @cached_property
-    def _numbers(self) -> list[Any]:
-        """Weights and parameters, as number_names has them."""
-        numbers: list[Any] = [term.weight for term in self.terms]
+    def _numbers(self) -> list[float | np.ndarray]:
+        """The weights and parameters, in the order of number_names."""
+        numbers: list[float | np.ndarray] = [term.weight for term in self.terms]
         numbers += self.params
         for term in self.terms:
             numbers += term.parameters or ()
@@ -362,12 +362,12 @@ class Cost:
 
     @cached_property
     def _by_step(self) -> list[int]:
-        """Indices of the numbers that are arrays, one number for each step of the horizon."""
+        """The indices of the numbers that depend on the step of the horizon."""
         return [k for k, value in enumerate(self._numbers) if np.ndim(value)]
 
     @cached_property
     def _constants(self) -> np.ndarray:
-        """The numbers that do not depend on the step, zeros in the others' places.  (n,)"""
+        """The numbers, with a zero in place of each one that depends on the step.  (n,)"""
         numbers = [0.0 if np.ndim(value) else value for value in self._numbers]
         return np.array(numbers, float)
 

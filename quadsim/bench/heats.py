@@ -30,10 +30,9 @@ EXPECTED: tuple[Expect, ...] = ("velocity", "plans", "own")
 VEHICLES = (1, 8)
 SPEED = 10.0  # of all vehicles [m/s]
 STEPS = 60  # control steps timed of each case
-# Races of so many vehicles are timed, whose planners have so many samples
-RACERS = (1, 2, 4)
-RACE_SAMPLES = 1024
-RACE_TIME = 1.0  # of which so much is timed [s]
+RACERS = (1, 2, 4)  # numbers of vehicles in the races that are timed
+RACE_SAMPLES = 1024  # number of samples of each planner in these races
+RACE_TIME = 1.0  # race time during which each of them is timed [s]
 HOVER = (0.0, 0.0, 0.0, 9.81)
 
 
@@ -57,19 +56,19 @@ class WorldTime(NamedTuple):
 
 
 class RaceTime(NamedTuple):
-    """The time of a race in one world, with all that belongs to it but a page."""
+    """RaceTime is what a race in one world takes: plans, physics and rules, without a page."""
 
     vehicles: int
-    # of each planner
+    # samples of each planner
     samples: int
-    # for a control period of all vehicles
+    # wall-clock time for one control period of all vehicles [ms]
     ms: float
     # race time over wall-clock time
     real_time: float
 
 
 class HeatTimes(NamedTuple):
-    """What a race of several vehicles costs."""
+    """HeatTimes holds the measurements that `race bench --heats` reports."""
 
     beside: list[OthersTime]
     worlds: list[WorldTime]
@@ -182,7 +181,7 @@ def world_times(seconds: float) -> Iterator[WorldTime]:
 
 
 def race_times() -> Iterator[RaceTime]:
-    """Yield the times of races, by the number of vehicles, which plan each other's flights."""
+    """Yield the time of a race for each number of vehicles. They plan each other's flights."""
     spec = Spec.of(samples=RACE_SAMPLES)
     period = spec.planner.mppi.dt
     for vehicles in RACERS:

@@ -60,12 +60,12 @@ def overtakers_table(found: HeatsSummary) -> TextTable:
     )
 
 
-# Fewer overtakes have no useful interval: that of three may span more than the race.
+# Fewer overtakes are shown without an interval, which could be wider than the race is long.
 LEAST_OVERTAKES = 5
 
 
 def _gate(gates: Mean) -> str:
-    """Return the mean gate of some overtakes, with its interval, which begins at the first gate."""
+    """Return the mean gate of overtakes; its interval does not extend below the first gate."""
     if 0 < gates.n < LEAST_OVERTAKES:
         return f"{gates.mean:.1f}"
     return _mean(replace(gates, low=max(gates.low, 1.0)), 1)

@@ -153,7 +153,10 @@ def _named(one: object) -> tuple[str | None, Any]:
         is_setting = setting in SETTINGS or setting in KINDS
         if not named or "+" in head or (is_setting and head != "pilot"):
             return None, one
-        return head, one if head == "pilot" else parts
+        # pilot=NAME names the entrant "pilot" and is its setting as well.
+        if head == "pilot":
+            return head, one
+        return head, parts
     if isinstance(one, Entrant):
         return one.name, one
     if isinstance(one, Spec):

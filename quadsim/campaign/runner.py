@@ -68,7 +68,7 @@ class Tally(Progress):
         (task,) = self.tasks
         self.advance(task.id)
         if task.remaining:
-            # By the mean since the start: attempts often end several at a time.
+            # The mean covers all attempts since the start, as several often end at once.
             each = (task.elapsed or 0.0) / (task.completed - self._kept)
             note += f", {each * task.remaining:.0f} s left"
         self.update(task.id, description=note)

@@ -9,6 +9,7 @@ from functools import partial
 from typing import cast
 
 from controllers.costs.keep_clear import OtherVehicle, Room
+from controllers.samplers import Sampling
 from quadsim.heat.aware_planner import AwarePlanner, Eyes, PlanningClock, Racecraft
 from quadsim.heat.expectations import (
     OPPONENT_STEPS,
@@ -82,10 +83,15 @@ def _may_plan_side_by_side(heat: HeatSpec) -> bool:
     """Return whether the vehicles of a race may plan on several threads at once.
 
     On the wall clock each vehicle pays for its planning time, so it has the machine to itself
-    meanwhile. A user's own controller may rely on being called on the thread of the flight.
+    meanwhile. A user's own controller or sampler may rely on being called on one thread.
     """
     specs = [entrant.spec for entrant in heat.entrants]
-    return all(spec.clock != "wall" and spec.controller is None for spec in specs)
+    on_wall_clock = any(spec.clock == "wall" for spec in specs)
+    has_own_parts = any(
+        spec.controller is not None or not isinstance(spec.planner.sampling, Sampling)
+        for spec in specs
+    )
+    return not on_wall_clock and not has_own_parts
 
 
 def _starter(

@@ -1,7 +1,7 @@
-"""Make the plans of several vehicles at one instant side by side, on the threads of the loops.
+"""Make the plans of several vehicles at the same time, each on a share of the CPU threads.
 
-A plan is made faster by two threads than by one, but not twice as fast: parts of it run on one
-thread. So where several vehicles plan at the same instant, each gets a share of the threads.
+Two threads do not make one plan twice as fast, as parts of a plan run on one thread. Two plans on a
+thread each take less time than the same two plans one after the other on both threads.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from quadsim.racing.heat import in_turn
 class SideBySide:
     """Makes the plans of one instant, several at a time.
 
-    The plans are the same to the last bit as if they were made in turn. First plans are made in
-    turn, as loops may be compiled for them. So are all where the threads of the loops serve one
-    caller at a time.
+    The plans are the same to the last bit as if they were made in turn. They are made in turn where
+    one of them is the first of its flight, for which loops may be compiled, and where the compiled
+    loops serve one caller at a time.
 
-    Use it as a context: its threads end with it.
+    Use it as a context manager: its threads end when the context ends.
     """
 
     def __init__(self) -> None:
@@ -40,26 +40,36 @@ class SideBySide:
             self._pool.shutdown()
 
     def __call__(self, plannings: Sequence[Planning]) -> None:
-        """Make some plans."""
+        """Make the plans, and return when all of them are made.
+
+        Raises:
+            Exception: what the first of the plans that fail raises.
+        """
         # Imported here, as it loads the compiler
         from controllers.lanes.threads import can_run_side_by_side, threads
 
-        shared = threads()
-        few = min(len(plannings), shared) < 2
-        if few or any(planning.is_first for planning in plannings) or not can_run_side_by_side():
+        # Make them in turn where nothing can be shared, or a loop may have to be compiled.
+        available = threads()
+        is_alone = len(plannings) < 2 or available < 2
+        compiles = any(planning.is_first for planning in plannings)
+        if is_alone or compiles or not can_run_side_by_side():
             in_turn(plannings)
             return
+
+        # Share the threads evenly.
         if self._pool is None:
-            self._pool = ThreadPoolExecutor(shared, thread_name_prefix="plans")
-        share = max(shared // len(plannings), 1)
+            self._pool = ThreadPoolExecutor(available, thread_name_prefix="plans")
+        share = max(available // len(plannings), 1)
         futures = [self._pool.submit(_plan, planning, share) for planning in plannings]
+
+        # An error is raised only after the last plan, so that no plan outlives the race.
         wait(futures)
         for future in futures:
             future.result()
 
 
 def _plan(planning: Planning, share: int) -> None:
-    """Make a plan on some of the threads."""
+    """Make one plan on this number of threads."""
     from controllers.lanes.threads import use_threads
 
     use_threads(share)

@@ -173,7 +173,7 @@ class Plan(NamedTuple):
 
 
 class Planning:
-    """A request of a flight: its controller is to plan.
+    """A Planning is a flight's request that its controller makes a plan.
 
     The plans of several flights at one instant do not depend on each other: they may be made in any
     order, and on several threads.
@@ -207,7 +207,7 @@ class Planning:
         self._plan: Plan | None = None
 
     def run(self) -> None:
-        """Plan.
+        """Make the plan, and measure how long it takes.
 
         Raises:
             SettingError: the controller returns anything else than a control and PlanStats.
@@ -220,10 +220,10 @@ class Planning:
 
     @property
     def plan(self) -> Plan:
-        """The plan.
+        """The plan that was made.
 
         Raises:
-            RuntimeError: it has not been made.
+            RuntimeError: the plan has not been made.
         """
         if self._plan is None:
             raise RuntimeError("the flight goes on before its plan has been made: call run()")

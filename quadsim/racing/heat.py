@@ -68,12 +68,12 @@ class Starter(NamedTuple):
     start: Callable[[], Started]
 
 
-# Makes the plans of one instant
+# A function that makes all plans of one instant
 MakePlans = Callable[[Sequence[Planning]], None]
 
 
 def in_turn(plannings: Sequence[Planning]) -> None:
-    """Make some plans one after the other."""
+    """Make the plans one after the other."""
     for planning in plannings:
         planning.run()
 
@@ -104,7 +104,7 @@ def race_frames(
         marshal: watches their contacts.
         traffic: what they know of each other.
         dt: physics step [s].
-        make_plans: makes the plans of one instant.
+        make_plans: function that makes all plans of one instant.
     """
     started: dict[int, Started] = {}
     try:
@@ -135,7 +135,7 @@ def _race(
                 flying.add(k)
                 traffic.note(k, t, started[k].plant.state.x, 0)
 
-        # Those whose control period has ended plan.
+        # The vehicles whose control period has ended plan.
         first_items = {k: next(started[k].steps) for k in sorted(flying)}
         make_plans([item for item in first_items.values() if isinstance(item, Planning)])
         traffic.pass_on()

@@ -101,7 +101,7 @@ def with_threads(spec: Spec) -> Spec:
 
 
 def use_threads_of(given: object) -> None:
-    """Use the number of CPU threads that a user asks for; None: leave it as it is.
+    """Use this number of CPU threads from now on, or leave the number as it is for None.
 
     Raises:
         SettingError: the number is less than 1, or more than this machine has.

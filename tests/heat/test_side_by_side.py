@@ -122,17 +122,34 @@ def test_a_flight_does_not_go_on_without_its_plan():
         _ = planning(Notes()).plan
 
 
-@pytest.mark.parametrize(("clock", "aside"), [("simulated", True), ("wall", False)])
-def test_on_the_wall_clock_each_has_the_machine_to_itself(clock, aside, monkeypatch):
+class Mine:
+    """A user's own sampler."""
+
+    def sample(self, rng, samples, horizon, controls):
+        return 0.1 * rng.standard_normal((samples, horizon, controls))
+
+
+@pytest.mark.parametrize(
+    ("settings", "side_by_side"),
+    [
+        ({}, True),
+        # Each vehicle has the machine to itself while it plans.
+        ({"clock": "wall"}, False),
+        # A user's part may rely on being called on one thread.
+        ({"sampler": Mine()}, False),
+    ],
+    ids=["planners", "wall clock", "own sampler"],
+)
+def test_which_races_plan_side_by_side(settings, side_by_side, monkeypatch):
     called = []
     monkeypatch.setattr(SideBySide, "__call__", lambda self, plannings: called.append(plannings))
-    spec = quadsim.Spec.of("figure8", samples=64, clock=clock)
+    spec = quadsim.Spec.of("figure8", samples=64, **settings)
     frames = heat_frames(HeatSpec((Entrant("a", spec), Entrant("b", spec))))
-    if aside:
+    if side_by_side:
         # Nobody has planned, so no flight can go on.
         with pytest.raises(RuntimeError, match="call run"):
             next(frames)
     else:
         next(frames)
     frames.close()
-    assert bool(called) == aside
+    assert bool(called) == side_by_side
