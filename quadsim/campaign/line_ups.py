@@ -18,10 +18,11 @@ from msgspec import inspect
 
 from quadsim.campaign.variants import Place, Settings, make_variants, parse_parts
 from quadsim.files.values import SettingError, checked
+from quadsim.files.yaml_errors import did_you_mean
 from quadsim.heat.settings import Awareness, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
 from quadsim.spec.settings import SETTINGS
-from quadsim.spec.spec import DEFAULT_COURSE, Spec
+from quadsim.spec.spec import DEFAULT_COURSE, KEYWORDS, Spec
 
 KINDS = {
     field.name: field.type
@@ -189,6 +190,10 @@ def _entrant(
     awareness = None
     if of_awareness:
         awareness = Awareness(**(asdict(heat.awareness) | _read(of_awareness)))
+    for key in own:
+        if key not in KEYWORDS:
+            near = did_you_mean(key, [*KEYWORDS, *OF_AWARENESS])
+            raise SettingError(key, f"no such setting of an entrant, {near}")
     (variant,) = make_variants([course or DEFAULT_COURSE], {kind: own}, shared)
     return _Made(name, kind, variant.spec, awareness)
 

@@ -206,6 +206,7 @@ def test_a_race_that_cannot_be_written_leaves_nothing(tmp_path):
         (["colored"] * 8, {"spacing": 2.0}, "spacing: no room for a start at"),
         (["colored", "gaussian"], {"rules": "fight"}, "rules: expected"),
         (["colored+expect=hope"], {}, "expect: expected"),
+        (["colored+patiense=1"], {}, "patiense: no such setting of an entrant, did you mean 'pati"),
         (["colored", "gaussian"], {"plant": "rotorpy"}, "plant: expected bullet or rigid"),
         (["colored", "gaussian"], {"displace_gates": 0.1}, "displace_gates: expected none"),
     ],
