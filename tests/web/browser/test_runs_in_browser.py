@@ -70,17 +70,27 @@ def test_runs_are_filtered_sorted_and_compared(page, session):
 
 def test_a_press_in_a_chart_moves_the_time_and_the_pointer_shows_values(page, session):
     session.tell(PageRace.play, False)
+    assert waited(page, lambda: not session.snapshot.playing)
     canvas = page.locator('[data-charts="Signals"] canvas').first
     canvas.wait_for()
     place = canvas.bounding_box()
     y = place["y"] + place["height"] / 2
-    page.mouse.move(place["x"] + 150, y)
     legend = page.locator(".race-chart .legend").first
     legend.get_by_text("commanded").first.wait_for()
-    before = legend.inner_text()
+
+    def shown():
+        """Return the time that the legend's values are those of [s]."""
+        return float(legend.locator(".at").inner_text().split()[-1])
+
+    # Without a pointer the values are those of the race's time,
+    page.mouse.move(10, 10)
+    assert waited(page, lambda: abs(shown() - session.snapshot.t) < 0.02)
+    # with one those under it,
+    began = shown()
     page.mouse.move(place["x"] + 120, y)
-    assert waited(page, lambda: legend.inner_text() != before)
-    pointed = float(legend.locator(".at").inner_text().split()[-1])
+    assert waited(page, lambda: abs(shown() - began) > 0.05)
+    # and a press moves the race there.
+    pointed = shown()
     page.mouse.down()
     assert waited(page, lambda: abs(session.snapshot.t - pointed) < 0.02)
     page.mouse.move(place["x"] + 180, y, steps=3)
