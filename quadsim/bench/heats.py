@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.bench.cases import WARM_UP, median_ms
+from quadsim.bench.cases import QUADROTOR, WARM_UP, median_ms, paper_case, starting
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State
 from quadsim.heat.aware_planner import AwarePlanner, Eyes
@@ -65,6 +65,8 @@ class RaceTime(NamedTuple):
     ms: float
     # race time over wall-clock time
     real_time: float
+    # ms over that of a control step at the paper's budget, timed just before
+    steps: float
 
 
 class HeatTimes(NamedTuple):
@@ -79,9 +81,10 @@ def measure_heats(seconds: float) -> HeatTimes:
     """Return the times of control steps, of the world and of whole races.
 
     Args:
-        seconds: approximate time for each case of the world [s].
+        seconds: approximate time for each case of the world, and for each series of control steps
+            beside a race [s].
     """
-    return HeatTimes(list(others_times()), list(world_times(seconds)), list(race_times()))
+    return HeatTimes(list(others_times()), list(world_times(seconds)), list(race_times(seconds)))
 
 
 def others_times() -> Iterator[OthersTime]:
@@ -180,11 +183,17 @@ def world_times(seconds: float) -> Iterator[WorldTime]:
                 yield WorldTime(world, vehicles, 1e3 * median_ms(step, seconds))
 
 
-def race_times() -> Iterator[RaceTime]:
-    """Yield the time of a race for each number of vehicles. They plan each other's flights."""
+def race_times(seconds: float) -> Iterator[RaceTime]:
+    """Yield the time of a race for each number of vehicles. They plan each other's flights.
+
+    Args:
+        seconds: approximate time for each series of control steps [s].
+    """
     spec = Spec.of(samples=RACE_SAMPLES)
     period = spec.planner.mppi.dt
+    whole = starting(paper_case(QUADROTOR, "colored"))
     for vehicles in RACERS:
+        step_ms = median_ms(lambda: whole.mppi.control(whole.x), seconds)
         entrants = tuple(Entrant(str(k), spec) for k in range(vehicles))
         with closing(heat_frames(HeatSpec(entrants))) as frames:
             # The first plans are longer, and loops may be compiled for them.
@@ -192,11 +201,13 @@ def race_times() -> Iterator[RaceTime]:
             began = perf_counter()
             raced = run_until(frames, t + RACE_TIME) - t
             spent = perf_counter() - began
+        ms = 1e3 * spent * period / raced
         yield RaceTime(
             vehicles=vehicles,
             samples=RACE_SAMPLES,
-            ms=1e3 * spent * period / raced,
+            ms=ms,
             real_time=raced / spent,
+            steps=ms / step_ms,
         )
 
 

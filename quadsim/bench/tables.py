@@ -118,10 +118,16 @@ def worlds_table(rows: Sequence[WorldTime]) -> Table:
 
 def heat_table(rows: Sequence[RaceTime]) -> Table:
     """Return the times of races in one world."""
-    heads = ("vehicles\nin a race", "samples\nof each", "a control\nperiod [ms]", "of real\ntime")
+    heads = (
+        "vehicles\nin a race",
+        "samples\nof each",
+        "a control\nperiod [ms]",
+        "of real\ntime",
+        "over one step of\nthe whole budget",
+    )
     table = plain_table(*heads, no_wrap=True)
     for row in rows:
-        numbers = (f"{row.ms:.1f}", f"{row.real_time:.2f}")
+        numbers = (f"{row.ms:.1f}", f"{row.real_time:.2f}", f"{row.steps:.2f}")
         table.add_row(str(row.vehicles), str(row.samples), *numbers)
     return table
 

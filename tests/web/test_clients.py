@@ -10,6 +10,7 @@ from web_cases import until
 from websockets.exceptions import ConnectionClosed
 from wire import connect, open_socket
 
+from web.page.dashboard import PAUSE, SCENE, SHARE, pause_after
 from web.page.messages import MAX_BYTES
 from web.page.server import LoopEvent
 from web.race import PageRace
@@ -220,3 +221,14 @@ def test_nonsense_messages_leave_the_page_working(page, session):
     asyncio.run(client_does())
     session.tell(PageRace.play)
     assert until(lambda: session.snapshot.playing is not None)
+
+
+@pytest.mark.parametrize("spent", [0.0, 0.001, 0.005, 0.01, 0.014])
+def test_updates_of_the_page_leave_most_of_the_time_to_the_planners(spent):
+    pause = pause_after(spent)
+    assert pause >= SCENE
+    assert spent <= SHARE * (spent + pause) + 1e-12
+
+
+def test_a_long_update_of_the_page_does_not_stop_it():
+    assert pause_after(1.0) == PAUSE

@@ -38,14 +38,26 @@ from web.race import Snapshot
 from web.session import Session
 
 # periods [s]
-SCENE = 1 / 25
+SCENE = 1 / 25  # at least; see pause_after
 TABLES = 1 / 8
 SLOW = 1.0  # period of spectra and gaps [s]
+# Share of the time in which the page is updated, at most: the planners need all cores
+SHARE = 1 / 8
+PAUSE = 0.1  # longest time between two updates [s]: a new scene takes long, but once
 HEAD = 340  # width of the head-up display [px]
 
 Colour = Literal["red", "orange", "green", "blue"]
 COLOURS: dict[str, Colour] = {"error": "red", "crash": "orange", "lap": "green", "wait": "blue"}
 NOTICE = 6.0  # [s] for which a notice is shown
+
+
+def pause_after(spent: float) -> float:
+    """Return the time to wait after an update [s].
+
+    Args:
+        spent: time that the update took [s].
+    """
+    return min(max(SCENE, spent / SHARE - spent), PAUSE)
 
 
 class Due:
@@ -173,7 +185,9 @@ class Dashboard:
 
     def _run(self) -> None:
         """Show one snapshot after another while somebody watches."""
-        while not self._closing.wait(SCENE):
+        pause = SCENE
+        while not self._closing.wait(pause):
+            began = perf_counter()
             watched = bool(self._server.get_clients())
             self._session.show_trajectories(watched and self._options.trajectories.value)
             if not watched:
@@ -184,6 +198,7 @@ class Dashboard:
                 # an error in one update must not end the page
                 traceback.print_exc()
                 self._closing.wait(1.0)
+            pause = pause_after(perf_counter() - began)
 
     def _update(self, s: Snapshot) -> None:
         """Show what has changed: a race that has ended, or stands still, sends nothing."""
