@@ -17,6 +17,7 @@ from controllers.lanes import FAST
 from controllers.lanes.compiled import kept
 
 F = np.float32
+I4 = np.int32
 U4 = np.uint32
 U8 = np.uint64
 inline = njit(fastmath=FAST, error_model="numpy", inline="always")
@@ -61,9 +62,10 @@ def log_unit(x) -> Any:
 
     The exponent is split off, and atanh's series taken of the mantissa in [1/sqrt 2, sqrt 2).
     """
-    bits = _bits(x) - np.int32(0x3F3504F3)  # pyright: ignore[reportCallIssue]
-    exponent = F(bits >> np.int32(23))
-    m = _float((bits & np.int32(0x007FFFFF)) + np.int32(0x3F3504F3))  # pyright: ignore[reportCallIssue]
+    # numba takes int32 - int32 to 64 bits, of which a vector holds half as many.
+    bits = I4(_bits(x) - I4(0x3F3504F3))  # pyright: ignore[reportCallIssue]
+    exponent = F(I4(bits >> I4(23)))
+    m = _float(I4((bits & I4(0x007FFFFF)) + I4(0x3F3504F3)))  # pyright: ignore[reportCallIssue]
     s = (m - F(1)) / (m + F(1))  # ln m = 2 (s + s^3/3 + s^5/5 + ...), |s| < .172
     s2 = s * s
     series = F(2) + s2 * (F(2 / 3) + s2 * (F(2 / 5) + s2 * (F(2 / 7) + s2 * F(2 / 9))))
@@ -76,7 +78,7 @@ def sin_cos_turn(u):
 
     Taylor series at half the angle, then the double-angle formulas.
     """
-    x = F(np.int32(u)) * F(math.pi / 2**32)  # half the angle, in [-pi/2, pi/2)
+    x = F(I4(u)) * F(math.pi / 2**32)  # half the angle, in [-pi/2, pi/2)
     x2 = x * x
     s = x * (F(1) + x2 * (F(-1 / 6) + x2 * (F(1 / 120) + x2 * (F(-1 / 5040) + x2 * F(1 / 362880)))))
     c = F(1) + x2 * (
@@ -89,7 +91,7 @@ def sin_cos_turn(u):
 @inline
 def box_muller(a, b) -> tuple[Any, Any]:
     """Return two independent standard normals from two uint32. The radius reaches 5.9."""
-    r = math.sqrt(F(-2) * log_unit(F(a >> U4(8)) * F(2.0**-24) + F(2.0**-25)))
+    r = math.sqrt(F(-2) * log_unit(F(I4(a >> U4(8))) * F(2.0**-24) + F(2.0**-25)))
     s, c = sin_cos_turn(b)
     return r * s, r * c
 

@@ -25,7 +25,7 @@ from controllers.lanes import FAST, normals
 from controllers.lanes.compiled import load_module
 from controllers.lanes.passes import passes
 
-W = 16  # lanes
+W = 32  # lanes
 
 MODULE = """# on normals {normals}
 import numpy as np

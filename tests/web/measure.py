@@ -2,10 +2,13 @@
 
 python tests/web/measure.py slowdown   plan time with three clients against none: < 10 % more
 python tests/web/measure.py air        from one click to the second frame: < 5 s
+python tests/web/measure.py four       real-time factor of a race of four, without and with a page,
+                                       here and where one step of the whole budget takes 10 ms
 python tests/web/measure.py soak 60    memory and threads over an hour of races of four: < 20 MB
                                        more after the first ten minutes
 
 The clients of `slowdown` have a core to themselves, so that what they take is the page's own work.
+That of `four` shares the cores, as a browser does; it draws nothing.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from wire import connect
 
+from quadsim.bench.cases import QUADROTOR, median_ms, paper_case, starting
 from web.choices import Choices, HeatChoices
 from web.page.dashboard import Dashboard
 from web.page.menu import Menu
@@ -37,6 +41,8 @@ PAGE_CORE, CLIENT_CORE = 0, 1
 SOAK_SAMPLES = 512  # few: the page may grow, not the planner
 SOAK_SAMPLERS = ("colored", "gaussian", "colored", "gaussian")  # in one world
 WARM_UP = 600.0  # [s] until a soak counts
+FOUR_SAMPLES = 1024
+FOUR_BEGIN, FOUR_SPAN = 0.5, 15.0  # race time from which it is measured, and for how long [s]
 MOST_SLOWER = 10.0  # [%]
 MOST_SECONDS = 5.0
 MOST_GROWN = 20.0  # [MB]
@@ -52,16 +58,17 @@ class Place:
         self.page = Dashboard(self.server, self.session, MENU, Choices())
         self._watchers: subprocess.Popen | None = None
 
-    def watch(self, on: bool) -> None:
-        """Open CLIENTS connections, or close them."""
+    def watch(self, clients: int, core: int | None = None) -> None:
+        """Open some connections in place of those before, on one core or on all."""
         if self._watchers:
             self._watchers.kill()
             self._watchers.wait()
             self._watchers = None
-        if on:
-            command = [sys.executable, __file__, "watch", str(self.server.get_port())]
+        if clients:
+            command = [sys.executable, __file__, "watch", str(self.server.get_port()), str(clients)]
+            command += [] if core is None else [str(core)]
             self._watchers = subprocess.Popen(command)
-        while len(self.server.get_clients()) != CLIENTS * on:
+        while len(self.server.get_clients()) != clients:
             time.sleep(0.05)
 
     def flight(self) -> float:
@@ -76,6 +83,23 @@ class Place:
         self._fly(HeatChoices(tuple(entrants)))
         return ", ".join(one.outcome or "" for one in self.session.snapshot.competitors)
 
+    def four(self) -> float:
+        """Race four drones in one world for a while. Return the real-time factor."""
+        entrants = [Choices(settings={"samples": FOUR_SAMPLES}) for _ in range(4)]
+        races = self.session.snapshot.race
+        self.session.tell(PageRace.start, [HeatChoices(tuple(entrants))])
+        while self.session.snapshot.race == races or self.session.snapshot.t < FOUR_BEGIN:
+            time.sleep(0.05)
+        first, began = self.session.snapshot.t, time.perf_counter()
+        time.sleep(FOUR_SPAN)
+        last, ended = self.session.snapshot.t, time.perf_counter()
+        if not self.session.snapshot.flying:
+            raise RuntimeError("four: expected a race that is still on, got one that has ended")
+        self.session.tell(PageRace.end_flights)
+        while self.session.snapshot.flying:
+            time.sleep(0.05)
+        return (last - first) / (ended - began)
+
     def _fly(self, choices: Choices | HeatChoices) -> None:
         """Fly to the end."""
         races = self.session.snapshot.race
@@ -85,7 +109,7 @@ class Place:
 
     def close(self) -> None:
         """End everything."""
-        self.watch(False)
+        self.watch(0)
         self.page.close()
         self.session.close()
         self.server.stop()
@@ -97,9 +121,9 @@ def slowdown(place: Place, pairs: int = 5) -> None:
     place.flight()
     slower = []
     for _ in range(pairs):
-        place.watch(False)
+        place.watch(0)
         alone = place.flight()
-        place.watch(True)
+        place.watch(CLIENTS, CLIENT_CORE)
         watched = place.flight()
         slower.append(100 * watched / alone - 100)
         times = f"plan {alone:.2f} ms alone, {watched:.2f} ms with {CLIENTS} clients"
@@ -121,6 +145,22 @@ def air(place: Place) -> None:
     print(f"click to air {seconds:.2f} s, {verdict(seconds, MOST_SECONDS, 's')}")
 
 
+def four(place: Place, pairs: int = 2) -> None:
+    """Compare a race of four with what the machine needs for one step of the whole budget."""
+    whole = starting(paper_case(QUADROTOR, "colored"))
+    for _ in range(pairs):
+        step_ms = median_ms(lambda: whole.mppi.control(whole.x), 3.0)
+        place.watch(0)
+        alone = place.four()
+        place.watch(1)
+        watched = place.four()
+        period_ms = 1e3 * whole.mppi.config.dt
+        print(f"a step of the whole budget takes {step_ms:.1f} ms")
+        for what, factor in (("without a page", alone), ("with a page", watched)):
+            there = factor * step_ms / period_ms
+            print(f"four {what}: {factor:.2f} of real time, {there:.2f} if it took {period_ms:g} ms")
+
+
 def verdict(found: float, most: float, unit: str) -> str:
     """Return whether a claim holds."""
     return "as claimed" if found < most else f"MORE than the {most:g} {unit} claimed"
@@ -128,7 +168,7 @@ def verdict(found: float, most: float, unit: str) -> str:
 
 def soak(place: Place, minutes: float) -> None:
     """Measure memory and threads over many races of four."""
-    place.watch(True)
+    place.watch(CLIENTS, CLIENT_CORE)
     memory: list[float] = []  # [MB], from WARM_UP on
     began = time.monotonic()
     races = 0
@@ -158,22 +198,24 @@ def resident() -> float:
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-async def watchers(port: int) -> None:
-    """Watch a page by CLIENTS connections."""
+async def watchers(port: int, clients: int) -> None:
+    """Watch a page by some connections."""
 
     async def one() -> None:
         async with connect(port) as client:
             while True:
                 await client._socket.recv()
 
-    await asyncio.gather(*(one() for _ in range(CLIENTS)))
+    await asyncio.gather(*(one() for _ in range(clients)))
 
 
 def main() -> None:
     what, *more = sys.argv[1:] or ["slowdown"]
     if what == "watch":
-        os.sched_setaffinity(0, {CLIENT_CORE})
-        asyncio.run(watchers(int(more[0])))
+        port, clients, *core = map(int, more)
+        if core:
+            os.sched_setaffinity(0, core)
+        asyncio.run(watchers(port, clients))
         return
     with tempfile.TemporaryDirectory() as root:
         place = Place(root)
@@ -182,6 +224,8 @@ def main() -> None:
                 slowdown(place)
             elif what == "air":
                 air(place)
+            elif what == "four":
+                four(place)
             elif what == "soak":
                 soak(place, float(more[0]) if more else 30.0)
         finally:
