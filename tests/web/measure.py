@@ -158,7 +158,9 @@ def four(place: Place, pairs: int = 2) -> None:
         print(f"a step of the whole budget takes {step_ms:.1f} ms")
         for what, factor in (("without a page", alone), ("with a page", watched)):
             there = factor * step_ms / period_ms
-            print(f"four {what}: {factor:.2f} of real time, {there:.2f} if it took {period_ms:g} ms")
+            print(
+                f"four {what}: {factor:.2f} of real time, {there:.2f} if it took {period_ms:g} ms"
+            )
 
 
 def verdict(found: float, most: float, unit: str) -> str:
