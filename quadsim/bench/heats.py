@@ -66,7 +66,7 @@ class RaceTime(NamedTuple):
     # race time over wall-clock time
     real_time: float
     # ms over that of a control step at the paper's budget, timed just before
-    steps: float
+    full_steps: float
 
 
 class HeatTimes(NamedTuple):
@@ -207,7 +207,7 @@ def race_times(seconds: float) -> Iterator[RaceTime]:
             samples=RACE_SAMPLES,
             ms=ms,
             real_time=raced / spent,
-            steps=ms / step_ms,
+            full_steps=ms / step_ms,
         )
 
 

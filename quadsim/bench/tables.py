@@ -127,7 +127,7 @@ def heat_table(rows: Sequence[RaceTime]) -> Table:
     )
     table = plain_table(*heads, no_wrap=True)
     for row in rows:
-        numbers = (f"{row.ms:.1f}", f"{row.real_time:.2f}", f"{row.steps:.2f}")
+        numbers = (f"{row.ms:.1f}", f"{row.real_time:.2f}", f"{row.full_steps:.2f}")
         table.add_row(str(row.vehicles), str(row.samples), *numbers)
     return table
 

@@ -38,12 +38,12 @@ from web.race import Snapshot
 from web.session import Session
 
 # periods [s]
-SCENE = 1 / 25  # at least; see pause_after
+SCENE = 1 / 25  # shortest time between two updates of the page
 TABLES = 1 / 8
 SLOW = 1.0  # period of spectra and gaps [s]
-# Share of the time in which the page is updated, at most: the planners need all cores
+PAUSE = 0.1  # longest time between two updates of the page
+# The page is updated for this share of the time at most, as the planners need all cores.
 SHARE = 1 / 8
-PAUSE = 0.1  # longest time between two updates [s]: a new scene takes long, but once
 HEAD = 340  # width of the head-up display [px]
 
 Colour = Literal["red", "orange", "green", "blue"]
@@ -53,6 +53,9 @@ NOTICE = 6.0  # [s] for which a notice is shown
 
 def pause_after(spent: float) -> float:
     """Return the time to wait after an update [s].
+
+    Updates take at most SHARE of the time. One that takes so long that this would need more than
+    PAUSE, as when a scene is built, is an exception.
 
     Args:
         spent: time that the update took [s].
