@@ -180,6 +180,11 @@ def fly_heats(
                     store.write(keys[id(heat)], heat, result, code)
                     tally.count(f"{label}: first {result['order'][0]['name']}")
         return [store.read(keys[id(heat)]) for heat in heats]
+    except KeyboardInterrupt:
+        if not any(store.read(key) for key in keys.values()):
+            raise
+        kept = f"what has been flown is kept in {campaign}: the same command continues there"
+        raise KeyboardInterrupt(kept) from None
     finally:
         store.close()
 
