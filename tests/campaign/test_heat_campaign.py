@@ -231,3 +231,17 @@ def test_a_damaged_file_is_one_line(tmp_path):
     (tmp_path / "a.sqlite").write_text("no database")
     with pytest.raises(RunError, match=r"a\.sqlite: cannot keep races here"):
         fly_heats(small_heats(1), tmp_path / "a.sqlite", jobs=0)
+
+
+@pytest.mark.flight
+@pytest.mark.parametrize("ended", [0, 1])
+def test_an_interrupted_campaign_says_whether_races_are_kept(ended, tmp_path, monkeypatch):
+    def interrupted(pool, fly, missing):
+        for heat in missing[:ended]:
+            yield heat, fly(heat)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("quadsim.campaign.heats.run_all", interrupted)
+    with pytest.raises(KeyboardInterrupt) as stop:
+        fly_heats(small_heats(2), tmp_path / "a.sqlite", jobs=0)
+    assert ("the same command continues" in str(stop.value)) == bool(ended)
