@@ -424,10 +424,7 @@ def validate(spec: Spec) -> None:
         name = spec.sensing.name if spec.sensing else PERFECT
         raise SettingError("view_weight", f"expected a sensing with a camera, got {name}")
     if isinstance(spec.planner.cost, ReferenceWeights):
-        for name in ("displace_gates", "view_weight"):
-            if getattr(spec, name):
-                why = "for a preset whose reference ignores displaced gates and the camera"
-                raise SettingError(name, f"expected 0 {why}, got {getattr(spec, name):g}")
+        _check_beside_reference(spec.displace_gates, spec.view_weight)
         _check_reference(spec, spec.planner.cost)
     _check_faults(spec)
     _check_flight_controller(spec)
@@ -435,6 +432,14 @@ def validate(spec: Spec) -> None:
     if spec.pilot:
         _check_beside_pilot(spec)
         spec.pilot.check(spec.vehicle.name, dt)
+
+
+def _check_beside_reference(displace_gates: float, view_weight: float) -> None:
+    """Check that no setting is given that a reference does not know. Raises SettingError."""
+    for name, number in (("displace_gates", displace_gates), ("view_weight", view_weight)):
+        if number:
+            why = "for a preset whose reference ignores displaced gates and the camera"
+            raise SettingError(name, f"expected 0 {why}, got {number:g}")
 
 
 def _check_reference(spec: Spec, weights: ReferenceWeights) -> None:
@@ -611,16 +616,18 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     planner = with_numbers(replace(base, vehicle=vehicle.name), given)
     configuration = _configuration(flight, given, vehicle, read)
     plant_dt = _plant_dt(flight, given)
-    model = _model(given, vehicle, configuration, plant_dt, planner.mppi.dt)
     laps = flight.laps or course.laps
+    view_weight = _view_weight(flight, base, sensing)
     reference = None
     if isinstance(planner.cost, ReferenceWeights):
+        # What can never fly is refused before a solution is asked for.
+        _check_beside_reference(flight.displace_gates, view_weight)
         reference = stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir, given)
     spec = Spec(
         course=course,
         vehicle=vehicle,
         planner=planner,
-        model=model,
+        model=_nominal_model(given, vehicle),
         laps=laps,
         timeout=flight.timeout or default_timeout(course, laps),
         sensing=None if sensing.exact else sensing,
@@ -628,7 +635,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         seed=flight.seed,
         randomize=flight.randomize,
         displace_gates=flight.displace_gates,
-        view_weight=_view_weight(flight, base, sensing),
+        view_weight=view_weight,
         fault=flight.fault,
         penalties=flight.penalties,
         plant=default_plant() if plant is None else plant,
@@ -650,6 +657,10 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         runs_dir=flight.runs_dir,
         reference=reference,
     )
+    # The spec is checked by now: what can never fly is refused before the firmware is asked for.
+    if configuration is not None and given.get("model") is None:
+        found = identified(vehicle, configuration, plant_dt, planner.mppi.dt).model(vehicle)
+        spec = replace(spec, model=_changed("model", found, given))
     object.__setattr__(spec, "given", {**given, **read})
     return spec
 
@@ -800,26 +811,14 @@ def with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:
     return replace(planner, **changed)
 
 
-def _model(
-    given: Mapping[str, Any], vehicle: Vehicle, text: Text | None, dt: float, period: float
-) -> ModelParams:
-    """Return the planner's model: the vehicle's nominal model with the given numbers.
+def _nominal_model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:
+    """Return the planner's model: the vehicle's nominal one with the given numbers.
 
-    Behind the firmware it is the one that a flight on the test bench has shown.
-
-    Args:
-        given: settings.
-        vehicle: the vehicle.
-        text: configuration of the firmware; None: the flight controller is ideal.
-        dt: physics step [s].
-        period: control period [s].
+    Behind the firmware it is replaced by the model that a flight on the test bench shows.
     """
     model = given.get("model")
     if model is None:
         model = ModelParams.of(vehicle)
-        # A flight that cannot be is refused when the spec is checked.
-        if text is not None and vehicle.rotors and is_whole(dt / MAIN_LOOP):
-            model = identified(vehicle, text, dt, period).model(vehicle)
     _check_type("model", model, ModelParams)
     return _changed("model", model, given)
 
