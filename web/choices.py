@@ -16,7 +16,7 @@ from quadsim.racing.hand import HAND
 from quadsim.racing.rules import RulesName
 from quadsim.sensing import PERFECT
 from quadsim.spec.presets import PresetSource
-from quadsim.spec.settings import SETTINGS, Clock, SettingValue, values_of
+from quadsim.spec.settings import SETTINGS, Clock, FlightSettings, SettingValue, values_of
 from quadsim.spec.spec import Spec, with_numbers
 from quadsim.vehicle import load_vehicle
 from web.by_hand import flown_by_hand
@@ -25,7 +25,7 @@ from web.numbers import SLIDERS, Change, with_change
 # HAND, too, may stand where a sampler may: a person flies
 PILOT = "pilot "  # stands before the name of a learned pilot, where a sampler may stand
 # What all competitors of a race have
-OF_THE_RACE = ("course", "seed", "laps", "clock", "deadline_ms")
+OF_THE_RACE = ("course", "seed", "laps", "clock", "deadline_ms", "runs_dir")
 OF_THE_PLANNER = {name for name, setting in SETTINGS.items() if setting.group != "flight"}
 
 
@@ -44,6 +44,8 @@ class Choices:
     clock: Clock = "simulated"
     # the longest time of a plan [ms], as a text of the page; "none": it has none
     deadline_ms: float | str = "none"
+    # folder of runs, where solutions of `race limit` are looked for
+    runs_dir: str = FlightSettings.runs_dir
     # numbers of web.numbers.SLIDERS that differ from those of preset and settings
     numbers: Mapping[str, float] = field(default_factory=dict)
     # any other settings of quadsim.fly
@@ -129,6 +131,7 @@ class Choices:
             laps=self.laps or None,
             clock=self.clock,
             deadline_ms=self._deadline,  # pyright: ignore[reportArgumentType]
+            runs_dir=self.runs_dir,
             **self.known_settings,
         )
         return flown_by_hand(spec) if self.sampler == HAND else spec

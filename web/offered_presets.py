@@ -15,7 +15,12 @@ from quadsim.vehicle import load_vehicle
 
 
 def offered_presets(
-    names: Iterable[str], chosen: Collection[str], course: Course, vehicle: str, laps: int
+    names: Iterable[str],
+    chosen: Collection[str],
+    course: Course,
+    vehicle: str,
+    laps: int,
+    runs_dir: str,
 ) -> tuple[str, ...]:
     """Return the presets that can fly a race, and those that are chosen at present.
 
@@ -26,17 +31,21 @@ def offered_presets(
         names: presets to choose from, each of PRESETS.
         chosen: those that are chosen; they are not taken away from a person who looks at them,
             and the page says what they lack.
+        course, vehicle, laps: the race.
+        runs_dir: folder of runs; solutions are looked for there, beside those of the project.
     """
-    return tuple(name for name in names if name in chosen or _can_fly(name, course, vehicle, laps))
+    return tuple(
+        name for name in names if name in chosen or _can_fly(name, course, vehicle, laps, runs_dir)
+    )
 
 
-def _can_fly(preset: str, course: Course, vehicle: str, laps: int) -> bool:
+def _can_fly(preset: str, course: Course, vehicle: str, laps: int, runs_dir: str) -> bool:
     """Return whether a preset follows nothing, or a solution of this race is stored."""
     weights = PRESETS[preset][FlightSettings.sampler].cost
     if not isinstance(weights, ReferenceWeights):
         return True
     problem = _problem(weights, course, vehicle, laps)
-    return bool(problem.files(limits_folder(FlightSettings.runs_dir)))
+    return bool(problem.files(limits_folder(runs_dir)))
 
 
 # A page asks once a second; the problem's name is a hash of course and vehicle.

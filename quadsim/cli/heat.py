@@ -97,9 +97,11 @@ def heat(
     given = dict(settings or {})
     if from_ is not None:
         named = course is not None or entrants is not None
+        runs_dir = given.pop("runs_dir", None)
         if named or given or race or starts > 1 or rotation or plot or not rotate:
-            raise UsageError("--from: expected neither a course nor other flags beside a race")
-        return _again(from_, FlightSettings.runs_dir, json)
+            wanted = "neither a course nor other flags than --runs-dir beside a race"
+            raise UsageError(f"--from: expected {wanted}")
+        return _again(from_, runs_dir, json)
     with settings_as_flags():
         threads = given.pop("threads", None)
         if threads and starts > 1:
@@ -157,11 +159,18 @@ def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:
     return 0
 
 
-def _again(name: str, runs_dir: str, json: bool) -> int:
-    """Fly a stored race again, and say whether it is the same."""
-    stored = load_heat(find_heat(name, runs_dir))
+def _again(name: str, runs_dir: str | None, json: bool) -> int:
+    """Fly a stored race again, and say whether it is the same.
+
+    Args:
+        name: its folder, a part of its name, or "last".
+        runs_dir: folder of runs, where the race and the solutions that its planners follow are
+            looked for; None: the usual one, and that of the record for the solutions.
+        json: whether the report is JSON.
+    """
+    stored = load_heat(find_heat(name, runs_dir or FlightSettings.runs_dir))
     with settings_as_flags():
-        spec = spec_of_heat(stored)
+        spec = spec_of_heat(stored, runs_dir)
     flown = _flown(spec, quiet=json)
     if json:
         emit_json(flown.as_json())

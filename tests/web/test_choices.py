@@ -32,7 +32,7 @@ def test_a_preset_that_follows_a_solution_is_offered_where_one_is_stored(
 ):
     """START agrees: it flies what is offered, and refuses what is not."""
     monkeypatch.chdir(tmp_path)  # no solutions of this machine's own
-    offered = offered_presets(PRESETS, {"race"}, load_course(course), vehicle, laps)
+    offered = offered_presets(PRESETS, {"race"}, load_course(course), vehicle, laps, "runs")
     assert ("race_informed" in offered) == can_follow
     assert {"paper", "race", "race_small"} <= set(offered)
     chosen = Choices(course=course, vehicle=vehicle, preset="race_informed", laps=laps)
@@ -41,7 +41,9 @@ def test_a_preset_that_follows_a_solution_is_offered_where_one_is_stored(
     else:
         with pytest.raises(ValueError, match="race limit"):
             chosen.spec()
-        kept = offered_presets(PRESETS, {"race_informed"}, load_course(course), vehicle, laps)
+        kept = offered_presets(
+            PRESETS, {"race_informed"}, load_course(course), vehicle, laps, "runs"
+        )
         assert "race_informed" in kept  # while it is the one that is chosen
 
 

@@ -88,11 +88,14 @@ class CompetitorTable:
         shared = {name: getattr(race, name) for name in OF_THE_RACE}
         return [replace(row, **shared) for row in self.rows]
 
-    def offer_presets(self, course: Course, laps: int) -> None:
-        """Offer the presets with which the competitor that is edited can fly a race."""
+    def offer_presets(self, course: Course, laps: int, runs_dir: str) -> None:
+        """Offer the presets with which the competitor that is edited can fly a race.
+
+        runs_dir: folder of runs, where solutions of `race limit` are looked for.
+        """
         chosen = {row.preset for row in self.rows}
         vehicle = self.rows[self.edited].vehicle
-        offered = offered_presets(self._menu.presets, chosen, course, vehicle, laps)
+        offered = offered_presets(self._menu.presets, chosen, course, vehicle, laps, runs_dir)
         # viser sends options even if they have not changed.
         if self.preset.options != offered:
             self.preset.options = offered

@@ -138,6 +138,7 @@ class RacePanel:
             laps=int(laps) if laps.isdigit() else 0,
             clock=self.clock.value,
             deadline_ms=self.deadline.value.strip(),
+            runs_dir=str(self._session.root),
         )
         return self.table.flights(race)
 
@@ -187,7 +188,7 @@ class RacePanel:
         course = self._course()
         if course is not None:
             laps = int(self.laps.value) if self.laps.value.isdigit() else course.laps
-            self.table.offer_presets(course, laps)
+            self.table.offer_presets(course, laps, str(self._session.root))
 
     def update(self, s: Snapshot) -> None:
         """Enable and label the controls for the present state of the race."""
