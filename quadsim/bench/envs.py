@@ -21,6 +21,7 @@ from controllers.lanes.environment import SAME_STEP
 from controllers.lanes.threads import use_threads
 from quadsim.console import UsageError
 from quadsim.course import load_course
+from quadsim.files.extras import needs_extra
 from quadsim.learn.lanes import LaneEnvironments
 from quadsim.learn.race_lanes import RaceLanes
 from quadsim.learn.task import task
@@ -81,7 +82,7 @@ def measure_races(seconds: float) -> list[RacesSpeed]:
     try:
         from quadsim.learn.races import Races
     except ImportError:
-        raise UsageError("--envs: expected Gymnasium: pip install 'quadsim[rl]'") from None
+        raise UsageError(f"--envs: {needs_extra('gymnasium', 'rl')}") from None
     most = use_threads(None)
     rows = []
     for threads in sorted({1, most}):
@@ -131,7 +132,7 @@ def measure_envs(seconds: float) -> list[EnvsSpeed]:
     try:
         from quadsim.learn.vector_env import RacingVectorEnv
     except ImportError:
-        raise UsageError("--envs: expected Gymnasium: pip install 'quadsim[rl]'") from None
+        raise UsageError(f"--envs: {needs_extra('gymnasium', 'rl')}") from None
     most = use_threads(None)
     rows = []
     for threads in sorted({1, most}):

@@ -6,14 +6,15 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from gymnasium.error import ResetNeeded
-from gymnasium.spaces import Box
+
+from quadsim.files.extras import needs_extra
 
 try:
+    from gymnasium.error import ResetNeeded
+    from gymnasium.spaces import Box
     from pettingzoo import ParallelEnv
 except ImportError:
-    wanted = "expected PettingZoo: pip install 'quadsim[rl]'"
-    raise ImportError(f"RacingParallelEnv: {wanted}") from None
+    raise ImportError(f"RacingParallelEnv: {needs_extra('pettingzoo', 'rl')}") from None
 
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
