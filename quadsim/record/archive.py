@@ -1,13 +1,13 @@
 """Archive: one folder a run, `<UTC>_<course>_<sampler>_s<seed>_<hash>/`.
 
 A folder holds run.json, telemetry.npz and events.csv. It is named `<name>.part` from before the
-flight until all files are written, so a folder without `.part` is complete. The process that flies
-holds a lock on the `.part`, so that the next flight can tell what a killed one left behind.
+flight until all files are written, so a folder without `.part` is complete. The process that fills
+it holds a lock on the `.part`, so that the next flight can tell what a killed one left behind. A
+race of several vehicles is kept in the same way, see quadsim.heat.archive.
 """
 
 from __future__ import annotations
 
-import fcntl
 import os
 import re
 import shutil
@@ -16,9 +16,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from quadsim.files.arrays import read_bytes
+from quadsim.files.locks import lock_folder
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Run, RunError, canonical, hostless
@@ -39,23 +40,87 @@ STARTED = "[0-9]" * 8 + "T" + "[0-9]" * 6 + "Z_"
 LISTED = 3
 
 
+class ClaimedFolder:
+    """A folder that one process fills, a context: `with ClaimedFolder.open(root, name) as folder`.
+
+    Until `finish` it is named `<name>.part` and locked. One that is left empty is removed.
+
+    Attributes:
+        path: its name once it is finished.
+        part: its name until then, where the files are written.
+    """
+
+    def __init__(self, path: Path, lock: int):
+        """Take a folder whose `.part` is made and locked by the handle `lock`."""
+        self.path = path
+        self.part = _part_of(path)
+        self._lock = lock
+
+    @classmethod
+    def open(cls, root: str | Path, name: str) -> ClaimedFolder:
+        """Claim a folder of this name; a number is added to it if the name is taken.
+
+        Raises:
+            RunError: the root cannot be written.
+        """
+        root = Path(root)
+        with one_line(root, "cannot make a folder for runs here"):
+            root.mkdir(parents=True, exist_ok=True)
+        path = root / name
+        lock = _claim(path)
+        # Other flights of this second may have the name already
+        attempt = 1
+        while lock is None:
+            attempt += 1
+            path = root / f"{name}-{attempt}"
+            lock = _claim(path)
+        return cls(path, lock)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        # After `finish` there is no .part; one with files in it is kept
+        with suppress(OSError):
+            self.part.rmdir()
+        os.close(self._lock)
+
+    def drop(self) -> None:
+        """Remove what is written."""
+        shutil.rmtree(self.part, ignore_errors=True)
+
+    def finish(self) -> Path:
+        """Give the folder its name without `.part`, and return it. Raises RunError."""
+        with one_line(self.path, "cannot finish the folder"):
+            self.part.rename(self.path)
+        return self.path
+
+
+def write_run(folder: Path, run: Run, flown_by: dict[str, Any]) -> None:
+    """Write the files of a run into a folder.
+
+    Args:
+        folder: where they are written; it is there.
+        run: the run.
+        flown_by: provenance of the process that flew.
+
+    Raises:
+        RunError: the disk is full, or the like.
+    """
+    write_whole(folder / "telemetry.npz", write_npz(run))
+    write_whole(folder / "events.csv", write_csv(run))
+    write_whole(folder / "run.json", write_json(run, flown_by))
+
+
 class RunFolder:
     """The folder of one run, a context: `with RunFolder.open(root, spec) as folder: ...`.
 
     `folder.save(run)` inside writes the run. A folder that is left without a save is removed.
     """
 
-    def __init__(self, path: Path, lock: int, flown_by: dict[str, Any] | None = None):
-        """Take a claimed folder.
-
-        Args:
-            path: its name once it is finished.
-            lock: handle of the `.part`, which stays locked until this process ends.
-            flown_by: see `open`.
-        """
-        self.path = path
-        self.part = path.with_name(path.name + PART)
-        self._lock = lock
+    def __init__(self, claimed: ClaimedFolder, flown_by: dict[str, Any] | None = None):
+        """Take a claimed folder; flown_by: see `open`."""
+        self._claimed = claimed
         # Read now: it is about the code that is about to fly
         self._provenance = flown_by or provenance()
 
@@ -73,28 +138,23 @@ class RunFolder:
         Raises:
             RunError: the root cannot be written; nothing has flown yet.
         """
-        root = Path(root)
-        name = run_name(spec)
-        with one_line(root, "cannot make a folder for runs here"):
-            root.mkdir(parents=True, exist_ok=True)
-        path = root / name
-        lock = _claim(path)
-        # Other flights of this second may have the name already
-        attempt = 1
-        while lock is None:
-            attempt += 1
-            path = root / f"{name}-{attempt}"
-            lock = _claim(path)
-        return cls(path, lock, flown_by)
+        return cls(ClaimedFolder.open(root, run_name(spec)), flown_by)
+
+    @property
+    def path(self) -> Path:
+        """The folder's name once it is finished."""
+        return self._claimed.path
+
+    @property
+    def part(self) -> Path:
+        """The folder's name until it is finished."""
+        return self._claimed.part
 
     def __enter__(self) -> RunFolder:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        # After a save there is no .part; one with files in it is kept
-        with suppress(OSError):
-            self.part.rmdir()
-        os.close(self._lock)
+    def __exit__(self, *exception: object) -> None:
+        self._claimed.__exit__(*exception)
 
     def save(self, run: Run) -> Path:
         """Write the run and take `.part` off the folder's name; return the folder.
@@ -112,22 +172,18 @@ class RunFolder:
             RunError: see `save`.
         """
         try:
-            write_whole(self.part / "telemetry.npz", write_npz(run))
-            write_whole(self.part / "events.csv", write_csv(run))
-            write_whole(self.part / "run.json", write_json(run, self._provenance))
+            write_run(self.part, run, self._provenance)
         except RunError:
             self.drop()
             raise
 
     def drop(self) -> None:
         """Remove what is written."""
-        shutil.rmtree(self.part, ignore_errors=True)
+        self._claimed.drop()
 
     def finish(self) -> Path:
-        """Give the folder its name without `.part`, and return it."""
-        with one_line(self.path, "cannot finish the run folder"):
-            self.part.rename(self.path)
-        return self.path
+        """Give the folder its name without `.part`, and return it. Raises RunError."""
+        return self._claimed.finish()
 
 
 def remove_unfinished(root: str | Path, complete: Callable[[str], bool] | None = None) -> None:
@@ -140,7 +196,7 @@ def remove_unfinished(root: str | Path, complete: Callable[[str], bool] | None =
     """
     for part in Path(root).glob(f"{STARTED}*{PART}"):
         with suppress(OSError):
-            handle = _lock(part)
+            handle = lock_folder(part)
             try:
                 name = part.name.removesuffix(PART)
                 if complete and complete(name):
@@ -255,12 +311,17 @@ def written_at(run: Path) -> float:
     return (run / "run.json").stat().st_mtime
 
 
+def _part_of(path: Path) -> Path:
+    """Return the name of a folder until it is finished."""
+    return path.with_name(path.name + PART)
+
+
 def _claim(path: Path) -> int | None:
     """Make the `.part` of this name and return the handle of its lock, None where it is taken.
 
     A name belongs to the flight that makes its `.part` and holds the lock.
     """
-    part = path.with_name(path.name + PART)
+    part = _part_of(path)
     with one_line(part, "cannot make a run folder"):
         try:
             part.mkdir()
@@ -271,31 +332,13 @@ def _claim(path: Path) -> int | None:
             part.rmdir()
             return None
         try:
-            return _lock(part)
+            return lock_folder(part)
         except (FileNotFoundError, BlockingIOError):
             # Another process has just taken it for unfinished
             return None
         except OSError:
             # On a file system without locks, nothing is taken for unfinished
             return os.open(part, os.O_RDONLY)
-
-
-def _lock(folder: Path) -> int:
-    """Return a handle that holds the folder's lock.
-
-    Raises:
-        BlockingIOError: another process has the lock.
-        OSError: the folder is gone, or the file system has no locks.
-    """
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        # It may have been removed before it was locked
-        os.stat(folder)
-    except BaseException:
-        os.close(handle)
-        raise
-    return handle
 
 
 def _read(path: Path) -> bytes:
